@@ -15,7 +15,7 @@ void pause() {
 #endif
 }
 
-constexpr int kLooks = 2000;
+constexpr int kLooks = 2000, kLooksAttending = 100'000;
 
 }  // namespace
 
@@ -27,7 +27,7 @@ Crew::Crew(unsigned threads)
 Crew::~Crew() {
     stop_.store(true);
     turn_.fetch_add(1);
-    turn_.notify_all();
+    call();
     for (std::thread& helper : helpers_) helper.join();
 }
 
@@ -47,20 +47,33 @@ void Crew::takeParts(std::uint32_t turn, unsigned number) {
     }
 }
 
+void Crew::call() {
+    calls_.fetch_add(1, std::memory_order_release);
+    calls_.notify_all();
+}
+
+void Crew::attend() {
+    attending_.store(true, std::memory_order_relaxed);
+    call();
+}
+
+std::uint32_t Crew::awaitTurn(std::uint32_t seen) const {
+    for (;;) {
+        // Before the turn is looked at: a call that comes with a new one, after this, ends the sleep before it begins.
+        const std::uint32_t calls = calls_.load(std::memory_order_acquire);
+        for (int i = 0; i < (attending_.load(std::memory_order_relaxed) ? kLooksAttending : kLooks); ++i) {
+            if (const std::uint32_t turn = turn_.load(std::memory_order_acquire); turn != seen) return turn;
+            pause();
+        }
+        calls_.wait(calls, std::memory_order_acquire);
+    }
+}
+
 void Crew::help(unsigned number) {
     for (std::uint32_t seen = 0;;) {
-        std::uint32_t turn = turn_.load(std::memory_order_acquire);
-        for (int i = 0; i < kLooks && turn == seen; ++i) {
-            pause();
-            turn = turn_.load(std::memory_order_acquire);
-        }
-        if (turn == seen) {
-            turn_.wait(seen, std::memory_order_acquire);
-            turn = turn_.load(std::memory_order_acquire);
-        }
+        seen = awaitTurn(seen);
         if (stop_.load()) return;
-        seen = turn;
-        takeParts(turn, number);
+        takeParts(seen, number);
     }
 }
 
@@ -70,7 +83,7 @@ void Crew::runPlain(PlainJob job, const void* what) {
     left_.store(parts_, std::memory_order_relaxed);
     const std::uint32_t turn = turn_.load(std::memory_order_relaxed) + 1;
     turn_.store(turn, std::memory_order_release);
-    turn_.notify_all();
+    call();
     takeParts(turn, 0);
     for (int looks = 0; left_.load(std::memory_order_acquire) != 0; ++looks)
         if (looks < kLooks)

@@ -72,7 +72,8 @@ WrittenField* Scene::State::knownElsewhere(Lane& lane, const Node& node, FieldIn
 }
 
 void Scene::State::endPiece(Lane& lane) {
-    const WrittenFields::Piece done{lane.pieceBegin, static_cast<std::uint32_t>(lane.nextEntry - lane.pieceBegin)};
+    const WrittenFields::Piece done{lane.pieceBegin, static_cast<std::uint32_t>(lane.nextEntry - lane.pieceBegin),
+                                    lane.laneNumber};
     if (done.count == 0) return;
     const std::uint32_t slot = lane.slotOf(lane.pieceBegin);
     if (lane.isBeside)
@@ -342,23 +343,49 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
     return result;
 }
 
-Scene::State::SealedPart Scene::State::sealFields(std::size_t first, std::size_t count, Change* changes) {
+/// Each part gets what was written in the lane of its number, as far as that is not much more than others get: whoever
+/// ran that part has the nodes at hand. What is left, and what the scene's thread wrote, goes to those with the least.
+void Scene::State::dealSeal(std::size_t count, unsigned parts) {
+    const std::size_t even = (count + parts - 1) / parts, most = even + even / 4;
+    sealShares.resize(parts);
+    for (SealShare& share : sealShares) {
+        share.cuts.clear();
+        share.count = 0;
+    }
+    std::vector<SealCut> rest;
+    std::size_t at = 0;
+    for (const WrittenFields::Piece& one : written->pieces()) {
+        SealShare* own = one.lane > 0 && one.lane <= parts ? &sealShares[one.lane - 1] : nullptr;
+        if (own && own->count + one.count <= most) {
+            own->cuts.push_back({one, at});
+            own->count += one.count;
+        } else {
+            rest.push_back({one, at});
+        }
+        at += one.count;
+    }
+    auto share = sealShares.begin();
+    for (SealCut one : rest)
+        while (one.piece.count > 0) {
+            while (share + 1 != sealShares.end() && share->count >= even) ++share;
+            std::uint32_t taken = one.piece.count;
+            if (share + 1 != sealShares.end())
+                taken = static_cast<std::uint32_t>(std::min<std::size_t>(taken, even - share->count));
+            share->cuts.push_back({{one.piece.begin, taken}, one.at});
+            share->count += taken;
+            one.piece.begin += taken;
+            one.piece.count -= taken;
+            one.at += taken;
+        }
+}
+
+Scene::State::SealedPart Scene::State::sealShare(const SealShare& share, Change* changes) {
     SealedPart all;
     detail::StateHash sum;
-    for (WrittenFields::Piece one : written->pieces()) {
-        if (first >= one.count) {
-            first -= one.count;
-            continue;
-        }
-        if (count == 0) break;
-        one.begin += first;
-        one.count = static_cast<std::uint32_t>(std::min<std::size_t>(one.count - first, count));
-        first = 0;
-        const SealedPart part = sealPiece(one, changes);
+    for (const SealCut& one : share.cuts) {
+        const SealedPart part = sealPiece(one.piece, changes + one.at);
         sum.add(part.grown);
         all.voids += part.voids;
-        changes += one.count;
-        count -= one.count;
     }
     all.grown = sum.value();
     return all;
@@ -368,7 +395,7 @@ void Scene::State::appendFieldChanges(ChangeSet& set, std::size_t behind) {
     const std::size_t count = countWritten();
     set.changes.resize(behind + count);
     if (count == 0) return;
-    Change* const changes = set.changes.data() + behind;
+    Change* changes = set.changes.data() + behind;
     std::size_t voids = 0;
     const auto add = [&](const SealedPart& part) {
         hash.add(part.grown);
@@ -377,16 +404,16 @@ void Scene::State::appendFieldChanges(ChangeSet& set, std::size_t behind) {
     constexpr std::size_t kEntriesPerEvent = 4;  // to seal one takes a quarter of what an event takes
     const std::uint64_t workOfThis = work - std::exchange(workSealed, work);
     if (Crew* some = crewFor(std::max<std::uint64_t>(count / kEntriesPerEvent, workOfThis))) {
-        const std::size_t each = (count + some->parts() - 1) / some->parts();
-        std::vector<SealedPart> parts(some->parts());
-        some->run([&](unsigned part) {
-            const std::size_t first = std::min(part * each, count);
-            parts[part] = sealFields(first, std::min(each, count - first), changes + first);
-        });
-        std::ranges::for_each(parts, add);
+        dealSeal(count, some->parts());
+        some->run([&](unsigned part) { sealShares[part].result = sealShare(sealShares[part], changes); });
+        for (const SealShare& share : sealShares) add(share.result);
     } else {
-        add(sealFields(0, count, changes));
+        for (const WrittenFields::Piece& one : written->pieces()) {
+            add(sealPiece(one, changes));
+            changes += one.count;
+        }
     }
+    if (crew) crew->dismiss();
     const auto isVoid = [](const Change& c) { return c.kind == ChangeKind::setField && c.field == kNoField; };
     if (voids > 0) std::erase_if(set.changes, isVoid);
     keepTerms();

@@ -50,6 +50,9 @@ struct Scene::Lane {
 
     // ---- of lanes beside the scene's ----
     bool isBeside = false;
+    std::uint32_t laneNumber = 0;  // from 1 on; 0 is the scene's
+    std::vector<Emission> ticked;  // sent by this tick, and yet to go along routes
+    bool tickedAsLaidOut = false;  // as when the routes' stretches were laid out
     struct Warning {
         const Node* node;
         std::string text;

@@ -15,6 +15,15 @@ constexpr int kMaximumRounds = 100;
 /// Of what was warned of, so that it is told once.
 constexpr std::size_t kMostRemembered = 10'000;
 
+/// Sorted, each once. Mostly they are: all comparisons are made at a time, which compilers make vectors of.
+void makeAscending(std::vector<NodeId>& ids) {
+    unsigned wrong = 0;
+    for (std::size_t i = 1; i < ids.size(); ++i) wrong |= ids[i - 1].value >= ids[i].value ? 1u : 0u;
+    if (!wrong) return;
+    std::ranges::sort(ids);
+    ids.erase(std::unique(ids.begin(), ids.end()), ids.end());
+}
+
 }  // namespace
 
 /// An output field has a new value: its routes and the listener are told once a timestamp, when it is its event's turn.
@@ -317,8 +326,8 @@ void Scene::State::runTime(Cascade& cascade) {
             due.insert(due.end(), woken.begin(), woken.end());
             woken.clear();
         }
-        if (!std::ranges::is_sorted(due)) std::ranges::sort(due);
-        due.erase(std::unique(due.begin(), due.end()), due.end());
+        makeAscending(due);
+        emissionRuns.assign(1, &emissions);
         tickAll(cascade, due, static_cast<std::size_t>(round));
         due.clear();
         for (const Sleeper& one : goToSleep) sleepers.push(one);
@@ -336,8 +345,7 @@ void Scene::State::runTime(Cascade& cascade) {
     // What has come to them since they hear of in the next frame.
     woken.insert(woken.end(), late.begin(), late.end());
     late.clear();
-    if (!std::ranges::is_sorted(nextActive)) std::ranges::sort(nextActive);
-    nextActive.erase(std::unique(nextActive.begin(), nextActive.end()), nextActive.end());
+    makeAscending(nextActive);
     active.swap(nextActive);
     if (watchers.size() == waiting) return;
     std::ranges::sort(watchers);
@@ -419,6 +427,7 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     }
     s.prepareInput(t);
     if (s.recording) s.captureInput(true);
+    s.callCrew();
     Cascade cascade(*this, t, s.started ? s.now : t, s);
     s.now = t;
     s.started = true;

@@ -13,6 +13,16 @@
 
 namespace rtsg {
 
+namespace {
+
+/// One of as many pieces of about the same length.
+std::span<const NodeId> shareOf(std::span<const NodeId> nodes, unsigned part, unsigned parts) {
+    const std::size_t each = (nodes.size() + parts - 1) / parts, first = std::min(part * each, nodes.size());
+    return nodes.subspan(first, std::min(each, nodes.size() - first));
+}
+
+}  // namespace
+
 Crew* Scene::State::crewFor(std::uint64_t expectedWork) {
     constexpr unsigned kMost = 8;
     if (threadsAsked < 2 || expectedWork < kWorthDividing) return nullptr;
@@ -21,9 +31,15 @@ Crew* Scene::State::crewFor(std::uint64_t expectedWork) {
         for (unsigned i = static_cast<unsigned>(lanes.size()); i < crew->parts(); ++i) {
             lanes.push_back(std::make_unique<Lane>());
             lanes.back()->isBeside = true;
+            lanes.back()->laneNumber = i + 1;
         }
     }
     return crew.get();
+}
+
+void Scene::State::callCrew() {
+    const auto isMuch = [](const RoundWork& round) { return std::max(round.ticks, round.routes) >= kWorthDividing; };
+    if (crew && std::ranges::any_of(roundWork, isMuch)) crew->attend();
 }
 
 bool Scene::State::mayDivide() const {
@@ -66,15 +82,43 @@ void Scene::State::endBeside(Lane& lane) {
 
 // ---- time -------------------------------------------------------------------------------------------------------
 
-bool Scene::State::areLocal(std::span<const NodeId> nodes) const {
+Scene::State::Local Scene::State::areLocal(std::span<const NodeId> nodes) const {
+    Local all = Local::untilEdited;
     for (const NodeId id : nodes) {
         const Node* node = find(id);
-        if (!node) continue;
+        if (!node) {
+            all = Local::now;  // a set that is applied may bring one of this number
+            continue;
+        }
         const Behaviour& behaviour = types[node->typeIndex_.value].behaviour;
         const bool here = isLocal(behaviour) && behaviour.beyond == kNoField;
-        if (behaviour.onTime && !here && !(behaviour.last && !asksLast)) return false;
+        if (behaviour.onTime && !here && !(behaviour.last && !asksLast)) return Local::no;
     }
-    return true;
+    return all;
+}
+
+bool Scene::State::areKnownLocal(std::span<const NodeId> nodes) const {
+    return localAt == linkEdits && localLast == asksLast && nodes.size() == localNodes.size() &&
+           std::memcmp(nodes.data(), localNodes.data(), nodes.size_bytes()) == 0;
+}
+
+bool Scene::State::areLocalBeside(std::span<const NodeId> nodes, Crew& some) {
+    if (areKnownLocal(nodes)) return true;
+    std::atomic<Local> all{Local::untilEdited};
+    some.run([&](unsigned part) {
+        if (all.load(std::memory_order_relaxed) == Local::no) return;
+        const Local own = areLocal(shareOf(nodes, part, some.parts()));
+        Local before = all.load(std::memory_order_relaxed);
+        while (own < before && !all.compare_exchange_weak(before, own, std::memory_order_relaxed)) {
+        }
+    });
+    localNodes.clear();
+    if (all == Local::untilEdited) {
+        localNodes.assign(nodes.begin(), nodes.end());
+        localAt = linkEdits;
+        localLast = asksLast;
+    }
+    return all != Local::no;
 }
 
 void Scene::State::tickAll(Cascade& cascade, std::span<const NodeId> nodes, std::size_t round) {
@@ -87,23 +131,16 @@ void Scene::State::tickAll(Cascade& cascade, std::span<const NodeId> nodes, std:
 }
 
 bool Scene::State::tickBeside(Cascade& cascade, std::span<const NodeId> nodes, Crew& some) {
-    const std::size_t each = (nodes.size() + some.parts() - 1) / some.parts();
-    const auto share = [&](unsigned part) {
-        const std::size_t first = std::min(part * each, nodes.size());
-        return nodes.subspan(first, std::min(each, nodes.size() - first));
-    };
-    std::atomic<bool> all{true};
-    some.run([&](unsigned part) {
-        if (all.load(std::memory_order_relaxed) && !areLocal(share(part))) all.store(false, std::memory_order_relaxed);
-    });
-    if (!all) return false;
+    if (!areLocalBeside(nodes, some)) return false;
     endPiece(*this);
     some.run([&](unsigned part) {
         Lane& lane = *lanes[part];
         beginBeside(lane);
         Cascade own(owner, now, cascade.previous(), lane);
-        tick(own, share(part));
+        tick(own, shareOf(nodes, part, some.parts()));
         mark(lane);
+        lane.ticked.swap(lane.emissions);
+        lane.tickedAsLaidOut = isLaidOut(part + 1, lane.ticked);
     });
     const auto move = [](auto& from, auto& to) {
         to.insert(to.end(), from.begin(), from.end());
@@ -112,7 +149,7 @@ bool Scene::State::tickBeside(Cascade& cascade, std::span<const NodeId> nodes, C
     for (unsigned part = 0; part < some.parts(); ++part) {
         Lane& lane = *lanes[part];
         takeOver(lane, 0);
-        move(lane.emissions, emissions);
+        emissionRuns.push_back(&lane.ticked);
         move(lane.nextActive, nextActive);
         move(lane.watchers, watchers);
         move(lane.late, late);
@@ -157,7 +194,8 @@ bool Scene::State::gatherEdges(std::vector<Division::Edge>& edges) const {
 
 bool Scene::State::divideAnew(unsigned parts) {
     if (dividedAt != linkEdits) sources.clear();
-    for (const Emission& emission : emissions) sources.push_back(emission.node);
+    for (const auto* run : emissionRuns)
+        for (const Emission& emission : *run) sources.push_back(emission.node);
     std::ranges::sort(sources);
     sources.erase(std::unique(sources.begin(), sources.end()), sources.end());
     std::erase_if(sources, [&](NodeId id) { return !find(id); });
@@ -170,11 +208,11 @@ bool Scene::State::divideAnew(unsigned parts) {
     return false;
 }
 
-bool Scene::State::extendStretches(std::size_t number) {
-    const Emission& emission = emissions[number];
+bool Scene::State::extendStretches(std::size_t run, std::size_t number) {
+    const Emission& emission = (*emissionRuns[run])[number];
     const auto extend = [&](unsigned part, std::size_t firstTarget, std::size_t endTarget) {
-        if (stretches.empty() || stretches.back().part != part)
-            stretches.push_back({.part = part, .first = number, .firstTarget = firstTarget});
+        if (stretches.empty() || stretches.back().part != part || stretches.back().run != run)
+            stretches.push_back({.part = part, .run = run, .first = number, .firstTarget = firstTarget});
         stretches.back().last = number;
         stretches.back().endTarget = endTarget;
     };
@@ -186,7 +224,9 @@ bool Scene::State::extendStretches(std::size_t number) {
     }
     if (!emission.group) return true;
     const auto& targets = emission.group->targets.items();
-    const auto isNew = [&] { return stretches.empty() || stretches.back().last != number; };
+    const auto isNew = [&] {
+        return stretches.empty() || stretches.back().last != number || stretches.back().run != run;
+    };
     for (std::size_t i = 0; i < targets.size(); ++i) {
         if (!targets[i].to.node) continue;
         const std::uint8_t one = division.partOf(targets[i].to.node);
@@ -197,21 +237,42 @@ bool Scene::State::extendStretches(std::size_t number) {
     return true;
 }
 
-bool Scene::State::areLaidOut() const {
+bool Scene::State::isLaidOut(std::size_t run, const std::vector<Emission>& sentNow) const {
     const auto isSame = [&](const Emission& a, const Emission& b) {
         return a.node == b.node && a.group == b.group && a.linkEdits == linkEdits;
     };
-    return std::ranges::equal(emissions, laidOut, isSame);
+    return run < laidOut.size() && std::ranges::equal(sentNow, laidOut[run], isSame);
+}
+
+/// Of lanes beside the scene's the answer is there: each has compared its own.
+bool Scene::State::areLaidOut() const {
+    if (emissionRuns.size() != laidOut.size() || !isLaidOut(0, *emissionRuns[0])) return false;
+    for (std::size_t run = 1; run < emissionRuns.size(); ++run)
+        if (!lanes[run - 1]->tickedAsLaidOut) return false;
+    return true;
+}
+
+void Scene::State::joinEmissions() {
+    for (std::size_t run = 1; run < emissionRuns.size(); ++run) {
+        std::vector<Emission>& sent = lanes[run - 1]->ticked;
+        emissions.insert(emissions.end(), sent.begin(), sent.end());
+        sent.clear();
+    }
+    emissionRuns.assign(1, &emissions);
 }
 
 bool Scene::State::layOutStretches(unsigned parts) {
     constexpr unsigned kPatience = 2, kMostPatience = 64, kStretchesPerPart = 16;
     const auto layOut = [&] {
         stretches.clear();
-        laidOut.clear();
-        for (std::size_t i = 0; i < emissions.size(); ++i)
-            if (!extendStretches(i) || stretches.size() > std::size_t{kStretchesPerPart} * parts) return false;
-        laidOut = emissions;
+        for (std::size_t run = 0; run < emissionRuns.size(); ++run)
+            for (std::size_t i = 0; i < emissionRuns[run]->size(); ++i)
+                if (!extendStretches(run, i) || stretches.size() > std::size_t{kStretchesPerPart} * parts) {
+                    laidOut.clear();
+                    return false;
+                }
+        laidOut.resize(emissionRuns.size());
+        for (std::size_t run = 0; run < emissionRuns.size(); ++run) laidOut[run] = *emissionRuns[run];
         return true;
     };
     if (dividedAt == linkEdits && (areLaidOut() || layOut())) {
@@ -232,8 +293,9 @@ bool Scene::State::layOutStretches(unsigned parts) {
 void Scene::State::runStretches(Cascade& cascade, Lane& lane, std::span<const std::size_t> own) {
     for (const std::size_t i : own) {
         const Stretch one = stretches[i];
+        const std::vector<Emission>& sentBefore = *emissionRuns[one.run];
         for (std::size_t e = one.first; e <= one.last; ++e)
-            sendAlong(cascade, emissions[e], e == one.first ? one.firstTarget : 0,
+            sendAlong(cascade, sentBefore[e], e == one.first ? one.firstTarget : 0,
                       e == one.last ? one.endTarget : SIZE_MAX);
         mark(lane);
     }
@@ -277,15 +339,21 @@ bool Scene::State::runRoutesBeside(Cascade& cascade, Crew& some) {
         }
     for (unsigned part = 0; part < some.parts(); ++part)
         if (!stretchesOf[part].empty()) endBeside(*lanes[part]);
+    for (std::size_t run = 1; run < emissionRuns.size(); ++run) lanes[run - 1]->ticked.clear();
     emissions.clear();
+    emissionRuns.resize(1);
     return true;
 }
 
 void Scene::State::runAllRoutes(Cascade& cascade, std::size_t round) {
     const std::uint64_t before = work;
     const bool isEarly = round < roundWork.size();
-    Crew* some = isEarly && !emissions.empty() && mayDivide() ? crewFor(roundWork[round].routes) : nullptr;
-    if (!some || !runRoutesBeside(cascade, *some)) runRoutes(cascade);
+    const bool any = std::ranges::any_of(emissionRuns, [](const auto* run) { return !run->empty(); });
+    Crew* some = isEarly && any && mayDivide() ? crewFor(roundWork[round].routes) : nullptr;
+    if (!some || !runRoutesBeside(cascade, *some)) {
+        joinEmissions();
+        runRoutes(cascade);
+    }
     if (isEarly) roundWork[round].routes = work - before;
 }
 

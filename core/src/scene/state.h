@@ -305,13 +305,25 @@ struct Scene::State : Scene::Lane {
     std::shared_ptr<const std::vector<Authored>> takeAuthors();
     /// After the first `behind` changes; what comes later is written over.
     void appendFieldChanges(ChangeSet& set, std::size_t behind);
-    /// What `count` entries, from the `first` in order on, make of `changes` and the hash.
+    /// What some entries make of the hash.
     struct SealedPart {
         Hash128 grown;
         std::size_t voids = 0;  // changes of what is no longer there, kNoField
     };
-    SealedPart sealFields(std::size_t first, std::size_t count, Change* changes);
     SealedPart sealPiece(WrittenFields::Piece one, Change* changes);
+    /// Entries that one part of a crew seals, and where among the changes theirs go.
+    struct SealCut {
+        WrittenFields::Piece piece;
+        std::size_t at = 0;
+    };
+    struct SealShare {
+        std::vector<SealCut> cuts;
+        std::size_t count = 0;
+        SealedPart result;
+    };
+    std::vector<SealShare> sealShares;
+    void dealSeal(std::size_t count, unsigned parts);
+    SealedPart sealShare(const SealShare& share, Change* changes);
     [[gnu::noinline]] Hash128 sealShared(const Node& node, WrittenField& entry, Change& change) const;
     void appendDefinitions(std::vector<Change>& out, std::span<const DefinedType> defined) const;
     void appendCreations(std::vector<Change>& out) const;
@@ -474,11 +486,23 @@ struct Scene::State : Scene::Lane {
     /// What of the emissions at hand goes to one part: whole ones, but for some targets of the first and the last.
     struct Stretch {
         unsigned part = 0;
+        std::size_t run = 0;  // of emissionRuns
         std::size_t first = 0, last = 0, firstTarget = 0, endTarget = SIZE_MAX;
     };
     std::vector<Stretch> stretches;
-    std::vector<Emission> laidOut;  // those that `stretches` are of: most frames send what the last one sent
+    /// The emissions at hand, in order: those of the scene's lane, and of lanes beside it.
+    std::vector<const std::vector<Emission>*> emissionRuns;
+    /// What they were when `stretches` were laid out: most frames send what the last one sent.
+    std::vector<std::vector<Emission>> laidOut;
+    bool isLaidOut(std::size_t run, const std::vector<Emission>& sentNow) const;
     bool areLaidOut() const;
+    /// Puts all emissions at hand into the scene's lane.
+    void joinEmissions();
+    /// Nodes that areLocal() found so as long as linkEdits and asksLast are as they were.
+    std::vector<NodeId> localNodes;
+    std::uint64_t localAt = 0;
+    bool localLast = false;
+    bool areKnownLocal(std::span<const NodeId> nodes) const;
     std::vector<std::vector<std::size_t>> stretchesOf;  // by part
     /// Of the rounds of the frame before: what they cost. Later rounds are not divided.
     struct RoundWork {
@@ -487,10 +511,14 @@ struct Scene::State : Scene::Lane {
     std::array<RoundWork, 3> roundWork;
     /// Null if one thread is to do all.
     Crew* crewFor(std::uint64_t expectedWork);
+    /// A frame begins: who is likely to have work in it wakes.
+    void callCrew();
     /// Whether the cascade may be divided now: nobody listens in on it or edits what others read.
     bool mayDivide() const;
     bool isLocal(const Behaviour& behaviour) const { return behaviour.local && behaviour.deterministic; }
-    bool areLocal(std::span<const NodeId> nodes) const;
+    enum class Local : std::uint8_t { no, now, untilEdited };
+    Local areLocal(std::span<const NodeId> nodes) const;
+    bool areLocalBeside(std::span<const NodeId> nodes, Crew& some);
     /// As tick and runRoutes; `round` as in runTime.
     void tickAll(Cascade& cascade, std::span<const NodeId> nodes, std::size_t round);
     void runAllRoutes(Cascade& cascade, std::size_t round);
@@ -499,7 +527,7 @@ struct Scene::State : Scene::Lane {
     void runStretches(Cascade& cascade, Lane& lane, std::span<const std::size_t> own);
     /// False if the emissions at hand are not to be divided.
     bool layOutStretches(unsigned parts);
-    bool extendStretches(std::size_t emission);
+    bool extendStretches(std::size_t run, std::size_t number);
     bool divideAnew(unsigned parts);
     bool gatherEdges(std::vector<Division::Edge>& edges) const;
     bool mayReachBeside(const Node& node, FieldIndex field) const;

@@ -43,6 +43,7 @@ class WrittenFields {
     struct Piece {
         WrittenField* begin = nullptr;
         std::uint32_t count = 0;
+        std::uint32_t lane = 0;  // that wrote them: Lane::laneNumber
     };
     struct Chunk {
         WrittenField* entries = nullptr;
