@@ -85,7 +85,7 @@ void Scene::State::endPiece(Lane& lane) {
 
 void Scene::State::moreRoom(Lane& lane) {
     endPiece(lane);
-    lane.entryRoom = written->takeChunk();
+    lane.entryRoom = written->takeChunk(lane.laneNumber);
     lane.nextEntry = lane.pieceBegin = lane.entryRoom.entries;
     lane.entryEnd = lane.nextEntry + WrittenFields::kChunk;
 }
@@ -334,8 +334,7 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
             };
             const Hash128 before = entry.hashed ? entry.term() : termOfBytes(entry.before);
             const Hash128 after = termOfBytes(value);
-            sum.subtract(before);
-            sum.add(after);
+            sum.replace(before, after);
             entry.setTerm(after);
         });
     }

@@ -18,7 +18,8 @@ namespace rtsg {
 
 struct RouteGroup;
 
-struct Scene::Lane {
+/// Two that threads write at a time share no cache lines, nor pairs of them, which processors fetch together.
+struct alignas(128) Scene::Lane {
     // ---- writing: entries go into `entryRoom`; those from `pieceBegin` on are in no piece yet ----
     WrittenFields::Chunk entryRoom;
     WrittenField *nextEntry = nullptr, *entryEnd = nullptr, *pieceBegin = nullptr;

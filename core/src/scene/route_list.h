@@ -83,6 +83,8 @@ class FewRoutes {
         if (many_) return many_->items();
         return {&one_, one_ == T() ? std::size_t{0} : 1};
     }
+    /// The one route there is, if there never was another; else null.
+    const T* only() const { return many_ || one_ == T() ? nullptr : &one_; }
     bool empty() const { return many_ ? many_->empty() : one_ == T(); }
     bool contains(const T& item) const { return many_ ? many_->contains(item) : one_ == item; }
     void add(const T& item) {

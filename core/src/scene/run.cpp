@@ -179,7 +179,7 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
     if (!to) return;
     const FieldDef& def = to->type_->fields[target.field];
     const void* value = from.storage(field);
-    if (!def.writable() && target.isConnection && def.sends()) {
+    if (target.isConnection && !def.writable() && def.sends()) {
         // IS from a body's outputOnly to the instance's: the instance sends it.
         write(cascade.lane_, *to, target.field, value);
         send(cascade.lane_, *to, target.field);
@@ -208,6 +208,12 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
     Node* from = emission.at;
     RouteGroup* group = emission.group;
     std::uint64_t edits = emission.linkEdits;
+    if (edits == linkEdits && !listener && group)
+        if (const OutgoingRoute* only = group->targets.only(); only && group->listeners == 0) {
+            group->gone = stamp;
+            ++cascade.lane_.work;
+            return follow(cascade, only->to, *from, field);
+        }
     const auto lookUpAgain = [&] {
         edits = linkEdits;
         from = find(sender);
@@ -235,19 +241,25 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
     }
 }
 
-void Scene::State::sendAlong(Cascade& cascade, Emission emission, std::size_t first, std::size_t last) {
-    sendEach(cascade, emission, first, last);
-}
-
 // Every event runs through this, emitStorage and deliver: from the start of a cache line on, as elsewhere they take up
 // to half as long again.
-[[gnu::aligned(64)]] void Scene::State::runRoutes(Cascade& cascade) {
-    std::vector<Emission>& waiting = cascade.lane_.emissions;
+[[gnu::aligned(64)]] void Scene::State::sendAlong(Cascade& cascade, const std::vector<Emission>& list,
+                                                  std::size_t first, std::size_t end, std::size_t firstTarget,
+                                                  std::size_t endTarget) {
     // What is read of a node's routes is one cache line, which comes while the events before it are on their way.
     constexpr std::size_t kAhead = 6;
-    for (std::size_t next = 0; next < waiting.size(); ++next) {
-        if (next + kAhead < waiting.size()) __builtin_prefetch(waiting[next + kAhead].group, 1);
-        sendEach(cascade, waiting[next], 0, SIZE_MAX);
+    for (std::size_t i = first; i < end; ++i) {
+        if (i + kAhead < end) __builtin_prefetch(list[i + kAhead].group, 1);
+        sendEach(cascade, list[i], i == first ? firstTarget : 0, i + 1 == end ? endTarget : SIZE_MAX);
+    }
+}
+
+void Scene::State::runRoutes(Cascade& cascade) {
+    std::vector<Emission>& waiting = cascade.lane_.emissions;
+    for (std::size_t sent = 0; sent < waiting.size();) {
+        const std::size_t end = waiting.size();
+        sendAlong(cascade, waiting, sent, end);
+        sent = end;
     }
     waiting.clear();
 }

@@ -293,10 +293,7 @@ bool Scene::State::layOutStretches(unsigned parts) {
 void Scene::State::runStretches(Cascade& cascade, Lane& lane, std::span<const std::size_t> own) {
     for (const std::size_t i : own) {
         const Stretch one = stretches[i];
-        const std::vector<Emission>& sentBefore = *emissionRuns[one.run];
-        for (std::size_t e = one.first; e <= one.last; ++e)
-            sendAlong(cascade, sentBefore[e], e == one.first ? one.firstTarget : 0,
-                      e == one.last ? one.endTarget : SIZE_MAX);
+        sendAlong(cascade, *emissionRuns[one.run], one.first, one.last + 1, one.firstTarget, one.endTarget);
         mark(lane);
     }
     // What they led to, each turn after all of the one before.
@@ -304,7 +301,8 @@ void Scene::State::runStretches(Cascade& cascade, Lane& lane, std::span<const st
     for (std::size_t number = 0; sent < lane.emissions.size();) {
         for (std::size_t k = 0; k < own.size(); ++k, ++number) {
             const std::size_t end = lane.marks[number].emissions;
-            for (; sent < end; ++sent) sendAlong(cascade, lane.emissions[sent]);
+            sendAlong(cascade, lane.emissions, sent, end);
+            sent = end;
             mark(lane);
         }
     }

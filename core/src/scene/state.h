@@ -463,9 +463,11 @@ struct Scene::State : Scene::Lane {
     void dropSuperseded(std::vector<QueuedEvent>& queued) const;
     /// Until nothing is on its way.
     void runRoutes(Cascade& cascade);
-    /// An emission goes along its routes, from the `first` of them on up to before `last`.
-    void sendAlong(Cascade& cascade, Emission emission, std::size_t first = 0, std::size_t last = SIZE_MAX);
-    /// The same in line.
+    /// Emissions go along their routes, from the `first` on up to before `end`: the first one from its route
+    /// `firstTarget` on, the last one up to before `endTarget`. What they lead to may be added to the list.
+    void sendAlong(Cascade& cascade, const std::vector<Emission>& list, std::size_t first, std::size_t end,
+                   std::size_t firstTarget = 0, std::size_t endTarget = SIZE_MAX);
+    /// One emission along its routes, from the `first` of them on up to before `last`.
     void sendEach(Cascade& cascade, const Emission& emission, std::size_t first, std::size_t last);
     /// An event of `field` reaches the input at the end of one of its routes.
     void follow(Cascade& cascade, RouteTarget target, const Node& from, FieldIndex field);

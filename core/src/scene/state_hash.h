@@ -15,6 +15,7 @@ class StateHash {
     explicit StateHash(Hash128 sum) : sum_(whole(sum)) {}
     void add(Hash128 term) { sum_ += whole(term); }
     void subtract(Hash128 term) { sum_ -= whole(term); }
+    void replace(Hash128 before, Hash128 after) { sum_ += whole(after) - whole(before); }
     Hash128 value() const { return {static_cast<std::uint64_t>(sum_), static_cast<std::uint64_t>(sum_ >> 64)}; }
 
   private:

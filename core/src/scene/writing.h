@@ -87,8 +87,10 @@ template <bool isPlain>
     else
         newEntry(lane, node, field, slot);
     node.dirty_ |= bit;
-    if (!childOpCounts.empty()) [[unlikely]]
-        dropChildOps(node, field);
+    // Lists of children are not plain.
+    if constexpr (!isPlain)
+        if (!childOpCounts.empty()) [[unlikely]]
+            dropChildOps(node, field);
 }
 
 [[gnu::always_inline]] inline void Scene::State::write(Lane& lane, Node& node, FieldIndex field, const void* value) {

@@ -15,20 +15,37 @@ void WrittenFields::grow() {
     room_ = room;
 }
 
-WrittenFields::Chunk WrittenFields::takeChunk() {
+std::size_t WrittenFields::findFree(std::uint32_t lane) {
+    const std::size_t count = chunks_.size();
+    if (lane >= looked_.size()) looked_.resize(lane + 1);
+    for (std::size_t& i = looked_[lane]; i < count; ++i)
+        if (!chunks_[i]->isTaken && (lane == 0 || chunks_[i]->lane == lane)) return i;
+    constexpr std::size_t kSpare = 16;
+    if (lane == 0 || count < 2 * std::size_t{taken_} + kSpare) return count;
+    // There are enough, and others have left theirs.
+    std::size_t free = 0;
+    while (free < count && chunks_[free]->isTaken) ++free;
+    return free;
+}
+
+WrittenFields::Chunk WrittenFields::takeChunk(std::uint32_t lane) {
     const std::lock_guard lock(mutex_);
-    if (taken_ == chunks_.size()) {
+    const std::size_t place = findFree(lane);
+    if (place == chunks_.size()) {
         void* bytes = std::aligned_alloc(alignof(Memory), sizeof(Memory) + kChunk * sizeof(WrittenField));
         if (!bytes) throw std::bad_alloc();
         chunks_.emplace_back(new (bytes) Memory);
         if (chunks_.size() > room_)
             grow();
         else
-            table_.load(std::memory_order_relaxed)[taken_] = chunks_.back().get();
+            table_.load(std::memory_order_relaxed)[place] = chunks_.back().get();
     }
-    Memory& chunk = *chunks_[taken_];
+    Memory& chunk = *chunks_[place];
     chunk.used = 0;
-    return {chunk.entries(), taken_++ * kChunk};
+    chunk.lane = lane;
+    chunk.isTaken = true;
+    ++taken_;
+    return {chunk.entries(), static_cast<std::uint32_t>(place) * kChunk};
 }
 
 void WrittenFields::append(Piece piece, std::uint32_t slot) {
@@ -44,7 +61,12 @@ void WrittenFields::clear() {
     constexpr std::uint32_t kAlways = 16;
     if (chunks_.size() > std::max(kAlways, 8 * taken_)) chunks_.resize(std::max(kAlways, taken_));
     if (tables_.size() > 1) tables_.erase(tables_.begin(), tables_.end() - 1);
+    for (const auto& chunk : chunks_) {
+        chunk->used = 0;
+        chunk->isTaken = false;
+    }
     taken_ = 0;
+    looked_.clear();
     pieces_.clear();
     size_ = 0;
 }

@@ -50,15 +50,16 @@ class WrittenFields {
         std::uint32_t slot = 0;  // of the first entry
     };
 
-    /// Room for kChunk entries that nobody else has.
-    Chunk takeChunk();
+    /// Room for kChunk entries that nobody else has, for the lane of this number: if it can be, what it had before,
+    /// which is where its thread has it at hand. The scene's own, 0, gets those that are free in order.
+    Chunk takeChunk(std::uint32_t lane);
     /// Precondition: there is an entry.
     WrittenField& at(std::uint32_t slot) const {
         return table_.load(std::memory_order_acquire)[slot / kChunk]->entries()[slot % kChunk];
     }
     /// The place behind the last entry of the chunk that `slot` is in, if it is there and in a piece; else null.
     WrittenField* endFor(std::uint32_t slot) const {
-        if (slot / kChunk >= taken_) return nullptr;
+        if (slot / kChunk >= chunks_.size()) return nullptr;
         Memory& chunk = *table_.load(std::memory_order_relaxed)[slot / kChunk];
         return slot % kChunk < chunk.used ? chunk.entries() + chunk.used : nullptr;
     }
@@ -72,16 +73,21 @@ class WrittenFields {
   private:
     struct alignas(64) Memory {
         std::uint32_t used = 0;  // entries that are in pieces
+        std::uint32_t lane = 0;  // that has it, or had it last
+        bool isTaken = false;
         WrittenField* entries() { return reinterpret_cast<WrittenField*>(this + 1); }
     };
     struct Release {
         void operator()(Memory* memory) const { std::free(memory); }
     };
     void grow();
+    /// The place of a free chunk for this lane; that behind the last chunk if there is to be one more.
+    std::size_t findFree(std::uint32_t lane);
 
     std::mutex mutex_;
     std::vector<std::unique_ptr<Memory, Release>> chunks_;
-    std::uint32_t taken_ = 0;  // of the chunks
+    std::uint32_t taken_ = 0;          // of the chunks
+    std::vector<std::size_t> looked_;  // by lane: how far it has looked for a chunk
     std::atomic<Memory**> table_{nullptr};
     std::vector<std::unique_ptr<Memory*[]>> tables_;  // the last one counts; readers may be in those before
     std::size_t room_ = 0;                            // in it
