@@ -152,6 +152,8 @@ void Scene::setThreads(unsigned threads) {
     s.crew.reset();
     s.division.clear();
     s.laidOut.clear();
+    s.patience = 2;
+    s.untilDivided = 0;
 }
 Diagnostics& Scene::diagnostics() {
     if (state_->onOwnThread()) {

@@ -105,7 +105,9 @@ class ParentList {
     std::unique_ptr<Counts> many_;  // to the number of times; used instead of few_, never empty
 };
 
-struct Node::Links {
+/// In memory of its own, in the order in which nodes came by theirs: an event finds the next ones beside its own,
+/// however full of holes the heap is that a scene is loaded into.
+struct alignas(64) Node::Links {
     RouteGroups out;
     FewRoutes<IncomingRoute> in;
     String name;
@@ -156,13 +158,14 @@ struct Scene::State : Scene::Lane {
     const void* thread = currentThread();
 
     // ---- nodes ----
-    NodeArena memory;
+    NodeArena memory, linkMemory;  // linkMemory: of Node::Links alone
     NodeTable nodeTable{memory};
     std::uint32_t nextId = 1;
     Node* find(NodeId id) const { return nodeTable.find(id); }
     Node& allocate(NodeId id, TypeIndex type, NodeId scope);
     void release(Node& node);
-    static void destroyInPlace(Node& node);
+    void destroyInPlace(Node& node);
+    void dropLinks(Node& node);
     std::size_t bytesOf(const Node& node) const { return sizeof(Node) + node.type_->blockSize(); }
     Node::Links& links(Node& node);
     void trimLinks(Node& node);

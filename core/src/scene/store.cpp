@@ -71,7 +71,7 @@ Scene::State::State(Scene& scene) : owner(scene), diagnostics("scene") {
 }
 
 Scene::State::~State() {
-    nodeTable.forEach([](Node& node) { destroyInPlace(node); });
+    nodeTable.forEach([this](Node& node) { destroyInPlace(node); });
 }
 
 void Scene::State::addTypeEntry(const NodeType& type) {
@@ -134,6 +134,7 @@ Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {
 void Scene::State::destroyInPlace(Node& node) {
     for (const FieldIndex i : node.type_->sharedFields())
         destroyStorage(node.type_->fields[i].type, node.block() + node.type_->fields[i].offset);
+    dropLinks(node);
     node.~Node();
 }
 
@@ -151,12 +152,19 @@ void Scene::State::release(Node& node) {
 }
 
 Node::Links& Scene::State::links(Node& node) {
-    if (!node.links_) node.links_ = std::make_unique<Node::Links>();
+    if (!node.links_) node.links_.reset(new (linkMemory.allocate(sizeof(Node::Links))) Node::Links);
     return *node.links_;
 }
 
+void Scene::State::dropLinks(Node& node) {
+    if (!node.links_) return;
+    Node::Links* const links = node.links_.release();
+    links->~Links();
+    linkMemory.deallocate(links, sizeof(Node::Links));
+}
+
 void Scene::State::trimLinks(Node& node) {
-    if (node.links_ && node.links_->empty()) node.links_.reset();
+    if (node.links_ && node.links_->empty()) dropLinks(node);
 }
 
 void Scene::State::addParent(Node& child, ParentRef parent) {
