@@ -1,7 +1,7 @@
 // Where among its keys an interpolator's fraction lies. ISO/IEC 19775-1 V4.0, 19.3.1.
 #pragma once
 
-#include <algorithm>
+#include <cstddef>
 
 #include <rtsg/core/array.h>
 

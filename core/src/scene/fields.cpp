@@ -412,7 +412,6 @@ void Scene::State::appendFieldChanges(ChangeSet& set, std::size_t behind) {
             changes += one.count;
         }
     }
-    if (crew) crew->dismiss();
     const auto isVoid = [](const Change& c) { return c.kind == ChangeKind::setField && c.field == kNoField; };
     if (voids > 0) std::erase_if(set.changes, isVoid);
     keepTerms();

@@ -38,8 +38,8 @@ Crew* Scene::State::crewFor(std::uint64_t expectedWork) {
 }
 
 void Scene::State::callCrew() {
-    const auto isMuch = [](const RoundWork& round) { return std::max(round.ticks, round.routes) >= kWorthDividing; };
-    if (crew && std::ranges::any_of(roundWork, isMuch)) crew->attend();
+    // By the first round: there is one in every frame, so that where nothing happens any more nobody wakes.
+    if (crew && std::max(roundWork[0].ticks, roundWork[0].routes) >= kWorthDividing) crew->attend();
 }
 
 bool Scene::State::mayDivide() const {

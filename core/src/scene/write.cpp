@@ -280,6 +280,7 @@ std::shared_ptr<const ChangeSet> Scene::State::seal() {
     const std::size_t behind = first.size();
     if (behind > 0) set->changes.swap(first);
     appendFieldChanges(*set, behind);
+    if (crew) crew->dismiss();
     appendOtherEdits(set->changes);
     if (recording) input->events = events;
     for (Change& change : events) set->changes.push_back(std::move(change));
