@@ -4,6 +4,7 @@
 #include <random>
 
 #include <fmt/format.h>
+#include <poll.h>
 
 #include "client_impl.h"
 
@@ -96,8 +97,6 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     if (zmq_socket_monitor(socket_.get(), "inproc://connection", events) != 0 ||
         zmq_connect(monitor_.get(), "inproc://connection") != 0)
         return std::unexpected(zmqFailure("cannot watch the connection"));
-    std::size_t size = sizeof(events_);
-    zmq_getsockopt(monitor_.get(), ZMQ_FD, &events_, &size);
     watchConnection();  // nobody is woken by it who has not found it empty before
     if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", endpoint)));
@@ -221,14 +220,22 @@ void MirrorClient::Impl::pingNow(Clock::time_point now) {
     send();
 }
 
-/// At most so long for something to come, and whether it has. Every look at a ZeroMQ socket costs system calls, so
-/// there is one look before messages are read, and the monitor's is at its descriptor: that socket is read until it is
-/// empty and nothing is ever sent on it, so that the descriptor is ready whenever an event has come since.
+/// At most so long for something to come, and whether it may have. A ZeroMQ socket's descriptor tells that something
+/// has come since the socket was last found empty, and sending may take that note away: so whoever has sent looks into
+/// the socket, and whoever has found it empty waits at the descriptor. Asking zmq_poll() would be several system calls
+/// more for each frame. The monitor's socket is read until it is empty and nothing is ever sent on it.
 bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
-    zmq_pollitem_t items[] = {{socket_.get(), 0, ZMQ_POLLIN, 0}, {nullptr, events_, ZMQ_POLLIN, 0}};
-    zmq_poll(items, 2, untilDue(most).count());
-    if (items[1].revents) watchConnection();
-    return items[0].revents || items[1].revents;
+    const auto longest = socket_.foundEmpty() ? untilDue(most) : 0ms;
+    pollfd items[] = {{socket_.descriptor(), POLLIN, 0}, {monitor_.descriptor(), POLLIN, 0}};
+    const bool any = ::poll(items, 2, static_cast<int>(longest.count())) > 0;
+    if (any && items[1].revents) watchConnection();
+    return any || !socket_.foundEmpty();
+}
+
+/// Until there is something to say though nothing has come; little is due while all is well.
+std::chrono::milliseconds MirrorClient::Impl::longestSleep() const {
+    const bool settled = connected_ && clock_.samples() >= kFewSamples && requests_.empty() && !bisection_.running();
+    return settled ? 250ms : 100ms;
 }
 
 std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
@@ -239,7 +246,7 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     bool more = false;
     while (true) {
         auto most = std::clamp<std::chrono::milliseconds>(std::chrono::ceil<std::chrono::milliseconds>(timeout - spent),
-                                                          0ms, 100ms);
+                                                          0ms, longestSleep());
         // There is something to be done, or what came may go on, as a keyframe and the frames behind it.
         if (more || cut_ || (helloPending_ && linked())) most = 0ms;
         int messages = 0;
@@ -249,9 +256,9 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
         if (messages == 0 && cut_) connectionLost();
         keepInTouch(messages == 0);
         playDue();
-        if (received_ != acknowledged_) acknowledge();
+        if (received_ != acknowledged_ && (awaited_ || received_ - acknowledged_ > options_.window / 4)) acknowledge();
         spent = Clock::now() - start;
-        more = messages > 0 && spent < longest;
+        more = messages == kPortion && spent < longest;
         if (more) continue;
         if (applied_ > 0 || spent >= timeout) break;
     }
@@ -298,6 +305,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             hearOrigin(in);
             mirror::write(message_, Message::pong, token);
             send();
+            awaited_ = true;
             return;
         }
         case Message::pong:
@@ -397,6 +405,9 @@ void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {
     if (!mirror::read(in, numbers)) return garbage("malformed data");
     const auto [session, size, offset, published] = numbers;
     if (session != session_ || !connected_) return;
+    std::uint64_t later[1] = {0};
+    if (in.left() >= sizeof(later)) (void)mirror::read(in, later);
+    if ((later[0] & 1) == 0) awaited_ = true;
     const std::span<const std::byte> part = second.bytes();
     if (size > options_.maxRecord) {
         refusal_ = fmt::format("it sends a record of {} bytes, {} are the most taken", size, options_.maxRecord);
@@ -432,7 +443,9 @@ void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {
 void MirrorClient::Impl::acknowledge() {
     const std::uint64_t numbers[] = {session_, haveState_ ? state_ : 0, received_};
     mirror::write(message_, Message::ack, numbers);
-    if (send()) acknowledged_ = received_;
+    if (!send()) return;
+    acknowledged_ = received_;
+    awaited_ = false;
 }
 
 /// False when the socket takes no more for now.

@@ -68,6 +68,7 @@ class MirrorClient::Impl {
     void reconnect(Clock::time_point now);
     void pingNow(Clock::time_point now);
     bool wait(std::chrono::milliseconds most);
+    std::chrono::milliseconds longestSleep() const;
     bool receiveOne();
     void receive(mirror::Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second);
     void hearOrigin(wire::Reader& in);
@@ -101,7 +102,6 @@ class MirrorClient::Impl {
     std::string endpoint_;
     ZmqContext context_;
     ZmqSocket socket_, monitor_;
-    int events_ = -1;  // the monitor's descriptor
     mutable ChangeDecoder decoder_;
     ChangeEncoder encoder_;
     InputDecoder inputDecoder_;
@@ -122,6 +122,7 @@ class MirrorClient::Impl {
     Hash128 stateHash_;                              // of `state_`, as the server says
     std::uint64_t originAt_ = 0;                     // as the server says without sending it
     std::uint64_t received_ = 0, acknowledged_ = 0;  // bytes of this session
+    bool awaited_ = false;                           // the server waits to hear of them
     ByteBuffer partial_;                             // a record that comes in several parts
     std::uint64_t partialSize_ = 0;
     int attempts_ = 0;  // to reconnect, since the server was heard

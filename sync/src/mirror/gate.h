@@ -31,8 +31,8 @@ class MirrorGate {
     Failures failures();
     ConnectionWatch& connections() { return connections_; }
     const ConnectionWatch& connections() const { return connections_; }
-    void* zap() const { return zap_.get(); }
-    void* monitor() const { return monitor_.get(); }
+    const ZmqSocket& zap() const { return zap_; }
+    const ZmqSocket& monitor() const { return monitor_; }
 
   private:
     ZmqSocket zap_, monitor_;

@@ -39,28 +39,47 @@ double MirrorPace::limit(std::uint64_t record) const {
 
 bool MirrorPace::open(std::uint64_t record, Clock::time_point now) {
     if (most_ > 0 && now < next_) return false;
-    const std::uint64_t under = sentTotal_ - acknowledgedTotal_;
+    const std::uint64_t all = sentTotal_ - acknowledgedTotal_, under = all - std::min(all, spared_);
     // Beside what is under way, no more than passes while the goodbye behind it is waited for, or systems take at once.
     if (lifted_ && double(sentTotal_ - liftedAt_) < std::clamp(rate(), kSmallRecord, kLargeRecord)) return true;
-    if (draining_) draining_ = under != 0;
+    if (draining_) draining_ = all != 0;
     return !draining_ && (under == 0 || double(under) < limit(record));
 }
 
-std::uint64_t MirrorPace::chunk(std::uint64_t most) const {
+/// The way is known, and takes all there is to send.
+bool MirrorPace::settled(Clock::time_point now) const {
+    if (draining_ || lifted_ || delay_.now <= 0 || rate() <= 0 || heldUpTo_ > acknowledgedTotal_) return false;
+    const auto awaited = std::ranges::find(sent_, 0u, &Sent::spared);
+    return awaited == sent_.end() || Seconds(now - awaited->at).count() <= lag_ / 2;
+}
+
+bool MirrorPace::spare(std::uint64_t size, Clock::time_point now) const {
+    if (most_ > 0) return false;  // held back by that, and not for want of credit
+    return lag_ <= 0 || (settled(now) && double(spared_ + size) <= rate() * lag_ / 2);
+}
+
+std::uint64_t MirrorPace::chunk(std::uint64_t most, Clock::time_point now) const {
     double result = double(most);
-    if (lag_ > 0) result = std::min(result, std::max(kLeast, limit(0) / 4));
+    // Parts tell how the link is; where that is known, those of a record that passes in time only cost.
+    if (lag_ > 0) {
+        const double least = settled(now) ? std::min(kSmallRecord, rate() * lag_) : kLeast;
+        result = std::min(result, std::max({kLeast, least, limit(0) / 4}));
+    }
     if (most_ > 0) result = std::min(result, std::max(kLeast, most_ / 20));  // a twentieth of a second
     return static_cast<std::uint64_t>(result);
 }
 
-void MirrorPace::sent(std::uint64_t total, Clock::time_point now) {
+void MirrorPace::sent(std::uint64_t total, Clock::time_point now, bool awaited) {
     const std::uint64_t size = total - sentTotal_;
     if (most_ > 0)
         next_ = std::max(next_, now) + std::chrono::duration_cast<Clock::duration>(Seconds(double(size) / most_));
     if (lag_ > 0) {
         const bool alone = sentTotal_ == acknowledgedTotal_;
         if (alone) acknowledgedAt_ = now;
-        sent_.push_back({total, acknowledgedTotal_, now, acknowledgedAt_, alone});
+        // Of a part so short that its own time does not hide the way's.
+        const bool tells = alone && awaited && size <= static_cast<std::uint64_t>(std::max(kLeast, limit(0) / 4));
+        sent_.push_back({total, acknowledgedTotal_, now, acknowledgedAt_, tells, awaited ? 0 : size});
+        spared_ += sent_.back().spared;
     }
     sentTotal_ = total;
 }
@@ -93,7 +112,8 @@ void MirrorPace::acknowledged(std::uint64_t total, Clock::time_point now) {
     while (!sent_.empty() && sent_.front().total <= total) {
         const Sent chunk = sent_.front();
         sent_.pop_front();
-        if (chunk.alone) learnDelay(chunk, chunk.total - before, now);
+        spared_ -= chunk.spared;
+        if (chunk.tells) learnDelay(chunk, chunk.total - before, now);
         before = chunk.total;
         if (sent_.empty() || sent_.front().total > total) learnRate(chunk, now);
     }

@@ -24,8 +24,8 @@ class MirrorPace {
     MirrorPace(double lag, double most) : lag_(lag), most_(most) {}
     MirrorPace() = default;
 
-    /// `total`: all bytes sent, these included.
-    void sent(std::uint64_t total, Clock::time_point now);
+    /// `total`: all bytes sent, these included. `awaited`: they are acknowledged as soon as they have been read.
+    void sent(std::uint64_t total, Clock::time_point now, bool awaited = true);
     /// All bytes acknowledged.
     void acknowledged(std::uint64_t total, Clock::time_point now);
     /// There is more to send than may be: what is under way tells the link's rate, not the sender's.
@@ -40,8 +40,11 @@ class MirrorPace {
 
     /// Whether something may be sent now; `record`: bytes of the one that it belongs to.
     bool open(std::uint64_t record, Clock::time_point now);
+    /// Whether so many bytes more may go without being acknowledged at once: the way is known and not full. They hold
+    /// nothing back, and are at most what passes in half of the lag.
+    bool spare(std::uint64_t size, Clock::time_point now) const;
     /// What to send at once at most.
-    std::uint64_t chunk(std::uint64_t most) const;
+    std::uint64_t chunk(std::uint64_t most, Clock::time_point now) const;
     /// So many bytes that wait would be too old before they arrive: better to send what came of them.
     bool late(std::uint64_t waiting) const {
         return lag_ > 0 && (lifted_ || (rate() > 0 && double(waiting) > rate() * lag_ / 4));
@@ -61,7 +64,8 @@ class MirrorPace {
     struct Sent {
         std::uint64_t total = 0, acknowledgedThen = 0;
         Clock::time_point at, since;  // since: when what was acknowledged then had been
-        bool alone = false;           // nothing else was under way
+        bool tells = false;           // of the way's delay: nothing else was under way
+        std::uint64_t spared = 0;     // bytes, if it is not acknowledged at once
     };
     /// The most or least of the last two spans of time.
     struct Spans {
@@ -69,11 +73,13 @@ class MirrorPace {
         Clock::time_point began{};
     };
     double limit(std::uint64_t record) const;
+    bool settled(Clock::time_point now) const;
     void learnDelay(const Sent& sent, std::uint64_t size, Clock::time_point now);
     void learnRate(const Sent& sent, Clock::time_point now);
 
     double lag_ = 0, most_ = 0;
     std::uint64_t sentTotal_ = 0, acknowledgedTotal_ = 0, heldUpTo_ = 0, liftedAt_ = 0;
+    std::uint64_t spared_ = 0;  // under way without being awaited
     Clock::time_point acknowledgedAt_{}, next_{};
     std::deque<Sent> sent_;
     Spans rate_, delay_;

@@ -285,6 +285,8 @@ bool MirrorServer::drain(std::chrono::milliseconds timeout) {
         if (!shared_->result()) return false;
         const MirrorServerStatistics now = statistics();
         if (now.peers == 0 || now.acknowledged >= scene_.sequence()) return true;
+        shared_->wantAcknowledged = true;
+        shared_->awaken();
         if (std::chrono::steady_clock::now() >= end) return false;
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }

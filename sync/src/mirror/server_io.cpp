@@ -3,11 +3,14 @@
 #include "server_io.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 #include <random>
 #include <stdexcept>
 
 #include <fmt/format.h>
+#include <poll.h>
 #include <pthread.h>
 #include <unistd.h>
 
@@ -107,31 +110,41 @@ void MirrorServer::Io::giveUp(const char* why) {
     shared_->caughtUp.notify_all();
 }
 
-void MirrorServer::Io::turn() {
-    zmq_pollitem_t items[] = {{router_.get(), 0, ZMQ_POLLIN, 0},
-                              {nullptr, shared_->wake, ZMQ_POLLIN, 0},
-                              {gate_.monitor(), 0, ZMQ_POLLIN, 0},
-                              {gate_.zap(), 0, ZMQ_POLLIN, 0}};
-    if (zmq_poll(items, 4, patience().count()) < 0 && zmq_errno() != EINTR)
-        throw std::runtime_error(zmq_strerror(zmq_errno()));
-    if (items[1].revents) {
+/// Sleeps until something comes or is due. Sockets that have not been found empty may hold something already.
+MirrorServer::Io::Came MirrorServer::Io::wait() {
+    const ZmqSocket* sockets[] = {&router_, &gate_.monitor(), &gate_.zap()};
+    const bool all = std::ranges::all_of(sockets, [](const ZmqSocket* s) { return s->foundEmpty(); });
+    pollfd items[] = {{sockets[0]->descriptor(), POLLIN, 0},
+                      {sockets[1]->descriptor(), POLLIN, 0},
+                      {sockets[2]->descriptor(), POLLIN, 0},
+                      {shared_->wake, POLLIN, 0}};
+    if (::poll(items, 4, all ? static_cast<int>(patience().count()) : 0) < 0 && errno != EINTR)
+        throw std::runtime_error(std::strerror(errno));
+    if (items[3].revents) {
         std::uint64_t count = 0;
         (void)!::read(shared_->wake, &count, sizeof(count));
     }
+    const auto any = [&](std::size_t i) { return items[i].revents != 0 || !sockets[i]->foundEmpty(); };
+    return {any(0), any(1), any(2)};
+}
+
+void MirrorServer::Io::turn() {
+    const Came came = wait();
     takeInbox();
     takeAnswers();
-    if (items[3].revents) gate_.authenticate();
-    if (items[2].revents) {
+    if (came.knocks) gate_.authenticate();
+    if (came.connections) {
         const MirrorGate::Failures failures = gate_.failures();
         statistics_.refused += failures.refused;
         if (failures.refused) shared_->report(Severity::warning, "refused a connection: its key is not on the list");
         for (std::uint64_t i = 0; i < failures.garbage; ++i) garbage("a connection that did not speak the protocol");
     }
     gate_.connections().look(Clock::now());
-    const bool drained = receive();
+    const bool drained = !came.messages || receive();
     for (std::size_t shut = gate_.connections().shutEndless(drained); shut > 0; --shut)
         garbage("a message without end: its connection was ended");
     const Clock::time_point now = Clock::now();
+    if (shared_->wantAcknowledged.exchange(false)) askAllForAcknowledgements();
     if (now - ticked_ >= kTick || shared_->originLost != toldLost_) tick(now);
     // A thousand peers answer one after the other: what one of them says is no reason to look at all others.
     const bool everybody = std::exchange(news_, false) || now >= allDue_;
@@ -362,10 +375,9 @@ void MirrorServer::Io::tick(Clock::time_point now) {
             ++statistics_.lost;
             shared_->report(Severity::note, fmt::format("peer '{}' was silent for too long", peer.name));
         } else if (news || now - peer.spoken > shared_->options.heartbeat) {
-            const std::uint64_t token[] = {peer.state, historyOf(peer).newest(), lost ? 1u : 0u};
-            mirror::write(message_, Message::ping, token);
-            gone = !sendTo(peer.identity, message_);
-            peer.spoken = now;
+            peer.awaitedBytes = peer.sentBytes;
+            peer.spoken = peer.awaitedAt = now;
+            gone = !ping(peer);
         }
         p = gone ? peers_.erase(p) : ++p;
     }
@@ -382,6 +394,12 @@ void MirrorServer::Io::noticeWhoLeft() {
         shared_->left.push_back(client);
         return true;
     });
+}
+
+bool MirrorServer::Io::ping(const Peer& peer) {
+    const std::uint64_t token[] = {peer.state, historyOf(peer).newest(), toldLost_ ? 1u : 0u};
+    mirror::write(message_, Message::ping, token);
+    return sendTo(peer.identity, message_);
 }
 
 bool MirrorServer::Io::sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body) {

@@ -45,7 +45,8 @@ struct MirrorServer::Shared {
     std::string endpoint;
     std::shared_ptr<RecordPool> pool = std::make_shared<RecordPool>();
     std::atomic<bool> wantSnapshot{false}, wantRunState{false}, stop{false};
-    std::atomic<bool> wantPredicted{false};  // somebody takes predicted values
+    std::atomic<bool> wantAcknowledged{false};  // somebody waits for acknowledgements
+    std::atomic<bool> wantPredicted{false};     // somebody takes predicted values
     std::atomic<std::uint64_t> coded{0};
     std::atomic<bool> wantForget{false};  // somebody has not got what predicted values refer to
     std::atomic<std::uint64_t> epoch{0};
@@ -88,6 +89,8 @@ class MirrorServer::Io {
         std::uint64_t session = 0, window = 0;
         MirrorPace pace;
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
+        std::uint64_t awaitedBytes = 0;  // of these sent, those whose acknowledgement was asked for
+        Clock::time_point awaitedAt{};
         std::uint64_t debt = 0;   // bytes sent before its last hello that it may not have read yet
         bool placed = false;      // `state` means something
         bool remembers = false;   // all frames since the last one with kForget, predicted
@@ -129,6 +132,11 @@ class MirrorServer::Io {
     };
 
     void run();
+    /// Where something may have come.
+    struct Came {
+        bool messages = false, connections = false, knocks = false;
+    };
+    Came wait();
     void turn();
     void giveUp(const char* why);
     void sayGoodbye();
@@ -184,7 +192,12 @@ class MirrorServer::Io {
     SharedRecord frameTowards(Peer& peer, std::uint64_t state);
     SharedRecord codedFor(Peer& peer, SharedRecord record);
     bool sendChunk(Peer& peer);
+    bool mayWait(const Peer& peer, std::uint64_t size, Clock::time_point now) const;
+    bool askForAcknowledgement(Peer& peer);
+    void askAllForAcknowledgements();
     bool sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body = nullptr);
+    /// With its state and the scene's. False when the peer is gone.
+    bool ping(const Peer& peer);
     void garbage(std::string text);
     void publishStatistics();
 

@@ -21,6 +21,7 @@ constexpr std::uint64_t kAnswerCost = 1024;  // of an answer that waits to be re
 constexpr auto kPatience = 200ms;            // with the shadow, for a keyframe nearer than the one there is
 constexpr double kMostQuestions = 24;        // of a peer at once
 constexpr double kQuestionsPerSecond = 4;    // in the long run
+constexpr auto kAskEvery = 250ms;            // for an acknowledgement, at least
 constexpr auto kForgetEvery = 250ms;         // raw frames for the sake of those who cannot read predicted ones
 constexpr std::size_t kMostMerged = 20000;   // frames
 constexpr std::size_t kMostControls = 16;    // that wait for the scene, of all peers
@@ -465,9 +466,11 @@ SharedRecord MirrorServer::Io::asFollowed(Peer& peer, SharedRecord next) {
 
 bool MirrorServer::Io::sendChunk(Peer& peer) {
     const std::span<const std::byte> whole = peer.sending->bytes.bytes();
-    const std::size_t most = peer.pace.chunk(kChunk);
+    const Clock::time_point now = Clock::now();
+    const std::size_t most = peer.pace.chunk(kChunk, now);
     const std::span<const std::byte> part = whole.subspan(peer.sent, std::min(most, whole.size() - peer.sent));
-    const std::uint64_t numbers[] = {peer.session, whole.size(), peer.sent, peer.sending->published};
+    const bool later = part.size() == whole.size() && mayWait(peer, part.size(), now);
+    const std::uint64_t numbers[] = {peer.session, whole.size(), peer.sent, peer.sending->published, later};
     mirror::write(message_, Message::data, numbers);
     bool ok = false;
     if (part.size() < kCopyBelow) {
@@ -478,13 +481,37 @@ bool MirrorServer::Io::sendChunk(Peer& peer) {
         ok = sendTo(peer.identity, message_, &body);
     }
     if (!ok) return false;
-    peer.spoken = Clock::now();
+    peer.spoken = now;
     peer.sent += part.size();
     peer.sentBytes += part.size();
-    peer.pace.sent(peer.sentBytes, peer.spoken);
+    peer.pace.sent(peer.sentBytes, now, !later);
+    if (!later) {
+        peer.awaitedBytes = peer.sentBytes;
+        peer.awaitedAt = now;
+    }
     statistics_.bytes += part.size();
     if (peer.sent == whole.size()) peer.sending.reset();
     return true;
+}
+
+/// Whether the peer may keep its acknowledgement of so many bytes more for a while. Each is a message, and wakes four
+/// threads; where there is credit enough one for some frames does.
+bool MirrorServer::Io::mayWait(const Peer& peer, std::uint64_t size, Clock::time_point now) const {
+    return peer.debt == 0 && peer.whenSlow != MirrorWhenSlow::block && now - peer.awaitedAt < kAskEvery &&
+           peer.sentBytes + size - peer.ackedBytes <= peer.window / 4 && peer.pace.spare(size, now);
+}
+
+/// A client that has been let keep its acknowledgements sends one when it is pinged. False when the peer is gone.
+bool MirrorServer::Io::askForAcknowledgement(Peer& peer) {
+    if (peer.awaitedBytes == peer.sentBytes) return true;
+    peer.awaitedBytes = peer.sentBytes;
+    peer.spoken = peer.awaitedAt = Clock::now();
+    return ping(peer);
+}
+
+void MirrorServer::Io::askAllForAcknowledgements() {
+    for (auto peer = peers_.begin(); peer != peers_.end();)
+        peer = askForAcknowledgement(peer->second) ? ++peer : peers_.erase(peer);
 }
 
 /// Credit in bytes, and in time.
@@ -505,6 +532,8 @@ bool MirrorServer::Io::pump(Peer& peer) {
         if (!peer.sending) break;
         if (!sendChunk(peer)) return false;
     }
+    // What it has kept would give credit.
+    if (!mayPass(peer) && !askForAcknowledgement(peer)) return false;
     return peer.verdicts.empty() || deliverVerdicts(peer);
 }
 

@@ -24,6 +24,13 @@ ZmqMessage::ZmqMessage(std::span<const std::byte> bytes, std::shared_ptr<const v
     }
 }
 
+int ZmqSocket::descriptor() const {
+    int result = -1;
+    std::size_t size = sizeof(result);
+    zmq_getsockopt(socket_, ZMQ_FD, &result, &size);
+    return result;
+}
+
 void ZmqSocket::skipRest(const ZmqMessage& last) {
     bool more = last.more();
     while (more) {

@@ -1,6 +1,10 @@
 // The little of ZeroMQ that mirrors use, with owners and without exceptions.
+//
+// Waiting is done by poll() at the sockets' descriptors: zmq_poll() looks at each socket several times, a system call
+// or two a time, which for a frame to a thousand peers is most of the work.
 #pragma once
 
+#include <cerrno>
 #include <chrono>
 #include <cstdint>
 #include <memory>
@@ -61,15 +65,29 @@ class ZmqSocket {
     void set(int option, const std::string& value) { zmq_setsockopt(socket_, option, value.data(), value.size()); }
     /// False with errno set: EAGAIN when it would block, EHOSTUNREACH when a ROUTER knows no such peer.
     bool send(ZmqMessage& message, bool more = false) {
+        foundEmpty_ = false;
         return zmq_msg_send(message.get(), socket_, ZMQ_DONTWAIT | (more ? ZMQ_SNDMORE : 0)) >= 0;
     }
-    bool receive(ZmqMessage& message) { return zmq_msg_recv(message.get(), socket_, ZMQ_DONTWAIT) >= 0; }
+    bool receive(ZmqMessage& message) {
+        const bool received = zmq_msg_recv(message.get(), socket_, ZMQ_DONTWAIT) >= 0;
+        foundEmpty_ = !received && zmq_errno() == EAGAIN;
+        return received;
+    }
+    /// Readable when something has come since receive() found nothing. Whatever else is done with the socket after that
+    /// may take the note away: wait for it only while foundEmpty().
+    int descriptor() const;
+    bool foundEmpty() const { return foundEmpty_; }
     /// Reads and drops the rest of a message of several parts.
     void skipRest(const ZmqMessage& last);
-    void* get() const { return socket_; }
+    /// For what is not here; it may take the note away that something has come.
+    void* get() const {
+        foundEmpty_ = false;
+        return socket_;
+    }
 
   private:
     void* socket_;
+    mutable bool foundEmpty_ = false;
 };
 
 /// `what: reason` from errno.

@@ -72,7 +72,7 @@ Seen followLink(const Link& link) {
                 waiting.pop_front();
                 left = link.frame;
             }
-            const double part = std::min(left, double(pace.chunk(256 << 10)));
+            const double part = std::min(left, double(pace.chunk(256 << 10, time)));
             left -= part;
             sent += std::uint64_t(part);
             pace.sent(sent, time);
