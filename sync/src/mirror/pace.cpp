@@ -46,9 +46,11 @@ bool MirrorPace::open(std::uint64_t record, Clock::time_point now) {
     return !draining_ && (under == 0 || double(under) < limit(record));
 }
 
-/// The way is known, and takes all there is to send.
+/// The way is known, and has lately taken all there was to send.
 bool MirrorPace::settled(Clock::time_point now) const {
-    if (draining_ || lifted_ || delay_.now <= 0 || rate() <= 0 || heldUpTo_ > acknowledgedTotal_) return false;
+    const bool probes = delay_.now <= 0 && sentTotal_ == acknowledgedTotal_;  // with a part that goes alone
+    if (draining_ || lifted_ || probes || delay() <= 0 || rate() <= 0 || Seconds(now - heldAt_).count() < lag_)
+        return false;
     const auto awaited = std::ranges::find(sent_, 0u, &Sent::spared);
     return awaited == sent_.end() || Seconds(now - awaited->at).count() <= lag_ / 2;
 }

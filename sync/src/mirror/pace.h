@@ -29,7 +29,10 @@ class MirrorPace {
     /// All bytes acknowledged.
     void acknowledged(std::uint64_t total, Clock::time_point now);
     /// There is more to send than may be: what is under way tells the link's rate, not the sender's.
-    void held() { heldUpTo_ = sentTotal_; }
+    void held(Clock::time_point now) {
+        heldUpTo_ = sentTotal_;
+        heldAt_ = now;
+    }
 
     /// The sender leaves: what is held back so that newer things are not late is the newest there will be.
     void lift() {
@@ -80,7 +83,7 @@ class MirrorPace {
     double lag_ = 0, most_ = 0;
     std::uint64_t sentTotal_ = 0, acknowledgedTotal_ = 0, heldUpTo_ = 0, liftedAt_ = 0;
     std::uint64_t spared_ = 0;  // under way without being awaited
-    Clock::time_point acknowledgedAt_{}, next_{};
+    Clock::time_point acknowledgedAt_{}, next_{}, heldAt_{};
     std::deque<Sent> sent_;
     Spans rate_, delay_;
     bool draining_ = false, lifted_ = false;

@@ -29,6 +29,7 @@ constexpr int kLinger = 200;                                          // ms
 constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for what peers have not been sent
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
 constexpr auto kTick = 10ms, kLongestSleep = 1000ms;              // between looks at all peers, at least and at most
+constexpr auto kTickCosts = 50us;                                 // a peer: so that looking takes some percent at most
 constexpr auto kSettle = 5ms;                                     // between statistics of more peers
 constexpr std::size_t kFew = 16;                                  // than these
 constexpr auto kLookAround = 20ms, kLookAgain = 1ms;              // for connections that send no whole message
@@ -145,7 +146,9 @@ void MirrorServer::Io::turn() {
         garbage("a message without end: its connection was ended");
     const Clock::time_point now = Clock::now();
     if (shared_->wantAcknowledged.exchange(false)) askAllForAcknowledgements();
-    if (now - ticked_ >= kTick || shared_->originLost != toldLost_) tick(now);
+    if (now - ticked_ >= std::max<Clock::duration>(kTick, kTickCosts * peers_.size()) ||
+        shared_->originLost != toldLost_)
+        tick(now);
     // A thousand peers answer one after the other: what one of them says is no reason to look at all others.
     const bool everybody = std::exchange(news_, false) || now >= allDue_;
     if (everybody)
@@ -154,7 +157,7 @@ void MirrorServer::Io::turn() {
         pumpHeard(now);
     heard_.clear();
     // Statistics go through all peers: of what single ones say seldom, unless the scene waits for one of them.
-    unsettled_ = !everybody && !heldUp_ && peers_.size() > kFew && now - settled_ < kSettle;
+    unsettled_ = !everybody && !heldUp_ && peers_.size() > kFew && now - settled_ < settling();
     if (unsettled_) return;
     settled_ = now;
     publishStatistics();
@@ -195,8 +198,12 @@ std::chrono::milliseconds MirrorServer::Io::patience() const {
     if (gate_.connections().any())
         result = std::min(result, gate_.connections().suspicious() ? kLookAgain : kLookAround);
     if (news_) return 0ms;
-    const Clock::time_point due = unsettled_ ? std::min(allDue_, settled_ + kSettle) : allDue_;
+    const Clock::time_point due = unsettled_ ? std::min(allDue_, settled_ + settling()) : allDue_;
     return std::clamp(std::chrono::ceil<std::chrono::milliseconds>(due - now), 1ms, result);
+}
+
+MirrorServer::Io::Clock::duration MirrorServer::Io::settling() const {
+    return std::max<Clock::duration>(kSettle, kTickCosts * peers_.size());
 }
 
 bool MirrorServer::Io::hasBeenSentAll(const Peer& peer) const {

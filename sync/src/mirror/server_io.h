@@ -162,6 +162,8 @@ class MirrorServer::Io {
     void noticeWhoLeft();
     /// How long the thread may sleep.
     std::chrono::milliseconds patience() const;
+    /// How old statistics may be.
+    Clock::duration settling() const;
     /// When something is to be done for the peer though nothing comes from it nor for it.
     Clock::time_point dueFor(const Peer& peer, Clock::time_point now) const;
     /// Sends what may be sent: to everybody, or to those who have been heard in this turn.

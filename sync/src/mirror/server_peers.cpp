@@ -517,8 +517,9 @@ void MirrorServer::Io::askAllForAcknowledgements() {
 /// Credit in bytes, and in time.
 bool MirrorServer::Io::mayPass(Peer& peer) {
     const std::uint64_t record = peer.sending ? peer.sending->bytes.size() : 0;
-    if (peer.sentBytes - peer.ackedBytes < peer.window && peer.pace.open(record, Clock::now())) return true;
-    if (peer.sending || (peer.placed && peer.state != historyOf(peer).newest())) peer.pace.held();
+    const Clock::time_point now = Clock::now();
+    if (peer.sentBytes - peer.ackedBytes < peer.window && peer.pace.open(record, now)) return true;
+    if (peer.sending || (peer.placed && peer.state != historyOf(peer).newest())) peer.pace.held(now);
     return false;
 }
 

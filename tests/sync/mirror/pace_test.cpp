@@ -2,6 +2,7 @@
 // link is used.
 #include <deque>
 #include <random>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -22,12 +23,13 @@ struct Link {
     double most = 0;
     double seconds = 20;
     double delayLater = 0;  // of the second half, if it is another
+    bool keeps = false;     // the receiver keeps acknowledgements that can wait
 };
 
 struct Seen {
     double mostAge = 0;       // of frames in the last three quarters of the time, when they were there as a whole, s
     double bytesASecond = 0;  // in the same time
-    std::size_t frames = 0, merged = 0;
+    std::size_t frames = 0, merged = 0, acknowledgements = 0;
 };
 
 /// A scene of 60 frames a second, a sender that asks the pace, a link with a queue without end, and a receiver.
@@ -36,15 +38,16 @@ Seen followLink(const Link& link) {
     struct Chunk {
         double arrives, published;
         std::uint64_t total;
-        bool last;
+        bool last, awaited;
     };
     MirrorPace pace(link.lag, link.most);
     Seen seen;
     std::deque<double> waiting;                         // when frames that wait were published
     std::deque<Chunk> way;                              // in order
     std::deque<std::pair<double, std::uint64_t>> acks;  // when they are back
-    double linkFree = 0, nextFrame = 0, nextPoll = 0, sending = -1, left = 0, received = 0;
-    std::uint64_t sent = 0, arrived = 0;
+    double linkFree = 0, nextFrame = 0, nextPoll = 0, sending = -1, left = 0, received = 0, awaitedAt = -1;
+    std::uint64_t sent = 0, arrived = 0, awaitedTo = 0;
+    bool awaited = false;
     for (double now = 0; now < link.seconds; now += kStep) {
         const auto time = Clock::time_point(std::chrono::duration_cast<Clock::duration>(MirrorPace::Seconds(now + 1)));
         const bool measured = now > link.seconds / 4;
@@ -60,7 +63,10 @@ Seen followLink(const Link& link) {
         while (true) {
             if (left <= 0 && waiting.empty()) break;
             if (!pace.open(left > 0 ? std::uint64_t(link.frame) : 0, time)) {
-                pace.held();
+                pace.held(time);
+                // As a server's ping asks for what has been kept.
+                if (awaitedTo != sent)
+                    way.push_back({std::max(linkFree, now) + delay, 0, awaitedTo = sent, false, true});
                 break;
             }
             if (left <= 0) {
@@ -73,26 +79,30 @@ Seen followLink(const Link& link) {
                 left = link.frame;
             }
             const double part = std::min(left, double(pace.chunk(256 << 10, time)));
+            const bool later = link.keeps && part == link.frame && now - awaitedAt < .25 &&
+                               pace.spare(static_cast<std::uint64_t>(part), time);
             left -= part;
             sent += std::uint64_t(part);
-            pace.sent(sent, time);
+            pace.sent(sent, time, !later);
+            if (!later) awaitedAt = now, awaitedTo = sent;
             linkFree = std::max(linkFree, now);
             if (link.stall > 0 && std::fmod(linkFree, 1.) < link.stall) linkFree = std::floor(linkFree) + link.stall;
             linkFree += part / link.rate;
-            way.push_back({linkFree + delay, sending, sent, left < 1});
+            way.push_back({linkFree + delay, sending, sent, left < 1, !later});
         }
         if (now < nextPoll) continue;
         nextPoll = now + link.poll;
-        bool any = false;
         for (; !way.empty() && way.front().arrives <= now; way.pop_front()) {
-            any = true;
+            awaited = awaited || way.front().awaited;
             if (measured) received += double(way.front().total - arrived);
             arrived = way.front().total;
             if (!way.front().last) continue;
             ++seen.frames;
             if (measured) seen.mostAge = std::max(seen.mostAge, now - way.front().published);
         }
-        if (any) acks.emplace_back(now + delay, arrived);
+        if (!std::exchange(awaited, false)) continue;
+        acks.emplace_back(now + delay, arrived);
+        if (measured) ++seen.acknowledgements;
     }
     seen.bytesASecond = received / (.75 * link.seconds);
     return seen;
@@ -100,10 +110,10 @@ Seen followLink(const Link& link) {
 
 TEST(MirrorPace, OnASlowLinkFramesComeMergedAndInTime) {
     // 1 Mbit/s and 4 Mbit/s for what makes 6 Mbit/s, near and far.
-    for (const double rate : {125e3, 500e3})
+    for (const auto& [rate, keeps] : {std::pair(125e3, false), {125e3, true}, {500e3, false}, {500e3, true}})
         for (const double delay : {.001, .02, .1}) {
-            SCOPED_TRACE(testing::Message() << rate << " bytes/s, " << delay << " s");
-            const Link link{.rate = rate, .delay = delay};
+            SCOPED_TRACE(testing::Message() << rate << " bytes/s, " << delay << " s, keeps " << keeps);
+            const Link link{.rate = rate, .delay = delay, .keeps = keeps};
             const Seen seen = followLink(link);
             EXPECT_LE(seen.mostAge, .25 + 2 * delay + link.frame / rate);
             EXPECT_GE(seen.bytesASecond, .75 * rate) << "the link is used";
@@ -112,36 +122,80 @@ TEST(MirrorPace, OnASlowLinkFramesComeMergedAndInTime) {
 }
 
 TEST(MirrorPace, AtTheEndOfATelephoneLineAFrameTakesAsLongAsItTakes) {
-    const Link link{.rate = 8e3, .delay = .05, .seconds = 60};
-    const Seen seen = followLink(link);
-    const double own = link.frame / link.rate;
-    EXPECT_LE(seen.mostAge, .25 + own + 2 * link.delay);
-    EXPECT_GE(seen.bytesASecond, .75 * link.rate);
+    for (const bool keeps : {false, true}) {
+        const Link link{.rate = 8e3, .delay = .05, .seconds = 60, .keeps = keeps};
+        const Seen seen = followLink(link);
+        const double own = link.frame / link.rate;
+        EXPECT_LE(seen.mostAge, .25 + own + 2 * link.delay);
+        EXPECT_GE(seen.bytesASecond, .75 * link.rate);
+    }
 }
 
 TEST(MirrorPace, ALinkThatStumblesDoesNotPileUpWhatIsOld) {
-    const Link link{.rate = 125e3, .delay = .02, .stall = .2};
-    const Seen seen = followLink(link);
-    // A chunk may stand still on the way, and before it the frame that it is of.
-    EXPECT_LE(seen.mostAge, .25 + 2 * link.delay + link.frame / link.rate + 2 * link.stall);
-    EXPECT_GE(seen.bytesASecond, .5 * link.rate);
+    for (const bool keeps : {false, true}) {
+        const Link link{.rate = 125e3, .delay = .02, .stall = .2, .keeps = keeps};
+        const Seen seen = followLink(link);
+        // A chunk may stand still on the way, and before it the frame that it is of.
+        EXPECT_LE(seen.mostAge, .25 + 2 * link.delay + link.frame / link.rate + 2 * link.stall);
+        EXPECT_GE(seen.bytesASecond, .5 * link.rate);
+    }
 }
 
 TEST(MirrorPace, AWayThatGrowsLongerIsLearned) {
-    const Link link{.rate = 125e3, .delay = .005, .seconds = 60, .delayLater = .2};
-    const Seen seen = followLink(link);
-    EXPECT_LE(seen.mostAge, .25 + 2 * .2 + .1);
-    EXPECT_GE(seen.bytesASecond, .6 * link.rate);
+    for (const bool keeps : {false, true}) {
+        const Link link{.rate = 125e3, .delay = .005, .seconds = 60, .delayLater = .2, .keeps = keeps};
+        const Seen seen = followLink(link);
+        EXPECT_LE(seen.mostAge, .25 + 2 * .2 + .1);
+        EXPECT_GE(seen.bytesASecond, .6 * link.rate);
+    }
 }
 
 TEST(MirrorPace, OnAFastLinkEveryFrameComesAtOnce) {
-    for (const double poll : {.0005, .016, .1}) {
-        const Link link{.rate = 500e6, .delay = 1e-4, .poll = poll};
+    for (const auto& [poll, keeps] :
+         {std::pair(.0005, false), {.0005, true}, {.016, false}, {.016, true}, {.1, false}, {.1, true}}) {
+        const Link link{.rate = 500e6, .delay = 1e-4, .poll = poll, .keeps = keeps};
         const Seen seen = followLink(link);
         EXPECT_EQ(seen.merged, 0u) << poll;
         EXPECT_GE(seen.frames, 60 * link.seconds - 40) << "all but some at the start";
         EXPECT_LE(seen.mostAge, poll + .02) << poll;
     }
+}
+
+TEST(MirrorPace, OnAFastLinkOneAcknowledgementDoesForManyFrames) {
+    for (const double frame : {500., 13e3}) {
+        const Link link{.rate = 100e6, .delay = .001, .frame = frame, .keeps = true};
+        const Seen seen = followLink(link);
+        EXPECT_EQ(seen.merged, 0u);
+        EXPECT_LE(seen.mostAge, .02);
+        EXPECT_GE(seen.frames, 60 * link.seconds - 40);
+        EXPECT_LE(double(seen.acknowledgements), .75 * double(seen.frames) / 8) << "four a second and few more";
+    }
+}
+
+TEST(MirrorPace, ALinkThatCollapsesIsNotedThoughAcknowledgementsWait) {
+    // From 100 Mbit/s to 1 Mbit/s in between two of them.
+    MirrorPace pace(.25, 0);
+    auto now = Clock::time_point(std::chrono::seconds(1));
+    std::uint64_t sent = 0;
+    for (int i = 0; i < 100; ++i) {  // 13 kB within 2 ms
+        while (pace.open(13000, now)) {
+            const std::uint64_t part = std::min<std::uint64_t>(13000 - sent % 13000, pace.chunk(1 << 18, now));
+            pace.sent(sent += part, now);
+            if (sent % 13000 == 0) break;
+        }
+        now += std::chrono::milliseconds(2);
+        pace.acknowledged(sent, now);
+        now += std::chrono::milliseconds(14);
+    }
+    const std::uint64_t before = sent;
+    for (int i = 0; i < 600; ++i, now += std::chrono::milliseconds(16)) {  // nothing comes back
+        if (!pace.open(13000, now)) continue;
+        const bool later = pace.spare(13000, now);
+        pace.sent(sent += 13000, now, !later);
+    }
+    EXPECT_GT(sent - before, 26000u) << "what was kept held nothing back";
+    EXPECT_LE(double(sent - before), pace.rate() * (.125 + 1.25 * (pace.delay() + .25 / 8)) + 2 * 13000)
+        << "half of the lag without acknowledgement, and what may be under way in any case";
 }
 
 TEST(MirrorPace, AReceiverThatSeldomLooksGetsAllThatFitsEachTime) {
