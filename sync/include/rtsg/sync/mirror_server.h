@@ -93,7 +93,8 @@ struct MirrorServerStatistics {
     std::uint64_t requests = 0;   // from upstream, carried out or refused
     std::uint64_t coded = 0;      // frames encoded a second time, with predicted values, as somebody takes those
     std::uint64_t stalls = 0;     // snapshots that the scene's thread had to take
-    /// The least advanced peer's acknowledged state, and the scene's.
+    /// The least advanced peer's acknowledged state, and the scene's. Acknowledgements may wait for a heartbeat where
+    /// there is credit enough; drain() asks for them.
     std::uint64_t acknowledged = 0, sequence = 0;
 };
 
