@@ -328,7 +328,9 @@ class BatchTracer {
     }
 
     bool goOn(Ray& ray, bool met, double left, AcousticHit& hit) {
-        if (!met && ray.plane != kNoPlane) {
+        // What came through a wall would meet that again.
+        const bool through = glm::dot(ray.before - ray.origin, ray.facing) < 0;
+        if (!met && ray.plane != kNoPlane && !through) {
             // In a corner rounding may have put the start behind the next wall, or the ray between two of them.
             const glm::dvec3 inside = offWalls(geometry_, ray.origin, ray.before);
             met = geometry_.closest(inside, ray.direction, left, kNoPlane, hit);
