@@ -323,6 +323,10 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
         noteSeal(emitter, state.tracedSource, state.tracedListener, start / options.sampleRate, std::move(*state.seal));
         state.seal.reset();
     }
+    if (!state.openings.openings.empty() && state.quiet == 0) {
+        noteLeaks(emitter, state.tracedSource, start / options.sampleRate, state.openings);
+        state.openings = {};
+    }
     state.level = to;
     return {};
 }

@@ -90,6 +90,7 @@ struct AcousticEngine::Impl {
     void takeResponse(TracedResponse traced);
     void noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener, double seconds,
                   Seal seal);
+    void noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds, const RoomOpenings& openings);
 
     AcousticOptions options;
     std::size_t channels;
@@ -113,6 +114,8 @@ struct AcousticEngine::Impl {
     HeardResponses heard;
     std::vector<SealedSource> sealed;
     std::map<InstanceId, bool> toldSealed;  // of those that are: whether the source is inside
+    std::vector<SoundLeak> leaks;
+    int leakSearches = 0;
     // Of sound that does not wait.
     std::shared_ptr<const AcousticState> liveState;
     std::shared_ptr<const RayView> liveRays;

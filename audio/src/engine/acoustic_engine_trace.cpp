@@ -9,6 +9,8 @@ namespace {
 
 /// Cosine of 3.6 degrees, the least turn that is traced anew.
 constexpr double kTurned = 0.998;
+/// So many sources look for leaks, and with so many rays of each batch.
+constexpr int kLeakSearches = 8, kLeakExits = 32;
 
 /// The direction that an emitter faces, in the world.
 glm::dvec3 aimOf(const SoundEmitter& emitter) {
@@ -59,6 +61,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.body = state.body;
     job.tracing = options.trace;
     job.tracing.air = air;
+    if (!state.leaksSought && leakSearches < kLeakSearches) job.tracing.exits = kLeakExits;
     job.tracing.pattern = patternOf(emitter, source, listener.position);
     job.error = options.error;
     job.maxRays = options.maxRays;
@@ -112,6 +115,28 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     state.tracing = false;
     state.seal = std::move(traced.seal);
     if (!state.seal) toldSealed.erase(traced.emitter);
+    // In the open, or where nothing is lost, looking costs nothing, and walls may come yet.
+    if (traced.openings.outdoors || !(traced.openings.escaped > 0)) return;
+    state.leaksSought = true;
+    ++leakSearches;
+    state.openings = std::move(traced.openings);
+}
+
+void AcousticEngine::Impl::noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds,
+                                     const RoomOpenings& openings) {
+    constexpr std::size_t kMost = 1000;
+    // Less cannot be heard, alone or beside what else escapes.
+    constexpr double kLeast = 1e-4, kLeastOfAll = 0.01;
+    for (const RoomOpening& opening : openings.openings) {
+        const double share = opening.meanShare();
+        if (!opening.leak || share < kLeast || share < kLeastOfAll * openings.escaped || leaks.size() >= kMost)
+            continue;
+        const bool known = std::any_of(leaks.begin(), leaks.end(), [&](const SoundLeak& leak) {
+            const double near = 0.01 + 0.25 * std::max(leak.opening.length, opening.length);
+            return glm::distance(leak.opening.center, opening.center) < near;
+        });
+        if (!known) leaks.push_back({emitter.name, emitter.sound->node, source, seconds, opening});
+    }
 }
 
 void AcousticEngine::Impl::noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener,
@@ -126,6 +151,14 @@ void AcousticEngine::Impl::noteSeal(const SoundEmitter& emitter, const glm::dvec
 
 const std::vector<SealedSource>& AcousticEngine::sealed() const {
     return impl_->sealed;
+}
+
+const std::vector<SoundLeak>& AcousticEngine::leaks() const {
+    return impl_->leaks;
+}
+
+void AcousticEngine::note(const SoundEmitter& emitter, double seconds, const RoomOpenings& openings) {
+    impl_->noteLeaks(emitter, emitter.position(), seconds, openings);
 }
 
 void AcousticEngine::note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds,

@@ -61,6 +61,8 @@ struct EmitterState {
     bool stale = false;   // something changed there since
     std::size_t responseFrames = 0;
     std::optional<Seal> seal;  // nothing arrived, and why; until it was told
+    RoomOpenings openings;     // of the room, until they were told
+    bool leaksSought = false;
     /// Gone from the scene; what it sent is still on its way for this many samples.
     bool gone = false;
     std::size_t fading = 0;

@@ -23,6 +23,7 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
     result.seal = sealOf(traced, room, job.source, job.listener);
     if (job.error > 0 && !result.seal)
         result.error = tracer.refineTo(traced, job.source, job.listener, job.tracing, job.error, job.maxRays);
+    if (!traced.exits.empty()) result.openings = room.openings(job.source, traced.exits, traced.escaped);
     const ImpulseResponse ir = makeImpulseResponse(traced.echogram(), job.response);
     for (const std::vector<float>& channel : ir.channels)
         result.channels.push_back(Convolver::prepare(job.block, channel));

@@ -45,6 +45,7 @@ struct TracedResponse {
     std::size_t images = 0;
     double error = 0;          // NaN unless asked for
     std::optional<Seal> seal;  // nothing arrived, and why
+    RoomOpenings openings;     // if job.tracing asked for exits
 };
 
 TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry);

@@ -8,6 +8,7 @@
 #include <rtsg/audio/sound_renderer.h>
 
 #include "json_text.h"
+#include "opening_text.h"
 
 namespace rtsg {
 
@@ -21,12 +22,12 @@ std::string ListenReport::toJson() const {
             "{}{{\"source\":{},\"position\":[{},{},{}],\"bands_hz\":{},{},\"ci95\":{{{}}},\"schroeder_hz\":{},\"image_"
             "order\":{},"
             "\"images\":{},\"edge_pairs\":{{\"heard\":{},\"left_out\":{}}},"
-            "\"rays\":{},\"absorbed\":{},\"escaped\":{},\"truncated\":{}}}",
+            "\"rays\":{},\"absorbed\":{},\"escaped\":{},\"truncated\":{},\"losses\":{}}}",
             i ? "," : "", jsonString(s.source), jsonNumber(s.position.x), jsonNumber(s.position.y),
             jsonNumber(s.position.z), jsonArray(kBandHz), jsonFigures(s.metrics.value), jsonFigures(s.metrics.ci95),
             jsonNumber(s.schroederHz), highest, s.trace.arrivals.size(), s.trace.edgePairs.heard,
             s.trace.edgePairs.leftOut, s.trace.rays, jsonArray(s.trace.absorbed), jsonArray(s.trace.escaped),
-            jsonArray(s.trace.truncated));
+            jsonArray(s.trace.truncated), openingsJson(s.openings));
     }
     text += fmt::format("],\"rays\":{},\"seconds\":{},\"escaped\":{},\"gain\":{}", rays, jsonNumber(seconds),
                         jsonNumber(escaped), jsonNumber(static_cast<double>(gain)));

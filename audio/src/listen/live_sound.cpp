@@ -197,6 +197,7 @@ LiveReport LiveSound::stop() {
     report.diagnostics.append(impl_->engine->diagnostics());
     tellSealed(impl_->world.scene(), impl_->engine->sealed(), impl_->options.render.startTime,
                impl_->options.render.document, report.diagnostics);
+    tellLeaks(impl_->world.scene(), impl_->engine->leaks(), impl_->options.render.document, report.diagnostics);
     return report;
 }
 

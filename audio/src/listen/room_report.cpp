@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "json_text.h"
+#include "opening_text.h"
 #include "report_figures.h"
 
 namespace rtsg {
@@ -67,6 +68,7 @@ std::string RoomReport::toText() const {
     for (const ReportFigure& figure : kReportFigures)
         text += fmt::format("  {:<12}{:>9}\n", figure.title(),
                             reportNumber(single(all.mean.*figure.values), figure.digits));
+    text += lossesText(*this);
     for (const Pair& pair : pairs) {
         text += fmt::format("\n{} at {}, heard from {} at {}\n{}\n", printable(pair.source), placeText(pair.sourceAt),
                             printable(pair.listener), placeText(pair.listenerAt), head);
@@ -94,7 +96,11 @@ std::string RoomReport::toJson() const {
     for (const ReportFigure& figure : kReportFigures)
         text += fmt::format("{}\"{}\":{}", &figure == kReportFigures.data() ? "" : ",", figure.key,
                             jsonNumber(single(all.mean.*figure.values)));
-    return text + fmt::format("}},\"rays\":{},\"seconds\":{}}}", rays, jsonNumber(seconds));
+    text += "},\"losses\":[";
+    for (const Losses& lost : losses)
+        text += fmt::format("{}{{\"source\":{},{}", &lost == losses.data() ? "" : ",", jsonString(lost.source),
+                            openingsJson(lost.openings).substr(1));
+    return text + fmt::format("],\"rays\":{},\"seconds\":{}}}", rays, jsonNumber(seconds));
 }
 
 }  // namespace rtsg

@@ -6,6 +6,7 @@
 
 #include <rtsg/audio/room_report.h>
 
+#include "opening_text.h"
 #include "report_figures.h"
 
 namespace rtsg {
@@ -190,6 +191,7 @@ std::string RoomReport::toHtml() const {
         page += "<td>" + reportNumber(single(all.mean.*figure.values), figure.digits) + "</td>";
     page += "</tr>\n</table>\n<h2>Mean over places</h2>\n<p>With the standard deviation among them.</p>\n" +
             figuresTable(all.mean, all.deviation);
+    page += lossesHtml(*this);
     for (const Pair& pair : pairs) page += pairSection(pair);
     return page + "</body></html>\n";
 }

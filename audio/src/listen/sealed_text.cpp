@@ -1,4 +1,4 @@
-// Puts into words what keeps a source and the listener apart.
+// Puts into words what keeps a source and the listener apart, and where a room loses sound.
 #include "sealed_text.h"
 
 #include <optional>
@@ -9,6 +9,7 @@
 
 #include <rtsg/core/loader.h>
 
+#include "opening_text.h"
 #include "scene/sound_fields.h"
 
 namespace rtsg {
@@ -43,43 +44,120 @@ class NodePlaces final : public NullHandler {
     std::unordered_map<std::string, SourceLocation> places_;
 };
 
-/// The name that an author gave it, or what it is made of; and where it is.
-std::string shapeText(const Scene& scene, const Seal::Shape& shape) {
-    const Node* geometry = scene.find(shape.geometry);
-    std::string text(scene.name(shape.shape));
-    if (text.empty()) text = scene.name(shape.geometry);
-    const std::string what = geometry ? std::string(geometry->type().name) : "Shape";
-    text = text.empty() ? "a " + what + " (" : text + " (" + what + ", ";
-    const glm::dvec3 size = shape.box.high - shape.box.low;
-    return fmt::format("{}{:.4g} x {:.4g} x {:.4g} m about {})", text, size.x, size.y, size.z,
-                       placeOf((shape.box.low + shape.box.high) / 2.0));
+/// The name that an author gave a shape or its geometry, or what it is made of.
+std::string shapeName(const Scene& scene, NodeId shape, NodeId geometry) {
+    std::string text(scene.name(shape));
+    if (text.empty()) text = scene.name(geometry);
+    if (!text.empty()) return text;
+    const Node* made = scene.find(geometry);
+    return "a " + (made ? std::string(made->type().name) : "Shape");
+}
+
+/// Where a document has a shape, if it says so.
+std::optional<SourceLocation> lineOf(const Scene& scene, const std::optional<NodePlaces>& places, NodeId shape,
+                                     NodeId geometry) {
+    if (!places) return std::nullopt;
+    for (const NodeId id : {shape, geometry})
+        if (const Node* node = scene.find(id))
+            if (const auto found = places->find(node->type().name, scene.name(id))) return found;
+    return std::nullopt;
+}
+
+/// Its name, and in brackets what it is made of, how large, where, and its line.
+std::string shapeText(const Scene& scene, const std::optional<NodePlaces>& places, NodeId shape, NodeId geometry,
+                      const AcousticBox& box) {
+    const Node* made = scene.find(geometry);
+    const std::string name = shapeName(scene, shape, geometry), what = made ? std::string(made->type().name) : "Shape";
+    const bool named = !scene.name(shape).empty() || !scene.name(geometry).empty();
+    const glm::dvec3 size = box.high - box.low;
+    const auto line = lineOf(scene, places, shape, geometry);
+    return fmt::format("{} ({}{:.4g} x {:.4g} x {:.4g} m about {}{})", name, named ? what + ", " : std::string(),
+                       size.x, size.y, size.z, placeOf((box.low + box.high) / 2.0),
+                       line ? fmt::format(", line {}", line->line) : std::string());
+}
+
+std::optional<NodePlaces> placesOf(const std::filesystem::path& document, bool needed) {
+    std::optional<NodePlaces> places;
+    if (needed && !document.empty() && document != "-") places.emplace(document);
+    return places;
+}
+
+/// What is there, and where.
+std::string leakText(const Scene& scene, const std::optional<NodePlaces>& places, const RoomOpening& leak) {
+    std::string shapes;
+    for (const RoomOpening::Beside& beside : leak.beside) {
+        const bool last = &beside == &leak.beside.back();
+        shapes += (shapes.empty() ? ""
+                   : last         ? " and "
+                                  : ", ") +
+                  shapeText(scene, places, beside.shape, beside.geometry, beside.box);
+    }
+    const std::string at = placeOf(leak.center);
+    if (shapes.empty()) shapes = "nothing that has a name";
+    if (leak.boundaryEdges == 3) return fmt::format("{} lacks a triangle at {}, of {:.3g} m2", shapes, at, leak.area);
+    constexpr double kCrack = 10;
+    const std::string what = leak.length > kCrack * leak.width ? "crack" : "hole";
+    if (leak.boundaryEdges > 0) return fmt::format("{} has a {} at {}, {}", shapes, what, at, sizeText(leak));
+    return fmt::format("there is a {} at {}, {}, {} {}", what, at, sizeText(leak),
+                       leak.beside.size() > 1 ? "between" : "beside", shapes);
 }
 
 }  // namespace
 
+void nameShapes(const Scene& scene, RoomOpenings& openings) {
+    for (RoomOpening& opening : openings.openings)
+        for (RoomOpening::Beside& beside : opening.beside)
+            beside.name = shapeName(scene, beside.shape, beside.geometry);
+}
+
+void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
+               Diagnostics& diagnostics) {
+    const std::optional<NodePlaces> places = placesOf(document, !leaks.empty());
+    for (const SoundLeak& leak : leaks) {
+        Diagnostic told{Severity::warning, {}, {}, {}, DiagnosticCode("leak")};
+        told.text = fmt::format("{}: some {} of the sound of {} is lost there", leakText(scene, places, leak.opening),
+                                percentText(leak.opening.meanShare()), leak.name);
+        for (const RoomOpening::Beside& beside : leak.opening.beside)
+            if (const auto where = lineOf(scene, places, beside.shape, beside.geometry)) {
+                told.file = document.string();
+                told.where = *where;
+                break;
+            }
+        diagnostics.add(std::move(told));
+    }
+}
+
 void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
                 const std::filesystem::path& document, Diagnostics& diagnostics) {
-    std::optional<NodePlaces> places;
-    if (!sealed.empty() && !document.empty() && document != "-") places.emplace(document);
+    const std::optional<NodePlaces> places = placesOf(document, !sealed.empty());
     for (const SealedSource& found : sealed) {
         const Seal& seal = found.seal;
         std::string shapes;
         for (const Seal::Shape& shape : seal.shapes) {
             const bool last = &shape == &seal.shapes.back() && seal.more == 0;
-            shapes += (shapes.empty() ? "" : last ? " and " : ", ") + shapeText(scene, shape);
+            shapes += (shapes.empty() ? ""
+                       : last         ? " and "
+                                      : ", ") +
+                      shapeText(scene, places, shape.shape, shape.geometry, shape.box);
         }
         if (seal.more > 0) shapes += fmt::format(" and {} more", seal.more);
-        const std::string source = fmt::format("{} at {}", found.name, placeOf(found.source));
-        const std::string listener = "the listener at " + placeOf(found.listener);
-        const std::string &inner = seal.sourceInside ? source : listener,
-                          &outer = seal.sourceInside ? listener : source;
         const std::string since =
-            found.seconds > start ? fmt::format(" from {:.2f} s on", found.seconds - start) : std::string();
+            found.seconds > start ? fmt::format("from {:.2f} s on ", found.seconds - start) : std::string();
+        const std::string source = placeOf(found.source), listener = placeOf(found.listener);
         Diagnostic told{Severity::warning, {}, {}, {}, DiagnosticCode("sealed")};
-        told.text = seal.proven ? fmt::format("{} is silent{}: {} is sealed in {}, and {} is outside", found.name,
-                                              since, inner, shapes, outer)
-                                : fmt::format("{} is silent{}: no way was found from {}, which is shut in by {}, to {}",
-                                              found.name, since, inner, shapes, outer);
+        told.text = fmt::format("{}nothing is heard of {}: ", since, found.name);
+        if (seal.proven)
+            told.text += seal.sourceInside
+                             ? fmt::format("it is at {}, closed in by {}, and the listener is outside, at {}", source,
+                                           shapes, listener)
+                             : fmt::format("the listener is at {}, closed in by {}, and the source is outside, at {}",
+                                           listener, shapes, source);
+        else
+            told.text += seal.sourceInside
+                             ? fmt::format("no way was found out from its place, {}, past {}, to the listener at {}",
+                                           source, shapes, listener)
+                             : fmt::format("no way was found in from its place, {}, past {}, to the listener at {}",
+                                           source, shapes, listener);
         const Node* node = places ? scene.find(found.sound) : nullptr;
         if (const auto where = node ? places->find(node->type().name, scene.name(found.sound)) : std::nullopt) {
             told.file = document.string();

@@ -1,4 +1,5 @@
-// Says of sources that are sealed off from the listener by what, where and since when. Threading: the scene's thread.
+// Says what keeps sound from the listener, and where a room loses it: by which shapes, where and since when. Threading:
+// the scene's thread.
 #pragma once
 
 #include <filesystem>
@@ -12,5 +13,11 @@ namespace rtsg {
 /// A warning for each. `start`: scene time of the first sample. `document`: see AcousticOptions.
 void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
                 const std::filesystem::path& document, Diagnostics& diagnostics);
+
+/// A warning for each.
+void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
+               Diagnostics& diagnostics);
+/// RoomOpening::Beside::name of all.
+void nameShapes(const Scene& scene, RoomOpenings& openings);
 
 }  // namespace rtsg

@@ -19,6 +19,9 @@
 namespace rtsg {
 namespace {
 
+/// Of the rays of a batch that escape, so many say where to.
+constexpr int kExits = 64;
+
 using Clock = std::chrono::steady_clock;
 
 double secondsSince(Clock::time_point start) {
@@ -149,6 +152,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
     const AcousticTracer tracer(room);
     TraceOptions tracing = s.options.trace;
     tracing.air = s.renderer->air();
+    tracing.exits = kExits;
     std::vector<TraceResult> traces = tracer.trace(position, listeners, tracing);
     std::vector<std::optional<Seal>> seals;
     bool allSealed = true;
@@ -161,12 +165,17 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
         tracer.refineTo(traces, position, listeners, tracing, s.options.error, s.options.maxRays,
                         [&] { return !(cancelled = s.options.progress && !s.options.progress(0)); });
     if (cancelled) return fail("cancelled");
+    RoomOpenings openings;
+    if (!traces.empty()) openings = room.openings(position, traces.front().exits, traces.front().escaped);
+    nameShapes(world().scene(), openings);
+    s.renderer->note(emitter, world().scene().now(), openings);
     for (std::size_t i = 0; i < listeners.size(); ++i) {
         ListenReport::Source& source = heard.emplace_back();
         source.source = emitter.name;
         source.position = position;
         source.trace = std::move(traces[i]);
         source.metrics = source.trace.metrics();
+        source.openings = openings;
         source.schroederHz = schroederFrequency(room, position, listeners[i], source.metrics.value.t20[4]);
         s.renderer->note(emitter, listeners[i], world().scene().now(), std::move(seals[i]));
     }
@@ -233,6 +242,7 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
                                         source.trace.escaped, source.trace.echogram()});
             }
             report.rays += rays;
+            if (first == 0 && !sources->empty()) report.losses.push_back({emitter.name, sources->front().openings});
         }
     if (report.pairs.empty()) return fail("there is no source of sound to measure the room with");
     report.seconds = secondsSince(start);
@@ -247,6 +257,7 @@ ListenReport SoundRenderer::finish() {
     s.report.heard = s.renderer->heard();
     s.report.diagnostics.append(s.renderer->diagnostics());
     tellSealed(world().scene(), s.renderer->sealed(), s.start, s.options.render.document, s.report.diagnostics);
+    tellLeaks(world().scene(), s.renderer->leaks(), s.options.render.document, s.report.diagnostics);
     if (s.renderer->scene().emitters().empty()) s.report.diagnostics.warning({}, "the scene has no sounds");
     return std::exchange(s.report, ListenReport());
 }

@@ -288,6 +288,19 @@ Fate fateOf(const std::vector<Batch<N>>& batches, const Bands& attenuation) {
     return fate;
 }
 
+/// Adds the rays that left; those of one run after the other, as each was sent with the same.
+template <std::size_t N>
+void addExits(const std::vector<Batch<N>>& batches, const Bands& attenuation, std::vector<EscapedRay>& exits) {
+    constexpr std::size_t kMostExits = 4096;
+    for (const Batch<N>& batch : batches)
+        for (const typename Batch<N>::Exit& exit : batch.exits) {
+            if (exits.size() >= kMostExits) return;
+            Bands energy = airShare(attenuation, exit.metres);
+            for (std::size_t b = 0; b < kBandCount; ++b) energy[b] *= bandOf<N>(exit.energy, b);
+            exits.push_back({exit.origin, exit.direction, energy});
+        }
+}
+
 /// Finds the images of listeners with which walls that scatter are connected: few, as each of these walls chooses from
 /// all. Ways through walls that let sound pass have no end of their own, so that none are looked for there.
 void connect(const AcousticGeometry& geometry, const TraceOptions& options, std::vector<Ear>& ears) {
@@ -326,6 +339,7 @@ void refineAs(const AcousticGeometry& geometry, const Group& group, const TraceO
         mix(result.absorbed, fate.absorbed, weight);
         mix(result.escaped, fate.escaped, weight);
         mix(result.truncated, fate.truncated, weight);
+        addExits(fresh, attenuation, result.exits);
         result.rays += rays;
     }
 }

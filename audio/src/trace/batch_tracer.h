@@ -100,6 +100,12 @@ struct Batch {
     Energy<N> sent{};
     /// What left, and what is still under way: energy and metres, of each ray.
     std::vector<std::pair<Energy<N>, double>> escaped, truncated;
+    struct Exit {
+        glm::dvec3 origin, direction;
+        Energy<N> energy;  // 1: all that a ray is sent with
+        double metres;
+    };
+    std::vector<Exit> exits;  // of those that left
 };
 
 /// A listener with its ball, and what of the paths to it is exact.
@@ -202,6 +208,7 @@ class BatchTracer {
           binsPerMetre_(task.options.binsPerSecond / task.options.air.speedOfSound),
           batch_(batch),
           random_(seed),
+          exitRandom_(Random::mix(seed, 0xE517)),
           looks_(ears_) {
         batch_.heard.resize(ears_.size());
         if (std::any_of(ears_.begin(), ears_.end(), [](const Ear& ear) { return !ear.images.all().empty(); }))
@@ -344,8 +351,24 @@ class BatchTracer {
         if (geometry_.closest(ray.origin, ray.direction, 1e9, ray.plane, hit))
             batch_.truncated.emplace_back(ray.energy, maxDistance_);
         else
-            batch_.escaped.emplace_back(ray.energy, ray.travelled);
+            escape(ray);
         return false;
+    }
+
+    /// Of all that leave some are kept, each with the same chance (Vitter 1985, algorithm R).
+    void escape(const Ray& ray) {
+        batch_.escaped.emplace_back(ray.energy, ray.travelled);
+        const auto most = static_cast<std::size_t>(std::max(0, task_.options.exits));
+        if (most == 0) return;
+        std::size_t at = batch_.exits.size();
+        if (at < most)
+            batch_.exits.emplace_back();
+        else
+            at = static_cast<std::size_t>(exitRandom_.uniform() * static_cast<double>(batch_.escaped.size()));
+        if (at >= most) return;
+        typename Batch<N>::Exit& exit = batch_.exits[at];
+        exit = {ray.origin, ray.direction, ray.energy, ray.travelled};
+        for (double& e : exit.energy) e /= initial_;
     }
 
     /// Of a ray that a mirror sent here: not where it is one of the images of the source, nor where images of the
@@ -565,7 +588,7 @@ class BatchTracer {
     std::span<const Ear> ears_;
     double maxDistance_, binsPerMetre_;
     Batch<N>& batch_;
-    Random random_;
+    Random random_, exitRandom_;  // the latter changes nothing that is heard
     double initial_ = 1, shiftU_ = 0, shiftV_ = 0;
     Ray lanes_[AcousticRays::kMost];
     /// What is heard of the walls of one step if nothing is in between.

@@ -17,7 +17,7 @@ namespace {
 constexpr int kTones = EdgeTones::kTones;
 
 /// Means over each octave.
-struct Shares {
+struct EdgeShares {
     Bands direct{}, mirrored{};  // factors of the energies that are there already
     Bands edge{};                // energy by way of the edge itself, times 4 pi m^2
     Bands dark{};                // the same with direct sound, if there is any, for it has not come otherwise
@@ -32,8 +32,8 @@ double coherence(const WedgePath& path) {
     return fromImage / (fromImage + fromShadow);
 }
 
-Shares sharesOf(const WedgePath& path, std::uint32_t material, const EdgeTones& tones) {
-    Shares shares;
+EdgeShares edgeSharesOf(const WedgePath& path, std::uint32_t material, const EdgeTones& tones) {
+    EdgeShares shares;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         const double mirrors = tones.mirrors(material, b);
         tones.each(b, [&](double waveNumber) {
@@ -99,7 +99,7 @@ EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3&
         if (!(way < seconds * c) || !seen(geometry, source, by) || !seen(geometry, listener, by) ||
             !isOpen(geometry, edge, by, path.opening, round.turn))
             return;
-        const Shares shares = sharesOf(path, edge.material, tones);
+        const EdgeShares shares = edgeSharesOf(path, edge.material, tones);
         const double sum = path.sourceAngle + path.receiverAngle, other = 2 * path.opening - sum;
         const bool lit = std::abs(path.receiverAngle - path.sourceAngle) < std::numbers::pi;
         const bool mirrored = sum < std::numbers::pi || other < std::numbers::pi;

@@ -99,6 +99,12 @@ WorldGeometry::Flood WorldGeometry::floodFrom(std::span<const std::uint32_t> ope
     return flood;
 }
 
+RoomOpenings WorldGeometry::openings(const glm::dvec3& source, std::span<const EscapedRay> exits,
+                                     const Bands& escaped) const {
+    if (!rays_) return {};
+    return findRoomOpenings(*rays_, source, exits, escaped);
+}
+
 Seal::Shape WorldGeometry::shapeOf(std::uint32_t slot) const {
     const Wall& wall = walls_.walls[slot];
     Seal::Shape shape{rays_->instance(slot).info.shape, rays_->instance(slot).info.geometry, {}};

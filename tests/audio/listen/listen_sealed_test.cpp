@@ -62,8 +62,8 @@ TEST_F(ListenSealed, ASourceInAClosedBodyIsToldOnceWithBodyAndPlaces) {
         const auto texts = heard(shape("Drum", body, "0 0 0") + shape("Thing", "Box { size 1 1 1 }", "5 0 0") +
                                  "DEF Voice" + kTone + view("0 0 9"));
         ASSERT_EQ(texts.size(), 1u) << body;
-        EXPECT_TRUE(texts[0].starts_with("Voice is silent: Voice at 0 0 0 is sealed in Drum (")) << texts[0];
-        EXPECT_TRUE(texts[0].ends_with(" m about 0 0 0), and the listener at 0 0 9 is outside")) << texts[0];
+        EXPECT_TRUE(texts[0].starts_with("nothing is heard of Voice: it is at 0 0 0, closed in by Drum (")) << texts[0];
+        EXPECT_TRUE(texts[0].ends_with(" m about 0 0 0), and the listener is outside, at 0 0 9")) << texts[0];
     }
 }
 
@@ -71,8 +71,8 @@ TEST_F(ListenSealed, AListenerInAClosedBodyIsToldToo) {
     const auto texts = heard(shape("Booth", "Box { size 2 2 3 }", "0 0 9") + "DEF Voice" + kTone + view("0 0 9"));
     ASSERT_EQ(texts.size(), 1u);
     EXPECT_EQ(texts[0],
-              "Voice is silent: the listener at 0 0 9 is sealed in Booth (Box, 2 x 2 x 3 m about 0 0 9), and Voice at "
-              "0 0 0 is outside");
+              "nothing is heard of Voice: the listener is at 0 0 9, closed in by Booth (Box, 2 x 2 x 3 m about 0 0 9), "
+              "and the source is outside, at 0 0 0");
 }
 
 TEST_F(ListenSealed, WallsOfSeveralShapesAreNamedAndNotCalledClosed) {
@@ -85,7 +85,8 @@ TEST_F(ListenSealed, WallsOfSeveralShapesAreNamedAndNotCalledClosed) {
     EXPECT_TRUE(heard(walls + rest).empty());
     const auto texts = heard(walls + south + rest);
     ASSERT_EQ(texts.size(), 1u);
-    EXPECT_TRUE(texts[0].starts_with("Voice is silent: no way was found from Voice at 0 0 0, which is shut in by "));
+    EXPECT_TRUE(texts[0].starts_with("nothing is heard of Voice: no way was found out from its place, 0 0 0, past "))
+        << texts[0];
     EXPECT_NE(texts[0].find(" and 3 more, to the listener at 0 0 9"), std::string::npos) << texts[0];
 }
 
@@ -125,10 +126,10 @@ TEST_F(ListenSealed, IsToldAgainOnlyWhenItIsSealedAgain) {
     };
     const auto texts = heard(body, at, .6);
     ASSERT_EQ(texts.size(), 2u);
-    EXPECT_TRUE(texts[0].starts_with("Voice is silent: ")) << texts[0];
+    EXPECT_TRUE(texts[0].starts_with("nothing is heard of Voice: ")) << texts[0];
     // What a frame says holds for the sound since the one before.
-    EXPECT_TRUE(texts[1].starts_with("Voice is silent from 0.3") || texts[1].starts_with("Voice is silent from 0.4"))
-        << texts[1];
+    EXPECT_TRUE(texts[1].starts_with("from 0.3") || texts[1].starts_with("from 0.4")) << texts[1];
+    EXPECT_NE(texts[1].find(" s on nothing is heard of Voice: "), std::string::npos) << texts[1];
 }
 
 TEST_F(ListenSealed, WhatPlaysOnlyOnceItIsOutIsNotTold) {

@@ -103,6 +103,15 @@ struct SealedSource {
     Seal seal;
 };
 
+/// A hole or a crack through which sound of a source is lost.
+struct SoundLeak {
+    std::string name;  // of the emitter by which it was found
+    NodeId sound;
+    glm::dvec3 source{0};
+    double seconds = 0;  // scene time
+    RoomOpening opening;
+};
+
 class AcousticEngine {
   public:
     static Result<std::unique_ptr<AcousticEngine>> create(const AcousticOptions& options);
@@ -138,6 +147,11 @@ class AcousticEngine {
     /// Notes what a trace for figures found, by the same rule: `seal` is what keeps the emitter from the listener, or
     /// none.
     void note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds, std::optional<Seal> seal);
+    /// The leaks of rooms, each once, by whichever source it was found first; the first thousand. They are looked for
+    /// when a source is first heard in a room that loses some of its sound, for eight sources at most.
+    const std::vector<SoundLeak>& leaks() const;
+    /// Notes those that a trace for figures found.
+    void note(const SoundEmitter& emitter, double seconds, const RoomOpenings& openings);
 
   private:
     struct Impl;

@@ -45,6 +45,10 @@ class AcousticRenderer final : public InstanceSubscriber {
     void note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds, std::optional<Seal> seal) {
         engine_->note(emitter, listener, seconds, std::move(seal));
     }
+    const std::vector<SoundLeak>& leaks() const { return engine_->leaks(); }
+    void note(const SoundEmitter& emitter, double seconds, const RoomOpenings& openings) {
+        engine_->note(emitter, seconds, openings);
+    }
 
   private:
     AcousticRenderer(const RayWorld& world, const Options& options, std::unique_ptr<AcousticEngine> engine);

@@ -25,6 +25,7 @@
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/image_sources.h>
 #include <rtsg/audio/room_metrics.h>
+#include <rtsg/audio/room_openings.h>
 
 namespace rtsg {
 
@@ -48,6 +49,8 @@ struct TraceOptions {
     Air air;
     /// Sound bends round edges (see trace/edge_sources.h), 0 to 2 of them in a row.
     int diffractionOrder = 2;
+    /// Of the rays that escape, so many at most are told of each batch and run: TraceResult::exits.
+    int exits = 0;
     /// Of what is radiated; paths to the images and rays alike.
     SourcePattern pattern = {};
 };
@@ -74,6 +77,8 @@ struct TraceResult {
     Bands tried{};
     /// Shares of the emitted energy: absorbed by surfaces and air, gone to infinity, still on its way at maxSeconds.
     Bands absorbed{}, escaped{}, truncated{};
+    /// Of the rays that escaped as many as were asked for, each with the same chance; some thousand at most.
+    std::vector<EscapedRay> exits;
 
     /// Whether nothing arrived at all.
     bool silent() const;

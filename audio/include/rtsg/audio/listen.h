@@ -12,6 +12,7 @@
 #include <rtsg/audio/acoustic_renderer.h>
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/room_metrics.h>
+#include <rtsg/audio/room_openings.h>
 #include <rtsg/audio/sound_file.h>
 
 namespace rtsg {
@@ -47,6 +48,7 @@ struct ListenReport {
         /// Below it single modes make the sound of the room, which rays know nothing of. From T20 at 1 kHz and the
         /// volume seen from the listener; NaN where that is not closed.
         double schroederHz = 0;
+        RoomOpenings openings;  // where what it emits leaves the room
     };
     std::vector<Source> sources;
     ListenerPose listener;  // when it was measured

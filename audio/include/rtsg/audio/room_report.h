@@ -20,6 +20,7 @@
 #include <rtsg/audio/bands.h>
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/room_metrics.h>
+#include <rtsg/audio/room_openings.h>
 
 namespace rtsg {
 
@@ -32,6 +33,11 @@ struct RoomReport {
         Bands escaped{};  // share of the energy
         Echogram echogram;
     };
+    /// Where what one source emits leaves the room.
+    struct Losses {
+        std::string source;
+        RoomOpenings openings;
+    };
     struct Average {
         RoomMetrics mean, deviation;  // the latter of the sample; NaN with fewer than two places
         RoomMetrics count;            // of places that have the figure
@@ -40,8 +46,9 @@ struct RoomReport {
     std::string title;
     Air air;
     std::vector<Pair> pairs;
-    std::uint64_t rays = 0;  // those of a source once, however many listeners share them
-    double seconds = 0;      // of computing
+    std::vector<Losses> losses;  // a source
+    std::uint64_t rays = 0;      // those of a source once, however many listeners share them
+    double seconds = 0;          // of computing
 
     Average average() const;
     /// The mean of the octaves of 500 and 1000 Hz.
@@ -49,7 +56,8 @@ struct RoomReport {
 
     std::string toText() const;
     /// {"title":…,"bands_hz":[…],"pairs":[{"source":…,"listener":…,…}],"average":{"mean":{…},"deviation":{…}},
-    /// "single":{…}}; what is no number is null.
+    /// "single":{…},"losses":[{"source":…,"escaped":…,"openings":[{"kind":"leak","share":…,"center":[…],…}]}]}; what is
+    /// no number is null.
     std::string toJson() const;
     /// A page with tables, decay curves and energograms, drawn in SVG.
     std::string toHtml() const;

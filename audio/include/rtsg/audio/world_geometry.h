@@ -18,6 +18,7 @@
 
 #include <rtsg/audio/acoustic_box.h>
 #include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/room_openings.h>
 #include <rtsg/audio/walls.h>
 #include <rtsg/renderers/ray_view.h>
 
@@ -87,6 +88,8 @@ class WorldGeometry final : public AcousticGeometry {
     /// in the open. Shapes that let sound pass, and those in `open` (slots), are not there. Takes some thousand rays.
     std::optional<Seal> sealBetween(std::span<const std::uint32_t> open, const glm::dvec3& source,
                                     const glm::dvec3& listener) const;
+    /// Where what escaped went (findRoomOpenings()).
+    RoomOpenings openings(const glm::dvec3& source, std::span<const EscapedRay> exits, const Bands& escaped) const;
     /// Whether the box of an instance, in its own frame, holds a point.
     bool boxHolds(std::uint32_t slot, const glm::dvec3& point) const;
     double distanceToSurface(const glm::dvec3& point) const override;
@@ -154,6 +157,10 @@ class OpenedGeometry final : public AcousticGeometry {
     /// As WorldGeometry's.
     std::optional<Seal> sealBetween(const glm::dvec3& source, const glm::dvec3& listener) const {
         return whole_->sealBetween(open_, source, listener);
+    }
+    /// As WorldGeometry's, of all there is.
+    RoomOpenings openings(const glm::dvec3& source, std::span<const EscapedRay> exits, const Bands& escaped) const {
+        return whole_->openings(source, exits, escaped);
     }
 
   private:

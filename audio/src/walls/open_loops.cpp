@@ -1,0 +1,95 @@
+// Chains the edges that one triangle alone has to loops.
+#include "open_loops.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+
+namespace rtsg {
+namespace {
+
+using Ends = std::array<std::uint32_t, 2>;
+
+/// Corners by number: those at one place have one.
+std::vector<std::uint32_t> weldedCorners(const Mesh& mesh, std::vector<Vec3f>& places) {
+    const std::size_t count = std::size_t{mesh.triangleCount} * 3;
+    std::vector<std::uint32_t> order(count), number(count);
+    // + 0: there is one zero.
+    const auto at = [&](std::uint32_t k) { return mesh.vertex(k / 3, k % 3) + Vec3f(0); };
+    for (std::size_t i = 0; i < count; ++i) order[i] = static_cast<std::uint32_t>(i);
+    const auto before = [](const Vec3f& a, const Vec3f& b) {
+        return a.x != b.x ? a.x < b.x : a.y != b.y ? a.y < b.y : a.z < b.z;
+    };
+    std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) { return before(at(a), at(b)); });
+    for (const std::uint32_t k : order) {
+        if (places.empty() || places.back() != at(k)) places.push_back(at(k));
+        number[k] = static_cast<std::uint32_t>(places.size() - 1);
+    }
+    return number;
+}
+
+/// Pairs of corners that one triangle alone connects; sorted.
+std::vector<Ends> singleEdges(const std::vector<std::uint32_t>& corners) {
+    std::vector<Ends> all;
+    for (std::size_t t = 0; t + 2 < corners.size(); t += 3)
+        for (std::size_t c = 0; c < 3; ++c) {
+            const std::uint32_t a = corners[t + c], b = corners[t + (c + 1) % 3];
+            if (a != b) all.push_back({std::min(a, b), std::max(a, b)});
+        }
+    std::sort(all.begin(), all.end());
+    std::vector<Ends> single;
+    for (std::size_t i = 0; i < all.size();) {
+        std::size_t next = i + 1;
+        while (next < all.size() && all[next] == all[i]) ++next;
+        if (next == i + 1) single.push_back(all[i]);
+        i = next;
+    }
+    return single;
+}
+
+bool goesStraightOn(const Vec3f& a, const Vec3f& b, const Vec3f& c) {
+    const glm::dvec3 in = glm::dvec3(b) - glm::dvec3(a), out = glm::dvec3(c) - glm::dvec3(b);
+    return glm::dot(in, out) > 0 && glm::length(glm::cross(in, out)) <= 1e-5 * glm::length(in) * glm::length(out);
+}
+
+std::vector<Vec3f> withoutStraightCorners(const std::vector<Vec3f>& loop) {
+    std::vector<Vec3f> kept;
+    for (std::size_t i = 0; i < loop.size(); ++i)
+        if (!goesStraightOn(loop[(i + loop.size() - 1) % loop.size()], loop[i], loop[(i + 1) % loop.size()]))
+            kept.push_back(loop[i]);
+    return kept;
+}
+
+}  // namespace
+
+std::vector<std::vector<Vec3f>> openLoopsOf(const Mesh& mesh) {
+    std::vector<std::vector<Vec3f>> loops;
+    if (mesh.triangleCount > kMostTrianglesWithLoops || mesh.isClosed()) return loops;
+    std::vector<Vec3f> places;
+    const std::vector<Ends> edges = singleEdges(weldedCorners(mesh, places));
+    std::vector<std::vector<std::uint32_t>> beside(places.size());  // edges by corner
+    for (std::uint32_t i = 0; i < edges.size(); ++i)
+        for (const std::uint32_t end : edges[i]) beside[end].push_back(i);
+    std::vector<bool> used(edges.size());
+    for (std::uint32_t first = 0; first < edges.size(); ++first) {
+        if (used[first]) continue;
+        used[first] = true;
+        std::vector<Vec3f> loop{places[edges[first][0]]};
+        std::uint32_t at = edges[first][1];
+        while (at != edges[first][0]) {
+            loop.push_back(places[at]);
+            const auto next =
+                std::find_if(beside[at].begin(), beside[at].end(), [&](std::uint32_t e) { return !used[e]; });
+            if (next == beside[at].end()) break;  // no loop: an edge that three triangles share ends it
+            used[*next] = true;
+            at = edges[*next][0] == at ? edges[*next][1] : edges[*next][0];
+        }
+        if (at != edges[first][0]) continue;
+        loop = withoutStraightCorners(loop);
+        if (loop.size() >= 3) loops.push_back(std::move(loop));
+    }
+    return loops;
+}
+
+}  // namespace rtsg

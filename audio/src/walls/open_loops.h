@@ -1,0 +1,19 @@
+// Where a surface ends: the edges of a mesh that belong to one triangle alone, as loops.
+//
+// Corners at one place are one corner. Threading: a pure function.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <rtsg/renderers/mesh.h>
+
+namespace rtsg {
+
+/// Of larger meshes no loops are looked for.
+constexpr std::uint32_t kMostTrianglesWithLoops = 1'000'000;
+
+/// Each closed and in the mesh's own frame, without corners at which it goes straight on.
+std::vector<std::vector<Vec3f>> openLoopsOf(const Mesh& mesh);
+
+}  // namespace rtsg

@@ -1,0 +1,148 @@
+// Rooms that lose sound: told once each, with what is beside and its line; in reports of all forms; no false alarms.
+#include <fstream>
+
+#include <nlohmann/json.hpp>
+
+#include "listen_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+constexpr const char* kVoice =
+    "DEF Voice Sound { location 1 1 1.5 minBack 90 minFront 90 maxBack 200 maxFront 200 source "
+    "OscillatorSource { frequency 440 } }\nViewpoint { position 4 3 1.5 }\n";
+
+class ListenLeak : public Listen {
+  protected:
+    /// Faces of a box of 6 by 5 by 3 m, by corners; `last` stands for the upper half of the one at x = 6.
+    static std::string hall(const std::string& last) {
+        return "# about\nDEF Hall Shape { geometry IndexedFaceSet { solid FALSE coordIndex [ 0 4 6 2 -1 0 1 5 4 -1 "
+               "2 6 7 3 -1 0 2 3 1 -1 4 5 7 6 -1 1 3 7 -1 " +
+               last + " ] coord Coordinate { point [ 0 0 0 6 0 0 0 5 0 6 5 0 0 0 3 6 0 3 0 5 3 6 5 3 ] } } }\n";
+    }
+    static std::string box(const std::string& def, const std::string& size, const std::string& at) {
+        return "Transform { translation " + at + " children DEF " + def + " Shape { geometry Box { size " + size +
+               " } } }\n";
+    }
+    /// Six slabs, of which East begins `gap` beyond the ends of the walls beside it.
+    static std::string slabs(double gap) {
+        return box("Floor", "6.8 5.4 .2", "3.2 2.5 -.1") + box("Roof", "6.8 5.4 .2", "3.2 2.5 3.1") +
+               box("West", ".2 5.4 3", "-.1 2.5 1.5") +
+               box("East", ".1 5.4 3", std::to_string(6.05 + gap) + " 2.5 1.5") + box("South", "6 .2 3", "3 -.1 1.5") +
+               box("North", "6.5 .2 3", "3.25 5.1 1.5");
+    }
+    static ListenOptions heardOptions(const ListenOptions& from) {
+        ListenOptions o = from;
+        o.seconds = .1;
+        o.render.trace.rays = 2000;
+        return o;
+    }
+    std::vector<std::string> heard(const std::string& body) {
+        Scene scene;
+        load(scene, body);
+        const auto report = listen(scene, heardOptions(options()));
+        EXPECT_TRUE(report);
+        std::vector<std::string> texts;
+        if (report)
+            for (const Diagnostic& d : report->diagnostics.all()) {
+                EXPECT_EQ(d.code.text(), "leak") << d.format();
+                texts.push_back(d.text);
+            }
+        return texts;
+    }
+};
+
+TEST_F(ListenLeak, AForgottenTriangleIsToldWithItsPlaceAndItsLine) {
+    const std::filesystem::path file = folder_ / "hall.x3dv";
+    std::ofstream(file) << "#X3D V4.0 utf8\nPROFILE Full\n" + hall("") + kVoice;
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadFile(scene, file, diagnostics));
+    ListenOptions o = heardOptions(options());
+    o.metrics = true;
+    o.render.document = file;
+    const auto report = listen(scene, o);
+    ASSERT_TRUE(report);
+    // By what is heard and by the figures, and once.
+    ASSERT_EQ(report->diagnostics.all().size(), 1u);
+    const Diagnostic& told = report->diagnostics.all()[0];
+    EXPECT_EQ(told.code.text(), "leak");
+    EXPECT_EQ(told.severity, Severity::warning);
+    EXPECT_EQ(told.where.line, 4u);
+    EXPECT_TRUE(
+        told.text.starts_with("Hall (IndexedFaceSet, 6 x 5 x 3 m about 3 2.5 1.5, line 4) lacks a triangle at "
+                              "6 1.667 2, of 7.5 m2: some "))
+        << told.text;
+    EXPECT_TRUE(told.text.ends_with(" % of the sound of Voice is lost there")) << told.text;
+    ASSERT_EQ(report->sources.size(), 1u);
+    const auto json = nlohmann::json::parse(report->toJson());
+    const auto& losses = json["sources"][0]["losses"];
+    ASSERT_EQ(losses["openings"].size(), 1u);
+    EXPECT_EQ(losses["openings"][0]["kind"], "leak");
+    EXPECT_EQ(losses["openings"][0]["boundary_edges"], 3);
+    EXPECT_EQ(losses["openings"][0]["beside"][0]["shape"], "Hall");
+    EXPECT_NEAR(losses["openings"][0]["share"].get<double>() + losses["elsewhere"].get<double>(),
+                losses["escaped"].get<double>(), 1e-6);
+    EXPECT_NEAR(losses["escaped"].get<double>(), json["escaped"].get<double>(), 1e-6);
+}
+
+TEST_F(ListenLeak, ACrackNamesTheShapesOnBothSides) {
+    const auto texts = heard(slabs(.01) + kVoice);
+    ASSERT_EQ(texts.size(), 1u);
+    EXPECT_TRUE(texts[0].starts_with("there is a crack at 6.00")) << texts[0];
+    EXPECT_NE(texts[0].find(", 3 m x 10 mm, between "), std::string::npos) << texts[0];
+    EXPECT_NE(texts[0].find("East (Box, "), std::string::npos) << texts[0];
+    EXPECT_NE(texts[0].find("South (Box, "), std::string::npos) << texts[0];
+    EXPECT_EQ(texts[0].find("Floor"), std::string::npos) << texts[0];
+}
+
+/// Closed; in the open; with a door; a room that is open to one side; walls that let sound pass.
+TEST_F(ListenLeak, NothingIsToldWhereNothingIsLostOrSomethingIsOpenOnPurpose) {
+    EXPECT_TRUE(heard(hall("1 7 5 -1") + kVoice).empty());
+    EXPECT_TRUE(heard(slabs(0) + kVoice).empty());
+    EXPECT_TRUE(heard(box("Ground", "60 60 .2", "0 0 -.1") + box("Wall", "4 .2 3", "2 4 1.5") + kVoice).empty());
+    EXPECT_TRUE(heard(box("Floor", "6.4 5.4 .2", "3 2.5 -.1") + box("Roof", "6.4 5.4 .2", "3 2.5 3.1") +
+                      box("West", ".2 5.4 3", "-.1 2.5 1.5") + box("South", "6 .2 3", "3 -.1 1.5") +
+                      box("North", "6 .2 3", "3 5.1 1.5") + kVoice)
+                    .empty());
+    EXPECT_TRUE(heard(box("Floor", "6.4 5.4 .2", "3 2.5 -.1") + box("Roof", "6.4 5.4 .2", "3 2.5 3.1") +
+                      box("West", ".2 5.4 3", "-.1 2.5 1.5") + box("South", "6 .2 3", "3 -.1 1.5") +
+                      box("North", "6 .2 3", "3 5.1 1.5") + box("EastA", ".2 2 3", "6.1 1 1.5") +
+                      box("EastB", ".2 2 3", "6.1 4 1.5") + box("Lintel", ".2 1 1", "6.1 2.5 2.5") + kVoice)
+                    .empty());
+    EXPECT_TRUE(heard(room("absorption .1 refraction .1", kVoice)).empty());
+}
+
+TEST_F(ListenLeak, ReportsOfAllFormsHaveATableOfThem) {
+    Scene scene;
+    load(scene, slabs(.02) + kVoice);
+    SharedWorld world(scene);
+    ListenOptions o = options();
+    SoundRenderer sound(world, o);
+    const auto report = sound.survey({{"A", {4, 3, 1.5}}, {"B", {2, 4, 1}}});
+    ASSERT_TRUE(report) << report.error().text;
+    ASSERT_EQ(report->losses.size(), 1u);
+    ASSERT_EQ(report->losses[0].openings.openings.size(), 1u);
+    const std::string text = report->toText(), page = report->toHtml();
+    EXPECT_NE(text.find("\nsound that leaves the room, of all that a source emits\n  Voice: "), std::string::npos);
+    EXPECT_NE(text.find("    leak "), std::string::npos) << text;
+    EXPECT_NE(text.find("3 m x 2 cm (0.0"), std::string::npos) << text;
+    EXPECT_NE(page.find("<h2>Sound that leaves the room</h2>"), std::string::npos);
+    EXPECT_NE(page.find("<td>3 m x 2 cm</td>"), std::string::npos);
+    const auto json = nlohmann::json::parse(report->toJson());
+    EXPECT_EQ(json["losses"][0]["source"], "Voice");
+    EXPECT_NEAR(json["losses"][0]["openings"][0]["area"].get<double>(), .06, .001);
+    Scene closed;
+    load(closed, slabs(0) + kVoice);
+    SharedWorld closedWorld(closed);
+    SoundRenderer closedSound(closedWorld, o);
+    const auto whole = closedSound.survey({{"A", {4, 3, 1.5}}});
+    ASSERT_TRUE(whole);
+    EXPECT_EQ(whole->toText().find("leaves the room"), std::string::npos);
+    EXPECT_EQ(whole->toHtml().find("leaves the room"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace rtsg
