@@ -192,7 +192,7 @@ class OpeningFinder {
     bool outdoors() const { return !(radius_ > 0) || sky_ >= kOutdoors; }
     double volume() const { return volume_; }
 
-    std::optional<Felt> feel(const EscapedRay& ray) const;
+    std::optional<Felt> feel(const EscapedRay& ray);
 
   private:
     static constexpr int kDirections = 96;
@@ -206,12 +206,13 @@ class OpeningFinder {
     bool open(const Outline& outline, const glm::dvec2& at, Hit& met) const;
     bool feelRim(const Outline& about, int directions, int halvings, Rim& rim) const;
     static void tilt(Outline& outline, Rim& rim);
-    void takeBoundary(Felt& felt) const;
+    void takeBoundary(Felt& felt);
 
     const RayView& rays_;
     std::array<Vec3f, kDirections> directions_;
     glm::dvec3 middle_{0};
     double radius_ = 0, sky_ = 1, volume_ = 0;
+    std::map<const Mesh*, std::vector<std::vector<Vec3f>>> loops_;  // of meshes that were asked about
 };
 
 /// How much of what the source sees is sky, and how large the rest is.
@@ -378,7 +379,7 @@ void OpeningFinder::tilt(Outline& outline, Rim& rim) {
     outline.normal = slope < 0 ? -plane->normal : plane->normal;
 }
 
-std::optional<Felt> OpeningFinder::feel(const EscapedRay& ray) const {
+std::optional<Felt> OpeningFinder::feel(const EscapedRay& ray) {
     constexpr int kRounds = 12;
     const auto before = placeBefore(ray);
     if (!before) return std::nullopt;
@@ -409,12 +410,14 @@ std::optional<Felt> OpeningFinder::feel(const EscapedRay& ray) const {
 }
 
 /// Where the rim is an open boundary of one of the meshes beside, that is the outline.
-void OpeningFinder::takeBoundary(Felt& felt) const {
+void OpeningFinder::takeBoundary(Felt& felt) {
     const double tolerance = 0.02 * felt.outline.halfWidth + 1e-5 * (1 + glm::length(felt.outline.center));
     for (const auto& [slot, metres] : felt.beside) {
         const RayInstance& instance = rays_.instance(slot);
         if (!instance.mesh) continue;
-        for (const std::vector<Vec3f>& loop : openLoopsOf(*instance.mesh)) {
+        const auto [known, fresh] = loops_.try_emplace(instance.mesh.get());
+        if (fresh) known->second = openLoopsOf(*instance.mesh);
+        for (const std::vector<Vec3f>& loop : known->second) {
             std::vector<glm::dvec3> corners;
             for (const Vec3f& corner : loop) corners.push_back(instance.info.worldFromLocal * glm::dvec4(corner, 1.0));
             glm::dvec3 twice(0);
@@ -515,7 +518,7 @@ RoomOpenings findRoomOpenings(const RayView& rays, const glm::dvec3& source, std
     RoomOpenings result;
     result.escaped = result.elsewhere = meanOfBands(escaped);
     if (exits.empty()) return result;
-    const OpeningFinder finder(rays, source);
+    OpeningFinder finder(rays, source);
     result.outdoors = finder.outdoors();
     if (result.outdoors) return result;
     std::vector<Felt> found;
