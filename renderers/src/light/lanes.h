@@ -31,20 +31,6 @@ inline simd::V8 facing8(const SurfacePacket& s, int at) {
     return n * simd::select(lanesFrom(s.back, at), simd::all(-1), simd::all(1));
 }
 
-/// One representable number further in the direction of `step`, where that is not 0.
-inline simd::F8 beyond(simd::F8 x, simd::F8 step) {
-    using namespace simd;
-    const I8 i = bits(x);
-    // Away from zero counts up, towards zero down; zero itself goes to the least number of the step's sign.
-    const I8 outwards = ((x > 0.0f) & (step > 0.0f)) | ((x < 0.0f) & (step < 0.0f));
-    const I8 atZero = x == 0.0f;
-    I8 moved = i + (outwards ? I8{} + 1 : I8{} - 1);
-    const I8 least =
-        (bits(step) & (I8{} + std::int32_t(0x80000000))) | 0x00800000;  // not denormal: Embree flushes those
-    moved = atZero ? least : moved;
-    return simd::select(step == 0.0f, x, fromBits(moved));
-}
-
 /// As RayView::leave. Precondition: findPoints().
 inline simd::V8 leave8(const SurfacePacket& s, int at, const simd::V8& towards) {
     using namespace simd;
@@ -52,6 +38,7 @@ inline simd::V8 leave8(const SurfacePacket& s, int at, const simd::V8& towards) 
     const F8 far = absolute(n.x) * e.x + absolute(n.y) * e.y + absolute(n.z) * e.z;
     const V8 offset = n * simd::select(dot(towards, n) < 0.0f, -far, far);
     const V8 start = loadV(s.exact, at) + offset;
+    const auto beyond = [](F8 x, F8 step) { return lanes::beyond<F8, I8>(x, step); };
     return {beyond(start.x, offset.x), beyond(start.y, offset.y), beyond(start.z, offset.z)};
 }
 

@@ -92,7 +92,7 @@ class Paths {
         : scene_(scene), settings_(settings), result_(result), loop_(scene, camera, settings, x0, y0, result) {}
 
     void run() {
-        loop_.run([this](RayPacket16& rays, PathTask* tasks, const std::uint16_t* pixels, int sample) {
+        loop_.run([this](RayPacket16& rays, PathTask* tasks, const std::uint16_t* pixels, int sample, std::uint32_t) {
             if (tasks) return trace(rays, tasks, false);
             PathTask first[16];
             for (int lane = 0; lane < 16; ++lane) {
@@ -125,7 +125,9 @@ class Paths {
                 for (int lane = 0; lane < 16; ++lane) bounce(-probe.normal, tasks[lane], lane);
             }
             loop_.finish(
-                [this](RayPacket16& rays, PathTask* tasks, const std::uint16_t*, int) { trace(rays, tasks, false); });
+                [this](RayPacket16& rays, PathTask* tasks, const std::uint16_t*, int, std::uint32_t) {
+                    trace(rays, tasks, false);
+                });
         }
     }
 
@@ -136,7 +138,7 @@ class Paths {
         SurfacePacket& s = surfaces_;
         s.mask = s.linear = 0xFFFF;
         s.back = s.special = s.unlit = s.physical = s.shiny = 0;
-        s.oneInstance = s.pointsFound = true;
+        s.oneInstance = s.pointsFound = true, s.filled = nullptr;
         const Vec3f a = glm::abs(probe.place), off(kOff * std::max({a.x, a.y, a.z, 1.0f}));
         for (int lane = 0; lane < 16; ++lane) {
             s.hits.normalX[lane] = probe.normal.x, s.hits.normalY[lane] = probe.normal.y;

@@ -8,6 +8,7 @@
 #include "bsdf.h"
 #include "generated_coordinates.h"
 #include "lanes.h"
+#include "packet_kernels.h"
 
 namespace rtsg::trace {
 
@@ -265,11 +266,13 @@ struct Common {
     }
 };
 
-void fill(float* lanes, float value) {
-    store(lanes, all(value)), store(lanes + 8, all(value));
-}
-void fill(Lanes3& lanes, const Vec3f& v) {
-    fill(lanes.x, v.x), fill(lanes.y, v.y), fill(lanes.z, v.z);
+/// The lanes of `among` that met the same instance as the first of them.
+std::uint32_t sameInstance(const SurfacePacket& s, std::uint32_t among) {
+    if (s.oneInstance) return among;
+    const std::uint32_t id = s.hits.instance[std::countr_zero(among)];
+    std::uint32_t lanes = 0;
+    for (int lane = 0; lane < 16; ++lane) lanes |= static_cast<std::uint32_t>(s.hits.instance[lane] == id) << lane;
+    return lanes & among;
 }
 
 /// The authored normal of a corner of a hit, where corners differ; interpolated, not normalised.
@@ -284,48 +287,26 @@ Vec3f smoothNormal(const MeshAttribute& normals, std::uint32_t triangle, float u
     return a * (1 - u - v) + corner(1) * u + corner(2) * v;
 }
 
-/// Into `normal`: the mesh's normals in ray space, of any length, or the geometric ones.
-void gatherNormals(const TraceScene& scene, SurfacePacket& out) {
-    Common common;
-    std::memcpy(&out.normal, &out.hits, sizeof out.normal);  // normalX, normalY, normalZ
-    for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
-        const int lane = std::countr_zero(rest);
-        if (out.caps >> lane & 1u) continue;
-        common.find(scene, out.hits.instance[lane]);
-        const MeshAttribute& normals = common.mesh->normals;
-        if (!normals.present()) {
-            if (out.oneInstance) return;
-            continue;
-        }
-        out.normal.set(lane, common.instance->normalFromLocal *
-                                 smoothNormal(normals, out.hits.triangle[lane], out.hits.u[lane], out.hits.v[lane]));
-    }
-}
+constexpr int kFew = 3;  // lanes that are as soon done one by one
 
-/// Places, directions and unit normals, eight lanes at a time.
-void finishGeometry(const RayPacket16& rays, SurfacePacket& out) {
-    alignas(32) std::int32_t behind[16];
-    for (int at = 0; at < 16; at += 8) {
-        const V8 d{load(rays.directionX + at), load(rays.directionY + at), load(rays.directionZ + at)};
-        const V8 o{load(rays.originX + at), load(rays.originY + at), load(rays.originZ + at)};
-        const V8 outside{load(out.hits.normalX + at), load(out.hits.normalY + at), load(out.hits.normalZ + at)};
-        storeV(out.position, at, o + d * load(rays.tMax + at));
-        storeV(out.view, at, {-d.x, -d.y, -d.z});
-        V8 n = loadV(out.normal, at);
-        const F8 squared = dot(n, n);
-        // Negated comparisons would also catch NaN; these are false for it.
-        const I8 good = (squared > 1e-24f) & (squared < 1e30f);
-        const I8 back = dot(d, outside) > 0.0f;
-        F8 scale = 1.0f / sqrt(select(good, squared, all(1)));
-        n = {select(good, n.x * scale, outside.x), select(good, n.y * scale, outside.y),
-             select(good, n.z * scale, outside.z)};
-        storeV(out.normal, at, {select(back, -n.x, n.x), select(back, -n.y, n.y), select(back, -n.z, n.z)});
-        std::memcpy(behind + at, &back, sizeof back);
+/// Into `normal`: the mesh's normals in ray space, of any length, or the geometric ones. `lanes` are all of one
+/// instance.
+void gatherNormals(const Common& common, std::uint32_t lanes, SurfacePacket& out) {
+    const MeshAttribute& normals = common.mesh->normals;
+    lanes &= ~out.caps;
+    if (!normals.present() || !lanes) return;
+    if (std::popcount(lanes) <= kFew) {
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            out.normal.set(lane, common.instance->normalFromLocal * smoothNormal(normals, out.hits.triangle[lane],
+                                                                                 out.hits.u[lane], out.hits.v[lane]));
+        }
+        return;
     }
-    std::memcpy(out.distance, rays.tMax, sizeof out.distance);
-    out.back = 0;
-    for (int lane = 0; lane < 16; ++lane) out.back |= static_cast<std::uint32_t>(behind[lane] != 0) << lane;
-    out.back &= out.mask;
+    packetKernels().fetchNormals({normals.data(), normals.indices().empty() ? nullptr : normals.indices().data(),
+                                  normals.triangleStep(), normals.binding() == MeshAttribute::Binding::face,
+                                  common.instance->normalFromLocal},
+                                 lanes, out);
 }
 
 /// Whether the material is computed in linear light.
@@ -346,21 +327,13 @@ void addLanes(const Material& material, bool linear, std::uint32_t lanes, Surfac
     if (material.model == ShadingModel::phong && shiny) out.shiny |= lanes;
 }
 
-/// Sixteen times the same.
+/// Sixteen times the same, as neighbouring packets often are.
 void fillAll(const Material& material, ColorSpace space, SurfacePacket& out) {
     const bool linear = isLinear(space, material);
-    const Material::Linear colors = colorsOf(material, linear);
-    fill(out.base, colors.base);
-    fill(out.specular, colors.specular);
-    fill(out.emissive, colors.emissive);
-    fill(out.ambient, colors.base * material.ambient);
-    fill(out.exponent, material.exponent);
-    fill(out.metallic, material.metallic);
-    fill(out.roughness, material.roughness);
-    fill(out.coverage, coverageOf(material, 1));
-    fill(out.opacity, opacityOf(material, material.opacity));
-    fill(out.occlusion, 1);
-    for (const Material*& m : out.material) m = &material;
+    if (out.filled != &material || out.filledLinear != linear)
+        packetKernels().fillAll(material, colorsOf(material, linear), coverageOf(material, 1),
+                                opacityOf(material, material.opacity), out);
+    out.filled = &material, out.filledLinear = linear;
     addLanes(material, linear, out.mask, out);
 }
 
@@ -374,6 +347,7 @@ void fetchStrokes(const TraceScene& scene, const Common& common, std::uint32_t l
     const bool unlit = material.model == ShadingModel::unlit;
     if (linear) out.linear |= lanes;
     out.unlit |= lanes;
+    out.filled = nullptr;
     for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         Vec3f base = unlit ? colors.base : colors.emissive;
@@ -396,6 +370,7 @@ void fetchStrokes(const TraceScene& scene, const Common& common, std::uint32_t l
 }
 
 void fillLane(const Material& material, ColorSpace space, int lane, SurfacePacket& out) {
+    out.filled = nullptr;
     const bool linear = isLinear(space, material);
     const Material::Linear colors = colorsOf(material, linear);
     out.base.set(lane, colors.base);
@@ -425,9 +400,14 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
             fillLane((out.back >> lane & 1u) && front.back ? *front.back : front, scene.space, lane, out);
         }
     }
-    for (std::uint32_t rest = lanes; rest; rest &= rest - 1) out.lights[std::countr_zero(rest)] = common.slot->lights;
+    if (lanes == out.mask)
+        std::fill(std::begin(out.lights), std::end(out.lights), common.slot->lights);
+    else
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1)
+            out.lights[std::countr_zero(rest)] = common.slot->lights;
     if (entry.mirrors || entry.transmits || common.alphaColored) out.special |= lanes;
     if (entry.textured || common.colored) {
+        out.filled = nullptr;
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             const Hit hit = out.hit(lane);
@@ -445,6 +425,7 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
     if (common.mesh->solid && front.refractiveIndex == 0) {
         const std::uint32_t culled = lanes & out.back;
         out.special |= culled;
+        if (culled) out.filled = nullptr;
         for (std::uint32_t rest = culled; rest; rest &= rest - 1) out.coverage[std::countr_zero(rest)] = 0;
     }
 }
@@ -453,27 +434,25 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
 
 void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32_t mask, const PathTask* tasks,
                    SurfacePacket& out) {
-    scene.world->hits(rays, mask, out.hits);
+    out.oneInstance = scene.world->hits(rays, mask, out.hits);
     out.mask = mask;
     out.special = out.unlit = out.physical = out.shiny = out.linear = out.caps = 0;
     if (scene.filter && scene.filter->makesCaps()) [[unlikely]]
         for (int lane = 0; lane < 16; ++lane)
             if ((mask >> lane & 1u) && out.hits.triangle[lane] == kCap) out.caps |= 1u << lane;
     out.pointsFound = false;
-    const std::uint32_t first = out.hits.instance[std::countr_zero(mask)];
-    std::uint32_t same = 0;
-    for (int lane = 0; lane < 16; ++lane) same |= static_cast<std::uint32_t>(out.hits.instance[lane] == first) << lane;
-    out.oneInstance = (same & mask) == mask;
-    gatherNormals(scene, out);
-    finishGeometry(rays, out);
+    std::memcpy(&out.normal, &out.hits, sizeof out.normal);  // normalX, normalY, normalZ
     Common common;
     for (std::uint32_t rest = mask; rest;) {
-        const std::uint32_t id = out.hits.instance[std::countr_zero(rest)];
-        std::uint32_t lanes = 0;
-        for (int lane = 0; lane < 16; ++lane)
-            lanes |= static_cast<std::uint32_t>(out.hits.instance[lane] == id) << lane;
-        lanes &= rest;
-        common.find(scene, id);
+        const std::uint32_t lanes = sameInstance(out, rest);
+        common.find(scene, out.hits.instance[std::countr_zero(rest)]);
+        gatherNormals(common, lanes, out);
+        rest &= ~lanes;
+    }
+    packetKernels().finishGeometry(rays, out);
+    for (std::uint32_t rest = mask; rest;) {
+        const std::uint32_t lanes = sameInstance(out, rest);
+        common.find(scene, out.hits.instance[std::countr_zero(rest)]);
         if (common.mesh->strokeCount > 0) [[unlikely]]
             fetchStrokes(scene, common, lanes, out);
         else
@@ -481,6 +460,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
         rest &= ~lanes;
     }
     if (!scene.energyLimited) return;
+    out.filled = nullptr;
     for (int at = 0; at < 16; at += 8) {
         const V8 base = loadV(out.base, at), most{min(base.x, all(1)), min(base.y, all(1)), min(base.z, all(1))};
         storeV(out.base, at, select(lanesFrom(out.unlit, at), base, most));
@@ -497,64 +477,22 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
     }
 }
 
-namespace {
-
-/// As RayWorld::point, for lanes of one instance.
-void findPointsOf(const RayInstance& instance, std::uint32_t lanes, SurfacePacket& s) {
-    const Mesh& mesh = *instance.mesh;
-    const Vec3f* positions = mesh.positions.data();
-    const std::int32_t* triangles = mesh.triangles.data();
-    Lanes3 corner[3];
-    for (int lane = 0; lane < 16; ++lane) {
-        const bool use = lanes >> lane & 1u;
-        const std::int32_t* triangle = triangles + (use ? std::size_t{s.hits.triangle[lane]} * mesh.triangleStride : 0);
-        for (int c = 0; c < 3; ++c) corner[c].set(lane, positions[triangle[c]]);
-    }
-    constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
-    const glm::mat4x3& m = instance.rayFromLocal;
-    for (int at = 0; at < 16; at += 8) {
-        if (!(lanes >> at & 0xFFu)) continue;
-        const F8 u = load(s.hits.u + at), v = load(s.hits.v + at), w = 1.0f - u - v;
-        const V8 a = loadV(corner[0], at) * w, b = loadV(corner[1], at) * u, c = loadV(corner[2], at) * v;
-        const V8 local = a + b + c;
-        const V8 size{absolute(a.x) + absolute(b.x) + absolute(c.x), absolute(a.y) + absolute(b.y) + absolute(c.y),
-                      absolute(a.z) + absolute(b.z) + absolute(c.z)};
-        const auto row = [&](int r) { return local.x * m[0][r] + local.y * m[1][r] + local.z * m[2][r] + m[3][r]; };
-        const auto bound = [&](int r) {
-            return ((size.x * std::abs(m[0][r]) + size.y * std::abs(m[1][r]) + size.z * std::abs(m[2][r])) *
-                        instance.errorScale +
-                    std::abs(m[3][r])) *
-                       gamma +
-                   instance.errorFloor[r];
-        };
-        const I8 use = lanesFrom(lanes, at);
-        storeV(s.exact, at, select(use, {row(0), row(1), row(2)}, loadV(s.exact, at)));
-        storeV(s.error, at, select(use, {bound(0), bound(1), bound(2)}, loadV(s.error, at)));
-    }
-}
-
-}  // namespace
-
 void findPoints(const TraceScene& scene, SurfacePacket& s) {
     if (s.pointsFound) return;
     s.pointsFound = true;
     const auto isStroke = [&](int lane) { return scene.world->instance(s.hits.instance[lane]).mesh->strokeCount > 0; };
-    constexpr int kFew = 3;  // lanes that are as soon done one by one
     std::uint32_t alone = s.caps;
     for (std::uint32_t rest = s.mask & ~s.caps; rest;) {
         const int first = std::countr_zero(rest);
-        std::uint32_t lanes = rest;
-        if (!s.oneInstance) {
-            lanes = 0;
-            for (int lane = 0; lane < 16; ++lane)
-                lanes |= static_cast<std::uint32_t>(s.hits.instance[lane] == s.hits.instance[first]) << lane;
-            lanes &= rest;
-        }
+        const std::uint32_t lanes = sameInstance(s, rest);
         rest &= ~lanes;
-        if (isStroke(first) || std::popcount(lanes) <= kFew)
+        if (isStroke(first) || std::popcount(lanes) <= kFew) {
             alone |= lanes;
-        else
-            findPointsOf(scene.world->instance(s.hits.instance[first]), lanes, s);
+            continue;
+        }
+        const RayInstance& instance = scene.world->instance(s.hits.instance[first]);
+        const Mesh& mesh = *instance.mesh;
+        packetKernels().findPoints(instance, mesh.positions.data(), mesh.triangles.data(), mesh.triangleStride, lanes, s);
     }
     for (std::uint32_t rest = alone; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);

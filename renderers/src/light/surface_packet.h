@@ -1,7 +1,8 @@
 // SurfacePacket: sixteen hits made ready for shading: places, normals and the material's numbers, lane by lane.
 //
 // Threading: a packet belongs to one tile. Conventions: `view` points back along the ray; both normals are on the
-// viewer's side; lanes not in `mask` hold rubbish. Sets of lanes are bit masks.
+// viewer's side; lanes not in `mask` hold rubbish. Sets of lanes are bit masks. Whoever changes a packet's colours
+// outside of fetchSurfaces() sets `filled` to null.
 #pragma once
 
 #include <cstdint>
@@ -28,6 +29,8 @@ struct alignas(64) SurfacePacket {
     std::uint32_t linear = 0;    // colours and radiance are light; of the others display values
     std::uint32_t caps = 0;      // on a cap
     bool oneInstance = false;    // all lanes
+    const Material* filled = nullptr;  // all lanes have this one's numbers, unchanged, as light or (not) display values
+    bool filledLinear = false;
     PacketHits16 hits;
     alignas(64) float distance[16];
     Lanes3 position;  // ray space

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "mesh/simd8.h"
+#include "packet_kernels.h"
 #include "sample_points.h"
 
 namespace rtsg::trace {
@@ -61,44 +62,83 @@ V8 aroundAt(const Camera& camera, const float* u, const float* v) {
 
 }  // namespace
 
-std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-                          int block, int sample, RayPacket16& rays, std::uint16_t* pixels) {
-    alignas(32) float u[16], v[16];
-    const int bx = (block & 3) * 4, by = (block >> 2) * 4;
+namespace {
+
+/// The pixels of a block, and a bit for each that is in the picture.
+std::uint32_t blockPixels(const RenderSettings& settings, int x, int y, int bx, int by, std::uint16_t* pixels) {
+    for (int lane = 0; lane < 16; ++lane)
+        pixels[lane] = static_cast<std::uint16_t>((by + (lane >> 2)) * kTileSide + bx + (lane & 3));
+    if (x + 4 <= settings.width && y + 4 <= settings.height) return 0xFFFF;
     std::uint32_t active = 0;
-    for (int lane = 0; lane < 16; ++lane) {
-        const int px = bx + (lane & 3), py = by + (lane >> 2), x = x0 + px, y = y0 + py;
-        pixels[lane] = static_cast<std::uint16_t>(py * kTileSide + px);
-        const bool in = x < settings.width && y < settings.height;
-        rays.active[lane] = in ? -1 : 0;
-        active |= static_cast<std::uint32_t>(in) << lane;
-        const Vec2f place = samplePlace(settings, x, y, sample);
-        u[lane] = (static_cast<float>(x) + place.x) / static_cast<float>(settings.width);
-        v[lane] = (static_cast<float>(y) + place.y) / static_cast<float>(settings.height);
-    }
-    if (!active) return 0;
-    const Vec3f eye = scene.world->fromWorld(camera.position);
-    const Vec3f right(camera.right), up(camera.up), forward(camera.forward);
-    const auto left = static_cast<float>(camera.left), width = static_cast<float>(camera.rightEdge - camera.left);
-    const auto top = static_cast<float>(camera.top), height = static_cast<float>(camera.top - camera.bottom);
+    for (int lane = 0; lane < 16; ++lane)
+        active |= static_cast<std::uint32_t>(x + (lane & 3) < settings.width && y + (lane >> 2) < settings.height)
+                  << lane;
+    return active;
+}
+
+PixelBlock pixelBlock(const Camera& camera, const RenderSettings& settings, const Vec3f& eye, int x, int y) {
+    return {static_cast<float>(x),
+            static_cast<float>(y),
+            static_cast<float>(settings.width),
+            static_cast<float>(settings.height),
+            static_cast<float>(camera.left),
+            static_cast<float>(camera.rightEdge - camera.left),
+            static_cast<float>(camera.top),
+            static_cast<float>(camera.top - camera.bottom),
+            eye,
+            Vec3f(camera.right),
+            Vec3f(camera.up),
+            Vec3f(camera.forward),
+            static_cast<float>(camera.visibilityLimit)};
+}
+
+/// Through these places of the picture, as shares of its sides.
+void raysThrough(const Camera& camera, const PixelBlock& b, const float* u, const float* v, RayPacket16& rays) {
     for (int at = 0; at < 16; at += 8) {
-        const F8 x = left + width * load(u + at), y = top - height * load(v + at);
-        V8 d{right.x * x + up.x * y, right.y * x + up.y * y, right.z * x + up.z * y};
-        V8 o{all(eye.x), all(eye.y), all(eye.z)};
+        const F8 x = b.left + b.across * load(u + at), y = b.top - b.down * load(v + at);
+        V8 d{b.right.x * x + b.up.x * y, b.right.y * x + b.up.y * y, b.right.z * x + b.up.z * y};
+        V8 o{all(b.eye.x), all(b.eye.y), all(b.eye.z)};
         if (camera.orthographic) {
             o = o + d;
-            d = {all(forward.x), all(forward.y), all(forward.z)};
+            d = {all(b.forward.x), all(b.forward.y), all(b.forward.z)};
         } else if (camera.panorama) {
             d = aroundAt(camera, u + at, v + at);
         } else {
-            d = d + V8{all(forward.x), all(forward.y), all(forward.z)};
+            d = d + V8{all(b.forward.x), all(b.forward.y), all(b.forward.z)};
             d = d * (1.0f / sqrt(dot(d, d)));
         }
         store(rays.originX + at, o.x), store(rays.originY + at, o.y), store(rays.originZ + at, o.z);
         store(rays.directionX + at, d.x), store(rays.directionY + at, d.y), store(rays.directionZ + at, d.z);
         store(rays.tMin + at, all(0));
-        store(rays.tMax + at, all(static_cast<float>(camera.visibilityLimit)));
+        store(rays.tMax + at, all(b.tMax));
     }
+}
+
+}  // namespace
+
+std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+                          int block, int sample, RayPacket16& rays, std::uint16_t* pixels) {
+    const int bx = (block & 3) * 4, by = (block >> 2) * 4;
+    const std::uint32_t active = blockPixels(settings, x0 + bx, y0 + by, bx, by, pixels);
+    if (!active) return 0;
+    for (int at = 0; at < 16; at += 8) {
+        const I8 each{1, 2, 4, 8, 16, 32, 64, 128};
+        const I8 use = (each & static_cast<std::int32_t>(active >> at)) != 0;
+        std::memcpy(rays.active + at, &use, sizeof use);
+    }
+    const PixelBlock b = pixelBlock(camera, settings, scene.world->fromWorld(camera.position), x0 + bx, y0 + by);
+    if (settings.samplesPerPixel == 1 && !camera.orthographic && !camera.panorama) {
+        packetKernels().makeRays(b, rays);
+        return active;
+    }
+    alignas(32) float u[16], v[16];
+    for (int lane = 0; lane < 16; ++lane) {
+        const int x = x0 + bx + (lane & 3), y = y0 + by + (lane >> 2);
+        const Vec2f place = samplePlace(settings, x, y, sample);
+        u[lane] = (static_cast<float>(x) + place.x) / b.width;
+        v[lane] = (static_cast<float>(y) + place.y) / b.height;
+    }
+    raysThrough(camera, b, u, v, rays);
     if (camera.lensRadius > 0 && settings.samplesPerPixel > 1)
         throughLens(scene, camera, settings, x0, y0, sample, pixels, rays);
     return active;

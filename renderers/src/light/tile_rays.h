@@ -32,8 +32,9 @@ class TileLoop {
         swapQueues();
     }
 
-    /// `trace(rays, tasks, pixels, sample)` is given packets in which at least one ray is active. `tasks` is null for
-    /// primary rays, else one for each active lane; of what it is asked to follow, push() is told.
+    /// `trace(rays, tasks, pixels, sample, active)` is given packets in which at least one ray is active, a bit each.
+    /// `tasks` is null for primary rays, whose pixels are a block, else one for each active lane; of what it is asked to
+    /// follow, push() is told.
     template <class Trace>
     void run(const Trace& trace) {
         for (int block = 0; block < kTilePixels / 16; ++block) {
@@ -46,7 +47,7 @@ class TileLoop {
                     primaryRays(scene_, camera_, settings_, x0_, y0_, block, sample, rays, pixels);
                 if (!active) break;
                 result_.primaryRays += static_cast<std::uint64_t>(std::popcount(active));
-                trace(rays, nullptr, pixels, sample);
+                trace(rays, nullptr, pixels, sample, active);
                 if (next_.size() >= kDrain) drain(trace);
             }
         }
@@ -90,7 +91,7 @@ class TileLoop {
                     pixels[lane] = task.pixel;
                 }
                 result_.secondaryRays += static_cast<std::uint64_t>(count);
-                trace(rays, &now_[first], pixels, 0);
+                trace(rays, &now_[first], pixels, 0, (std::uint32_t{1} << count) - 1);
             }
         }
     }

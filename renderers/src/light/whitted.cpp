@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 
+#include "packet_kernels.h"
 #include "surface_packet.h"
 #include "tile_rays.h"
 #include "volume_march.h"
@@ -22,9 +23,8 @@ class Tile {
         : scene_(scene), settings_(settings), result_(result), loop_(scene, camera, settings, x0, y0, result) {}
 
     void run() {
-        loop_.run([this](RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, int) {
-            trace(rays, tasks, pixels);
-        });
+        loop_.run([this](RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, int,
+                         std::uint32_t active) { trace(rays, tasks, pixels, active); });
     }
 
   private:
@@ -44,12 +44,12 @@ class Tile {
     /// Whether what has no space of its own is to be light: sky and fog.
     bool asLight(const PathTask* task) const { return scene_.space == ColorSpace::linear || (task && task->linear); }
 
-    void trace(RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels) {
+    void trace(RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, std::uint32_t active) {
         const std::uint32_t hits = scene_.world->intersect(rays, !tasks);
         const bool volumes = !scene_.volumes.empty();
         if (volumes) march(rays, tasks, pixels);
-        for (int lane = 0; lane < 16; ++lane) {
-            if (!rays.active[lane] || (hits >> lane & 1u)) continue;
+        for (std::uint32_t rest = active & ~hits; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
             const PathTask* task = tasks ? tasks + lane : nullptr;
             const bool light = asLight(task);
             const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
@@ -66,10 +66,7 @@ class Tile {
         if (surfaces_.special) findPoints(scene_, surfaces_);
         const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces_.linear;
         if (!tasks && !surfaces_.special && !scene_.fogs.any() && oneSpace && !volumes) {
-            for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
-                const int lane = std::countr_zero(rest);
-                result_.sum[pixels[lane]] += Vec4f(surfaces_.radiance.get(lane), 1);
-            }
+            packetKernels().addToPixels(surfaces_, hits, &result_.sum[pixels[0]].x);  // they are a block
             return;
         }
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(rays, tasks, pixels, std::countr_zero(rest));

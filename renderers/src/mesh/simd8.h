@@ -11,6 +11,8 @@
 #include <immintrin.h>
 #endif
 
+#include "lane_math.h"
+
 #ifdef __GNUC__
 #pragma GCC diagnostic ignored "-Wpsabi"
 #endif
@@ -95,48 +97,19 @@ inline F8 fromBits(I8 v) {
 
 /// Positive normal numbers.
 inline F8 log2Of(F8 x) {
-    // m in [sqrt(1/2), sqrt(2)), then 2 atanh((m - 1) / (m + 1)).
-    const I8 offset = bits(x) - 0x3f3504f3;
-    const I8 exponent = offset >> 23;
-    const F8 m = fromBits((offset & 0x007fffff) + 0x3f3504f3);
-    const F8 s = (m - 1.0f) / (m + 1.0f), q = s * s;
-    const F8 series =
-        s * (2.8853900818f + q * (0.9617966939f + q * (0.5770780164f + q * (0.4121985831f + q * 0.3205988980f))));
-    return __builtin_convertvector(exponent, F8) + series;
+    return lanes::log2Of<F8, I8>(x);
 }
-
 /// Below -126 gives 0; the argument must not exceed 127.
 inline F8 exp2Of(F8 y) {
-    const F8 clamped = max(y, all(-126.0f));
-    const I8 whole = __builtin_convertvector(clamped + select(clamped < 0.0f, all(-0.5f), all(0.5f)), I8);
-    const F8 f = (clamped - __builtin_convertvector(whole, F8)) * 0.69314718056f;
-    const F8 e =
-        1.0f +
-        f * (1.0f +
-             f * (0.5f + f * (1 / 6.0f + f * (1 / 24.0f + f * (1 / 120.0f + f * (1 / 720.0f + f * (1 / 5040.0f)))))));
-    return select(y < -126.0f, all(0.0f), e * fromBits((whole + 127) << 23));
+    return lanes::exp2Of<F8, I8>(y);
 }
-
 /// x^e for x in [0, 1], e >= 0; 0^0 is 1.
 inline F8 power(F8 x, F8 e) {
-    const F8 r = exp2Of(e * log2Of(max(x, all(1e-30f))));
-    return select(e <= 0.0f, all(1.0f), r);
+    return lanes::power<F8, I8>(x, e);
 }
-
 /// Argument in [-1, 1].
 inline F8 acosOf(F8 x) {
-    const I8 negative = x < 0.0f;
-    const F8 a = min(select(negative, -x, x), all(1.0f));
-    F8 p = -0.0012624911f + a * 0.0f;
-    p = p * a + 0.0066700901f;
-    p = p * a - 0.0170881256f;
-    p = p * a + 0.0308918810f;
-    p = p * a - 0.0501743046f;
-    p = p * a + 0.0889789874f;
-    p = p * a - 0.2145988016f;
-    p = p * a + 1.5707963050f;
-    const F8 r = sqrt(1.0f - a) * p;
-    return select(negative, 3.14159265359f - r, r);
+    return lanes::acosOf(x, [](F8 v) { return sqrt(v); });
 }
 
 /// Sine and cosine of so many turns, [0, 1).

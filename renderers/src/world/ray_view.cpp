@@ -73,6 +73,51 @@ Hit resolve(const bvh::RawHit& raw, const bvh::TopView& top, const RayInstances&
     return hit;
 }
 
+/// Whether the lanes of `mask` all have this value.
+inline bool sharedBy(const std::uint32_t* lanes, std::uint32_t value, std::uint32_t mask) {
+    std::uint32_t same = 0;
+    for (int at = 0; at < 16; at += 8) {
+        simd::I8 x;
+        std::memcpy(&x, lanes + at, sizeof x);
+        same |= simd::laneBits(x == static_cast<std::int32_t>(value)) << at;
+    }
+    return (same & mask) == mask;
+}
+
+/// worldNormal() of all lanes, which met the same.
+void turnNormals(const RayPacket16& rays, const bvh::TopObject& object, const RayInstance& instance,
+                 PacketHits16& out) {
+    using namespace simd;
+    const bool turns = !object.slots || !object.resting, turnsOver = object.slots && instance.sign < 0;
+    const glm::mat3& m = object.slots ? object.normalFromGroup : instance.normalFromLocal;
+    for (int at = 0; at < 16; at += 8) {
+        const F8 x = load(rays.normalX_ + at), y = load(rays.normalY_ + at), z = load(rays.normalZ_ + at);
+        const auto row = [&](int r) {
+            const F8 own = r == 0 ? x : r == 1 ? y : z;
+            const F8 turned = turns ? m[0][r] * x + m[1][r] * y + m[2][r] * z : own;
+            return turnsOver ? -turned : turned;
+        };
+        store(out.normalX + at, row(0)), store(out.normalY + at, row(1)), store(out.normalZ + at, row(2));
+    }
+}
+
+/// Normals of length 1.
+void makeUnit(PacketHits16& out) {
+    for (int at = 0; at < 16; at += 8) {
+        using namespace simd;
+        F8 x = load(out.normalX + at), y = load(out.normalY + at), z = load(out.normalZ + at);
+        const F8 size = max(max(max(x, -x), max(y, -y)), max(z, -z));
+        const F8 scale = 1.0f / max(size, all(1e-38f));  // so that squares neither overflow nor vanish
+        x *= scale, y *= scale, z *= scale;
+        const F8 squared = x * x + y * y + z * z;
+        const I8 good = squared > 0.0f;
+        const F8 inverse = 1.0f / sqrt(select(good, squared, all(1)));
+        store(out.normalX + at, select(good, x * inverse, all(0)));
+        store(out.normalY + at, select(good, y * inverse, all(0)));
+        store(out.normalZ + at, select(good, z * inverse, all(1)));
+    }
+}
+
 /// As if the lane of a packet had met it; its tMax is set elsewhere.
 void store(const Hit& hit, RayPacket16& rays, int lane) {
     rays.u_[lane] = hit.u, rays.v_[lane] = hit.v;
@@ -287,10 +332,23 @@ Hit RayView::hit(const RayPacket16& rays, int lane) const {
                    tables_->top, instances_);
 }
 
-void RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const {
-    std::memcpy(out.normalX, rays.normalX_, 3 * sizeof out.normalX);  // three arrays in a row, in both
-    std::memcpy(out.u, rays.u_, 2 * sizeof out.u);
+bool RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const {
+    std::memcpy(out.u, rays.u_, 2 * sizeof out.u);  // arrays in a row, in both, as normals are
     std::memcpy(out.triangle, rays.prim_, sizeof out.triangle);
+    const int first = std::countr_zero(mask);
+    const std::uint32_t inst = rays.inst_[first], geom = rays.geom_[first];
+    if (sharedBy(rays.inst_, inst, mask) && sharedBy(rays.geom_, geom, mask) && !bvh::StrokeView::isResolved(inst)) {
+        const bvh::TopObject& object = tables_->top.objectOf(inst);
+        const std::uint32_t slot = object.slotOf(geom);
+        std::fill(std::begin(out.instance), std::end(out.instance), slot);
+        if (object.slots && object.resting && instances_[slot].sign >= 0)
+            std::memcpy(out.normalX, rays.normalX_, 3 * sizeof out.normalX);
+        else
+            turnNormals(rays, object, instances_[slot], out);
+        makeUnit(out);
+        return true;
+    }
+    std::memcpy(out.normalX, rays.normalX_, 3 * sizeof out.normalX);
     for (; mask; mask &= mask - 1) {
         const int i = std::countr_zero(mask);
         if (bvh::StrokeView::isResolved(rays.inst_[i])) {
@@ -305,19 +363,8 @@ void RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& ou
         const Vec3f n = worldNormal({out.normalX[i], out.normalY[i], out.normalZ[i]}, object, instance);
         out.normalX[i] = n.x, out.normalY[i] = n.y, out.normalZ[i] = n.z;
     }
-    for (int at = 0; at < 16; at += 8) {
-        using namespace simd;
-        F8 x = load(out.normalX + at), y = load(out.normalY + at), z = load(out.normalZ + at);
-        const F8 size = max(max(max(x, -x), max(y, -y)), max(z, -z));
-        const F8 scale = 1.0f / max(size, all(1e-38f));  // so that squares neither overflow nor vanish
-        x *= scale, y *= scale, z *= scale;
-        const F8 squared = x * x + y * y + z * z;
-        const I8 good = squared > 0.0f;
-        const F8 inverse = 1.0f / sqrt(select(good, squared, all(1)));
-        store(out.normalX + at, select(good, x * inverse, all(0)));
-        store(out.normalY + at, select(good, y * inverse, all(0)));
-        store(out.normalZ + at, select(good, z * inverse, all(1)));
-    }
+    makeUnit(out);
+    return false;
 }
 
 void RayView::visitNear(const Vec3f& center, float radius, const NearVisitor& visit, RayKind kind) const {

@@ -87,8 +87,9 @@ class RayView {
     std::uint32_t occluded(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::shadow) const;
     /// What lane `lane` of an intersected packet hit; no instance for a miss.
     Hit hit(const RayPacket16& rays, int lane) const;
-    /// The same for all lanes in `mask` (bits), which hit something; the others of `out` hold rubbish.
-    void hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const;
+    /// The same for all lanes in `mask` (bits), which hit something; the others of `out` hold rubbish. Returns whether
+    /// all of them are known to have met one instance.
+    bool hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const;
 
     /// Calls visit(slot, triangle) for every triangle whose box comes within `radius` of `center` (both in ray space,
     /// metres), and maybe others; visit returns the radius from then on. What is nearer tends to come first.

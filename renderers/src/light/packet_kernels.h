@@ -1,0 +1,80 @@
+// What is done to all lanes of a packet alike, in registers as wide as the machine's: 16 floats with AVX-512, else 8.
+//
+// Invariant: bit for bit the same numbers at either width. The code is one template (packet_kernels_impl.h), compiled
+// in two units, of which one is for x86-64-v4: that one must share no inline functions with others, or the linker might
+// give everyone its version. Threading: re-entrant.
+// Source: ISO/IEC 19775-1 V4.0 17.2.2 (lighting).
+#pragma once
+
+#include <cstdint>
+
+#include "surface_packet.h"
+
+namespace rtsg::trace {
+
+/// What one light sends to sixteen points.
+struct alignas(64) Incoming {
+    Lanes3 direction;              // towards the light, unit
+    alignas(64) float factor[16];  // attenuation times spot; 0 where the light does not reach
+    alignas(64) float cosine[16];  // to the shading normal, at least 0
+    alignas(64) float distance[16];
+    Lanes3 visible;  // share that shadows leave
+};
+
+/// A camera's rays through a block of four by four pixels.
+struct PixelBlock {
+    float x, y;           // of the first pixel's upper left corner
+    float width, height;  // of the picture, in pixels
+    float left, across, top, down;
+    Vec3f eye, right, up, forward;
+    float tMax;
+};
+
+/// The authored normals of a mesh, and where they come to stand.
+struct NormalSource {
+    const float* values;
+    const std::int32_t* index;  // null: each corner has the value of its number
+    std::uint32_t triangleStep;
+    bool ofFaces;
+    glm::mat3 normalFromLocal;
+};
+
+struct PacketKernels {
+    /// Origins, directions and lengths of rays through the pixels' middles.
+    void (*makeRays)(const PixelBlock& block, RayPacket16& rays);
+    /// Into `normal`, in the frame and the order of mesh normals, of any length; only the lanes of `lanes`.
+    void (*fetchNormals)(const NormalSource& source, std::uint32_t lanes, SurfacePacket& surfaces);
+    /// Places, directions, unit normals on the viewer's side, distances and which lanes see the back.
+    void (*finishGeometry)(const RayPacket16& rays, SurfacePacket& surfaces);
+    /// The same material for all lanes.
+    void (*fillAll)(const Material& material, const Material::Linear& colors, float coverage, float opacity,
+                    SurfacePacket& surfaces);
+    /// `exact` and `error` of the lanes of `lanes`, which lie on this instance's mesh.
+    void (*findPoints)(const RayInstance& instance, const Vec3f* positions, const std::int32_t* triangles,
+                       std::uint32_t stride, std::uint32_t lanes, SurfacePacket& surfaces);
+    /// Sets `radiance` to what the surfaces send themselves.
+    void (*addOwn)(SurfacePacket& surfaces);
+    /// Of a light that is no projector. Returns whether any lane is lit at all.
+    bool (*gather)(const TraceLight& light, const SurfacePacket& surfaces, Incoming& in);
+    /// Rays from the lanes of `mask` that the light may reach to it; `behind`: of these the ones whose own true surface
+    /// lies between. Returns the lanes.
+    std::uint32_t (*shadowRays)(const TraceLight& light, const SurfacePacket& surfaces, const Incoming& in,
+                                std::uint32_t mask, RayPacket16& rays, std::uint32_t& behind);
+    /// Adds what the lanes of `mask` reflect of a light to `radiance`.
+    void (*addPhong)(const TraceLight& light, const Incoming& in, std::uint32_t mask, bool shiny,
+                     SurfacePacket& surfaces);
+    void (*addPhysical)(const TraceLight& light, const Incoming& in, std::uint32_t mask, SurfacePacket& surfaces);
+    /// gather() and addPhong() in one, where nothing casts a shadow.
+    void (*shinePhong)(const TraceLight& light, std::uint32_t mask, bool shiny, SurfacePacket& surfaces);
+    /// Adds radiance and 1 to the pixels of a block whose first one is at `pixels`; rows are kTileSide pixels apart.
+    void (*addToPixels)(const SurfacePacket& surfaces, std::uint32_t mask, float* pixels);
+};
+
+/// For this machine.
+const PacketKernels& packetKernels();
+/// 8 wide, which every machine can.
+const PacketKernels& packetKernels8();
+/// 16 wide; null where this build or machine has none.
+const PacketKernels* packetKernels16();
+
+}  // namespace rtsg::trace
