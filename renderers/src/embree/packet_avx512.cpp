@@ -215,6 +215,71 @@ void leave(RayPacket16& rays, const SavedRays& saved) {
     for (int i = 0; i < 6; ++i) _mm512_storeu_ps(targets[i], _mm512_load_ps(saved.values[i]));
 }
 
+namespace {
+
+using V = float __attribute__((vector_size(64)));
+RTSG_INLINE V loadV(const float* p) { return static_cast<V>(_mm512_loadu_ps(p)); }
+RTSG_INLINE V larger(V a, V b) { return a > b ? a : b; }
+RTSG_INLINE V magnitude(V v) { return larger(v, -v); }
+template <class Mask>
+RTSG_INLINE std::uint32_t bitsOf16(Mask mask) {
+    return _mm512_movepi32_mask(reinterpret_cast<__m512i>(mask));
+}
+
+}  // namespace
+
+std::uint32_t findValid(const RayPacket16& rays, const Limits& limits, std::int32_t* valid) {
+    const V ox = loadV(rays.originX), oy = loadV(rays.originY), oz = loadV(rays.originZ);
+    const V dx = loadV(rays.directionX), dy = loadV(rays.directionY), dz = loadV(rays.directionZ);
+    const V near = loadV(rays.tMin), far = loadV(rays.tMax);
+    const V reach = larger(larger(magnitude(ox), magnitude(oy)), magnitude(oz));
+    const V length = larger(larger(magnitude(dx), magnitude(dy)), magnitude(dz));
+    // A larger number may hide a NaN; sums look for them.
+    const V sum = (ox - ox) + (oy - oy) + (oz - oz) + (dx - dx) + (dy - dy) + (dz - dz);
+    const auto good = (sum == 0.0f) & (reach <= limits.coordinate) & (length >= limits.shortest) &
+                      (length <= limits.longest) & (near >= 0.0f) & (near < kFar) & (far >= 0.0f);
+    const __mmask16 within = static_cast<__mmask16>(bitsOf16(good));
+    const __m512i active = _mm512_loadu_si512(rays.active);
+    _mm512_storeu_si512(valid, _mm512_maskz_mov_epi32(within, active));
+    return _mm512_test_epi32_mask(active, active) & ~std::uint32_t{within};
+}
+
+void complete(RayPacket16& rays, std::uint32_t mask) {
+    const __m512i none = _mm512_set1_epi32(-1), zero = _mm512_setzero_si512();
+    _mm512_storeu_si512(rays.time_, zero), _mm512_storeu_si512(rays.id_, zero);
+    _mm512_storeu_si512(rays.flags_, zero);
+    _mm512_storeu_si512(rays.mask_, _mm512_set1_epi32(static_cast<std::int32_t>(mask)));
+    _mm512_storeu_si512(rays.geom_, none), _mm512_storeu_si512(rays.inst_, none);
+}
+
+std::uint32_t findHits(const RayPacket16& rays) {
+    return _mm512_cmpneq_epi32_mask(_mm512_loadu_si512(rays.geom_), _mm512_set1_epi32(-1));
+}
+
+void copyHits(const RayPacket16& rays, PacketHits16& hits) {
+    const float* const from[] = {rays.normalX_, rays.normalY_, rays.normalZ_, rays.u_, rays.v_};
+    float* const to[] = {hits.normalX, hits.normalY, hits.normalZ, hits.u, hits.v};
+    for (int i = 0; i < 5; ++i) _mm512_storeu_ps(to[i], _mm512_loadu_ps(from[i]));
+    _mm512_storeu_si512(hits.triangle, _mm512_loadu_si512(rays.prim_));
+}
+
+void makeUnit(PacketHits16& hits) {
+    V x = loadV(hits.normalX), y = loadV(hits.normalY), z = loadV(hits.normalZ);
+    const V one = 1.0f - V{};
+    const V size = larger(larger(magnitude(x), magnitude(y)), magnitude(z));
+    const auto extreme = (size < 1e-15f) | (size > 1e15f);
+    if (bitsOf16(extreme)) {  // so that squares neither overflow nor vanish
+        const V scale = extreme ? 1.0f / larger(size, 1e-38f - V{}) : one;
+        x *= scale, y *= scale, z *= scale;
+    }
+    const V squared = x * x + y * y + z * z;
+    const auto good = squared > 0.0f;
+    const V inverse = 1.0f / static_cast<V>(_mm512_sqrt_ps(static_cast<F16>(good ? squared : one)));
+    _mm512_storeu_ps(hits.normalX, static_cast<F16>(good ? x * inverse : V{}));
+    _mm512_storeu_ps(hits.normalY, static_cast<F16>(good ? y * inverse : V{}));
+    _mm512_storeu_ps(hits.normalZ, static_cast<F16>(good ? z * inverse : one));
+}
+
 }  // namespace rtsg::bvh::avx512
 
 #else
@@ -227,6 +292,15 @@ bool isBuilt() {
 void traverse(const TreeView::Node* const*, std::size_t, const RayPacket16&, const std::int32_t*, Leaf, void*) {}
 void enter(RayPacket16&, const float*, const float*, SavedRays&) {}
 void leave(RayPacket16&, const SavedRays&) {}
+std::uint32_t findValid(const RayPacket16&, const Limits&, std::int32_t*) {
+    return 0;
+}
+void complete(RayPacket16&, std::uint32_t) {}
+std::uint32_t findHits(const RayPacket16&) {
+    return 0;
+}
+void copyHits(const RayPacket16&, PacketHits16&) {}
+void makeUnit(PacketHits16&) {}
 
 }  // namespace rtsg::bvh::avx512
 

@@ -24,6 +24,21 @@ struct alignas(64) SavedRays {
 /// Puts the packet's rays into a frame: `m` by columns, after subtracting the translation.
 void enter(RayPacket16& rays, const float* m, const float* translation, SavedRays& saved);
 void leave(RayPacket16& rays, const SavedRays& saved);
+/// What queries accept of rays.
+struct Limits {
+    float coordinate;         // at most
+    float shortest, longest;  // direction
+};
+/// Sets `valid` for the active lanes whose ray is within the limits, and returns a bit for each of the others.
+std::uint32_t findValid(const RayPacket16& rays, const Limits& limits, std::int32_t* valid);
+/// The members of a packet that its maker leaves to us.
+void complete(RayPacket16& rays, std::uint32_t mask);
+/// A bit for each lane that has hit something.
+std::uint32_t findHits(const RayPacket16& rays);
+/// What the packet hit: places on triangles, triangles, and normals as they are.
+void copyHits(const RayPacket16& rays, PacketHits16& hits);
+/// The same directions with length 1; what has none becomes +z.
+void makeUnit(PacketHits16& hits);
 
 /// Whether this build has it: false for other processors' and for compilers that cannot.
 bool isBuilt();

@@ -162,6 +162,7 @@ void traverse(const TreeView& tree, const RayPacket16& rays, const std::int32_t*
 
 /// What the caller of a packet leaves to us.
 inline void complete(RayPacket16& rays, std::uint32_t mask) {
+    if (kWide) return avx512::complete(rays, mask);
     for (int i = 0; i < 16; ++i) {
         rays.time_[i] = 0;
         rays.mask_[i] = mask;
@@ -192,6 +193,7 @@ std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, b
             }
         });
     }
+    if (kWide) return avx512::findHits(rays);
     std::uint32_t hits = 0;
     for (int i = 0; i < 16; ++i) hits |= static_cast<std::uint32_t>(rays.geom_[i] != RTC_INVALID_GEOMETRY_ID) << i;
     return hits;

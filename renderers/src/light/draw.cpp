@@ -11,6 +11,7 @@
 #include "adaptive.h"
 #include "data_layers.h"
 #include "environment.h"
+#include "mesh/simd8.h"
 #include "shutter.h"
 
 namespace rtsg::trace {
@@ -71,28 +72,49 @@ class Drawing {
   private:
     void take(const AdaptiveTile& tile, int x0, int y0) {
         RenderStats own;
-        for (int pixel = 0; pixel < kTilePixels; ++pixel) {
-            const int x = x0 + pixel % kTileSide, y = y0 + pixel / kTileSide;
-            if (x >= settings_.width || y >= settings_.height) continue;
-            const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
-            const float scale = 1.0f / static_cast<float>(tile.samples[block]);
-            picture_.at(x, y) = finitePixel(tile.result.sum[at] * scale);
-            own.samples += tile.samples[block];
-            if (!tile.result.missing.empty()) {
-                const double missing = double{tile.result.missing[at]} * scale;
-                own.missing += missing, own.missingMost = std::max(own.missingMost, missing);
+        const int right = std::min(settings_.width - x0, kTileSide), below = std::min(settings_.height - y0, kTileSide);
+        for (int y = 0; y < below; ++y)
+            for (int x = 0; x < right; x += 4) {
+                const int pixel = y * kTileSide + x;
+                show(tile, pixel, &picture_.at(x0 + x, y0 + y), std::min(right - x, 4));
+                own.samples += double{1} * tile.samples[static_cast<std::size_t>(blockOf(pixel))] * std::min(right - x, 4);
             }
-            if (picture_.interval.empty()) continue;
-            picture_.interval[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture_.width) +
-                              static_cast<std::size_t>(x)] = tile.interval[at];
-            own.error += double{tile.error[at]} * tile.error[at];
-            own.unreached += tile.ranOut >> block & 1u;
-        }
+        if (!tile.result.missing.empty() || !picture_.interval.empty())
+            for (int y = 0; y < below; ++y)
+                for (int x = 0; x < right; ++x) tell(tile, y * kTileSide + x, x0 + x, y0 + y, own);
         const std::lock_guard lock(sumMutex_);
         sum_.samples += own.samples, sum_.error += own.error, sum_.unreached += own.unreached;
         sum_.missing += own.missing, sum_.missingMost = std::max(sum_.missingMost, own.missingMost);
         sum_.primaryRays += tile.result.primaryRays, sum_.shadowRays += tile.result.shadowRays;
         sum_.secondaryRays += tile.result.secondaryRays;
+    }
+
+    /// A few pixels of a row of a block.
+    void show(const AdaptiveTile& tile, int pixel, Vec4f* to, int count) const {
+        const float scale = 1.0f / static_cast<float>(tile.samples[static_cast<std::size_t>(blockOf(pixel))]);
+        const Vec4f* sum = &tile.result.sum[static_cast<std::size_t>(pixel)];
+        if (count < 4) {
+            for (int i = 0; i < count; ++i) to[i] = finitePixel(sum[i] * scale);
+            return;
+        }
+        for (int i = 0; i < 4; i += 2) {
+            using namespace simd;
+            const F8 value = load(&sum[i].x) * scale;
+            store(&to[i].x, select(value > 0.0f, min(value, all(std::numeric_limits<float>::max())), all(0)));
+        }
+    }
+    /// What is known of a pixel besides its colour.
+    void tell(const AdaptiveTile& tile, int pixel, int x, int y, RenderStats& own) {
+        const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
+        if (!tile.result.missing.empty()) {
+            const double missing = double{tile.result.missing[at]} * (1.0f / static_cast<float>(tile.samples[block]));
+            own.missing += missing, own.missingMost = std::max(own.missingMost, missing);
+        }
+        if (picture_.interval.empty()) return;
+        picture_.interval[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture_.width) +
+                          static_cast<std::size_t>(x)] = tile.interval[at];
+        own.error += double{tile.error[at]} * tile.error[at];
+        own.unreached += tile.ranOut >> block & 1u;
     }
 
     const TraceScene& scene_;

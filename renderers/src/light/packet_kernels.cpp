@@ -26,10 +26,17 @@ struct Lanes8 {
     static F columns() { return F{0, 1, 2, 3, 0, 1, 2, 3}; }
     static F rows(int at) { return static_cast<float>(at / 4) + F{0, 0, 0, 0, 1, 1, 1, 1}; }
 
-    /// Four floats each from places 0 and 4.
+    /// What `use` leaves out becomes `other`.
+    static void copy(std::uint32_t* to, const std::uint32_t* from, I use, std::uint32_t other) {
+        I lanes;
+        std::memcpy(&lanes, from, sizeof lanes);
+        lanes = use ? lanes : I{} + static_cast<std::int32_t>(other);
+        std::memcpy(to, &lanes, sizeof lanes);
+    }
+    /// Four floats each from two places.
     static F quads(const float* const* places) {
         F4 low, high;
-        std::memcpy(&low, places[0], sizeof low), std::memcpy(&high, places[4], sizeof high);
+        std::memcpy(&low, places[0], sizeof low), std::memcpy(&high, places[1], sizeof high);
         return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
     }
     template <int j>

@@ -23,8 +23,8 @@ struct alignas(64) Incoming {
 
 /// A camera's rays through a block of four by four pixels.
 struct PixelBlock {
-    float x, y;           // of the first pixel's upper left corner
-    float width, height;  // of the picture, in pixels
+    float x, y;  // of the first pixel's upper left corner
+    /// The picture's left and upper edges at distance 1, and how far apart pixels are there.
     float left, across, top, down;
     Vec3f eye, right, up, forward;
     float tMax;
@@ -34,15 +34,17 @@ struct PixelBlock {
 struct NormalSource {
     const float* values;
     const std::int32_t* index;  // null: each corner has the value of its number
-    std::uint32_t triangleStep;
-    bool ofFaces;
+    std::uint32_t triangleStep, cornerStep;  // as MeshAttribute has them
     glm::mat3 normalFromLocal;
 };
 
 struct PacketKernels {
-    /// Origins, directions and lengths of rays through the pixels' middles.
-    void (*makeRays)(const PixelBlock& block, RayPacket16& rays);
-    /// Into `normal`, in the frame and the order of mesh normals, of any length; only the lanes of `lanes`.
+    /// Rays through the pixels' middles; those of `active` are.
+    void (*makeRays)(const PixelBlock& block, std::uint32_t active, RayPacket16& rays);
+    /// Sets `normal` to the true surfaces' normals.
+    void (*useOutside)(SurfacePacket& surfaces);
+    /// Into `normal`, in the frame and the order of mesh normals, of any length, in the lanes of `lanes`; the others keep theirs,
+    /// unless these are all that hit something.
     void (*fetchNormals)(const NormalSource& source, std::uint32_t lanes, SurfacePacket& surfaces);
     /// Places, directions, unit normals on the viewer's side, distances and which lanes see the back.
     void (*finishGeometry)(const RayPacket16& rays, SurfacePacket& surfaces);

@@ -29,12 +29,18 @@ struct Lanes16 {
     RTSG_INLINE F columns() { return F{0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3}; }
     RTSG_INLINE F rows(int) { return F{0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3}; }
 
-    /// Four floats each from places 0, 4, 8 and 12.
+    /// What `use` leaves out becomes `other`.
+    RTSG_INLINE void copy(std::uint32_t* to, const std::uint32_t* from, I use, std::uint32_t other) {
+        const __m512i all = _mm512_set1_epi32(static_cast<std::int32_t>(other));
+        const __mmask16 mask = _mm512_movepi32_mask(reinterpret_cast<__m512i>(use));
+        _mm512_storeu_si512(to, _mm512_mask_loadu_epi32(all, mask, from));
+    }
+    /// Four floats each from four places.
     RTSG_INLINE F quads(const float* const* places) {
         const __m256 low = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[0])),
-                                                _mm_loadu_ps(places[4]), 1);
-        const __m256 high = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[8])),
-                                                 _mm_loadu_ps(places[12]), 1);
+                                                _mm_loadu_ps(places[1]), 1);
+        const __m256 high = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[2])),
+                                                 _mm_loadu_ps(places[3]), 1);
         return static_cast<F>(_mm512_insertf32x8(_mm512_castps256_ps512(low), high, 1));
     }
     template <int j>

@@ -52,10 +52,9 @@ struct KernelsOf {
 
     // ---- rays ---------------------------------------------------------------------------------------------------
 
-    static void makeRays(const PixelBlock& b, RayPacket16& rays) {
+    static void makeRays(const PixelBlock& b, std::uint32_t active, RayPacket16& rays) {
         for (int at = 0; at < 16; at += kLanes) {
-            const F u = (b.x + W::columns() + 0.5f) / b.width, v = (b.y + W::rows(at) + 0.5f) / b.height;
-            const F x = b.left + b.across * u, y = b.top - b.down * v;
+            const F x = b.left + b.across * (b.x + W::columns() + 0.5f), y = b.top - b.down * (b.y + W::rows(at) + 0.5f);
             V d{b.right.x * x + b.up.x * y, b.right.y * x + b.up.y * y, b.right.z * x + b.up.z * y};
             d = plus(d, all(b.forward));
             d = times(d, 1.0f / W::root(dot(d, d)));
@@ -64,49 +63,55 @@ struct KernelsOf {
             W::store(rays.directionX + at, d.x), W::store(rays.directionY + at, d.y);
             W::store(rays.directionZ + at, d.z);
             W::store(rays.tMin + at, F{}), W::store(rays.tMax + at, all(b.tMax));
+            W::store(rays.active + at, lanesFrom(active, at));
         }
     }
 
     // ---- surfaces -----------------------------------------------------------------------------------------------
 
-    /// Of every fourth lane from `j` on: x, y, z and rubbish.
+    static void useOutside(SurfacePacket& s) {
+        for (int at = 0; at < 16; at += kLanes) storeV(s.normal, at, outside(s, at));
+    }
+
+    /// Of every fourth lane from `j` on: x, y, z and rubbish. `triangles`: of all lanes.
     template <int j>
-    RTSG_INLINE F smooth(const NormalSource& source, const float* const (&corner)[3][kLanes], F u, F v, F w) {
-        const F a = W::quads(corner[0] + j);
-        if (source.ofFaces) return a;
-        return a * W::template spread<j>(w) + W::quads(corner[1] + j) * W::template spread<j>(u) +
-               W::quads(corner[2] + j) * W::template spread<j>(v);
+    RTSG_INLINE F smooth(const NormalSource& source, const std::uint32_t* triangles, F u, F v, F w) {
+        const float* corner[3][kLanes / 4];
+        for (int q = 0; q < kLanes / 4; ++q) {
+            const std::size_t first = std::size_t{triangles[4 * q + j]} * source.triangleStep;
+            const std::size_t k[3] = {first, first + source.cornerStep, first + 2 * source.cornerStep};
+            for (int c = 0; c < 3; ++c)
+                corner[c][q] =
+                    source.values + 3 * (source.index ? std::size_t{static_cast<std::uint32_t>(source.index[k[c]])} : k[c]);
+        }
+        return W::quads(corner[0]) * W::template spread<j>(w) + W::quads(corner[1]) * W::template spread<j>(u) +
+               W::quads(corner[2]) * W::template spread<j>(v);
     }
 
     static void fetchNormals(const NormalSource& source, std::uint32_t lanes, SurfacePacket& s) {
         for (int at = 0; at < 16; at += kLanes) {
             const std::uint32_t now = lanes >> at & kAll;
             if (!now) continue;
-            // Where its three values begin, of each lane; others read a lane's that is there.
-            const int some = __builtin_ctz(now);
-            const float* corner[3][kLanes];
-            for (int lane = 0; lane < kLanes; ++lane) {
-                const int from = at + (now >> lane & 1u ? lane : some);
-                const std::size_t first = std::size_t{s.hits.triangle[from]} * source.triangleStep;
-                for (std::size_t c = 0; c < 3; ++c) {
-                    const std::size_t k = first + (source.ofFaces ? 0 : c);
-                    const std::size_t value = source.index ? static_cast<std::uint32_t>(source.index[k]) : k;
-                    corner[c][lane] = source.values + 3 * value;
-                }
-            }
-            const F u = W::load(s.hits.u + at), v = W::load(s.hits.v + at), w = 1.0f - u - v;
-            F n[4]{smooth<0>(source, corner, u, v, w), smooth<1>(source, corner, u, v, w),
-                   smooth<2>(source, corner, u, v, w), smooth<3>(source, corner, u, v, w)};
+            alignas(64) std::uint32_t triangles[kLanes];
+            W::copy(triangles, s.hits.triangle + at, W::lanesOf(now), s.hits.triangle[at + __builtin_ctz(now)]);
+            F u = W::load(s.hits.u + at), v = W::load(s.hits.v + at), w = 1.0f - u - v;
+            if (source.cornerStep == 0) u = v = F{}, w = all(1);
+            F n[4]{smooth<0>(source, triangles, u, v, w), smooth<1>(source, triangles, u, v, w),
+                   smooth<2>(source, triangles, u, v, w), smooth<3>(source, triangles, u, v, w)};
             W::transpose(n[0], n[1], n[2], n[3]);
             const glm::mat3& m = source.normalFromLocal;
             const auto row = [&](int r) __attribute__((always_inline)) {
                 const float* e = &m[0].x;
                 return e[r] * n[0] + e[3 + r] * n[1] + e[6 + r] * n[2];
             };
+            const V normal{row(0), row(1), row(2)};
+            if (lanes == s.mask) {
+                storeV(s.normal, at, normal);
+                continue;
+            }
             const I use = W::lanesOf(now);
             const V old = loadV(s.normal, at);
-            const F x = row(0), y = row(1), z = row(2);
-            storeV(s.normal, at, {use ? x : old.x, use ? y : old.y, use ? z : old.z});
+            storeV(s.normal, at, {use ? normal.x : old.x, use ? normal.y : old.y, use ? normal.z : old.z});
         }
     }
 
@@ -153,15 +158,17 @@ struct KernelsOf {
         for (int at = 0; at < 16; at += kLanes) {
             const std::uint32_t now = lanes >> at & kAll;
             if (!now) continue;
-            const int some = __builtin_ctz(now);
-            const float* corner[3][kLanes];
+            alignas(64) std::uint32_t hit[kLanes];
+            W::copy(hit, s.hits.triangle + at, W::lanesOf(now), s.hits.triangle[at + __builtin_ctz(now)]);
+            const float* corner[3][kLanes];  // every fourth lane's next to each other
             for (int lane = 0; lane < kLanes; ++lane) {
-                const int from = at + (now >> lane & 1u ? lane : some);
-                const std::int32_t* triangle = triangles + std::size_t{s.hits.triangle[from]} * stride;
-                for (int c = 0; c < 3; ++c) corner[c][lane] = &positions[triangle[c]].x;
+                const std::int32_t* triangle = triangles + std::size_t{hit[lane]} * stride;
+                const int place = lane % 4 * (kLanes / 4) + lane / 4;
+                for (int c = 0; c < 3; ++c) corner[c][place] = &positions[triangle[c]].x;
             }
             const F u = W::load(s.hits.u + at), v = W::load(s.hits.v + at), w = 1.0f - u - v;
-            const V a = times(gathered(corner[0]), w), b = times(gathered(corner[1]), u), c = times(gathered(corner[2]), v);
+            const V a = times(gathered(corner[0]), w), b = times(gathered(corner[1]), u),
+                    c = times(gathered(corner[2]), v);
             const V local = plus(plus(a, b), c);
             const V size{absolute(a.x) + absolute(b.x) + absolute(c.x), absolute(a.y) + absolute(b.y) + absolute(c.y),
                          absolute(a.z) + absolute(b.z) + absolute(c.z)};
@@ -188,7 +195,8 @@ struct KernelsOf {
 
     /// The three numbers at each of these places.
     RTSG_INLINE V gathered(const float* const* places) {
-        F q[4] = {W::quads(places), W::quads(places + 1), W::quads(places + 2), W::quads(places + 3)};
+        constexpr int kNext = kLanes / 4;
+        F q[4] = {W::quads(places), W::quads(places + kNext), W::quads(places + 2 * kNext), W::quads(places + 3 * kNext)};
         W::transpose(q[0], q[1], q[2], q[3]);
         return {q[0], q[1], q[2]};
     }
@@ -219,8 +227,11 @@ struct KernelsOf {
         r.distance = W::root(dot(r.towards, r.towards));
         r.towards = times(r.towards, 1.0f / more(r.distance, all(1e-30f)));
         const F local = r.distance * light.localFromWorld;
-        const F falloff = light.attenuation.x + local * (light.attenuation.y + local * light.attenuation.z);
-        r.factor = 1.0f / more(falloff, all(1));
+        const bool fades = light.attenuation.x > 1 || light.attenuation.y != 0 || light.attenuation.z != 0;
+        if (fades) {
+            const F falloff = light.attenuation.x + local * (light.attenuation.y + local * light.attenuation.z);
+            r.factor = 1.0f / more(falloff, all(1));
+        }
         if (light.radius >= 0) r.factor = local > light.radius ? F{} : r.factor;
         if (light.kind == Light::Kind::spot) {
             const F angle = simd::lanes::acosOf(more(less(-dot(r.towards, all(light.direction)), all(1)), all(-1)),
@@ -295,9 +306,10 @@ struct KernelsOf {
         V direct = times(base, cosine);
         if (shiny) {
             const V half = plus(towards, loadV(s.view, at));
-            const F length = W::root(dot(half, half));
-            const F cosHalf = dot(loadV(s.normal, at), half) / more(length, all(1e-20f));
-            F shine = simd::lanes::power<F, I>(less(more(cosHalf, F{}), all(1)), W::load(s.exponent + at));
+            // Of the cosine's square, so that no root is needed.
+            const F along = more(dot(loadV(s.normal, at), half), F{});
+            const F square = along * along / more(dot(half, half), all(1e-30f));
+            F shine = simd::lanes::power<F, I>(less(square, all(1)), 0.5f * W::load(s.exponent + at));
             shine = cosine > 0.0f ? shine : F{};
             direct = plus(direct, times(loadV(s.specular, at), shine));
         }
@@ -377,7 +389,7 @@ struct KernelsOf {
         }
     }
 
-    static constexpr PacketKernels kTable{&makeRays, &fetchNormals, &finishGeometry, &fillAll,    &findPoints,
+    static constexpr PacketKernels kTable{&makeRays, &useOutside, &fetchNormals, &finishGeometry, &fillAll,    &findPoints,
                                           &addOwn,   &gather,       &shadowRays,     &addPhong,   &addPhysical,
                                           &shinePhong, &addToPixels};
 };

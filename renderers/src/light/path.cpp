@@ -92,16 +92,8 @@ class Paths {
         : scene_(scene), settings_(settings), result_(result), loop_(scene, camera, settings, x0, y0, result) {}
 
     void run() {
-        loop_.run([this](RayPacket16& rays, PathTask* tasks, const std::uint16_t* pixels, int sample, std::uint32_t) {
-            if (tasks) return trace(rays, tasks, false);
-            PathTask first[16];
-            for (int lane = 0; lane < 16; ++lane) {
-                first[lane].pixel = pixels[lane];
-                first[lane].random = PathRandom::ofPicture(settings_.seed, loop_.x(pixels[lane]), loop_.y(pixels[lane]),
-                                                           sample, settings_.samplesPerPixel)
-                                         .state();
-            }
-            trace(rays, first, true);
+        loop_.run([this](std::span<TilePacket> packets) {
+            for (TilePacket& packet : packets) traceOne(packet);
         });
     }
 
@@ -124,14 +116,25 @@ class Paths {
                 draws_.draw(random, 0xFFFF);
                 for (int lane = 0; lane < 16; ++lane) bounce(-probe.normal, tasks[lane], lane);
             }
-            loop_.finish(
-                [this](RayPacket16& rays, PathTask* tasks, const std::uint16_t*, int, std::uint32_t) {
-                    trace(rays, tasks, false);
-                });
+            loop_.finish([this](std::span<TilePacket> packets) {
+                for (TilePacket& packet : packets) traceOne(packet);
+            });
         }
     }
 
   private:
+    void traceOne(TilePacket& packet) {
+        if (packet.tasks) return trace(packet.rays, packet.tasks, false);
+        PathTask first[16];
+        for (int lane = 0; lane < 16; ++lane) {
+            const std::uint16_t pixel = first[lane].pixel = packet.pixels[lane];
+            first[lane].random = PathRandom::ofPicture(settings_.seed, loop_.x(pixel), loop_.y(pixel), packet.sample,
+                                                       settings_.samplesPerPixel)
+                                     .state();
+        }
+        trace(packet.rays, first, true);
+    }
+
     /// Fills the packet with the probe.
     void place(const Probe& probe, const Material& white) {
         constexpr float kOff = 1e-5f;  // metres, or of the place's coordinates

@@ -304,7 +304,7 @@ void gatherNormals(const Common& common, std::uint32_t lanes, SurfacePacket& out
         return;
     }
     packetKernels().fetchNormals({normals.data(), normals.indices().empty() ? nullptr : normals.indices().data(),
-                                  normals.triangleStep(), normals.binding() == MeshAttribute::Binding::face,
+                                  normals.triangleStep(), normals.binding() == MeshAttribute::Binding::face ? 0u : 1u,
                                   common.instance->normalFromLocal},
                                  lanes, out);
 }
@@ -441,8 +441,10 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
         for (int lane = 0; lane < 16; ++lane)
             if ((mask >> lane & 1u) && out.hits.triangle[lane] == kCap) out.caps |= 1u << lane;
     out.pointsFound = false;
-    std::memcpy(&out.normal, &out.hits, sizeof out.normal);  // normalX, normalY, normalZ
     Common common;
+    common.find(scene, out.hits.instance[std::countr_zero(mask)]);
+    if (!out.oneInstance || out.caps || !common.mesh->normals.present() || std::popcount(mask) <= kFew)
+        packetKernels().useOutside(out);
     for (std::uint32_t rest = mask; rest;) {
         const std::uint32_t lanes = sameInstance(out, rest);
         common.find(scene, out.hits.instance[std::countr_zero(rest)]);

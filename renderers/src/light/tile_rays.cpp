@@ -51,10 +51,10 @@ void throughLens(const TraceScene& scene, const Camera& camera, const RenderSett
 }
 
 /// Directions of a panorama.
-V8 aroundAt(const Camera& camera, const float* u, const float* v) {
+V8 aroundAt(const Camera& camera, const RenderSettings& settings, const float* u, const float* v) {
     alignas(32) float x[8], y[8], z[8];
     for (int lane = 0; lane < 8; ++lane) {
-        const Vec3d d = camera.ray(double{u[lane]}, double{v[lane]}).direction;
+        const Vec3d d = camera.ray(double{u[lane]} / settings.width, double{v[lane]} / settings.height).direction;
         x[lane] = static_cast<float>(d.x), y[lane] = static_cast<float>(d.y), z[lane] = static_cast<float>(d.z);
     }
     return {load(x), load(y), load(z)};
@@ -79,12 +79,10 @@ std::uint32_t blockPixels(const RenderSettings& settings, int x, int y, int bx, 
 PixelBlock pixelBlock(const Camera& camera, const RenderSettings& settings, const Vec3f& eye, int x, int y) {
     return {static_cast<float>(x),
             static_cast<float>(y),
-            static_cast<float>(settings.width),
-            static_cast<float>(settings.height),
             static_cast<float>(camera.left),
-            static_cast<float>(camera.rightEdge - camera.left),
+            static_cast<float>((camera.rightEdge - camera.left) / settings.width),
             static_cast<float>(camera.top),
-            static_cast<float>(camera.top - camera.bottom),
+            static_cast<float>((camera.top - camera.bottom) / settings.height),
             eye,
             Vec3f(camera.right),
             Vec3f(camera.up),
@@ -92,8 +90,9 @@ PixelBlock pixelBlock(const Camera& camera, const RenderSettings& settings, cons
             static_cast<float>(camera.visibilityLimit)};
 }
 
-/// Through these places of the picture, as shares of its sides.
-void raysThrough(const Camera& camera, const PixelBlock& b, const float* u, const float* v, RayPacket16& rays) {
+/// Through these places of the picture, in pixels.
+void raysThrough(const Camera& camera, const RenderSettings& settings, const PixelBlock& b, const float* u,
+                 const float* v, RayPacket16& rays) {
     for (int at = 0; at < 16; at += 8) {
         const F8 x = b.left + b.across * load(u + at), y = b.top - b.down * load(v + at);
         V8 d{b.right.x * x + b.up.x * y, b.right.y * x + b.up.y * y, b.right.z * x + b.up.z * y};
@@ -102,7 +101,7 @@ void raysThrough(const Camera& camera, const PixelBlock& b, const float* u, cons
             o = o + d;
             d = {all(b.forward.x), all(b.forward.y), all(b.forward.z)};
         } else if (camera.panorama) {
-            d = aroundAt(camera, u + at, v + at);
+            d = aroundAt(camera, settings, u + at, v + at);
         } else {
             d = d + V8{all(b.forward.x), all(b.forward.y), all(b.forward.z)};
             d = d * (1.0f / sqrt(dot(d, d)));
@@ -121,24 +120,20 @@ std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const R
     const int bx = (block & 3) * 4, by = (block >> 2) * 4;
     const std::uint32_t active = blockPixels(settings, x0 + bx, y0 + by, bx, by, pixels);
     if (!active) return 0;
-    for (int at = 0; at < 16; at += 8) {
-        const I8 each{1, 2, 4, 8, 16, 32, 64, 128};
-        const I8 use = (each & static_cast<std::int32_t>(active >> at)) != 0;
-        std::memcpy(rays.active + at, &use, sizeof use);
-    }
     const PixelBlock b = pixelBlock(camera, settings, scene.world->fromWorld(camera.position), x0 + bx, y0 + by);
     if (settings.samplesPerPixel == 1 && !camera.orthographic && !camera.panorama) {
-        packetKernels().makeRays(b, rays);
+        packetKernels().makeRays(b, active, rays);
         return active;
     }
     alignas(32) float u[16], v[16];
     for (int lane = 0; lane < 16; ++lane) {
+        rays.active[lane] = -static_cast<std::int32_t>(active >> lane & 1u);
         const int x = x0 + bx + (lane & 3), y = y0 + by + (lane >> 2);
         const Vec2f place = samplePlace(settings, x, y, sample);
-        u[lane] = (static_cast<float>(x) + place.x) / b.width;
-        v[lane] = (static_cast<float>(y) + place.y) / b.height;
+        u[lane] = static_cast<float>(x) + place.x;
+        v[lane] = static_cast<float>(y) + place.y;
     }
-    raysThrough(camera, b, u, v, rays);
+    raysThrough(camera, settings, b, u, v, rays);
     if (camera.lensRadius > 0 && settings.samplesPerPixel > 1)
         throughLens(scene, camera, settings, x0, y0, sample, pixels, rays);
     return active;

@@ -6,6 +6,7 @@
 #include <bit>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 #include "trace_scene.h"
@@ -17,9 +18,19 @@ namespace rtsg::trace {
 std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
                           int block, int sample, RayPacket16& rays, std::uint16_t* pixels);
 
+/// Rays that are traced together, and what they are for.
+struct TilePacket {
+    RayPacket16 rays;
+    std::uint32_t active;      // a bit each, at least one
+    std::uint16_t pixels[16];  // of primary rays those of a block
+    int sample;                // of primary rays
+    PathTask* tasks;           // one for each active lane; null: primary rays
+};
+
 /// A tile's rays: the primary ones, then those that they lead to, generation by generation.
 class TileLoop {
   public:
+    static constexpr std::size_t kTogether = 4;  // packets; they and what is made of them stay in the nearest cache
     TileLoop(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
              TileResult& result)
         : scene_(scene), camera_(camera), settings_(settings), x0_(x0), y0_(y0), result_(result) {
@@ -32,25 +43,31 @@ class TileLoop {
         swapQueues();
     }
 
-    /// `trace(rays, tasks, pixels, sample, active)` is given packets in which at least one ray is active, a bit each.
-    /// `tasks` is null for primary rays, whose pixels are a block, else one for each active lane; of what it is asked to
-    /// follow, push() is told.
+    /// `trace(packets)` is given a few packets at a time: what is done to one after the other of them does not wait for
+    /// the one before. Of what it is asked to follow, push() is told.
     template <class Trace>
     void run(const Trace& trace) {
+        std::size_t count = 0;
+        const auto pass = [&] {
+            if (count > 0) trace(std::span(packets_, count));
+            count = 0;
+        };
         for (int block = 0; block < kTilePixels / 16; ++block) {
             if (!(result_.blocks >> block & 1u)) continue;
             const int end = std::min(result_.lastSample, settings_.samplesPerPixel);
             for (int sample = result_.firstSample; sample < end; ++sample) {
-                RayPacket16 rays;
-                std::uint16_t pixels[16];
-                const std::uint32_t active =
-                    primaryRays(scene_, camera_, settings_, x0_, y0_, block, sample, rays, pixels);
-                if (!active) break;
-                result_.primaryRays += static_cast<std::uint64_t>(std::popcount(active));
-                trace(rays, nullptr, pixels, sample, active);
+                TilePacket& packet = packets_[count];
+                packet.active =
+                    primaryRays(scene_, camera_, settings_, x0_, y0_, block, sample, packet.rays, packet.pixels);
+                if (!packet.active) break;
+                packet.sample = sample, packet.tasks = nullptr;
+                result_.primaryRays += static_cast<std::uint64_t>(std::popcount(packet.active));
+                if (++count < kTogether) continue;
+                pass();
                 if (next_.size() >= kDrain) drain(trace);
             }
         }
+        pass();
         drain(trace);
     }
     /// The rest of run(), where push() has begun it.
@@ -79,21 +96,26 @@ class TileLoop {
         while (!next_.empty()) {
             now_.swap(next_);
             next_.clear();
-            for (std::size_t first = 0; first < now_.size(); first += 16) {
-                RayPacket16 rays;
-                std::uint16_t pixels[16];
-                const auto count = static_cast<int>(std::min<std::size_t>(16, now_.size() - first));
-                for (int lane = 0; lane < 16; ++lane) {
-                    rays.skip(lane);
-                    if (lane >= count) continue;
-                    const PathTask& task = now_[first + static_cast<std::size_t>(lane)];
-                    rays.set(lane, {task.origin, kLeave, task.direction, std::numeric_limits<float>::infinity()});
-                    pixels[lane] = task.pixel;
-                }
-                result_.secondaryRays += static_cast<std::uint64_t>(count);
-                trace(rays, &now_[first], pixels, 0, (std::uint32_t{1} << count) - 1);
+            for (std::size_t first = 0; first < now_.size();) {
+                std::size_t count = 0;
+                for (; count < kTogether && first < now_.size(); ++count, first += 16) fill(packets_[count], first);
+                trace(std::span(packets_, count));
             }
         }
+    }
+    /// With queued rays.
+    void fill(TilePacket& packet, std::size_t first) {
+        const auto count = static_cast<int>(std::min<std::size_t>(16, now_.size() - first));
+        for (int lane = 0; lane < 16; ++lane) {
+            packet.rays.skip(lane);
+            if (lane >= count) continue;
+            const PathTask& task = now_[first + static_cast<std::size_t>(lane)];
+            packet.rays.set(lane, {task.origin, kLeave, task.direction, std::numeric_limits<float>::infinity()});
+            packet.pixels[lane] = task.pixel;
+        }
+        packet.active = (std::uint32_t{1} << count) - 1;
+        packet.sample = 0, packet.tasks = &now_[first];
+        result_.secondaryRays += static_cast<std::uint64_t>(count);
     }
 
     const TraceScene& scene_;
@@ -102,6 +124,7 @@ class TileLoop {
     int x0_, y0_;
     TileResult& result_;
     std::vector<PathTask> now_, next_;
+    TilePacket packets_[kTogether];
 };
 
 }  // namespace rtsg::trace

@@ -23,8 +23,7 @@ class Tile {
         : scene_(scene), settings_(settings), result_(result), loop_(scene, camera, settings, x0, y0, result) {}
 
     void run() {
-        loop_.run([this](RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, int,
-                         std::uint32_t active) { trace(rays, tasks, pixels, active); });
+        loop_.run([this](std::span<TilePacket> packets) { trace(packets); });
     }
 
   private:
@@ -44,11 +43,24 @@ class Tile {
     /// Whether what has no space of its own is to be light: sky and fog.
     bool asLight(const PathTask* task) const { return scene_.space == ColorSpace::linear || (task && task->linear); }
 
-    void trace(RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, std::uint32_t active) {
-        const std::uint32_t hits = scene_.world->intersect(rays, !tasks);
+    void trace(std::span<TilePacket> packets) {
+        std::uint32_t hits[TileLoop::kTogether];
+        for (std::size_t i = 0; i < packets.size(); ++i)
+            hits[i] = scene_.world->intersect(packets[i].rays, !packets[i].tasks);
+        for (std::size_t i = 0; i < packets.size(); ++i)
+            if (hits[i]) fetchSurfaces(scene_, packets[i].rays, hits[i], packets[i].tasks, surfaces_[i]);
+        for (std::size_t i = 0; i < packets.size(); ++i)
+            if (hits[i]) addLights(scene_, surfaces_[i], result_.shadowRays);
+        for (std::size_t i = 0; i < packets.size(); ++i) take(packets[i], hits[i], surfaces_[i]);
+    }
+
+    /// Adds what a packet has found to its pixels.
+    void take(const TilePacket& packet, std::uint32_t hits, SurfacePacket& surfaces) {
+        const RayPacket16& rays = packet.rays;
+        const PathTask* tasks = packet.tasks;
         const bool volumes = !scene_.volumes.empty();
-        if (volumes) march(rays, tasks, pixels);
-        for (std::uint32_t rest = active & ~hits; rest; rest &= rest - 1) {
+        if (volumes) march(rays, tasks, packet.pixels);
+        for (std::uint32_t rest = packet.active & ~hits; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             const PathTask* task = tasks ? tasks + lane : nullptr;
             const bool light = asLight(task);
@@ -57,19 +69,18 @@ class Tile {
                                                       : scene_.skyColor(direction, light);
             Vec3f weight = task ? task->weight : Vec3f(1);
             if (volumes) weight *= left_[lane];
-            add(pixels[lane], task, weight, Vec3f(sky), light, sky.a);
+            add(packet.pixels[lane], task, weight, Vec3f(sky), light, sky.a);
         }
         if (!hits) return;
-        fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
-        addLights(scene_, surfaces_, result_.shadowRays);
-        if (!scene_.environments.lights.empty()) addEnvironments(scene_, surfaces_);
-        if (surfaces_.special) findPoints(scene_, surfaces_);
-        const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces_.linear;
-        if (!tasks && !surfaces_.special && !scene_.fogs.any() && oneSpace && !volumes) {
-            packetKernels().addToPixels(surfaces_, hits, &result_.sum[pixels[0]].x);  // they are a block
+        if (!scene_.environments.lights.empty()) addEnvironments(scene_, surfaces);
+        if (surfaces.special) findPoints(scene_, surfaces);
+        const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces.linear;
+        if (!tasks && !surfaces.special && !scene_.fogs.any() && oneSpace && !volumes) {
+            packetKernels().addToPixels(surfaces, hits, &result_.sum[packet.pixels[0]].x);
             return;
         }
-        for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(rays, tasks, pixels, std::countr_zero(rest));
+        for (std::uint32_t rest = hits; rest; rest &= rest - 1)
+            finish(packet, surfaces, std::countr_zero(rest));
     }
 
     /// Adds what volumes send on the way to what the rays met, and finds what they leave of that.
@@ -89,8 +100,9 @@ class Tile {
     }
 
     /// Adds what a lane's surface sends and queues the rays it asks for.
-    void finish(const RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels, int lane) {
-        const SurfacePacket& s = surfaces_;
+    void finish(const TilePacket& packet, const SurfacePacket& s, int lane) {
+        const PathTask* tasks = packet.tasks;
+        const std::uint16_t pixel = packet.pixels[lane];
         const float t = s.distance[lane];
         Vec3f weight(1);
         float fog = 1;
@@ -103,16 +115,16 @@ class Tile {
         if (scene_.fogs.any()) fog = s.fogLeft(scene_, lane, t + (tasks ? tasks[lane].line : 0));
         if (!(s.special >> lane & 1u)) {
             const PathTask* task = tasks ? tasks + lane : nullptr;
-            add(pixels[lane], task, weight * fog, s.radiance.get(lane), s.linear >> lane & 1u, 1);
-            addFog(pixels[lane], task, weight, fog, lane);
+            add(pixel, task, weight * fog, s.radiance.get(lane), s.linear >> lane & 1u, 1);
+            addFog(pixel, task, weight, fog, s.lights[lane]);
             return;
         }
-        branch(rays, tasks, pixels[lane], lane, weight, fog);
+        branch(packet, s, lane, weight, fog);
     }
-    void addFog(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, float fog, int lane) {
+    void addFog(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, float fog, std::uint32_t scope) {
         if (!(fog < 1)) return;
         const bool light = asLight(task);
-        add(pixel, task, weight * (1 - fog), scene_.fogs.of(surfaces_.lights[lane]).color(light), light, 1);
+        add(pixel, task, weight * (1 - fog), scene_.fogs.of(scope).color(light), light, 1);
     }
 
     /// What becomes of the light that a surface sends along a ray: shares of the mirror, of its own colours if it is
@@ -122,8 +134,7 @@ class Tile {
         Vec3f mirror, body, passing, whole;
         float eta = 1;
     };
-    Shares shares(int lane, float cosine, bool back) const {
-        const SurfacePacket& s = surfaces_;
+    static Shares shares(const SurfacePacket& s, int lane, float cosine, bool back) {
         const Material& material = *s.material[lane];
         const float opacity = s.opacity[lane];
         const Vec3f rest = Vec3f(1) - material.reflectivity;
@@ -145,9 +156,10 @@ class Tile {
         return result;
     }
 
-    void branch(const RayPacket16& rays, const PathTask* tasks, std::uint16_t pixel, int lane, const Vec3f& weight,
-                float fog) {
-        const SurfacePacket& s = surfaces_;
+    void branch(const TilePacket& packet, const SurfacePacket& s, int lane, const Vec3f& weight, float fog) {
+        const RayPacket16& rays = packet.rays;
+        const PathTask* tasks = packet.tasks;
+        const std::uint16_t pixel = packet.pixels[lane];
         const Material& material = *s.material[lane];
         const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
         const bool back = s.back >> lane & 1u;
@@ -155,12 +167,12 @@ class Tile {
         const float cosine = std::clamp(glm::dot(normal, -direction), 0.0f, 1.0f);
         const float coverage = s.coverage[lane], opacity = s.opacity[lane];
         const bool glass = material.refractiveIndex > 0;
-        const auto [mirror, body, passing, whole, eta] = shares(lane, cosine, back);
+        const auto [mirror, body, passing, whole, eta] = shares(s, lane, cosine, back);
         const PathTask* task = tasks ? tasks + lane : nullptr;
         const bool linear = s.linear >> lane & 1u;
         const Vec3f own = weight * coverage * body * opacity;
         add(pixel, task, own * fog, s.radiance.get(lane), linear, 1, false);
-        addFog(pixel, task, weight * coverage * whole, fog, lane);
+        addFog(pixel, task, weight * coverage * whole, fog, s.lights[lane]);
         // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
         // its own colour. What it lets pass straight goes on as the ray came.
         const bool root = scene_.space == ColorSpace::automatic && linear && !(task && task->linear);
@@ -227,7 +239,7 @@ class Tile {
     const float cutoff_ = std::max(settings_.cutoff, kLeastCutoff);
     TileResult& result_;
     TileLoop loop_;
-    SurfacePacket surfaces_{};  // unused lanes stay finite
+    SurfacePacket surfaces_[TileLoop::kTogether]{};  // unused lanes stay finite
     float left_[16] = {};       // what volumes leave, where there are any
 };
 

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <vector>
 
+#include "embree/packet_avx512.h"
 #include "mesh/simd8.h"
 #include "ray_boxes.h"
 #include "ray_view_impl.h"
@@ -27,8 +28,13 @@ inline bool acceptable(float ox, float oy, float oz, float tMin, float dx, float
            (tMin >= 0) & (tMin < HUGE_VALF) & (tMax >= 0);
 }
 
+/// AVX-512 where the machine has it.
+const bool kWideHits = bvh::avx512::isSupported();
+
 /// Lanes that must not be traced are inactive in `valid`. Returns the number of bad rays.
 inline int findValid(const RayPacket16& rays, std::int32_t* valid) {
+    if (kWideHits)
+        return std::popcount(bvh::avx512::findValid(rays, {RayView::kMaxCoordinate, kShortest, kLongest}, valid));
     int bad = 0;
     for (int i = 0; i < 16; ++i) {
         const bool ok = acceptable(rays.originX[i], rays.originY[i], rays.originZ[i], rays.tMin[i], rays.directionX[i],
@@ -103,12 +109,16 @@ void turnNormals(const RayPacket16& rays, const bvh::TopObject& object, const Ra
 
 /// Normals of length 1.
 void makeUnit(PacketHits16& out) {
+    if (kWideHits) return bvh::avx512::makeUnit(out);
+    using namespace simd;
     for (int at = 0; at < 16; at += 8) {
-        using namespace simd;
         F8 x = load(out.normalX + at), y = load(out.normalY + at), z = load(out.normalZ + at);
         const F8 size = max(max(max(x, -x), max(y, -y)), max(z, -z));
-        const F8 scale = 1.0f / max(size, all(1e-38f));  // so that squares neither overflow nor vanish
-        x *= scale, y *= scale, z *= scale;
+        const I8 extreme = (size < 1e-15f) | (size > 1e15f);
+        if (any(extreme)) {  // so that squares neither overflow nor vanish
+            const F8 scale = select(extreme, 1.0f / max(size, all(1e-38f)), all(1));
+            x *= scale, y *= scale, z *= scale;
+        }
         const F8 squared = x * x + y * y + z * z;
         const I8 good = squared > 0.0f;
         const F8 inverse = 1.0f / sqrt(select(good, squared, all(1)));
@@ -116,6 +126,14 @@ void makeUnit(PacketHits16& out) {
         store(out.normalY + at, select(good, y * inverse, all(0)));
         store(out.normalZ + at, select(good, z * inverse, all(1)));
     }
+}
+
+/// Everything but instances, and normals as they are.
+void copyHits(const RayPacket16& rays, PacketHits16& out) {
+    if (kWideHits) return bvh::avx512::copyHits(rays, out);
+    std::memcpy(out.normalX, rays.normalX_, 3 * sizeof out.normalX);  // three arrays in a row, in both
+    std::memcpy(out.u, rays.u_, 2 * sizeof out.u);
+    std::memcpy(out.triangle, rays.prim_, sizeof out.triangle);
 }
 
 /// As if the lane of a packet had met it; its tMax is set elsewhere.
@@ -333,22 +351,18 @@ Hit RayView::hit(const RayPacket16& rays, int lane) const {
 }
 
 bool RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const {
-    std::memcpy(out.u, rays.u_, 2 * sizeof out.u);  // arrays in a row, in both, as normals are
-    std::memcpy(out.triangle, rays.prim_, sizeof out.triangle);
+    copyHits(rays, out);
     const int first = std::countr_zero(mask);
     const std::uint32_t inst = rays.inst_[first], geom = rays.geom_[first];
     if (sharedBy(rays.inst_, inst, mask) && sharedBy(rays.geom_, geom, mask) && !bvh::StrokeView::isResolved(inst)) {
         const bvh::TopObject& object = tables_->top.objectOf(inst);
         const std::uint32_t slot = object.slotOf(geom);
         std::fill(std::begin(out.instance), std::end(out.instance), slot);
-        if (object.slots && object.resting && instances_[slot].sign >= 0)
-            std::memcpy(out.normalX, rays.normalX_, 3 * sizeof out.normalX);
-        else
+        if (!object.slots || !object.resting || instances_[slot].sign < 0)
             turnNormals(rays, object, instances_[slot], out);
         makeUnit(out);
         return true;
     }
-    std::memcpy(out.normalX, rays.normalX_, 3 * sizeof out.normalX);
     for (; mask; mask &= mask - 1) {
         const int i = std::countr_zero(mask);
         if (bvh::StrokeView::isResolved(rays.inst_[i])) {
