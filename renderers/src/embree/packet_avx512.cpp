@@ -218,9 +218,15 @@ void leave(RayPacket16& rays, const SavedRays& saved) {
 namespace {
 
 using V = float __attribute__((vector_size(64)));
-RTSG_INLINE V loadV(const float* p) { return static_cast<V>(_mm512_loadu_ps(p)); }
-RTSG_INLINE V larger(V a, V b) { return a > b ? a : b; }
-RTSG_INLINE V magnitude(V v) { return larger(v, -v); }
+RTSG_INLINE V loadV(const float* p) {
+    return static_cast<V>(_mm512_loadu_ps(p));
+}
+RTSG_INLINE V larger(V a, V b) {
+    return a > b ? a : b;
+}
+RTSG_INLINE V magnitude(V v) {
+    return larger(v, -v);
+}
 template <class Mask>
 RTSG_INLINE std::uint32_t bitsOf16(Mask mask) {
     return _mm512_movepi32_mask(reinterpret_cast<__m512i>(mask));

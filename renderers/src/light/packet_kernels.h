@@ -23,9 +23,9 @@ struct alignas(64) Incoming {
 
 /// A camera's rays through a block of four by four pixels.
 struct PixelBlock {
-    float x, y;  // of the first pixel's upper left corner
-    /// The picture's left and upper edges at distance 1, and how far apart pixels are there.
-    float left, across, top, down;
+    float x, y;  // of the first pixel's upper left corner, from the picture's middle, which stays exact
+    /// That middle at distance 1, and how far apart pixels are there.
+    float middleX, across, middleY, down;
     Vec3f eye, right, up, forward;
     float tMax;
 };
@@ -33,7 +33,7 @@ struct PixelBlock {
 /// The authored normals of a mesh, and where they come to stand.
 struct NormalSource {
     const float* values;
-    const std::int32_t* index;  // null: each corner has the value of its number
+    const std::int32_t* index;               // null: each corner has the value of its number
     std::uint32_t triangleStep, cornerStep;  // as MeshAttribute has them
     glm::mat3 normalFromLocal;
 };
@@ -43,8 +43,8 @@ struct PacketKernels {
     void (*makeRays)(const PixelBlock& block, std::uint32_t active, RayPacket16& rays);
     /// Sets `normal` to the true surfaces' normals.
     void (*useOutside)(SurfacePacket& surfaces);
-    /// Into `normal`, in the frame and the order of mesh normals, of any length, in the lanes of `lanes`; the others keep theirs,
-    /// unless these are all that hit something.
+    /// Into `normal`, in the frame and the order of mesh normals, of any length, in the lanes of `lanes`; the others
+    /// keep theirs, unless these are all that hit something.
     void (*fetchNormals)(const NormalSource& source, std::uint32_t lanes, SurfacePacket& surfaces);
     /// Places, directions, unit normals on the viewer's side, distances and which lanes see the back.
     void (*finishGeometry)(const RayPacket16& rays, SurfacePacket& surfaces);

@@ -37,10 +37,10 @@ struct Lanes16 {
     }
     /// Four floats each from four places.
     RTSG_INLINE F quads(const float* const* places) {
-        const __m256 low = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[0])),
-                                                _mm_loadu_ps(places[1]), 1);
-        const __m256 high = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[2])),
-                                                 _mm_loadu_ps(places[3]), 1);
+        const __m256 low =
+            _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[0])), _mm_loadu_ps(places[1]), 1);
+        const __m256 high =
+            _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[2])), _mm_loadu_ps(places[3]), 1);
         return static_cast<F>(_mm512_insertf32x8(_mm512_castps256_ps512(low), high, 1));
     }
     template <int j>

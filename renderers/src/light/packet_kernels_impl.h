@@ -54,7 +54,8 @@ struct KernelsOf {
 
     static void makeRays(const PixelBlock& b, std::uint32_t active, RayPacket16& rays) {
         for (int at = 0; at < 16; at += kLanes) {
-            const F x = b.left + b.across * (b.x + W::columns() + 0.5f), y = b.top - b.down * (b.y + W::rows(at) + 0.5f);
+            const F x = b.middleX + b.across * (b.x + W::columns() + 0.5f),
+                    y = b.middleY - b.down * (b.y + W::rows(at) + 0.5f);
             V d{b.right.x * x + b.up.x * y, b.right.y * x + b.up.y * y, b.right.z * x + b.up.z * y};
             d = plus(d, all(b.forward));
             d = times(d, 1.0f / W::root(dot(d, d)));
@@ -81,8 +82,8 @@ struct KernelsOf {
             const std::size_t first = std::size_t{triangles[4 * q + j]} * source.triangleStep;
             const std::size_t k[3] = {first, first + source.cornerStep, first + 2 * source.cornerStep};
             for (int c = 0; c < 3; ++c)
-                corner[c][q] =
-                    source.values + 3 * (source.index ? std::size_t{static_cast<std::uint32_t>(source.index[k[c]])} : k[c]);
+                corner[c][q] = source.values +
+                               3 * (source.index ? std::size_t{static_cast<std::uint32_t>(source.index[k[c]])} : k[c]);
         }
         return W::quads(corner[0]) * W::template spread<j>(w) + W::quads(corner[1]) * W::template spread<j>(u) +
                W::quads(corner[2]) * W::template spread<j>(v);
@@ -186,17 +187,16 @@ struct KernelsOf {
             const I use = W::lanesOf(now);
             const V point{row(0), row(1), row(2)}, error{bound(0), bound(1), bound(2)};
             const V oldPoint = loadV(s.exact, at), oldError = loadV(s.error, at);
-            storeV(s.exact, at,
-                   {use ? point.x : oldPoint.x, use ? point.y : oldPoint.y, use ? point.z : oldPoint.z});
-            storeV(s.error, at,
-                   {use ? error.x : oldError.x, use ? error.y : oldError.y, use ? error.z : oldError.z});
+            storeV(s.exact, at, {use ? point.x : oldPoint.x, use ? point.y : oldPoint.y, use ? point.z : oldPoint.z});
+            storeV(s.error, at, {use ? error.x : oldError.x, use ? error.y : oldError.y, use ? error.z : oldError.z});
         }
     }
 
     /// The three numbers at each of these places.
     RTSG_INLINE V gathered(const float* const* places) {
         constexpr int kNext = kLanes / 4;
-        F q[4] = {W::quads(places), W::quads(places + kNext), W::quads(places + 2 * kNext), W::quads(places + 3 * kNext)};
+        F q[4] = {W::quads(places), W::quads(places + kNext), W::quads(places + 2 * kNext),
+                  W::quads(places + 3 * kNext)};
         W::transpose(q[0], q[1], q[2], q[3]);
         return {q[0], q[1], q[2]};
     }
@@ -207,8 +207,7 @@ struct KernelsOf {
         for (int at = 0; at < 16; at += kLanes) {
             const I plain = lanesFrom(s.unlit, at);
             const V base = loadV(s.base, at), own = loadV(s.emissive, at);
-            storeV(s.radiance, at,
-                   {plain ? base.x : own.x, plain ? base.y : own.y, plain ? base.z : own.z});
+            storeV(s.radiance, at, {plain ? base.x : own.x, plain ? base.y : own.y, plain ? base.z : own.z});
         }
     }
 
@@ -300,8 +299,8 @@ struct KernelsOf {
     }
 
     /// Adds what a surface reflects of a light, before its shadow.
-    RTSG_INLINE void reflect(const TraceLight& light, const V& towards, F cosine, F factor, const V& visible, bool shiny,
-                             int at, SurfacePacket& s) {
+    RTSG_INLINE void reflect(const TraceLight& light, const V& towards, F cosine, F factor, const V& visible,
+                             bool shiny, int at, SurfacePacket& s) {
         const V base = loadV(s.base, at), ambient = loadV(s.ambient, at);
         V direct = times(base, cosine);
         if (shiny) {
@@ -320,11 +319,13 @@ struct KernelsOf {
         storeV(s.radiance, at, radiance);
     }
 
-    static void addPhong(const TraceLight& light, const Incoming& in, std::uint32_t mask, bool shiny, SurfacePacket& s) {
+    static void addPhong(const TraceLight& light, const Incoming& in, std::uint32_t mask, bool shiny,
+                         SurfacePacket& s) {
         for (int at = 0; at < 16; at += kLanes) {
             if (!(mask >> at & kAll)) continue;
             const F factor = lanesFrom(mask, at) ? W::load(in.factor + at) : F{};
-            reflect(light, loadV(in.direction, at), W::load(in.cosine + at), factor, loadV(in.visible, at), shiny, at, s);
+            reflect(light, loadV(in.direction, at), W::load(in.cosine + at), factor, loadV(in.visible, at), shiny, at,
+                    s);
         }
     }
 
@@ -383,15 +384,16 @@ struct KernelsOf {
         for (int at = 0; at < 16; at += kLanes) {
             const I use = lanesFrom(mask, at);
             const V radiance = loadV(s.radiance, at);
-            F r = use ? radiance.x : F{}, g = use ? radiance.y : F{}, b = use ? radiance.z : F{}, a = use ? all(1) : F{};
+            F r = use ? radiance.x : F{}, g = use ? radiance.y : F{}, b = use ? radiance.z : F{},
+              a = use ? all(1) : F{};
             W::transpose(r, g, b, a);  // now each four lanes apart
             W::addRows(r, g, b, a, pixels + at / 4 * kTileSide * 4, kTileSide * 4);
         }
     }
 
-    static constexpr PacketKernels kTable{&makeRays, &useOutside, &fetchNormals, &finishGeometry, &fillAll,    &findPoints,
-                                          &addOwn,   &gather,       &shadowRays,     &addPhong,   &addPhysical,
-                                          &shinePhong, &addToPixels};
+    static constexpr PacketKernels kTable{&makeRays,    &useOutside, &fetchNormals, &finishGeometry, &fillAll,
+                                          &findPoints,  &addOwn,     &gather,       &shadowRays,     &addPhong,
+                                          &addPhysical, &shinePhong, &addToPixels};
 };
 
 #undef RTSG_INLINE

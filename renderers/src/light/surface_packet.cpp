@@ -303,10 +303,10 @@ void gatherNormals(const Common& common, std::uint32_t lanes, SurfacePacket& out
         }
         return;
     }
-    packetKernels().fetchNormals({normals.data(), normals.indices().empty() ? nullptr : normals.indices().data(),
-                                  normals.triangleStep(), normals.binding() == MeshAttribute::Binding::face ? 0u : 1u,
-                                  common.instance->normalFromLocal},
-                                 lanes, out);
+    packetKernels().fetchNormals(
+        {normals.data(), normals.indices().empty() ? nullptr : normals.indices().data(), normals.triangleStep(),
+         normals.binding() == MeshAttribute::Binding::face ? 0u : 1u, common.instance->normalFromLocal},
+        lanes, out);
 }
 
 /// Whether the material is computed in linear light.
@@ -494,7 +494,8 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
         }
         const RayInstance& instance = scene.world->instance(s.hits.instance[first]);
         const Mesh& mesh = *instance.mesh;
-        packetKernels().findPoints(instance, mesh.positions.data(), mesh.triangles.data(), mesh.triangleStride, lanes, s);
+        packetKernels().findPoints(instance, mesh.positions.data(), mesh.triangles.data(), mesh.triangleStride, lanes,
+                                   s);
     }
     for (std::uint32_t rest = alone; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);

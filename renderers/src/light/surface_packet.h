@@ -20,15 +20,15 @@ struct alignas(64) Lanes3 {
 };
 
 struct alignas(64) SurfacePacket {
-    std::uint32_t mask = 0;      // lanes that hit something
-    std::uint32_t back = 0;      // the ray came from behind
-    std::uint32_t special = 0;   // may send further rays
-    std::uint32_t unlit = 0;     // no light changes it
-    std::uint32_t physical = 0;  // of the lit ones
-    std::uint32_t shiny = 0;     // of the lit ones, phong with a specular part
-    std::uint32_t linear = 0;    // colours and radiance are light; of the others display values
-    std::uint32_t caps = 0;      // on a cap
-    bool oneInstance = false;    // all lanes
+    std::uint32_t mask = 0;            // lanes that hit something
+    std::uint32_t back = 0;            // the ray came from behind
+    std::uint32_t special = 0;         // may send further rays
+    std::uint32_t unlit = 0;           // no light changes it
+    std::uint32_t physical = 0;        // of the lit ones
+    std::uint32_t shiny = 0;           // of the lit ones, phong with a specular part
+    std::uint32_t linear = 0;          // colours and radiance are light; of the others display values
+    std::uint32_t caps = 0;            // on a cap
+    bool oneInstance = false;          // all lanes
     const Material* filled = nullptr;  // all lanes have this one's numbers, unchanged, as light or (not) display values
     bool filledLinear = false;
     PacketHits16 hits;

@@ -54,7 +54,8 @@ void throughLens(const TraceScene& scene, const Camera& camera, const RenderSett
 V8 aroundAt(const Camera& camera, const RenderSettings& settings, const float* u, const float* v) {
     alignas(32) float x[8], y[8], z[8];
     for (int lane = 0; lane < 8; ++lane) {
-        const Vec3d d = camera.ray(double{u[lane]} / settings.width, double{v[lane]} / settings.height).direction;
+        const Vec3d d =
+            camera.ray(double{u[lane]} / settings.width + .5, double{v[lane]} / settings.height + .5).direction;
         x[lane] = static_cast<float>(d.x), y[lane] = static_cast<float>(d.y), z[lane] = static_cast<float>(d.z);
     }
     return {load(x), load(y), load(z)};
@@ -77,12 +78,13 @@ std::uint32_t blockPixels(const RenderSettings& settings, int x, int y, int bx, 
 }
 
 PixelBlock pixelBlock(const Camera& camera, const RenderSettings& settings, const Vec3f& eye, int x, int y) {
-    return {static_cast<float>(x),
-            static_cast<float>(y),
-            static_cast<float>(camera.left),
-            static_cast<float>((camera.rightEdge - camera.left) / settings.width),
-            static_cast<float>(camera.top),
-            static_cast<float>((camera.top - camera.bottom) / settings.height),
+    const double width = settings.width, height = settings.height;
+    return {static_cast<float>(x - width / 2),
+            static_cast<float>(y - height / 2),
+            static_cast<float>((camera.left + camera.rightEdge) / 2),
+            static_cast<float>((camera.rightEdge - camera.left) / width),
+            static_cast<float>((camera.top + camera.bottom) / 2),
+            static_cast<float>((camera.top - camera.bottom) / height),
             eye,
             Vec3f(camera.right),
             Vec3f(camera.up),
@@ -90,11 +92,11 @@ PixelBlock pixelBlock(const Camera& camera, const RenderSettings& settings, cons
             static_cast<float>(camera.visibilityLimit)};
 }
 
-/// Through these places of the picture, in pixels.
+/// Through these places of the picture, in pixels from its middle.
 void raysThrough(const Camera& camera, const RenderSettings& settings, const PixelBlock& b, const float* u,
                  const float* v, RayPacket16& rays) {
     for (int at = 0; at < 16; at += 8) {
-        const F8 x = b.left + b.across * load(u + at), y = b.top - b.down * load(v + at);
+        const F8 x = b.middleX + b.across * load(u + at), y = b.middleY - b.down * load(v + at);
         V8 d{b.right.x * x + b.up.x * y, b.right.y * x + b.up.y * y, b.right.z * x + b.up.z * y};
         V8 o{all(b.eye.x), all(b.eye.y), all(b.eye.z)};
         if (camera.orthographic) {
@@ -128,10 +130,10 @@ std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const R
     alignas(32) float u[16], v[16];
     for (int lane = 0; lane < 16; ++lane) {
         rays.active[lane] = -static_cast<std::int32_t>(active >> lane & 1u);
-        const int x = x0 + bx + (lane & 3), y = y0 + by + (lane >> 2);
-        const Vec2f place = samplePlace(settings, x, y, sample);
-        u[lane] = static_cast<float>(x) + place.x;
-        v[lane] = static_cast<float>(y) + place.y;
+        const int column = lane & 3, row = lane >> 2;
+        const Vec2f place = samplePlace(settings, x0 + bx + column, y0 + by + row, sample);
+        u[lane] = b.x + static_cast<float>(column) + place.x;
+        v[lane] = b.y + static_cast<float>(row) + place.y;
     }
     raysThrough(camera, settings, b, u, v, rays);
     if (camera.lensRadius > 0 && settings.samplesPerPixel > 1)

@@ -79,8 +79,7 @@ class Tile {
             packetKernels().addToPixels(surfaces, hits, &result_.sum[packet.pixels[0]].x);
             return;
         }
-        for (std::uint32_t rest = hits; rest; rest &= rest - 1)
-            finish(packet, surfaces, std::countr_zero(rest));
+        for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(packet, surfaces, std::countr_zero(rest));
     }
 
     /// Adds what volumes send on the way to what the rays met, and finds what they leave of that.
@@ -240,7 +239,7 @@ class Tile {
     TileResult& result_;
     TileLoop loop_;
     SurfacePacket surfaces_[TileLoop::kTogether]{};  // unused lanes stay finite
-    float left_[16] = {};       // what volumes leave, where there are any
+    float left_[16] = {};                            // what volumes leave, where there are any
 };
 
 }  // namespace

@@ -2,14 +2,17 @@
 //
 // F: a vector of float; I: the integers of its masks. Accuracy: below 3e-7 relative (log2Of: absolute) on their
 // domains. All are inlined wherever they are used, so a unit that is compiled for wider registers shares no code of
-// them with others. Source: series (by pairs of terms, Estrin 1960) and Abramowitz & Stegun 4.4.46 (arc cosine). Threading: values.
+// them with others. Source: series (by pairs of terms, Estrin 1960) and Abramowitz & Stegun 4.4.46 (arc cosine).
+// Threading: values.
 #pragma once
 
 #include <cstdint>
 
 namespace rtsg::simd::lanes {
 
-#define RTSG_LANES template <class F, class I> __attribute__((always_inline)) inline
+#define RTSG_LANES              \
+    template <class F, class I> \
+    __attribute__((always_inline)) inline
 
 /// All the same. (x - 0 is x whatever it is.)
 template <class F>
@@ -61,7 +64,7 @@ RTSG_LANES F exp2Of(F y) {
 /// x^e for x in [0, 1], e >= 0; 0^0 is 1.
 RTSG_LANES F power(F x, F e) {
     const F r = exp2Of<F, I>(e * log2Of<F, I>(most(x, fill<F>(1e-30f))));
-    return e <= 0.0f ? fill<F>(1) : r;
+    return e <= 0.0f ? fill<F>(1) : x > 0.0f ? r : F{};
 }
 
 /// Argument in [-1, 1]. `root`: the square root of such a vector.
@@ -86,8 +89,8 @@ RTSG_LANES F beyond(F x, F step) {
     // Away from zero counts up, towards zero down; zero itself goes to the least number of the step's sign.
     const I outwards = ((x > 0.0f) & (step > 0.0f)) | ((x < 0.0f) & (step < 0.0f));
     I moved = i + (outwards ? I{} + 1 : I{} - 1);
-    const I smallest = (reinterpret<I>(step) & (I{} + std::int32_t(0x80000000))) |
-                       0x00800000;  // not denormal: Embree flushes those
+    const I smallest =
+        (reinterpret<I>(step) & (I{} + std::int32_t(0x80000000))) | 0x00800000;  // not denormal: Embree flushes those
     moved = x == 0.0f ? smallest : moved;
     return step == 0.0f ? x : reinterpret<F>(moved);
 }
