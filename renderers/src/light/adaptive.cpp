@@ -92,6 +92,7 @@ class Sampling {
           y0_(y0),
           most_(std::max(settings.samplesPerPixel, 2 * kLeastOfGroup)),
           groups_(std::min(kGroups, most_ / kLeastOfGroup)),
+          firstStep_(scene.shutter ? kLeastOfGroup : kFirstOfGroup),
           leastStep_(scene.shutter ? kLeastOfGroup : kStepOfGroup),
           moments_(groups_),
           tile_(tile) {}
@@ -101,7 +102,7 @@ class Sampling {
         for (int samples = 0; blocks;) {
             // An eighth more each time: more often costs coherence, more seldom samples that were not needed.
             const auto eighth = static_cast<int>(std::bit_floor(static_cast<unsigned>(samples)) / 8);
-            const int limit = most_ / groups_, step = samples == 0 ? kLeastOfGroup : std::max(leastStep_, eighth);
+            const int limit = most_ / groups_, step = samples == 0 ? firstStep_ : std::max(leastStep_, eighth);
             const int next = limit - (samples + step) < leastStep_ ? limit : samples + step;
             if (next == samples) break;
             for (int group = 0; group < groups_; ++group) sample(group, blocks, samples, next);
@@ -183,7 +184,7 @@ class Sampling {
     const int x0_, y0_, most_, groups_;
     /// Samples of a shutter's instants are spread over all that are asked for at once, and a single one is in the
     /// middle of its pixel: there each step is a sequence of its own, and not too short.
-    const int leastStep_;
+    const int firstStep_, leastStep_;
     Moments moments_;
     std::array<int, kBlocks> samples_{};  // of each group
     AdaptiveTile& tile_;

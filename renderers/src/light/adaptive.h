@@ -14,7 +14,8 @@ namespace rtsg::trace {
 
 constexpr int kBlocks = 16;       // of a tile, four by four pixels each
 constexpr int kGroups = 8;        // of a pixel's samples; where fewer than kGroups * kLeastOfGroup are allowed, less
-constexpr int kLeastOfGroup = 3;  // samples
+constexpr int kFirstOfGroup = 1;  // samples, after which a block is looked at for the first time
+constexpr int kLeastOfGroup = 3;  // samples that a group must be allowed
 constexpr int kStepOfGroup = 1;   // so many more at least
 
 /// 97.5 % quantile of Student's distribution.

@@ -87,7 +87,7 @@ TEST(Adaptive, SamplesGoWhereTheErrorIs) {
     LightScene even("Background { skyColor .5 .5 .5 }", 32, 32);
     byPaths(even, 0.01f);
     const Picture p = even.picture();
-    EXPECT_EQ(even.stats.samples, trace::kGroups * trace::kLeastOfGroup);
+    EXPECT_EQ(even.stats.samples, trace::kGroups * trace::kFirstOfGroup);
     EXPECT_EQ(even.stats.error, 0);
     for (const Vec3f& interval : p.interval) EXPECT_EQ(interval, Vec3f(0));
 
