@@ -21,52 +21,104 @@ namespace {
 
 constexpr int kRaysWidth = 1280, kHeight = 720;
 
-/// A room full of bumpy spheres in one mesh, seen from inside: about `triangles` of them.
-void buildRoom(Scene& scene, int triangles) {
+struct RoomTriangles {
     Array<Vec3f> points;
     Array<std::int32_t> indices;
+    /// A row of rings of `sides` points each, of which those from `base` on are there already.
+    void joinRings(std::int32_t base, int rings, int sides) {
+        for (int i = 0; i < rings; ++i)
+            for (int k = 0; k < sides; ++k) {
+                const std::int32_t a = base + i * (sides + 1) + k, b = a + 1, c = a + sides + 1, d = c + 1;
+                for (const std::int32_t v : {a, b, c, b, d, c}) indices.push_back(v);
+            }
+    }
+    void addBox(const Vec3f& low, const Vec3f& high) {
+        const auto corner = static_cast<std::int32_t>(points.size());
+        for (int i = 0; i < 8; ++i)
+            points.push_back(Vec3f(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z));
+        for (const int v : {0, 1, 3, 0, 3, 2, 4, 6, 7, 4, 7, 5, 0, 4, 5, 0, 5, 1,
+                            2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 5, 7, 1, 7, 3})
+            indices.push_back(corner + v);
+    }
+    /// A rod with as many sides, each of two triangles from end to end.
+    void addRod(const Vec3f& from, const Vec3f& to, float radius, int sides) {
+        const Vec3f axis = glm::normalize(to - from);
+        const Vec3f side = glm::normalize(glm::cross(axis, std::abs(axis.y) < .9f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0)));
+        const Vec3f other = glm::cross(axis, side);
+        const auto base = static_cast<std::int32_t>(points.size());
+        for (const Vec3f& end : {from, to})
+            for (int k = 0; k <= sides; ++k) {
+                const float angle = 6.2831853f * static_cast<float>(k) / static_cast<float>(sides);
+                points.push_back(end + radius * (std::cos(angle) * side + std::sin(angle) * other));
+            }
+        joinRings(base, 1, sides);
+    }
+};
+
+constexpr Vec3f kRoomLow(-8, -4, -15), kRoomHigh(8, 4, 9);  // so that every ray hits something
+
+/// A room full of bumpy spheres, seen from inside: about `triangles` of them.
+RoomTriangles spheresRoom(int triangles) {
+    RoomTriangles result;
     const int objects = 40;
     const int rings = std::max(4, static_cast<int>(std::sqrt(triangles / objects / 4)));
     std::mt19937 random(7);
     std::uniform_real_distribution<float> place(-6, 6);
     for (int object = 0; object < objects; ++object) {
         const Vec3f centre(place(random), place(random) * .4f, place(random) - 6);
-        const auto base = static_cast<std::int32_t>(points.size());
+        const auto base = static_cast<std::int32_t>(result.points.size());
         for (int i = 0; i <= rings; ++i)
             for (int k = 0; k <= 2 * rings; ++k) {
                 const float theta = 3.14159265f * static_cast<float>(i) / static_cast<float>(rings);
                 const float phi = 3.14159265f * static_cast<float>(k) / static_cast<float>(rings);
                 const float radius = .8f + .05f * std::sin(9 * theta) * std::cos(7 * phi);
-                points.push_back(centre + radius * Vec3f(std::sin(theta) * std::cos(phi), std::cos(theta),
-                                                         std::sin(theta) * std::sin(phi)));
+                result.points.push_back(centre + radius * Vec3f(std::sin(theta) * std::cos(phi), std::cos(theta),
+                                                                std::sin(theta) * std::sin(phi)));
             }
-        const std::int32_t row = 2 * rings + 1;
-        for (int i = 0; i < rings; ++i)
-            for (int k = 0; k < 2 * rings; ++k) {
-                const std::int32_t a = base + i * row + k, b = a + 1, c = a + row, d = c + 1;
-                for (const std::int32_t v : {a, b, c, b, d, c}) indices.push_back(v);
-            }
+        result.joinRings(base, rings, 2 * rings);
     }
-    // The room itself, so that every ray hits something.
-    const auto corner = static_cast<std::int32_t>(points.size());
-    for (int i = 0; i < 8; ++i) points.push_back(Vec3f(i & 1 ? 8 : -8, i & 2 ? 4 : -4, i & 4 ? 9 : -15));
-    for (const int v :
-         {0, 1, 3, 0, 3, 2, 4, 6, 7, 4, 7, 5, 0, 4, 5, 0, 5, 1, 2, 3, 7, 2, 7, 6, 0, 2, 6, 0, 6, 4, 1, 5, 7, 1, 7, 3})
-        indices.push_back(corner + v);
+    result.addBox(kRoomLow, kRoomHigh);
+    return result;
+}
+
+/// A hall as architects draw it: fluted columns and slanting rods of triangles as long as they are.
+RoomTriangles hall(int triangles) {
+    RoomTriangles result;
+    const int columns = 96, rods = 200, sides = std::max(4, triangles / 2 / columns);
+    for (int i = 0; i < columns; ++i) {
+        const Vec3f foot(static_cast<float>(i % 8) * 2 - 7, kRoomLow.y, 3 - static_cast<float>(i / 8) * 1.5f);
+        result.addRod(foot, foot + Vec3f(0, kRoomHigh.y - kRoomLow.y, 0), .2f, sides);
+    }
+    std::mt19937 random(11);
+    std::uniform_real_distribution<float> unit(0, 1);
+    for (int i = 0; i < rods; ++i) {
+        const auto end = [&](float y) {
+            return Vec3f(16 * unit(random) - 8, y + unit(random), 18 * unit(random) - 15);
+        };
+        const Vec3f from = end(1), to = end(3);
+        result.addRod(from, to, .03f, 6);
+    }
+    result.addBox(kRoomLow, kRoomHigh);
+    return result;
+}
+
+const Vec3f kLamp(0, 3, 4);
+
+void fillScene(Scene& scene, const RoomTriangles& triangles) {
     const NodeId coordinate = scene.createNode(x3d::Coordinate::type),
                  faces = scene.createNode(x3d::IndexedTriangleSet::type);
     const NodeId shape = scene.createNode(x3d::Shape::type), appearance = scene.createNode(x3d::Appearance::type);
     const NodeId material = scene.createNode(x3d::Material::type), light = scene.createNode(x3d::PointLight::type);
     const NodeId view = scene.createNode(x3d::Viewpoint::type);
-    (void)scene.set(coordinate, x3d::Coordinate::point, points);
-    (void)scene.set(faces, x3d::IndexedTriangleSet::index, indices);
+    (void)scene.set(coordinate, x3d::Coordinate::point, triangles.points);
+    (void)scene.set(faces, x3d::IndexedTriangleSet::index, triangles.indices);
     (void)scene.set(faces, x3d::IndexedTriangleSet::coord, coordinate);
     (void)scene.set(faces, x3d::IndexedTriangleSet::solid, false);
     (void)scene.set(material, x3d::Material::specularColor, Color{.5f, .5f, .5f});
     (void)scene.set(appearance, x3d::Appearance::material, material);
     (void)scene.set(shape, x3d::Shape::geometry, faces);
     (void)scene.set(shape, x3d::Shape::appearance, appearance);
-    (void)scene.set(light, x3d::PointLight::location, Vec3f(0, 3, 4));
+    (void)scene.set(light, x3d::PointLight::location, kLamp);
     (void)scene.set(view, x3d::Viewpoint::position, Vec3f(0, 0, 8));
     for (const NodeId id : {shape, light, view}) (void)scene.insertChild(scene.root(), x3d::RtsgScene::children, id);
 }
@@ -168,6 +220,105 @@ double worldSeconds(const RayWorld& world, const Rays& rays) {
     return cpuSeconds() - start;
 }
 
+/// What follows the primary rays, made beforehand, in the order of the pixels.
+struct Followers {
+    struct Block {
+        alignas(64) float origin[3][16], direction[3][16];
+        alignas(64) int active[16];
+    };
+    std::vector<Block> blocks;
+    float tMax;
+    std::size_t count = 0;
+
+    /// `direction(point, direction of the ray)`: not 0, or there is none.
+    template <class Direction>
+    Followers(const RayWorld& world, const Rays& rays, float end, const Direction& direction) : tMax(end) {
+        for (const Rays::Block& from : rays.blocks) {
+            Block block{};
+            RayPacket16 packet;
+            for (int i = 0; i < 16; ++i) packet.set(i, {rays.eye, 0, {from.x[i], from.y[i], from.z[i]}});
+            (void)world.intersect(packet, true);
+            for (int i = 0; i < 16; ++i) {
+                const Hit hit = world.hit(packet, i);
+                if (!hit) continue;
+                const Vec3f before(from.x[i], from.y[i], from.z[i]);
+                const HitPoint point = world.point(hit);
+                Vec3f towards = direction(point, before);
+                if (towards == Vec3f(0)) continue;
+                const Vec3f start = RayWorld::leave(point, towards);
+                if (tMax == 1) towards = kLamp - start;
+                block.active[i] = -1, ++count;
+                for (int k = 0; k < 3; ++k) block.origin[k][i] = start[k], block.direction[k][i] = towards[k];
+            }
+            blocks.push_back(block);
+        }
+    }
+    static Followers shadows(const RayWorld& world, const Rays& rays) {
+        return {world, rays, 1, [](const HitPoint& point, const Vec3f& before) {
+                    const Vec3f towards = kLamp - point.position;
+                    // What sees the lamp from behind asks for no shadow.
+                    return glm::dot(point.normal, before) * glm::dot(point.normal, towards) < 0 ? towards : Vec3f(0);
+                }};
+    }
+    static Followers reflections(const RayWorld& world, const Rays& rays) {
+        return {world, rays, INFINITY, [](const HitPoint& point, const Vec3f& before) {
+                    return before - 2 * glm::dot(before, point.normal) * point.normal;
+                }};
+    }
+
+    double bareSeconds(const BareEmbree& bare, bool occlusion) const {
+        RTCRayHit16 packet;
+        for (int i = 0; i < 16; ++i) {
+            packet.ray.tnear[i] = 1e-30f, packet.ray.time[i] = 0;
+            packet.ray.mask[i] = ~0u, packet.ray.flags[i] = 0, packet.ray.id[i] = 0;
+            packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+        }
+        bvh::RayCast cast(false);
+        const double start = cpuSeconds();
+        for (const Block& block : blocks) {
+            std::memcpy(packet.ray.org_x, block.origin[0], sizeof block.origin);  // three arrays in a row, in both
+            std::memcpy(packet.ray.dir_x, block.direction[0], sizeof block.direction);
+            for (int i = 0; i < 16; ++i) packet.ray.tfar[i] = tMax, packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+            if (occlusion)
+                cast.occluded(block.active, bare.scene(), reinterpret_cast<RTCRay16&>(packet));
+            else
+                cast.intersect(block.active, bare.scene(), packet);
+            keep(packet.ray.tfar[0]);
+        }
+        return cpuSeconds() - start;
+    }
+    double worldSeconds(const RayWorld& world) const {
+        RayPacket16 packet;
+        std::uint32_t hits = 0;
+        for (float& t : packet.tMin) t = 1e-30f;
+        const double start = cpuSeconds();
+        for (const Block& block : blocks) {
+            std::memcpy(packet.originX, block.origin[0], sizeof block.origin);
+            std::memcpy(packet.directionX, block.direction[0], sizeof block.direction);
+            std::memcpy(packet.active, block.active, sizeof block.active);
+            for (float& t : packet.tMax) t = tMax;
+            hits += world.intersect(packet) & 1;
+        }
+        keep(hits);
+        return cpuSeconds() - start;
+    }
+    /// One after the other.
+    double singleSeconds(const RayWorld& world) const {
+        std::uint32_t hits = 0;
+        const double start = cpuSeconds();
+        for (const Block& block : blocks)
+            for (int i = 0; i < 16; ++i)
+                if (block.active[i])
+                    hits += static_cast<bool>(
+                        world.intersect({{block.origin[0][i], block.origin[1][i], block.origin[2][i]},
+                                         1e-30f,
+                                         {block.direction[0][i], block.direction[1][i], block.direction[2][i]},
+                                         tMax}));
+        keep(hits);
+        return cpuSeconds() - start;
+    }
+};
+
 /// What Embree can do at most on a mesh: its flags and qualities one after the other, of which the fastest counts.
 struct Limit {
     struct Choice {
@@ -188,62 +339,82 @@ struct Limit {
     void measure(const Rays& rays) {
         for (std::size_t i = 0; i < scenes.size(); ++i) seconds[i].push_back(bareSeconds(*scenes[i], rays));
     }
-    std::size_t best() const {
+    std::size_t best() const { return bestOf(seconds); }
+    /// The least of all flags for these.
+    double least(const Followers& rays, bool occlusion) const {
+        std::vector<double> times[std::size(kChoices)];
+        for (int round = 0; round < 5; ++round)
+            for (std::size_t i = 0; i < scenes.size(); ++i) times[i].push_back(rays.bareSeconds(*scenes[i], occlusion));
+        return median(times[bestOf(times)]);
+    }
+
+  private:
+    static std::size_t bestOf(const std::vector<double>* times) {
         std::size_t result = 0;
-        for (std::size_t i = 1; i < scenes.size(); ++i)
-            if (median(seconds[i]) < median(seconds[result])) result = i;
+        for (std::size_t i = 1; i < std::size(kChoices); ++i)
+            if (median(times[i]) < median(times[result])) result = i;
         return result;
     }
 };
 
+/// One mesh, seen from within. Returns whether there was something to measure.
+bool measureRays(const Report& report, const char* what, const RoomTriangles& triangles) {
+    Scene scene;
+    fillScene(scene, triangles);
+    scene.newFrame(0);
+    SharedWorld shared(scene);
+    LightRenderer light(shared);
+    const RayWorld& world = shared.rays();
+    const Mesh* mesh = nullptr;
+    for (const RayInstance& instance : world.instances())
+        if (instance.mesh) mesh = instance.mesh.get();
+    if (!mesh) return false;
+    Limit bare(*mesh);
+    const Rays rays(world.fromWorld(Vec3d(0, 0, 8)));
+    const Followers shadowRays = Followers::shadows(world, rays), mirrored = Followers::reflections(world, rays);
+    ImageOptions options;
+    options.settings.width = kRaysWidth;
+    options.settings.height = kHeight;
+    options.settings.threads = 1;
+    const auto shaded = [&](Shadows shadows) {
+        options.settings.shadows = shadows;
+        const double start = cpuSeconds();
+        const auto picture = light.picture(options);
+        return picture ? cpuSeconds() - start : -1;
+    };
+    std::vector<double> intersect, shade, shadow, batched, single;
+    for (int i = 0; i < 5; ++i) {
+        bare.measure(rays);
+        intersect.push_back(worldSeconds(world, rays));
+        shade.push_back(shaded(Shadows::none));
+        shadow.push_back(shaded(Shadows::all));
+        batched.push_back(mirrored.worldSeconds(world));
+        single.push_back(mirrored.singleSeconds(world));
+    }
+    const double count = kRaysWidth * kHeight / 1e6, mirroredCount = static_cast<double>(mirrored.count) / 1e6;
+    const std::string name = fmt::format("{}{} triangles, {} x {}", what, mesh->triangleCount, kRaysWidth, kHeight);
+    const std::size_t best = bare.best();
+    const double least = median(bare.seconds[best]);
+    const std::string limitName = fmt::format("rtcIntersect16, {}", Limit::kChoices[best].name);
+    const auto line = [&](const char* metric, const char* unit, const std::vector<double>& seconds) {
+        report({"rays", name, metric, unit, count / median(seconds), "", 0, limitName, count / least});
+    };
+    line("RayWorld, hits only", "Mrays/s", intersect);
+    line("shaded primary rays", "Mrays/s", shade);
+    report({"rays", name, "shaded, one shadow ray each", "Mpixels/s", count / median(shadow), "", 0,
+            limitName + ", and rtcOccluded16 of the same shadow rays", count / (least + bare.least(shadowRays, true))});
+    report({"rays", name, "reflections in packets", "Mrays/s", mirroredCount / median(batched), "one by one",
+            mirroredCount / median(single), "rtcIntersect16 of the same rays",
+            mirroredCount / bare.least(mirrored, false)});
+    return median(shade) >= 0;
+}
+
 }  // namespace
 
 bool rays(const Report& report, bool quick) {
-    for (const int triangles : {100'000, 1'000'000}) {
-        if (quick && triangles > 100'000) break;
-        Scene scene;
-        buildRoom(scene, triangles);
-        scene.newFrame(0);
-        SharedWorld shared(scene);
-        LightRenderer light(shared);
-        const RayWorld& world = shared.rays();
-        const Mesh* mesh = nullptr;
-        for (const RayInstance& instance : world.instances())
-            if (instance.mesh) mesh = instance.mesh.get();
-        if (!mesh) return false;
-        Limit bare(*mesh);
-        const Rays rays(world.fromWorld(Vec3d(0, 0, 8)));
-        ImageOptions options;
-        options.settings.width = kRaysWidth;
-        options.settings.height = kHeight;
-        options.settings.threads = 1;
-        const auto shaded = [&](Shadows shadows) {
-            options.settings.shadows = shadows;
-            const double start = cpuSeconds();
-            const auto picture = light.picture(options);
-            return picture ? cpuSeconds() - start : -1;
-        };
-        std::vector<double> intersect, shade, shadow;
-        for (int i = 0; i < 5; ++i) {
-            bare.measure(rays);
-            intersect.push_back(worldSeconds(world, rays));
-            shade.push_back(shaded(Shadows::none));
-            shadow.push_back(shaded(Shadows::all));
-        }
-        const double count = kRaysWidth * kHeight / 1e6;
-        const std::string name = fmt::format("{} triangles, {} x {}", mesh->triangleCount, kRaysWidth, kHeight);
-        const std::size_t best = bare.best();
-        const double limit = count / median(bare.seconds[best]);
-        const std::string limitName = fmt::format("rtcIntersect16, {}", Limit::kChoices[best].name);
-        const auto line = [&](const char* metric, const char* unit, const std::vector<double>& seconds) {
-            report({"rays", name, metric, unit, count / median(seconds), "", 0, limitName, limit});
-        };
-        line("RayWorld, hits only", "Mrays/s", intersect);
-        line("shaded primary rays", "Mrays/s", shade);
-        line("shaded, one shadow ray each", "Mpixels/s", shadow);
-        if (median(shade) < 0) return false;
-    }
-    return true;
+    return measureRays(report, "", spheresRoom(100'000)) &&
+           measureRays(report, "hall of long triangles, ", hall(100'000)) &&
+           (quick || measureRays(report, "", spheresRoom(1'000'000)));
 }
 
 }  // namespace rtsg::bench

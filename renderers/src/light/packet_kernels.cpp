@@ -24,7 +24,7 @@ struct Lanes8 {
         return (each & static_cast<std::int32_t>(mask)) != 0;
     }
     static F columns() { return F{0, 1, 2, 3, 0, 1, 2, 3}; }
-    static F rows(int at) { return static_cast<float>(at / 4) + F{0, 0, 0, 0, 1, 1, 1, 1}; }
+    static F rows(int at) { return at == 0 ? F{0, 0, 0, 0, 1, 1, 1, 1} : F{2, 2, 2, 2, 3, 3, 3, 3}; }
 
     /// What `use` leaves out becomes `other`.
     static void copy(std::uint32_t* to, const std::uint32_t* from, I use, std::uint32_t other) {
