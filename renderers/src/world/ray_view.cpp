@@ -351,6 +351,7 @@ Hit RayView::hit(const RayPacket16& rays, int lane) const {
 }
 
 bool RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const {
+    if (!mask) return false;
     copyHits(rays, out);
     const int first = std::countr_zero(mask);
     const std::uint32_t inst = rays.inst_[first], geom = rays.geom_[first];

@@ -25,6 +25,8 @@ TEST(RayWorld, EmptyWorldMisses) {
     RayPacket16 packet;
     for (int i = 0; i < 16; ++i) packet.set(i, Ray{});
     EXPECT_EQ(world.intersect(packet), 0u);
+    PacketHits16 none;
+    EXPECT_FALSE(world.hits(packet, 0, none)) << "of no lane";
     EXPECT_FALSE(world.hit(packet, 3));
     EXPECT_EQ(world.stats().instances, 0u);
 }
