@@ -3,7 +3,7 @@
 // Invariant: forward is a unit vector. right and up are orthonormal with it and right-handed (right x up = -forward),
 // unless what is above the viewpoint scales unevenly, shears or mirrors: then they are what one step to the right and
 // up in the viewpoint's own space has become, so that what stands below the same transforms is seen as if those were
-// not there (23.3.1: viewpoints lie in the transformation hierarchy; X_ITE and X3DOM draw it so). Positions stay in
+// not there (23.3.1: viewpoints lie in the transformation hierarchy; browsers draw it so). Positions stay in
 // double until rays are made. Threading: plain data, const members re-entrant. Source: ISO/IEC 19775-1
 // V4.0 23.3.1, 23.4.5 (OrthoViewpoint), 23.4.6 (Viewpoint), 24.2.1, 24.3.1 (backgrounds).
 #pragma once
