@@ -225,7 +225,7 @@ glm::dmat3 Camera::steps() const {
 
 double Camera::pixel(int rows) const {
     const double high = (top - bottom) / rows;
-    return areEven(axes(), right, up) ? high : high * glm::length(up);
+    return areEven(axes(), right, up) ? high : high * std::min(glm::length(right), glm::length(up));
 }
 
 Camera::WorldRay Camera::ray(double x, double y) const {

@@ -102,11 +102,13 @@ TEST(Camera, WhatIsFlatIsSeenWithoutItsScale) {
     EXPECT_EQ(camera.up, Vec3d(0, 1, 0));
 }
 
-TEST(Camera, PixelsAreAsHighAsTheirSpace) {
+TEST(Camera, PixelsAreNoWiderThanTheirSpaceInAnyDirection) {
     const Camera even = Camera::perspective(identityTransform(), {0, 0, 0}, {}, 1, 1),
                  high = Camera::perspective({{1, 0, 0}, {0, 3, 0}, {0, 0, 1}, {0, 0, 0}}, {0, 0, 0}, {}, 1, 1);
     EXPECT_NEAR(even.pixel(100), 2 * std::tan(.5) / 100, 1e-12);
-    EXPECT_NEAR(high.pixel(100), 3 * even.pixel(100), 1e-12);
+    const Camera small = Camera::perspective({{1, 0, 0}, {0, .25, 0}, {0, 0, 1}, {0, 0, 0}}, {0, 0, 0}, {}, 1, 1);
+    EXPECT_NEAR(high.pixel(100), even.pixel(100), 1e-12) << "no wider than that across";
+    EXPECT_NEAR(small.pixel(100), .25 * even.pixel(100), 1e-12);
 }
 
 // Between two frames the stretch changes evenly, as edges do.

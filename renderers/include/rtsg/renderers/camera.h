@@ -66,7 +66,8 @@ struct Camera {
     glm::dmat3 axes() const;
     /// Takes a vector of the world to how many of `right`, `up` and `forward` it is made of.
     glm::dmat3 steps() const;
-    /// How high a pixel of a picture of that many rows is in its middle: for 1 ahead, of a parallel one in metres.
+    /// How high a pixel of a picture of that many rows is in its middle: for 1 ahead, of a parallel one in metres. Of
+    /// scaled axes, the lesser: what is some pixels wide is no wider than that in any direction.
     double pixel(int rows) const;
     /// Where a point is seen: as `x`, `y` of ray(). Infinite for what a perspective has behind it.
     Vec2d place(const Vec3d& world) const;

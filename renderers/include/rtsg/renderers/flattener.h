@@ -11,6 +11,7 @@
 // 36 (layouts).
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <functional>
@@ -41,7 +42,7 @@ struct LayerSight {
     std::array<double, 4> edges{-1, 1, -1, 1};
     double limit = std::numeric_limits<double>::infinity();  // nothing beyond is seen
     /// How high a pixel is, as the edges are measured.
-    double pixel() const { return (edges[3] - edges[2]) / height * glm::length(up); }
+    double pixel() const { return (edges[3] - edges[2]) / height * std::min(glm::length(right), glm::length(up)); }
     struct Ray {
         Vec3d origin, direction;  // a unit vector
     };
