@@ -11,6 +11,7 @@
 
 #include "batch_tracer.h"
 #include "edge_sources.h"
+#include "walls/even_direction.h"
 
 namespace rtsg {
 namespace {

@@ -6,7 +6,7 @@
 #include <bit>
 #include <utility>
 
-#include "places.h"
+#include "walls/even_direction.h"
 
 namespace rtsg::trace {
 namespace {

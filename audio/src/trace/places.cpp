@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "walls/even_direction.h"
+
 namespace rtsg {
 namespace {
 
@@ -52,12 +54,6 @@ glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, c
             if (now < off) moved += walls[i].normal * (sides[i] * (off - now));
         }
     return moved;
-}
-
-glm::dvec3 evenDirection(int i, int count) {
-    constexpr double kGolden = 2.39996322972865332;
-    const double z = 1 - (2.0 * i + 1) / count, r = std::sqrt(1 - z * z);
-    return {r * std::cos(i * kGolden), r * std::sin(i * kGolden), z};
 }
 
 Surroundings surroundings(const AcousticGeometry& geometry, const glm::dvec3& listener, double openDistance,

@@ -27,7 +27,4 @@ Surroundings surroundings(const AcousticGeometry& geometry, const glm::dvec3& li
 /// Volume of the part of a ball around the listener that is seen from there, m^3.
 double visibleVolume(const AcousticGeometry& geometry, const glm::dvec3& listener, double radius);
 
-/// Direction i of `count` that are spread evenly over the sphere.
-glm::dvec3 evenDirection(int i, int count);
-
 }  // namespace rtsg

@@ -13,6 +13,7 @@
 
 #include <rtsg/renderers/ray_view.h>
 
+#include "even_direction.h"
 #include "open_loops.h"
 
 namespace rtsg {
@@ -21,12 +22,6 @@ namespace {
 /// Where at least this share of all directions leads to the sky is outside.
 constexpr double kOutside = 0.1;
 constexpr double kOutdoors = 0.3;
-
-glm::dvec3 spreadDirection(int i, int count) {
-    constexpr double kGolden = 2.39996322972865332;
-    const double z = 1 - (2 * i + 1) / double(count), r = std::sqrt(1 - z * z);
-    return {r * std::cos(i * kGolden), r * std::sin(i * kGolden), z};
-}
 
 glm::dvec3 anyAcross(const glm::dvec3& d) {
     return glm::normalize(glm::cross(d, std::abs(d.x) < 0.6 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
@@ -182,7 +177,7 @@ class OpeningFinder {
   public:
     OpeningFinder(const RayView& rays, const glm::dvec3& source) : rays_(rays) {
         for (int i = 0; i < kDirections; ++i)
-            directions_[static_cast<std::size_t>(i)] = Vec3f(spreadDirection(i, kDirections));
+            directions_[static_cast<std::size_t>(i)] = Vec3f(evenDirection(i, kDirections));
         const Bounds bounds = rays.bounds();
         if (bounds.empty()) return;
         middle_ = rays.toWorld(bounds.center());

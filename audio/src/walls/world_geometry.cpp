@@ -6,6 +6,7 @@
 
 #include <rtsg/audio/plane_index.h>
 
+#include "even_direction.h"
 #include "wall_edges.h"
 #include "wall_planes.h"
 
@@ -317,13 +318,11 @@ bool WorldGeometry::blocked(const glm::dvec3& origin, const glm::dvec3& facing, 
 
 std::vector<std::uint32_t> WorldGeometry::instancesAround(const glm::dvec3& point, double maxSize) const {
     constexpr int kDirections = 32;
-    constexpr double kGolden = 2.39996322972865332;
     std::vector<std::uint32_t> result;
     for (int i = 0; i < kDirections; ++i) {
-        const double z = 1 - (2 * i + 1) / double{kDirections}, r = std::sqrt(1 - z * z);
         Ray ray;
         ray.origin = rays_->fromWorld(point);
-        ray.direction = Vec3f(glm::dvec3(r * std::cos(i * kGolden), r * std::sin(i * kGolden), z));
+        ray.direction = Vec3f(evenDirection(i, kDirections));
         ray.tMax = static_cast<float>(maxSize);
         // Through one shell after the other, to the first thing that is no body.
         for (int layer = 0; layer < 64; ++layer) {

@@ -76,9 +76,9 @@ class Drawing {
         for (int y = 0; y < below; ++y)
             for (int x = 0; x < right; x += 4) {
                 const int pixel = y * kTileSide + x;
-                show(tile, pixel, &picture_.at(x0 + x, y0 + y), std::min(right - x, 4));
-                own.samples +=
-                    double{1} * tile.samples[static_cast<std::size_t>(blockOf(pixel))] * std::min(right - x, 4);
+                const int count = std::min(right - x, 4);
+                show(tile, pixel, &picture_.at(x0 + x, y0 + y), count);
+                own.samples += tile.samples[static_cast<std::size_t>(blockOf(pixel))] * static_cast<unsigned>(count);
             }
         if (!tile.result.missing.empty() || !picture_.interval.empty())
             for (int y = 0; y < below; ++y)
