@@ -76,8 +76,12 @@ void runAll(const PacketKernels& k, Inputs& in, RayPacket16& made, RayPacket16& 
         std::uint32_t behind = 0;
         (void)k.shadowRays(in.light, in.s, incoming, 0x7FFF, shadow, behind);
         incoming.visible.set(2, Vec3f(.25f, .5f, 0));
-        k.addPhong(in.light, incoming, 0x00FF, true, in.s);
-        k.addPhysical(in.light, incoming, 0x7F00, in.s);
+        // One half alone, and the other: eight lanes at a time may be none.
+        for (const std::uint32_t half : {0x00FFu, 0x7F00u}) {
+            k.shinePhong(in.light, half, true, in.s);
+            k.addPhong(in.light, incoming, half, true, in.s);
+            k.addPhysical(in.light, incoming, half, in.s);
+        }
     }
     k.addToPixels(in.s, in.s.mask, pixels);
 }
