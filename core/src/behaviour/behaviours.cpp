@@ -25,6 +25,8 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendPickSensors(t);
         appendMedia(t);
         appendParticles(t);
+        appendMotions(t);
+        appendPoses(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;
         return t;
     }();

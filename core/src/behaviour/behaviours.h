@@ -21,6 +21,8 @@ void appendLoadSensor(std::vector<BuiltinBehaviour>& table);
 void appendPickSensors(std::vector<BuiltinBehaviour>& table);
 void appendMedia(std::vector<BuiltinBehaviour>& table);
 void appendParticles(std::vector<BuiltinBehaviour>& table);
+void appendMotions(std::vector<BuiltinBehaviour>& table);
+void appendPoses(std::vector<BuiltinBehaviour>& table);
 
 double lodOnTime(Cascade& cascade, const Node& node);
 /// The root is woken when a node has lost a parent.

@@ -19,7 +19,7 @@ struct FieldRef {
 
 struct TypeFacts {
     Acts acts = Acts::never;
-    bool isScript = false;
+    bool reaches = false;         // may change other nodes without a route: Script, HAnimHumanoid
     std::vector<bool> own;        // changes when the node acts
     std::vector<bool> settable;   // an event can change it
     std::vector<bool> held;       // may change when a script has hold of the node
@@ -49,9 +49,10 @@ bool isScriptType(const NodeType& type) {
 TypeFacts factsOf(const NodeType& type) {
     TypeFacts facts;
     const std::size_t count = type.fields.size();
-    facts.isScript = isScriptType(type);
+    const bool isScript = isScriptType(type);
+    facts.reaches = isScript;
     // Of a PROTO, its body may.
-    facts.acts = facts.isScript ? Acts::always : type.acts == Acts::unstated ? Acts::never : type.acts;
+    facts.acts = isScript ? Acts::always : type.acts == Acts::unstated ? Acts::never : type.acts;
     facts.own.resize(count);
     facts.settable.resize(count);
     facts.set.assign(count, kNoField);
@@ -62,7 +63,7 @@ TypeFacts factsOf(const NodeType& type) {
         if (facts.set[i] != kNoField) facts.settable[facts.set[i]] = true;
         if (facts.acts != Acts::never && (def.access == Access::outputOnly || def.hidden)) facts.own[i] = true;
     }
-    const bool writesAll = facts.isScript || type.writesInputs;
+    const bool writesAll = isScript || type.writesInputs;
     if (facts.acts != Acts::never && writesAll)
         for (FieldIndex i = 0; i < count; ++i)
             if (type.fields[i].access == Access::inputOutput) facts.own[i] = true;
@@ -92,7 +93,10 @@ struct Mobility::State {
     const TypeFacts& factsFor(TypeIndex type) {
         if (facts.size() <= type.value) facts.resize(std::size_t{type.value} + 1);
         auto& entry = facts[type.value];
-        if (!entry) entry = std::make_unique<TypeFacts>(factsOf(scene->type(type)));
+        if (!entry) {
+            entry = std::make_unique<TypeFacts>(factsOf(scene->type(type)));
+            entry->reaches |= type == x3d::HAnimHumanoid::type;
+        }
         return *entry;
     }
     /// Inlines in an open scope are open too: their exports can be had, and what hangs on them.
@@ -162,10 +166,22 @@ struct Mobility::State {
         return false;
     }
 
+    /// What HAnimMotions and HAnimPoses of a humanoid move.
+    Script jointsOf(const Node& humanoid) const {
+        using H = x3d::HAnimHumanoid;
+        Script reach;
+        if (humanoid.get(H::motions).empty() && humanoid.get(H::children).empty()) return reach;
+        for (const NodeId id : humanoid.get(H::joints).span())
+            if (const Node* joint = scene->effectiveNode(id)) reach.nodes.push_back(joint->id());
+        std::ranges::sort(reach.nodes);
+        reach.nodes.erase(std::unique(reach.nodes.begin(), reach.nodes.end()), reach.nodes.end());
+        return reach;
+    }
     /// A Script's nodes and name spaces, as the scene has them now; none if it is gone.
     Script reachOf(NodeId id) const {
         Script reach;
         const Node* node = scene->find(id);
+        if (node && node->is(x3d::HAnimHumanoid::type)) return jointsOf(*node);
         if (!node || !isScriptType(node->type())) return reach;
         const NodeType& type = node->type();
         const FieldIndex direct = type.findExact("directOutput");
@@ -273,7 +289,7 @@ struct Mobility::State {
         open.clear();
         std::vector<NodeId> touched;
         scene->forEachNode([&](const Node& node) {
-            if (factsFor(node.typeIndex()).isScript) touched.push_back(node.id());
+            if (factsFor(node.typeIndex()).reaches) touched.push_back(node.id());
             for (const Route& route : scene->routesFrom(node.id()))
                 if (active(node, route.fromField)) added.push_back({route.toNode, route.toField});
         });
@@ -283,28 +299,28 @@ struct Mobility::State {
 
     void update(const ChangeSet& set) {
         std::vector<NodeId> touched;
-        const auto isScript = [&](NodeId id) {
+        const auto reaches = [&](NodeId id) {
             const Node* node = scene->find(id);
-            return node && factsFor(node->typeIndex()).isScript;
+            return node && factsFor(node->typeIndex()).reaches;
         };
         for (const Change& c : set.changes) {
             switch (c.kind) {
                 case ChangeKind::createNode:
-                    if (isScript(c.node)) touched.push_back(c.node);
+                    if (reaches(c.node)) touched.push_back(c.node);
                     break;
                 case ChangeKind::setField:
                     if ((sf(c.value.type()) == FieldType::SFNode || c.value.type() == FieldType::SFBool) &&
-                        isScript(c.node))
+                        reaches(c.node))
                         touched.push_back(c.node);
                     break;
                 case ChangeKind::insertChild:
                 case ChangeKind::removeChild:
-                    if (isScript(c.node)) touched.push_back(c.node);
+                    if (reaches(c.node)) touched.push_back(c.node);
                     break;
                 case ChangeKind::addRoute:
                 case ChangeKind::removeRoute:
                     (c.kind == ChangeKind::addRoute ? added : removed).push_back({c.other, c.field2()});
-                    if (isScript(c.other)) touched.push_back(c.other);
+                    if (reaches(c.other)) touched.push_back(c.other);
                     break;
                 case ChangeKind::destroyNode:
                     if (scripts.contains(c.node.value)) touched.push_back(c.node);

@@ -56,6 +56,30 @@ TEST(Mobility, WhatOnlyAnswersDoesNothingByItself) {
     EXPECT_TRUE(a.reported(a.named("U")));
 }
 
+TEST(Mobility, JointsMoveWhileTheirHumanoidHasMotionsOrPoses) {
+    Analysed a(
+        "PROTO Bone [] { DEF B HAnimJoint { name \"k\" } } DEF H HAnimHumanoid { skeleton DEF R HAnimJoint { name "
+        "\"r\" "
+        "children DEF K Bone { } } joints [ USE R USE K ] motions DEF M HAnimMotion { } } DEF N HAnimPose { }");
+    const NodeId h = a.named("H"), k = a.scene.effectiveNode(a.named("K"))->id();
+    EXPECT_TRUE(a.may("R", "rotation"));
+    EXPECT_TRUE(a.may("R", "translation"));
+    EXPECT_TRUE(a.may(k, "rotation"));
+    EXPECT_FALSE(a.may(h, "translation"));
+    EXPECT_TRUE(a.may("M", "frameIndex"));
+    ASSERT_TRUE(a.scene.set(h, x3d::HAnimHumanoid::motions, Array<NodeId>{}));
+    a.scene.newFrame(1);
+    EXPECT_FALSE(a.may("R", "rotation"));
+    EXPECT_FALSE(a.may(k, "rotation"));
+    EXPECT_TRUE(a.reported(a.named("R")));
+    ASSERT_TRUE(a.scene.insertChild(h, x3d::HAnimHumanoid::children, a.named("N")));
+    a.scene.newFrame(2);
+    EXPECT_TRUE(a.may("R", "rotation"));
+    ASSERT_TRUE(a.scene.destroyNode(h));
+    a.scene.newFrame(3);
+    EXPECT_FALSE(a.may("R", "rotation"));
+}
+
 TEST(Mobility, ALoopDoesNotKeepItselfAlive) {
     Analysed a(std::string(kClock) +
                "ROUTE T.translation TO U.translation ROUTE U.translation TO T.translation "

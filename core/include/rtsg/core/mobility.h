@@ -1,5 +1,5 @@
 // Mobility: which fields of a scene can change without the application's doing, from routes, IS connections, nodes
-// that act (sensors, followers, interpolators) and Scripts.
+// that act (sensors, followers, interpolators), Scripts and what moves the joints of a humanoid.
 //
 // It errs towards "may change"; an application's own edits are not foreseen. Invariant: after each set the answers are
 // those of a fresh analysis of the scene. Cost: a snapshot, O(nodes + routes); a set, O(its changes + the fields whose
