@@ -110,4 +110,63 @@ ClipLibrary::UsersSounds GivenSoundArguments::open(bool live, double seconds, in
     return sounds;
 }
 
+namespace {
+
+/// ID and file; an empty ID: all streams.
+std::pair<std::string, std::string> parseSent(const std::string& given) {
+    const std::size_t split = given.find('=');
+    if (split == std::string::npos) return {{}, given};
+    return {given.substr(0, split), given.substr(split + 1)};
+}
+
+/// The sum of those called `id`; as many channels as the one with the most has, and one goes to all of them.
+std::optional<SoundBuffer> sumOf(const std::vector<StreamedSound>& streams, const std::string& id) {
+    std::optional<SoundBuffer> sum;
+    for (const StreamedSound& stream : streams)
+        if (id.empty() || std::ranges::count(stream.identifiers, id)) {
+            if (!sum) sum = SoundBuffer{stream.sound.sampleRate, 1, {}};
+            sum->channels = std::max(sum->channels, stream.sound.channels);
+        }
+    if (!sum) return sum;
+    const auto channels = static_cast<std::size_t>(sum->channels);
+    for (const StreamedSound& stream : streams) {
+        if (!id.empty() && !std::ranges::count(stream.identifiers, id)) continue;
+        const auto own = static_cast<std::size_t>(stream.sound.channels);
+        sum->samples.resize(std::max(sum->samples.size(), stream.sound.frames() * channels));
+        for (std::size_t i = 0; i < stream.sound.frames(); ++i)
+            for (std::size_t c = 0; c < channels; ++c)
+                if (own == 1 || c < own)
+                    sum->samples[i * channels + c] += stream.sound.samples[i * own + (own == 1 ? 0 : c)];
+    }
+    return sum;
+}
+
+}  // namespace
+
+void SentSoundArguments::addTo(Command& command) {
+    command.addOption("--stream-out", given,
+                      "[ID=]WAV to write: what leads into StreamAudioDestinations, those with that streamIdentifier; "
+                      "of several the sum, in floating point");
+}
+
+std::vector<std::string> SentSoundArguments::files() const {
+    std::vector<std::string> files;
+    for (const std::string& one : given) {
+        files.push_back(parseSent(one).second);
+        if (files.back().empty()) throw UsageError("--stream-out", one + ": a file is missing");
+    }
+    return files;
+}
+
+Result<> SentSoundArguments::write(const std::vector<StreamedSound>& streams) const {
+    for (const std::string& one : given) {
+        const auto [id, file] = parseSent(one);
+        const auto sum = sumOf(streams, id);
+        if (!sum && id.empty()) return fail("--stream-out: the scene has no StreamAudioDestination");
+        if (!sum) return fail("--stream-out: no StreamAudioDestination has the streamIdentifier \"" + id + "\"");
+        if (auto ok = writeWav(file, *sum, WavFormat::float32); !ok) return ok;
+    }
+    return {};
+}
+
 }  // namespace rtsg::app

@@ -2,6 +2,7 @@
 //
 // [ID=]SOURCE, where SOURCE is a sound file; a pipe with a name or - (standard input), whose sound is WAV, or raw
 // after s16@RATExCHANNELS: or f32@RATExCHANNELS:; or device, device:NAME. Nothing is opened that was not named here.
+// And --stream-out: where a scene's own streams go.
 // Live, pipes and devices are heard as their sound comes; else as much of a pipe as is needed is read first. Threading:
 // none.
 #pragma once
@@ -10,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/audio/clip_library.h>
 
 #include "cli.h"
@@ -25,6 +27,17 @@ struct GivenSoundArguments {
     void check(const std::vector<std::string>& inputs) const;
     /// `seconds` of pipes are read if it is not live. Throws UsageError for what cannot be opened.
     ClipLibrary::UsersSounds open(bool live, double seconds, int sampleRate) const;
+};
+
+/// --stream-out: where what leads into StreamAudioDestinations goes, as the user says it: [ID=]FILE.wav.
+struct SentSoundArguments {
+    std::vector<std::string> given;
+
+    void addTo(Command& command);
+    /// The files, for what looks after them. Throws UsageError.
+    std::vector<std::string> files() const;
+    /// Writes each file: of the streams with its ID, or of all, the sum. Error: there are none.
+    Result<> write(const std::vector<StreamedSound>& streams) const;
 };
 
 }  // namespace rtsg::app

@@ -25,13 +25,15 @@ struct ListenArguments {
     ResourceArguments resources;
     StartTime start;
     SoundArguments sound;
+    SentSoundArguments sent;
     std::string device;
     bool metrics = false, json = false, live = false;
 };
 
 /// Plays what is heard while the scene runs in real time.
 int listenLive(const ListenArguments& options) {
-    if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics)
+    if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics ||
+        !options.sent.given.empty())
         throw UsageError("--live plays and reports; files and figures are made without it");
     options.sound.given.check({options.scene});
     StartTime start = options.start;
@@ -99,17 +101,19 @@ int listenTo(const ListenArguments& options) {
     if (!options.device.empty()) throw UsageError("--device is of --live");
     ListenOptions listening = options.sound.parse();
     listening.seconds = parseSeconds(options.duration);
-    if (options.out.empty() && options.ir.empty() && options.report.empty() && !options.metrics && !options.json)
-        throw UsageError("-o, --ir, --report or --metrics is required");
+    if (options.out.empty() && options.ir.empty() && options.report.empty() && !options.metrics && !options.json &&
+        options.sent.given.empty())
+        throw UsageError("-o, --ir, --report, --stream-out or --metrics is required");
     options.sound.given.check({options.scene});
     if (!options.places.empty() && options.report.empty()) throw UsageError("--place is of --report");
     for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
     const std::string form = std::filesystem::path(options.report).extension().string();
     if (!options.report.empty() && form != ".html" && form != ".json" && form != ".txt")
         throw UsageError("--report", options.report + ": reports are .html, .json or .txt");
-    const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
-                                          {"--ir", options.ir, OutputKind::sound},
-                                          {"--report", options.report, OutputKind::report}};
+    std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
+                                    {"--ir", options.ir, OutputKind::sound},
+                                    {"--report", options.report, OutputKind::report}};
+    for (const std::string& file : options.sent.files()) outputs.push_back({"--stream-out", file, OutputKind::sound});
     if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
@@ -118,7 +122,8 @@ int listenTo(const ListenArguments& options) {
     listening.render.resources = running.resources();
     listening.render.given = options.sound.given.open(false, listening.seconds, listening.render.sampleRate);
     listening.runTo = [&](double t) { running.frameAt(t); };
-    listening.sound = !options.out.empty();
+    listening.sound = !options.out.empty() || !options.sent.given.empty();
+    listening.render.keepStreams = !options.sent.given.empty();
     listening.metrics = options.metrics || options.json || !options.ir.empty();
     const Progress progress = progressBar("listening to " + options.scene);
     listening.progress = [&](double share) {
@@ -136,6 +141,7 @@ int listenTo(const ListenArguments& options) {
     print(world.diagnostics());
     if (!options.out.empty())
         if (auto ok = writeWav(options.out, report->sound); !ok) return printError(ok.error()), kBad;
+    if (auto ok = options.sent.write(report->streams); !ok) return printError(ok.error()), kBad;
     // A response at one metre may exceed full scale: kept as it is, in floating point.
     if (!options.ir.empty())
         if (auto ok = writeWav(options.ir, report->impulseResponses(), WavFormat::float32); !ok)
@@ -171,6 +177,7 @@ Verb addListen(Command& program) {
     options->start.addTo(*command);
     options->resources.addTo(*command);
     options->sound.addTo(*command);
+    options->sent.addTo(*command);
     command->addFlag("--json", options->json, "the same as --metrics");
     command->footer("Example: rtsg listen hall.x3dv -o hall.wav --for 5s --binaural --metrics");
     return {command, [options] { return listenTo(*options); }};

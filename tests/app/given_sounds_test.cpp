@@ -102,6 +102,42 @@ TEST_F(GivenSounds, FilesPipesAndStandardInputAreHeardFromTheirBeginning) {
     writer.join();
 }
 
+TEST_F(GivenSounds, StreamsGoToTheFilesThatTheUserNames) {
+    const std::string scene = folder_ / "streams.x3dv", one = folder_ / "one.wav", all = folder_ / "all.wav";
+    writeFile(scene,
+              "#X3D V4.0 utf8\nPROFILE Full\nViewpoint { }\n"
+              "StreamAudioDestination { streamIdentifier \"desk\" children ChannelMerger { children [ Gain { children "
+              "MicrophoneSource { } } Gain { children MicrophoneSource { } } ] } }\n"
+              "StreamAudioDestination { streamIdentifier \"truck\" gain .5 children MicrophoneSource { } }\n");
+    const auto send = [&](std::vector<std::string> more) {
+        std::vector<std::string> arguments{"listen", scene, "--for", "0.1s", "--microphone", folder_ / "ramp.wav"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return Program(arguments, folder_ / "send").wait();
+    };
+    const Outcome done = send({"--stream-out", "desk=" + one, "--stream-out", all});
+    EXPECT_EQ(done.status, 0) << done.err;
+    expectRamp(one);
+    const std::vector<float> both = leftOf(all);
+    ASSERT_EQ(both.size(), 4800u);
+    for (std::size_t i = 0; i < both.size(); ++i)
+        ASSERT_NEAR(both[i], 1.5 * static_cast<double>(i % 100) / 200, 1e-6) << i;
+
+    const auto says = [&](const std::string& given, const std::string& text, int status) {
+        std::filesystem::remove(one);
+        const Outcome outcome = send({"--stream-out", given});
+        EXPECT_EQ(outcome.status, status) << given;
+        EXPECT_THAT(outcome.err, HasSubstr(text));
+        EXPECT_FALSE(std::filesystem::exists(one));
+    };
+    says("desk=", "a file is missing", 2);
+    says("radio=" + one, "no StreamAudioDestination has the streamIdentifier \"radio\"", 1);
+    says("desk=" + (folder_ / "one.mp3"), ".wav", 2);
+    says("desk=" + scene, "streams.x3dv", 2);
+    const Outcome live = send({"--live", "--stream-out", one});
+    EXPECT_EQ(live.status, 2);
+    EXPECT_THAT(live.err, HasSubstr("--live"));
+}
+
 TEST_F(GivenSounds, WhatCannotBeHeardIsSaid) {
     const std::string out = folder_ / "out.wav";
     const auto says = [&](const std::string& option, const std::string& given, const std::string& text,

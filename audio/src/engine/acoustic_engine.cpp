@@ -86,6 +86,9 @@ AudioFindings AcousticEngine::analyse() {
 const HeardResponses& AcousticEngine::heard() const {
     return impl_->heard;
 }
+const std::vector<StreamedSound>& AcousticEngine::streams() const {
+    return impl_->streams;
+}
 const Diagnostics& AcousticEngine::diagnostics() const {
     return impl_->clips.diagnostics();
 }

@@ -284,6 +284,10 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const HeardLevel& to,
 
 Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
     const SoundNode& sound = *emitter.sound;
+    if (sound.stream) {
+        if (options.keepStreams) streamOut(sound, state, block);
+        return {};
+    }
     const double start = static_cast<double>(samples), end = start + static_cast<double>(options.blockSize);
     state.motion.advance(end);
     play(sound, state, block);
@@ -349,6 +353,11 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
             ++it;
             continue;
         }
+        if (state.inputs.empty()) {  // it has never been heard
+            toldSealed.erase(it->first);
+            it = states.erase(it);
+            continue;
+        }
         block.dry.resize(state.inputs.size());
         for (std::vector<float>& dry : block.dry) dry.assign(size, 0.0f);
         block.delays.assign(size, state.level.delay);
@@ -411,6 +420,7 @@ Result<> AcousticEngine::Impl::block(const SoundVersion& sounds, double alpha) {
     for (const SoundEmitter& emitter : *sounds.emitters)
         if (auto done = renderEmitter(emitter, states.at(emitter.id), block); !done) return done;
     fadeOut(block);
+    endStreams();
     if (auto mixed = mixDown(block); !mixed) return mixed;
     samples += static_cast<std::int64_t>(size);
     return {};

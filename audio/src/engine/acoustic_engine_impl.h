@@ -64,6 +64,8 @@ struct AcousticEngine::Impl {
     Result<> block(const SoundVersion& sounds, double alpha);
     Result<> renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block);
     void play(const SoundNode& sound, EmitterState& state, Block& block);
+    void streamOut(const SoundNode& sound, EmitterState& state, Block& block);
+    void endStreams();
     Result<> makeInputs(EmitterState& state, std::size_t count);
     void findDelay(const Trajectory& motion, double time, double& delay, double& slope) const;
     void delaysOf(const EmitterState& state, HeardLevel& to, Block& block) const;
@@ -112,6 +114,7 @@ struct AcousticEngine::Impl {
     std::size_t toSkip = 0;       // of the mixer's latency, still to be dropped
     std::vector<float> ready;     // interleaved, rendered but not yet asked for
     HeardResponses heard;
+    std::vector<StreamedSound> streams;
     std::vector<SealedSource> sealed;
     std::map<InstanceId, bool> toldSealed;  // of those that are: whether the source is inside
     std::vector<SoundLeak> leaks;

@@ -255,6 +255,9 @@ ListenReport SoundRenderer::finish() {
     s.blockAt = 0;
     if (!s.renderer) return std::exchange(s.report, ListenReport());
     s.report.heard = s.renderer->heard();
+    s.report.streams = s.renderer->streams();
+    for (StreamedSound& stream : s.report.streams)
+        stream.sound.samples.resize(s.report.sound.frames() * static_cast<std::size_t>(stream.sound.channels));
     s.report.diagnostics.append(s.renderer->diagnostics());
     tellSealed(world().scene(), s.renderer->sealed(), s.start, s.options.render.document, s.report.diagnostics);
     tellLeaks(world().scene(), s.renderer->leaks(), s.options.render.document, s.report.diagnostics);

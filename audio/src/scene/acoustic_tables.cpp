@@ -3,8 +3,9 @@
 
 namespace rtsg {
 
-AcousticTables::AcousticTables(const RayWorld& world, const AcousticMaterial& defaults, Resources resources)
-    : walls_(world, defaults), sounds_(&walls_, defaults, std::move(resources)) {}
+AcousticTables::AcousticTables(const RayWorld& world, const AcousticMaterial& defaults, Resources resources,
+                               bool keepsStreams)
+    : walls_(world, defaults), sounds_(&walls_, defaults, std::move(resources), keepsStreams) {}
 
 Result<> AcousticTables::apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
     sounds_.apply(scene, changes, delta);

@@ -266,6 +266,16 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
         sound.intensity = number(node.get(D::gain), 0);
         for (const NodeId child : node.get(D::children))
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
+    } else if (node.is(x3d::StreamAudioDestination::type)) {
+        using D = x3d::StreamAudioDestination;
+        sound.enabled = node.get(D::enabled);
+        sound.spatialize = sound.doppler = sound.reflected = false;
+        sound.law = SoundNode::Law::none;
+        sound.intensity = number(node.get(D::gain), 0);
+        sound.stream.emplace();
+        for (const String& name : node.get(D::streamIdentifier)) sound.stream->emplace_back(name.view());
+        for (const NodeId child : node.get(D::children))
+            readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     }
     return read;
 }

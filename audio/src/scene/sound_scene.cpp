@@ -162,8 +162,8 @@ const SoundEmitter* SoundVersion::find(InstanceId id) const {
     return it != emitters->end() && it->id == id ? &*it : nullptr;
 }
 
-SoundScene::SoundScene(Walls* walls, const AcousticMaterial& defaults, Resources resources)
-    : walls_(walls), defaults_(defaults), resources_(std::move(resources)) {}
+SoundScene::SoundScene(Walls* walls, const AcousticMaterial& defaults, Resources resources, bool keepsStreams)
+    : walls_(walls), defaults_(defaults), resources_(std::move(resources)), keepsStreams_(keepsStreams) {}
 
 std::vector<std::filesystem::path> SoundScene::foldersOf(const Scene& scene, const Node& node) const {
     return resources_.foldersOf(scene, node, node.type().findExact("url"));
@@ -279,7 +279,7 @@ bool SoundScene::placeEmitters(const Scene& scene, const InstanceDelta& delta) {
             if (placed.kind != PlacedKind::sound) continue;
             const Node* node = scene.find(placed.node);
             if (!node || (!node->is(x3d::Sound::type) && !node->is(x3d::SpatialSound::type) &&
-                          !node->is(x3d::AudioDestination::type)))
+                          !node->is(x3d::AudioDestination::type) && !node->is(x3d::StreamAudioDestination::type)))
                 continue;
             auto& sound = sounds_[placed.node.value];
             if (!sound) sound = readSound(scene, *node);
@@ -321,15 +321,16 @@ void SoundScene::warnOnce(std::string text) {
     if (told_.size() < kMost && told_.insert(text).second) diagnostics_.warning({}, std::move(text));
 }
 
-/// What leads to a stream is played by nobody here.
+/// What leads to a stream is heard by nobody here.
 void SoundScene::nameSilent(const Scene& scene, const ChangeSet& changes) {
+    if (keepsStreams_) return;
     for (const Change& change : changes.changes) {
         if (change.kind == ChangeKind::defineType) continue;
         if (change.kind != ChangeKind::createNode) return;  // these come first
         const TypeIndex type{static_cast<std::uint16_t>(change.index)};
         if (type != x3d::StreamAudioDestination::type) continue;
         if (const Node* node = scene.find(change.node))
-            warnOnce(fmt::format("{} {} plays nothing by itself: only what a Sound or SpatialSound holds is heard",
+            warnOnce(fmt::format("{} {} is heard by nobody: rtsg listen --stream-out writes it to a file",
                                  node->type().name, nameOf(scene, *node)));
     }
 }

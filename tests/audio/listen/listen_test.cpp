@@ -136,6 +136,76 @@ TEST_F(Listen, AnAudioDestinationAtTheRootIsHeard) {
     EXPECT_TRUE(sound.finish().diagnostics.all().empty());
 }
 
+TEST_F(Listen, WhatLeadsIntoAStreamDestinationIsKeptAndNotHeard) {
+    Scene scene;
+    load(scene,
+         "DEF Out StreamAudioDestination { gain .5 streamIdentifier [ \"desk\" \"truck\" ] children [ DEF One "
+         "OscillatorSource "
+         "{ frequency 480 } ChannelMerger { children [ Gain { gain 0 children OscillatorSource { } } Gain { gain .25 "
+         "children "
+         "OscillatorSource { frequency 480 } } ] } ] }\n"
+         "DEF Held Group { children [ USE Out DEF Late StreamAudioDestination { enabled FALSE children "
+         "OscillatorSource { "
+         "frequency 480 } } ] }\nViewpoint { }\n");
+    ListenOptions o = options();
+    o.render.keepStreams = true;
+    SharedWorld world(scene);
+    SoundRenderer sound(world, o);
+    scene.newFrame(.1);
+    ASSERT_TRUE(sound.renderFrame());
+    for (const float sample : sound.block()) ASSERT_EQ(sample, 0);
+    ASSERT_TRUE(scene.set(scene.findName("Late"), x3d::StreamAudioDestination::enabled, true));
+    scene.newFrame(.2);
+    ASSERT_TRUE(sound.renderFrame());
+    ASSERT_TRUE(scene.destroyNode(scene.findName("Held")));
+    scene.newFrame(.3);
+    ASSERT_TRUE(sound.renderFrame());
+    const ListenReport report = sound.finish();
+    EXPECT_TRUE(report.diagnostics.all().empty());
+    ASSERT_EQ(report.streams.size(), 2u);
+    const StreamedSound& out = report.streams[0];
+    EXPECT_EQ(out.name, "Out");
+    EXPECT_EQ(out.identifiers, (std::vector<std::string>{"desk", "truck"}));
+    ASSERT_EQ(out.sound.channels, 2);
+    ASSERT_EQ(out.sound.frames(), 14400u) << "as long as what is heard, though it stands in two places";
+    const auto tone = [](std::size_t i) { return .5 * std::sin(2 * M_PI * 480 * static_cast<double>(i) / kRate); };
+    for (std::size_t i = 0; i < 14400; ++i) {
+        ASSERT_NEAR(out.sound.samples[2 * i], tone(i), 1e-5) << i;
+        ASSERT_NEAR(out.sound.samples[2 * i + 1], 1.25 * tone(i), 1e-5) << i;
+    }
+    const StreamedSound& late = report.streams[1];
+    ASSERT_EQ(late.sound.channels, 1);
+    ASSERT_EQ(late.sound.frames(), 14400u);
+    double loudest = 0, before = 0, after = 0;
+    for (std::size_t i = 0; i < 14400; ++i) {
+        double& part = i < 4800 - 256 ? before : i < 9600 + 256 ? loudest : after;
+        part = std::max<double>(part, std::abs(late.sound.samples[i]));
+    }
+    EXPECT_EQ(before, 0);
+    EXPECT_NEAR(loudest, 1, 1e-3);
+    EXPECT_EQ(after, 0) << "its node is gone";
+}
+
+TEST_F(Listen, AStreamDestinationThatNobodyAskedForIsNamed) {
+    Scene scene;
+    load(scene,
+         "DEF Out StreamAudioDestination { children OscillatorSource { } }\n"
+         "DEF Own AudioDestination { children OscillatorSource { frequency 480 } }\nViewpoint { }\n");
+    SharedWorld world(scene);
+    SoundRenderer sound(world, options());
+    scene.newFrame(.1);
+    ASSERT_TRUE(sound.renderFrame());
+    ASSERT_TRUE(scene.destroyNode(scene.findName("Out")));
+    scene.newFrame(.2);
+    ASSERT_TRUE(sound.renderFrame());
+    for (const float sample : sound.block()) ASSERT_TRUE(std::isfinite(sample));
+    const ListenReport report = sound.finish();
+    EXPECT_TRUE(report.streams.empty());
+    ASSERT_EQ(report.diagnostics.all().size(), 1u);
+    EXPECT_NE(report.diagnostics.all()[0].text.find("StreamAudioDestination Out is heard by nobody"),
+              std::string::npos);
+}
+
 TEST_F(Listen, AStreamSourceWithTheNameOfAFilePlaysIt) {
     Scene scene;
     load(scene,

@@ -62,6 +62,8 @@ struct AcousticOptions {
     bool reflections = true;
     /// Rooms are traced on a thread of its own, and sound goes on with what was traced before; for renderLive() only.
     bool background = false;
+    /// What StreamAudioDestinations get is kept, see AcousticEngine::streams().
+    bool keepStreams = false;
     /// Scene time of the first sample.
     double startTime = 0;
     /// What urls of clips may open, and where relative ones start.
@@ -112,6 +114,14 @@ struct SoundLeak {
     RoomOpening opening;
 };
 
+/// What leads into a StreamAudioDestination, with its gain.
+struct StreamedSound {
+    NodeId node;
+    std::string name;                      // DEF; without one the type and a number
+    std::vector<std::string> identifiers;  // as its streamIdentifier was last
+    SoundBuffer sound;  // from the start time on; as many channels as there were at most, and one goes to all of them
+};
+
 class AcousticEngine {
   public:
     static Result<std::unique_ptr<AcousticEngine>> create(const AcousticOptions& options);
@@ -137,6 +147,8 @@ class AcousticEngine {
     /// `rays` must live as long.
     OpenedGeometry geometryFor(const AcousticState& state, const RayView& rays, const glm::dvec3& source);
     const HeardResponses& heard() const;
+    /// If the options keep them: one a node, in the order of their first sound, in whole blocks up to the last sample.
+    const std::vector<StreamedSound>& streams() const;
     /// What each Analyser and DynamicsCompressor finds in the samples up to the end of the last call.
     AudioFindings analyse();
     /// What could not be heard so far, once each.

@@ -37,6 +37,7 @@ class AcousticRenderer final : public InstanceSubscriber {
     /// As the options and the scene say.
     Air air();
     const HeardResponses& heard() const { return engine_->heard(); }
+    const std::vector<StreamedSound>& streams() const { return engine_->streams(); }
     AudioFindings analyse() { return engine_->analyse(); }
     /// Responses traced so far.
     std::uint64_t traces() const { return heard().responses; }

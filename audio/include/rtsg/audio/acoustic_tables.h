@@ -28,8 +28,9 @@ struct AcousticState {
 class AcousticTables final : public InstanceSubscriber {
   public:
     /// `world` must outlive this, and be applied the same deltas, before this is. `defaults`: of surfaces without
-    /// AcousticProperties. `resources`: where urls of clips start.
-    explicit AcousticTables(const RayWorld& world, const AcousticMaterial& defaults = {}, Resources resources = {});
+    /// AcousticProperties. `resources`: where urls of clips start. `keepsStreams`: as SoundScene has it.
+    explicit AcousticTables(const RayWorld& world, const AcousticMaterial& defaults = {}, Resources resources = {},
+                            bool keepsStreams = false);
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
 

@@ -60,6 +60,8 @@ struct ListenReport {
     double seconds = 0;  // of computing, metrics and sound
     double escaped = 0;  // share of the emitted energy, mean over bands and sources
     SoundBuffer sound;   // two channels or ambisonic; empty unless asked for
+    /// What StreamAudioDestinations got, as long as `sound` and as loud as it came; none unless render.keepStreams.
+    std::vector<StreamedSound> streams;
     float gain = 1;      // that had to be applied lest the sound clip
     HeardResponses heard;
     Diagnostics diagnostics;

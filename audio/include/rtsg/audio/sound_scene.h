@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <unordered_set>
@@ -102,7 +103,7 @@ struct AudioFindings {
     std::vector<AudioReduction> reductions;
 };
 
-/// A Sound or SpatialSound node.
+/// A Sound, a SpatialSound, or a destination of an audio graph.
 struct SoundNode {
     /// none: as loud everywhere, of an AudioDestination.
     enum class Law : std::uint8_t { ellipsoids, linear, inverse, exponential, none };
@@ -110,6 +111,8 @@ struct SoundNode {
     std::string name;  // DEF; without one the type and a number
     bool enabled = true, spatialize = true, doppler = true;
     bool reflected = true;  // heard by way of walls too
+    /// Of a StreamAudioDestination, which nobody in the scene hears: the names that its stream has.
+    std::optional<std::vector<std::string>> stream;
     double intensity = 1;   // with gain
     glm::dvec3 location{0}, direction{0, 0, 1};
     Law law = Law::ellipsoids;
@@ -170,7 +173,9 @@ struct SoundVersion {
 class SoundScene {
   public:
     /// Materials go to `walls` when there are any; they must outlive this. `resources`: where urls of clips start.
-    explicit SoundScene(Walls* walls = nullptr, const AcousticMaterial& defaults = {}, Resources resources = {});
+    /// `keepsStreams`: somebody takes what StreamAudioDestinations get.
+    explicit SoundScene(Walls* walls = nullptr, const AcousticMaterial& defaults = {}, Resources resources = {},
+                        bool keepsStreams = false);
 
     void apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta);
 
@@ -212,6 +217,7 @@ class SoundScene {
     Walls* walls_;
     AcousticMaterial defaults_;
     Resources resources_;
+    bool keepsStreams_;
     int visits_ = 0;  // of readVoices, for the sound being read
     std::unordered_map<std::uint32_t, std::shared_ptr<const SoundNode>> sounds_;  // by NodeId
     std::unordered_map<std::uint32_t, Placed> others_;                            // listeners and views, by slot
