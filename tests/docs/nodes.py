@@ -17,7 +17,7 @@ ELSEWHERE = {"Anchor": "core/src/behaviour/pointing.cpp", "Script": "core/src/sc
              "BiquadFilter": "audio/src", "BufferAudioSource": "audio/src", "ChannelMerger": "audio/src",
              "ChannelSelector": "audio/src", "ChannelSplitter": "audio/src", "Convolver": "audio/src", "Delay": "audio/src",
              "DynamicsCompressor": "audio/src", "Gain": "audio/src", "ListenerPointSource": "audio/src",
-             "OscillatorSource": "audio/src", "StreamAudioSource": "audio/src", "WaveShaper": "audio/src",
+             "OscillatorSource": "audio/src", "StreamAudioDestination": "audio/src", "StreamAudioSource": "audio/src", "WaveShaper": "audio/src",
              "TextureProjector": "renderers/src/light", "TextureProjectorParallel": "renderers/src/light"}
 
 

@@ -62,7 +62,7 @@ std::optional<Channel> channelOf(std::string_view word) {
     return {};
 }
 
-/// `3 Zrotation Xrotation Yrotation 1 Yrotation ...`: each number says how many channels the next joint has.
+/// `2 Zrotation Xrotation 1 Zrotation ...`: each number says how many channels the next joint has.
 void readChannels(Cascade& cascade, const Node& node, Sheet& sheet) {
     std::size_t missing = 0;  // of the joint before
     const auto tell = [&](const std::string& text) { cascade.warn(node, "channels: " + text); };
@@ -322,7 +322,7 @@ std::unordered_map<std::string_view, const Node*> jointsByName(const Scene& scen
 }
 
 void appendMotions(std::vector<BuiltinBehaviour>& table) {
-    table.push_back({M::type, {.onEvent = motionOnEvent, .onTime = motionOnTime}});
+    table.push_back({x3d::HAnimMotion::type, {.onEvent = motionOnEvent, .onTime = motionOnTime}});
     table.push_back({x3d::HAnimHumanoid::type, {.onEvent = humanoidOnEvent}});
 }
 

@@ -144,7 +144,7 @@ double poseOnTime(Cascade& cascade, const Node& pose) {
 }  // namespace
 
 void appendPoses(std::vector<BuiltinBehaviour>& table) {
-    table.push_back({P::type, {.onEvent = poseOnEvent, .onTime = poseOnTime}});
+    table.push_back({x3d::HAnimPose::type, {.onEvent = poseOnEvent, .onTime = poseOnTime}});
 }
 
 }  // namespace rtsg::behaviours
