@@ -27,6 +27,7 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendParticles(t);
         appendMotions(t);
         appendPoses(t);
+        appendGeoLod(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;
         return t;
     }();

@@ -23,6 +23,7 @@ void appendMedia(std::vector<BuiltinBehaviour>& table);
 void appendParticles(std::vector<BuiltinBehaviour>& table);
 void appendMotions(std::vector<BuiltinBehaviour>& table);
 void appendPoses(std::vector<BuiltinBehaviour>& table);
+void appendGeoLod(std::vector<BuiltinBehaviour>& table);
 
 double lodOnTime(Cascade& cascade, const Node& node);
 /// The root is woken when a node has lost a parent.

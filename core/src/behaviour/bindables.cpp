@@ -207,6 +207,7 @@ double rootOnTime(Cascade& cascade, const Node& root) {
 void appendBindables(std::vector<BuiltinBehaviour>& table) {
     table.push_back(bindable<x3d::Viewpoint, Kind::viewpoint>());
     table.push_back(bindable<x3d::OrthoViewpoint, Kind::viewpoint>());
+    table.push_back(bindable<x3d::GeoViewpoint, Kind::viewpoint>());
     table.push_back(bindable<x3d::Background, Kind::background>());
     table.push_back(bindable<x3d::TextureBackground, Kind::background>());
     table.push_back(bindable<x3d::NavigationInfo, Kind::navigation>());

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
 #include "scene/box_overlap.h"
 #include "scene/places.h"
 #include "scene/rotations.h"
+#include "scene/view_pose.h"
 
 namespace rtsg::behaviours {
 
@@ -24,8 +26,8 @@ bool isFinite(const glm::dmat4& matrix) {
 bool isBox(const Vec3f& size) {
     return size.x > 0 && size.y > 0 && size.z > 0;
 }
-bool isInBox(const glm::dvec3& point, const Vec3f& center, const Vec3f& size) {
-    const glm::dvec3 from = glm::abs(point - glm::dvec3(center)), half = glm::dvec3(size) * .5;
+bool isInBox(const glm::dvec3& point, const glm::dvec3& center, const Vec3f& size) {
+    const glm::dvec3 from = glm::abs(point - center), half = glm::dvec3(size) * .5;
     return from.x <= half.x && from.y <= half.y && from.z <= half.z;
 }
 template <class T>
@@ -46,18 +48,38 @@ double rests(Cascade& cascade, const Node& node) {
     return kNever;
 }
 
-/// 22.4.1
+glm::dvec3 boxCenter(const Node& node, const x3d::ProximitySensor*, const GeoReference*) {
+    return glm::dvec3(node.get(x3d::ProximitySensor::center));
+}
+/// The box lies along the axes around the sensor: about its geographic centre, and from there by `center`.
+glm::dvec3 boxCenter(const Node& node, const x3d::GeoProximitySensor*, const GeoReference* reference) {
+    using N = x3d::GeoProximitySensor;
+    return reference->toScene(node.get(N::geoCenter)) + node.get(N::center);
+}
+
+/// 22.4.1, 25.3.8
+template <class N>
 double proximityOnTime(Cascade& cascade, const Node& node) {
-    using N = x3d::ProximitySensor;
+    constexpr bool kIsGeo = std::is_same_v<N, x3d::GeoProximitySensor>;
+    std::optional<GeoReference> reference;
+    if constexpr (kIsGeo) {
+        auto read = GeoReference::of(cascade.scene(), node);
+        if (!read) return cascade.warn(node, read.error().text), rests<N>(cascade, node);
+        reference = *read;
+    }
     if (!node.get(N::enabled) || !isBox(node.get(N::size))) return rests<N>(cascade, node);
     const Viewer& viewer = cascade.viewer(node);
     const glm::dmat4& world = cascade.worldFromLocal(node, node);
     if (!isFinite(world)) return enterOrExit<N>(cascade, node, false), kUntilMoved;
     const glm::dmat4 local = glm::inverse(world);
     const glm::dvec3 position = local * glm::dvec4(viewer.position, 1);
-    const bool inside = cascade.isShown(node, node) && isInBox(position, node.get(N::center), node.get(N::size));
+    const bool inside =
+        cascade.isShown(node, node) &&
+        isInBox(position, boxCenter(node, static_cast<const N*>(nullptr), reference ? &*reference : nullptr),
+                node.get(N::size));
     const bool entered = enterOrExit<N>(cascade, node, inside);
     if (!inside) return kUntilMoved;
+    if constexpr (kIsGeo) sendIfNew(cascade, node, N::geoCoord_changed, reference->fromScene(position), entered);
     const glm::dvec3 center = local * glm::dvec4(viewer.centerOfRotation, 1);
     sendIfNew(cascade, node, N::position_changed, Vec3f(position), entered);
     sendIfNew(cascade, node, N::orientation_changed, toRotation(turnOf(local) * viewer.orientation), entered);
@@ -77,7 +99,7 @@ std::vector<glm::dvec4> viewVolume(const Scene& scene, const Viewer& viewer) {
         planes.insert(planes.end(), {{0, 1, 0, -low}, {0, -1, 0, high}});
         return planes;
     }
-    const double field = view && view->is(x3d::Viewpoint::type) ? view->get(x3d::Viewpoint::fieldOfView) : M_PI / 4;
+    const double field = fieldOfViewOf(view);
     if (field < M_PI) {
         const double t = std::tan(std::max(field, 1e-6) / 2), wide = t * kAspect;
         planes.insert(planes.end(), {{1, 0, -wide, 0}, {-1, 0, -wide, 0}, {0, 1, -t, 0}, {0, -1, -t, 0}});
@@ -118,7 +140,7 @@ double transformOnTime(Cascade& cascade, const Node& node) {
     if (!isFinite(world)) return enterOrExit<N>(cascade, node, false), kUntilMoved;
     const glm::dmat4 relative = glm::inverse(world) * cascade.worldFromLocal(*target, node);
     const glm::dvec3 position(relative[3]);
-    bool inside = isInBox(position, node.get(N::center), node.get(N::size));
+    bool inside = isInBox(position, glm::dvec3(node.get(N::center)), node.get(N::size));
     const auto find = [&](const char* name) {
         const FieldIndex i = target->type().findExact(name);
         return i != kNoField && target->type().fields[i].type == FieldType::SFVec3f ? i : kNoField;
@@ -126,7 +148,7 @@ double transformOnTime(Cascade& cascade, const Node& node) {
     const FieldIndex boxCenter = find("bboxCenter"), boxSize = find("bboxSize");
     if (boxCenter != kNoField && boxSize != kNoField && target->get(Field<Vec3f>{boxSize}).x >= 0) {
         // A bounding box is in the coordinates of the parent.
-        const glm::dmat4 outside = relative * glm::inverse(parentFromLocal(*target));
+        const glm::dmat4 outside = relative * glm::inverse(parentFromLocal(scene, *target));
         const glm::dvec3 half = glm::dvec3(target->get(Field<Vec3f>{boxSize})) * .5;
         const glm::dvec3 at = outside * glm::dvec4(glm::dvec3(target->get(Field<Vec3f>{boxCenter})), 1);
         const glm::dvec3 edges[3] = {glm::dvec3(outside[0]) * half.x, glm::dvec3(outside[1]) * half.y,
@@ -143,9 +165,11 @@ double transformOnTime(Cascade& cascade, const Node& node) {
 }  // namespace
 
 void appendEnvironmentalSensors(std::vector<BuiltinBehaviour>& table) {
-    table.push_back({x3d::ProximitySensor::type, {.onTime = proximityOnTime, .last = true}});
-    table.push_back({x3d::VisibilitySensor::type, {.onTime = visibilityOnTime, .last = true}});
-    table.push_back({x3d::TransformSensor::type, {.onTime = transformOnTime, .last = true}});
+    const auto add = [&](TypeIndex type, auto onTime) { table.push_back({type, {.onTime = onTime, .last = true}}); };
+    add(x3d::ProximitySensor::type, proximityOnTime<x3d::ProximitySensor>);
+    add(x3d::GeoProximitySensor::type, proximityOnTime<x3d::GeoProximitySensor>);
+    add(x3d::VisibilitySensor::type, visibilityOnTime);
+    add(x3d::TransformSensor::type, transformOnTime);
 }
 
 }  // namespace rtsg::behaviours

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include <rtsg/core/color_blend.h>
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
@@ -79,6 +80,25 @@ void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, EventV
     cascade.emit(node, N::value_changed, blend(values[s.from], values[s.to], s.weight));
 }
 
+/// 25.3.7: in the numbers of the geographic system; and where that is in the scene.
+void interpolateGeo(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
+    using N = x3d::GeoPositionInterpolator;
+    if (field != N::set_fraction.index) return;
+    const float fraction = value.as<float>();
+    const auto& key = node.get(N::key);
+    const auto& values = node.get(N::keyValue);
+    const std::size_t count = std::min(key.size(), values.size());
+    if (key.size() != values.size())
+        cascade.warn(node, std::to_string(values.size()) + " key values for " + std::to_string(key.size()) + " keys");
+    if (count == 0 || std::isnan(fraction)) return;
+    const Span s = locate(key, count, fraction);
+    const Vec3d coordinates = values[s.from] + (values[s.to] - values[s.from]) * double(s.weight);
+    cascade.emit(node, N::geovalue_changed, coordinates);
+    const auto reference = GeoReference::of(cascade.scene(), node);
+    if (!reference) return cascade.warn(node, reference.error().text);
+    cascade.emit(node, N::value_changed, Vec3f(reference->toScene(coordinates)));
+}
+
 /// As many values a key as there are: coordinates and normals.
 template <class N, auto Mix>
 void interpolateMany(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
@@ -118,6 +138,7 @@ void appendInterpolators(std::vector<BuiltinBehaviour>& table) {
     add(x3d::ColorInterpolator::type, interpolateOne<x3d::ColorInterpolator>);
     add(x3d::CoordinateInterpolator::type, interpolateMany<x3d::CoordinateInterpolator, kMix3>);
     add(x3d::CoordinateInterpolator2D::type, interpolateMany<x3d::CoordinateInterpolator2D, kMix2>);
+    table.push_back({x3d::GeoPositionInterpolator::type, {.onEvent = interpolateGeo}});  // looks at its GeoOrigin
     add(x3d::NormalInterpolator::type, interpolateMany<x3d::NormalInterpolator, kMixNormal>);
 }
 

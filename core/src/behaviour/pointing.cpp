@@ -8,6 +8,7 @@
 #include <limits>
 
 #include <rtsg/core/device_input.h>
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
@@ -21,10 +22,11 @@ namespace {
 
 using R = x3d::RtsgScene;
 
-enum class Kind : std::uint8_t { none, touch, plane, cylinder, sphere, anchor };
+enum class Kind : std::uint8_t { none, touch, geoTouch, plane, cylinder, sphere, anchor };
 
 Kind kindOf(const Node& node) {
     if (node.is(x3d::TouchSensor::type)) return Kind::touch;
+    if (node.is(x3d::GeoTouchSensor::type)) return Kind::geoTouch;
     if (node.is(x3d::PlaneSensor::type)) return Kind::plane;
     if (node.is(x3d::CylinderSensor::type)) return Kind::cylinder;
     if (node.is(x3d::SphereSensor::type)) return Kind::sphere;
@@ -37,6 +39,8 @@ void withType(const Node& node, const F& f) {
     switch (kindOf(node)) {
         case Kind::touch:
             return f.template operator()<x3d::TouchSensor>();
+        case Kind::geoTouch:
+            return f.template operator()<x3d::GeoTouchSensor>();
         case Kind::plane:
             return f.template operator()<x3d::PlaneSensor>();
         case Kind::cylinder:
@@ -103,7 +107,7 @@ std::vector<Concerned> concerned(const Scene& scene, const PointerHit& hit) {
         const Node* node = scene.find(id);
         if (!node) break;
         const bool byPicture = placed != hit.byPicture.end() && placed->at == worlds.size();
-        world *= byPicture ? glm::dmat4((placed++)->parentFromLocal) : parentFromLocal(*node);
+        world *= byPicture ? glm::dmat4((placed++)->parentFromLocal) : parentFromLocal(scene, *node);
         worlds.push_back(world);
     }
     std::vector<Concerned> found;
@@ -349,23 +353,35 @@ class PointerEvent {
         }
     }
 
-    /// 20.4.4: where on the surface, for every movement over a TouchSensor, in its own coordinates.
+    /// 20.4.4, 25.3.9: where on the surface, for every movement over a TouchSensor, in its own coordinates.
     void touch() {
-        using N = x3d::TouchSensor;
         for (const Concerned& one : concerned_) {
             const Node& node = scene_.node(one.sensor);
             const Hold hold = holdOf(node);
             const bool free = hold.holder == 0 || hold.holder == input_.device + 1;
             const bool entered = std::ranges::find(entered_, one.sensor) != entered_.end();
-            if (kindOf(node) != Kind::touch || !free || !hold.isOver(input_.device) || !(moved_ || entered)) continue;
+            const Kind kind = kindOf(node);
+            if (kind != Kind::touch && kind != Kind::geoTouch) continue;
+            if (!free || !hold.isOver(input_.device) || !(moved_ || entered)) continue;
             const PointerHit& hit = *input_.hit;
             const glm::dvec3 point = glm::inverse(one.worldFromLocal) * glm::dvec4(hit.point, 1);
             const glm::dvec3 normal = glm::transpose(glm::dmat3(one.worldFromLocal)) * hit.normal;
             if (!isFinite(point) || !isFinite(normal) || !(glm::length(normal) > 0)) continue;
-            cascade_.emit(node, N::hitPoint_changed, Vec3f(point));
-            cascade_.emit(node, N::hitNormal_changed, Vec3f(glm::normalize(normal)));
-            cascade_.emit(node, N::hitTexCoord_changed, Vec2f(hit.texCoord));
+            withType(node, [&]<class N>() {
+                if constexpr (requires { N::hitPoint_changed; }) {
+                    cascade_.emit(node, N::hitPoint_changed, Vec3f(point));
+                    cascade_.emit(node, N::hitNormal_changed, Vec3f(glm::normalize(normal)));
+                    cascade_.emit(node, N::hitTexCoord_changed, Vec2f(hit.texCoord));
+                }
+            });
+            if (kind == Kind::geoTouch) tellCoordinates(node, point);
         }
+    }
+    void tellCoordinates(const Node& node, const glm::dvec3& point) {
+        const auto reference = GeoReference::of(scene_, node);
+        if (!reference) return cascade_.warn(node, reference.error().text);
+        const Vec3d coordinates = reference->fromScene(point);
+        if (isFinite(coordinates)) cascade_.emit(node, x3d::GeoTouchSensor::hitGeoCoord_changed, coordinates);
     }
 
     void press(const Concerned& one) {
@@ -491,6 +507,7 @@ void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValu
 void appendPointing(std::vector<BuiltinBehaviour>& table) {
     const auto add = [&](TypeIndex type, auto onEvent) { table.push_back({type, {.onEvent = onEvent}}); };
     add(x3d::TouchSensor::type, sensorOnEvent<x3d::TouchSensor>);
+    add(x3d::GeoTouchSensor::type, sensorOnEvent<x3d::GeoTouchSensor>);
     add(x3d::PlaneSensor::type, sensorOnEvent<x3d::PlaneSensor>);
     add(x3d::CylinderSensor::type, sensorOnEvent<x3d::CylinderSensor>);
     add(x3d::SphereSensor::type, sensorOnEvent<x3d::SphereSensor>);

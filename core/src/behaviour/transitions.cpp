@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
@@ -57,6 +58,18 @@ void storeOffset(Cascade& cascade, const Node& viewpoint, const ViewFields& fiel
 }
 void endTransition(Cascade& cascade, const Node& viewpoint, const ViewFields& fields) {
     if (!viewpoint.get(fields.transition).empty()) cascade.store(viewpoint, fields.transition, Array<double>());
+}
+
+/// `center`: in the coordinates that the viewer's pose is in.
+void setCenterOfRotation(Cascade& cascade, const Node& viewpoint, const ViewFields& fields, const Vec3d& center) {
+    if (!std::isfinite(center.x + center.y + center.z)) return;
+    if (fields.centerOfRotation.index != kNoField)
+        return cascade.emit(viewpoint, fields.centerOfRotation, Vec3f(center));
+    const auto reference = GeoReference::of(cascade.scene(), viewpoint);
+    const auto place = geoPlace(cascade.scene(), viewpoint);
+    if (!reference || !place) return;
+    const Vec3d around(*place * glm::dvec4(center, 1));
+    cascade.emit(viewpoint, x3d::GeoViewpoint::centerOfRotation, reference->fromScene(around));
 }
 
 /// The one that is bound in the viewpoint's layer.
@@ -155,8 +168,7 @@ void viewerOnEvent(Cascade& cascade, const Node& root, EventValue value) {
         return storeOffset(cascade, *viewpoint, *fields, move->offset);
     }
     if (move->kind == Kind::look) {
-        const Vec3f center(move->center);
-        if (std::isfinite(center.x + center.y + center.z)) cascade.emit(*viewpoint, fields->centerOfRotation, center);
+        setCenterOfRotation(cascade, *viewpoint, *fields, move->center);
     }
     begin(cascade, *viewpoint, *fields, userOffset(*viewpoint, *fields), move->offset);
 }

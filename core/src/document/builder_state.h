@@ -204,6 +204,8 @@ struct SceneBuilder::State {
 
     // inline.cpp
     bool loadInline(NodeId node, SourceLocation where);
+    /// The Inlines that a GeoLOD keeps for its urls.
+    void addTiles(NodeId geoLod, SourceLocation where);
     void fillInline(NodeId node, LoadSession::File& file, std::string_view url, SourceLocation where);
     void reportFile(LoadSession::File& file);
     /// Replays the file's commands into the scope and open node on top, and leaves no loose ends.

@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/x3d.h>
+
 #include "builder_state.h"
 
 namespace rtsg {
@@ -188,6 +190,8 @@ void SceneBuilder::endNode(SourceLocation where) {
     if (done.kind != OpenNode::Kind::instance) s.storeChildren(done);
     if (done.type->name == "Inline" && done.type->kind == NodeType::Kind::builtin)
         s.scope().inlines.emplace_back(done.id, done.where);
+    else if (s.scene.node(done.id).is(x3d::GeoLOD::type))
+        s.addTiles(done.id, done.where);
     const NodeId id = done.id;
     const FieldIndex field = done.parentField;
     s.pop();

@@ -12,6 +12,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "state.h"
+#include "view_pose.h"
 
 namespace rtsg {
 
@@ -231,9 +232,7 @@ Bearing bearingThrough(const Scene& scene, double x, double y, double aspect) {
         const Vec3d at((low[0] + high[0]) / 2 + right * half[0], (low[1] + high[1]) / 2 + up * half[1], 0);
         bearing.origin += viewer.orientation * at;
     } else {
-        double field = M_PI / 4;
-        if (view && view->is(x3d::Viewpoint::type)) field = view->get(x3d::Viewpoint::fieldOfView);
-        const double t = std::tan(std::clamp(field, 1e-6, M_PI - 1e-6) / 2);
+        const double t = std::tan(std::clamp(fieldOfViewOf(view), 1e-6, M_PI - 1e-6) / 2);
         bearing.direction = Vec3d(right * t * std::max(aspect, 1.0), up * t / std::min(aspect, 1.0), -1);
     }
     bearing.direction = glm::normalize(viewer.orientation * bearing.direction);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <unordered_set>
 
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
 #include "avatar.h"
@@ -41,8 +42,7 @@ const Node* boundInfo(const Scene& scene) {
 
 /// Half the angle that the picture's smaller side shows.
 double halfAngle(const Node& view) {
-    if (!view.is(x3d::Viewpoint::type)) return M_PI / 8;
-    return std::clamp(double(view.get(x3d::Viewpoint::fieldOfView)), 1e-6, M_PI - 1e-6) / 2;
+    return std::clamp(fieldOfViewOf(&view), 1e-6, M_PI - 1e-6) / 2;
 }
 
 /// Whether a sensor or an Anchor has hold of what the pointer does.
@@ -189,7 +189,7 @@ class Navigator {
         if (devices.pointer) drag(*devices.pointer);
     }
 
-    glm::dvec3 center() const { return glm::dvec3(view_.get(fields_.centerOfRotation)); }
+    glm::dvec3 center() const { return centerOfRotation(scene_, view_, fields_); }
 
     void orbit(double right, double up) {
         if (right != 0 || up != 0) pose_ = orbited(pose_, center(), -right, up);
@@ -389,9 +389,26 @@ std::optional<BoundView> boundView(const Scene& scene) {
 ViewerPose authorsView(const Node& viewpoint, const ViewFields& fields) {
     const Rotation r = viewpoint.get(fields.orientation);
     const glm::dvec3 axis(r.x, r.y, r.z);
-    ViewerPose pose{Vec3d(viewpoint.get(fields.position)), {1, 0, 0, 0}};
+    // A GeoViewpoint is where its coordinates are: see geoPlace().
+    ViewerPose pose;
+    if (fields.position.index != kNoField) pose.position = Vec3d(viewpoint.get(fields.position));
     if (glm::length(axis) > 0) pose.orientation = glm::angleAxis(double(r.angle), glm::normalize(axis));
     return pose;
+}
+
+glm::dvec3 centerOfRotation(const Scene& scene, const Node& viewpoint, const ViewFields& fields) {
+    if (fields.centerOfRotation.index != kNoField) return glm::dvec3(viewpoint.get(fields.centerOfRotation));
+    const auto reference = GeoReference::of(scene, viewpoint);
+    const auto place = reference ? geoPlace(scene, viewpoint) : std::unexpected(reference.error());
+    if (!place) return glm::dvec3(0);
+    const Vec3d center = reference->toScene(viewpoint.get(x3d::GeoViewpoint::centerOfRotation));
+    return glm::transpose(glm::dmat3(*place)) * (center - glm::dvec3((*place)[3]));
+}
+
+double fieldOfViewOf(const Node* viewpoint) {
+    if (viewpoint && viewpoint->is(x3d::Viewpoint::type)) return viewpoint->get(x3d::Viewpoint::fieldOfView);
+    if (viewpoint && viewpoint->is(x3d::GeoViewpoint::type)) return viewpoint->get(x3d::GeoViewpoint::fieldOfView);
+    return M_PI / 4;
 }
 
 ViewerPose userOffset(const Node& viewpoint, const ViewFields& fields) {

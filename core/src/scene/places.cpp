@@ -7,6 +7,7 @@
 
 #include <glm/gtc/matrix_transform.hpp>
 
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
 #include "view_pose.h"
@@ -20,6 +21,7 @@ namespace {
 struct PlaceFields {
     FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
                center = kNoField;
+    bool geographic = false;
 };
 
 PlaceFields findPlaceFields(const NodeType& type) {
@@ -29,6 +31,8 @@ PlaceFields findPlaceFields(const NodeType& type) {
         return fits ? index : kNoField;
     };
     PlaceFields fields;
+    fields.geographic = isGeoPlace(type);
+    if (fields.geographic) return fields;
     if (type.below.empty() || !type.isA("X3DChildNode")) return fields;
     fields.translation = find("translation", FieldType::SFVec3f);
     if (fields.translation == kNoField) return fields;
@@ -83,8 +87,9 @@ glm::dquat turnOf(const glm::dmat4& matrix) {
     return glm::normalize(glm::quat_cast(glm::dmat3(x, y, glm::cross(x, y))));
 }
 
-glm::dmat4 parentFromLocal(const Node& node) {
+glm::dmat4 parentFromLocal(const Scene& scene, const Node& node) {
     const PlaceFields fields = placeFields(node);
+    if (fields.geographic) return geoPlace(scene, node).value_or(glm::dmat4(1));
     if (fields.rotation == kNoField) return glm::dmat4(1);
     const auto get = [&](auto otherwise, FieldIndex field) {
         return field == kNoField ? otherwise : node.get(Field<decltype(otherwise)>{field});
@@ -173,8 +178,10 @@ void Places::compute(NodeId id, Place& place) {
     for (NodeId at = id; at && at != scene_.root() && path.size() < kDeepest;) {
         const Node* node = scene_.find(at);
         if (!node) break;
-        world = parentFromLocal(*node) * world;
+        world = parentFromLocal(scene_, *node) * world;
         path.push_back(at);
+        if (placeFields(*node).geographic)
+            if (const Node* origin = geoOriginOf(scene_, *node)) path.push_back(origin->id());
         const ParentRef parent = parentOnPath(scene_, at);
         shown = shown && parent.node && shows(scene_.node(parent.node), parent.field, at);
         at = parent.node;
@@ -227,7 +234,7 @@ void Places::computeViewer() {
     if (!fields) return;
     const ViewerPose pose = *viewOf(*view);
     viewer_.position = world * glm::dvec4(pose.position, 1);
-    viewer_.centerOfRotation = world * glm::dvec4(glm::dvec3(view->get(fields->centerOfRotation)), 1);
+    viewer_.centerOfRotation = world * glm::dvec4(centerOfRotation(scene_, *view, *fields), 1);
     viewer_.orientation *= pose.orientation;
 }
 

@@ -50,7 +50,7 @@ class Places {
         glm::dmat4 worldFromLocal{1};
         bool known = false, shown = true;
         std::uint32_t version = 0;   // of the path
-        std::vector<NodeId> path;    // up to, and without, the root
+        std::vector<NodeId> path;    // up to, and without, the root; with the GeoOrigins that count
         std::vector<NodeId> askers;  // who asked since it became known
     };
     struct Passer {
@@ -83,8 +83,9 @@ class Places {
 bool isPlace(const NodeType& type, FieldIndex field);
 /// Whether an output names nodes that stand elsewhere (what a sensor has picked), and so is no way down the hierarchy.
 bool onlyTells(const NodeType& type, FieldIndex field);
-/// 10.4.4, of Transform and all that have the like: T C R SR S -SR -C.
-glm::dmat4 parentFromLocal(const Node& node);
+/// 10.4.4, of Transform and all that have the like: T C R SR S -SR -C; of geospatial nodes as geoPlace() says, and
+/// the identity where that has an error.
+glm::dmat4 parentFromLocal(const Scene& scene, const Node& node);
 /// The turn in a matrix, without its scale and shear.
 glm::dquat turnOf(const glm::dmat4& matrix);
 /// Whether some path leads up from the node to the root.

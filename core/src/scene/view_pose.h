@@ -14,7 +14,7 @@ namespace rtsg {
 
 /// X3DViewpointNode's hidden fields, of the types that can be bound.
 struct ViewFields {
-    Field<Vec3f> position, centerOfRotation;
+    Field<Vec3f> position{kNoField}, centerOfRotation{kNoField};  // not a GeoViewpoint's, whose are geographic
     Field<Rotation> orientation;
     Field<Vec3d> userPosition;
     Field<Vec4d> userTurn;
@@ -23,11 +23,18 @@ struct ViewFields {
 };
 inline std::optional<ViewFields> viewFields(const Node& node) {
     const auto of = []<class V>(const V*) {
-        return ViewFields{V::position,  V::centerOfRotation, V::orientation, V::_userPosition,
-                          V::_userTurn, V::_transition,      V::isBound};
+        ViewFields fields{.orientation = V::orientation,
+                          .userPosition = V::_userPosition,
+                          .userTurn = V::_userTurn,
+                          .transition = V::_transition,
+                          .isBound = V::isBound};
+        if constexpr (!std::is_same_v<V, x3d::GeoViewpoint>)
+            fields.position = V::position, fields.centerOfRotation = V::centerOfRotation;
+        return fields;
     };
     if (node.is(x3d::Viewpoint::type)) return of(static_cast<const x3d::Viewpoint*>(nullptr));
     if (node.is(x3d::OrthoViewpoint::type)) return of(static_cast<const x3d::OrthoViewpoint*>(nullptr));
+    if (node.is(x3d::GeoViewpoint::type)) return of(static_cast<const x3d::GeoViewpoint*>(nullptr));
     return std::nullopt;
 }
 
@@ -51,6 +58,10 @@ inline ViewerPose transformed(const glm::dmat4& matrix, const ViewerPose& pose) 
 
 /// What the fields say.
 ViewerPose authorsView(const Node& viewpoint, const ViewFields& fields);
+/// In the coordinates that the pose is in.
+glm::dvec3 centerOfRotation(const Scene& scene, const Node& viewpoint, const ViewFields& fields);
+/// Of the smaller side of the picture, radians; of what has none a Viewpoint's default.
+double fieldOfViewOf(const Node* viewpoint);
 /// Where the user has gone from there; the stored numbers may be anything, and then it is nowhere.
 ViewerPose userOffset(const Node& viewpoint, const ViewFields& fields);
 /// From the coordinates around a node to the world's; nothing if there is no way back.

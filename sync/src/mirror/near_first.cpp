@@ -7,6 +7,7 @@
 
 #include <glm/gtc/quaternion.hpp>
 
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/x3d.h>
 
@@ -54,6 +55,7 @@ class Ranks {
             const Node* node = scene_.find(above);
             if (!node) break;
             if (node->is(x3d::Transform::type)) at = through(*node, at);
+            if (isGeoPlace(node->type())) at = geoPlace(scene_, *node).value_or(glm::dmat4(1)) * glm::dvec4(at, 1);
             const std::vector<ParentRef> parents = scene_.parents(above);
             above = parents.empty() ? NodeId{} : parents.front().node;
         }
