@@ -186,6 +186,8 @@ ListenerPose poseOf(const Scene& scene, const Placed& placed) {
     const Node& node = scene.node(placed.node);
     if (const auto moved = movedView(node))
         return poseFrom(placed.worldFromLocal, moved->position, orientationOf(*moved));
+    if (node.is(x3d::GeoViewpoint::type))  // is where its coordinates are
+        return poseFrom(placed.worldFromLocal, Vec3d(0), node.get(x3d::GeoViewpoint::orientation));
     return poseFrom(placed.worldFromLocal, Vec3d(fieldOr(node, "position", Vec3f(0, 0, 10))),
                     fieldOr(node, "orientation", Rotation{}));
 }

@@ -97,9 +97,12 @@ void Flattener::Impl::sortOut(const Change& change) {
         case Role::none:
             if (aspect != Aspect::none && aspect != Aspect::time)
                 contents.push_back({node->id(), aspect == Aspect::structure || turnsClear(*node, change.field)});
+            if (node->is(x3d::GeoOrigin::type))
+                for (const ParentRef& parent : scene->parents(node->id())) transformed.push_back(parent.node);
             if (!regions.empty() && node->is(x3d::Layout::type)) layoutsChanged.push_back(node->id());
             return;
         case Role::placed:
+            if (role.geographic && aspect == Aspect::view) transformed.push_back(node->id());
             if (aspect == Aspect::none || aspect == Aspect::time) return;
             if (state(node->id()).firstOccurrence != kNone)
                 report(node->id(), delta.placedChanged);
@@ -270,7 +273,7 @@ void Flattener::Impl::runShapes() {
             } else if (o.slot != kNone && bind(instances.records[o.slot], node, role, o)) {
                 instances.markRebound(o.slot, stamp);
             }
-            if (!screenTexts.empty() || o.ownsFrame) followScreened(index);
+            if (!screenTexts.empty() || !anchors.empty() || o.ownsFrame) followScreened(index);
         }
     }
     shapes.clear();
@@ -422,6 +425,7 @@ void Flattener::Impl::finish() {
                 delta.geometriesRemoved.push_back(geometry);
                 meshes.erase(geometry.value);
                 screenTexts.erase(geometry.value);
+                anchors.erase(geometry.value);
                 sprites.erase(geometry.value);
                 details.erase(geometry.value);
                 tessellator.forget(geometry);
@@ -435,6 +439,7 @@ void Flattener::Impl::finish() {
             if (!s.meshSent || !node || !roles.of(*node).isVolume) {
                 known = mesh;
                 noteScreenText(geometry, mesh && mesh->inPixels);
+                noteAnchor(geometry, mesh ? mesh->anchor : Vec3d(0));
                 delta.geometries.push_back({geometry, std::move(mesh)});
                 s.meshSent = true;
             }

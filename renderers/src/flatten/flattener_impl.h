@@ -211,6 +211,9 @@ struct Flattener::Impl {
     void followLayouts();
     /// Gives a Shape a frame of its own if its geometry is text in points, and takes it if not.
     void followScreened(std::uint32_t shape);
+    /// Mesh::anchor of a shape that has one; else null.
+    const Vec3d* anchorOf(const Occurrence& shape) const;
+    void noteAnchor(NodeId geometry, const Vec3d& anchor);
     void noteScreenText(NodeId geometry, bool inPixels);
     void runScreened();
     /// Null if it is no ParticleSystem.
@@ -321,10 +324,16 @@ struct Flattener::Impl {
     /// False when it is the identity.
     bool localOf(std::uint32_t occurrence, const Node& node, const TypeRole& role,
                  const WorldFromLocal& worldFromParent, WorldFromLocal& parentFromLocal) {
+        if (role.role == Role::shape)
+            if (const Vec3d* anchor = anchorOf(tree[occurrence]))
+                return parentFromLocal = flatten::movedBy(*anchor), true;
         if (role.turns || role.role == Role::shape)
             return localForEye(occurrence, node, role, worldFromParent, parentFromLocal);
-        return role.hasTransform && flatten::localTransform(node, role, parentFromLocal);
+        if (role.geographic) tellOfPlace(node);
+        return role.hasTransform && flatten::localTransform(*scene, node, role, parentFromLocal);
     }
+    /// What is wrong with a geographic place, once.
+    void tellOfPlace(const Node& node);
     bool deforms(NodeId geometry) const;
     /// Sets what it hangs below; true if that is something else.
     bool setMotion(std::uint32_t occurrence);
@@ -352,6 +361,7 @@ struct Flattener::Impl {
     bool regionChanged = false;                                       // of the last that localForEye() laid out
     std::unordered_set<std::uint32_t> clearMaterials;                 // of shapes that show nothing, maybe gone by now
     std::unordered_set<std::uint32_t> screenTexts;                    // geometry nodes whose unit is a pixel
+    std::unordered_map<std::uint32_t, Vec3d> anchors;                 // of geometry nodes that have one
     std::unordered_map<std::uint32_t, std::optional<Vec3d>> sprites;  // particles that face an eye, by node, and which
     std::unordered_map<std::uint32_t, Detail> details;                // by geometry node
     std::uint64_t detailsMade = 0;

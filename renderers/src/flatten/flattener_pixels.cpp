@@ -76,13 +76,19 @@ void Flattener::Impl::followScreened(std::uint32_t index) {
     Occurrence& o = tree[index];
     const bool inPoints =
         o.slot != kNone && !screenTexts.empty() && screenTexts.contains(instances.records[o.slot].geometry.value);
-    if (inPoints == o.ownsFrame) return;
-    o.ownsFrame = inPoints;
+    const bool anchored = anchorOf(o) != nullptr, owned = o.ownsFrame;
+    if (inPoints == screened.contains(index) && (inPoints || anchored) == owned && !anchored) return;
+    o.ownsFrame = inPoints || anchored;
     o.turned = inPoints || tree[o.parent].turned;
     o.isMover = inPoints && viewer.has_value();
-    if (inPoints) {
+    if (inPoints)
         screened.insert(index);
-        if (freeFrames.empty()) {
+    else
+        screened.erase(index);
+    if (o.ownsFrame) {
+        if (owned) {
+            // as it is
+        } else if (freeFrames.empty()) {
             o.frame = static_cast<std::uint32_t>(frames.size());
             frames.emplace_back();
         } else {
@@ -92,9 +98,8 @@ void Flattener::Impl::followScreened(std::uint32_t index) {
         const WorldFromLocal& around = frames[tree[o.parent].frame];
         WorldFromLocal local;
         const Node& node = scene->node(o.node);
-        frames[o.frame] = localForEye(index, node, roles.of(node), around, local) ? compose(around, local) : around;
+        frames[o.frame] = localOf(index, node, roles.of(node), around, local) ? compose(around, local) : around;
     } else {
-        screened.erase(index);
         freeFrames.push_back(o.frame);
         o.frame = tree[o.parent].frame;
     }
@@ -105,6 +110,24 @@ void Flattener::Impl::followScreened(std::uint32_t index) {
     instances.markMoved(o.slot, stamp);
     instances.markRebound(o.slot, stamp);
     spreadMotion(index);
+}
+
+const Vec3d* Flattener::Impl::anchorOf(const Occurrence& shape) const {
+    if (anchors.empty() || shape.slot == kNone) return nullptr;
+    const auto known = anchors.find(instances.records[shape.slot].geometry.value);
+    return known == anchors.end() ? nullptr : &known->second;
+}
+
+void Flattener::Impl::noteAnchor(NodeId geometry, const Vec3d& anchor) {
+    if (anchors.empty() && anchor == Vec3d(0)) return;
+    const auto known = anchors.find(geometry.value);
+    const Vec3d before = known == anchors.end() ? Vec3d(0) : known->second;
+    if (before == anchor) return;
+    if (anchor == Vec3d(0))
+        anchors.erase(known);
+    else
+        anchors[geometry.value] = anchor;
+    rescreened.push_back(geometry);
 }
 
 void Flattener::Impl::noteScreenText(NodeId geometry, bool inPixels) {

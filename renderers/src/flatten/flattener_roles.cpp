@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
 namespace rtsg::flatten {
@@ -94,7 +95,9 @@ TypeRole RoleTable::work(const NodeType& type) {
     } else if (role.role == Role::layers) {
         role.order = findTyped(type, "order", FieldType::MFInt32);
     }
-    if (role.role == Role::all && type.isA("X3DChildNode")) {
+    if (isGeoPlace(type)) {
+        role.hasTransform = role.geographic = true;
+    } else if (role.role == Role::all && type.isA("X3DChildNode")) {
         role.translation = findTyped(type, "translation", FieldType::SFVec3f);
         role.rotation = findTyped(type, "rotation", FieldType::SFRotation);
         role.scale = findTyped(type, "scale", FieldType::SFVec3f);
@@ -121,7 +124,13 @@ TypeRole RoleTable::work(const NodeType& type) {
     return role;
 }
 
-bool localTransform(const Node& node, const TypeRole& role, WorldFromLocal& m) {
+bool localTransform(const Scene& scene, const Node& node, const TypeRole& role, WorldFromLocal& m) {
+    if (role.geographic) {
+        const auto place = geoPlace(scene, node);
+        if (!place || *place == glm::dmat4(1)) return false;
+        m = WorldFromLocal(*place);
+        return true;
+    }
     const Vec3d translation(read<Vec3f>(node, role.translation));
     const Vec3d scale(role.scale == kNoField ? Vec3f(1) : read<Vec3f>(node, role.scale));
     glm::dmat3 linear(1.0), rotation, orientation;

@@ -29,6 +29,7 @@ struct TypeRole {
     Role role = Role::none;
     PlacedKind kind = PlacedKind::light;
     bool hasTransform = false;
+    bool geographic = false;   // which is by geographic coordinates: geoPlace()
     bool turns = false;        // its transform follows the picture: Billboard (`axis`), layouts (`layout`), ScreenGroup
     bool isParticles = false;  // a shape that is its own geometry
     bool isVolume = false;     // a shape that is its own geometry and appearance
@@ -74,8 +75,16 @@ const T& read(const Node& node, FieldIndex field) {
     return node.get(Field<T>{field});
 }
 
-/// T C R SR S -SR -C. A rotation whose axis has no length counts as none. False when it is the identity.
-bool localTransform(const Node& node, const TypeRole& role, WorldFromLocal& parentFromLocal);
+/// T C R SR S -SR -C. A rotation whose axis has no length counts as none. False when it is the identity, and where a
+/// geographic one has an error.
+bool localTransform(const Scene& scene, const Node& node, const TypeRole& role, WorldFromLocal& parentFromLocal);
+
+/// A translation alone.
+inline WorldFromLocal movedBy(const Vec3d& by) {
+    WorldFromLocal m = identityTransform();
+    m[3] = by;
+    return m;
+}
 
 /// Billboard: how it turns, so that its z axis points to a viewer at `viewer` (world); the identity without one.
 bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent, const Vec3d* viewer,

@@ -1,6 +1,9 @@
 // The tree of occurrences: growing, pruning, transforms, scopes. Iterative throughout: nesting may be of any depth.
 #include <algorithm>
 
+#include <fmt/format.h>
+
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
 #include "flattener_impl.h"
@@ -158,7 +161,7 @@ void Flattener::Impl::makeInstance(std::uint32_t index, const Node& node, const 
     instance.worldFromLocal = frames[o.frame];
     instance.seen = o.seen, instance.heard = isHeard(o);
     bind(instance, node, role, o);
-    if (!screenTexts.empty()) followScreened(index);
+    if (!screenTexts.empty() || !anchors.empty()) followScreened(index);
 }
 
 void Flattener::Impl::dropInstance(std::uint32_t index) {
@@ -434,6 +437,15 @@ void Flattener::Impl::reconcileChildren(std::uint32_t index) {
     missing.insert(missing.end(), wanted.begin() + static_cast<std::ptrdiff_t>(w), wanted.end());
     if (role.role == Role::level) spreadSenses(index);
     for (const NodeId child : missing) grow(index, child);
+}
+
+void Flattener::Impl::tellOfPlace(const Node& node) {
+    const auto place = geoPlace(*scene, node);
+    if (place) return;
+    const std::string_view name = scene->name(node.id());
+    told.warning(fmt::format("{}{}{}: {}: it stays where it is", node.type().name, name.empty() ? "" : " ", name,
+                             place.error().text),
+                 diagnostics);
 }
 
 // ---- transforms ---------------------------------------------------------------------------------------------------

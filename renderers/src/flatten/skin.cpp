@@ -128,7 +128,7 @@ void Skins::compute(const Scene& scene, RoleTable& roles, NodeId id, Humanoid& h
         const Node* joint = scene.find(visit.joint);
         if (!joint || !joint->is(x3d::HAnimJoint::type)) continue;
         WorldFromLocal local = identityTransform();
-        (void)localTransform(*joint, roles.of(*joint), local);
+        (void)localTransform(scene, *joint, roles.of(*joint), local);
         const WorldFromLocal m = compose(visit.above, local);
         blend.add(scene, *joint, m);
         for (const NodeId child : joint->get(x3d::HAnimJoint::children)) stack.push_back({child, m});

@@ -31,7 +31,9 @@ View readView(const Scene& scene, const Node& node) {
         view.viewAll = node.get(V::viewAll);
         view.farDistance = node.get(V::farDistance);
         view.description = node.get(V::description).str();
-        view.position = Vec3d(node.get(V::position));
+        // A GeoViewpoint is where its coordinates are: the flattener places it.
+        view.position = Vec3d(0);
+        if constexpr (!std::is_same_v<V, x3d::GeoViewpoint>) view.position = Vec3d(node.get(V::position));
         const Node* brought = scene.effectiveNode(node.get(V::navigationInfo));
         if (brought && brought->is(x3d::NavigationInfo::type)) view.navigation = readNavigation(*brought);
     };

@@ -26,9 +26,9 @@ bool isSame(const SurfaceParams& a, const SurfaceParams& b) {
     if (a.texCoord.size() != b.texCoord.size()) return false;
     for (std::size_t i = 0; i < a.texCoord.size(); ++i)
         if (!isSame(a.texCoord[i], b.texCoord[i])) return false;
-    return a.fogDepth.sameStorage(b.fogDepth) && a.color.sameStorage(b.color) && a.colorRGBA.sameStorage(b.colorRGBA) &&
-           a.normal.sameStorage(b.normal) && a.ccw == b.ccw && a.solid == b.solid &&
-           a.colorPerVertex == b.colorPerVertex && a.normalPerVertex == b.normalPerVertex;
+    return a.anchor == b.anchor && a.fogDepth.sameStorage(b.fogDepth) && a.color.sameStorage(b.color) &&
+           a.colorRGBA.sameStorage(b.colorRGBA) && a.normal.sameStorage(b.normal) && a.ccw == b.ccw &&
+           a.solid == b.solid && a.colorPerVertex == b.colorPerVertex && a.normalPerVertex == b.normalPerVertex;
 }
 
 /// But for the coordinates' values.
@@ -130,6 +130,7 @@ DeformingSurface::DeformingSurface(const ComposedParams& params)
         params);
     generatesNormals_ = made.normals.present() && surfaceOf(params).normal.empty();
     usesAllPoints_ = usesAll(made);
+    made.anchor = surfaceOf(params).anchor;
     mesh_ = std::make_shared<Mesh>(std::move(made));
     std::visit([](auto& p) { p.coord = {}; }, params_);
 }

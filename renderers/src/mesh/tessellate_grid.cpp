@@ -1,4 +1,4 @@
-// ElevationGrid: two triangles a cell.
+// ElevationGrid, and grids of points as GeoElevationGrid has them: two triangles a cell.
 #include <fmt/format.h>
 
 #include "tessellate_detail.h"
@@ -13,14 +13,13 @@ constexpr std::size_t kMostFilledHeights = std::size_t{1} << 22;
 
 /// Two triangles a quadrilateral; those with a point that is not finite are left out. `faces`, if it is wanted: the
 /// quadrilateral of each triangle.
-void cutQuadrilaterals(Mesh& mesh, const ElevationGridParams& params, std::size_t columns, std::size_t rows,
-                       Array<std::int32_t>* faces) {
+void cutQuadrilaterals(Mesh& mesh, bool ccw, std::size_t columns, std::size_t rows, Array<std::int32_t>* faces) {
     // Seen from +Y with z downwards, each quadrilateral runs down, right, up: fronts face +Y.
     Array<std::int32_t> triangles = Array<std::int32_t>::ofSize((columns - 1) * (rows - 1) * 6);
     if (faces) *faces = Array<std::int32_t>::ofSize(triangles.size() / 3);
     std::int32_t *out = triangles.mutableData(), *outFace = faces ? faces->mutableData() : nullptr;
     std::size_t count = 0, dropped = 0;
-    const std::size_t second = params.ccw ? 1 : 2, third = params.ccw ? 2 : 1;
+    const std::size_t second = ccw ? 1 : 2, third = ccw ? 2 : 1;
     for (std::size_t j = 0; j + 1 < rows; ++j)
         for (std::size_t i = 0; i + 1 < columns; ++i) {
             const std::size_t a = j * columns + i, b = a + columns, c = b + 1, d = a + 1;
@@ -88,7 +87,7 @@ Mesh tessellate(const ElevationGridParams& params) {
 
     const bool faceValues = !params.colorPerVertex || !params.normalPerVertex;
     Array<std::int32_t> faces;
-    cutQuadrilaterals(mesh, params, columns, rows, faceValues ? &faces : nullptr);
+    cutQuadrilaterals(mesh, params.ccw, columns, rows, faceValues ? &faces : nullptr);
     if (mesh.empty()) return mesh;
 
     detail::bindAttributes(mesh, {.corners = {}, .faces = faces}, params, {});
@@ -101,6 +100,35 @@ Mesh tessellate(const ElevationGridParams& params) {
         set.sFromPosition = {1.0f / (static_cast<float>(columns - 1) * params.xSpacing), 0, 0, 0};
         set.tFromPosition = {0, 0, 1.0f / (static_cast<float>(rows - 1) * params.zSpacing), 0};
     }
+    return mesh;
+}
+
+Mesh tessellate(const PointGridParams& params) {
+    Mesh mesh;
+    mesh.solid = params.solid;
+    mesh.anchor = params.anchor;
+    const auto columns = static_cast<std::size_t>(std::max(params.columns, 0));
+    const std::size_t rows = columns < 2 ? 0 : params.coord.size() / columns;
+    if (rows < 2) return mesh;
+    mesh.positions = params.coord;
+    const bool faceValues = !params.colorPerVertex || !params.normalPerVertex;
+    Array<std::int32_t> faces;
+    // Rows go north, where those of an ElevationGrid go south.
+    cutQuadrilaterals(mesh, !params.ccw, columns, rows, faceValues ? &faces : nullptr);
+    if (mesh.empty()) return mesh;
+    SurfaceParams bound = params;
+    if (bound.texCoord.empty()) {
+        Array<Vec2f> st = Array<Vec2f>::ofSize(columns * rows);
+        Vec2f* out = st.mutableData();
+        for (std::size_t j = 0; j < rows; ++j)
+            for (std::size_t i = 0; i < columns; ++i)
+                *out++ = {static_cast<float>(i) / static_cast<float>(columns - 1),
+                          static_cast<float>(j) / static_cast<float>(rows - 1)};
+        bound.texCoord.emplace_back().point = std::move(st);
+    }
+    detail::bindAttributes(mesh, {.corners = {}, .faces = faces}, bound, {});
+    if (!mesh.normals.present())
+        mesh.normals = detail::generateNormals(mesh, detail::checkedCreaseAngle(mesh, params.creaseAngle));
     return mesh;
 }
 

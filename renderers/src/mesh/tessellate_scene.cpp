@@ -1,6 +1,7 @@
 // Reads geometry nodes of a scene into the plain structs that the tessellators take.
 #include <fmt/format.h>
 
+#include <rtsg/core/geospatial.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -36,9 +37,17 @@ class PropertyReader {
             for (std::size_t i = 0; i < source.size(); ++i) out[i] = Vec3f(source[i]);
             return result;
         }
+        if (node->is(x3d::GeoCoordinate::type)) {
+            auto placed = geoPoints(scene_, *node);
+            if (placed) return anchor_ = placed->anchor, std::move(placed->points);
+            warn(problems_, fmt::format("coord: GeoCoordinate: {}: nothing is drawn", placed.error().text));
+            return {};
+        }
         notUsed("coord", *node);
         return {};
     }
+    /// Of the points that were read last: Mesh::anchor.
+    const Vec3d& anchor() const { return anchor_; }
 
     void colors(NodeId id, auto& params) {
         const Node* color = scene_.effectiveNode(id);
@@ -66,7 +75,7 @@ class PropertyReader {
                 notUsed("normal", *normal);
         }
         texCoord(node.get(T::texCoord), params.texCoord, true);
-        fogCoord(node.get(T::fogCoord), params.fogDepth);
+        if constexpr (requires { T::fogCoord; }) fogCoord(node.get(T::fogCoord), params.fogDepth);
     }
 
     void fogCoord(NodeId id, Array<float>& depths) {
@@ -135,6 +144,7 @@ class PropertyReader {
     const Scene& scene_;
     Mesh& problems_;
     const detail::PointsOf* points_;
+    Vec3d anchor_{0};
 };
 
 /// The fields of a composed geometry node.
@@ -177,6 +187,7 @@ class ComposedReader {
         IndexedFaceSetParams p;
         properties_.surface<T>(node_, p);
         p.coord = properties_.points(get(T::coord));
+        p.anchor = properties_.anchor();
         p.coordIndex = get(T::coordIndex);
         p.colorIndex = get(T::colorIndex);
         p.normalIndex = get(T::normalIndex);
@@ -192,6 +203,7 @@ class ComposedReader {
         p.kind = kind;
         properties_.surface<T>(node_, p);
         p.coord = properties_.points(get(T::coord));
+        p.anchor = properties_.anchor();
         if constexpr (requires { T::index; }) p.index = get(T::index);
         if constexpr (requires { T::stripCount; }) p.count = get(T::stripCount);
         if constexpr (requires { T::fanCount; }) p.count = get(T::fanCount);
@@ -222,8 +234,13 @@ class SceneTessellator {
 
     Mesh dispatch() {
         if (detail::isComposed(node_))
-            return std::visit([](const auto& p) { return tessellate(p); },
-                              detail::readComposed(scene_, node_, problems_));
+            return std::visit(
+                [](const auto& p) {
+                    Mesh mesh = tessellate(p);
+                    mesh.anchor = p.anchor;
+                    return mesh;
+                },
+                detail::readComposed(scene_, node_, problems_));
         if (detail::isNurbs(node_)) return detail::tessellateNurbs(scene_, node_, options_);
         switch (node_.typeIndex().value) {
             case x3d::Box::type.value:
@@ -241,6 +258,8 @@ class SceneTessellator {
                     options_);
             case x3d::ElevationGrid::type.value:
                 return grid();
+            case x3d::GeoElevationGrid::type.value:
+                return geoGrid();
             case x3d::Extrusion::type.value:
                 return extrusion();
             case x3d::Disk2D::type.value:
@@ -291,6 +310,52 @@ class SceneTessellator {
         return tessellate(p);
     }
 
+    /// 25.3.2: heights above the ellipsoid, on a grid of longitudes and latitudes, or of eastings and northings.
+    Mesh geoGrid() {
+        using T = x3d::GeoElevationGrid;
+        Mesh none;
+        const std::int32_t columns = get(T::xDimension), rows = get(T::zDimension);
+        if (columns < 2 || rows < 2) return none;
+        const auto reference = GeoReference::of(scene_, node_);
+        if (!reference || reference->system().kind == GeoSystem::Kind::geocentric) {
+            warn(none, fmt::format("{}: nothing is drawn",
+                                   reference ? "geoSystem: GC has no heights" : reference.error().text));
+            return none;
+        }
+        const Array<double>& height = get(T::height);
+        const auto count = static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
+        std::size_t drawn = static_cast<std::size_t>(rows);
+        if (height.size() < count) {
+            drawn = height.size() / static_cast<std::size_t>(columns);
+            warn(none, fmt::format("height has {} values, xDimension {} * zDimension {} needs more: only complete rows "
+                                   "are drawn",
+                                   height.size(), columns, rows));
+            if (drawn < 2) return none;
+        }
+        PointGridParams p;
+        surface(p);
+        p.columns = columns;
+        p.creaseAngle = static_cast<float>(get(T::creaseAngle));
+        p.anchor = geoAnchor(scene_, node_).value_or(Vec3d(0));
+        p.coord = Array<Vec3f>::ofSize(drawn * static_cast<std::size_t>(columns));
+        Vec3f* out = p.coord.mutableData();
+        const double* h = height.data();
+        for (std::size_t j = 0; j < drawn; ++j)
+            for (std::int32_t i = 0; i < columns; ++i)
+                *out++ = Vec3f(reference->toScene(gridPoint(*reference, i, double(j), *h++)) - p.anchor);
+        Mesh mesh = tessellate(p);
+        mesh.diagnostics.append(none.diagnostics);
+        return mesh;
+    }
+    /// Coordinates in the grid's system.
+    Vec3d gridPoint(const GeoReference& reference, double column, double row, double height) const {
+        using T = x3d::GeoElevationGrid;
+        Vec3d by(row * get(T::zSpacing), column * get(T::xSpacing), height * double(get(T::yScale)));
+        if (reference.system().isSwapped) std::swap(by.x, by.y);
+        return get(T::geoGridOrigin) + by;
+    }
+    void surface(PointGridParams& p) { properties_.surface<x3d::GeoElevationGrid>(node_, p); }
+
     Array<Vec3f> flat(const Array<Vec2f>& points) {
         Array<Vec3f> result = Array<Vec3f>::ofSize(points.size());
         Vec3f* out = result.mutableData();
@@ -326,7 +391,9 @@ class SceneTessellator {
             p.coord = flat(get(x3d::Polyline2D::lineSegments));
             if (!p.coord.empty()) p.vertexCount = {static_cast<std::int32_t>(p.coord.size())};
         }
-        return tessellate(p);
+        Mesh mesh = tessellate(p);
+        mesh.anchor = properties_.anchor();
+        return mesh;
     }
 
     Mesh extrusion() {

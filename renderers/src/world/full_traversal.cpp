@@ -113,7 +113,7 @@ Result<> FullTraversalRenderer::Impl::enter(FullTraversalRenderer& renderer, con
         layOut(node, role, level);
     else if (node.is(x3d::ScreenGroup::type))
         toPixels(level);
-    else if (role.hasTransform && flatten::localTransform(node, role, local))
+    else if (role.hasTransform && flatten::localTransform(*scene, node, role, local))
         level.worldFromLocal = compose(level.worldFromLocal, local);
     if (node.is(x3d::LayerSet::type)) layerSet = node.id();
     stack.push_back(level);
@@ -178,6 +178,8 @@ void FullTraversalRenderer::Impl::shape(const Node& node, const TypeRole& role, 
         toPixels(own);
         now.worldFromLocal = own.worldFromLocal;
     }
+    if (geometry && geometry->mesh && geometry->mesh->anchor != Vec3d(0))
+        now.worldFromLocal = compose(now.worldFromLocal, flatten::movedBy(geometry->mesh->anchor));
     if (geometry && geometry->mesh && !(level.hidden && geometry->inPixels()) && !open.empty()) {
         const flatten::WorldBox box = flatten::worldBox(*geometry->mesh, now.worldFromLocal);
         for (OpenBox& around : open) around.content.extend(box);

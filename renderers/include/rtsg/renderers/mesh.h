@@ -163,6 +163,9 @@ struct Mesh {
     bool solid = true;
     /// Its unit is a pixel of the picture wherever it stands: text of a ScreenFontStyle (36.4.4).
     bool inPixels = false;
+    /// Where its origin lies in the coordinates of its geometry node; 0 but for geographic ones, which lie millions of
+    /// metres from theirs: positions are floats.
+    Vec3d anchor{0};
     /// What TessellationOptions::chordError was a part of, in the mesh's own unit; 0: it is not cut from anything
     /// curved.
     float curveSize = 0;

@@ -74,6 +74,7 @@ struct TexCoordParams {
 /// What X3DComposedGeometryNode and IndexedFaceSet have in common. Empty arrays stand for NULL.
 struct SurfaceParams {
     Array<Vec3f> coord;
+    Vec3d anchor{0};  // that they are around: Mesh::anchor
     Array<Color> color;
     Array<ColorRGBA> colorRGBA;  // preferred when both are given
     Array<Vec3f> normal;
@@ -118,6 +119,12 @@ struct ElevationGridParams : SurfaceParams {
     float creaseAngle = 0;
 };
 
+/// A grid of points of any kind: rows of `columns` from west to east, the first in the south.
+struct PointGridParams : SurfaceParams {
+    int columns = 0;
+    float creaseAngle = 0;
+};
+
 struct ExtrusionParams {
     Array<Vec2f> crossSection{{1, 1}, {1, -1}, {-1, -1}, {-1, 1}, {1, 1}};
     Array<Rotation> orientation{Rotation{0, 0, 1, 0}};
@@ -130,6 +137,8 @@ struct ExtrusionParams {
 Mesh tessellate(const IndexedFaceSetParams& params);
 Mesh tessellate(const PrimitiveSetParams& params);
 Mesh tessellate(const ElevationGridParams& params);
+/// Texture coordinates are 0 in the south-west and 1 in the north-east; fronts face up, with west to the left of south.
+Mesh tessellate(const PointGridParams& params);
 Mesh tessellate(const ExtrusionParams& params);
 
 struct Disk2DParams {
