@@ -65,6 +65,34 @@ inline std::shared_ptr<Mesh> makeSoup(std::mt19937& random, int triangles) {
     return makeMesh(std::move(p), std::move(t));
 }
 
+/// Slanting prisms from about `low` to about `high`, closed, with as many sides of two triangles each from end to end;
+/// fronts face outwards. Returns the axis of each, too.
+inline std::shared_ptr<Mesh> makeBeams(std::mt19937& random, int beams, int sides, float radius,
+                                       std::vector<std::pair<Vec3f, Vec3f>>* axes = nullptr) {
+    std::uniform_real_distribution<float> unit(-1, 1);
+    std::vector<Vec3f> p;
+    std::vector<std::int32_t> t;
+    for (int beam = 0; beam < beams; ++beam) {
+        const Vec3f from(8 * unit(random), -4 + unit(random), 8 * unit(random));
+        const Vec3f to(8 * unit(random), 4 + unit(random), 8 * unit(random));
+        const Vec3f axis = glm::normalize(to - from), side = glm::normalize(glm::cross(axis, Vec3f(.3f, .1f, 1)));
+        const Vec3f other = glm::cross(axis, side);
+        const auto first = static_cast<std::int32_t>(p.size());
+        for (const Vec3f& end : {from, to})
+            for (int k = 0; k < sides; ++k) {
+                const float angle = 6.2831853f * static_cast<float>(k) / static_cast<float>(sides);
+                p.push_back(end + radius * (std::cos(angle) * side + std::sin(angle) * other));
+            }
+        for (int k = 0; k < sides; ++k) {
+            const std::int32_t a = first + k, b = first + (k + 1) % sides, c = a + sides, d = b + sides;
+            t.insert(t.end(), {a, b, c, b, d, c});
+            if (k >= 2) t.insert(t.end(), {first, a, a - 1, first + sides, c - 1, c});
+        }
+        if (axes) axes->emplace_back(from, to);
+    }
+    return makeMesh(std::move(p), std::move(t));
+}
+
 inline Instance makeInstance(std::uint32_t slot, NodeId geometry, const WorldFromLocal& m = identityTransform(),
                              std::uint32_t generation = 0) {
     Instance instance;

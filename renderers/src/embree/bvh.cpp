@@ -60,10 +60,13 @@ std::string Device::takeError() {
 GeometryHandle makeTriangles(const Device& device, const Triangles& triangles, RTCBuildQuality quality) {
     const Mesh& mesh = *triangles.mesh;
     GeometryHandle geometry(rtcNewGeometry(device.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
-    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, triangles.positions.data(),
-                               0, sizeof(Vec3f), triangles.positions.size());
-    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, mesh.triangles.data(), 0,
-                               mesh.triangleStride * sizeof(std::int32_t), mesh.triangleCount);
+    const LongTriangles* cut = triangles.cut.get();
+    const Array<Vec3f>& positions = cut ? cut->positions : triangles.positions;
+    rtcSetSharedGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, positions.data(), 0,
+                               sizeof(Vec3f), positions.size());
+    rtcSetSharedGeometryBuffer(
+        geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, cut ? cut->corners.data() : mesh.triangles.data(),
+        0, (cut ? 3 : mesh.triangleStride) * sizeof(std::int32_t), cut ? cut->count() : mesh.triangleCount);
     rtcSetGeometryBuildQuality(geometry.get(), quality);
     rtcSetGeometryMask(geometry.get(), ~0u);
     rtcCommitGeometry(geometry.get());
@@ -89,6 +92,7 @@ std::unique_ptr<Group> Group::copy(const Device& device) const {
         rtcAttachGeometryByID(other->scene_.get(), to.geometry.get(), local);
     }
     other->slots_ = slots_;
+    other->cuts_ = cuts_, other->cutCount_ = cutCount_;
     other->free_ = free_;
     other->unsettled_ = unsettled_;
     other->live_ = live_, other->hidden_ = hidden_;
@@ -103,6 +107,7 @@ std::uint32_t Group::attach(const Device& device, std::uint32_t slot, Triangles 
         local = static_cast<std::uint32_t>(entries_.size());
         entries_.emplace_back();
         slots_.push_back(slot);
+        cuts_.push_back(nullptr);
     } else {
         local = free_.back();
         free_.pop_back();
@@ -116,6 +121,8 @@ std::uint32_t Group::attach(const Device& device, std::uint32_t slot, Triangles 
     rtcCommitGeometry(entry.geometry.get());
     rtcAttachGeometryByID(scene_.get(), entry.geometry.get(), local);
     triangles_ += triangles.mesh->triangleCount;
+    cuts_[local] = triangles.cut.get();
+    cutCount_ += triangles.cut != nullptr;
     entry.triangles = std::move(triangles);
     ++live_;
     dirty_ = true;
@@ -158,11 +165,13 @@ void Group::detach(std::uint32_t local) {
         hiddenTriangles_ -= entry.triangles.mesh->triangleCount;
     }
     triangles_ -= entry.triangles.mesh->triangleCount;
+    cutCount_ -= entry.triangles.cut != nullptr;
     retired_.push_back(std::move(entry.triangles));
     const bool isUnsettled = entry.isUnsettled;  // it stays in the list
     entry = {};
     entry.isUnsettled = isUnsettled;
     slots_[local] = kNoInstance;
+    cuts_[local] = nullptr;
     free_.push_back(local);
     --live_;
     dirty_ = true;

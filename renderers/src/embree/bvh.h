@@ -21,6 +21,7 @@
 
 #include "embree.h"
 #include "instance_tree.h"
+#include "long_triangles.h"
 
 namespace rtsg::bvh {
 
@@ -58,7 +59,8 @@ class Device {
 /// Positions read in place, or a copy in ray space.
 struct Triangles {
     std::shared_ptr<const Mesh> mesh;
-    Array<Vec3f> positions;  // mesh->positions, or the copy
+    Array<Vec3f> positions;                              // mesh->positions, or the copy
+    std::shared_ptr<const LongTriangles> cut = nullptr;  // what Embree reads in place of them, if anything
 };
 GeometryHandle makeTriangles(const Device& device, const Triangles& triangles, RTCBuildQuality quality);
 
@@ -83,6 +85,9 @@ class Group {
     RTCScene scene() const { return scene_.get(); }
     /// Whose the geometries are or, hidden ones, were.
     const std::uint32_t* slots() const { return slots_.data(); }
+    /// By geometry; null: none of it is cut.
+    const LongTriangles* const* cuts() const { return cuts_.data(); }
+    bool hasCuts() const { return cutCount_ > 0; }
     std::size_t live() const { return live_; }
     std::size_t hidden() const { return hidden_; }
     /// Attached ones, hidden ones included.
@@ -118,8 +123,9 @@ class Group {
     SceneHandle scene_;
     std::vector<Entry> entries_;
     std::vector<std::uint32_t> slots_, free_, unsettled_;
-    std::vector<Triangles> retired_;  // buffers that Embree may read until the next commit
-    std::size_t live_ = 0, hidden_ = 0, triangles_ = 0, hiddenTriangles_ = 0;
+    std::vector<const LongTriangles*> cuts_;  // as the entries have them
+    std::vector<Triangles> retired_;          // buffers that Embree may read until the next commit
+    std::size_t live_ = 0, hidden_ = 0, triangles_ = 0, hiddenTriangles_ = 0, cutCount_ = 0;
     bool dirty_ = false;
     InstanceTree::Box box_;
 };

@@ -19,11 +19,11 @@ constexpr double kRuined = 1;
 /// that read more than a million not after every update.
 constexpr std::size_t kLongLook = 1 << 16, kVeryLongLook = 1 << 20;
 
-GeometryHandle attach(const Device& device, RTCScene scene, const std::shared_ptr<const Mesh>& mesh, bool deforming) {
+GeometryHandle attach(const Device& device, RTCScene scene, const Triangles& triangles, bool deforming) {
     // Embree refits only in scenes of low build quality, and only geometries that were of quality REFIT from their
     // first commit on, which builds them by the full method.
     GeometryHandle geometry =
-        makeTriangles(device, {mesh, mesh->positions}, deforming ? RTC_BUILD_QUALITY_REFIT : RTC_BUILD_QUALITY_MEDIUM);
+        makeTriangles(device, triangles, deforming ? RTC_BUILD_QUALITY_REFIT : RTC_BUILD_QUALITY_MEDIUM);
     rtcAttachGeometryByID(scene, geometry.get(), 0);
     return geometry;
 }
@@ -83,7 +83,10 @@ std::unique_ptr<MeshBvh::Tree> MeshBvh::newTree(const Device& device, const std:
                                                 bool deforming) {
     auto tree = std::make_unique<Tree>();
     tree->scene = newMeshScene(device, deforming);
-    tree->geometry = attach(device, tree->scene.get(), mesh, deforming);
+    // Refits read the mesh's own points, and what is long now may be short then.
+    if (!deforming) tree->cut = cutLongTriangles(*mesh, mesh->positions);
+    tree->cutInUse = tree->cut.get();
+    tree->geometry = attach(device, tree->scene.get(), {mesh, mesh->positions, tree->cut}, deforming);
     tree->positions = mesh->positions;
     tree->index = mesh->triangles;
     return tree;

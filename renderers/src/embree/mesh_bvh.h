@@ -40,6 +40,8 @@ class MeshBvh {
     void update(std::shared_ptr<const Mesh> mesh);
 
     RTCScene scene() const { return tree_->scene.get(); }
+    /// As Group's, of the one geometry there is; null: it is not cut.
+    const LongTriangles* const* cuts() const { return tree_->cut ? &tree_->cutInUse : nullptr; }
     const Array<std::int32_t>& indexInUse() const { return tree_->index; }
     /// Of the last commit, in the mesh's frame.
     const Bounds& bounds() const { return bounds_; }
@@ -59,6 +61,8 @@ class MeshBvh {
     struct Tree {
         Array<Vec3f> positions;
         Array<std::int32_t> index;
+        std::shared_ptr<const LongTriangles> cut;
+        const LongTriangles* cutInUse = nullptr;
         GeometryHandle geometry;
         SceneHandle scene;
         std::uint64_t stamp = 0;  // when it was written last (versions.h)

@@ -23,7 +23,8 @@ bool onTriangle(RTCPointQueryFunctionArguments* arguments) {
     auto& search = *static_cast<Search*>(arguments->userPtr);
     const std::uint32_t slot = search.object.slotOf(arguments->geomID);
     if (search.top.ownerOf(slot) != search.index) return false;  // hidden
-    const float radius = search.visit(slot, arguments->primID);
+    const LongTriangles* cut = search.object.cuts ? search.object.cuts[arguments->geomID] : nullptr;
+    const float radius = search.visit(slot, cut ? cut->triangleOf(arguments->primID) : arguments->primID);
     if (!(radius < search.radius)) return false;
     search.radius = radius;
     arguments->query->radius = localRadius(search);

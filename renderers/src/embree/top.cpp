@@ -10,6 +10,11 @@ void TopObject::setTransform(const WorldFromLocal& m) {
     translation = Vec3f(m[3]);
 }
 
+void Top::setCuts(TopObject& object, const LongTriangles* const* cuts) {
+    cutObjects_ += (cuts != nullptr) - (object.cuts != nullptr);
+    object.cuts = cuts;
+}
+
 std::uint32_t Top::newObject() {
     std::uint32_t object;
     if (free_.empty()) {
@@ -23,11 +28,12 @@ std::uint32_t Top::newObject() {
     return object;
 }
 
-void Top::setInstance(std::uint32_t object, std::uint32_t slot, RTCScene mesh, const WorldFromLocal& rayFromLocal,
+void Top::setInstance(std::uint32_t object, std::uint32_t slot, const MeshBvh& mesh, const WorldFromLocal& rayFromLocal,
                       const InstanceTree::Box& box, std::uint32_t kinds) {
     TopObject& o = objects_.write(object);
     o.setTransform(rayFromLocal);
-    o.scene = mesh;
+    o.scene = mesh.scene();
+    setCuts(o, mesh.cuts());
     o.slot = slot;
     o.mask = Versions::inAllEpochs(kinds);
     tree_.set(object, box);
@@ -42,8 +48,10 @@ void Top::setNormals(std::uint32_t object, const glm::mat3& normalFromGroup) {
     objects_.write(object).normalFromGroup = normalFromGroup;
 }
 
-void Top::changeMesh(std::uint32_t object, RTCScene mesh, const InstanceTree::Box& box) {
-    objects_.write(object).scene = mesh;
+void Top::changeMesh(std::uint32_t object, const MeshBvh& mesh, const InstanceTree::Box& box) {
+    TopObject& o = objects_.write(object);
+    o.scene = mesh.scene();
+    setCuts(o, mesh.cuts());
     tree_.set(object, box);
 }
 
@@ -63,6 +71,7 @@ void Top::setBody(std::uint32_t object, const Group& group, const WorldFromLocal
     o.setTransform(rayFromGroup);
     o.scene = group.scene();
     o.slots = group.slots();
+    setCuts(o, group.hasCuts() ? group.cuts() : nullptr);
     tree_.set(object, box);
 }
 
@@ -84,6 +93,7 @@ void Top::updateGroup(std::uint32_t object) {
     const Group& group = *o.resting;
     o.scene = group.scene();
     o.slots = group.slots();
+    setCuts(o, group.hasCuts() ? group.cuts() : nullptr);
     if (object == mainObject_) return;
     if (isVisible(group))
         tree_.set(object, group.box());
@@ -95,6 +105,7 @@ void Top::remove(std::uint32_t object) {
     if (objects_[object].resting) std::erase(resting_, object);
     if (object == mainObject_) mainObject_ = InstanceTree::kNone;
     tree_.remove(object);
+    setCuts(objects_.write(object), nullptr);
     objects_.write(object) = {};
     free_.push_back(object);
 }
@@ -123,6 +134,7 @@ void Top::commit() {
     view_.owners_ = owners_.pages();
     view_.main_ = mainObject_ == InstanceTree::kNone ? nullptr : &objects_[mainObject_];
     view_.mainObject_ = mainObject_;
+    view_.hasCuts_ = cutObjects_ > 0;
     view_.maskShift_ = versions_ ? versions_->maskShift() : 0;
 }
 

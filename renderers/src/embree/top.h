@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "bvh.h"
+#include "mesh_bvh.h"
 
 namespace rtsg::bvh {
 
@@ -20,9 +21,10 @@ struct alignas(64) TopObject {
     Vec3f translation{0};
     std::uint32_t mask = ~0u, slot = kNoInstance;
     RTCScene scene = nullptr;
-    const std::uint32_t* slots = nullptr;  // of a group's geometries; null: an instance
-    const Group* resting = nullptr;        // a group that rests
-    glm::mat3 normalFromGroup{1.0f};       // of a group that moves
+    const std::uint32_t* slots = nullptr;        // of a group's geometries; null: an instance
+    const Group* resting = nullptr;              // a group that rests
+    glm::mat3 normalFromGroup{1.0f};             // of a group that moves
+    const LongTriangles* const* cuts = nullptr;  // by geometry; null: nothing of it is cut
     void setTransform(const WorldFromLocal& rayFromLocal);
     std::uint32_t slotOf(std::uint32_t geometryId) const { return slots ? slots[geometryId] : slot; }
 };
@@ -62,6 +64,9 @@ class TopView {
     static constexpr std::size_t kObjectsPerPage = 64, kSlotsPerPage = 1024;
 
     const TopObject& object(std::uint32_t i) const { return objects_[i / kObjectsPerPage][i % kObjectsPerPage]; }
+    /// Puts hits on pieces on whole triangles; to be called once for each query.
+    void restore(RawHit& hit) const;
+    void restore(RayPacket16& rays, std::uint32_t hits) const;
     std::uint32_t maskOf(RayKind kind) const { return static_cast<std::uint32_t>(kind) << maskShift_; }
 
     TreeView tree_;
@@ -70,6 +75,7 @@ class TopView {
     const TopObject* main_ = nullptr;
     std::uint32_t mainObject_ = TreeView::kNone;
     unsigned maskShift_ = 0;
+    bool hasCuts_ = false;
 };
 
 class Top {
@@ -81,7 +87,7 @@ class Top {
     /// An object's number, for one of those that follow.
     std::uint32_t newObject();
     /// `rayFromLocal` has an inverse; the box is that of the result, in ray space.
-    void setInstance(std::uint32_t object, std::uint32_t slot, RTCScene mesh, const WorldFromLocal& rayFromLocal,
+    void setInstance(std::uint32_t object, std::uint32_t slot, const MeshBvh& mesh, const WorldFromLocal& rayFromLocal,
                      const InstanceTree::Box& box, std::uint32_t kinds);
     /// A group that rests: its triangles are in ray space.
     void setGroup(std::uint32_t object, const Group& group);
@@ -93,7 +99,7 @@ class Top {
     /// For directions of normals; of a body.
     void setNormals(std::uint32_t object, const glm::mat3& normalFromGroup);
     /// The mesh's BVH is another one or has other bounds.
-    void changeMesh(std::uint32_t object, RTCScene mesh, const InstanceTree::Box& box);
+    void changeMesh(std::uint32_t object, const MeshBvh& mesh, const InstanceTree::Box& box);
     void setKinds(std::uint32_t object, std::uint32_t kinds);
     /// After the commit of a group that rests.
     void updateGroup(std::uint32_t object);
@@ -120,6 +126,7 @@ class Top {
 
   private:
     void chooseMain();
+    void setCuts(TopObject& object, const LongTriangles* const* cuts);
 
     const Versions* versions_;
     InstanceTree tree_;
@@ -127,6 +134,7 @@ class Top {
     Paged<std::uint32_t, TopView::kSlotsPerPage> owners_;
     std::vector<std::uint32_t> free_, resting_;
     std::uint32_t mainObject_ = InstanceTree::kNone;
+    std::size_t cutObjects_ = 0;
     TopView view_;
 };
 

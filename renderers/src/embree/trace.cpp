@@ -1,4 +1,5 @@
 // Tracing: from the tree over everything into Embree's BVHs. Nothing here allocates or locks.
+#include <bit>
 #include <cstddef>
 #include <cstring>
 #include <utility>
@@ -42,7 +43,29 @@ inline RawHit rawHit(const RTCRayHit& r) {
 
 }  // namespace
 
+void TopView::restore(RawHit& hit) const {
+    if (!hit) return;
+    const TopObject& o = objectOf(hit.objectId);
+    const LongTriangles* cut = o.cuts ? o.cuts[hit.geometryId] : nullptr;
+    if (cut) cut->restore(hit.triangle, hit.u, hit.v, hit.normal.x, hit.normal.y, hit.normal.z);
+}
+
+void TopView::restore(RayPacket16& rays, std::uint32_t hits) const {
+    for (; hits; hits &= hits - 1) {
+        const int i = std::countr_zero(hits);
+        const TopObject& o = objectOf(rays.inst_[i]);
+        const LongTriangles* cut = o.cuts ? o.cuts[rays.geom_[i]] : nullptr;
+        if (cut)
+            cut->restore(rays.prim_[i], rays.u_[i], rays.v_[i], rays.normalX_[i], rays.normalY_[i], rays.normalZ_[i]);
+    }
+}
+
 RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
+    const auto found = [this](const RTCRayHit& r) {
+        RawHit hit = rawHit(r);
+        if (hasCuts_) restore(hit);
+        return hit;
+    };
     RTCRayHit r;
     fill(r.ray, ray, maskOf(kind));
     r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
@@ -50,7 +73,7 @@ RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
     RayCast cast(false);
     if (main_) {
         cast.intersect(main_->scene, r);
-        if (tree_.empty()) return rawHit(r);
+        if (tree_.empty()) return found(r);
     }
     Ray rest = ray;
     rest.tMax = r.ray.tfar;
@@ -67,7 +90,7 @@ RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
         }
         return r.ray.tfar;
     });
-    return rawHit(r);
+    return found(r);
 }
 
 bool TopView::occluded(const Ray& ray, RayKind kind) const {
@@ -193,9 +216,12 @@ std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, b
             }
         });
     }
-    if (kWide) return avx512::findHits(rays);
     std::uint32_t hits = 0;
-    for (int i = 0; i < 16; ++i) hits |= static_cast<std::uint32_t>(rays.geom_[i] != RTC_INVALID_GEOMETRY_ID) << i;
+    if (kWide)
+        hits = avx512::findHits(rays);
+    else
+        for (int i = 0; i < 16; ++i) hits |= static_cast<std::uint32_t>(rays.geom_[i] != RTC_INVALID_GEOMETRY_ID) << i;
+    if (hasCuts_) restore(rays, hits);
     return hits;
 }
 

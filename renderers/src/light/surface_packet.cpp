@@ -287,7 +287,7 @@ Vec3f smoothNormal(const MeshAttribute& normals, std::uint32_t triangle, float u
     return a * (1 - u - v) + corner(1) * u + corner(2) * v;
 }
 
-constexpr int kFew = 3;  // lanes that are as soon done one by one
+constexpr int kFewLanes = 3;  // lanes that are as soon done one by one
 
 /// Into `normal`: the mesh's normals in ray space, of any length, or the geometric ones. `lanes` are all of one
 /// instance.
@@ -295,7 +295,7 @@ void gatherNormals(const Common& common, std::uint32_t lanes, SurfacePacket& out
     const MeshAttribute& normals = common.mesh->normals;
     lanes &= ~out.caps;
     if (!normals.present() || !lanes) return;
-    if (std::popcount(lanes) <= kFew) {
+    if (std::popcount(lanes) <= kFewLanes) {
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             out.normal.set(lane, common.instance->normalFromLocal * smoothNormal(normals, out.hits.triangle[lane],
@@ -443,7 +443,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
     out.pointsFound = false;
     Common common;
     common.find(scene, out.hits.instance[std::countr_zero(mask)]);
-    if (!out.oneInstance || out.caps || !common.mesh->normals.present() || std::popcount(mask) <= kFew)
+    if (!out.oneInstance || out.caps || !common.mesh->normals.present() || std::popcount(mask) <= kFewLanes)
         packetKernels().useOutside(out);
     for (std::uint32_t rest = mask; rest;) {
         const std::uint32_t lanes = sameInstance(out, rest);
@@ -488,7 +488,7 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
         const int first = std::countr_zero(rest);
         const std::uint32_t lanes = sameInstance(s, rest);
         rest &= ~lanes;
-        if (isStroke(first) || std::popcount(lanes) <= kFew) {
+        if (isStroke(first) || std::popcount(lanes) <= kFewLanes) {
             alone |= lanes;
             continue;
         }

@@ -380,7 +380,7 @@ void RayWorld::Impl::followMesh(MeshEntry& entry) {
         ++place.changes;
         std::string reason;
         if (place.kind == Kind::instanced && entry.usable && fitness(slot, reason) == Fitness::instance) {
-            top.changeMesh(place.local, entry.bvh->scene(), instanceBox(slot));
+            top.changeMesh(place.local, *entry.bvh, instanceBox(slot));
             instances.write(slot).mesh = entry.mesh;
         } else {
             lift(slot);

@@ -26,11 +26,13 @@ bool agree(const WorldFromLocal& a, const WorldFromLocal& b, const Bounds& bound
 
 bvh::Triangles transformedTriangles(const std::shared_ptr<const Mesh>& mesh, const WorldFromLocal& m) {
     bvh::Triangles triangles{mesh, mesh->positions};
-    if (m == identityTransform()) return triangles;
-    triangles.positions = Array<Vec3f>::ofSize(mesh->positions.size());
-    Vec3f* out = triangles.positions.mutableData();
-    for (const Vec3f& p : mesh->positions)
-        *out++ = Vec3f(m[0] * double{p.x} + m[1] * double{p.y} + m[2] * double{p.z} + m[3]);
+    if (m != identityTransform()) {
+        triangles.positions = Array<Vec3f>::ofSize(mesh->positions.size());
+        Vec3f* out = triangles.positions.mutableData();
+        for (const Vec3f& p : mesh->positions)
+            *out++ = Vec3f(m[0] * double{p.x} + m[1] * double{p.y} + m[2] * double{p.z} + m[3]);
+    }
+    triangles.cut = bvh::cutLongTriangles(*mesh, triangles.positions);
     return triangles;
 }
 

@@ -98,6 +98,7 @@ RayWorld::Memory RayWorld::memory() const {
                     arrays.add(triangles.positions);
                 else
                     memory.copyBytes += triangles.positions.size() * sizeof(Vec3f);
+                if (triangles.cut) memory.copyBytes += triangles.cut->bytes();
             });
     for (const auto& [node, entry] : impl_->meshes)
         if (entry.bvh) arrays.add(entry.bvh->indexInUse());

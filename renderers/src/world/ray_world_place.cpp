@@ -194,7 +194,7 @@ void RayWorld::Impl::placeInstance(std::uint32_t slot) {
         if (entry.bvh->busy() && !std::exchange(entry.isBusy, true)) busyMeshes.push_back(entry.node);
     }
     place.local = top.newObject();
-    top.setInstance(place.local, slot, entry.bvh->scene(), rayFromLocal(instance.info), instanceBox(slot),
+    top.setInstance(place.local, slot, *entry.bvh, rayFromLocal(instance.info), instanceBox(slot),
                     kindsOf(instance.info));
     top.setOwner(slot, place.local);
     place.kind = Kind::instanced;
