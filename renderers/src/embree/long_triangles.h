@@ -1,13 +1,13 @@
 // LongTriangles: long slanting triangles cut into pieces for Embree, and what rays hit put back on the whole ones.
 //
 // The box of a beam that runs from one corner of a hall to another is the hall, and so are its triangles': every ray
-// tests them all. Embree's builder would cut boxes (RTC_BUILD_QUALITY_HIGH), but not where rays must not slip through
-// (RTC_SCENE_FLAG_ROBUST), and the boxes that it cuts are not rounded outwards. So edges are cut here, in halves, at
-// one point for all triangles that share them: the surface has no seams that it did not have before, and the boxes
-// are those of the pieces' corners. Edges of one triangle alone are never cut: another mesh may begin there.
-// Invariant: a piece lies within half a unit in the last place of its triangle's plane; unit tests have closed forms.
-// Threading: immutable once made. Source: Ernst, Greiner 2007 (early split clipping), with whole edges in place of
-// boxes.
+// tests them all. Embree's builder cuts boxes (RTC_BUILD_QUALITY_HIGH), but ignores that where rays must not slip
+// through (RTC_SCENE_FLAG_ROBUST), and what it cuts is not rounded outwards. So edges are cut here, at the same points
+// for all triangles that share them: no seams come up, and boxes hold all of their pieces. Edges of one triangle alone
+// stay whole: another mesh may begin there. The new points are corners, though, with what Embree says of rays that
+// meet a corner to the last bit (RayWorld.ClosedSurfacesDoNotLeak).
+// Invariant: corners of pieces lie within half a unit in the last place of where they are on their triangle.
+// Threading: immutable once made. Source: Ernst, Greiner 2007 (early split clipping), with edges in place of boxes.
 #pragma once
 
 #include <algorithm>
