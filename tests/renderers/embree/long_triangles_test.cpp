@@ -20,7 +20,7 @@ std::tuple<float, float, float> placeOf(const Vec3f& p) {
 }
 
 /// How often each directed edge is there, by where its ends are.
-std::map<Edge, int> edgesOf(const bvh::LongTriangles& cut) {
+std::map<Edge, int> pieceEdgesOf(const bvh::LongTriangles& cut) {
     std::map<Edge, int> edges;
     for (std::size_t i = 0; i < cut.corners.size(); i += 3) {
         if (cut.corners[i] < 0) continue;
@@ -114,7 +114,7 @@ TEST(LongTriangles, LeavesNoSeams) {
         const auto cut = cutOf(*mesh);
         ASSERT_TRUE(cut);
         EXPECT_GT(cut->pieces.size(), 10 * std::size_t{mesh->triangleCount});
-        const std::map<Edge, int> edges = edgesOf(*cut);
+        const std::map<Edge, int> edges = pieceEdgesOf(*cut);
         int seams = 0;
         for (const auto& [edge, count] : edges) {
             const auto back = edges.find({edge.second, edge.first});
@@ -137,7 +137,7 @@ TEST(LongTriangles, OuterEdgesStayWhole) {
     const auto mesh = test::makeMesh({beams->positions.begin(), beams->positions.end()}, open);
     const auto cut = cutOf(*mesh);
     ASSERT_TRUE(cut);
-    const std::map<Edge, int> edges = edgesOf(*cut);
+    const std::map<Edge, int> edges = pieceEdgesOf(*cut);
     std::map<Edge, int> before;
     for (std::size_t i = 0; i < open.size(); i += 3)
         for (std::size_t k = 0; k < 3; ++k) {
