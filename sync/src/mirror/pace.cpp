@@ -55,9 +55,22 @@ bool MirrorPace::settled(Clock::time_point now) const {
     return awaited == sent_.end() || Seconds(now - awaited->at).count() <= lag_ / 2;
 }
 
+/// Bytes that have not arrived, if the way is as fast as it is known to be.
+double MirrorPace::onTheWay(Clock::time_point now) const {
+    return std::max(0., onTheWay_ - rate() * Seconds(now - onTheWayAt_).count());
+}
+
+/// Frames that come one by one seldom show all that a way could carry: of small ones a few more may go.
+double MirrorPace::mostSpared() const {
+    return rate() * std::max(lag_ / 2, std::min(2 * lag_, kLargeRecord / rate()));
+}
+
 bool MirrorPace::spare(std::uint64_t size, Clock::time_point now) const {
     if (most_ > 0) return false;  // held back by that, and not for want of credit
-    return lag_ <= 0 || (settled(now) && double(spared_ + size) <= rate() * lag_ / 2);
+    if (lag_ <= 0) return true;
+    return settled(now) && onTheWay(now) + double(size) <= rate() * lag_ / 2 &&
+           double(spared_ + size) <= mostSpared() &&
+           (sent_.empty() || Seconds(now - sent_.front().at).count() <= 2 * lag_);
 }
 
 std::uint64_t MirrorPace::chunk(std::uint64_t most, Clock::time_point now) const {
@@ -82,6 +95,8 @@ void MirrorPace::sent(std::uint64_t total, Clock::time_point now, bool awaited) 
         const bool tells = alone && awaited && size <= static_cast<std::uint64_t>(std::max(kLeast, limit(0) / 4));
         sent_.push_back({total, acknowledgedTotal_, now, acknowledgedAt_, tells, awaited ? 0 : size});
         spared_ += sent_.back().spared;
+        onTheWay_ = onTheWay(now) + double(size);
+        onTheWayAt_ = now;
     }
     sentTotal_ = total;
 }
@@ -120,6 +135,8 @@ void MirrorPace::acknowledged(std::uint64_t total, Clock::time_point now) {
         if (sent_.empty() || sent_.front().total > total) learnRate(chunk, now);
     }
     acknowledgedAt_ = now;
+    onTheWay_ = std::min(onTheWay(now), double(sentTotal_ - acknowledgedTotal_));
+    onTheWayAt_ = now;
     if (lag_ > 0 && now - delay_.began > kDelaySpan) {
         // Without a measure of the empty way in all this time it has to be made empty.
         draining_ = delay_.now <= 0;

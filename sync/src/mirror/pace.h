@@ -43,14 +43,15 @@ class MirrorPace {
 
     /// Whether something may be sent now; `record`: bytes of the one that it belongs to.
     bool open(std::uint64_t record, Clock::time_point now);
-    /// Whether so many bytes more may go without being acknowledged at once: the way is known and not full. They hold
-    /// nothing back, and are at most what passes in half of the lag.
+    /// Whether so many bytes more may go without being acknowledged at once: the way is known and not full, and takes
+    /// what has gone so, as fast as it is known to be, in half of the lag. They hold nothing back. Lest a way that has
+    /// become slower is found out late, none waits for longer than twice the lag, nor are they many.
     bool spare(std::uint64_t size, Clock::time_point now) const;
     /// What to send at once at most.
     std::uint64_t chunk(std::uint64_t most, Clock::time_point now) const;
     /// So many bytes that wait would be too old before they arrive: better to send what came of them.
     bool late(std::uint64_t waiting) const {
-        return lag_ > 0 && (lifted_ || (rate() > 0 && double(waiting) > rate() * lag_ / 4));
+        return lag_ > 0 && (lifted_ || (rate() > 0 && double(waiting) > rate() * lag_ / 2));
     }
     /// As many as would not be, as far as that is known.
     std::uint64_t inTime() const { return static_cast<std::uint64_t>(rate() * lag_ / 4); }
@@ -76,6 +77,8 @@ class MirrorPace {
         Clock::time_point began{};
     };
     double limit(std::uint64_t record) const;
+    double onTheWay(Clock::time_point now) const;
+    double mostSpared() const;
     bool settled(Clock::time_point now) const;
     void learnDelay(const Sent& sent, std::uint64_t size, Clock::time_point now);
     void learnRate(const Sent& sent, Clock::time_point now);
@@ -83,7 +86,8 @@ class MirrorPace {
     double lag_ = 0, most_ = 0;
     std::uint64_t sentTotal_ = 0, acknowledgedTotal_ = 0, heldUpTo_ = 0, liftedAt_ = 0;
     std::uint64_t spared_ = 0;  // under way without being awaited
-    Clock::time_point acknowledgedAt_{}, next_{}, heldAt_{};
+    double onTheWay_ = 0;       // bytes that a way of the known rate had not brought at `onTheWayAt_`
+    Clock::time_point acknowledgedAt_{}, next_{}, heldAt_{}, onTheWayAt_{};
     std::deque<Sent> sent_;
     Spans rate_, delay_;
     bool draining_ = false, lifted_ = false;

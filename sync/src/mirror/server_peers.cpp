@@ -21,7 +21,7 @@ constexpr std::uint64_t kAnswerCost = 1024;  // of an answer that waits to be re
 constexpr auto kPatience = 200ms;            // with the shadow, for a keyframe nearer than the one there is
 constexpr double kMostQuestions = 24;        // of a peer at once
 constexpr double kQuestionsPerSecond = 4;    // in the long run
-constexpr auto kAskEvery = 250ms;            // for an acknowledgement, at least
+constexpr auto kAskEvery = 500ms;            // for an acknowledgement, at least
 constexpr auto kForgetEvery = 250ms;         // raw frames for the sake of those who cannot read predicted ones
 constexpr std::size_t kMostMerged = 20000;   // frames
 constexpr std::size_t kMostControls = 16;    // that wait for the scene, of all peers
@@ -74,7 +74,8 @@ void MirrorServer::Io::handleOf(Peer& peer, Message type, wire::Reader& in, std:
                 return garbage("an acknowledgement of what was never sent");
             peer.debt = 0;  // messages arrive in order: it has read everything before
             peer.ackedBytes = numbers[2];
-            peer.pace.acknowledged(numbers[2], Clock::now());
+            peer.awaitedAt = Clock::now();  // whoever has told us of its own accord need not be asked
+            peer.pace.acknowledged(numbers[2], peer.awaitedAt);
             peer.ackedState = numbers[1];
             break;
         }
