@@ -182,6 +182,10 @@ void Scene::registerBehaviour(std::string_view type, const Behaviour& behaviour)
     for (std::size_t i = 0; i < state_->types.size(); ++i)
         if (state_->types[i].type->name == type) registerBehaviour(TypeIndex{static_cast<std::uint16_t>(i)}, behaviour);
 }
+bool Scene::isOwnThread() const {
+    return state_->onOwnThread();
+}
+
 void Scene::setBehavioursEnabled(bool enabled) {
     if (state_->refuseForeign()) return;
     if (enabled == state_->behavioursEnabled) return;

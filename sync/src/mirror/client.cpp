@@ -1,6 +1,8 @@
 // The public face of a mirror's client: what it does is in client_connection.cpp and client_replica.cpp.
 #include <rtsg/sync/mirror_client.h>
 
+#include <thread>
+
 #include "client_impl.h"
 #include "upstream.h"
 
@@ -14,6 +16,8 @@ Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, cons
     if (const Result<bool> local = isLocalEndpoint(endpoint); !local) return std::unexpected(local.error());
     if (options.keys)
         if (auto ok = options.keys->checkForClient(); !ok) return std::unexpected(ok.error());
+    if (!replica.isOwnThread())
+        return std::unexpected(Diagnostic{Severity::error, endpoint, {}, "the replica belongs to another thread"});
     replica.setBehavioursEnabled(false);
     auto impl = std::make_unique<Impl>(replica, std::move(options));
     if (auto ok = impl->start(endpoint); !ok) return std::unexpected(ok.error());
@@ -21,7 +25,10 @@ Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, cons
 }
 
 std::size_t MirrorClient::poll(std::chrono::milliseconds timeout) {
-    return impl_->poll(timeout);
+    if (impl_->replica_.isOwnThread()) return impl_->poll(timeout);
+    impl_->refuseThread();
+    std::this_thread::sleep_for(timeout);
+    return 0;
 }
 bool MirrorClient::inStep() const {
     return impl_->inStep();
@@ -30,7 +37,9 @@ const MirrorStatistics& MirrorClient::statistics() const {
     return impl_->statistics_;
 }
 std::vector<Diagnostic> MirrorClient::takeDiagnostics() {
-    return std::exchange(impl_->diagnostics_, {});
+    std::vector<Diagnostic> result = std::exchange(impl_->diagnostics_, {});
+    if (std::optional<Diagnostic> refused = impl_->takeRefusedPolls()) result.push_back(std::move(*refused));
+    return result;
 }
 bool MirrorClient::turnedAway() const {
     return impl_->turnedAway_;

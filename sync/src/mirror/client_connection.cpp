@@ -21,11 +21,10 @@ constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms that an attemp
 constexpr auto kAttemptsFor = 2s;                           // with one such time
 constexpr auto kHelloAgain = 500ms;                         // without an answer
 constexpr auto kLongestTurn = 20ms;                         // of poll() beyond its timeout, while frames keep coming
-constexpr auto kPing = 500ms;                               // until all samples that the clock keeps are there
-constexpr auto kPingLater = 1000ms;                         // then
 constexpr auto kQuiet = 400ms;       // beyond a heartbeat: then the server counts as lost, though it may come back
-constexpr auto kPingAtFirst = 20ms;  // until there are a few samples of the clock
-constexpr std::uint64_t kFewSamples = 8, kAllSamples = 32;
+constexpr auto kPingAtFirst = 20ms;  // until there are a few samples of the clock; from then on ever more seldom,
+constexpr auto kPingLater = 2000ms;  // up to this: each wakes four threads
+constexpr std::uint64_t kFewSamples = 4, kDoublings = 7;
 constexpr int kPortion = 64;        // messages at a time: time passes while a long run of frames is applied
 constexpr auto kRequestAgain = 1s;  // without a verdict
 constexpr auto kAnswerWithin = 3s;  // to a question about hashes
@@ -71,6 +70,18 @@ bool MirrorClient::Impl::control(std::string_view command) {
 
 void MirrorClient::Impl::report(Severity severity, std::string text) {
     if (diagnostics_.size() < 100) diagnostics_.push_back({severity, endpoint_, {}, std::move(text)});
+}
+
+std::optional<Diagnostic> MirrorClient::Impl::takeRefusedPolls() {
+    const std::uint64_t polls = foreignPolls_.exchange(0, std::memory_order_relaxed);
+    if (polls == 0) return std::nullopt;
+    return Diagnostic{
+        Severity::error,
+        endpoint_,
+        {},
+        fmt::format("poll() came from another thread than the replica's, which would refuse what it brings: "
+                    "{} calls did nothing",
+                    polls)};
 }
 
 void MirrorClient::Impl::garbage(std::string text) {
@@ -211,10 +222,11 @@ void MirrorClient::Impl::reconnect(Clock::time_point now) {
 }
 
 void MirrorClient::Impl::pingNow(Clock::time_point now) {
-    const std::uint64_t known = clock_.samples();
-    const Clock::duration every = known < kFewSamples ? kPingAtFirst : known < kAllSamples ? kPing : kPingLater;
-    if (now - pinged_ < every) return;
+    const std::uint64_t known = clock_.samples(),
+                        doublings = std::min(kDoublings, known - std::min(known, kFewSamples));
+    if (now - pinged_ < std::min<Clock::duration>(kPingLater, kPingAtFirst * (1 << doublings))) return;
     pinged_ = now;
+    if (received_ != acknowledged_) acknowledge();  // by the same packet, and nobody needs to ask for it
     const std::uint64_t token[] = {mirror::clockNow()};
     mirror::write(message_, Message::ping, token);
     send();
@@ -252,6 +264,7 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
         int messages = 0;
         if (wait(most))
             while (messages < kPortion && receiveOne()) ++messages;
+        statistics_.messages += static_cast<std::uint64_t>(messages);
         // Everything that came before an event of the connection was there when the event was read.
         if (messages == 0 && cut_) connectionLost();
         keepInTouch(messages == 0);

@@ -5,7 +5,9 @@
 // its owner has edited it. Threading: the replica's thread.
 #pragma once
 
+#include <atomic>
 #include <deque>
+#include <optional>
 
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/input_codec.h>
@@ -33,6 +35,10 @@ class MirrorClient::Impl {
                statistics_.sequence >= newestHeard_;
     }
     bool originLost() const;
+    /// poll() was called on another thread; nothing else is touched there.
+    void refuseThread() { foreignPolls_.fetch_add(1, std::memory_order_relaxed); }
+    /// That since the last call some of these were refused.
+    std::optional<Diagnostic> takeRefusedPolls();
     Result<std::uint64_t> submit(MirrorRequest request);
     Value presented(NodeId node, FieldIndex field) const;
 
@@ -100,6 +106,7 @@ class MirrorClient::Impl {
 
     MirrorClientOptions options_;
     std::string endpoint_;
+    std::atomic<std::uint64_t> foreignPolls_{0};
     ZmqContext context_;
     ZmqSocket socket_, monitor_;
     mutable ChangeDecoder decoder_;

@@ -6,6 +6,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "mirror/clock.h"
+#include "mirror/message.h"
 #include "mirror/playout.h"
 #include "mirror_support.h"
 
@@ -142,6 +143,48 @@ TEST(MirrorRate, FewerFramesAreAskedForAndTheRestComesMerged) {
     EXPECT_EQ(replica.dump(), origin.scene.dump());
     EXPECT_GT(origin.server->statistics().merged, 0u);
     EXPECT_EQ(client->statistics().snapshots, 1u);
+}
+
+TEST(MirrorRate, AFrameThatWaitsForItsTurnNeedsNothingElseToCome) {
+    // The server hears nothing but the hello, and has nothing to say: only the turn itself can wake it.
+    MirrorServerOptions quiet;
+    quiet.heartbeat = quiet.peerTimeout = 60s;
+    MovingOrigin origin(1, quiet);
+    test::Middleman between(origin.server->endpoint(), [](bool toClient, const auto& parts) {
+        return toClient || static_cast<mirror::Message>(parts[0][5]) == mirror::Message::hello;
+    });
+    MirrorClientOptions options;
+    options.framesPerSecond = 50;
+    options.maxLag = 0ms;
+    Scene replica;
+    auto client = *MirrorClient::connect(replica, between.endpoint, options);
+    ASSERT_TRUE(pollUntilAt(*client, origin.scene));
+    const auto start = std::chrono::steady_clock::now();
+    for (int i = 0; i < 20; ++i) {
+        origin.step();
+        origin.step();
+        ASSERT_TRUE(pollUntilAt(*client, origin.scene));
+    }
+    // Some .4 s; a server that looks around once a second of its own accord takes twenty.
+    EXPECT_LT(std::chrono::steady_clock::now() - start, 10s);
+}
+
+TEST(MirrorClient, LooksForNoMoreThanHasCome) {
+    MovingOrigin origin(3);
+    std::atomic<std::uint64_t> passed{0};
+    test::Middleman between(origin.server->endpoint(), [&](bool toClient, const auto&) {
+        passed += toClient;
+        return true;
+    });
+    Scene replica;
+    auto client = *MirrorClient::connect(replica, between.endpoint);
+    ASSERT_TRUE(pollUntilAt(*client, origin.scene));
+    for (int i = 0; i < 20; ++i) {
+        origin.step();
+        ASSERT_TRUE(pollUntilAt(*client, origin.scene));
+    }
+    EXPECT_GE(client->statistics().messages, 21u);
+    EXPECT_LE(client->statistics().messages, passed) << "none is counted that was not there";
 }
 
 TEST(MirrorClockTest, TheShortestRoundTripCountsAndItsOffsetIsRight) {

@@ -85,6 +85,44 @@ TEST_P(Mirror, ReplicaEqualsTheOriginAfterEveryFrame) {
 
 INSTANTIATE_TEST_SUITE_P(Seeds, Mirror, testing::Range<std::uint64_t>(1, 7));
 
+TEST(MirrorThreads, PollsOfAnotherThreadDoNothingAndSaySo) {
+    Origin origin(31);
+    origin.step(5);
+    Replica replica(origin.server->endpoint());
+    ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene));
+    const std::uint64_t before = replica.statistics().sequence;
+    origin.step(5);
+    std::size_t applied = 0;
+    std::vector<Diagnostic> said;
+    std::thread([&] {
+        for (int i = 0; i < 50; ++i) applied += replica.client->poll(1ms);
+        said = replica.client->takeDiagnostics();
+    }).join();
+    EXPECT_EQ(applied, 0u);
+    ASSERT_EQ(said.size(), 1u) << "once for all";
+    EXPECT_EQ(said[0].severity, Severity::error);
+    EXPECT_NE(said[0].text.find("another thread"), std::string::npos) << said[0].text;
+    EXPECT_NE(said[0].text.find("50 calls"), std::string::npos) << said[0].text;
+    EXPECT_EQ(replica.statistics().sequence, before);
+    // On its own thread it goes on as if nothing had been: no hello more, no keyframe more.
+    ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene));
+    expectEqual(origin, replica);
+    EXPECT_TRUE(replica.client->takeDiagnostics().empty());
+    EXPECT_EQ(origin.server->statistics().snapshots, 1u);
+    EXPECT_EQ(origin.server->statistics().resumed, 0u);
+}
+
+TEST(MirrorThreads, AReplicaOfAnotherThreadIsNotConnected) {
+    Scene replica;
+    EXPECT_TRUE(replica.isOwnThread());
+    std::thread([&] {
+        EXPECT_FALSE(replica.isOwnThread());
+        const auto client = MirrorClient::connect(replica, "tcp://127.0.0.1:1");
+        ASSERT_FALSE(client);
+        EXPECT_NE(client.error().text.find("another thread"), std::string::npos) << client.error().text;
+    }).join();
+}
+
 TEST(MirrorJoin, LateJoinersGetOneSnapshotAndFollow) {
     Origin origin(11);
     Replica first(origin.server->endpoint());

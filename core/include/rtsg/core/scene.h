@@ -210,6 +210,8 @@ class Scene {
     void setThreads(unsigned threads);
     /// A frame is under way: the call comes from a behaviour, a script or the event listener.
     bool isInFrame() const;
+    /// The caller's thread is the one that made the scene, whose edits and frames are not refused. From any thread.
+    bool isOwnThread() const;
     double now() const;
     std::uint64_t sequence() const;  // state number: sets published or applied so far
     Bus& bus() { return *bus_; }

@@ -4,7 +4,8 @@
 // origin's; if they differ, both sides compare hashes of ranges of nodes, then of fields, until the culprits are named,
 // and only these are sent again (a change set from the state to itself). Lost connections, gaps and restarts of the
 // server heal by themselves, by resuming where possible, else by a snapshot (Scene::reset).
-// Threading: everything on the replica's thread, inside poll(); ZeroMQ does the waiting.
+// Threading: everything on the replica's thread, inside poll(); ZeroMQ does the waiting. connect() fails on another,
+// and poll() does nothing there but to say so.
 
 // Example:
 //     #include <rtsg/sync/mirror_client.h>
@@ -78,6 +79,7 @@ struct MirrorStatistics {
     std::uint64_t inputs = 0;          // of these, computed here from what came into them
     std::uint64_t gaps = 0;            // frames found missing
     std::uint64_t bytes = 0;           // of records received
+    std::uint64_t messages = 0;        // of all kinds, read
     std::uint64_t divergences = 0;     // times that the replica was found to differ from the origin
     std::uint64_t repairs = 0;         // of these, put right without a snapshot
     std::uint64_t questions = 0;       // asked to find out where
@@ -100,12 +102,15 @@ struct MirrorStatistics {
 class MirrorClient {
   public:
     /// `replica` must be fresh (or only ever fed by a client) and outlive the client; its behaviours are switched off.
-    /// Succeeds whether or not a server is there yet.
+    /// Succeeds whether or not a server is there yet. Errors: of another thread than the replica's; an endpoint or keys
+    /// that cannot be.
     static Result<std::unique_ptr<MirrorClient>> connect(Scene& replica, const std::string& endpoint,
                                                          MirrorClientOptions options = {});
     ~MirrorClient();
 
     /// Applies what has come; if nothing has, waits up to `timeout` for it. Returns the number of change sets applied.
+    /// On another thread than the replica's it only waits, as the replica would refuse each frame: a diagnostic says
+    /// so.
     std::size_t poll(std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
     /// There is a connection, at a relay one of its own too, and the replica is in the newest state heard of.
     bool inStep() const;
