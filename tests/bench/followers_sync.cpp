@@ -54,6 +54,7 @@ void Follower::run() {
         paused_.wait(true);
         const bool news = (*client)->poll(200ms) > 0;  // until something has come
         if (news) at_ = Clock::now().time_since_epoch().count();
+        applied_ = (*client)->statistics().frames;
         reached_ = (*client)->statistics().equal ? (*client)->statistics().sequence : 0;
     }
     statistics_ = (*client)->statistics();
@@ -80,9 +81,10 @@ Flow flow(const std::string& endpoint, int transforms, int frames, int followers
     };
     const auto end = Clock::now() + 120s;
     const std::uint64_t bytesBefore = (*server)->statistics().bytes;
-    // Who waits leaves the cores to those who work: a thousandth of what the frames under way take.
+    // Who waits leaves the cores to those who work: looks at each follower take a thousandth of what frames take.
+    const auto pause = 10us * std::clamp(followers, 1, 100);
     const auto waitFor = [&](std::uint64_t state) {
-        while (slowest() < state && Clock::now() < end) std::this_thread::sleep_for(10us);
+        while (slowest() < state && Clock::now() < end) std::this_thread::sleep_for(pause);
     };
     const auto show = [&](int first, int last) {
         for (int i = first; i <= last; ++i) {
@@ -107,6 +109,45 @@ Flow flow(const std::string& endpoint, int transforms, int frames, int followers
     // Those who were stopped go on and end in the same state.
     for (const auto& f : all) f->pause(false);
     for (const auto& f : all) result.good = f->waitFor(origin.scene.sequence()) && result.good;
+    for (const auto& f : all) f->stop();
+    for (const auto& f : all) result.good = f->finish().divergences == 0 && result.good;
+    return result;
+}
+
+Paced paced(int transforms, double hertz, int frames, int followers) {
+    Moving origin(transforms);
+    MirrorServerOptions options;
+    options.maximumPeers = static_cast<std::size_t>(followers);
+    options.peerTimeout = 60s;
+    auto server = MirrorServer::start(origin.scene, kAnyPort, options);
+    if (!server) return {};
+    std::vector<std::unique_ptr<Follower>> all;
+    for (int i = 0; i < followers; ++i) all.push_back(std::make_unique<Follower>((*server)->endpoint()));
+    const auto everybody = [&] {
+        return std::ranges::all_of(all, [&](const auto& f) { return f->waitFor(origin.scene.sequence()); });
+    };
+    int frame = 0;
+    const auto show = [&](int count) {
+        auto next = Clock::now();
+        for (int i = 0; i < count; ++i) {
+            origin.frame(++frame);
+            next += std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(1 / hertz));
+            std::this_thread::sleep_until(next);
+        }
+    };
+    if (!everybody()) return {};
+    show(frames / 4);  // until the ways are known
+    if (!everybody()) return {};
+    const auto applied = [&] {
+        std::uint64_t sum = 0;
+        for (const auto& f : all) sum += f->applied();
+        return static_cast<double>(sum);
+    };
+    const double got = applied(), start = wallSeconds(), cpu = cpuSeconds();
+    show(frames);
+    if (!everybody()) return {};
+    const double seconds = wallSeconds() - start, each = applied() - got;
+    Paced result{each / followers / seconds, (cpuSeconds() - cpu) / each, true};
     for (const auto& f : all) f->stop();
     for (const auto& f : all) result.good = f->finish().divergences == 0 && result.good;
     return result;

@@ -22,6 +22,8 @@ class Follower {
     std::uint64_t reached() const { return reached_; }
     /// When it came there: nanoseconds of the steady clock.
     std::int64_t reachedAt() const { return at_; }
+    /// Frames, those merged into one counted once.
+    std::uint64_t applied() const { return applied_; }
     bool waitFor(std::uint64_t state, std::chrono::seconds patience = std::chrono::seconds(60)) const;
     /// Stops reading, as a process does that is stopped.
     void pause(bool paused);
@@ -36,7 +38,7 @@ class Follower {
     std::string endpoint_;
     MirrorClientOptions options_;
     std::atomic<bool> stop_{false}, paused_{false};
-    std::atomic<std::uint64_t> reached_{0};
+    std::atomic<std::uint64_t> reached_{0}, applied_{0};
     std::atomic<std::int64_t> at_{0};
     MirrorStatistics statistics_;
     std::thread thread_;
@@ -46,6 +48,14 @@ struct Flow {
     double changesPerSecond = 0, bytesPerFrame = 0, framesPerSecond = 0;
     bool good = false;
 };
+
+/// What followers get of a scene that makes so many frames a second.
+struct Paced {
+    double framesPerSecond = 0;  // that each got, merged ones counted once; the mean
+    double cpuSeconds = 0;       // of all that the process did, for each frame that a follower got
+    bool good = false;           // as Flow's
+};
+Paced paced(int transforms, double hertz, int frames, int followers);
 
 /// All transforms move in every frame; `followers` of them are waited for, at most 16 frames under way. `stopped` more
 /// stop reading meanwhile. good: all of them ended with the origin's hash, and none ever had another.
