@@ -52,6 +52,7 @@ void Emitters::add(const TraceScene& scene, std::uint32_t slot, std::vector<Ligh
     const RayInstance& instance = scene.world->instance(slot);
     if (scene.shutter && scene.shutter->moves(slot)) return;  // it is not in one place
     if (!instance.mesh || slot >= scene.slots.size()) return;
+    if (!instance.info.seen || instance.info.clear) return;  // no ray of light meets it
     const Mesh& mesh = *instance.mesh;
     const Material& front = scene.materials[scene.slots[slot].material].material;
     if (mesh.colors.present() && mesh.colors.components() == 4) return;

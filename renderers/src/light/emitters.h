@@ -46,6 +46,10 @@ class Emitters {
     /// One of them for a surface at `point` with this shading normal; none if nothing of them can be above its horizon.
     /// `u` in [0, 1).
     Choice sample(const Vec3f& point, const Vec3f& normal, float u) const;
+    /// The same for eight surfaces at once; those not in `lanes` choose nothing.
+    LightTree::Choices sample(const simd::V8& point, const simd::V8& normal, simd::F8 u, std::uint32_t lanes) const {
+        return tree_.sample(point, normal, u, lanes);
+    }
     /// The probability that sample() chooses this one.
     float density(std::uint32_t emitter, const Vec3f& point, const Vec3f& normal) const;
     /// By what a ray hit; kNone: not in here.

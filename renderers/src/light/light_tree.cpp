@@ -5,6 +5,8 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstring>
+#include <iterator>
 
 #include "mesh/simd8.h"
 
@@ -109,6 +111,7 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
         }
     }
     Cluster whole;
+    nodes_[node].count = static_cast<std::uint8_t>(parts);
     for (std::size_t part = 0; part < parts; ++part) {
         const std::uint64_t on = way | std::uint64_t{part} << (3 * depth);
         Cluster cluster;
@@ -133,36 +136,81 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
 /// Estimates of the light from there that are 0 only where nothing can come. A cosine is cut at 1, as if of the most
 /// favourable direction, after the sine of the sphere around a cluster, as the point sees it, is added: cos a + sin b
 /// is 0 where the angle a is a right one and b more, as the cosine of a - b would be, for one root less.
+inline F8 LightTree::importance(const Clusters& c, const V8& point, const V8& normal) const {
+    constexpr float kLeast = 1e-12f;  // m^2
+    constexpr float kSlack = 1e-4f;   // of the rounded cosines
+    const V8 towards = c.center - point;
+    const F8 distanceSquared = dot(towards, towards), inverse = 1 / max(distanceSquared, all(kLeast));
+    const F8 perMetre = simd::sqrt(inverse), reach = c.radius * perMetre + kSlack;
+    const F8 lit = dot(towards, normal) * perMetre + reach;
+    const F8 cosAxis = dot(towards, c.axis) * -perMetre;
+    const F8 cosLeft = cosAxis * c.cosCone + sinOf(cosAxis) * c.sinCone;
+    const F8 shines = select(cosAxis >= c.cosCone - kSlack, all(1), cosLeft + reach);
+    const auto cut = [](F8 cosine) { return min(max(cosine, all(0)), all(1)); };
+    // From inside a cluster it seems as far as its edge is.
+    const F8 farSquared = max(distanceSquared, c.radiusSquared);
+    F8 falloff = c.square * farSquared;
+    if (!squaresOnly_) falloff += c.constant + c.linear * simd::sqrt(farSquared);
+    const F8 seen = select(distanceSquared > c.radiusSquared, cut(lit) * cut(shines), all(1));
+    return min(c.power * seen / max(falloff, all(least_)), all(1e36f));  // so that no sum is infinite
+}
+
+inline LightTree::Clusters LightTree::allOf(const Node& node) {
+    return {{load(node.centerX), load(node.centerY), load(node.centerZ)},
+            {load(node.axisX), load(node.axisY), load(node.axisZ)},
+            load(node.radius),
+            load(node.radiusSquared),
+            load(node.cosCone),
+            load(node.sinCone),
+            load(node.power),
+            load(node.constant),
+            load(node.linear),
+            load(node.square)};
+}
+
+inline LightTree::Clusters LightTree::oneOf(const Node& node, std::size_t i) {
+    return {{all(node.centerX[i]), all(node.centerY[i]), all(node.centerZ[i])},
+            {all(node.axisX[i]), all(node.axisY[i]), all(node.axisZ[i])},
+            all(node.radius[i]),
+            all(node.radiusSquared[i]),
+            all(node.cosCone[i]),
+            all(node.sinCone[i]),
+            all(node.power[i]),
+            all(node.constant[i]),
+            all(node.linear[i]),
+            all(node.square[i])};
+}
+
+namespace {
+
+/// In one order for one surface and for eight, so that both choose alike.
+template <class Float>
+Float sumOf(const Float* each) {
+    return ((each[0] + each[4]) + (each[2] + each[6])) + ((each[1] + each[5]) + (each[3] + each[7]));
+}
+
+constexpr float kBelowOne = 0x1.fffffep-1f;
+
+}  // namespace
+
 /// `above`: a bit for each that is not 0.
 inline float LightTree::importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each,
                                    std::uint32_t& above) const {
-    constexpr float kLeast = 1e-12f;  // m^2
-    constexpr float kSlack = 1e-4f;   // of the rounded cosines
-    const F8 radiusSquared = load(node.radiusSquared), power = load(node.power);
-    const V8 towards{load(node.centerX) - point.x, load(node.centerY) - point.y, load(node.centerZ) - point.z};
-    const F8 distanceSquared = dot(towards, towards), inverse = 1 / max(distanceSquared, all(kLeast));
-    const F8 perMetre = simd::sqrt(inverse), reach = load(node.radius) * perMetre + kSlack;
-    const F8 lit = dot(towards, V8{all(normal.x), all(normal.y), all(normal.z)}) * perMetre + reach;
-    const F8 cosAxis = dot(towards, V8{load(node.axisX), load(node.axisY), load(node.axisZ)}) * -perMetre;
-    const F8 cosCone = load(node.cosCone);
-    const F8 cosLeft = cosAxis * cosCone + sinOf(cosAxis) * load(node.sinCone);
-    const F8 shines = select(cosAxis >= cosCone - kSlack, all(1), cosLeft + reach);
-    const auto cut = [](F8 cosine) { return min(max(cosine, all(0)), all(1)); };
-    // From inside a cluster it seems as far as its edge is.
-    const F8 farSquared = max(distanceSquared, radiusSquared);
-    F8 falloff = load(node.square) * farSquared;
-    if (!squaresOnly_) falloff += load(node.constant) + load(node.linear) * simd::sqrt(farSquared);
-    const F8 seen = select(distanceSquared > radiusSquared, cut(lit) * cut(shines), all(1));
-    const F8 result = min(power * seen / max(falloff, all(least_)), all(1e36f));  // so that no sum is infinite
+    const F8 result = importance(allOf(node), {all(point.x), all(point.y), all(point.z)},
+                                 {all(normal.x), all(normal.y), all(normal.z)});
     store(each, result);
     above = laneBits(result > 0.0f);
-    return ((each[0] + each[4]) + (each[2] + each[6])) + ((each[1] + each[5]) + (each[3] + each[7]));
+    return sumOf(each);
 }
 
 LightTree::Choice LightTree::sample(const Vec3f& point, const Vec3f& normal, float u) const {
     if (nodes_.empty()) return {};
-    float probability = 1;
-    for (std::uint32_t at = 0;;) {
+    return sampleBelow(0, point, normal, u, 1);
+}
+
+LightTree::Choice LightTree::sampleBelow(std::uint32_t at, const Vec3f& point, const Vec3f& normal, float u,
+                                         float probability) const {
+    for (;;) {
         const Node& node = nodes_[at];
         alignas(32) float each[kWide];
         std::uint32_t above = 0;
@@ -172,11 +220,58 @@ LightTree::Choice LightTree::sample(const Vec3f& point, const Vec3f& normal, flo
         std::size_t child = 0;
         const auto last = static_cast<std::size_t>(std::bit_width(above)) - 1;
         while (child < last && !(left < each[child])) left -= each[child++];
-        u = std::min(std::max(left, 0.0f) / each[child], 0x1.fffffep-1f);
+        u = std::min(std::max(left, 0.0f) / each[child], kBelowOne);
         probability *= each[child] / sum;
         if (node.leaves >> child & 1u) return {node.next[child], probability};
         at = node.next[child];
     }
+}
+
+// The root is one for all: its clusters are looked at one after the other, by eight surfaces each. Below it they part.
+LightTree::Choices LightTree::sample(const V8& point, const V8& normal, F8 u, std::uint32_t lanes) const {
+    Choices result;
+    std::fill(std::begin(result.thing), std::end(result.thing), kNone);
+    store(result.probability, all(0));
+    if (nodes_.empty() || !lanes) return result;
+    const Node& root = nodes_[0];
+    F8 each[kWide];
+    for (std::size_t i = root.count; i < kWide; ++i) each[i] = all(0);
+    I8 last{};
+    for (std::size_t i = 0; i < root.count; ++i) {
+        each[i] = importance(oneOf(root, i), point, normal);
+        last = each[i] > 0.0f ? I8{} + static_cast<std::int32_t>(i) : last;
+    }
+    const F8 sum = sumOf(each);
+    F8 left = u * sum, chosen = all(1);
+    I8 child{}, searching = ~I8{};
+    for (std::size_t i = 0; i < root.count; ++i) {
+        const I8 number = I8{} + static_cast<std::int32_t>(i), here = searching & ((left < each[i]) | (number == last));
+        chosen = select(here, each[i], chosen), child = here ? number : child;
+        searching &= ~here;
+        left = select(searching, left - each[i], left);
+    }
+    alignas(32) float rest[8], x[8], y[8], z[8];
+    alignas(32) std::int32_t children[8];
+    store(rest, min(max(left, all(0)) / chosen, all(kBelowOne)));
+    store(result.probability, chosen / sum);
+    std::memcpy(children, &child, sizeof children);
+    std::uint32_t below = lanes & laneBits(sum > 0.0f);
+    for (std::uint32_t some = below; some; some &= some - 1) {
+        const int lane = std::countr_zero(some);
+        result.thing[lane] = root.next[children[lane]];
+        if (root.leaves >> children[lane] & 1u) below &= ~(1u << lane);
+    }
+    if (!below) return result;
+    const V8& n = normal;
+    alignas(32) float nx[8], ny[8], nz[8];
+    store(x, point.x), store(y, point.y), store(z, point.z), store(nx, n.x), store(ny, n.y), store(nz, n.z);
+    for (; below; below &= below - 1) {
+        const int i = std::countr_zero(below);
+        const Choice choice =
+            sampleBelow(result.thing[i], {x[i], y[i], z[i]}, {nx[i], ny[i], nz[i]}, rest[i], result.probability[i]);
+        result.thing[i] = choice.thing, result.probability[i] = choice.probability;
+    }
+    return result;
 }
 
 float LightTree::probability(std::uint32_t thing, const Vec3f& point, const Vec3f& normal) const {

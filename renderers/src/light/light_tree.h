@@ -12,6 +12,8 @@
 #include <rtsg/core/value.h>
 #include <rtsg/renderers/mesh.h>
 
+#include "mesh/simd8.h"
+
 namespace rtsg::trace {
 
 class LightTree {
@@ -38,6 +40,12 @@ class LightTree {
     /// One of them for a surface at `point` with this shading normal; none if nothing of them can be above its horizon.
     /// `u` in [0, 1).
     Choice sample(const Vec3f& point, const Vec3f& normal, float u) const;
+    struct alignas(32) Choices {
+        std::uint32_t thing[8];
+        float probability[8];
+    };
+    /// The same for eight surfaces at once; those not in `lanes` choose nothing.
+    Choices sample(const simd::V8& point, const simd::V8& normal, simd::F8 u, std::uint32_t lanes) const;
     /// That sample() chooses this one.
     float probability(std::uint32_t thing, const Vec3f& point, const Vec3f& normal) const;
 
@@ -51,6 +59,7 @@ class LightTree {
         float constant[kWide]{}, linear[kWide]{}, square[kWide]{};
         std::uint32_t next[kWide]{};  // a node, or a thing
         std::uint8_t leaves = 0;      // which are things, a bit each
+        std::uint8_t count = 0;       // those that are there come first
         void set(std::size_t child, const Cluster& cluster);
     };
     static Cluster join(const Cluster& a, const Cluster& b);
@@ -60,6 +69,17 @@ class LightTree {
     /// Of all eight; returns their sum.
     float importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each,
                      std::uint32_t& above) const;
+
+    /// For one surface at each of the eight clusters, or for eight at one of them, whose numbers are given eight times.
+    struct Clusters {
+        simd::V8 center, axis;
+        simd::F8 radius, radiusSquared, cosCone, sinCone, power, constant, linear, square;
+    };
+    simd::F8 importance(const Clusters& clusters, const simd::V8& point, const simd::V8& normal) const;
+    static Clusters allOf(const Node& node);
+    static Clusters oneOf(const Node& node, std::size_t child);
+    /// From this node on.
+    Choice sampleBelow(std::uint32_t at, const Vec3f& point, const Vec3f& normal, float u, float probability) const;
 
     std::vector<std::uint64_t> ways_;   // by thing: three bits a node, from the root on: which child
     std::vector<std::uint32_t> order_;  // while building

@@ -12,6 +12,49 @@
 
 namespace rtsg::trace {
 
+/// PathRandom::ofPicture() of sixteen pixels: their states.
+inline void randomOfPicture(std::uint64_t seed, const int* x, const int* y, int sample, int samples,
+                            std::uint64_t* states) {
+    using U8 = std::uint32_t __attribute__((vector_size(32)));
+    const unsigned side = PathRandom::sideOf(samples);
+    for (int at = 0; at < 16; at += 8) {
+        U8 right, up, index{};
+        std::memcpy(&right, x + at, sizeof right), std::memcpy(&up, y + at, sizeof up);
+        // As hilbertIndex() goes down the squares.
+        for (unsigned i = side; i-- > 0;) {
+            const U8 isRight = 0u - (right >> i & 1u), isUp = 0u - (up >> i & 1u);
+            index = index << 2 | ((isRight & 3u) ^ (isUp & 1u));
+            const U8 turned = isRight & ~isUp, a = right ^ turned, b = up ^ turned, swapped = (a ^ b) & ~isUp;
+            right = a ^ swapped, up = b ^ swapped;
+        }
+        for (int i = 0; i < 8; ++i)
+            states[at + i] = PathRandom::ofPlace(seed, x[at + i], y[at + i], index[i], sample, samples).state();
+    }
+}
+
+/// The pairs that PathRandoms of sixteen sequences give next.
+inline void nextPairs(PathRandom* randoms, float* u, float* v) {
+    using U8 = std::uint32_t __attribute__((vector_size(32)));
+    for (int at = 0; at < 16; at += 8) {
+        U8 index, order, first, second;
+        for (int i = 0; i < 8; ++i) {
+            index[i] = randoms[at + i].index();
+            const std::uint64_t one = randoms[at + i].nextSeed(), other = mixBits(one);
+            order[i] = static_cast<std::uint32_t>(one), first[i] = static_cast<std::uint32_t>(one >> 32);
+            second[i] = static_cast<std::uint32_t>(other);
+        }
+        index = reverseBits(scrambleUpwards(reverseBits(index), order));
+        const auto fraction = [](U8 reversed) {
+            const U8 bits = reverseBits(reversed) >> 8;
+            simd::I8 whole;
+            std::memcpy(&whole, &bits, sizeof whole);
+            return __builtin_convertvector(whole, simd::F8) * 0x1p-24f;
+        };
+        simd::store(u + at, fraction(scrambleUpwards(index, first)));
+        simd::store(v + at, fraction(scrambleUpwards(sobolSecondReversed(index), second)));
+    }
+}
+
 class PacketRandom {
   public:
     /// Goes on where the tasks of the lanes in `mask` are.
@@ -47,6 +90,12 @@ class PacketRandom {
             simd::store(u + at, fraction(scrambleUpwards(index, high(seed))));
             simd::store(v + at, fraction(scrambleUpwards(sobolSecondReversed(index), low(other))));
         }
+    }
+    /// As next() or nextPair(), where nobody wants the numbers.
+    void skip() {
+        if (!together_) [[unlikely]]
+            return each([](int, PathRandom& random) { random.nextSeed(); });
+        common_.nextSeed();
     }
     /// Where a lane goes on.
     std::uint64_t state(int lane) const {

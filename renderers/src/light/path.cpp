@@ -59,8 +59,17 @@ struct alignas(64) Draws {
     float way[16]{}, lobe[16]{}, u[16]{}, v[16]{}, fate[16]{};
     std::uint64_t next[16]{};  // PathRandom's state behind it
 
-    void draw(PacketRandom& random, std::uint32_t mask) {
-        random.next(way), random.next(lobe), random.nextPair(u, v), random.next(fate);
+    /// `choose`: `way` and `lobe` are wanted. `redraw`: `fate` is.
+    void draw(PacketRandom& random, std::uint32_t mask, bool choose, bool redraw) {
+        if (choose)
+            random.next(way), random.next(lobe);
+        else
+            random.skip(), random.skip();
+        random.nextPair(u, v);
+        if (redraw)
+            random.next(fate);
+        else
+            random.skip();
         for (; mask; mask &= mask - 1) next[std::countr_zero(mask)] = random.state(std::countr_zero(mask));
     }
 };
@@ -113,7 +122,7 @@ class Paths {
                 }
                 PacketRandom random(tasks, 0xFFFF);
                 lookForLight(tasks, random);
-                draws_.draw(random, 0xFFFF);
+                draws_.draw(random, 0xFFFF, true, true);
                 for (int lane = 0; lane < 16; ++lane) bounce(-probe.normal, tasks[lane], lane);
             }
             loop_.finish([this](std::span<TilePacket> packets) {
@@ -126,12 +135,14 @@ class Paths {
     void traceOne(TilePacket& packet) {
         if (packet.tasks) return trace(packet.rays, packet.tasks, false);
         PathTask first[16];
+        int x[16], y[16];
+        std::uint64_t states[16];
         for (int lane = 0; lane < 16; ++lane) {
             const std::uint16_t pixel = first[lane].pixel = packet.pixels[lane];
-            first[lane].random = PathRandom::ofPicture(settings_.seed, loop_.x(pixel), loop_.y(pixel), packet.sample,
-                                                       settings_.samplesPerPixel)
-                                     .state();
+            x[lane] = loop_.x(pixel), y[lane] = loop_.y(pixel);
         }
+        randomOfPicture(settings_.seed, x, y, packet.sample, settings_.samplesPerPixel, states);
+        for (int lane = 0; lane < 16; ++lane) first[lane].random = states[lane];
         trace(packet.rays, first, true);
     }
 
@@ -185,8 +196,11 @@ class Paths {
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
         PacketRandom random(tasks, hits);
         lookForLight(tasks, random);
-        draws_.draw(random, hits);
         const std::uint32_t matte = findMatte(tasks);
+        bool redraw = false;
+        for (std::uint32_t rest = hits; rest; rest &= rest - 1)
+            redraw |= !(tasks[std::countr_zero(rest)].odds > kRedraw);
+        draws_.draw(random, hits, matte != hits, redraw);
         if (matte) bounceMatte(tasks, matte);
         for (std::uint32_t rest = hits & ~matte; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);

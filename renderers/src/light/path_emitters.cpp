@@ -20,6 +20,8 @@ namespace {
 
 // A ray reaches a little further than its target, so that rounding does not end it in front of it.
 constexpr float kReach = 1.001f;
+// What lies up to here is before the target: within some roundings of it, only the nearest hit tells which is first.
+constexpr float kBefore = 1 - 0x1p-19f;
 
 /// What a bounce meets at a hit that it goes straight on from: all of the light behind the back of a solid, which is
 /// not there; 0 at glass, which bends it.
@@ -74,6 +76,13 @@ bool isLit(const SurfacePacket& s, int lane) {
     return ((s.mask & ~s.unlit) >> lane & 1u) && s.coverage[lane] * s.opacity[lane] > 0;
 }
 
+/// The lanes for which isLit() holds.
+std::uint32_t litLanes(const SurfacePacket& s) {
+    std::uint32_t lanes = 0;
+    for (int at = 0; at < 16; at += 8) lanes |= laneBits(load(s.coverage + at) * load(s.opacity + at) > 0.0f) << at;
+    return lanes & s.mask & ~s.unlit;
+}
+
 /// Above both horizons: the true surface's and the shading normal's.
 bool isAbove(const SurfacePacket& s, int lane, const Vec3f& direction) {
     const Vec3f facing = s.back >> lane & 1u ? -s.outside(lane) : s.outside(lane);
@@ -87,17 +96,18 @@ namespace {
 /// What was chosen for each lane.
 struct ChosenEmitters {
     Lanes3 corner, ab, ac, normal;
-    alignas(64) float perArea[16];  // how likely a place of it was chosen, 1 / m^2
+    alignas(64) float area[16], probability[16];  // of the emitter, m^2; of choosing it
     std::uint32_t emitter[16];
-    std::uint32_t mask = 0, bothSides = 0;
+    std::uint32_t mask = 0, bothSides = 0, even = 0;
     Lanes3 place;
 
-    void set(int lane, std::uint32_t number, const Emitters::Emitter& e, float probability) {
+    void set(int lane, std::uint32_t number, const Emitters::Emitter& e) {
         corner.set(lane, e.corner), ab.set(lane, e.ab), ac.set(lane, e.ac), normal.set(lane, e.normal);
-        perArea[lane] = probability / e.area;
+        area[lane] = e.area;
         emitter[lane] = number;
         mask |= 1u << lane;
-        if (e.bothSides) bothSides |= 1u << lane;
+        bothSides |= static_cast<std::uint32_t>(e.bothSides) << lane;
+        even |= static_cast<std::uint32_t>(e.even) << lane;
     }
 };
 
@@ -112,7 +122,7 @@ void aim(const SurfacePacket& s, ChosenEmitters& chosen, const float* u, const f
         const F8 squared = dot(way, way), distance = simd::sqrt(squared);
         const V8 direction = way * (1 / max(distance, all(1e-30f)));
         const F8 cosine = -dot(loadV(chosen.normal, at), direction);
-        const F8 density = load(chosen.perArea + at) * squared / absolute(cosine);
+        const F8 density = load(chosen.probability + at) / load(chosen.area + at) * squared / absolute(cosine);
         const I8 good = lanesFrom(chosen.mask, at) & (distance > 1e-12f) & (dot(direction, facing8(s, at)) > 0.0f) &
                         (dot(direction, loadV(s.normal, at)) > 0.0f) &
                         ((cosine > 0.0f) | lanesFrom(chosen.bothSides, at)) & (density > 0.0f) &
@@ -126,6 +136,23 @@ void aim(const SurfacePacket& s, ChosenEmitters& chosen, const float* u, const f
         std::memcpy(rays.active + at, &good, sizeof good);
         out.mask |= laneBits(good) << at;
     }
+}
+
+/// Ends all rays there, and leaves only those of `lanes`.
+void reset(RayPacket16& rays, std::uint32_t lanes, float tMax) {
+    for (int at = 0; at < 16; at += 8) {
+        const I8 active = lanesFrom(lanes, at);
+        std::memcpy(rays.active + at, &active, sizeof active);
+        store(rays.tMax + at, all(tMax));
+    }
+}
+
+/// The lanes of `asked` on whose way there is nothing at all, which is quicker to tell than what there is. What is cut
+/// away by a filter does not shine: only a hit tells whether it is.
+std::uint32_t findFree(const TraceScene& scene, RayPacket16& rays, std::uint32_t asked, float tMax) {
+    if (!asked || scene.filter) return 0;
+    reset(rays, asked, tMax);
+    return asked & ~scene.world->occluded(rays, false, RayKind::view);
 }
 
 /// What comes to a lane from its emitter, if anything, the long way: through what is clear, from textures, in haze.
@@ -158,35 +185,58 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, const Path
     alignas(64) float which[16]{}, u[16]{}, v[16]{};
     random.next(which), random.nextPair(u, v);
     ChosenEmitters chosen{};
-    for (int lane = 0; lane < 16; ++lane) {
-        if (!isLit(s, lane)) continue;
-        const Emitters::Choice choice = emitters.sample(s.position.get(lane), s.normal.get(lane), which[lane]);
-        if (choice.emitter != Emitters::kNone)
-            chosen.set(lane, choice.emitter, emitters[choice.emitter], choice.probability);
+    const std::uint32_t lit = litLanes(s);
+    for (int at = 0; at < 16; at += 8) {
+        const std::uint32_t lanes = lit >> at & 0xFFu;
+        if (!lanes) continue;
+        const LightTree::Choices choices =
+            emitters.sample(loadV(s.position, at), loadV(s.normal, at), load(which + at), lanes);
+        store(chosen.probability + at, load(choices.probability));
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            const std::uint32_t emitter = choices.thing[lane];
+            if (emitter != Emitters::kNone) chosen.set(at + lane, emitter, emitters[emitter]);
+        }
     }
     if (!chosen.mask) return;
     RayPacket16 rays;
     aim(s, chosen, u, v, rays, out);
     if (!out.mask) return;
     shadowRays += static_cast<std::uint64_t>(std::popcount(out.mask));
-    out.mask &= scene.world->intersect(rays);
-    if (!out.mask) return;
-    PacketHits16 met;
-    scene.world->hits(rays, out.mask, met);
     const bool clearAir = scene.volumes.empty() && !scene.fogs.any();
+    std::uint32_t even = clearAir ? out.mask & chosen.even : 0;  // emitters that send the same from everywhere
+    for (std::uint32_t rest = even; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        if (tasks[lane].absorption != Vec3f(0)) even &= ~(1u << lane);
+    }
+    const std::uint32_t free = findFree(scene, rays, even, kBefore);
+    std::uint32_t hits = 0;
+    PacketHits16 met;
+    if (out.mask != free) {
+        reset(rays, out.mask & ~free, kReach);
+        hits = scene.world->intersect(rays);
+        if (hits) scene.world->hits(rays, hits, met);
+    }
+    out.mask &= free | hits;
     for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         const Emitters::Emitter& e = emitters[chosen.emitter[lane]];
         const Vec3f direction = out.direction.get(lane);
         Vec3f light;
-        if (e.even && clearAir && met.instance[lane] == e.instance && met.triangle[lane] == e.triangle &&
-            tasks[lane].absorption == Vec3f(0)) {
+        if ((free >> lane & 1u) ||
+            ((even >> lane & 1u) && met.instance[lane] == e.instance && met.triangle[lane] == e.triangle)) {
             light = glm::dot(direction, e.normal) > 0 ? e.behind : e.front;
         } else if (!arrives(scene, s, lane, tasks[lane], e, chosen.place.get(lane), rays, direction, light)) {
             out.mask &= ~(1u << lane);
             continue;
         }
-        out.light.set(lane, light / out.density[lane]);
+        out.light.set(lane, light);
+    }
+    for (int at = 0; at < 16; at += 8) {
+        const V8 light = loadV(out.light, at);
+        const F8 density = load(out.density + at);
+        storeV(out.light, at,
+               select(lanesFrom(out.mask, at), {light.x / density, light.y / density, light.z / density}, V8{}));
     }
 }
 
@@ -210,7 +260,12 @@ void lookForSky(const TraceScene& scene, const SurfacePacket& s, PacketRandom& r
     if (!out.mask) return;
     shadowRays += static_cast<std::uint64_t>(std::popcount(out.mask));
     // As bounces go: past backs of solids, and not past what casts no shadow.
-    const std::uint32_t hits = scene.world->intersect(rays) & out.mask;
+    constexpr float kFar = std::numeric_limits<float>::infinity();
+    std::uint32_t hits = out.mask & ~findFree(scene, rays, out.mask, kFar);
+    if (hits) {
+        reset(rays, hits, kFar);
+        hits &= scene.world->intersect(rays);
+    }
     for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         const Vec3f direction = out.direction.get(lane);

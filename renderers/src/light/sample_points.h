@@ -12,7 +12,11 @@
 #include <algorithm>
 #include <bit>
 #include <cstdint>
+#include <cstring>
 #include <utility>
+#ifdef __AVX2__
+#include <immintrin.h>
+#endif
 
 #include <rtsg/core/value.h>
 
@@ -35,9 +39,30 @@ Bits reverseBits(Bits x) {
     return (x & 0x55555555u) << 1 | (x & 0xaaaaaaaau) >> 1;
 }
 
+#ifdef __AVX2__
+using Bits8 = std::uint32_t __attribute__((vector_size(32)));
+
+/// The same, by tables of half bytes.
+inline Bits8 reverseBits(Bits8 x) {
+    const auto twice = [](__m128i half) { return _mm256_broadcastsi128_si256(half); };
+    const __m256i backwards = twice(_mm_setr_epi8(3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12)),
+                  table = twice(_mm_setr_epi8(0, 8, 4, 12, 2, 10, 6, 14, 1, 9, 5, 13, 3, 11, 7, 15)),
+                  low = _mm256_set1_epi8(0x0f);
+    __m256i bytes;
+    std::memcpy(&bytes, &x, sizeof bytes);
+    bytes = _mm256_shuffle_epi8(bytes, backwards);
+    const __m256i upper = _mm256_shuffle_epi8(_mm256_slli_epi16(table, 4), _mm256_and_si256(bytes, low)),
+                  lower = _mm256_shuffle_epi8(table, _mm256_and_si256(_mm256_srli_epi16(bytes, 4), low));
+    bytes = _mm256_or_si256(upper, lower);
+    std::memcpy(&x, &bytes, sizeof x);
+    return x;
+}
+#endif
+
 /// Flips each bit by a hash of the lower ones: Owen's scrambling of numbers whose bits are in reverse order.
-template <class Bits>
-Bits scrambleUpwards(Bits x, std::uint32_t seed) {
+/// `Seed`: one, or one for each.
+template <class Bits, class Seed>
+Bits scrambleUpwards(Bits x, Seed seed) {
     x ^= x * 0x3d20adeau;
     x += seed;
     x *= (seed >> 16) | 1u;
@@ -77,12 +102,17 @@ class PathRandom {
                                              static_cast<std::uint32_t>(sample)) {}
     /// `samples`: of the pixel; at most 2^20.
     static PathRandom ofPicture(std::uint64_t seed, int x, int y, int sample, int samples) {
-        const auto sampleBits = static_cast<unsigned>(std::bit_width(static_cast<std::uint32_t>(samples - 1)));
-        const unsigned side = std::min(8u, (32 - sampleBits) / 2);
-        const std::uint32_t place = hilbertIndex(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), side);
-        return {hashOf(seed, x >> side, y >> side), place << sampleBits | static_cast<std::uint32_t>(sample)};
+        const unsigned side = sideOf(samples);
+        return ofPlace(seed, x, y, hilbertIndex(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y), side),
+                       sample, samples);
     }
-    explicit PathRandom(std::uint64_t state) : state_(state) {}
+    /// The same; `place`: how far along Hilbert's curve through a square of 2^sideOf(samples) pixels the pixel is.
+    static PathRandom ofPlace(std::uint64_t seed, int x, int y, std::uint32_t place, int sample, int samples) {
+        const unsigned side = sideOf(samples);
+        return {hashOf(seed, x >> side, y >> side), place << bitsOf(samples) | static_cast<std::uint32_t>(sample)};
+    }
+    static unsigned sideOf(int samples) { return std::min(8u, (32 - bitsOf(samples)) / 2); }
+    explicit PathRandom(std::uint64_t state = 0) : state_(state) {}
 
     float next() {
         const std::uint64_t seed = nextSeed();
@@ -121,6 +151,9 @@ class PathRandom {
 
     PathRandom(std::uint64_t sequence, std::uint32_t index)
         : state_((sequence & kSequence) | std::uint64_t{index} << kCallBits) {}
+    static unsigned bitsOf(int samples) {
+        return static_cast<unsigned>(std::bit_width(static_cast<std::uint32_t>(samples - 1)));
+    }
     static std::uint64_t hashOf(std::uint64_t seed, int x, int y) {
         return mixBits(seed * 0x9e3779b97f4a7c15ull ^
                        mixBits(static_cast<std::uint64_t>(y) << 32 | static_cast<std::uint32_t>(x)));

@@ -1,11 +1,13 @@
 // Sample places by scrambled Sobol points, and the primary rays of a tile.
 #include "tile_rays.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "mesh/simd8.h"
 #include "packet_kernels.h"
+#include "packet_random.h"
 #include "sample_points.h"
 
 namespace rtsg::trace {
@@ -16,10 +18,16 @@ namespace {
 
 constexpr std::uint64_t kPlaces = 0xd1b54a32d192ed03, kLens = 0x8cb92ba72f3d8dd7;  // other numbers than a path's
 
-/// The place of a sample in its pixel, [0, 1)^2.
-Vec2f samplePlace(const RenderSettings& settings, int x, int y, int sample) {
-    if (settings.samplesPerPixel == 1) return Vec2f(0.5f);
-    return PathRandom(settings.seed ^ kPlaces, x, y, sample).nextPair();
+/// The places of a sample in sixteen pixels, [0, 1)^2; `x`, `y`: of the first, four by four.
+void samplePlaces(const RenderSettings& settings, int x, int y, int sample, float* u, float* v) {
+    if (settings.samplesPerPixel == 1) {
+        std::fill(u, u + 16, 0.5f), std::fill(v, v + 16, 0.5f);
+        return;
+    }
+    PathRandom randoms[16];
+    for (int lane = 0; lane < 16; ++lane)
+        randoms[lane] = PathRandom(settings.seed ^ kPlaces, x + (lane & 3), y + (lane >> 2), sample);
+    nextPairs(randoms, u, v);
 }
 
 /// Even points of the square to even points of the disk of radius 1 (Shirley & Chiu 1997): neighbours stay together.
@@ -128,12 +136,11 @@ std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const R
         return active;
     }
     alignas(32) float u[16], v[16];
+    samplePlaces(settings, x0 + bx, y0 + by, sample, u, v);
     for (int lane = 0; lane < 16; ++lane) {
         rays.active[lane] = -static_cast<std::int32_t>(active >> lane & 1u);
-        const int column = lane & 3, row = lane >> 2;
-        const Vec2f place = samplePlace(settings, x0 + bx + column, y0 + by + row, sample);
-        u[lane] = b.x + static_cast<float>(column) + place.x;
-        v[lane] = b.y + static_cast<float>(row) + place.y;
+        u[lane] += b.x + static_cast<float>(lane & 3);
+        v[lane] += b.y + static_cast<float>(lane >> 2);
     }
     raysThrough(camera, settings, b, u, v, rays);
     if (camera.lensRadius > 0 && settings.samplesPerPixel > 1)

@@ -108,6 +108,54 @@ TEST(Emitters, AreChosenWithTheProbabilityThatIsTold) {
     }
 }
 
+// Eight surfaces at once: bit for bit what each alone chooses, also where some see no light, at a root that holds the
+// emitters and above a tree of them.
+TEST(Emitters, AreChosenByEightAsByOne) {
+    constexpr int kSeed = 11;
+    for (const bool many : {false, true}) {
+        const Table t(many ? lampsAndThings(kSeed)
+                           : "Viewpoint { } Transform { translation 1 2 3 children Shape { appearance Appearance { "
+                             "material Material { emissiveColor 1 1 0 } } geometry IndexedFaceSet { coordIndex [0 1 2 "
+                             "3 -1] coord Coordinate { point [-1 0 -1, 1 0 -1, 1 0 1, -1 0 1] } } } }");
+        ASSERT_EQ(t.emitters.size() > 8, many);
+        std::mt19937 random(kSeed);
+        std::normal_distribution<float> normal;
+        std::uniform_real_distribution<float> at(-7, 7), unit(0, 1);
+        int none = 0, some = 0;
+        for (int round = 0; round < 500; ++round) {
+            alignas(32) float x[3][8], n[3][8], u[8];
+            for (int lane = 0; lane < 8; ++lane) {
+                const Vec3f up = glm::normalize(Vec3f(normal(random), normal(random), normal(random)));
+                for (int c = 0; c < 3; ++c) x[c][lane] = at(random), n[c][lane] = up[c];
+                u[lane] = unit(random);
+            }
+            const auto lanes = static_cast<std::uint32_t>(random() & 0xFFu);
+            const auto choices =
+                t.emitters.sample({simd::load(x[0]), simd::load(x[1]), simd::load(x[2])},
+                                  {simd::load(n[0]), simd::load(n[1]), simd::load(n[2])}, simd::load(u), lanes);
+            for (int lane = 0; lane < 8; ++lane) {
+                if (!(lanes >> lane & 1u)) {
+                    EXPECT_EQ(choices.thing[lane], Emitters::kNone);
+                    continue;
+                }
+                const auto alone = t.emitters.sample({x[0][lane], x[1][lane], x[2][lane]},
+                                                     {n[0][lane], n[1][lane], n[2][lane]}, u[lane]);
+                EXPECT_EQ(choices.thing[lane], alone.emitter) << many << ' ' << round << ' ' << lane;
+                if (alone.emitter == Emitters::kNone) {
+                    ++none;
+                    continue;
+                }
+                ++some;
+                EXPECT_EQ(choices.probability[lane], alone.probability) << many << ' ' << round << ' ' << lane;
+            }
+        }
+        EXPECT_GT(some, 500);
+        if (!many) {
+            EXPECT_GT(none, 100);
+        }
+    }
+}
+
 TEST(Emitters, AreFoundByWhatARayHits) {
     const Table t(lampsAndThings(3));
     for (std::uint32_t e = 0; e < t.emitters.size(); ++e) {
@@ -210,6 +258,7 @@ TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
         {"a wall that is lit too", floorOf("Material { diffuseColor .8 .8 .8 }") +
                                        "Transform { translation -1 0 0 rotation 0 0 1 -1.5707963 children " +
                                        floorOf("Material { diffuseColor .8 .8 .8 }") + "}"},
+        {"a plane that cuts the lamp", "ClipPlane { plane 1 0 0 0 }\n" + floorOf("Material { diffuseColor .8 .8 .8 }")},
         {"partly covered", floorOf("Material { diffuseColor .8 .8 .8 transparency .4 }")},
     };
     for (const auto& scene : scenes) {
@@ -220,6 +269,17 @@ TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
         EXPECT_GT(bounced.value, 1e-3);
         EXPECT_LT(found.error, 3 * bounced.error + 1e-6);
     }
+}
+
+// A level of detail that only sound meets lights nothing.
+TEST(PathEmitters, WhatIsNotSeenDoesNotShine) {
+    const std::string matteFloor = floorOf("Material { diffuseColor .8 .8 .8 }");
+    const auto leveled = [&](const std::string& near, const std::string& far) {
+        return emitterMean(kLookDown + matteFloor + "LOD { range [ .01 ] children [ " + near + " " + far + " ] }", 16)
+            .value;
+    };
+    EXPECT_EQ(leveled(panel(1, 1.5), "Group { }"), 0);
+    EXPECT_GT(leveled("Group { }", panel(1, 1.5)), 0.1);
 }
 
 // One-sided panels shine to their front only, two-sided ones to both, textured and coloured ones with what is there.

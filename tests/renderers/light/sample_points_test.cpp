@@ -79,6 +79,51 @@ TEST(PacketRandom, GivesEachLaneWhatItsPathRandomGives) {
         }
 }
 
+TEST(PacketRandom, SkipsWhatNobodyWants) {
+    for (const bool apart : {false, true}) {
+        trace::PathTask tasks[16];
+        std::vector<PathRandom> alone;
+        for (int lane = 0; lane < 16; ++lane) {
+            PathRandom random = PathRandom::ofPicture(5, 40 + lane, 17, lane, 100);
+            if (apart && lane == 3) random.next();
+            tasks[lane].random = random.state();
+            alone.push_back(random);
+        }
+        trace::PacketRandom packet(tasks, 0xFFFF);
+        alignas(64) float one[16];
+        packet.skip(), packet.skip(), packet.next(one);
+        for (int lane = 0; lane < 16; ++lane) {
+            PathRandom& random = alone[static_cast<std::size_t>(lane)];
+            random.next(), random.nextPair();
+            EXPECT_EQ(one[lane], random.next()) << apart << ' ' << lane;
+            EXPECT_EQ(packet.state(lane), random.state()) << apart << ' ' << lane;
+        }
+    }
+}
+
+TEST(PacketRandom, BeginsSixteenPixelsAsPathRandomBeginsEach) {
+    for (const int samples : {1, 4, 100, 1 << 20})
+        for (const int x0 : {0, 12, 250, 5000})
+            for (const int y0 : {0, 40, 254}) {
+                int x[16], y[16];
+                std::uint64_t states[16];
+                PathRandom randoms[16];
+                for (int lane = 0; lane < 16; ++lane) {
+                    x[lane] = x0 + lane % 4, y[lane] = y0 + lane / 4;
+                    randoms[lane] = PathRandom(9, x[lane], y[lane], samples - 1);
+                }
+                trace::randomOfPicture(9, x, y, samples - 1, samples, states);
+                alignas(64) float u[16], v[16];
+                trace::nextPairs(randoms, u, v);
+                for (int lane = 0; lane < 16; ++lane) {
+                    EXPECT_EQ(states[lane], PathRandom::ofPicture(9, x[lane], y[lane], samples - 1, samples).state());
+                    PathRandom alone(9, x[lane], y[lane], samples - 1);
+                    EXPECT_EQ(Vec2f(u[lane], v[lane]), alone.nextPair());
+                    EXPECT_EQ(randoms[lane].state(), alone.state());
+                }
+            }
+}
+
 TEST(PathRandom, SamplesOfAPixelAreANetInEveryCall) {
     for (const bool ofPicture : {false, true})
         for (int pixel = 0; pixel < 20; ++pixel) {
