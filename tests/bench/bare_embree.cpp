@@ -65,6 +65,20 @@ void forPackets(const std::vector<Vec3f>& directions, const Trace& trace) {
 
 }  // namespace
 
+AskedPacket::AskedPacket(const RayPacket16& rays) {
+    const auto copy = [](float* to, const float* from) { std::memcpy(to, from, 16 * sizeof(float)); };
+    copy(origin[0], rays.originX), copy(origin[1], rays.originY), copy(origin[2], rays.originZ);
+    copy(direction[0], rays.directionX), copy(direction[1], rays.directionY), copy(direction[2], rays.directionZ);
+    copy(tMin, rays.tMin), copy(tMax, rays.tMax);
+    std::memcpy(active, rays.active, sizeof active);
+}
+Ray AskedPacket::ray(int lane) const {
+    return {{origin[0][lane], origin[1][lane], origin[2][lane]},
+            tMin[lane],
+            {direction[0][lane], direction[1][lane], direction[2][lane]},
+            tMax[lane]};
+}
+
 struct FlatScene::Impl {
     Device device;
     RTCScene scene = nullptr;
@@ -112,6 +126,29 @@ double FlatScene::trace(std::span<const AskedRay> rays) const {
         }
     }
     keep(hits);
+    return cpuSeconds() - start;
+}
+double FlatScene::trace(std::span<const AskedPacket> packets, bool coherent, bool any) const {
+    bvh::RayCast cast(coherent);
+    RTCRayHit16 r;
+    std::memset(&r, 0, sizeof r);
+    std::memset(r.ray.mask, 0xff, sizeof r.ray.mask);
+    float found = 0;
+    const double start = cpuSeconds();
+    for (const AskedPacket& p : packets) {
+        std::memcpy(r.ray.org_x, p.origin, sizeof p.origin);  // three arrays in a row, in both
+        std::memcpy(r.ray.dir_x, p.direction, sizeof p.direction);
+        std::memcpy(r.ray.tnear, p.tMin, sizeof p.tMin), std::memcpy(r.ray.tfar, p.tMax, sizeof p.tMax);
+        if (any) {
+            cast.occluded(p.active, impl_->scene, r.ray);
+        } else {
+            std::memset(r.hit.geomID, 0xff, sizeof r.hit.geomID);
+            std::memset(r.hit.instID, 0xff, sizeof r.hit.instID);
+            cast.intersect(p.active, impl_->scene, r);
+        }
+        found += r.ray.tfar[0];
+    }
+    keep(found);
     return cpuSeconds() - start;
 }
 std::size_t FlatScene::triangles() const {

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
@@ -17,6 +18,16 @@ namespace rtsg::bench {
 struct AskedRay {
     Ray ray;
     bool any = false;  // whether something is in the way, no matter what
+};
+
+/// Sixteen of them that are asked together.
+struct alignas(64) AskedPacket {
+    float origin[3][16], direction[3][16];
+    float tMin[16], tMax[16];
+    std::int32_t active[16];  // -1: asked; 0: not there
+
+    explicit AskedPacket(const RayPacket16& rays);
+    Ray ray(int lane) const;
 };
 
 /// Everything of a ray world in one flat scene: each instance's triangles in ray space.
@@ -34,6 +45,9 @@ class FlatScene {
     std::size_t triangles() const;
     /// CPU seconds to trace single rays.
     double trace(std::span<const AskedRay> rays) const;
+    /// The same for packets, of which nothing is told but whether something is in the way if `any`. `coherent`:
+    /// Embree's hint that they run side by side.
+    double trace(std::span<const AskedPacket> packets, bool coherent, bool any) const;
 
     struct Impl;
     const Impl& impl() const { return *impl_; }

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -18,6 +17,7 @@
 #include "bench.h"
 #include "charts.h"
 #include "cycles.h"
+#include "path_rays.h"
 #include "pov_ray.h"
 #include "under_sky.h"
 
@@ -31,6 +31,18 @@ constexpr double kError = 0.05;
 std::string lamp(double radiance, bool mirrors) {
     return fmt::format("material Material {{ diffuseColor 0 0 0 emissiveColor {0} {0} {0} {1} }}", radiance,
                        mirrors ? "metadata MetadataFloat { name \"reflectivity\" reference \"RTSG\" value 1e-7 }" : "");
+}
+
+/// Where the square lamps of a room are, and half a side of each.
+std::vector<Vec3f> lampMiddles(int lamps) {
+    const int side = static_cast<int>(std::ceil(std::sqrt(lamps)));
+    std::vector<Vec3f> middles;
+    for (int i = 0; i < lamps; ++i)
+        middles.emplace_back((i % side + .5) / side * 3 - 1.5, 1.49, (i / side + .5) / side * 3 - 1.5);
+    return middles;
+}
+double lampHalf(int lamps) {
+    return std::sqrt(.18 / lamps) / 2;
 }
 
 /// A white room of 4 x 3 x 4 m with a ball and a box, and `lamps` square lamps of .18 m2 together under its ceiling.
@@ -47,20 +59,19 @@ std::string panelRoom(int lamps, bool mirrors, bool seen = true) {
         ".8 .3 .2 specularColor .2 .2 .2 shininess .3 } } geometry Sphere { radius .5 } } }\n"
         "Transform { translation .6 -1 0 children Shape { appearance Appearance { material PhysicalMaterial { "
         "baseColor .2 .5 .8 roughness .4 metallic .5 } } geometry Box { size .8 1 .8 } } }\n";
-    const int side = static_cast<int>(std::ceil(std::sqrt(lamps)));
-    const double half = std::sqrt(.18 / lamps) / 2;
-    for (int i = 0; i < lamps; ++i)
+    const double half = lampHalf(lamps);
+    for (const Vec3f& middle : lampMiddles(lamps))
         text += fmt::format(
-            "Transform {{ translation {0} 1.49 {1} children Shape {{ appearance Appearance {{ {2} }} geometry "
+            "Transform {{ translation {0} {4} {1} children Shape {{ appearance Appearance {{ {2} }} geometry "
             "IndexedFaceSet {{ coordIndex [0 1 2 3 -1] coord Coordinate {{ point [-{3} 0 -{3}, {3} 0 -{3}, {3} 0 {3}, "
             "-{3} 0 {3}] }} }} }} }}\n",
-            (i % side + .5) / side * 3 - 1.5, (i / side + .5) / side * 3 - 1.5, lamp(1, mirrors), half);
+            middle.x, middle.z, lamp(1, mirrors), half, middle.y);
     return text;
 }
 
 struct Known {
     double seconds = 0, error = 0;
-    double rays = 0;
+    PathRayCounts rays;
 };
 
 /// The picture of a room sampled until `error` or `most` samples a pixel.
@@ -75,39 +86,34 @@ Known picture(int lamps, bool mirrors, int side, double error, int most, bool se
     RenderStats stats;
     const double start = cpuSeconds();
     keep(light.picture(options, &stats));
-    return {cpuSeconds() - start, stats.error,
-            static_cast<double>(stats.primaryRays + stats.shadowRays + stats.secondaryRays)};
+    return {cpuSeconds() - start,
+            stats.error,
+            {static_cast<double>(stats.primaryRays), static_cast<double>(stats.secondaryRays),
+             static_cast<double>(stats.shadowRays)}};
 }
 
-/// Seconds a ray of the kind that paths send, by Embree alone.
-double bareSecondsPerRay() {
+/// CPU seconds that Embree alone takes for the rays of a picture: as many of each kind, through the same room.
+double raysAlone(int lamps, int side, const PathRayCounts& counts, bool seen = true) {
     Scene scene;
     Diagnostics diagnostics;
-    loadText(scene, panelRoom(2, false), diagnostics);
+    loadText(scene, panelRoom(lamps, false, seen), diagnostics);
     SharedWorld world(scene);
     scene.newFrame(0);
-    const FlatScene bare(world.rays(), false);
-    std::mt19937 random(5);
-    std::uniform_real_distribution<float> unit(-1, 1);
-    std::vector<AskedRay> rays(200'000);
-    for (AskedRay& asked : rays) {
-        asked.ray.origin = Vec3f(1.9f * unit(random), 1.4f * unit(random), 1.9f * unit(random));
-        asked.ray.direction = glm::normalize(Vec3f(unit(random), unit(random), unit(random)) + Vec3f(1e-3f));
-    }
-    std::vector<double> seconds;
-    for (int run = 0; run < 5; ++run) seconds.push_back(bare.trace(rays));
-    return median(seconds) / static_cast<double>(rays.size());
+    PathRays::Lamps places{lampMiddles(lamps), static_cast<float>(lampHalf(lamps))};
+    // Any direction of view has rays like another's in it.
+    const PathRays rays(world.rays(), {{0, 0, 1.9f}, seen ? 1.0f : .8f}, places, side, 4, counts);
+    return rays.leastSeconds(world.rays(), counts);
 }
 
 /// The same room by Cycles: from what some samples reach, as all of its pixels get the same number.
-void besideCycles(const Report& report, const Known& ours, int side, double raysAlone) {
+void besideCycles(const Report& report, const Known& ours, int side, double alone) {
     const auto cycles = hasCycles() ? cyclesRoom(side, 64) : std::nullopt;
     std::string name = "room lit by 2 panels, beside Cycles";
     if (!cycles) name += hasCycles() ? " (blender could not make it)" : " (blender is not installed)";
     report({"paths", name, "CPU time to 5 % relative error", "s", ours.seconds,
             cycles ? "Cycles of Blender " + cycles->version : std::string(),
-            cycles ? cycles->seconds * std::pow(cycles->error / kError, 2) : 0, "as many rays through bare Embree",
-            raysAlone});
+            cycles ? cycles->seconds * std::pow(cycles->error / kError, 2) : 0,
+            "the same kinds of rays through bare Embree", alone});
 }
 
 /// Scenes of `rtsg bench frames` in the open, and the share of their triangles that is enough here.
@@ -148,25 +154,26 @@ void underSky(const Report& report, int side) {
 
 void paths(const Report& report, bool quick) {
     const int side = quick ? 48 : 128;
-    const double ray = bareSecondsPerRay();
     const Known known = picture(2, false, side, kError, 1 << 16);
     // By bounces alone, from what 64 samples reach: the error falls with the root of the time. What few samples have
     // not met yet is missing in their error, so this is the least it takes.
     const Known bounced = picture(2, true, side, 1e-6, quick ? 64 : 256);
     const double bouncedSeconds = bounced.seconds * bounced.error * bounced.error / (kError * kError);
+    const double alone = raysAlone(2, side, known.rays);
     report({"paths", "room lit by 2 panels", "CPU time to 5 % relative error", "s", known.seconds, "bounces alone",
-            bouncedSeconds, "as many rays through bare Embree", known.rays * ray});
+            bouncedSeconds, "the same kinds of rays through bare Embree", alone});
     if (!quick) {
-        besideCycles(report, known, side, known.rays * ray);
+        besideCycles(report, known, side, alone);
         underSky(report, side);
     }
     const Known many = picture(1000, false, side, kError, 1 << 16);
     report({"paths", "room lit by 1,000 lamps", "CPU time to 5 % relative error", "s", many.seconds, "2 panels",
-            known.seconds, "as many rays through bare Embree", many.rays * ray});
+            known.seconds, "the same kinds of rays through bare Embree", raysAlone(1000, side, many.rays)});
     const Known one = picture(1, false, side, kError, 1 << 16, false),
                 unseen = picture(1000, false, side, kError, 1 << 16, false);
     report({"paths", "room lit by 1,000 lamps out of sight", "CPU time to 5 % relative error", "s", unseen.seconds,
-            "one lamp", one.seconds, "as many rays through bare Embree", unseen.rays * ray});
+            "one lamp", one.seconds, "the same kinds of rays through bare Embree",
+            raysAlone(1000, side, unseen.rays, false)});
 }
 
 namespace {

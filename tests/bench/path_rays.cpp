@@ -1,0 +1,119 @@
+// Paths without their pictures: where they go, and what they ask.
+#include "path_rays.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "bench.h"
+
+namespace rtsg::bench {
+
+namespace {
+
+constexpr int kTile = 16;      // pixels a side, whose paths go together
+constexpr float kOff = 1e-4f;  // metres from a surface
+
+/// With the density of cosines about the normal.
+Vec3f scattered(const Vec3f& normal, float u, float v) {
+    const float turn = 2 * std::numbers::pi_v<float> * u, height = 2 * v - 1, radius = std::sqrt(1 - height * height);
+    const Vec3f around = normal + Vec3f(radius * std::cos(turn), radius * std::sin(turn), height);
+    const float length = glm::length(around);
+    return length > 1e-4f ? around / length : normal;
+}
+
+/// Per ray, at best.
+double leastPerRay(const FlatScene& scene, const std::vector<AskedPacket>& packets, bool any) {
+    std::vector<AskedRay> single;
+    for (const AskedPacket& p : packets)
+        for (int lane = 0; lane < 16; ++lane)
+            if (p.active[lane]) single.push_back({p.ray(lane), any});
+    if (single.empty()) return 0;
+    std::vector<double> alone, together, coherent;
+    for (int run = 0; run < 5; ++run) {
+        alone.push_back(scene.trace(single));
+        together.push_back(scene.trace(packets, false, any));
+        if (!any) coherent.push_back(scene.trace(packets, true, any));
+    }
+    double least = std::min(median(alone), median(together));
+    if (!any) least = std::min(least, median(coherent));
+    return least / static_cast<double>(single.size());
+}
+
+}  // namespace
+
+PathRays::PathRays(const RayWorld& world, const Eye& eye, const Lamps& lamps, int side, int samples,
+                   const PathRayCounts& counts) {
+    const double goesOn = counts.bounced / (counts.bounced + counts.fromEye);
+    const float width = 2 * std::tan(eye.fieldOfView / 2) / static_cast<float>(side);
+    std::uniform_real_distribution<float> unit;
+    std::vector<Way> now, next;
+    for (int tile = 0; tile < side / kTile * (side / kTile); ++tile) {
+        const int x0 = tile % (side / kTile) * kTile, y0 = tile / (side / kTile) * kTile;
+        for (int block = 0; block < kTile; ++block)
+            for (int sample = 0; sample < samples; ++sample) {
+                RayPacket16 rays;
+                for (int lane = 0; lane < 16; ++lane) {
+                    const int x = x0 + block % 4 * 4 + lane % 4 - side / 2,
+                              y = y0 + block / 4 * 4 + lane / 4 - side / 2;
+                    const Vec3f way(width * (static_cast<float>(x) + unit(random_)),
+                                    width * (static_cast<float>(y) + unit(random_)), -1);
+                    rays.set(lane, {eye.place, 0, glm::normalize(way)});
+                }
+                fromEye_.emplace_back(rays);
+                follow(world, lamps, rays, goesOn, next);
+            }
+        while (!next.empty()) {
+            now.swap(next);
+            next.clear();
+            for (std::size_t first = 0; first < now.size(); first += 16) {
+                RayPacket16 rays;
+                for (std::size_t lane = 0; lane < 16; ++lane) {
+                    rays.skip(static_cast<int>(lane));
+                    if (first + lane >= now.size()) continue;
+                    rays.set(static_cast<int>(lane), {now[first + lane].origin, 0, now[first + lane].direction});
+                }
+                bounced_.emplace_back(rays);
+                follow(world, lamps, rays, goesOn, next);
+            }
+        }
+    }
+}
+
+void PathRays::follow(const RayWorld& world, const Lamps& lamps, RayPacket16& rays, double goesOn,
+                      std::vector<Way>& next) {
+    const std::uint32_t hits = world.intersect(rays);
+    std::uniform_real_distribution<float> unit;
+    RayPacket16 asked;
+    bool any = false;
+    for (int lane = 0; lane < 16; ++lane) {
+        asked.skip(lane);
+        if (!(hits >> lane & 1u)) continue;
+        const Hit hit = world.hit(rays, lane);
+        const Ray ray = rays.ray(lane);
+        const Vec3f normal = glm::dot(hit.normal, ray.direction) < 0 ? hit.normal : -hit.normal;
+        const Vec3f place = ray.origin + hit.t * ray.direction + kOff * normal;
+        const Vec3f& middle = lamps.middles[random_() % lamps.middles.size()];
+        const Vec3f lamp =
+            middle + lamps.half * Vec3f(2 * unit(random_) - 1, 0, 2 * unit(random_) - 1) - Vec3f(0, kOff, 0);
+        const Vec3f way = lamp - place;
+        if (glm::dot(way, normal) > 0 && way.y > 0) asked.set(lane, {place, 0, way, 1}), any = true;
+        if (double{unit(random_)} < goesOn) next.push_back({place, scattered(normal, unit(random_), unit(random_))});
+    }
+    if (any) toLamps_.emplace_back(asked);
+}
+
+double PathRays::leastSeconds(const RayWorld& world, const PathRayCounts& counts) const {
+    double fromEye = std::numeric_limits<double>::infinity(), bounced = fromEye, toLamps = fromEye;
+    for (const bool robust : {false, true}) {
+        const FlatScene bare(world, robust);
+        fromEye = std::min(fromEye, leastPerRay(bare, fromEye_, false));
+        bounced = std::min(bounced, leastPerRay(bare, bounced_, false));
+        toLamps = std::min(toLamps, leastPerRay(bare, toLamps_, true));
+    }
+    return counts.fromEye * fromEye + counts.bounced * bounced + counts.toLamps * toLamps;
+}
+
+}  // namespace rtsg::bench
