@@ -15,6 +15,9 @@ namespace {
 /// Of the block's mean variance in a pixel's.
 constexpr double kOthersShare = 0.2;
 
+/// How far a block's error may stay above what is asked for, where others of its tile make up for it.
+constexpr double kWorstBlock = 1.1;
+
 /// Sums over the samples of each group, by pixel.
 class Moments {
   public:
@@ -98,22 +101,17 @@ class Sampling {
           tile_(tile) {}
 
     void run() {
-        std::uint32_t blocks = (1u << kBlocks) - 1;
-        for (int samples = 0; blocks;) {
-            // An eighth more each time: more often costs coherence, more seldom samples that were not needed.
-            const auto eighth = static_cast<int>(std::bit_floor(static_cast<unsigned>(samples)) / 8);
-            const int limit = most_ / groups_, step = samples == 0 ? firstStep_ : std::max(leastStep_, eighth);
-            const int next = limit - (samples + step) < leastStep_ ? limit : samples + step;
-            if (next == samples) break;
-            for (int group = 0; group < groups_; ++group) sample(group, blocks, samples, next);
-            samples = next;
-            for (int block = 0; block < kBlocks; ++block) {
-                if (!(blocks >> block & 1u)) continue;
-                samples_[static_cast<std::size_t>(block)] = samples;
-                if (isEnough(block)) blocks &= ~(1u << block);
+        for (std::uint32_t blocks = (1u << kBlocks) - 1; blocks; blocks = choose()) {
+            // Those that have as many go together.
+            for (std::uint32_t rest = blocks; rest;) {
+                const int samples = samples_[static_cast<std::size_t>(std::countr_zero(rest))];
+                std::uint32_t same = 0;
+                for (int block = 0; block < kBlocks; ++block)
+                    if (samples_[static_cast<std::size_t>(block)] == samples) same |= 1u << block;
+                advance(same & rest, samples);
+                rest &= ~same;
             }
         }
-        tile_.ranOut = blocks;
         tell();
     }
 
@@ -146,15 +144,60 @@ class Sampling {
         }
     }
 
-    bool isEnough(int block) const {
-        double squares = 0;
-        int pixels = 0;
+    /// How many samples of each group these lead to.
+    int after(int samples) const {
+        // An eighth more each time: more often costs coherence, more seldom samples that were not needed.
+        const auto eighth = static_cast<int>(std::bit_floor(static_cast<unsigned>(samples)) / 8);
+        const int limit = most_ / groups_, step = samples == 0 ? firstStep_ : std::max(leastStep_, eighth);
+        return limit - (samples + step) < leastStep_ ? limit : samples + step;
+    }
+
+    void advance(std::uint32_t blocks, int samples) {
+        const int next = after(samples);
+        for (int group = 0; group < groups_; ++group) sample(group, blocks, samples, next);
+        for (int block = 0; block < kBlocks; ++block)
+            if (blocks >> block & 1u) samples_[static_cast<std::size_t>(block)] = next, look(block);
+    }
+
+    /// Of the pixels of a block, the sum of their squared errors over what is asked for.
+    void look(int block) {
+        const auto at = static_cast<std::size_t>(block);
+        squares_[at] = pixels_[at] = 0;
         for (int pixel = 0; pixel < kTilePixels; ++pixel) {
             if (blockOf(pixel) != block || !inside(pixel)) continue;
-            const double e = moments_.relativeError(pixel, samplesOf(pixel));
-            squares += e * e, ++pixels;
+            const double e = moments_.relativeError(pixel, samples_[at]) / double{settings_.error};
+            squares_[at] += e * e, ++pixels_[at];
         }
-        return squares <= double{settings_.error} * double{settings_.error} * pixels;
+    }
+
+    /// The blocks that are to go on; none if the tile has enough, or all that it may have.
+    std::uint32_t choose() {
+        double sum = 0, pixels = 0;
+        std::vector<int> worse;  // than what is asked for
+        tile_.ranOut = 0;
+        for (int block = 0; block < kBlocks; ++block) {
+            const auto at = static_cast<std::size_t>(block);
+            const bool isWorse = squares_[at] > pixels_[at];
+            if (isWorse && samples_[at] == most_ / groups_) {
+                tile_.ranOut |= 1u << block;
+                continue;
+            }
+            sum += squares_[at], pixels += pixels_[at];
+            if (isWorse) worse.push_back(block);
+        }
+        const auto perPixel = [&](int block) {
+            return squares_[static_cast<std::size_t>(block)] / pixels_[static_cast<std::size_t>(block)];
+        };
+        std::ranges::sort(worse, [&](int a, int b) { return perPixel(a) > perPixel(b); });
+        std::uint32_t chosen = 0;
+        for (const int block : worse) {
+            if (sum <= pixels && perPixel(block) <= kWorstBlock * kWorstBlock) break;
+            const auto at = static_cast<std::size_t>(block);
+            chosen |= 1u << block;
+            // What is expected of it then: variances fall as samples grow.
+            sum -= squares_[at] * (1 - double(samples_[at]) / after(samples_[at]));
+        }
+        return chosen;
     }
 
     void tell() const {
@@ -186,7 +229,8 @@ class Sampling {
     /// middle of its pixel: there each step is a sequence of its own, and not too short.
     const int firstStep_, leastStep_;
     Moments moments_;
-    std::array<int, kBlocks> samples_{};  // of each group
+    std::array<int, kBlocks> samples_{};                // of each group
+    std::array<double, kBlocks> squares_{}, pixels_{};  // of relative errors over what is asked for; inside the picture
     AdaptiveTile& tile_;
 };
 

@@ -2,9 +2,10 @@
 //
 // A pixel's samples are of a few groups, each a sequence of its own that is scrambled on its own: the groups' means are
 // independent of each other and tell the error of their mean, of points that are better than random ones too (L'Ecuyer
-// 2018, "Randomized quasi-Monte Carlo", section 3). All groups grow alike. A block of four by four pixels goes on until
-// the errors of all of it are small enough together: none ends because of its own luck alone, which keeps intervals
-// honest.
+// 2018, "Randomized quasi-Monte Carlo", section 3). All groups grow alike. The tile goes on until its error is as small
+// as asked for and that of no block of four by four pixels is more than a tenth above it; those that are worst go on
+// first. None ends because of its own luck alone, which keeps intervals honest, and what whole steps bring too much in
+// some blocks others are spared.
 // Units: errors are standard errors over (value + kErrorFloor), of the brightest channel. Threading: as tiles.
 #pragma once
 

@@ -1,6 +1,7 @@
 // Sampling until an error is reached: what is told of the error is what the error is.
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -103,6 +104,37 @@ TEST(Adaptive, SamplesGoWhereTheErrorIs) {
     byPaths(room, 0.05f);
     room.options.settings.threads = 1;
     EXPECT_EQ(room.picture().pixels, known.pixels);
+}
+
+// What whole steps bring too much in some blocks, others of the tile are spared, by a tenth of the error at most.
+TEST(Adaptive, TilesEndNearWhatIsAskedForAndNoBlockFarAbove) {
+    constexpr int kSide = 32, kBlock = 4;
+    LightScene s(kPanelRoom, kSide, kSide);
+    for (const float error : {0.05f, 0.02f}) {
+        SCOPED_TRACE(error);
+        byPaths(s, error);
+        const Picture p = s.picture();
+        EXPECT_LE(s.stats.error, error);
+        EXPECT_GT(s.stats.error, 0.95f * error);
+        double worst = 0;
+        for (int block = 0; block < kSide * kSide / (kBlock * kBlock); ++block) {
+            double squares = 0;
+            for (int pixel = 0; pixel < kBlock * kBlock; ++pixel) {
+                const int x = block % (kSide / kBlock) * kBlock + pixel % kBlock,
+                          y = block / (kSide / kBlock) * kBlock + pixel / kBlock;
+                const auto at = static_cast<std::size_t>(y * kSide + x);
+                const Vec3f& off = p.interval[at];
+                const Vec4f& value = p.pixels[at];
+                const double e = std::max({off.x, off.y, off.z}) / trace::studentQuantile(trace::kGroups - 1) /
+                                 (std::max({value.r, value.g, value.b}) + double{kErrorFloor});
+                squares += e * e / (kBlock * kBlock);
+            }
+            worst = std::max(worst, std::sqrt(squares));
+        }
+        // Intervals hold a little of the neighbours' errors, too: those of dark pixels are wider for it.
+        EXPECT_LT(worst, 1.25 * error);
+        EXPECT_GT(worst, error);
+    }
 }
 
 TEST(Adaptive, WhatRanOutOfSamplesIsTold) {
