@@ -209,7 +209,8 @@ class BatchTracer {
           batch_(batch),
           random_(seed),
           exitRandom_(Random::mix(seed, 0xE517)),
-          looks_(ears_) {
+          looks_(ears_),
+          choice_(task.planes.size()) {
         batch_.heard.resize(ears_.size());
         if (std::any_of(ears_.begin(), ears_.end(), [](const Ear& ear) { return !ear.images.all().empty(); }))
             for (std::size_t i = 0; i < ears_.size(); ++i) {
@@ -310,7 +311,8 @@ class BatchTracer {
 
     /// Each ray to the next wall and what is heard of it there.
     void step(int count) {
-        AcousticRays rays;
+        AcousticRays& rays = asked_;
+        rays.count = 0;
         for (int i = 0; i < count; ++i) {
             const Ray& ray = lanes_[i];
             rays.add(ray.origin, ray.facing, ray.direction, maxDistance_ - ray.travelled, ray.plane);
@@ -320,8 +322,6 @@ class BatchTracer {
         for (int i = 0; i < count; ++i)
             lanes_[i].ended =
                 !goOn(lanes_[i], (met >> i & 1) != 0, rays.maxDistance[i], hits[static_cast<std::size_t>(i)]);
-        // Of several listeners few are looked for in a step: such questions wait for others.
-        if (ears_.size() == 1 && choice_.size() == 0) askEvents();
     }
 
     /// Counts what is heard where nothing is in between.
@@ -453,7 +453,10 @@ class BatchTracer {
         ray.origin = point;
         ray.plane = hit.plane;
         ray.facing = glm::dot(ray.direction, facing) < 0 ? -facing : facing;
-        for (double& e : ray.energy) e *= all / share;
+        if constexpr (N == 1)
+            ray.energy[0] = all;
+        else
+            for (double& e : ray.energy) e *= all / share;
         return largest<N>(ray.energy) >= ray.roulette * initial_ || survives(ray);
     }
 
@@ -498,7 +501,7 @@ class BatchTracer {
         add<N>(batch_.heard[who].tried, energy, weight);
         const double inverse = 1 / distance;
         const glm::dvec3 direction = toListener * inverse;
-        const double factor = weight * towards * inverse / (std::numbers::pi * squared);
+        const double factor = weight * towards * (inverse * inverse * inverse) * std::numbers::inv_pi;
         if (!task_.transmits) {
             ask(who, energy, factor, travelled + distance, point, normal, direction, distance, wall);
             return;
@@ -521,9 +524,10 @@ class BatchTracer {
     void connectSome(const glm::dvec3& point, const glm::dvec3& normal, const Energy<N>& energy,
                      const AcousticHit& wall, double travelled, bool early) {
         const double looks = early ? earlyLooks_ : laterLooks_;
+        const std::size_t side = 2 * std::size_t{wall.plane} + (glm::dot(normal, wall.normal) > 0 ? 1 : 0);
         for (int left = static_cast<int>(looks + random_.uniform()); left > 0; --left) {
             std::size_t which = 0;
-            const double chance = choice_.choose(point, normal, random_.uniform(), which) * looks;
+            const double chance = choice_.choose(side, point, normal, random_.uniform(), which) * looks;
             if (!(chance > 0)) return;
             const ListenerChoice::Target& target = choice_.target(which);
             if (target.image == ListenerImages::kNone)
@@ -543,9 +547,10 @@ class BatchTracer {
         if (travelled + distance >= maxDistance_) return;
         add<N>(batch_.heard[target.ear].tried, energy, weight);
         const int at = connections_.rays.count;
-        connections_.rays.add(point, normal, toImage / distance, distance, wall.plane, wall.clear);
+        const double inverse = 1 / distance;
+        connections_.rays.add(point, normal, toImage * inverse, distance, wall.plane, wall.clear);
         connections_.of[at] = {energy,
-                               weight * towards / (distance * std::numbers::pi * squared),
+                               weight * towards * (inverse * inverse * inverse) * std::numbers::inv_pi,
                                travelled + distance,
                                target.ear,
                                target.image,
@@ -591,6 +596,7 @@ class BatchTracer {
     Random random_, exitRandom_;  // the latter changes nothing that is heard
     double initial_ = 1, shiftU_ = 0, shiftV_ = 0;
     Ray lanes_[AcousticRays::kMost];
+    AcousticRays asked_;  // of the lanes
     /// What is heard of the walls of one step if nothing is in between.
     struct {
         AcousticRays rays;

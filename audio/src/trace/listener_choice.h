@@ -1,7 +1,9 @@
 // ListenerChoice: which of the listeners and their mirror images to look for from a wall that scatters.
 //
 // By chance, in proportion to what each would get by Lambert's law if its way were free: cos / d^2 times what its
-// mirrors leave. Chances are rounded to single precision, but each is exactly that with which its target is chosen.
+// mirrors leave. All places on one side of a plane have the same targets before them, each as far from the plane: both
+// are found once, when the side is first looked from, so that a wall weighs by 1 / d^3 alone, and only what is before
+// it. Chances are rounded to single precision, but each is exactly that with which its target is chosen.
 // Threading: one thread an object.
 #pragma once
 
@@ -23,71 +25,118 @@ class ListenerChoice {
         std::uint32_t image;  // of those of the listener; none of them: the listener itself
     };
 
-    /// `share`: of energy that mirrors leave on the way at most.
+    /// `planes`: sides 0 to 2 * planes - 1 are those of planes.
+    explicit ListenerChoice(std::size_t planes) : sideAt_(2 * planes, kUnseen) {}
+
+    /// `share`: of energy that mirrors leave on the way at most. All of them before the first choice.
     void add(const Target& target, double share) {
         if (targets_.empty()) center_ = target.position;
-        const std::size_t at = targets_.size(), padded = (at / kLanes + 1) * kLanes;
         targets_.push_back(target);
-        for (std::vector<float>* list : {&x_, &y_, &z_, &share_, &worth_}) list->resize(padded, 0.0f);
-        const glm::vec3 place(target.position - center_);
-        x_[at] = place.x, y_[at] = place.y, z_[at] = place.z;
-        share_[at] = static_cast<float>(share);
+        shares_.push_back(share);
     }
     std::size_t size() const { return targets_.size(); }
     const Target& target(std::size_t i) const { return targets_[i]; }
 
-    /// The chance with which `which` was chosen from a surface with this unit normal, by `uniform` in [0, 1); 0 if none
-    /// is before it.
-    double choose(const glm::dvec3& point, const glm::dvec3& normal, double uniform, std::size_t& which) {
-        float sums[kLanes] = {};
-        weigh(glm::vec3(point - center_), glm::vec3(normal), sums);
+    /// The chance with which `which` was chosen, by `uniform` in [0, 1), from a point on a surface with this unit
+    /// normal; 0 if none is before it. `side`: the same for all places that have plane and normal in common; of no
+    /// plane: any other number.
+    double choose(std::size_t side, const glm::dvec3& point, const glm::dvec3& normal, double uniform,
+                  std::size_t& which) {
+        const Before& before = seenFrom(side, point, normal);
+        const Lanes sums = weigh(before, glm::vec3(point - center_));
+        float upTo[kLanes];
         float all = 0;
-        for (const float sum : sums) all += sum;
+        for (std::size_t i = 0; i < kLanes; ++i) upTo[i] = all += sums[i];
         if (!(all > 0)) return 0;
+        // Counted, not searched for: what is chosen cannot be foretold, nor could a branch.
         float rest = static_cast<float>(uniform) * all;
         std::size_t lane = 0;
-        for (std::size_t i = 0; i < kLanes; ++i) {
-            if (!(sums[i] > 0)) continue;
-            lane = i;
-            if (rest < sums[i]) break;
-            rest -= sums[i];
-        }
+        for (std::size_t i = 0; i + 1 < kLanes; ++i) lane += upTo[i] <= rest;
         // Rounding may leave more than there is: then the last that might hear something.
-        for (std::size_t i = lane; i < worth_.size(); i += kLanes) {
-            if (!(worth_[i] > 0)) continue;
-            which = i;
-            if (rest < worth_[i]) break;
-            rest -= worth_[i];
-        }
-        return static_cast<double>(worth_[which]) / static_cast<double>(all);
+        while (!(sums[lane] > 0)) --lane;
+        rest -= upTo[lane] - sums[lane];
+        std::size_t row = 0;
+        float passed = 0;
+        for (std::size_t r = 0; r + 1 < before.rows.size(); ++r) row += (passed += worth_[r][lane]) <= rest;
+        while (!(worth_[row][lane] > 0)) --row;
+        which = before.of[row * kLanes + lane];
+        return static_cast<double>(worth_[row][lane]) / static_cast<double>(all);
     }
 
   private:
     static constexpr std::size_t kLanes = 8;  // so that vectors of numbers need no rest
+    static constexpr std::uint32_t kUnseen = 0xFFFFFFFF;
 
-    /// 1 / sqrt(x) to some tenths of a percent, in steps that compilers make vectors of; Lomont 2003.
-    static float rootInverse(float x) {
-        const float y = std::bit_cast<float>(0x5F375A86 - (std::bit_cast<std::int32_t>(x) >> 1));
+    // As compilers make vectors of them on every machine.
+    using Lanes = float __attribute__((vector_size(kLanes * sizeof(float))));
+    using Bits = std::int32_t __attribute__((vector_size(kLanes * sizeof(float))));
+
+    struct Row {
+        Lanes x{}, y{}, z{};  // from the center
+        Lanes worth{};        // at a distance of 1; nothing of those that fill up the last row
+    };
+    /// What is before a side.
+    struct Before {
+        std::vector<Row> rows;
+        std::vector<std::uint32_t> of;  // targets
+    };
+
+    const Before& seenFrom(std::size_t side, const glm::dvec3& point, const glm::dvec3& normal) {
+        if (side >= sideAt_.size()) {
+            find(point, normal, passing_);
+            return passing_;
+        }
+        if (sideAt_[side] == kUnseen) {
+            sideAt_[side] = static_cast<std::uint32_t>(sides_.size());
+            find(point, normal, sides_.emplace_back());
+        }
+        return sides_[sideAt_[side]];
+    }
+
+    void find(const glm::dvec3& point, const glm::dvec3& normal, Before& before) {
+        before.of.clear();
+        before.rows.clear();
+        for (std::size_t i = 0; i < targets_.size(); ++i) {
+            const double towards = glm::dot(targets_[i].position - point, normal);
+            if (!(towards > 0)) continue;
+            const std::size_t lane = before.of.size() % kLanes;
+            if (lane == 0) before.rows.emplace_back();
+            before.of.push_back(static_cast<std::uint32_t>(i));
+            Row& row = before.rows.back();
+            const glm::vec3 place(targets_[i].position - center_);
+            row.x[lane] = place.x, row.y[lane] = place.y, row.z[lane] = place.z;
+            row.worth[lane] = static_cast<float>(shares_[i] * towards);
+        }
+        worth_.resize(std::max(worth_.size(), before.rows.size()));
+    }
+
+    /// 1 / sqrt(x) to some tenths of a percent; Lomont 2003.
+    static Lanes rootInverse(const Lanes& x) {
+        const Lanes y = std::bit_cast<Lanes>(0x5F375A86 - (std::bit_cast<Bits>(x) >> 1));
         return y * (1.5f - 0.5f * x * y * y);
     }
 
-    void weigh(const glm::vec3& point, const glm::vec3& normal, float (&sums)[kLanes]) {
-        const float *const xs = x_.data(), *const ys = y_.data(), *const zs = z_.data(), *const shares = share_.data();
-        float* const worth = worth_.data();
-        for (std::size_t at = 0; at < worth_.size(); at += kLanes)
-            for (std::size_t i = 0; i < kLanes; ++i) {
-                const float x = xs[at + i] - point.x, y = ys[at + i] - point.y, z = zs[at + i] - point.z;
-                const float towards = x * normal.x + y * normal.y + z * normal.z;
-                const float inverse = rootInverse(x * x + y * y + z * z + 1e-12f);
-                const float now = shares[at + i] * std::max(towards, 0.0f) * (inverse * inverse * inverse);
-                worth[at + i] = now;
-                sums[i] += now;
-            }
+    /// What targets are worth; the sum of each column.
+    Lanes weigh(const Before& before, const glm::vec3& point) {
+        Lanes sums{};
+        Lanes* worth = worth_.data();
+        for (const Row& row : before.rows) {
+            const Lanes x = row.x - point.x, y = row.y - point.y, z = row.z - point.z;
+            const Lanes inverse = rootInverse(x * x + y * y + z * z + 1e-12f);
+            const Lanes now = row.worth * (inverse * inverse * inverse);
+            *worth++ = now;
+            sums += now;
+        }
+        return sums;
     }
 
     glm::dvec3 center_{0};
     std::vector<Target> targets_;
-    std::vector<float> x_, y_, z_, share_, worth_;
+    std::vector<double> shares_;
+    std::vector<std::uint32_t> sideAt_;  // in `sides_`
+    std::vector<Before> sides_;
+    Before passing_;
+    std::vector<Lanes> worth_;  // of each row
 };
 
 }  // namespace rtsg::trace

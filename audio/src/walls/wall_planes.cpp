@@ -201,11 +201,4 @@ void WallPlanes::settle(const PagedArray<Wall>& walls, std::span<const AcousticM
     }
 }
 
-std::uint32_t WallPlanes::planeOf(std::uint32_t slot, std::uint32_t triangle) const {
-    // What a transform flattens is traced, but has no planes.
-    if (slot >= slots_.size() || !slots_[slot].mesh) return kNoPlane;
-    const std::uint32_t local = slots_[slot].mesh->planeOf[triangle];
-    return local == kNoPlane ? kNoPlane : slots_[slot].planes[local].plane;
-}
-
 }  // namespace rtsg

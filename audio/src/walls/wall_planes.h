@@ -33,7 +33,12 @@ class WallPlanes {
         return usable() ? std::span<const ReflectingPlane>(planes_) : std::span<const ReflectingPlane>();
     }
     /// The plane of a triangle; kNoPlane for one without area. Only while usable().
-    std::uint32_t planeOf(std::uint32_t slot, std::uint32_t triangle) const;
+    std::uint32_t planeOf(std::uint32_t slot, std::uint32_t triangle) const {
+        // What a transform flattens is traced, but has no planes.
+        if (slot >= slots_.size() || !slots_[slot].mesh) return kNoPlane;
+        const std::uint32_t local = slots_[slot].mesh->planeOf[triangle];
+        return local == kNoPlane ? kNoPlane : slots_[slot].planes[local].plane;
+    }
     std::uint64_t work() const { return work_; }
 
   private:

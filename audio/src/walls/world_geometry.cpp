@@ -48,12 +48,6 @@ void cornersOf(const Wall& wall, std::uint32_t triangle, glm::dvec3 (&corners)[3
 
 }  // namespace
 
-/// What rounding to single precision may shift a place by, with some to spare.
-inline double WorldGeometry::roundingAt(const glm::dvec3& point) const {
-    const glm::dvec3 away = glm::abs(point - rays_->origin());
-    return 0x1p-20 * (0x1p-3 + std::max({away.x, away.y, away.z}));
-}
-
 WorldGeometry::WorldGeometry() : WorldGeometry(Options{}) {}
 WorldGeometry::WorldGeometry(const Options& options)
     : planes_(std::make_unique<WallPlanes>(options.maxPlanes)), edges_(std::make_unique<EdgeTable>()) {}
@@ -110,21 +104,20 @@ const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version,
 void WorldGeometry::makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,
                               const glm::dvec3& direction, AcousticHit& hit) const {
     const double rough = hit.distance;
-    const auto isNear = [&](double distance) { return std::abs(distance - rough) < 1e-3 * (1 + std::abs(rough)); };
     hit.clear = 0;  // surfaces may be off a plane by more
     if (plane != kNoPlane) {
         const ReflectingPlane& on = planes_->planes()[plane];
         hit.normal = on.normal;
         hit.distance = -on.signedDistance(origin) / glm::dot(direction, on.normal);
         // Grazing rays amplify what little the merged triangles are apart: then the triangle itself is right.
-        if (isNear(hit.distance)) return;
+        if (isNearRough(hit.distance, rough)) return;
     }
     glm::dvec3 corners[3];
     cornersOf(wall, found.triangle, corners);
     const glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
     hit.distance = glm::dot(corners[0] - origin, normal) / glm::dot(direction, normal);
     // Also what is no number: of a sliver, or seen from its edge.
-    if (!isNear(hit.distance)) hit.distance = rough;
+    if (!isNearRough(hit.distance, rough)) hit.distance = rough;
     if (plane != kNoPlane) return;
     hit.normal = glm::normalize(glm::dvec3(found.normal));
     hit.clear = clearOf(wall, found);
@@ -135,31 +128,14 @@ void WorldGeometry::makeExact(const Hit& found, const Wall& wall, std::uint32_t 
 double WorldGeometry::clearOf(const Wall& wall, const Hit& found) const {
     constexpr double kEps = 0x1p-24, kGamma = 12 * kEps / (1 - 12 * kEps);
     const RayInstance& instance = rays_->instance(found.instance);
-    Vec3f size(0);
-    for (std::uint32_t c = 0; c < 3; ++c) size = glm::max(size, glm::abs(wall.mesh->vertex(found.triangle, c)));
+    // Of its whole mesh: a little more than of the triangle alone, and at hand.
+    const Vec3f size = glm::max(glm::abs(wall.mesh->bounds.min), glm::abs(wall.mesh->bounds.max));
     const WorldFromLocal& m = wall.worldFromLocal;
     const glm::dvec3 linear =
         glm::abs(m[0]) * double{size.x} + glm::abs(m[1]) * double{size.y} + glm::abs(m[2]) * double{size.z};
     const glm::dvec3 error = (linear * double{instance.errorScale} + glm::abs(m[3] - rays_->origin())) * kGamma +
                              glm::dvec3(instance.errorFloor);
     return error.x + error.y + error.z;
-}
-
-/// Has what judge() reads of several hits on its way into the caches, side by side.
-void WorldGeometry::fetch(std::uint32_t mask, const PacketHits16& found) const {
-    const std::int32_t* corners[AcousticRays::kMost];
-    const Vec3f* positions[AcousticRays::kMost];
-    for (std::uint32_t rest = mask; rest != 0; rest &= rest - 1) {
-        const int i = std::countr_zero(rest);
-        const Mesh& mesh = *walls_.walls[found.instance[i]].mesh;
-        corners[i] = mesh.triangles.data() + std::size_t{found.triangle[i]} * mesh.triangleStride;
-        positions[i] = mesh.positions.data();
-        __builtin_prefetch(corners[i]);
-    }
-    for (std::uint32_t rest = mask; rest != 0; rest &= rest - 1) {
-        const int i = std::countr_zero(rest);
-        for (int c = 0; c < 3; ++c) __builtin_prefetch(positions[i] + corners[i][c]);
-    }
 }
 
 WorldGeometry::Judged WorldGeometry::judge(const Hit& found, double rough, std::span<const std::uint32_t> open,
@@ -203,104 +179,6 @@ bool WorldGeometry::closestBut(std::span<const std::uint32_t> open, const glm::d
         if (!(ray.tMin < ray.tMax)) return false;
     }
     return false;
-}
-
-std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays,
-                                          AcousticHits& hits) const {
-    RayPacket16 packet;
-    PacketHits16 found;
-    double early[AcousticRays::kMost];  // metres that a ray starts before its origin
-    for (int i = 0; i < AcousticRays::kMost; ++i) {
-        if (i >= rays.count || !(rays.maxDistance[i] > 0)) {
-            packet.set(i, {});
-            packet.skip(i);
-            continue;
-        }
-        // Off the surface that it starts on, nearly always the first thing in the way is the answer; else closestBut()
-        // is asked, which searches from behind that surface on.
-        const double rounding = roundingAt(rays.origin[i]);
-        const bool onSurface = rays.facing[i] != glm::dvec3(0);
-        early[i] = onSurface ? 0 : rounding;
-        Ray ray;
-        ray.origin = rays_->fromWorld(rays.origin[i] + (onSurface ? rays.facing[i] : -rays.direction[i]) * rounding);
-        ray.direction = Vec3f(rays.direction[i]);
-        ray.tMax = static_cast<float>(std::min(rays.maxDistance[i] * (1 + 0x1p-20) + 2 * rounding, 1e9));
-        packet.set(i, ray);
-        if (!onSurface && rays.except[i] < planes_->planes().size()) {
-            // The surface that it starts on is met after `rounding`, and a little later or earlier.
-            const double cosine = std::abs(glm::dot(planes_->planes()[rays.except[i]].normal, rays.direction[i]));
-            packet.tMin[i] = std::min(static_cast<float>(rounding * (1 + 0.5 / cosine)), packet.tMax[i]);
-        }
-    }
-    const std::uint32_t mask = rays_->intersect(packet, false, RayKind::sound);
-    rays_->hits(packet, mask, found);
-    if (!planes_->usable()) fetch(mask, found);
-    std::uint32_t met = 0;
-    for (int i = 0; i < rays.count; ++i) {
-        AcousticHit& hit = hits[static_cast<std::size_t>(i)];
-        Judged judged = Judged::doubtful;
-        if (mask >> i & 1) {
-            const Hit one{packet.tMax[i], found.instance[i], found.triangle[i],
-                          found.u[i],     found.v[i],        {found.normalX[i], found.normalY[i], found.normalZ[i]}};
-            judged = judge(one, static_cast<double>(one.t) - early[i], open, rays.origin[i], rays.direction[i],
-                           rays.maxDistance[i], rays.except[i], hit);
-        } else if (rays.facing[i] == glm::dvec3(0) && packet.tMin[i] == 0) {
-            judged = Judged::beyond;
-        }
-        if (judged == Judged::doubtful &&
-            closestBut(open, rays.origin[i], rays.direction[i], rays.maxDistance[i], rays.except[i], hit))
-            judged = Judged::hit;
-        met |= static_cast<std::uint32_t>(judged == Judged::hit) << i;
-    }
-    return met;
-}
-
-std::uint32_t WorldGeometry::blockedOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays) const {
-    RayPacket16 packet;
-    for (int i = 0; i < AcousticRays::kMost; ++i) {
-        const double rounding = i < rays.count ? roundingAt(rays.origin[i]) : 0;
-        const double length = i < rays.count ? rays.maxDistance[i] - 2 * rounding : 0;
-        if (!(length > 0)) {
-            packet.set(i, {});
-            packet.skip(i);
-            continue;
-        }
-        Ray ray;
-        ray.origin = rays_->fromWorld(rays.origin[i] + rays.facing[i] * std::max(rays.clear[i], rounding));
-        ray.direction = Vec3f(rays.direction[i]);
-        ray.tMax = static_cast<float>(std::min(length, 1e9));
-        packet.set(i, ray);
-    }
-    std::uint32_t blocked = rays_->occluded(packet, false, RayKind::sound);
-    if (blocked != 0) settleDoubts(open, rays, packet, blocked);
-    return blocked;
-}
-
-/// What seems to be blocked may have met the surface that it starts on, where that is off its plane, or something that
-/// is not to be there.
-void WorldGeometry::settleDoubts(std::span<const std::uint32_t> open, const AcousticRays& rays, RayPacket16& packet,
-                                 std::uint32_t& blocked) const {
-    std::uint32_t doubtful = 0;
-    for (int i = 0; i < AcousticRays::kMost; ++i) {
-        if (!(blocked >> i & 1) || (rays.clear[i] > 0 && open.empty())) {
-            packet.skip(i);
-            continue;
-        }
-        doubtful |= 1u << i;
-        // From there on it cannot be that surface.
-        const double off = 2 * PlaneTolerance().distance / glm::dot(rays.facing[i], rays.direction[i]);
-        packet.tMin[i] = static_cast<float>(std::min(off, 1e9));
-        packet.tMax[i] = static_cast<float>(rays.maxDistance[i] - 2 * roundingAt(rays.origin[i]));
-        if (!(packet.tMin[i] < packet.tMax[i])) packet.skip(i);
-    }
-    if (doubtful == 0) return;
-    if (open.empty()) doubtful &= ~rays_->occluded(packet, false, RayKind::sound);
-    for (; doubtful != 0; doubtful &= doubtful - 1) {
-        const int i = std::countr_zero(doubtful);
-        AcousticHit hit;
-        if (!closestBut(open, rays.origin[i], rays.direction[i], rays.maxDistance[i], rays.except[i], hit))
-            blocked &= ~(1u << i);
-    }
 }
 
 bool WorldGeometry::blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction,

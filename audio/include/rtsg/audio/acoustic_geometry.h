@@ -71,20 +71,27 @@ struct WallEdge {
 /// Up to sixteen rays that are asked about together.
 struct AcousticRays {
     static constexpr int kMost = 16;
+    /// Of each ray, x beside x, so that machines compute with several at a time.
+    struct Vectors {
+        alignas(64) double x[kMost] = {}, y[kMost] = {}, z[kMost] = {};
+
+        glm::dvec3 operator[](int i) const { return {x[i], y[i], z[i]}; }
+        void set(int i, const glm::dvec3& v) { x[i] = v.x, y[i] = v.y, z[i] = v.z; }
+    };
     int count = 0;
-    glm::dvec3 origin[kMost], direction[kMost];  // unit directions
+    Vectors origin, direction;  // unit directions
     /// Unit normal of the surface that a ray starts on, on the side to which it goes; 0 if it starts on none.
-    glm::dvec3 facing[kMost];
-    double maxDistance[kMost];
-    double clear[kMost];  // of the surface that a ray starts on, AcousticHit::clear
-    std::uint32_t except[kMost];
+    Vectors facing;
+    double maxDistance[kMost] = {};
+    double clear[kMost] = {};  // of the surface that a ray starts on, AcousticHit::clear
+    std::uint32_t except[kMost] = {};
 
     void add(const glm::dvec3& from, const glm::dvec3& side, const glm::dvec3& towards, double most,
              std::uint32_t plane, double clearOf = 0) {
         clear[count] = clearOf;
-        origin[count] = from;
-        facing[count] = side;
-        direction[count] = towards;
+        origin.set(count, from);
+        facing.set(count, side);
+        direction.set(count, towards);
         maxDistance[count] = most;
         except[count++] = plane;
     }

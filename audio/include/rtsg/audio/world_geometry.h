@@ -112,7 +112,17 @@ class WorldGeometry final : public AcousticGeometry {
     bool meets(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& direction, double length,
                Hit& hit) const;
     Seal::Shape shapeOf(std::uint32_t slot) const;
-    double roundingAt(const glm::dvec3& point) const;
+    /// What rounding to single precision may shift a place by, with some to spare.
+    double roundingAt(const glm::dvec3& point) const {
+        const glm::dvec3 away = glm::abs(point - rays_->origin());
+        return 0x1p-20 * (0x1p-3 + std::max({away.x, away.y, away.z}));
+    }
+    /// Whether a distance in double precision is that which was found in single precision.
+    static bool isNearRough(double distance, double rough) {
+        return std::abs(distance - rough) < 1e-3 * (1 + std::abs(rough));
+    }
+    bool meetsPlane(std::uint32_t instance, std::uint32_t triangle, double rough, const AcousticRays& rays, int lane,
+                    AcousticHit& hit) const;
     void followMaterials(const PagedArray<AcousticMaterial>& materials);
     void makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,
                    const glm::dvec3& direction, AcousticHit& hit) const;

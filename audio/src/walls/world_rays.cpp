@@ -1,0 +1,188 @@
+// The questions of acoustic tracing for sixteen rays at a time.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include <rtsg/audio/plane_index.h>
+#include <rtsg/audio/world_geometry.h>
+
+#include "wall_planes.h"
+
+namespace rtsg {
+namespace {
+
+constexpr int kLanes = AcousticRays::kMost;
+constexpr double kFar = 1e9;  // metres that a ray goes at most
+
+/// WorldGeometry::roundingAt() of where each ray starts. Steps that compilers make vectors of, here and below.
+void findRounding(const AcousticRays& rays, const glm::dvec3& center, double (&rounding)[kLanes]) {
+    const AcousticRays::Vectors& o = rays.origin;
+    for (int i = 0; i < kLanes; ++i) {
+        const double x = std::abs(o.x[i] - center.x), y = std::abs(o.y[i] - center.y), z = std::abs(o.z[i] - center.z);
+        const double xy = x < y ? y : x;
+        rounding[i] = 0x1p-20 * (0x1p-3 + (xy < z ? z : xy));
+    }
+}
+
+void setDirections(const AcousticRays& rays, RayPacket16& packet) {
+    for (int i = 0; i < kLanes; ++i) {
+        packet.directionX[i] = static_cast<float>(rays.direction.x[i]);
+        packet.directionY[i] = static_cast<float>(rays.direction.y[i]);
+        packet.directionZ[i] = static_cast<float>(rays.direction.z[i]);
+        packet.tMin[i] = 0;
+    }
+}
+
+/// What a lane is moved by, along one axis, before it becomes a ray in single precision.
+void setOrigins(const double (&from)[kLanes], const double (&along)[kLanes], const double (&by)[kLanes], double center,
+                float (&to)[kLanes]) {
+    for (int i = 0; i < kLanes; ++i) to[i] = static_cast<float>(from[i] + along[i] * by[i] - center);
+}
+
+/// Rays that start on a surface begin a little before it; others a little before their origin (`early`).
+void startRays(const AcousticRays& rays, const glm::dvec3& center, RayPacket16& packet, double (&early)[kLanes]) {
+    alignas(64) double rounding[kLanes], x[kLanes], y[kLanes], z[kLanes];
+    findRounding(rays, center, rounding);
+    setDirections(rays, packet);
+    const AcousticRays::Vectors &d = rays.direction, &f = rays.facing;
+    for (int i = 0; i < kLanes; ++i) {
+        const bool free = f.x[i] * f.x[i] + f.y[i] * f.y[i] + f.z[i] * f.z[i] == 0;
+        early[i] = free ? rounding[i] : 0;
+        x[i] = free ? -d.x[i] : f.x[i];
+        y[i] = free ? -d.y[i] : f.y[i];
+        z[i] = free ? -d.z[i] : f.z[i];
+        const double most = rays.maxDistance[i] * (1 + 0x1p-20) + 2 * rounding[i];
+        packet.tMax[i] = static_cast<float>(kFar < most ? kFar : most);
+        packet.active[i] = -static_cast<std::int32_t>((i < rays.count) & (rays.maxDistance[i] > 0));
+    }
+    setOrigins(rays.origin.x, x, rounding, center.x, packet.originX);
+    setOrigins(rays.origin.y, y, rounding, center.y, packet.originY);
+    setOrigins(rays.origin.z, z, rounding, center.z, packet.originZ);
+}
+
+/// From surfaces, as far before them as nothing of these is met, nearly to the end.
+void startLooks(const AcousticRays& rays, const glm::dvec3& center, RayPacket16& packet) {
+    alignas(64) double rounding[kLanes], off[kLanes];
+    findRounding(rays, center, rounding);
+    setDirections(rays, packet);
+    for (int i = 0; i < kLanes; ++i) {
+        off[i] = rays.clear[i] < rounding[i] ? rounding[i] : rays.clear[i];
+        const double length = rays.maxDistance[i] - 2 * rounding[i];
+        packet.tMax[i] = static_cast<float>(kFar < length ? kFar : length);
+        packet.active[i] = -static_cast<std::int32_t>((i < rays.count) & (length > 0));
+    }
+    setOrigins(rays.origin.x, rays.facing.x, off, center.x, packet.originX);
+    setOrigins(rays.origin.y, rays.facing.y, off, center.y, packet.originY);
+    setOrigins(rays.origin.z, rays.facing.z, off, center.z, packet.originZ);
+}
+
+}  // namespace
+
+/// Has what judge() reads of several hits on its way into the caches, side by side.
+void WorldGeometry::fetch(std::uint32_t mask, const PacketHits16& found) const {
+    const std::int32_t* corners[AcousticRays::kMost];
+    const Vec3f* positions[AcousticRays::kMost];
+    for (std::uint32_t rest = mask; rest != 0; rest &= rest - 1) {
+        const int i = std::countr_zero(rest);
+        const Mesh& mesh = *walls_.walls[found.instance[i]].mesh;
+        corners[i] = mesh.triangles.data() + std::size_t{found.triangle[i]} * mesh.triangleStride;
+        positions[i] = mesh.positions.data();
+        __builtin_prefetch(corners[i]);
+    }
+    for (std::uint32_t rest = mask; rest != 0; rest &= rest - 1) {
+        const int i = std::countr_zero(rest);
+        for (int c = 0; c < 3; ++c) __builtin_prefetch(positions[i] + corners[i][c]);
+    }
+}
+
+/// judge() for what lies on a plane that is near where it was met, as nearly everything does where there are planes.
+inline bool WorldGeometry::meetsPlane(std::uint32_t instance, std::uint32_t triangle, double rough,
+                                      const AcousticRays& rays, int lane, AcousticHit& hit) const {
+    const std::uint32_t plane = planes_->planeOf(instance, triangle);
+    if (plane == kNoPlane || plane == rays.except[lane]) return false;
+    const ReflectingPlane& on = planes_->planes()[plane];
+    const double distance = -on.signedDistance(rays.origin[lane]) / glm::dot(rays.direction[lane], on.normal);
+    if (!(isNearRough(distance, rough) && distance >= 0 && distance < rays.maxDistance[lane])) return false;
+    hit = {distance, on.normal, plane, walls_.walls[instance].material, 0};
+    return true;
+}
+
+std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays,
+                                          AcousticHits& hits) const {
+    RayPacket16 packet;
+    PacketHits16 found;
+    alignas(64) double early[kLanes];  // metres that a ray starts before its origin
+    // Off the surface that it starts on, nearly always the first thing in the way is the answer; else closestBut() is
+    // asked, which searches from behind that surface on.
+    startRays(rays, rays_->origin(), packet, early);
+    for (int i = 0; i < rays.count; ++i) {
+        if (early[i] == 0 || rays.except[i] >= planes_->planes().size()) continue;
+        // The surface that it starts on is met after `early`, and a little later or earlier.
+        const double cosine = std::abs(glm::dot(planes_->planes()[rays.except[i]].normal, rays.direction[i]));
+        packet.tMin[i] = std::min(static_cast<float>(early[i] * (1 + 0.5 / cosine)), packet.tMax[i]);
+    }
+    const std::uint32_t mask = rays_->intersect(packet, false, RayKind::sound);
+    rays_->hits(packet, mask, found);
+    const bool onPlanes = planes_->usable() && open.empty();
+    if (!planes_->usable()) fetch(mask, found);
+    std::uint32_t met = 0;
+    for (int i = 0; i < rays.count; ++i) {
+        AcousticHit& hit = hits[static_cast<std::size_t>(i)];
+        Judged judged = Judged::doubtful;
+        if (mask >> i & 1) {
+            const double rough = static_cast<double>(packet.tMax[i]) - early[i];
+            if (onPlanes && meetsPlane(found.instance[i], found.triangle[i], rough, rays, i, hit)) {
+                met |= 1u << i;
+                continue;
+            }
+            const Hit one{packet.tMax[i], found.instance[i], found.triangle[i],
+                          found.u[i],     found.v[i],        {found.normalX[i], found.normalY[i], found.normalZ[i]}};
+            judged =
+                judge(one, rough, open, rays.origin[i], rays.direction[i], rays.maxDistance[i], rays.except[i], hit);
+        } else if (early[i] != 0 && packet.tMin[i] == 0) {
+            judged = Judged::beyond;
+        }
+        if (judged == Judged::doubtful &&
+            closestBut(open, rays.origin[i], rays.direction[i], rays.maxDistance[i], rays.except[i], hit))
+            judged = Judged::hit;
+        met |= static_cast<std::uint32_t>(judged == Judged::hit) << i;
+    }
+    return met;
+}
+
+std::uint32_t WorldGeometry::blockedOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays) const {
+    RayPacket16 packet;
+    startLooks(rays, rays_->origin(), packet);
+    std::uint32_t blocked = rays_->occluded(packet, false, RayKind::sound);
+    if (blocked != 0) settleDoubts(open, rays, packet, blocked);
+    return blocked;
+}
+
+/// What seems to be blocked may have met the surface that it starts on, where that is off its plane, or something that
+/// is not to be there.
+void WorldGeometry::settleDoubts(std::span<const std::uint32_t> open, const AcousticRays& rays, RayPacket16& packet,
+                                 std::uint32_t& blocked) const {
+    std::uint32_t doubtful = 0;
+    for (int i = 0; i < AcousticRays::kMost; ++i) {
+        if (!(blocked >> i & 1) || (rays.clear[i] > 0 && open.empty())) {
+            packet.skip(i);
+            continue;
+        }
+        doubtful |= 1u << i;
+        // From there on it cannot be that surface.
+        const double off = 2 * PlaneTolerance().distance / glm::dot(rays.facing[i], rays.direction[i]);
+        packet.tMin[i] = static_cast<float>(std::min(off, 1e9));
+        packet.tMax[i] = static_cast<float>(rays.maxDistance[i] - 2 * roundingAt(rays.origin[i]));
+        if (!(packet.tMin[i] < packet.tMax[i])) packet.skip(i);
+    }
+    if (doubtful == 0) return;
+    if (open.empty()) doubtful &= ~rays_->occluded(packet, false, RayKind::sound);
+    for (; doubtful != 0; doubtful &= doubtful - 1) {
+        const int i = std::countr_zero(doubtful);
+        AcousticHit hit;
+        if (!closestBut(open, rays.origin[i], rays.direction[i], rays.maxDistance[i], rays.except[i], hit))
+            blocked &= ~(1u << i);
+    }
+}
+
+}  // namespace rtsg
