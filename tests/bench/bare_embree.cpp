@@ -151,6 +151,34 @@ double FlatScene::trace(std::span<const AskedPacket> packets, bool coherent, boo
     keep(found);
     return cpuSeconds() - start;
 }
+double FlatScene::traceInPackets(std::span<const AskedRay> rays) const {
+    bvh::RayCast cast(false);
+    unsigned hits = 0;
+    RTCRayHit16 p;
+    for (int i = 0; i < 16; ++i) p.ray.time[i] = 0, p.ray.mask[i] = ~0u, p.ray.flags[i] = 0, p.ray.id[i] = 0;
+    const double start = cpuSeconds();
+    for (std::size_t first = 0, count = 0; first < rays.size(); first += count) {
+        for (count = 1; count < 16 && first + count < rays.size(); ++count)
+            if (rays[first + count].any != rays[first].any) break;
+        alignas(64) int valid[16] = {};
+        for (std::size_t i = 0; i < count; ++i) {
+            const Ray& ray = rays[first + i].ray;
+            valid[i] = -1;
+            p.ray.org_x[i] = ray.origin.x, p.ray.org_y[i] = ray.origin.y, p.ray.org_z[i] = ray.origin.z;
+            p.ray.dir_x[i] = ray.direction.x, p.ray.dir_y[i] = ray.direction.y, p.ray.dir_z[i] = ray.direction.z;
+            p.ray.tnear[i] = ray.tMin, p.ray.tfar[i] = ray.tMax;
+            p.hit.geomID[i] = p.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+        }
+        if (rays[first].any)
+            cast.occluded(valid, impl_->scene, reinterpret_cast<RTCRay16&>(p));
+        else
+            cast.intersect(valid, impl_->scene, p);
+        for (std::size_t i = 0; i < count; ++i)
+            hits += rays[first].any ? p.ray.tfar[i] < 0 : p.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+    }
+    keep(hits);
+    return cpuSeconds() - start;
+}
 std::size_t FlatScene::triangles() const {
     return impl_->triangles.indices.size() / 3;
 }
