@@ -233,19 +233,25 @@ TEST(RoomOpenings, AHoleInACurvedWall) {
     EXPECT_NEAR(hole.meanShare(), cap / (cap + .1 * rest), hole.shareCi95 * 2 + .005);
 }
 
-/// The ground goes on outside, and another house is near.
+/// The ground goes on outside, and another house is near: straight ahead, or on one side of the way out.
 TEST(RoomOpenings, WhatIsOutsideIsNotTakenForTheRim) {
-    LeakyRoom room;
-    std::vector<Quad> quads = facesOf({0, 0, 0}, {6, 5, 3});
-    quads.erase(quads.begin() + 1);
-    addFaceWithHole(quads, 6, {0, 0}, {5, 3}, {3, .5f}, {3.3f, .8f});
-    room.add(meshOf(quads));
-    room.add(meshOf({{Vec3f(-60, -60, -.01f), Vec3f(60, -60, -.01f), Vec3f(60, 60, -.01f), Vec3f(-60, 60, -.01f)}}));
-    room.addBox({25, -5, 0}, {30, 10, 4});
-    const RoomOpenings found = room.find(kInside);
-    ASSERT_EQ(found.openings.size(), 1u);
-    EXPECT_NEAR(found.openings[0].area, .09, 1e-5);
-    EXPECT_LT(glm::distance(found.openings[0].center, glm::dvec3(6, 3.15, .65)), 1e-4);
+    const std::array<std::array<Vec3f, 2>, 3> houses{{{Vec3f(25, -5, 0), Vec3f(30, 10, 4)},
+                                                      {Vec3f(12, -14, 0), Vec3f(13, 2.5f, 9)},
+                                                      {Vec3f(12, 3.8f, 0), Vec3f(13, 20, 9)}}};
+    for (const auto& [low, high] : houses) {
+        LeakyRoom room;
+        std::vector<Quad> quads = facesOf({0, 0, 0}, {6, 5, 3});
+        quads.erase(quads.begin() + 1);
+        addFaceWithHole(quads, 6, {0, 0}, {5, 3}, {3, .5f}, {3.3f, .8f});
+        room.add(meshOf(quads));
+        room.add(
+            meshOf({{Vec3f(-60, -60, -.01f), Vec3f(60, -60, -.01f), Vec3f(60, 60, -.01f), Vec3f(-60, 60, -.01f)}}));
+        room.addBox(low, high);
+        const RoomOpenings found = room.find(kInside);
+        ASSERT_EQ(found.openings.size(), 1u) << low.y;
+        EXPECT_NEAR(found.openings[0].area, .09, 1e-5);
+        EXPECT_LT(glm::distance(found.openings[0].center, glm::dvec3(6, 3.15, .65)), 1e-4);
+    }
 }
 
 TEST(RoomOpenings, NoneWhereNothingOrEverythingIsOpen) {

@@ -1,0 +1,63 @@
+// OpeningFinder: follows a ray that escaped to what it went through, and feels for the rim of that with other rays.
+//
+// Threading: one thread an object.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/room_openings.h>
+#include <rtsg/renderers/ray_view.h>
+
+#include "outline.h"
+
+namespace rtsg::opening {
+
+/// What was felt of an opening.
+struct Felt {
+    Outline outline;
+    std::map<std::uint32_t, double> beside;  // slots, and metres of the rim
+    std::size_t boundaryEdges = 0;
+    std::vector<std::size_t> exits;
+};
+
+class OpeningFinder {
+  public:
+    /// `rays` must outlive it.
+    OpeningFinder(const RayView& rays, const glm::dvec3& source);
+    bool outdoors() const { return !(radius_ > 0) || sky_ >= kOutdoors; }
+    double volume() const { return volume_; }
+
+    /// None if it went through none that has a rim all around.
+    std::optional<Felt> feel(const EscapedRay& ray);
+
+  private:
+    static constexpr int kDirections = 96;
+    /// What the source sees is outdoors where so much of it is sky.
+    static constexpr double kOutdoors = 0.3;
+
+    void look(const glm::dvec3& source);
+    double skyShare(const glm::dvec3& at) const;
+    Hit meet(const glm::dvec3& from, const glm::dvec3& direction) const;
+    bool goesOn(const glm::dvec3& from, const glm::dvec3& direction, double wall, double sky, Hit& met) const;
+    std::optional<glm::dvec3> placeBefore(const EscapedRay& ray) const;
+    std::optional<Outline> firstLook(const glm::dvec3& before, const glm::dvec3& direction) const;
+    bool open(const Outline& outline, const glm::dvec2& at, Hit& met) const;
+    struct Rim;
+    bool feelRim(const Outline& about, int directions, int halvings, Rim& rim) const;
+    static void tilt(Outline& outline, Rim& rim);
+    void takeBoundary(Felt& felt);
+
+    const RayView& rays_;
+    std::array<Vec3f, kDirections> directions_;
+    glm::dvec3 middle_{0};
+    double radius_ = 0, sky_ = 1, volume_ = 0;
+    std::map<const Mesh*, std::vector<std::vector<Vec3f>>> loops_;  // of meshes that were asked about
+};
+
+}  // namespace rtsg::opening
