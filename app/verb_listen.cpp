@@ -88,6 +88,7 @@ Result<> writeReport(const ListenArguments& options, SoundRenderer& sound) {
     for (const std::string& text : options.places) places.push_back(parsePlace(text));
     auto report = sound.survey(std::move(places));
     if (!report) return std::unexpected(report.error());
+    print(report->diagnostics);
     report->title = "Room acoustics of " + std::filesystem::path(options.scene).filename().string();
     const std::string form = std::filesystem::path(options.report).extension().string();
     const std::string text = form == ".html"   ? report->toHtml()

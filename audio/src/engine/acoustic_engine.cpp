@@ -119,13 +119,14 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
     }
     for (auto& [id, emitter] : states) {
         bool inBody = changes.everything;
-        emitter.stale = emitter.stale || changes.everything || (emitter.tracing && !boxes.empty());
+        bool concerned = changes.everything || (emitter.tracing && !boxes.empty());
         for (const AcousticBox& box : boxes) {
-            emitter.stale =
-                emitter.stale || mayReach(emitter.reached, emitter.tracedSource, emitter.tracedListener, longest, box);
+            concerned =
+                concerned || mayReach(emitter.reached, emitter.tracedSource, emitter.tracedListener, longest, box);
             // Written so that a box which is no number is near.
             inBody = inBody || !(box.distance(emitter.to) > 1.01 * options.bodySize);
         }
+        if (concerned) noteWallsChanged(emitter);
         if (inBody && !emitter.gone) emitter.around = geometry.instancesAround(emitter.to, options.bodySize);
     }
 }

@@ -92,6 +92,9 @@ struct AcousticEngine::Impl {
     void takeResponse(TracedResponse traced);
     void noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener, double seconds,
                   Seal seal);
+    double seconds() const { return static_cast<double>(samples) / options.sampleRate; }
+    void noteWallsChanged(EmitterState& state) const;
+    bool shallSeekLeaks(const EmitterState& state) const;
     void noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds, const RoomOpenings& openings);
 
     AcousticOptions options;

@@ -1,6 +1,7 @@
 // Responses of emitters: when they are traced anew, and from what.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "acoustic_engine_impl.h"
 
@@ -49,7 +50,24 @@ bool AcousticEngine::Impl::mustTrace(const SoundEmitter& emitter, const EmitterS
                        glm::dot(state.tracedRight, listener.right) < kTurned ||
                        (options.ambisonicOrder > 0 && glm::dot(state.tracedBack, listener.back) < kTurned) ||
                        (aimed && !(glm::dot(state.tracedAim, aimOf(emitter)) >= kTurned));
-    return moved && static_cast<double>(samples) / options.sampleRate >= state.tracedAt + options.retraceSeconds;
+    return (moved || (state.wallsChanged && shallSeekLeaks(state))) &&
+           seconds() >= state.tracedAt + options.retraceSeconds;
+}
+
+void AcousticEngine::Impl::noteWallsChanged(EmitterState& state) const {
+    state.stale = true;
+    if (!state.hasResponse) return;
+    state.leaksSought = false;
+    if (!state.wallsChanged) state.wallsChanged.emplace(seconds(), 0);
+    state.wallsChanged->second = seconds();
+}
+
+/// A door that opens is a crack for a moment: what moves is waited for, as long as it may be a door.
+bool AcousticEngine::Impl::shallSeekLeaks(const EmitterState& state) const {
+    constexpr double kRest = 0.5, kMostMotion = 5;
+    if (state.leaksSought || (!state.countsAsSearch && leakSearches >= kLeakSearches)) return false;
+    return !state.wallsChanged || seconds() >= state.wallsChanged->second + kRest ||
+           seconds() >= state.wallsChanged->first + kMostMotion;
 }
 
 void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
@@ -61,7 +79,10 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.body = state.body;
     job.tracing = options.trace;
     job.tracing.air = air;
-    if (!state.leaksSought && leakSearches < kLeakSearches) job.tracing.exits = kLeakExits;
+    if (shallSeekLeaks(state)) {
+        job.tracing.exits = kLeakExits;
+        state.wallsChanged.reset();
+    }
     job.tracing.pattern = patternOf(emitter, source, listener.position);
     job.error = options.error;
     job.maxRays = options.maxRays;
@@ -83,7 +104,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     // The same noise each time, another for each emitter: crossfades then do not rustle.
     job.response.seed = emitter.id.slot + 1;
     state.hasResponse = true;
-    state.tracedAt = static_cast<double>(samples) / options.sampleRate;
+    state.tracedAt = seconds();
     state.tracedSource = source;
     state.tracedListener = listener.position;
     state.tracedRight = listener.right;
@@ -118,7 +139,7 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     // In the open, or where nothing is lost, looking costs nothing, and walls may come yet.
     if (traced.openings.outdoors || !(traced.openings.escaped > 0)) return;
     state.leaksSought = true;
-    ++leakSearches;
+    if (!std::exchange(state.countsAsSearch, true)) ++leakSearches;
     state.openings = std::move(traced.openings);
 }
 

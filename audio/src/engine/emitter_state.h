@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include <rtsg/audio/acoustic_box.h>
@@ -62,7 +63,10 @@ struct EmitterState {
     std::size_t responseFrames = 0;
     std::optional<Seal> seal;  // nothing arrived, and why; until it was told
     RoomOpenings openings;     // of the room, until they were told
-    bool leaksSought = false;
+    bool leaksSought = false;  // and some found, since walls changed
+    bool countsAsSearch = false;
+    /// When walls changed since leaks were looked for: first and last.
+    std::optional<std::pair<double, double>> wallsChanged;
     /// Gone from the scene; what it sent is still on its way for this many samples.
     bool gone = false;
     std::size_t fading = 0;

@@ -1,6 +1,7 @@
 // Puts into words what keeps a source and the listener apart, and where a room loses sound.
 #include "sealed_text.h"
 
+#include <algorithm>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -8,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
 
 #include "opening_text.h"
 #include "scene/sound_fields.h"
@@ -76,6 +78,28 @@ std::string shapeText(const Scene& scene, const std::optional<NodePlaces>& place
                        line ? fmt::format(", line {}", line->line) : std::string());
 }
 
+/// Whether a truth called "opening" is among the metadata.
+bool saysOpening(const Scene& scene, NodeId metadata, int depth = 0) {
+    constexpr int kDeepest = 16;
+    const Node* node = scene.find(metadata);
+    if (!node || depth > kDeepest) return false;
+    if (node->is(x3d::MetadataSet::type))
+        return std::ranges::any_of(node->get(x3d::MetadataSet::value),
+                                   [&](NodeId child) { return saysOpening(scene, child, depth + 1); });
+    if (!node->is(x3d::MetadataBoolean::type) || node->get(x3d::MetadataBoolean::name).view() != "opening")
+        return false;
+    const auto& values = node->get(x3d::MetadataBoolean::value);
+    return !values.empty() && static_cast<bool>(values[0]);
+}
+
+/// Whether the author says of a shape beside that what is open there is meant.
+bool isMeant(const Scene& scene, const RoomOpening& opening) {
+    return std::ranges::any_of(opening.beside, [&](const RoomOpening::Beside& beside) {
+        const Node* shape = scene.find(beside.shape);
+        return shape && shape->is(x3d::Shape::type) && saysOpening(scene, shape->get(x3d::Shape::metadata));
+    });
+}
+
 std::optional<NodePlaces> placesOf(const std::filesystem::path& document, bool needed) {
     std::optional<NodePlaces> places;
     if (needed && !document.empty() && document != "-") places.emplace(document);
@@ -105,15 +129,18 @@ std::string leakText(const Scene& scene, const std::optional<NodePlaces>& places
 }  // namespace
 
 void nameShapes(const Scene& scene, RoomOpenings& openings) {
-    for (RoomOpening& opening : openings.openings)
+    for (RoomOpening& opening : openings.openings) {
+        opening.leak = opening.leak && !isMeant(scene, opening);
         for (RoomOpening::Beside& beside : opening.beside)
             beside.name = shapeName(scene, beside.shape, beside.geometry);
+    }
 }
 
 void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
                Diagnostics& diagnostics) {
     const std::optional<NodePlaces> places = placesOf(document, !leaks.empty());
     for (const SoundLeak& leak : leaks) {
+        if (isMeant(scene, leak.opening)) continue;
         Diagnostic told{Severity::warning, {}, {}, {}, DiagnosticCode("leak")};
         told.text = fmt::format("{}: some {} of the sound of {} is lost there", leakText(scene, places, leak.opening),
                                 percentText(leak.opening.meanShare()), leak.name);

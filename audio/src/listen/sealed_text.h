@@ -14,10 +14,10 @@ namespace rtsg {
 void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
                 const std::filesystem::path& document, Diagnostics& diagnostics);
 
-/// A warning for each.
+/// A warning for each that the author does not mean: a shape beside whose metadata have a MetadataBoolean "opening" TRUE.
 void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
                Diagnostics& diagnostics);
-/// RoomOpening::Beside::name of all.
+/// RoomOpening::Beside::name of all; what the author means is no leak.
 void nameShapes(const Scene& scene, RoomOpenings& openings);
 
 }  // namespace rtsg

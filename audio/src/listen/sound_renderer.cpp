@@ -54,6 +54,16 @@ struct SoundRenderer::Impl {
     ListenReport report;
     std::size_t blockAt = 0;  // of report.sound.samples
     double start = 0;
+    std::size_t toldSealed = 0, toldLeaks = 0;
+
+    /// What was found since this was last called.
+    void tell(const Scene& scene, Diagnostics& diagnostics) {
+        const std::span<const SealedSource> sealed = renderer->sealed();
+        const std::span<const SoundLeak> leaks = renderer->leaks();
+        tellSealed(scene, sealed.subspan(std::exchange(toldSealed, sealed.size())), start, options.render.document,
+                   diagnostics);
+        tellLeaks(scene, leaks.subspan(std::exchange(toldLeaks, leaks.size())), options.render.document, diagnostics);
+    }
 };
 
 SoundRenderer::SoundRenderer(SharedWorld& world, const ListenOptions& options)
@@ -246,6 +256,7 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
         }
     if (report.pairs.empty()) return fail("there is no source of sound to measure the room with");
     report.seconds = secondsSince(start);
+    s.tell(world().scene(), report.diagnostics);
     return report;
 }
 
@@ -259,8 +270,7 @@ ListenReport SoundRenderer::finish() {
     for (StreamedSound& stream : s.report.streams)
         stream.sound.samples.resize(s.report.sound.frames() * static_cast<std::size_t>(stream.sound.channels));
     s.report.diagnostics.append(s.renderer->diagnostics());
-    tellSealed(world().scene(), s.renderer->sealed(), s.start, s.options.render.document, s.report.diagnostics);
-    tellLeaks(world().scene(), s.renderer->leaks(), s.options.render.document, s.report.diagnostics);
+    s.tell(world().scene(), s.report.diagnostics);
     if (s.renderer->scene().emitters().empty()) s.report.diagnostics.warning({}, "the scene has no sounds");
     return std::exchange(s.report, ListenReport());
 }

@@ -160,7 +160,8 @@ class AcousticEngine {
     /// none.
     void note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds, std::optional<Seal> seal);
     /// The leaks of rooms, each once, by whichever source it was found first; the first thousand. They are looked for
-    /// when a source is first heard in a room that loses some of its sound, for eight sources at most.
+    /// when a source is first heard in a room that loses some of its sound, and again half a second after walls changed
+    /// there (after five if these never rest), for eight sources at most.
     const std::vector<SoundLeak>& leaks() const;
     /// Notes those that a trace for figures found.
     void note(const SoundEmitter& emitter, double seconds, const RoomOpenings& openings);

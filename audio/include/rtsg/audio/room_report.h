@@ -21,6 +21,7 @@
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/room_metrics.h>
 #include <rtsg/audio/room_openings.h>
+#include <rtsg/core/diagnostic.h>
 
 namespace rtsg {
 
@@ -49,6 +50,7 @@ struct RoomReport {
     std::vector<Losses> losses;  // a source
     std::uint64_t rays = 0;      // those of a source once, however many listeners share them
     double seconds = 0;          // of computing
+    Diagnostics diagnostics;     // leaks and sealed sources that were not told before
 
     Average average() const;
     /// The mean of the octaves of 500 and 1000 Hz.
