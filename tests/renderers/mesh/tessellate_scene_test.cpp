@@ -114,7 +114,7 @@ TEST(TessellateScene, ProtoInstanceStandsForTheFirstNodeOfItsBody) {
 
 TEST(TessellateScene, WhatHasNoTrianglesSaysSo) {
     Scene scene;
-    for (const TypeIndex type : {x3d::NurbsPatchSurface::type, x3d::NurbsCurve::type, x3d::GeoElevationGrid::type}) {
+    for (const TypeIndex type : {x3d::NurbsPatchSurface::type, x3d::NurbsCurve::type, x3d::InlineGeometry::type}) {
         const auto mesh = meshOf(scene, scene.createNode(type));
         EXPECT_TRUE(mesh->empty());
         EXPECT_EQ(mesh->diagnostics.warnings(), 1u);
