@@ -91,9 +91,9 @@ class RayView {
     /// all of them are known to have met one instance.
     bool hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const;
 
-    /// Calls visit(slot, triangle) for every triangle whose box comes within `radius` of `center` (both in ray space,
-    /// metres), and maybe others; visit returns the radius from then on. What is nearer tends to come first.
-    /// Of what rays of this kind may meet; of shadows: as of views.
+    /// Calls visit(slot, triangle) for every triangle that comes within `radius` of `center` (both in ray space,
+    /// metres), and maybe others; long ones maybe more than once. visit returns the radius from then on. What is nearer
+    /// tends to come first. Of what rays of this kind may meet; of shadows: as of views.
     using NearVisitor = rtsg::NearVisitor;
     void visitNear(const Vec3f& center, float radius, const NearVisitor& visit, RayKind kind = RayKind::view) const;
 
