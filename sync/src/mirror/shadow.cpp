@@ -27,6 +27,8 @@ constexpr auto kLeisure = 50ms;
 constexpr int kNiceness = 5;           // behind the scene's and the sockets' thread
 constexpr std::size_t kMostEased = 8;  // peers for whom what is near goes first; each costs a scene
 constexpr auto kUnusedEased = 10s;
+constexpr std::size_t kMostMergedKept = 8;                          // frames merged into one, for other peers,
+constexpr std::uint64_t kMergedKeptBytes = std::uint64_t{1} << 20;  // and so many bytes, if they are more than one
 constexpr int kEasedShare = 20;  // of the time of making one passes before it is made again
 
 }  // namespace
@@ -120,6 +122,7 @@ void MirrorShadow::follow() {
         if (eraHere_ != era_) {
             parts_.clear();
             eased_.clear();
+            merged_.clear();
         }
         eraHere_ = era_;
         while (!waiting_.empty() && !stop_) {
@@ -214,11 +217,14 @@ std::shared_ptr<EncodedRecord> MirrorShadow::encode(const ChangeSet& set) {
     return record;
 }
 
-SharedRecord MirrorShadow::merge(const std::vector<SharedRecord>& frames) {
-    // Several peers often fall behind together.
-    if (lastMerged_ && lastMerged_->header.from == frames.front()->header.from &&
-        lastMerged_->header.to == frames.back()->header.to)
-        return lastMerged_;
+SharedRecord MirrorShadow::merge(std::uint32_t part, const std::vector<SharedRecord>& frames) {
+    // Several peers often fall behind together, from some few states on.
+    const RecordHeader &first = frames.front()->header, &last = frames.back()->header;
+    for (const Merged& known : merged_) {
+        const RecordHeader& header = known.record->header;
+        if (known.part == part && header.from == first.from && header.to == last.to && header.hash == last.hash)
+            return known.record;
+    }
     ChangeComposer composer;
     ChangeSet set;
     for (const SharedRecord& frame : frames) {
@@ -227,7 +233,17 @@ SharedRecord MirrorShadow::merge(const std::vector<SharedRecord>& frames) {
     }
     const std::shared_ptr<EncodedRecord> merged = encode(composer.take());
     merged->published = frames.back()->published;
-    return lastMerged_ = merged;
+    keepMerged(part, merged);
+    return merged;
+}
+
+void MirrorShadow::keepMerged(std::uint32_t part, SharedRecord record) {
+    merged_.push_front({part, std::move(record)});
+    std::uint64_t bytes = 0;
+    for (std::size_t i = 0; i < merged_.size(); ++i) {
+        bytes += merged_[i].record->bytes.size();
+        if (i > 0 && (i == kMostMergedKept || bytes > kMergedKeptBytes)) merged_.resize(i);
+    }
 }
 
 /// Without a scene of what the peer has all is merged as for others; there is one for the next time then.
@@ -242,7 +258,7 @@ void MirrorShadow::mergeNearFirst(const Scene& scene, const Question& question, 
                       (question.held || found->second.scene->state() == from);
     if (!fits) {
         if (question.held) return;
-        result.record = merge(question.frames);
+        result.record = merge(question.part, question.frames);
         if (scene.sequence() != result.state || (found == eased_.end() && eased_.size() >= kMostEased)) return;
         Eased& eased = eased_[question.peer];
         eased.scene.reset();
@@ -281,7 +297,7 @@ MirrorShadow::Answer MirrorShadow::answer(const Scene& whole, const Question& qu
     if (question.kind == Question::Kind::keyframe) {
         if (question.part != 0 && part == parts_.end()) return result;
         result.record = encode(scene.snapshot());
-        lastMerged_.reset();
+        merged_.clear();
         return result;
     }
     if (question.kind == Question::Kind::merge) {
@@ -289,7 +305,7 @@ MirrorShadow::Answer MirrorShadow::answer(const Scene& whole, const Question& qu
         if (question.nearFirst)
             mergeNearFirst(scene, question, result);
         else
-            result.record = merge(question.frames);
+            result.record = merge(question.part, question.frames);
         return result;
     }
     wire::Reader in(question.text);

@@ -78,7 +78,8 @@ class MirrorShadow {
     void reply(Answer answer);
     Answer answer(const Scene& whole, const Question& question);
     SharedRecord keyframe(const Scene& scene);
-    SharedRecord merge(const std::vector<SharedRecord>& frames);
+    SharedRecord merge(std::uint32_t part, const std::vector<SharedRecord>& frames);
+    void keepMerged(std::uint32_t part, SharedRecord record);
     void mergeNearFirst(const Scene& scene, const Question& question, Answer& result);
     std::shared_ptr<EncodedRecord> encode(const ChangeSet& set);
 
@@ -101,7 +102,12 @@ class MirrorShadow {
     ChangeEncoder encoder_;
     std::shared_ptr<ChangeSet> set_;
     std::optional<std::uint64_t> skippedFrom_;  // where the frames that were skipped set out
-    SharedRecord lastMerged_;
+    /// Made not long ago, the newest first; states of a part have the numbers of the whole scene's.
+    struct Merged {
+        std::uint32_t part = 0;
+        SharedRecord record;
+    };
+    std::deque<Merged> merged_;
     std::map<std::uint32_t, MirrorPart> parts_;
     /// Of a peer whose frames were merged not long ago.
     struct Eased {
