@@ -136,7 +136,7 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
 /// Estimates of the light from there that are 0 only where nothing can come. A cosine is cut at 1, as if of the most
 /// favourable direction, after the sine of the sphere around a cluster, as the point sees it, is added: cos a + sin b
 /// is 0 where the angle a is a right one and b more, as the cosine of a - b would be, for one root less.
-inline F8 LightTree::importance(const Clusters& c, const V8& point, const V8& normal) const {
+[[gnu::always_inline]] inline F8 LightTree::importance(const Clusters& c, const V8& point, const V8& normal) const {
     constexpr float kLeast = 1e-12f;  // m^2
     constexpr float kSlack = 1e-4f;   // of the rounded cosines
     const V8 towards = c.center - point;
@@ -194,8 +194,8 @@ constexpr float kBelowOne = 0x1.fffffep-1f;
 }  // namespace
 
 /// `above`: a bit for each that is not 0.
-inline float LightTree::importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each,
-                                   std::uint32_t& above) const {
+[[gnu::always_inline]] inline float LightTree::importance(const Node& node, const Vec3f& point, const Vec3f& normal,
+                                                          float* each, std::uint32_t& above) const {
     const F8 result = importance(allOf(node), {all(point.x), all(point.y), all(point.z)},
                                  {all(normal.x), all(normal.y), all(normal.z)});
     store(each, result);
