@@ -64,8 +64,9 @@ struct RenderSettings {
     Integrator integrator = Integrator::whitted;
     int width = 1280, height = 720;
     int samplesPerPixel = 1;  // 1: through the pixels' centres; more: a scrambled (0,2)-sequence
-    /// If above 0, blocks of pixels are sampled until their relative standard error (RenderStats::error) is at most
-    /// this, with at most samplesPerPixel samples a pixel; Picture::interval tells how well each pixel is known.
+    /// If above 0, tiles of 16 x 16 pixels are sampled until their relative standard error (RenderStats::error) is at
+    /// most this, and that of no block of 4 x 4 more than a tenth above it, with at most samplesPerPixel samples a
+    /// pixel; Picture::interval tells how well each pixel is known.
     float error = 0;
     std::uint64_t seed = 1;      // of the scrambling
     float cutoff = 1 / 1024.0f;  // of whitted: rays that could add less than this share (1e-6 at least) are left out
