@@ -14,7 +14,8 @@ namespace rtsg {
 void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
                 const std::filesystem::path& document, Diagnostics& diagnostics);
 
-/// A warning for each that the author does not mean: a shape beside whose metadata have a MetadataBoolean "opening" TRUE.
+/// A warning for each that the author does not mean, by a MetadataBoolean "opening" TRUE in the metadata of a shape
+/// beside.
 void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
                Diagnostics& diagnostics);
 /// RoomOpening::Beside::name of all; what the author means is no leak.
