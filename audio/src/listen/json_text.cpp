@@ -39,4 +39,11 @@ std::string jsonFigures(const RoomMetrics& m) {
         jsonArray(m.ts), jsonArray(m.g));
 }
 
+std::string jsonSlopes(const MetricsEstimate& m) {
+    std::string slopes;
+    for (std::size_t b = 0; b < kBandCount; ++b)
+        slopes += fmt::format("{}{}", b ? "," : "", hasTwoSlopes(m, b) ? "true" : "false");
+    return fmt::format("\"curvature_percent\":{},\"two_slopes\":[{}]", jsonArray(curvature(m.value)), slopes);
+}
+
 }  // namespace rtsg

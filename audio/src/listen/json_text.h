@@ -15,5 +15,7 @@ std::string jsonArray(const Bands& values);
 std::string jsonString(std::string_view text);
 /// "EDT_s":[…],… without braces.
 std::string jsonFigures(const RoomMetrics& metrics);
+/// "curvature_percent":[…],"two_slopes":[…] without braces.
+std::string jsonSlopes(const MetricsEstimate& metrics);
 
 }  // namespace rtsg

@@ -33,6 +33,9 @@ inline constexpr std::array<ReportFigure, 8> kReportFigures{{{"EDT_s", "EDT", "s
 /// A dash for what is no number.
 std::string reportNumber(double value, int digits);
 
+/// The bands that decay with more than one slope, in words; empty if there are none.
+std::string slopesText(const MetricsEstimate& metrics);
+
 /// With what would steer a terminal or break a page shown as a question mark.
 inline std::string printable(std::string_view text) {
     std::string result(text);

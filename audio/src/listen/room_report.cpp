@@ -35,6 +35,13 @@ std::string reportNumber(double value, int digits) {
     return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
 }
 
+std::string slopesText(const MetricsEstimate& metrics) {
+    std::string bands;
+    for (std::size_t b = 0; b < kBandCount; ++b)
+        if (hasTwoSlopes(metrics, b)) bands += fmt::format("{}{}", bands.empty() ? "" : ", ", kBandHz[b]);
+    return bands.empty() ? bands : "more than one slope, as of coupled rooms, at " + bands + " Hz";
+}
+
 namespace {
 
 std::string bandsLine(std::string_view name, const Bands& values, int digits) {
@@ -76,6 +83,8 @@ std::string RoomReport::toText() const {
             text += bandsLine(figure.title(), pair.metrics.value.*figure.values, figure.digits);
             text += bandsLine("  95 % +-", pair.metrics.ci95.*figure.values, figure.digits);
         }
+        text += bandsLine("curvature, %", curvature(pair.metrics.value), 1);
+        if (const std::string slopes = slopesText(pair.metrics); !slopes.empty()) text += "  " + slopes + "\n";
     }
     return text;
 }
@@ -86,10 +95,10 @@ std::string RoomReport::toJson() const {
     for (const Pair& pair : pairs)
         text += fmt::format(
             "{}{{\"source\":{},\"position\":{},\"listener\":{},\"listener_position\":{},{},\"ci95\":{{{}}},"
-            "\"escaped\":{}}}",
+            "{},\"escaped\":{}}}",
             &pair == pairs.data() ? "" : ",", jsonString(pair.source), jsonPlace(pair.sourceAt),
             jsonString(pair.listener), jsonPlace(pair.listenerAt), jsonFigures(pair.metrics.value),
-            jsonFigures(pair.metrics.ci95), jsonArray(pair.escaped));
+            jsonFigures(pair.metrics.ci95), jsonSlopes(pair.metrics), jsonArray(pair.escaped));
     const Average all = average();
     text += fmt::format("],\"average\":{{\"mean\":{{{}}},\"deviation\":{{{}}},\"count\":{{{}}}}},\"single\":{{",
                         jsonFigures(all.mean), jsonFigures(all.deviation), jsonFigures(all.count));

@@ -157,12 +157,14 @@ double firstOf(const Echogram& echogram) {
 
 std::string pairSection(const RoomReport::Pair& pair) {
     const double seconds = drawnSeconds(pair.echogram);
+    const std::string slopes = slopesText(pair.metrics);
     return fmt::format(
                "<h2>{} heard from {}</h2>\n<p>Source at {:.2f} {:.2f} {:.2f} m, listener at {:.2f} {:.2f} {:.2f} m; "
                "with 95 % intervals.</p>\n",
                escaped(pair.source), escaped(pair.listener), pair.sourceAt.x, pair.sourceAt.y, pair.sourceAt.z,
                pair.listenerAt.x, pair.listenerAt.y, pair.listenerAt.z) +
-           figuresTable(pair.metrics.value, pair.metrics.ci95) + "<h3>Decay curves, dB</h3>\n" +
+           figuresTable(pair.metrics.value, pair.metrics.ci95) +
+           (slopes.empty() ? slopes : "<p>Decays with " + slopes + ".</p>\n") + "<h3>Decay curves, dB</h3>\n" +
            decayChart(pair.echogram, seconds) +
            fmt::format("<h3>Energogram, Hz; {} dB from dark to light</h3>\n", -kLowestDb) +
            energogram(pair.echogram, firstOf(pair.echogram), seconds);

@@ -230,6 +230,19 @@ double halfWidth95(std::span<const double> without) {
 
 }  // namespace
 
+Bands curvature(const RoomMetrics& metrics) {
+    Bands result;
+    for (std::size_t b = 0; b < kBandCount; ++b) result[b] = 100 * (metrics.t30[b] / metrics.t20[b] - 1);
+    return result;
+}
+
+bool hasTwoSlopes(const MetricsEstimate& estimate, std::size_t band) {
+    constexpr double kStraight = 1.1;
+    const double least = estimate.value.t30[band] - estimate.ci95.t30[band];
+    const double most = estimate.value.t20[band] + estimate.ci95.t20[band];
+    return least > kStraight * most;  // not of what is no number
+}
+
 MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches) {
     const std::size_t count = batches.size();
     Echogram echogram;

@@ -5,6 +5,7 @@
 #include <string>
 
 #include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
 
 #include <rtsg/audio/room_report.h>
 
@@ -55,6 +56,21 @@ TEST(RoomReport, AveragesArithmeticallyOverThePairsThatHaveAFigure) {
     report.pairs.clear();
     EXPECT_TRUE(std::isnan(report.average().mean.t30[4]));
     EXPECT_EQ(report.average().count.t30[4], 0);
+}
+
+TEST(RoomReport, SaysWhichBandsDecayWithTwoSlopes) {
+    RoomReport report;
+    report.pairs = {pair("A", 1, 3)};
+    EXPECT_EQ(report.toText().find("slope"), std::string::npos);
+    EXPECT_EQ(report.toHtml().find("slope"), std::string::npos);
+    report.pairs[0].metrics.value.t30[1] = 2;
+    report.pairs[0].metrics.value.t30[3] = 1.5;
+    const std::string said = "more than one slope, as of coupled rooms, at 125, 500 Hz";
+    EXPECT_NE(report.toText().find("  " + said + "\n"), std::string::npos);
+    EXPECT_NE(report.toHtml().find("<p>Decays with " + said + ".</p>"), std::string::npos);
+    const auto json = nlohmann::json::parse(report.toJson());
+    EXPECT_EQ(json["pairs"][0]["two_slopes"].dump(), "[false,true,false,true,false,false,false,false]");
+    EXPECT_NEAR(json["pairs"][0]["curvature_percent"][1].get<double>(), 100, 1e-9);
 }
 
 TEST(RoomReport, DrawsTheDecayInClosedForm) {

@@ -1,6 +1,7 @@
 // Room-acoustic figures of impulse responses whose figures are known in closed form.
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <random>
 #include <utility>
 
@@ -52,6 +53,22 @@ TEST(RoomMetrics, DoubleSlopeFollowsTheEarlyThenTheLateDecay) {
     const RoomMetrics m = roomMetrics(echogram);
     EXPECT_LT(m.edt[0], 0.52);
     EXPECT_GT(m.t30[0], 1.5 * m.t20[0]);
+    EXPECT_NEAR(curvature(m)[0], 100 * (m.t30[0] / m.t20[0] - 1), 1e-12);
+    MetricsEstimate estimate{m, {}};
+    EXPECT_TRUE(hasTwoSlopes(estimate, 0));
+    // Not beyond doubt; and of a straight decay, or one without a T30, none.
+    estimate.ci95.t30[0] = m.t30[0] - 1.09 * m.t20[0];
+    EXPECT_FALSE(hasTwoSlopes(estimate, 0));
+    estimate.ci95.t30[0] = m.t30[0] - 1.11 * m.t20[0];
+    EXPECT_TRUE(hasTwoSlopes(estimate, 0));
+    estimate.ci95.t20[0] = 0.02 * m.t20[0];
+    EXPECT_FALSE(hasTwoSlopes(estimate, 0));
+    estimate.value.t30[0] = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_FALSE(hasTwoSlopes(estimate, 0));
+    Echogram straight;
+    straight.late = exponential(1.0, 9);
+    EXPECT_NEAR(curvature(roomMetrics(straight))[0], 0, 0.1);
+    EXPECT_FALSE(hasTwoSlopes({roomMetrics(straight), {}}, 0));
 }
 
 TEST(RoomMetrics, FreeFieldHasDirectSoundOnly) {

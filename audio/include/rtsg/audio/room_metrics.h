@@ -32,6 +32,12 @@ struct MetricsEstimate {
     RoomMetrics ci95;
 };
 
+/// The degree of curvature of a decay, percent: 100 (T30 / T20 - 1); NaN without a T30. ISO 3382-2:2008, annex B.
+Bands curvature(const RoomMetrics& metrics);
+/// Whether a band decays with more than one slope, as in rooms that are coupled: by more than 10 % of curvature
+/// (ibid.), whatever the 95 % intervals leave open.
+bool hasTwoSlopes(const MetricsEstimate& estimate, std::size_t band);
+
 /// `batches` are independent, equally long estimates of the late part, each on its own an unbiased one. The value is
 /// that of their mean; the interval comes from the delete-one jackknife over batches with Student's t, of fewer degrees
 /// of freedom where single batches stand out.
