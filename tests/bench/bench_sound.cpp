@@ -11,6 +11,7 @@
 
 #include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/convolver.h>
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/audio/world_geometry.h>
 #include <rtsg/core/loader.h>
@@ -278,10 +279,73 @@ bool live(const Report& report, bool quick) {
     return told.failure.empty();
 }
 
+/// What a response of 2 s takes of a core, a channel.
+void convolution(const Report& report, bool quick) {
+    constexpr int kRate = 48'000;
+    constexpr std::size_t kBlock = 512;
+    std::vector<float> response(2 * kRate), input(kBlock), output(kBlock);
+    for (std::size_t i = 0; i < response.size(); ++i)
+        response[i] = std::sin(static_cast<float>(i * i % 1009)) * std::exp(-3e-5f * static_cast<float>(i));
+    for (std::size_t i = 0; i < kBlock; ++i) input[i] = std::cos(static_cast<float>(i));
+    Convolver convolver(kBlock);
+    convolver.setResponse(response);
+    for (int i = 0; i < 4; ++i) convolver.process(input, output);  // it fades in
+    std::vector<double> shares;
+    for (int run = 0; run < (quick ? 1 : 9); ++run) {
+        const int blocks = quick ? 20 : 500;
+        const double start = cpuSeconds();
+        for (int i = 0; i < blocks; ++i) convolver.process(input, output);
+        shares.push_back((cpuSeconds() - start) * kRate / (blocks * static_cast<double>(kBlock)));
+        keep(output[0]);
+    }
+    report({"sound", "one channel", "share of a core that a response of 2 s takes", "1", median(shares), "", 0,
+            "asked for", .01});
+}
+
+/// 32 sources that move in a box at 60 Hz, in real time on OpenAL's silent device: CPU time of all of it, and of frames
+/// on the scene's thread.
+bool movingSources(const Report& report, bool quick) {
+    constexpr int kSources = 32;
+    std::string text = kBox;
+    for (int i = 0; i < kSources; ++i)
+        text += fmt::format(
+            "DEF V{} Transform {{ translation 0 0 0 children Sound {{ location {} {} 1.5 maxBack 60 maxFront 60 source "
+            "OscillatorSource {{ frequency {} }} }} }}\n",
+            i, 1 + .4 * (i % 8), 1 + .6 * (i / 8), 200 + 20 * i);
+    Scene scene;
+    Diagnostics diagnostics;
+    if (!loadText(scene, text + "Viewpoint { position 4 3 1.5 }\n", diagnostics)) return false;
+    SharedWorld world(scene);
+    auto heard = LiveSound::start(world, {});
+    if (!heard) return false;
+    std::vector<NodeId> sources;
+    for (int i = 0; i < kSources; ++i) sources.push_back(scene.findName(fmt::format("V{}", i)));
+    const double begin = wallSeconds(), before = cpuSeconds(), seconds = quick ? .3 : 10;
+    std::vector<double> frames;
+    for (double t = 0; t < seconds; t = wallSeconds() - begin) {
+        const double start = threadSeconds();
+        for (int i = 0; i < kSources; ++i)
+            static_cast<void>(scene.set(sources[static_cast<std::size_t>(i)], x3d::Transform::translation,
+                                        Vec3f(static_cast<float>(.9 * std::sin(t + i)), 0, 0)));
+        scene.newFrame(t);
+        frames.push_back(threadSeconds() - start);
+        std::this_thread::sleep_for(std::chrono::microseconds(16'667));
+    }
+    const double cores = (cpuSeconds() - before) / (wallSeconds() - begin);
+    const LiveReport told = (*heard)->stop();
+    report({"sound", "32 moving sources, live", "cores that all of it takes", "1", cores, "", 0, "asked for", 1});
+    report({"sound", "32 moving sources, live", "frame of the scene's thread, the longest, CPU time", "ms",
+            1e3 * *std::max_element(frames.begin(), frames.end()), "median", 1e3 * median(frames), "asked for", 2});
+    report({"sound", "32 moving sources, live", "underruns", "1", static_cast<double>(told.underruns), "", 0,
+            "asked for", 0});
+    return told.failure.empty();
+}
+
 }  // namespace
 
 bool sound(const Report& report, bool quick) {
-    if (!live(report, quick)) return false;
+    if (!live(report, quick) || !movingSources(report, quick)) return false;
+    convolution(report, quick);
     Diagnostics diagnostics;
     Hall box;
     box.name = "box";
