@@ -16,6 +16,9 @@ namespace rtsg {
 
 namespace {
 
+/// OpenImageIO gives an .exr without a date that of its writing, and files of two runs would differ.
+constexpr const char* kNoDate = "1970:01:01 00:00:00";
+
 std::string readInput(OIIO::ImageInput& input, const ReadRequest& request, FilePixels& out) {
     const OIIO::ImageSpec spec = input.spec();
     const bool eightBits = spec.format == OIIO::TypeDesc::UINT8;
@@ -138,7 +141,7 @@ class Files final : public ImageFiles {
         OIIO::ImageSpec spec(sheet.width, sheet.height, channels,
                              linear ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8);
         spec.attribute("oiio:ColorSpace", linear ? "Linear" : "sRGB");
-        if (linear) spec.attribute("compression", "zip");
+        if (linear) spec.attribute("compression", "zip"), spec.attribute("DateTime", kNoDate);
         if (!linear) spec.attribute("oiio:UnassociatedAlpha", 1);
         OIIO::Filesystem::IOVecOutput memory(file);
         if (!output->set_ioproxy(&memory) || !output->open(name, spec)) return output->geterror();
@@ -164,6 +167,7 @@ class Files final : public ImageFiles {
         }
         spec.attribute("oiio:ColorSpace", "Linear");
         spec.attribute("compression", "zip");
+        spec.attribute("DateTime", kNoDate);
         for (const auto& [key, text] : sheet.notes) spec.attribute(key, text);
         const std::size_t pixels = static_cast<std::size_t>(sheet.width) * static_cast<std::size_t>(sheet.height);
         std::vector<float> all(pixels * channels);  // all have 32 bits, whatever these mean

@@ -1,5 +1,7 @@
 // Pictures: colour curves, tone mapping, and files as an independent reader finds them.
 #include <rtsg/renderers/picture.h>
+#include <chrono>
+#include <fstream>
 
 #include <cmath>
 #include <filesystem>
@@ -132,6 +134,14 @@ TEST(Picture, EveryKindThatIsNamedIsWrittenAndReadBack) {
         if (extension == ".pfm") {
             EXPECT_EQ(difference->maximum, 0);
         }
+        // Today's year as formats have dates: files of two runs must be equal.
+        std::ifstream in(file, std::ios::binary);
+        const std::string content{std::istreambuf_iterator<char>(in), {}};
+        const std::chrono::year_month_day today{
+            std::chrono::floor<std::chrono::days>(std::chrono::system_clock::now())};
+        for (const char* between : {":", "-"})
+            EXPECT_EQ(content.find(fmt::format("{}{}", static_cast<int>(today.year()), between)), std::string::npos)
+                << extension;
         std::filesystem::remove(file);
     }
     EXPECT_GE(kinds, 13);
