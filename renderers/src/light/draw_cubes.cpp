@@ -1,4 +1,5 @@
-// What GeneratedCubeMapTextures show: six pictures from the middle of the first shape that has one.
+// What GeneratedCubeMapTextures show: six pictures from the middle of the first shape that has one. And
+// RenderedTextures: one through the picture's own eye.
 #include <algorithm>
 #include <utility>
 
@@ -8,7 +9,7 @@ namespace rtsg::trace {
 
 namespace {
 
-/// Who shows a GeneratedCubeMapTexture.
+/// Who shows a GeneratedCubeMapTexture or a RenderedTexture.
 struct CubeUsers {
     std::shared_ptr<const GeneratedCube> cube;
     std::vector<bool> slots;
@@ -30,6 +31,43 @@ std::vector<CubeUsers> findCubes(const TraceScene& scene, const RayView& world) 
     return result;
 }
 
+/// The eye of the picture that these are drawn for, and how.
+struct CubeDrawing {
+    const LightState& state;
+    const RayView& world;
+    const Camera& camera;
+    RenderSettings settings;
+
+    /// What an eye sees without these slots, as a texture. Null: it has no pixels.
+    std::shared_ptr<const Texture> draw(const Camera& eye, std::vector<bool> hidden) const {
+        const TraceScene around =
+            makeTraceScene(state, world, eye, settings, Part{camera.forward, std::move(hidden), false});
+        const Picture picture = toLinear(drawPicture(around, eye, settings, nullptr));
+        std::vector<Vec4f> pixels;
+        pixels.reserve(picture.pixels.size());
+        for (int y = picture.height - 1; y >= 0; --y)
+            for (int x = 0; x < picture.width; ++x) pixels.emplace_back(Vec3f(picture.at(x, y)), 1);
+        auto texture =
+            Texture::fromFloats(std::move(pixels), picture.width, picture.height, 3, Texture::Content::color);
+        return texture ? std::make_shared<const Texture>(std::move(*texture)) : nullptr;
+    }
+
+    SpaceTexture sides(const CubeUsers& users, const std::vector<bool>& hidden) const {
+        std::array<std::shared_ptr<const Texture>, 6> sides;
+        for (std::size_t i = 0; i < 6; ++i) {
+            const auto side = static_cast<CubeSide>(i);
+            Camera eye;
+            eye.position = world.toWorld(world.instance(users.first).rayFromLocal[3]);
+            eye.forward = Vec3d(cubeDirection(side, {.5f, .5f}));
+            eye.right = glm::normalize(Vec3d(cubeDirection(side, {1, .5f}) - cubeDirection(side, {0, .5f})));
+            eye.up = glm::cross(eye.right, eye.forward);
+            eye.layer = camera.layer;
+            sides[i] = draw(eye, hidden);
+        }
+        return SpaceTexture::cube(std::move(sides));
+    }
+};
+
 }  // namespace
 
 void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
@@ -42,31 +80,18 @@ void drawCubes(const LightState& state, const RayView& world, const Camera& came
     own.progress = {};
     std::vector<std::pair<NodeId, SpaceTexture>> made;
     for (const CubeUsers& users : findCubes(scene, world)) {
-        own.width = own.height = users.cube->size;
-        std::array<std::shared_ptr<const Texture>, 6> sides;
-        for (std::size_t i = 0; i < 6; ++i) {
-            const auto side = static_cast<CubeSide>(i);
-            Camera eye;
-            eye.position = world.toWorld(world.instance(users.first).rayFromLocal[3]);
-            eye.forward = Vec3d(cubeDirection(side, {.5f, .5f}));
-            eye.right = glm::normalize(Vec3d(cubeDirection(side, {1, .5f}) - cubeDirection(side, {0, .5f})));
-            eye.up = glm::cross(eye.right, eye.forward);
-            std::vector<bool> hidden = users.slots;
-            for (std::size_t slot = 0; !part.empty() && slot < hidden.size(); ++slot)
-                hidden[slot] = hidden[slot] || part[slot];
-            eye.layer = camera.layer;
-            const TraceScene around =
-                makeTraceScene(state, world, eye, own, Part{camera.forward, std::move(hidden), false});
-            const Picture picture = toLinear(drawPicture(around, eye, own, nullptr));
-            std::vector<Vec4f> pixels;
-            pixels.reserve(picture.pixels.size());
-            for (int y = picture.height - 1; y >= 0; --y)
-                for (int x = 0; x < picture.width; ++x) pixels.emplace_back(Vec3f(picture.at(x, y)), 1);
-            auto texture =
-                Texture::fromFloats(std::move(pixels), picture.width, picture.height, 3, Texture::Content::color);
-            if (texture) sides[i] = std::make_shared<const Texture>(std::move(*texture));
+        const GeneratedCube& cube = *users.cube;
+        own.width = cube.size, own.height = cube.isFlat() ? cube.height : cube.size;
+        std::vector<bool> hidden = users.slots;
+        for (std::size_t slot = 0; !part.empty() && slot < hidden.size(); ++slot)
+            hidden[slot] = hidden[slot] || part[slot];
+        const CubeDrawing drawing{state, world, camera, own};
+        if (!cube.isFlat()) {
+            made.emplace_back(cube.node, drawing.sides(users, hidden));
+        } else if (auto block =
+                       SpaceTexture::block({drawing.draw(camera.shaped(double(own.width) / own.height), hidden)})) {
+            made.emplace_back(cube.node, std::move(*block));
         }
-        made.emplace_back(users.cube->node, SpaceTexture::cube(std::move(sides)));
     }
     scene.generated = std::move(made);
 }

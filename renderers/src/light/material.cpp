@@ -187,6 +187,7 @@ struct Reader {
         if (node.is(x3d::ComposedCubeMapTexture::type)) return accessOf<x3d::ComposedCubeMapTexture>(node);
         if (node.is(x3d::ImageCubeMapTexture::type)) return accessOf<x3d::ImageCubeMapTexture>(node);
         if (node.is(x3d::GeneratedCubeMapTexture::type)) return accessOf<x3d::GeneratedCubeMapTexture>(node);
+        if (node.is(x3d::RenderedTexture::type)) return accessOf<x3d::RenderedTexture>(node);
         return {};
     }
     TextureAccess readAccess(const Node& node) const {
@@ -216,6 +217,24 @@ struct Reader {
         return result;
     }
 
+    /// What is drawn for this picture; null: nothing, as `update` has it.
+    template <class N>
+    std::shared_ptr<const GeneratedCube> drawnFor(const Node& node) {
+        const std::string_view update = node.get(N::update).view();
+        if (update != "ALWAYS" && update != "NEXT_FRAME_ONLY") return nullptr;
+        constexpr int kMostPixels = 4096;
+        if constexpr (requires { N::size; }) {
+            return std::make_shared<const GeneratedCube>(node.id(), std::clamp(node.get(N::size), 1, kMostPixels), 0);
+        } else {
+            if (!node.get(N::url).empty())
+                diagnostics.warning({}, "RenderedTexture.url: a scene writes no files: it is shown, and not saved");
+            if (node.get(N::depthMap))
+                diagnostics.warning({}, "RenderedTexture.depthMap: its depths are not shown, but its colours");
+            return std::make_shared<const GeneratedCube>(node.id(), std::clamp(node.get(N::width), 1, kMostPixels),
+                                                         std::clamp(node.get(N::height), 1, kMostPixels));
+        }
+    }
+
     TextureUse use(NodeId id, const String& mapping, Texture::Content content) {
         const Node* node = scene.effectiveNode(id);
         if (!node) return {};
@@ -227,11 +246,9 @@ struct Reader {
                     break;
                 }
         if (node->is(x3d::GeneratedCubeMapTexture::type)) {
-            using G = x3d::GeneratedCubeMapTexture;
-            const String& update = node->get(G::update);
-            if (update == String("ALWAYS") || update == String("NEXT_FRAME_ONLY"))
-                result.generated =
-                    std::make_shared<const GeneratedCube>(node->id(), std::clamp(node->get(G::size), 1, 4096));
+            result.generated = drawnFor<x3d::GeneratedCubeMapTexture>(*node);
+        } else if (node->is(x3d::RenderedTexture::type)) {
+            result.generated = drawnFor<x3d::RenderedTexture>(*node);
         } else if (TextureStore::isSpace(*node)) {
             result.space = store.spaceOfNode(scene, *node, content, diagnostics);
         } else {
@@ -239,6 +256,7 @@ struct Reader {
         }
         if (!result) return result;
         result.access = readAccess(*node);
+        if (result.generated && result.generated->isFlat()) result.access.wrapR = TextureWrap::clamp;
         if (node->is(x3d::PixelTexture::type) && result.texture && !node->get(x3d::PixelTexture::textureProperties))
             result.access.smooth = std::max(result.texture->width(), result.texture->height()) >= kLeastSmoothed;
         result.mapping = mapping;

@@ -62,16 +62,18 @@ struct TextureLookup {
         if (ofCamera) return v.x * scene->right + v.y * scene->up - v.z * scene->forward;
         return glm::mat3(instance.rayFromLocal) * v;
     }
+    /// A RenderedTexture lies on a surface as other pictures do.
+    static bool isFlat(const TextureUse& use) { return use.generated && use.generated->isFlat(); }
     Vec3f coordinates(std::size_t channel, const TextureUse& use) const {
         const TexCoords* own = coordsOf(channel);
         Vec4f str;
         if (own && own->generator != TexCoords::Generator::none)
             str = {generated(*own), 1};
-        else if (!use.texture && !(own && own->authored))
+        else if (!use.texture && !isFlat(use) && !(own && own->authored))
             str = solid(use);
         else
             str = instance.mesh->texCoord(hit.triangle, hit.u, hit.v, channel);
-        if (use.generated) str = {inWorld(own, Vec3f(str)), str.w};
+        if (use.generated && !isFlat(use)) str = {inWorld(own, Vec3f(str)), str.w};
         if (use.matrix3) [[unlikely]]
             str = *use.matrix3 * str;
         else
@@ -84,7 +86,7 @@ struct TextureLookup {
         // What is generated, and directions, have no stretch that the corners could tell.
         const TexCoords* own = coordsOf(channel);
         if (own && own->generator != TexCoords::Generator::none) return 0;
-        if (!use.texture && (!own || !own->authored || use.generated || use.space->isCube())) return 0;
+        if (!use.texture && !isFlat(use) && (!own || !own->authored || use.generated || use.space->isCube())) return 0;
         const Mesh& mesh = *instance.mesh;
         Vec3f st[3], p[3];
         const float corners[3][2] = {{0, 0}, {1, 0}, {0, 1}};

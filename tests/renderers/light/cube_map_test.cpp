@@ -321,6 +321,56 @@ TEST(GeneratedCubeMap, FollowsTheSceneAndShowsNothingUntilAsked) {
     EXPECT_LT(glm::distance(s.center(), kSeen[1]), 1e-5f) << "the wall behind it";
 }
 
+TEST(RenderedTexture, ShowsWhatTheEyeSeesWithoutTheShapesThatShowIt) {
+    // A cross of four walls around a blue one, which the square with the picture hides from the eye.
+    const auto wall = [](const char* place, double half, const char* color) {
+        return fmt::format("Transform {{ translation {} children {} }}\n", place, square(half, unlit(color)));
+    };
+    const std::string body = "OrthoViewpoint { fieldOfView [ -1 -1 1 1 ] }\n" + wall("-1.5 0 -2", 1, "1 0 0") +
+                             wall("1.5 0 -2", 1, "0 1 0") + wall("0 1 -1.9", .5, "1 1 0") +
+                             wall("0 -1 -1.9", .5, "0 1 1") + wall("0 0 -1", .5, "0 0 1");
+    const std::string shape = square(.5,
+                                     "material UnlitMaterial { } texture DEF R RenderedTexture { update \"ALWAYS\" "
+                                     "width 64 height 64 }",
+                                     "solid FALSE texCoord TextureCoordinate { point [ 0 0, 1 0, 1 1, 0 1 ] }");
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        LightScene s(body + shape, 64, 64);
+        s.options.settings.integrator = integrator;
+        const Picture picture = s.picture();
+        // At half the size around the middle: (x, y) of the square is (2 x, 2 y) of what the eye would see without it.
+        const auto at = [&](double x, double y) { return Vec3f(picture.at(int((x + 1) * 32), int((1 - y) * 32))); };
+        for (const auto& [x, y, color] : {std::tuple(-.4, 0., Vec3f(1, 0, 0)),
+                                          {.4, 0., Vec3f(0, 1, 0)},
+                                          {.05, .4, Vec3f(1, 1, 0)},
+                                          {.05, -.4, Vec3f(0, 1, 1)},
+                                          {.1, .1, Vec3f(0, 0, 1)},
+                                          {-.2, -.1, Vec3f(0, 0, 1)}})
+            EXPECT_LT(glm::distance(at(x, y), color), 1e-5f) << x << " " << y;
+        EXPECT_LT(glm::distance(at(-.8, 0), Vec3f(1, 0, 0)), 1e-5f) << "beside it the wall itself";
+        EXPECT_TRUE(s.diagnostics.all().empty());
+    }
+    LightScene s(body + shape);
+    ASSERT_TRUE(s.scene.set(s.node("R"), x3d::RenderedTexture::update, String("NONE")));
+    s.scene.newFrame(1);
+    EXPECT_EQ(s.center(), Vec3f(1)) << "NONE: as without a texture";
+}
+
+TEST(RenderedTexture, TwoThatSeeEachOtherEnd) {
+    const std::string shape = square(.4,
+                                     "material UnlitMaterial { } texture RenderedTexture { update \"NEXT_FRAME_ONLY\" "
+                                     "width 16 height 16 url \"out.png\" }",
+                                     "solid FALSE texCoord TextureCoordinate { point [ 0 0, 1 0, 1 1, 0 1 ] }");
+    LightScene s("OrthoViewpoint { fieldOfView [ -1 -1 1 1 ] }\n" + shape +
+                 "Transform { translation .6 0 -1 children " + shape + " }\n" +
+                 "Transform { translation 0 0 -3 children " + square(9, unlit("0 0 1")) + " }");
+    const Picture picture = s.picture();
+    EXPECT_LT(glm::distance(Vec3f(picture.at(16, 16)), Vec3f(0, 0, 1)), 1e-5f) << "the wall behind it";
+    EXPECT_LT(glm::distance(Vec3f(picture.at(19, 16)), Vec3f(1)), 1e-5f) << "the other one, which shows nothing there";
+    std::string told;
+    for (const Diagnostic& d : s.light->diagnostics().all()) told += d.text + '\n';
+    EXPECT_NE(told.find("a scene writes no files"), std::string::npos) << told;
+}
+
 // ---- TextureProperties --------------------------------------------------------------------------------------------
 
 TEST(TextureProperties, FiltersOfWhatIsFarAway) {

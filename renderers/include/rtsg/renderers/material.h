@@ -36,10 +36,13 @@ enum class ShadingModel : std::uint8_t { unlit, phong, physical };
 enum class AlphaMode : std::uint8_t { automatic, opaque, mask, blend };
 
 /// A GeneratedCubeMapTexture (34.4.2): its sides are drawn anew for each picture, from the middle of the shape that has
-/// it and without that shape.
+/// it and without that shape. Or a RenderedTexture (X3D 4.1): one picture through the picture's own eye, without the
+/// shapes that show it.
 struct GeneratedCube {
     NodeId node;
-    int size = 128;  // pixels a side
+    int size = 128;  // pixels a side; of a RenderedTexture its width
+    int height = 0;  // of a RenderedTexture
+    bool isFlat() const { return height > 0; }
 };
 
 /// A texture as a material uses it; one of the three, or none.
