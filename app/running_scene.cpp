@@ -7,6 +7,7 @@
 
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/renderers/movie.h>
+#include <rtsg/renderers/text_measure.h>
 #include <rtsg/renderers/world_queries.h>
 
 #include "outputs.h"
@@ -93,6 +94,7 @@ void RunningScene::followInlines() {
         return seconds ? std::optional(*seconds) : std::nullopt;
     };
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
+    inlines_->measureTexts(measureText);
     queries_ = std::make_unique<LateQueries>(*this);
     scene_.setSpaceQueries(queries_.get());
     scene_.setNavigation(true);

@@ -23,6 +23,7 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendKeys(t);
         appendLoadSensor(t);
         appendPickSensors(t);
+        appendMeasures(t);
         appendMedia(t);
         appendParticles(t);
         appendMotions(t);

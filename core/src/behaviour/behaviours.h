@@ -19,6 +19,7 @@ void appendPointing(std::vector<BuiltinBehaviour>& table);
 void appendKeys(std::vector<BuiltinBehaviour>& table);
 void appendLoadSensor(std::vector<BuiltinBehaviour>& table);
 void appendPickSensors(std::vector<BuiltinBehaviour>& table);
+void appendMeasures(std::vector<BuiltinBehaviour>& table);
 void appendMedia(std::vector<BuiltinBehaviour>& table);
 void appendParticles(std::vector<BuiltinBehaviour>& table);
 void appendMotions(std::vector<BuiltinBehaviour>& table);

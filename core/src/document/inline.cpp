@@ -1,4 +1,5 @@
-// Inline: finding, reading and attaching other documents, at load time and while a scene runs.
+// Inline: finding, reading and attaching other documents, at load time and while a scene runs; InlineGeometry likewise,
+// which keeps a geometry of what it has read (inline_geometry.cpp).
 // Source: ISO/IEC 19775-1 V4.0 9.4.2 (Inline), 9.2.1 (urls), 4.4.6 (import and export).
 #include <algorithm>
 #include <set>
@@ -7,18 +8,22 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
 
 #include "builder_state.h"
+#include "inline_geometry.h"
 #include "load_reports.h"
 #include "media_reports.h"
 #include "reader_bytes.h"
+#include "size_reports.h"
 
 namespace rtsg {
 
 namespace {
 
+/// Also of a geometry alone.
 bool isInline(const Node& node) {
-    return node.type().kind == NodeType::Kind::builtin && node.type().name == "Inline";
+    return node.is(x3d::Inline::type) || node.is(x3d::InlineGeometry::type);
 }
 
 bool wantsContent(const Node& node) {
@@ -90,9 +95,9 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
     const auto documents =
         static_cast<std::uint64_t>(std::ranges::count_if(scopes, [](const auto& one) { return one->isDocument; }));
     if (const std::uint64_t limit = options.resources->policy().maximumDepth; documents > limit) {
-        diagnostics.error(
-            where, fmt::format("Inline '{}': more than {} documents within each other; --limit depth=N raises this",
-                               urlForMessage(urls[0].view()), limit));
+        diagnostics.error(where,
+                          fmt::format("{} '{}': more than {} documents within each other; --limit depth=N raises this",
+                                      scene.node(id).type().name, urlForMessage(urls[0].view()), limit));
         return false;
     }
     std::string why;
@@ -109,11 +114,11 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
             file = fail(fmt::format("'{}' would contain itself", urlForMessage(url)));
         if (file) {
             fillInline(id, **file, url, where);
-            return true;
+            return !scene.node(id).is(x3d::InlineGeometry::type) || keepGeometry(scene, id, url, diagnostics, where);
         }
         why += (why.empty() ? "" : "; ") + file.error().text;
     }
-    diagnostics.error(where, fmt::format("Inline: {}", why));
+    diagnostics.error(where, fmt::format("{}: {}", scene.node(id).type().name, why));
     return false;
 }
 
@@ -139,7 +144,12 @@ void SceneBuilder::State::fillInline(NodeId id, LoadSession::File& file, std::st
 
 struct InlineLoader::State final : Subscriber {
     State(Scene& target, Diagnostics& sink, BuildOptions buildOptions)
-        : scene(target), diagnostics(sink), options(std::move(buildOptions)), reports(target), media(target) {
+        : scene(target),
+          diagnostics(sink),
+          options(std::move(buildOptions)),
+          reports(target),
+          media(target),
+          sizes(target) {
         if (!options.resources)
             options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
         scene.seal();  // what the caller loaded is not news
@@ -155,12 +165,13 @@ struct InlineLoader::State final : Subscriber {
     Result<> apply(const Scene& source, const ChangeSet& set) override {
         reports.note(source, set);
         media.note(source, set);
+        sizes.note(source, set);
         for (const Change& change : set.changes) {
             if (change.kind != ChangeKind::setField) continue;
             const Node* node = source.find(change.node);
             if (!node || !isInline(*node)) continue;
             const std::string& name = node->type().fields[change.field].name;
-            if (name == "load" || name == "url") changed.insert(change.node.value);
+            if (name == "load" || name == "url" || name == "solid") changed.insert(change.node.value);
         }
         return {};
     }
@@ -200,24 +211,7 @@ struct InlineLoader::State final : Subscriber {
     }
 
     void unload(NodeId id) {
-        std::set<std::uint32_t> inside{id.value};
-        std::vector<NodeId> pending(contentOf(scene.node(id)).begin(), contentOf(scene.node(id)).end());
-        std::vector<NodeId> gone;
-        while (!pending.empty()) {
-            const Node* node = scene.find(pending.back());
-            pending.pop_back();
-            // What the content merely refers to (a node handed to a PROTO from outside) is not its own.
-            if (!node || !inside.contains(node->scope().value) || !inside.insert(node->id().value).second) continue;
-            gone.push_back(node->id());
-            for (const FieldIndex field : node->type().nodeFields()) {
-                if (!node->type().fields[field].readable()) continue;
-                if (node->type().fields[field].type == FieldType::SFNode)
-                    pending.push_back(*static_cast<const NodeId*>(node->storage(field)));
-                else
-                    for (const NodeId child : *static_cast<const Array<NodeId>*>(node->storage(field)))
-                        pending.push_back(child);
-            }
-        }
+        const std::vector<NodeId> gone = ownContent(scene, id, contentOf(scene.node(id)));
         const NodeType& type = scene.node(id).type();
         setHidden(scene, id, type.body(), Value(Array<NodeId>()));
         setHidden(scene, id, hiddenField(type, "loadedUrl"), Value(String()));
@@ -235,12 +229,19 @@ struct InlineLoader::State final : Subscriber {
     std::unordered_map<std::uint32_t, Array<String>> loaded;  // the urls that the content came from
     LoadReports reports;
     MediaReports media;
+    SizeReports sizes;
+    TextMeasure measure;
     Attachment attachment;
 };
 
 InlineLoader::InlineLoader(Scene& scene, Diagnostics& diagnostics, BuildOptions options)
     : state_(std::make_unique<State>(scene, diagnostics, std::move(options))) {}
 InlineLoader::~InlineLoader() = default;
+
+void InlineLoader::measureTexts(TextMeasure measure) {
+    state_->measure = std::move(measure);
+    state_->sizes.askTexts(state_->scene);
+}
 
 std::size_t InlineLoader::update() {
     State& s = *state_;
@@ -256,7 +257,10 @@ std::size_t InlineLoader::update() {
         if (!contentOf(*node).empty()) s.loaded.try_emplace(value, urlsOf(*node));  // a builder has filled it
         const auto current = s.loaded.find(value);
         const bool isCurrent = current != s.loaded.end() && current->second == urlsOf(*node);
-        if (wanted == (current != s.loaded.end()) && (!wanted || isCurrent)) continue;
+        if (wanted == (current != s.loaded.end()) && (!wanted || isCurrent)) {
+            if (node->is(x3d::InlineGeometry::type) && applyGeometryHints(s.scene, *node)) ++count;
+            continue;
+        }
         if (current != s.loaded.end()) {
             s.unload(id);
             s.loaded.erase(value);
@@ -270,6 +274,7 @@ std::size_t InlineLoader::update() {
             if (!scope) break;
         }
     }
+    count += s.sizes.answer(s.scene, *s.options.resources, s.measure);
     count += s.media.answer(s.scene, *s.options.resources, s.options.mediaLength);
     return count + s.reports.answer(s.scene, *s.options.resources);
 }

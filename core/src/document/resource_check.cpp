@@ -13,7 +13,9 @@ namespace {
 
 /// Links that somebody may follow are not part of the scene; documents that were to be loaded are the loader's.
 bool isChecked(const Node& node) {
-    if (node.is(x3d::Anchor::type)) return false;
+    // Nobody reads what a RenderedTexture would be written to.
+    if (node.is(x3d::Anchor::type) || node.is(x3d::RenderedTexture::type)) return false;
+    if (node.is(x3d::InlineGeometry::type)) return !node.get(x3d::InlineGeometry::load);
     return !node.is(x3d::Inline::type) || !node.get(x3d::Inline::load);
 }
 

@@ -188,7 +188,7 @@ void SceneBuilder::endNode(SourceLocation where) {
     if (node.kind == OpenNode::Kind::instance) s.expand(node);  // may reallocate `open`
     OpenNode& done = s.open[position];
     if (done.kind != OpenNode::Kind::instance) s.storeChildren(done);
-    if (done.type->name == "Inline" && done.type->kind == NodeType::Kind::builtin)
+    if (done.typeIndex == x3d::Inline::type || done.typeIndex == x3d::InlineGeometry::type)
         s.scope().inlines.emplace_back(done.id, done.where);
     else if (s.scene.node(done.id).is(x3d::GeoLOD::type))
         s.addTiles(done.id, done.where);

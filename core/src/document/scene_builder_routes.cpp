@@ -154,6 +154,7 @@ void SceneBuilder::State::storeImports(NameScope& in) {
     }
     const NodeId holder = in.owner ? in.owner : scene.root();
     const NodeType& type = scene.node(holder).type();
+    if (type.name == "InlineGeometry" && type.kind == NodeType::Kind::builtin) return;  // its names are nobody's
     if (hiddenField(type, "imports") == kNoField) {
         for (const ImportStatement& one : in.imports) error(one.where, "IMPORT cannot stand in a PROTO body");
         for (const ExportStatement& one : in.exports) error(one.where, "EXPORT cannot stand in a PROTO body");

@@ -62,7 +62,9 @@ const Node& Scene::node(NodeId id, std::source_location caller) const {
 }
 const Node* Scene::effectiveNode(NodeId id) const {
     const Node* node = find(id);
-    while (node && (node->type().kind == NodeType::Kind::proto || node->type().kind == NodeType::Kind::externProto)) {
+    // What an InlineGeometry has loaded is in its place, too.
+    while (node && (node->type().kind == NodeType::Kind::proto || node->type().kind == NodeType::Kind::externProto ||
+                    node->is(x3d::InlineGeometry::type))) {
         const FieldIndex body = node->type().body();
         if (body == kNoField) return nullptr;
         const auto& nodes = node->get(Field<Array<NodeId>>{body});

@@ -72,7 +72,9 @@ bool rotationMatrix(const Rotation& r, glm::dmat3& out) {
 TypeRole RoleTable::work(const NodeType& type) {
     TypeRole role;
     if (type.kind == NodeType::Kind::script) return role;
-    if (type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) {
+    // An InlineGeometry stands for the geometry that it has loaded, as the instance of a PROTO does for its body.
+    const bool isLoaded = type.kind == NodeType::Kind::builtin && type.name == "InlineGeometry";
+    if (isLoaded || type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) {
         role.role = Role::first;
         if (const FieldIndex body = type.body(); body != kNoField) role.children[role.childFields++] = body;
     } else {
@@ -193,7 +195,9 @@ NodeId resolve(const Scene& scene, RoleTable& roles, NodeId id) {
         const Node* node = id ? scene.find(id) : nullptr;
         if (!node) return {};
         const TypeRole& role = roles.of(*node);
-        if (node->type().kind != NodeType::Kind::proto && node->type().kind != NodeType::Kind::externProto) return id;
+        const bool stands = node->type().kind == NodeType::Kind::proto ||
+                            node->type().kind == NodeType::Kind::externProto || node->is(x3d::InlineGeometry::type);
+        if (!stands) return id;
         if (role.childFields == 0) return {};
         std::vector<NodeId> first;
         desiredChildren(*node, role, 0, first);

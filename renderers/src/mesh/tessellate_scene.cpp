@@ -517,6 +517,8 @@ std::shared_ptr<const Mesh> volumeBox(const Scene& scene, const Node& volume) {
 Result<std::shared_ptr<const Mesh>> detail::tessellateNode(const Scene& scene, NodeId geometry,
                                                            const TessellationOptions& options, TextMaker* text) {
     const Node* node = scene.effectiveNode(geometry);
+    if (const Node* named = scene.find(geometry); !node && named && named->is(x3d::InlineGeometry::type))
+        return std::make_shared<const Mesh>();  // not loaded: whoever loads has said why
     if (!node) return fail(fmt::format("node {} does not exist or has no body", geometry.value));
     if (node->is(x3d::ParticleSystem::type)) return particlesNode(scene, *node, options, text, std::nullopt);
     if (node->type().isA("X3DVolumeDataNode")) return volumeBox(scene, *node);

@@ -7,6 +7,7 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/renderers/text_measure.h>
 
 #include "text/fonts.h"
 
@@ -63,6 +64,7 @@ struct TextMaker::Line {
     std::vector<PlacedGlyph> glyphs;
     float extent = 0;  // along the line
     float stretch = 1;
+    Vec2f low{0}, high{0};  // of the line's own box: from its descent to its ascent, or one em wide
 };
 
 const GlyphMesh& TextMaker::glyph(const Fonts& fonts, const PlacedGlyph& placed, float tolerance) {
@@ -129,23 +131,49 @@ std::vector<TextMaker::Line> TextMaker::layOut(const Fonts& fonts, const TextPar
             const float high = p.topToBottom ? font.ascent : last + font.ascent;
             shift.y = p.topToBottom ? -step : step;
             if (p.minor != Justify::first) shift.y += beginOf(p.minor, low, high, !p.topToBottom);
+            line.low = shift - Vec2f(0, font.descent), line.high = shift + Vec2f(along, font.ascent);
         } else {
             scale.y = line.stretch;
             const bool up = !p.topToBottom;
             shift.y = beginOf(p.major, up ? 0 : -along, up ? along : 0, up);
             shift.x = p.leftToRight ? step : -step;
             shift.x += beginOf(p.minor, p.leftToRight ? 0 : -last, p.leftToRight ? last + 1 : 1, p.leftToRight);
+            line.low = shift - Vec2f(0, up ? 0 : along), line.high = shift + Vec2f(1, up ? along : 0);
         }
         for (PlacedGlyph& g : line.glyphs) g.x = g.x * scale.x + shift.x, g.y = g.y * scale.y + shift.y;
     }
     return lines;
 }
 
+namespace {
+
+bool hasUsableSizes(const TextParams& p) {
+    return p.size > 0 && usable(p.size) && p.spacing >= 0 && usable(p.spacing);
+}
+
+}  // namespace
+
+Array<float> TextMaker::measure(const TextParams& p) {
+    const auto loaded = fonts();
+    if (!loaded || p.strings.empty() || !hasUsableSizes(p)) return {};
+    Mesh ignored;  // who draws it says what is wrong with it
+    const std::vector<Line> lines = layOut(**loaded, p, ignored);
+    if (lines.empty()) return {};
+    Vec2f low = lines[0].low, high = lines[0].high;
+    for (const Line& line : lines) low = glm::min(low, line.low), high = glm::max(high, line.high);
+    Array<float> sizes;
+    const auto add = [&](float ems) { sizes.push_back(ems * p.size + 0.0f); };  // 0, not -0
+    add(high.x - low.x), add(high.y - low.y);
+    add(low.x), add(high.y), add(0);
+    for (const Line& line : lines) add(line.high.x - line.low.x), add(line.high.y - line.low.y);
+    return std::ranges::all_of(sizes, [](float size) { return usable(size); }) ? sizes : Array<float>();
+}
+
 Mesh TextMaker::make(const TextParams& p, const TessellationOptions& options) {
     Mesh mesh;
     mesh.solid = p.solid, mesh.inPixels = p.inPixels;
     if (p.strings.empty()) return mesh;
-    if (!(p.size > 0) || !usable(p.size) || !(p.spacing >= 0) || !usable(p.spacing)) {
+    if (!hasUsableSizes(p)) {
         warn(mesh, fmt::format("size {} must be above 0 and spacing {} not below: it is not drawn", p.size, p.spacing));
         return mesh;
     }
@@ -260,6 +288,11 @@ TextParams readText(const Scene& scene, const Node& text, Mesh& problems) {
 }
 
 }  // namespace detail
+
+Array<float> measureText(const Scene& scene, const Node& text) {
+    Mesh ignored;
+    return detail::TextMaker().measure(detail::readText(scene, text, ignored));
+}
 
 Mesh tessellate(const TextParams& params, const TessellationOptions& options) {
     return detail::TextMaker().make(params, options);

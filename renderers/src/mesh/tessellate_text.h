@@ -33,6 +33,8 @@ class TextMaker {
     static constexpr std::size_t kMostGlyphs = 16384;
 
     Mesh make(const TextParams& params, const TessellationOptions& options);
+    /// As measureText() has it.
+    Array<float> measure(const TextParams& params);
 
   private:
     struct Line;

@@ -269,5 +269,53 @@ TEST_F(Inlines, ACircleIsRefusedAtRunTimeToo) {
     EXPECT_FALSE(at({"I", "J", "I"}));
 }
 
+TEST_F(Inlines, AGeometryAloneIsTakenFromAMeshFile) {
+    write("main.x3dv", "Shape { geometry DEF I InlineGeometry { url \"part.stl\" solid TRUE smooth FALSE } }");
+    std::ofstream(folder / "part.stl") << "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
+                                          "vertex 0 1 0\nendloop\nendfacet\nendsolid s\n";
+    ASSERT_TRUE(load("main.x3dv"));
+    EXPECT_EQ(problems(), "");
+    const Node* geometry = scene.effectiveNode(at({"I"}));
+    ASSERT_NE(geometry, nullptr);
+    EXPECT_TRUE(geometry->type().isA("X3DComposedGeometryNode")) << geometry->type().name;
+    EXPECT_EQ(get(geometry->id(), "solid"), "TRUE");
+    const Node* coord = scene.find(*static_cast<const NodeId*>(geometry->storage(geometry->type().find("coord"))));
+    ASSERT_NE(coord, nullptr);
+    EXPECT_EQ(get(coord->id(), "point"), "[0 0 0, 1 0 0, 0 1 0]");
+    // The Shape of the file is gone: it is neither in the scene nor in what is saved of it.
+    std::size_t shapes = 0;
+    scene.forEachNode([&](const Node& node) { shapes += node.type().name == "Shape"; });
+    EXPECT_EQ(shapes, 1u);
+}
+
+TEST_F(Inlines, GeometriesComeAndGoWithoutALeftover) {
+    write("main.x3dv", "Shape { geometry DEF I InlineGeometry { load FALSE url \"part.x3dv\" } }");
+    write("part.x3dv",
+          "PROTO P [ ] { IndexedFaceSet { coord Coordinate { point [ 0 0 0 ] } } } DEF T Transform { children [ "
+          "DEF J Inline { url \"more.x3dv\" } Shape { appearance Appearance { } geometry DEF G P { } } ] }\n"
+          "DEF C TimeSensor { } DEF S ScalarInterpolator { } ROUTE C.fraction_changed TO S.set_fraction");
+    write("more.x3dv", "DEF D Shape { geometry Box { } }");
+    ASSERT_TRUE(load("main.x3dv"));
+    const std::size_t before = scene.nodeCount();
+    BuildOptions options;
+    options.file = folder / "main.x3dv";
+    InlineLoader loader(scene, diagnostics, options);
+    for (int round = 0; round < 3; ++round) {
+        ASSERT_TRUE(scene.setField(at({"I"}), scene.node(at({"I"})).type().find("load"), Value(true)));
+        scene.newFrame(2 * round);
+        EXPECT_EQ(loader.update(), 1u);
+        EXPECT_EQ(scene.nodeCount(), before + 3) << "the instance, its face set, and that one's points";
+        EXPECT_EQ(scene.routeCount(), 0u);
+        ASSERT_TRUE(scene.effectiveNode(at({"I"})));
+        EXPECT_EQ(scene.effectiveNode(at({"I"}))->type().name, "IndexedFaceSet");
+        ASSERT_TRUE(scene.setField(at({"I"}), scene.node(at({"I"})).type().find("load"), Value(false)));
+        scene.newFrame(2 * round + 1);
+        EXPECT_EQ(loader.update(), 1u);
+        EXPECT_EQ(scene.nodeCount(), before);
+        EXPECT_EQ(scene.effectiveNode(at({"I"})), nullptr);
+    }
+    EXPECT_EQ(problems(), "");
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -1,4 +1,4 @@
-// How long sounds and films play, against headers written here.
+// How long sounds and films play, and how large pictures and Texts are, against headers written here.
 #include <cmath>
 #include <random>
 #include <string>
@@ -10,6 +10,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "document/media_length.h"
+#include "document/picture_size.h"
 
 namespace rtsg {
 namespace {
@@ -100,6 +101,92 @@ TEST(MediaLength, IsAskedOfTheApplicationWhereNoHeaderIsKnown) {
     const Node& clip = scene.node(scene.findName("A"));
     EXPECT_EQ(clip.get(x3d::AudioClip::duration_changed).seconds, 4);
     EXPECT_FALSE(clip.get(x3d::AudioClip::isActive)) << "it ended at 4";
+}
+
+/// "width x height", or "none".
+std::string pictureOf(const std::string& bytes) {
+    const auto size = pictureSize({bytes.size(), [&](std::uint64_t offset, std::size_t length) {
+                                       return offset < bytes.size() ? bytes.substr(offset, length) : std::string();
+                                   }});
+    return size ? std::to_string(size->width) + " x " + std::to_string(size->height) : "none";
+}
+std::string png(std::uint64_t width, std::uint64_t height) {
+    return "\x89PNG\r\n\x1A\n" + number(13, 4, true) + "IHDR" + number(width, 4, true) + number(height, 4, true) +
+           std::string(5, '\0');
+}
+std::string gif(std::uint64_t width, std::uint64_t height) {
+    return "GIF89a" + number(width, 2, false) + number(height, 2, false) + std::string(3, '\0');
+}
+/// With a comment, a table and a fill byte before the frame.
+std::string jpeg(std::uint64_t width, std::uint64_t height, char frame) {
+    const auto segment = [](char marker, const std::string& content) {
+        return std::string("\xFF") + marker + number(content.size() + 2, 2, true) + content;
+    };
+    return std::string("\xFF\xD8") + segment('\xFE', "a comment") + segment('\xC4', std::string(300, 'x')) + "\xFF" +
+           segment(frame, "\x08" + number(height, 2, true) + number(width, 2, true) + "\x03...");
+}
+
+TEST(PictureSizes, AreReadOffTheHeaders) {
+    EXPECT_EQ(pictureOf(png(70'000, 3)), "70000 x 3");
+    EXPECT_EQ(pictureOf(gif(300, 5)), "300 x 5");
+    EXPECT_EQ(pictureOf(jpeg(640, 480, '\xC0')), "640 x 480");
+    EXPECT_EQ(pictureOf(jpeg(640, 480, '\xC2')), "640 x 480") << "progressive";
+}
+
+TEST(PictureSizes, OfWhatHasNoPixelsNobodyKnows) {
+    EXPECT_EQ(pictureOf(""), "none");
+    EXPECT_EQ(pictureOf("BM and so on, at quite some length"), "none");
+    EXPECT_EQ(pictureOf(png(0, 3)), "none");
+    EXPECT_EQ(pictureOf(gif(3, 0)), "none");
+    EXPECT_EQ(pictureOf(jpeg(640, 480, '\xDA')), "none") << "the pixels begin before the frame";
+    std::string comments = "\xFF\xD8";
+    for (int i = 0; i < 5000; ++i) comments += std::string("\xFF\xFE\0\2", 4);
+    EXPECT_EQ(pictureOf(comments + jpeg(6, 4, '\xC0').substr(2)), "none") << "too far behind";
+    std::mt19937 random(1);
+    for (const std::string& whole : {png(10, 20), gif(10, 20), jpeg(10, 20, '\xC0')})
+        for (int i = 0; i < 20'000; ++i) {
+            std::string broken = whole.substr(0, random() % (whole.size() + 1));
+            for (int k = static_cast<int>(random() % 4); k > 0 && !broken.empty(); --k)
+                broken[random() % broken.size()] = static_cast<char>(random());
+            EXPECT_FALSE(pictureOf(broken).starts_with("0 ") || pictureOf(broken).ends_with(" 0"));
+        }
+}
+
+TEST(TextSizes, AreAskedOfWhoKnowsFontsWhenTheyMayBeOthers) {
+    Scene scene;
+    Diagnostics diagnostics("test");
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\nPROTO F [ ] { DEF S FontStyle { } }\n"
+                         "Shape { geometry DEF A Text { string \"a\" fontStyle DEF P F { } } }\n"
+                         "Shape { geometry DEF B Text { string \"b\" } }",
+                         diagnostics));
+    InlineLoader loader(scene, diagnostics);
+    scene.newFrame(0);
+    EXPECT_EQ(loader.update(), 0u) << "nobody knows fonts";
+    std::string asked;
+    loader.measureTexts([&](const Scene& s, const Node& text) {
+        asked += s.name(text.id());
+        return Array<float>{3, 2, -1, 5, 0, 3, 1, 2, 1};
+    });
+    EXPECT_EQ(loader.update(), 2u);
+    scene.newFrame(1);
+    EXPECT_EQ(asked, "AB");
+    using T = x3d::Text;
+    const Node& a = scene.node(scene.findName("A"));
+    EXPECT_EQ(a.get(T::textBounds), Vec2f(3, 2));
+    EXPECT_EQ(a.get(T::origin), Vec3f(-1, 5, 0));
+    EXPECT_EQ(a.get(T::lineBounds), (Array<Vec2f>{{3, 1}, {2, 1}}));
+    EXPECT_EQ(loader.update(), 0u) << "what was told asks nothing anew";
+    EXPECT_EQ(asked, "AB");
+    const NodeId style = scene.findName("S", scene.findName("P"));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::size, 2.0f));
+    scene.newFrame(2);
+    EXPECT_EQ(loader.update(), 0u) << "it was as large as before";
+    EXPECT_EQ(asked, "ABA") << "the font style in the body of a PROTO is the first one's alone";
+    ASSERT_TRUE(scene.set(scene.findName("B"), T::string, Array<String>{String("c")}));
+    scene.newFrame(3);
+    loader.update();
+    EXPECT_EQ(asked, "ABAB");
 }
 
 }  // namespace

@@ -220,6 +220,28 @@ TEST_F(FlattenerCase, PrototypeShowsItsFirstNodeAndStandsForParts) {
     }
 }
 
+TEST_F(FlattenerCase, AnInlineGeometryStandsForWhatItHasLoaded) {
+    const NodeId shape = addShape(scene.root(), x3d::InlineGeometry::type);
+    const NodeId holder = scene.node(shape).get(x3d::Shape::geometry);
+    const NodeId box = scene.createNode(x3d::Box::type, holder), cone = scene.createNode(x3d::Cone::type, holder);
+    seal();
+    EXPECT_TRUE(scene.set(holder, x3d::InlineGeometry::body, Array<NodeId>{box}));
+    {
+        const InstanceDelta& delta = seal();
+        ASSERT_EQ(delta.added.size() + delta.rebound.size(), 1u);
+        EXPECT_EQ((delta.added.empty() ? delta.rebound : delta.added)[0].geometry, box);
+    }
+    EXPECT_TRUE(scene.set(holder, x3d::InlineGeometry::body, Array<NodeId>{cone}));
+    {
+        const InstanceDelta& delta = seal();
+        ASSERT_EQ(delta.rebound.size(), 1u);
+        EXPECT_EQ(delta.rebound[0].geometry, cone);
+        EXPECT_EQ(delta.geometriesRemoved, std::vector<NodeId>{box});
+    }
+    EXPECT_TRUE(scene.set(holder, x3d::InlineGeometry::body, Array<NodeId>{}));
+    EXPECT_EQ(seal().geometriesRemoved, std::vector<NodeId>{cone});
+}
+
 TEST_F(FlattenerCase, LevelOfDetailFollowsTheViewer) {
     const NodeId lod = add(x3d::LOD::type, add(x3d::Transform::type, scene.root()));
     NodeId levels[3];

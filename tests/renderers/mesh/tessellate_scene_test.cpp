@@ -112,6 +112,16 @@ TEST(TessellateScene, ProtoInstanceStandsForTheFirstNodeOfItsBody) {
     EXPECT_EQ(meshOf(scene, slab)->triangleCount, 12u);
 }
 
+TEST(TessellateScene, AnInlineGeometryIsWhatItHasLoaded) {
+    Scene scene;
+    const NodeId holder = scene.createNode(x3d::InlineGeometry::type);
+    EXPECT_TRUE(meshOf(scene, holder)->empty());
+    EXPECT_TRUE(meshOf(scene, holder)->diagnostics.all().empty()) << "who loads says what is missing";
+    const NodeId box = scene.createNode(x3d::Box::type, holder);
+    ASSERT_TRUE(scene.set(holder, x3d::InlineGeometry::body, Array<NodeId>{box}));
+    EXPECT_EQ(meshOf(scene, holder)->triangleCount, 12u);
+}
+
 TEST(TessellateScene, WhatHasNoTrianglesSaysSo) {
     Scene scene;
     for (const TypeIndex type : {x3d::NurbsPatchSurface::type, x3d::NurbsCurve::type, x3d::InlineGeometry::type}) {

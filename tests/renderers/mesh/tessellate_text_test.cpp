@@ -5,6 +5,7 @@
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/renderers/text_measure.h>
 
 #include "mesh_check.h"
 #include "text/fonts.h"
@@ -280,6 +281,41 @@ TEST(TessellateText, ReadsTheNodesOfAScene) {
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"LEFT"}));
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::style, String("HEAVY")));
     EXPECT_EQ((*tessellate(scene, text))->diagnostics.warnings(), 2u);
+}
+
+// 15.4.2: lineBounds, origin (the upper left corner) and textBounds.
+TEST(TessellateText, MeasuresItsLines) {
+    Scene scene;
+    const NodeId text = scene.createNode(x3d::Text::type), style = scene.createNode(x3d::FontStyle::type);
+    ASSERT_TRUE(scene.set(text, x3d::Text::string, Array<String>{"lll", "l"}));
+    ASSERT_TRUE(scene.set(text, x3d::Text::fontStyle, style));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::family, Array<String>{"TYPEWRITER"}));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::size, 2.0f));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::spacing, 1.5f));
+    const FontChoice font = chosen("TYPEWRITER");
+    const double height = 2 * (double(font.ascent) + double(font.descent));
+    const auto expectSizes = [&](std::initializer_list<double> expected) {
+        const Array<float> sizes = measureText(scene, scene.node(text));
+        ASSERT_EQ(sizes.size(), expected.size());
+        std::size_t i = 0;
+        for (const double number : expected) EXPECT_NEAR(double(sizes[i++]), number, 1e-5) << i;
+    };
+    expectSizes({6 * kAdvance, height + 3, 0, 2 * font.ascent, 0, 6 * kAdvance, height, 2 * kAdvance, height});
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"END", "END"}));
+    expectSizes({6 * kAdvance, height + 3, -6 * kAdvance, height + 3, 0, 6 * kAdvance, height, 2 * kAdvance, height});
+    ASSERT_TRUE(scene.set(text, x3d::Text::length, Array<float>{0.0f, 5.0f}));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"MIDDLE", "FIRST"}));
+    expectSizes({5, height + 3, -2.5, 2 * font.ascent, 0, 6 * kAdvance, height, 5, height});
+    // Columns of cells of an em.
+    ASSERT_TRUE(scene.set(text, x3d::Text::length, Array<float>{}));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::horizontal, false));
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"BEGIN"}));
+    expectSizes({5, 6, 0, 0, 0, 2, 6, 2, 2});
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::size, 0.0f));
+    EXPECT_TRUE(measureText(scene, scene.node(text)).empty());
+    ASSERT_TRUE(scene.set(style, x3d::FontStyle::size, 1.0f));
+    ASSERT_TRUE(scene.set(text, x3d::Text::string, Array<String>{}));
+    EXPECT_TRUE(measureText(scene, scene.node(text)).empty());
 }
 
 // 15.4.2: the texture's size is the font's.

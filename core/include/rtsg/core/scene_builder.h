@@ -25,6 +25,10 @@ namespace rtsg {
 /// How many seconds the sound or film in a file plays; nothing if that cannot be told.
 using MediaLength = std::function<std::optional<double>(const Resource& file)>;
 
+/// What a Text's fields and fonts make of it, in its own units: width and height of all of it, its upper left corner
+/// (x, y, z), width and height of each line; empty if that cannot be told.
+using TextMeasure = std::function<Array<float>(const Scene& scene, const Node& text)>;
+
 struct BuildOptions {
     std::filesystem::path file;          // the document's own path, if it has one: a guard against Inlines of itself
     std::optional<Resources> resources;  // what urls may open, and limits; none given: Resources::ofFile(file)
@@ -84,13 +88,15 @@ class SceneBuilder final : public DocumentHandler {
 Result<NodeId> instantiate(Scene& scene, TypeIndex proto, Diagnostics& diagnostics, NodeId scope = {},
                            const BuildOptions& options = {});
 
-/// Loads and unloads Inlines while a scene runs, and tells LoadSensors, sounds and films what their urls lead to: call
-/// update() between frames on the scene that owns the files.
+/// Loads and unloads Inlines and InlineGeometries while a scene runs, and tells LoadSensors, sounds, films and texture
+/// projectors what their urls lead to: call update() between frames on the scene that owns the files.
 /// A replica needs none: the content reaches it as changes.
 class InlineLoader {
   public:
     InlineLoader(Scene& scene, Diagnostics& diagnostics, BuildOptions options = {});
     ~InlineLoader();
+    /// From now on Texts are told how large they are; without, they send nothing of it.
+    void measureTexts(TextMeasure measure);
     /// Looks at the Inlines whose `load` or `url` changed since the last call. Returns how many were (un)loaded
     /// or told something.
     std::size_t update();
