@@ -98,6 +98,7 @@ void RunningScene::followInlines() {
     queries_ = std::make_unique<LateQueries>(*this);
     scene_.setSpaceQueries(queries_.get());
     scene_.setNavigation(true);
+    physics_ = std::make_unique<RigidBodyPhysics>(scene_);
 }
 
 Result<> RunningScene::inject(const std::vector<std::string>& events) {

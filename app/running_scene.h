@@ -14,6 +14,7 @@
 
 #include <rtsg/core/device_input.h>
 #include <rtsg/core/scene_builder.h>
+#include <rtsg/physics/rigid_body_physics.h>
 #include <rtsg/sync/session.h>
 
 #include "cli.h"
@@ -80,6 +81,7 @@ class RunningScene {
     std::unique_ptr<InlineLoader> inlines_;
     WorldOnDemand world_;
     std::unique_ptr<SpaceQueries> queries_;
+    std::unique_ptr<RigidBodyPhysics> physics_;
     Injections injections_;
 };
 

@@ -14,6 +14,7 @@ ROOMS = {
     "renderers": ["light", "image", "world", "embree", "flatten", "mesh", "text"],
     "sync": ["mirror", "log", "codec"],
     "audio": ["listen", "engine", "scene", "trace", "walls", "signal"],
+    "physics": ["engine"],
 }
 # Public headers without a .cpp of their name.
 HEADERS = {
@@ -21,13 +22,14 @@ HEADERS = {
     "renderers": {"paged_array": "flatten", "ray": "embree", "shading": "light", "tessellate": "mesh", "text_measure": "mesh"},
     "sync": {"byte_buffer": "codec", "change_codec": "codec", "log": "log", "stream_mode": "codec"},
     "audio": {"acoustic_box": "walls", "acoustic_geometry": "walls", "paged_array": "walls", "panning": "signal"},
+    "physics": {},
 }
 # Names of outside libraries that only one room may use, comments aside.
 NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}
 # Outside libraries that only one room may include.
 DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
          r"^lib(av|sw)": ("renderers", "movie_module"),
-         r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "signal")}
+         r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "signal"), r"^ode/": ("physics", "engine")}
 
 
 def header_rooms(root, library):

@@ -19,6 +19,10 @@ ELSEWHERE = {"Anchor": "core/src/behaviour/pointing.cpp", "Script": "core/src/sc
              "ChannelSelector": "audio/src", "ChannelSplitter": "audio/src", "Convolver": "audio/src", "Delay": "audio/src",
              "DynamicsCompressor": "audio/src", "Gain": "audio/src", "ListenerPointSource": "audio/src",
              "OscillatorSource": "audio/src", "StreamAudioDestination": "audio/src", "StreamAudioSource": "audio/src", "WaveShaper": "audio/src",
+             "OscillatorSource": "audio/src", "StreamAudioSource": "audio/src", "WaveShaper": "audio/src",
+             **{name: "physics/src/engine" for name in (
+                 "BallJoint", "CollidableOffset", "CollidableShape", "CollisionSensor", "DoubleAxisHingeJoint", "MotorJoint", "RigidBody",
+                 "RigidBodyCollection", "SingleAxisHingeJoint", "SliderJoint", "UniversalJoint")},
              "TextureProjector": "renderers/src/light", "TextureProjectorParallel": "renderers/src/light"}
 
 

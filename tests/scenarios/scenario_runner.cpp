@@ -14,6 +14,7 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/scene_builder.h>
+#include <rtsg/physics/rigid_body_physics.h>
 #include <rtsg/sync/change_codec.h>
 
 #include "scenario.h"
@@ -133,6 +134,7 @@ class Run final : Subscriber {
     void begin(std::unique_ptr<Scene> scene) {
         inlines_.reset();
         attachment_.detach();
+        physics_.reset();
         if (scene_) runtime_.append(scene_->diagnostics());
         scene_ = std::move(scene);
         if (way_ == Way::input) {
@@ -146,6 +148,7 @@ class Run final : Subscriber {
         space_ = std::make_unique<SimpleSpace>(*scene_);
         scene_->setSpaceQueries(space_.get());
         scene_->setNavigation(true);
+        physics_ = std::make_unique<RigidBodyPhysics>(*scene_);
         scene_->setScriptResources(std::make_shared<const Resources>(folder_));
         BuildOptions options;
         options.resources = folder_;
@@ -483,6 +486,7 @@ class Run final : Subscriber {
     std::string problems_;
     Diagnostics diagnostics_{"scene"}, runtime_;
     std::unique_ptr<SimpleSpace> space_;
+    std::unique_ptr<RigidBodyPhysics> physics_;
     std::map<std::int32_t, PointerInput> pointers_;
     std::unique_ptr<Scene> scene_;
     std::vector<std::unique_ptr<Scene>> followers_;

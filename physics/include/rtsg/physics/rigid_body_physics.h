@@ -1,0 +1,57 @@
+// RigidBodyPhysics: makes the rigid bodies, joints and collision sensors of a scene act.
+//
+// In each frame all RigidBodyCollections take the steps of kStep that end by its time, at multiples of kStep of the
+// scene's clock: the motion depends on neither the frame rate nor the machine's speed. What comes of it are events of
+// that frame, recorded and mirrored like others, so replicas and replays need no engine. Inputs of a frame act from its
+// time on. Without ODE (libode-dev when the library was built) the nodes rest, and a diagnostic says so. Threading: the
+// scene's thread. Source: ISO/IEC 19775-1 V4.0, clause 37.
+
+// Example:
+//     #include <rtsg/core/loader.h>
+//     #include <rtsg/physics/rigid_body_physics.h>
+//     rtsg::Scene scene;
+//     rtsg::RigidBodyPhysics physics(scene);  // before or after the scene is loaded
+//     rtsg::Diagnostics diagnostics;
+//     (void)rtsg::loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n RigidBodyCollection { bodies RigidBody { } }",
+//     diagnostics); for (int k = 0; k <= 60; ++k) scene.newFrame(k / 60.0);  // it has fallen 4.9 m
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+class RigidBodyPhysics {
+  public:
+    /// Seconds.
+    static constexpr double kStep = 1.0 / 120;
+    /// Frames that are further apart than this many seconds lose what is more, and say so.
+    static constexpr double kLongestFrame = 10;
+    /// Points of contact in a step, and Contact nodes of a sensor, beyond which there are no more; told of.
+    static constexpr std::size_t kMostContacts = 50'000, kMostReported = 256;
+    /// Rows of a step by `preferAccuracy`, whose cost grows by their third power; beyond, iterations solve it; told of.
+    static constexpr std::size_t kMostAccurateRows = 600;
+
+    /// `scene` must outlive it. A scene without such nodes pays nothing.
+    explicit RigidBodyPhysics(Scene& scene);
+    ~RigidBodyPhysics();
+    RigidBodyPhysics(const RigidBodyPhysics&) = delete;
+    RigidBodyPhysics& operator=(const RigidBodyPhysics&) = delete;
+
+    /// The library was built with an engine.
+    static bool isAvailable();
+    struct Counts {
+        std::size_t bodies = 0, awake = 0, geometries = 0, contacts = 0;  // now; the contacts of the last step
+        std::uint64_t steps = 0;                                          // in which something could move
+    };
+    Counts counts() const;
+
+    class Engine;
+
+  private:
+    std::unique_ptr<Engine> engine_;
+};
+
+}  // namespace rtsg
