@@ -1,6 +1,6 @@
 // How many pixels a picture has, read off its header.
 //
-// Source: PNG (ISO/IEC 15948:2004, 11.2.2), JPEG (ITU-T T.81, B.2.2), GIF89a (CompuServe, 1990, 18).
+// Source: PNG (ISO/IEC 15948:2004, 11.2.2), JPEG (ITU-T T.81, B.2.2), GIF89a (specification of 1990, section 18).
 #pragma once
 
 #include <cstdint>

@@ -88,9 +88,9 @@ class SceneBuilder final : public DocumentHandler {
 Result<NodeId> instantiate(Scene& scene, TypeIndex proto, Diagnostics& diagnostics, NodeId scope = {},
                            const BuildOptions& options = {});
 
-/// Loads and unloads Inlines and InlineGeometries while a scene runs, and tells LoadSensors, sounds, films and texture
-/// projectors what their urls lead to: call update() between frames on the scene that owns the files.
-/// A replica needs none: the content reaches it as changes.
+/// Loads and unloads Inline and InlineGeometry nodes while a scene runs, and tells LoadSensors, sounds, films and
+/// texture projectors what their urls lead to: call update() between frames on the scene that owns the files. A replica
+/// needs none: the content reaches it as changes.
 class InlineLoader {
   public:
     InlineLoader(Scene& scene, Diagnostics& diagnostics, BuildOptions options = {});
