@@ -18,6 +18,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "bench.h"
+#include "bench_bodies.h"
 #include "scenes/scenes.h"
 
 namespace rtsg::bench {
@@ -449,6 +450,7 @@ void runtime(const Report& report, bool quick) {
     navigation(report, quick);
     dropped(report, quick);
     routes(report, quick);
+    rigidBodies(report, quick);
 }
 
 }  // namespace rtsg::bench

@@ -195,6 +195,45 @@ TEST(RigidBodies, StackAndComeToRest) {
     EXPECT_GT(stage.position("B5").y, 5.6);
 }
 
+TEST(RigidBodies, MeetWithoutAColliderWhatContactsAreGiven) {
+    for (const bool given : {false, true}) {
+        Stage stage(fmt::format(
+            "DEF W RigidBodyCollection {{ gravity 0 0 0 constantForceMix 0 errorCorrection 0\n"
+            "bodies DEF B RigidBody {{ linearVelocity 0 -1 0 geometry {} }} }}\n"
+            "DEF S CollisionSensor {{ collider CollisionCollection {{ collidables [ USE C\n"
+            "CollidableShape {{ translation 0 -.99 0 shape Shape {{ geometry Box {{ size 9 1 9 }} }} }} ] }} }}\n{}",
+            shape("C", "Sphere { radius .5 }"), given ? "ROUTE S.contacts TO W.set_contacts" : ""));
+        stage.runTo(.25);
+        EXPECT_NEAR(stage.velocity("B").y, given ? 0 : -1, 1e-5);
+        EXPECT_TRUE(stage.node("S").get(x3d::CollisionSensor::isActive));
+    }
+}
+
+TEST(RigidBodies, HangByOffsetsWhereTheyAreDrawn) {
+    Stage stage(
+        "RigidBodyCollection { gravity 0 -10 0 bodies DEF B RigidBody { position 1 0 0\n"
+        "geometry DEF O CollidableOffset { translation 0 2 0 rotation 0 0 1 1.5707963\n"
+        "collidable DEF C CollidableShape { shape Shape { geometry Box { } } } } } }");
+    stage.runTo(1);
+    const Vec3f inner = stage.node("C").get(x3d::CollidableShape::translation);
+    // Below the offset's quarter turn: (x, y) is drawn at (-y, x + 2), and the body is at (1, -5).
+    EXPECT_NEAR(-inner.y, 1, 1e-4);
+    EXPECT_NEAR(inner.x + 2, -5 + 2, 1e-4);
+    EXPECT_EQ(stage.node("O").get(x3d::CollidableOffset::translation), Vec3f(0, 2, 0));
+}
+
+TEST(RigidBodies, PassThroughWallsThinnerThanAStepOfTheirs) {
+    for (const double speed : {5.0, 200.0}) {
+        Stage stage(fmt::format(
+            "RigidBodyCollection {{ gravity 0 0 0 collider CollisionCollection {{ bounce .5 collidables [ {} {} ] }}\n"
+            "bodies [ RigidBody {{ fixed TRUE geometry USE W }}\n"
+            "DEF B RigidBody {{ position -2 0 0 linearVelocity {} 0 0 geometry USE C }} ] }}",
+            shape("W", "Box { size .1 9 9 }"), shape("C", "Sphere { radius .05 }"), speed));
+        stage.runTo(1);
+        EXPECT_EQ(stage.position("B").x > 0, speed > 100) << speed;  // docs/limits.md
+    }
+}
+
 TEST(RigidBodies, AreToldOfWhatCannotBe) {
     Stage stage(
         "RigidBodyCollection { bodies [ DEF M RigidBody { mass 0 } DEF N RigidBody { mass -1 }\n"
