@@ -257,6 +257,34 @@ TEST(RigidBodies, AreToldOfWhatCannotBe) {
     EXPECT_EQ(stage.physics.counts().bodies, 3u);
 }
 
+TEST(RigidBodies, OfNumbersThatCannotBeEndNothing) {
+    Stage stage(
+        "DEF W RigidBodyCollection { collider CollisionCollection { appliedParameters [\"BOUNCE\"\n"
+        "\"SLIP-1\" \"CONSTANT_FORCE\"] collidables [ DEF C CollidableShape { shape Shape { geometry\n"
+        "Cone { } } } DEF D CollidableShape { shape Shape { geometry Cone { bottomRadius -1 height 0 } }\n"
+        "} DEF E CollidableShape { shape Shape { geometry Cylinder { } } } DEF F CollidableShape { shape\n"
+        "Shape { geometry IndexedFaceSet { coordIndex [ 0 1 2 -1 ] coord Coordinate { point [ 0 0 0,\n"
+        "1e30 0 0, 0 1 0, 5 5 5 ] } } } } DEF G CollidableShape { shape Shape { geometry ElevationGrid {\n"
+        "xDimension 2 zDimension 2 height [ 0 0 0 0 ] xSpacing 10 zSpacing 10 } } } ] }\n"
+        " bodies [ RigidBody { geometry USE C position 5 3 5 } RigidBody { geometry USE D mass 1e38 }\n"
+        "RigidBody { geometry USE E linearVelocity 1e30 0 0 } RigidBody { geometry USE F forces [ 1e38 0\n"
+        "0 ] } RigidBody { fixed TRUE geometry USE G } DEF H RigidBody { position 1e11 0 0\n"
+        "linearVelocity 1e11 0 0 } DEF I RigidBody { angularVelocity 1e9 1e10 0 } ]\n"
+        " joints [ UniversalJoint { axis1 1 0 0 axis2 1 0 0 } DEF J DoubleAxisHingeJoint { body1 USE H\n"
+        "body2 USE I axis1 1e-30 0 0 } MotorJoint { body1 USE H body2 USE I enabledAxes 9 autoCalc TRUE\n"
+        "forceOutput \"ALL\" } MotorJoint { body1 USE I enabledAxes 3 axis1Torque 1e30 forceOutput\n"
+        "\"ALL\" } DoubleAxisHingeJoint { body1 USE I maxTorque1 1e20 desiredAngularVelocity1 1e20\n"
+        "forceOutput \"ALL\" } UniversalJoint { body1 USE H body2 USE I forceOutput \"ALL\" } ] }\n"
+        "DEF S CollisionSensor { collider CollisionCollection { collidables [ USE C USE G USE E\n"
+        "CollisionSpace { collidables [ USE F USE C ] } ] } }\n");
+    stage.runTo(2);
+    EXPECT_TRUE(stage.says("two axes that are one"));
+    EXPECT_TRUE(stage.says("axis without a direction"));
+    EXPECT_TRUE(stage.says("needs two bodies"));
+    EXPECT_FALSE(stage.says("bodies rest from now on"));
+    EXPECT_TRUE(std::isfinite(stage.position("I").x));
+}
+
 TEST(RigidBodies, InOnePlaceEndNothing) {
     std::string bodies, members;
     for (int i = 0; i < 400; ++i) {

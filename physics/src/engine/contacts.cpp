@@ -227,6 +227,7 @@ void RigidBodyPhysics::Engine::giveContacts(const Node& collection, const Array<
 
 /// 37.4.5: isActive, the points of contact and the collidables that have some. Its Contact nodes are used again.
 void RigidBodyPhysics::Engine::sense(Cascade& cascade, const Node& sensor) {
+    if (isBroken_) return;
     using S = x3d::CollisionSensor;
     const Node* collider = scene_.effectiveNode(sensor.get(S::collider));
     const auto found = collider ? std::ranges::find(collections_, collider->id()) : collections_.end();

@@ -208,6 +208,7 @@ class RigidBodyPhysics::Engine final : public Subscriber {
     std::uint64_t mask_ = 0, steps_ = 0;
     double time_ = -1e300;
     bool isStale_ = true, isAwake_ = false, hasMoved_ = false, isFull_ = false;
+    bool isBroken_ = false;  // for good
 };
 
 }  // namespace rtsg

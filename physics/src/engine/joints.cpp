@@ -160,6 +160,8 @@ void RigidBodyPhysics::Engine::buildJoint(const Node& node, std::size_t world) {
         if (joint.first == kNone && joint.second == kNone) warn(node.id(), "holds no body of its collection");
         return;
     }
+    if (node.is(x3d::DoubleAxisHingeJoint::type) && (!a || !b))
+        return warn(node.id(), "needs two bodies that move: it holds nothing");
     std::vector<float> signature{static_cast<float>(joint.first == kNone ? 0 : bodies_[joint.first].id.value),
                                  static_cast<float>(joint.second == kNone ? 0 : bodies_[joint.second].id.value)};
     for (const Vec3f& one : frame) signature.insert(signature.end(), {one.x, one.y, one.z});

@@ -30,6 +30,17 @@ void keepMessage(int, const char* text, va_list parts) {
     if (engineMessage().empty()) engineMessage() = line;
 }
 
+/// What ODE holds for impossible: it would end the process next. Nothing here should lead to it; what does ends the
+/// engine of one scene.
+struct EngineFault {
+    std::string text;
+};
+[[noreturn]] void throwFault(int, const char* text, va_list parts) {
+    char line[256];
+    std::vsnprintf(line, sizeof(line), text, parts);
+    throw EngineFault{line};
+}
+
 /// Behaviours are plain functions: whose engine they ask is found by the scene.
 std::mutex& enginesMutex() {
     static std::mutex mutex;
@@ -77,7 +88,7 @@ std::mutex& stepMutex() {
 void physics::useThread() {
     static std::once_flag once;
     std::call_once(once, [] {
-        dSetErrorHandler(keepMessage), dSetDebugHandler(keepMessage), dSetMessageHandler(keepMessage);
+        dSetErrorHandler(throwFault), dSetDebugHandler(throwFault), dSetMessageHandler(keepMessage);
         dInitODE2(0);
     });
     dAllocateODEDataForThread(dAllocateMaskAll);
@@ -108,8 +119,13 @@ RigidBodyPhysics::Engine::Engine(Scene& scene) : scene_(scene) {
     bool has = false;
     scene.forEachNode([&](const Node& node) { has = has || node.is(Bodies::type); });
     if (!has) return;
-    useThread();
-    build();
+    try {
+        useThread();
+        build();
+    } catch (const EngineFault& fault) {
+        isBroken_ = true;
+        warn(scene.root(), "its rigid bodies rest: ODE: " + fault.text);
+    }
     attachment_ = scene.bus().attach(*this);
 }
 RigidBodyPhysics::Engine::~Engine() {
@@ -119,7 +135,7 @@ RigidBodyPhysics::Engine::~Engine() {
             engines().erase(found);
     }
     attachment_.detach();
-    clear();
+    if (!isBroken_) clear();  // what has failed is left alone
 }
 RigidBodyPhysics::Engine* RigidBodyPhysics::Engine::of(const Scene& scene) {
     const std::lock_guard lock(enginesMutex());
@@ -197,8 +213,19 @@ Result<> RigidBodyPhysics::Engine::apply(const Scene& scene, const ChangeSet& ch
 // ---- a frame ---------------------------------------------------------------------------------------------------
 
 void RigidBodyPhysics::Engine::meet(Cascade& cascade, const Node& node) {
+    if (isBroken_) {
+        for (const auto& [id, text] : std::exchange(warnings_, {}))
+            if (const Node* told = scene_.find(id)) cascade.warn(*told, text);
+        return;
+    }
     isStale_ = isStale_ || !uses_.contains(node.id().value);  // it is new
-    advance(cascade);
+    try {
+        advance(cascade);
+    } catch (const EngineFault& fault) {
+        isBroken_ = true;
+        cascade_ = nullptr;
+        cascade.warn(node, "rigid bodies rest from now on: ODE: " + fault.text);
+    }
 }
 
 void RigidBodyPhysics::Engine::advance(Cascade& cascade) {
