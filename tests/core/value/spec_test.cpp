@@ -149,10 +149,10 @@ TEST(Spec, TagsSayWhatActsAndWhatHasAPlace) {
         EXPECT_EQ(type(always).acts, Acts::always) << always;
     for (const char* onInput : {"PositionInterpolator", "BooleanFilter", "BooleanToggle", "IntegerTrigger", "Inline"})
         EXPECT_EQ(type(onInput).acts, Acts::onInput) << onInput;
-    for (const char* never : {"Transform", "IndexedFaceSet", "PointLight", "RigidBodyCollection"})
+    for (const char* never : {"Transform", "IndexedFaceSet", "PointLight", "CollisionCollection"})
         EXPECT_EQ(type(never).acts, Acts::never) << never;
     for (const char* writes :
-         {"Script", "BooleanToggle", "EspduTransform", "MotorJoint", "CollisionSensor", "TimeSensor"})
+         {"Script", "BooleanToggle", "EspduTransform", "MotorJoint", "CollisionSensor", "TimeSensor", "RigidBody"})
         EXPECT_TRUE(type(writes).writesInputs) << writes;
     for (const char* other : {"TouchSensor", "PositionInterpolator", "Inline", "LoadSensor"})
         EXPECT_FALSE(type(other).writesInputs) << other;
