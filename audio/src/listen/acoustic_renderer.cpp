@@ -5,7 +5,9 @@ namespace rtsg {
 
 AcousticRenderer::AcousticRenderer(const RayWorld& world, const Options& options,
                                    std::unique_ptr<AcousticEngine> engine)
-    : tables_(world, options.defaultMaterial, options.resources, options.keepStreams), rays_(&world), engine_(std::move(engine)) {}
+    : tables_(world, options.defaultMaterial, options.resources, options.keepStreams),
+      rays_(&world),
+      engine_(std::move(engine)) {}
 AcousticRenderer::~AcousticRenderer() = default;
 
 Result<std::unique_ptr<AcousticRenderer>> AcousticRenderer::create(const RayWorld& world, const Options& options) {

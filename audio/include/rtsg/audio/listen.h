@@ -62,7 +62,7 @@ struct ListenReport {
     SoundBuffer sound;   // two channels or ambisonic; empty unless asked for
     /// What StreamAudioDestinations got, as long as `sound` and as loud as it came; none unless render.keepStreams.
     std::vector<StreamedSound> streams;
-    float gain = 1;      // that had to be applied lest the sound clip
+    float gain = 1;  // that had to be applied lest the sound clip
     HeardResponses heard;
     Diagnostics diagnostics;
 

@@ -113,7 +113,7 @@ struct SoundNode {
     bool reflected = true;  // heard by way of walls too
     /// Of a StreamAudioDestination, which nobody in the scene hears: the names that its stream has.
     std::optional<std::vector<std::string>> stream;
-    double intensity = 1;   // with gain
+    double intensity = 1;  // with gain
     glm::dvec3 location{0}, direction{0, 0, 1};
     Law law = Law::ellipsoids;
     double minBack = 1, minFront = 1, maxBack = 10, maxFront = 10;   // ellipsoids
