@@ -19,6 +19,7 @@ constexpr FileCode kFileCodes[] = {
     {"/core/src/value/output_file", DiagnosticCode("output")},
     {"/core/src/value/read_descriptor", DiagnosticCode("file")},
     {"/core/src/value/module", DiagnosticCode("module")},
+    {"/core/src/value/geo_system", DiagnosticCode("geography")},
     {"/core/src/document/reader", DiagnosticCode("parse")},
     {"/core/src/document/json_outline", DiagnosticCode("parse")},
     {"/core/src/document/import", DiagnosticCode("parse")},
@@ -50,6 +51,7 @@ constexpr FileCode kFileCodes[] = {
     {"/sync/src/mirror/keys", DiagnosticCode("keys")},
     {"/sync/src/mirror/upstream", DiagnosticCode("request-refused")},
     {"/sync/src/mirror/", DiagnosticCode("mirror")},
+    {"/physics/src/", DiagnosticCode("physics")},
     {"/app/", DiagnosticCode("command-line")},
 };
 

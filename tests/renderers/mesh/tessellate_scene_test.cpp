@@ -124,7 +124,7 @@ TEST(TessellateScene, AnInlineGeometryIsWhatItHasLoaded) {
 
 TEST(TessellateScene, WhatHasNoTrianglesSaysSo) {
     Scene scene;
-    for (const TypeIndex type : {x3d::NurbsPatchSurface::type, x3d::NurbsCurve::type, x3d::InlineGeometry::type}) {
+    for (const TypeIndex type : {x3d::NurbsPatchSurface::type, x3d::NurbsCurve::type}) {
         const auto mesh = meshOf(scene, scene.createNode(type));
         EXPECT_TRUE(mesh->empty());
         EXPECT_EQ(mesh->diagnostics.warnings(), 1u);
