@@ -1,6 +1,8 @@
 // Traces a room for one emitter and makes a response of it; in place or on a thread of its own.
 #include "trace_worker.h"
 
+#include <algorithm>
+#include <chrono>
 #include <limits>
 #include <utility>
 
@@ -11,6 +13,13 @@
 #include "trace/sealed_result.h"
 
 namespace rtsg {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+/// The longest rest between two responses.
+constexpr Clock::duration kLongestRest = std::chrono::seconds(1);
+
+}  // namespace
 
 TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry) {
     const OpenedGeometry room(geometry, job.body);
@@ -72,19 +81,24 @@ void TraceWorker::run() {
     // One core is the sound's own.
     const unsigned threads = std::max(1u, availableThreads() - 1);
     WorldGeometry geometry;
+    Clock::duration rest{0};
     for (;;) {
         std::optional<TraceJob> job;
         {
             std::unique_lock lock(mutex_);
+            // Where many sources move there is always something to trace: half of the time is for others.
+            wake_.wait_for(lock, rest, [&] { return stop_; });
             wake_.wait(lock, [&] { return stop_ || job_; });
             if (stop_) return;
             job = std::exchange(job_, std::nullopt);
         }
+        const auto began = Clock::now();
         TracedResponse response;
         withThreads(threads, [&] {
             geometry.follow(job->state->walls, *job->rays);
             response = traceResponse(*job, geometry);
         });
+        rest = std::min(Clock::now() - began, kLongestRest);
         const std::lock_guard lock(mutex_);
         done_ = std::move(response);
         busy_ = false;
