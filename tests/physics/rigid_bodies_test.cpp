@@ -222,6 +222,20 @@ TEST(RigidBodies, HangByOffsetsWhereTheyAreDrawn) {
     EXPECT_EQ(stage.node("O").get(x3d::CollidableOffset::translation), Vec3f(0, 2, 0));
 }
 
+TEST(RigidBodies, ThatAreNotEnabledLeaveTheirShapesWhereTheyAre) {
+    Stage stage(
+        "RigidBodyCollection { bodies [ DEF B RigidBody { enabled FALSE position 0 5 0 geometry DEF C CollidableShape "
+        "{ "
+        "translation 1 2 3 shape Shape { geometry Sphere { } } } } ] }");
+    stage.runTo(1);
+    EXPECT_EQ(stage.position("B"), Vec3d(0, 5, 0));
+    EXPECT_EQ(stage.node("C").get(x3d::CollidableShape::translation), Vec3f(1, 2, 3));
+    ASSERT_TRUE(stage.scene.set(stage.scene.findName("B"), Body::enabled, true));
+    stage.runTo(2);
+    EXPECT_LT(stage.position("B").y, 1);
+    EXPECT_EQ(Vec3d(stage.node("C").get(x3d::CollidableShape::translation)), stage.position("B"));
+}
+
 TEST(RigidBodies, PassThroughWallsThinnerThanAStepOfTheirs) {
     for (const double speed : {5.0, 200.0}) {
         Stage stage(fmt::format(

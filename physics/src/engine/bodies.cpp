@@ -201,6 +201,7 @@ void RigidBodyPhysics::Engine::send(Body& body, const Node& node) {
     put(B::orientation, body.written.orientation, toField(body.pose.turn));
     put(B::linearVelocity, body.written.linearVelocity, Vec3f(body.linear));
     put(B::angularVelocity, body.written.angularVelocity, Vec3f(body.angular));
+    if (!node.get(B::enabled)) return;  // it does not act, on its shapes neither
     for (const std::size_t index : body.geoms) {
         const Geom& geom = *geoms_[index];
         const Node* leaf = scene_.find(geom.leaf);

@@ -99,9 +99,10 @@ void setFrame(dJointID joint, const Node& node, const std::vector<Vec3f>& f) {
             dJointSetAMotorAxis(joint, 2, 2, f[3].x, f[3].y, f[3].z);
         } else {
             dJointSetAMotorNumAxes(joint, count);
-            for (int i = 0; i < count; ++i)
-                dJointSetAMotorAxis(joint, i, 1, f[static_cast<std::size_t>(i + 1)].x,
-                                    f[static_cast<std::size_t>(i + 1)].y, f[static_cast<std::size_t>(i + 1)].z);
+            for (int i = 0; i < count; ++i) {
+                const auto& axis = f[static_cast<std::size_t>(i) + 1];
+                dJointSetAMotorAxis(joint, i, 1, axis.x, axis.y, axis.z);
+            }
         }
     }
 }

@@ -112,16 +112,18 @@ bool RigidBodyPhysics::Engine::setMass(const Node& node, Body& body) {
     bool modelled = false;
     if (model && model->is(x3d::Box::type)) {
         const Vec3f size = model->get(x3d::Box::size);
-        if ((modelled = sound(size.x) && sound(size.y) && sound(size.z)))
-            dMassSetBoxTotal(&all, mass, size.x, size.y, size.z);
+        modelled = sound(size.x) && sound(size.y) && sound(size.z);
+        if (modelled) dMassSetBoxTotal(&all, mass, size.x, size.y, size.z);
     } else if (model && model->is(x3d::Sphere::type)) {
         const double radius = model->get(x3d::Sphere::radius);
-        if ((modelled = sound(radius))) dMassSetSphereTotal(&all, mass, radius);
+        modelled = sound(radius);
+        if (modelled) dMassSetSphereTotal(&all, mass, radius);
     } else if (model && model->is(x3d::Cone::type)) {
         const double r = model->get(x3d::Cone::bottomRadius), h = model->get(x3d::Cone::height);
         // Of a solid cone about its centre of mass, a quarter of the height above the bottom.
         const double across = mass * (3 * r * r / 20 + 3 * h * h / 80), along = mass * 3 * r * r / 10;
-        if ((modelled = sound(r) && sound(h))) dMassSetParameters(&all, mass, 0, 0, 0, across, along, across, 0, 0, 0);
+        modelled = sound(r) && sound(h);
+        if (modelled) dMassSetParameters(&all, mass, 0, 0, 0, across, along, across, 0, 0, 0);
     }
     if (model && !modelled) warn(node.id(), "massDensityModel has no size that can be: inertia counts");
     if (!modelled) {
@@ -218,7 +220,7 @@ void RigidBodyPhysics::Engine::buildLeaf(const std::vector<const Node*>& chain, 
         warn(leaf.id(), geometry ? maker.problem : "has no geometry: nothing collides with it");
         return;  // not even drawn: there is nothing to move
     }
-    dGeomSetData(geom->geom, reinterpret_cast<void*>(geoms_.size()));
+    dGeomSetData(geom->geom, reinterpret_cast<void*>(geoms_.size()));  // NOLINT(performance-no-int-to-ptr): an index
     dSpaceAdd(space_, geom->geom);
     if (!geom->isOn) dGeomDisable(geom->geom);
     geomOf_[leaf.id().value] = geoms_.size();
