@@ -209,6 +209,87 @@ TEST(RigidBodies, MeetWithoutAColliderWhatContactsAreGiven) {
     }
 }
 
+/// Beside a body that goes down at 1 m/s.
+struct Given : Stage {
+    Given()
+        : Stage(
+              "DEF W RigidBodyCollection { gravity 0 0 0 constantForceMix 0 errorCorrection 0\n"
+              "bodies DEF B RigidBody { linearVelocity 0 -1 0 } }") {}
+    NodeId contact(const std::vector<NodeId>& bodies) {
+        using T = x3d::Contact;
+        const NodeId id = scene.createNode(T::type);
+        EXPECT_TRUE(scene.set(id, T::contactNormal, Vec3f(0, 1, 0)));
+        EXPECT_TRUE(scene.set(id, T::body1, bodies[0]));
+        EXPECT_TRUE(scene.set(id, T::body2, bodies[1]));
+        return id;
+    }
+    void give(const Array<NodeId>& contacts) {
+        EXPECT_TRUE(
+            scene.sendEvent(scene.findName("W"), x3d::RigidBodyCollection::set_contacts.index, Value(contacts)));
+        runTo(now + .1);
+    }
+};
+
+TEST(RigidBodies, StopWhereAGivenContactSaysInTheFirstFrameToo) {
+    Given stage;
+    const NodeId body = stage.scene.findName("B");
+    stage.give({stage.contact({body, NodeId{}})});
+    EXPECT_NEAR(stage.velocity("B").y, 0, 1e-5);
+}
+
+TEST(RigidBodies, StopWhereAContactSaysThatCameBetweenTwoSteps) {
+    Given stage;
+    stage.runTo(.1);
+    const NodeId body = stage.scene.findName("B");
+    const Array<NodeId> contacts{stage.contact({body, NodeId{}})};
+    stage.scene.newFrame(.1);  // the nodes are new: what is here is met again
+    EXPECT_TRUE(stage.scene.sendEvent(stage.scene.findName("W"), x3d::RigidBodyCollection::set_contacts.index,
+                                      Value(contacts)));
+    stage.scene.newFrame(.1001);
+    stage.scene.newFrame(.15);
+    EXPECT_NEAR(stage.velocity("B").y, 0, 1e-5);
+}
+
+TEST(RigidBodies, OfContactsWithNobodyOrThemselvesTakeNoNotice) {
+    Given stage;
+    const NodeId body = stage.scene.findName("B");
+    stage.give({stage.contact({body, body}), stage.contact({NodeId{}, NodeId{}})});
+    EXPECT_NEAR(stage.velocity("B").y, -1, 1e-6);
+    EXPECT_NEAR(stage.position("B").y, -stage.now, 1e-4);
+    EXPECT_TRUE(stage.scene.diagnostics().all().empty());
+}
+
+TEST(RigidBodies, TurnedByWhatIsNoAngleStayAsTheyWere) {
+    Given stage;
+    ASSERT_TRUE(stage.scene.set(stage.scene.findName("B"), Body::orientation, Rotation{0, 0, 1, INFINITY}));
+    stage.runTo(.5);
+    EXPECT_TRUE(stage.says("orientation is no number"));
+    EXPECT_TRUE(std::isfinite(stage.node("B").get(Body::orientation).angle));
+    EXPECT_NEAR(stage.position("B").y, -.5, 1e-4);
+}
+
+TEST(RigidBodies, RestWhenTheirPhysicsGoes) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\nDEF W RigidBodyCollection { bodies DEF B RigidBody { } }\n"
+                         "CollisionSensor { }",
+                         diagnostics));
+    const NodeId body = scene.findName("B");
+    auto physics = std::make_unique<RigidBodyPhysics>(scene);
+    scene.newFrame(0);
+    scene.newFrame(1);
+    const Vec3f reached = scene.node(body).get(Body::position);
+    EXPECT_LT(reached.y, -4);
+    physics.reset();
+    scene.newFrame(2);
+    EXPECT_EQ(scene.node(body).get(Body::position), reached);
+    physics = std::make_unique<RigidBodyPhysics>(scene);
+    scene.newFrame(3);
+    scene.newFrame(4);
+    EXPECT_LT(scene.node(body).get(Body::position).y, reached.y - 4);
+}
+
 TEST(RigidBodies, HangByOffsetsWhereTheyAreDrawn) {
     Stage stage(
         "RigidBodyCollection { gravity 0 -10 0 bodies DEF B RigidBody { position 1 0 0\n"

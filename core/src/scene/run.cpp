@@ -83,6 +83,10 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     return {};
 }
 
+void* Cascade::context(const Node& node) const {
+    return scene_.state_->types[node.typeIndex().value].behaviour.context;
+}
+
 void Cascade::wake(const Node& node) {
     scene_.state_->wake(lane_, node);
 }

@@ -182,7 +182,9 @@ void RigidBodyPhysics::Engine::join(World& world, const Hit& hit, const Node& co
 /// What set_contacts brought, by its own fields.
 void RigidBodyPhysics::Engine::joinGiven(World& world) {
     const std::size_t index = static_cast<std::size_t>(&world - worlds_.data());
-    for (const NodeId id : world.given) {
+    const auto given = given_.find(world.id.value);
+    if (given == given_.end()) return;
+    for (const NodeId id : given->second) {
         const Node* node = scene_.find(id);
         if (!node) continue;
         const Node *first = scene_.effectiveNode(node->get(T::body1)),
@@ -210,19 +212,23 @@ void RigidBodyPhysics::Engine::joinGiven(World& world) {
     }
 }
 
+/// Kept until the frame's steps are done: the bodies may not have been met yet.
 void RigidBodyPhysics::Engine::giveContacts(const Node& collection, const Array<NodeId>& contacts) {
-    const auto found = worldOf_.find(collection.id().value);
-    if (found == worldOf_.end() || isStale_) return;
-    std::vector<NodeId>& given = worlds_[found->second].given;
+    std::vector<NodeId>& given = given_[collection.id().value];
     given.clear();
-    for (const NodeId id : contacts) {
-        const Node* node = scene_.effectiveNode(id);
-        if (!node || !node->is(T::type)) continue;
-        given.push_back(node->id());
-        for (const NodeId body : {node->get(T::body1), node->get(T::body2)})
-            if (const Node* one = scene_.effectiveNode(body))
-                if (const std::size_t index = findBody(one->id()); index != kNone) wake(bodies_[index]);
-    }
+    for (const NodeId id : contacts)
+        if (const Node* node = scene_.effectiveNode(id); node && node->is(T::type)) given.push_back(node->id());
+}
+
+void RigidBodyPhysics::Engine::wakeGiven() {
+    for (const auto& [collection, contacts] : given_)
+        for (const NodeId id : contacts) {
+            const Node* node = scene_.find(id);
+            if (!node) continue;
+            for (const NodeId body : {node->get(T::body1), node->get(T::body2)})
+                if (const Node* one = scene_.effectiveNode(body))
+                    if (const std::size_t index = findBody(one->id()); index != kNone) wake(bodies_[index]);
+        }
 }
 
 /// 37.4.5: isActive, the points of contact and the collidables that have some. Its Contact nodes are used again.

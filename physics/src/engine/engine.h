@@ -94,7 +94,6 @@ struct World {
     NodeId collider;
     std::vector<std::size_t> bodies;
     std::vector<Joint> joints;
-    std::vector<NodeId> given;  // Contact nodes of set_contacts, until the next frame
 };
 
 struct Hit {
@@ -135,7 +134,7 @@ class RigidBodyPhysics::Engine final : public Subscriber {
   public:
     explicit Engine(Scene& scene);
     ~Engine() override;
-    static Engine* of(const Scene& scene);
+    Scene& scene() { return scene_; }
 
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
     std::string subscriberName() const override { return "rigid body physics"; }
@@ -176,6 +175,7 @@ class RigidBodyPhysics::Engine final : public Subscriber {
     static void near(void* engine, dGeomID a, dGeomID b);
     void join();
     void join(physics::World& world, const physics::Hit& hit, const Node& collection);
+    void wakeGiven();
     void joinGiven(physics::World& world);
     void solve(physics::World& world);
     void settle(physics::World& world);
@@ -196,6 +196,8 @@ class RigidBodyPhysics::Engine final : public Subscriber {
     std::vector<NodeId> collections_;  // by bit
     std::uint64_t colliders_ = 0, sensed_ = 0;
     std::unordered_map<std::uint32_t, std::size_t> bodyOf_, worldOf_, geomOf_;
+    /// Contact nodes that set_contacts brought for the next steps, by their RigidBodyCollection.
+    std::unordered_map<std::uint32_t, std::vector<NodeId>> given_;
     std::unordered_map<std::uint32_t, physics::Use> uses_;
     std::unordered_map<std::uint32_t, physics::Body> kept_;  // over a rebuild
     std::unordered_map<std::uint32_t, physics::JointStart> starts_;

@@ -41,34 +41,24 @@ struct EngineFault {
     throw EngineFault{line};
 }
 
-/// Behaviours are plain functions: whose engine they ask is found by the scene.
-std::mutex& enginesMutex() {
-    static std::mutex mutex;
-    return mutex;
-}
-std::unordered_map<const Scene*, RigidBodyPhysics::Engine*>& engines() {
-    static std::unordered_map<const Scene*, RigidBodyPhysics::Engine*> all;
-    return all;
+RigidBodyPhysics::Engine& engineOf(const Cascade& cascade, const Node& node) {
+    return *static_cast<RigidBodyPhysics::Engine*>(cascade.context(node));
 }
 
 double collectionOnTime(Cascade& cascade, const Node& node) {
-    auto* engine = RigidBodyPhysics::Engine::of(cascade.scene());
-    if (!engine) return kNever;
-    engine->meet(cascade, node);
+    engineOf(cascade, node).meet(cascade, node);
     return node.get(Bodies::enabled) ? cascade.now() : kNever;
 }
 
 void collectionOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     if (field != Bodies::set_contacts.index) return;
-    if (auto* engine = RigidBodyPhysics::Engine::of(cascade.scene()))
-        engine->giveContacts(node, value.as<Array<NodeId>>());
+    engineOf(cascade, node).giveContacts(node, value.as<Array<NodeId>>());
 }
 
 double sensorOnTime(Cascade& cascade, const Node& node) {
-    auto* engine = RigidBodyPhysics::Engine::of(cascade.scene());
-    if (!engine) return kNever;
-    engine->meet(cascade, node);
-    engine->sense(cascade, node);
+    RigidBodyPhysics::Engine& engine = engineOf(cascade, node);
+    engine.meet(cascade, node);
+    engine.sense(cascade, node);
     return node.get(x3d::CollisionSensor::enabled) ? cascade.now() : kNever;
 }
 
@@ -101,10 +91,16 @@ std::string physics::takeMessage() {
 // ---- the scene's side ------------------------------------------------------------------------------------------
 
 RigidBodyPhysics::RigidBodyPhysics(Scene& scene) : engine_(std::make_unique<Engine>(scene)) {
-    scene.registerBehaviour(Bodies::type, {.onEvent = collectionOnEvent, .onTime = collectionOnTime, .last = true});
-    scene.registerBehaviour(x3d::CollisionSensor::type, {.onTime = sensorOnTime, .last = true});
+    scene.registerBehaviour(
+        Bodies::type,
+        {.onEvent = collectionOnEvent, .onTime = collectionOnTime, .last = true, .context = engine_.get()});
+    scene.registerBehaviour(x3d::CollisionSensor::type,
+                            {.onTime = sensorOnTime, .last = true, .context = engine_.get()});
 }
-RigidBodyPhysics::~RigidBodyPhysics() = default;
+RigidBodyPhysics::~RigidBodyPhysics() {
+    for (const TypeIndex type : {Bodies::type, x3d::CollisionSensor::type})
+        engine_->scene().registerBehaviour(type, Behaviour{});
+}
 bool RigidBodyPhysics::isAvailable() {
     return true;
 }
@@ -113,8 +109,6 @@ RigidBodyPhysics::Counts RigidBodyPhysics::counts() const {
 }
 
 RigidBodyPhysics::Engine::Engine(Scene& scene) : scene_(scene) {
-    const std::lock_guard lock(enginesMutex());
-    engines()[&scene] = this;
     // A scene that goes on: what its fields hold now is what the first frame starts from.
     bool has = false;
     scene.forEachNode([&](const Node& node) { has = has || node.is(Bodies::type); });
@@ -129,20 +123,9 @@ RigidBodyPhysics::Engine::Engine(Scene& scene) : scene_(scene) {
     attachment_ = scene.bus().attach(*this);
 }
 RigidBodyPhysics::Engine::~Engine() {
-    {
-        const std::lock_guard lock(enginesMutex());
-        if (const auto found = engines().find(&scene_); found != engines().end() && found->second == this)
-            engines().erase(found);
-    }
     attachment_.detach();
     if (!isBroken_) clear();  // what has failed is left alone
 }
-RigidBodyPhysics::Engine* RigidBodyPhysics::Engine::of(const Scene& scene) {
-    const std::lock_guard lock(enginesMutex());
-    const auto found = engines().find(&scene);
-    return found == engines().end() ? nullptr : found->second;
-}
-
 void RigidBodyPhysics::Engine::warn(NodeId id, const std::string& text) {
     if (!cascade_) {
         warnings_.emplace_back(id, text);
@@ -254,6 +237,7 @@ void RigidBodyPhysics::Engine::advance(Cascade& cascade) {
         if (const auto found = geomOf_.find(id.value); found != geomOf_.end())
             if (geoms_[found->second]->body == kNone) placeGeom(*geoms_[found->second]);
     moved_.clear();
+    wakeGiven();
     double count = stepNumber(time_) - stepNumber(from);
     if (count > kLongestFrame / kStep) {
         warn(worlds_.empty() ? scene_.root() : worlds_.front().id,
@@ -261,6 +245,7 @@ void RigidBodyPhysics::Engine::advance(Cascade& cascade) {
         count = std::floor(kLongestFrame / kStep);
     }
     frame(count);
+    if (count > 0) given_.clear();  // frames may be shorter than a step
     cascade_ = nullptr;
 }
 
@@ -296,7 +281,6 @@ void RigidBodyPhysics::Engine::frame(double count) {
             }
             for (const Joint& joint : world.joints)
                 if (const Node* node = scene_.find(joint.id)) sendJoint(joint, *node);
-            world.given.clear();
         }
         hasMoved_ = true;
     }

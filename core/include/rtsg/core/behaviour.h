@@ -72,6 +72,8 @@ class Cascade {
     bool isShown(const Node& node, const Node& asker);
     /// The same of the viewer.
     const Viewer& viewer(const Node& asker);
+    /// Behaviour::context of the node's type.
+    void* context(const Node& node) const;
     /// Reported once for each node and text, however often it happens.
     void warn(const Node& node, const std::string& text);
 
@@ -125,6 +127,9 @@ struct Behaviour {
     bool local = false;
     /// Of a local one: the input whose events it does more about. That, and onTime then, are the scene's thread's.
     FieldIndex beyond = kNoField;
+    /// Of who registers it, for what is no part of the scene: an engine, a connection. It must outlive the scene's use
+    /// of it: register another behaviour before it goes.
+    void* context = nullptr;
 };
 
 struct BuiltinBehaviour {

@@ -34,7 +34,8 @@ class RigidBodyPhysics {
     /// Rows of a step by `preferAccuracy`, whose cost grows by their third power; beyond, iterations solve it; told of.
     static constexpr std::size_t kMostAccurateRows = 600;
 
-    /// `scene` must outlive it. A scene without such nodes pays nothing.
+    /// `scene` must outlive it, and has one at a time: bodies rest when it goes. A scene without such nodes pays
+    /// nothing.
     explicit RigidBodyPhysics(Scene& scene);
     ~RigidBodyPhysics();
     RigidBodyPhysics(const RigidBodyPhysics&) = delete;
