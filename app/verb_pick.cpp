@@ -75,7 +75,9 @@ int runPick(const PickArguments& options) {
         const auto camera = tracer.camera(world.rays(), static_cast<double>(width) / height, options.viewpoint);
         if (!camera) return std::unexpected(camera.error());
         const auto views = tracer.layers(world.rays(), *camera, width, height);
-        if (auto ok = world.setViewer(camera->position, LightTracer::sights(views, width, height)); !ok)
+        if (auto ok =
+                world.setViewer(EyePlace(camera->position, camera->up), LightTracer::sights(views, width, height));
+            !ok)
             return std::unexpected(ok.error());
         return LightTracer::pick(picker, views, options.pixel[0], options.pixel[1]);
     };

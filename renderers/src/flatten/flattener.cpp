@@ -331,7 +331,7 @@ void Flattener::Impl::runLevels() {
         if (tree[index].role != Role::level) continue;  // pruned with the one around it
         const Node& node = scene->node(tree[index].node);
         const std::uint32_t level =
-            flatten::chooseLevel(node, roles.of(node), frames[tree[index].frame], viewer ? &*viewer : nullptr);
+            flatten::chooseLevel(node, roles.of(node), frames[tree[index].frame], viewer ? &viewer->position : nullptr);
         if (level != tree[index].level) reconcile(index);
     }
     movedLevels.clear();
@@ -495,9 +495,11 @@ void Flattener::setMeshSource(const Scene& scene, std::string_view type, MeshSou
     impl_->scene = nullptr;
 }
 
-void Flattener::setViewer(std::optional<Vec3d> position, std::vector<LayerSight> sights) {
-    if (position == impl_->viewer && sights == impl_->sights) return;
-    impl_->viewer = position;
+void Flattener::setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights) {
+    const std::optional<EyePlace> before = std::exchange(impl_->viewer, eye);
+    // Only Billboards know of a head that leans.
+    const bool isThere = before && eye && before->position == eye->position && impl_->billboards.empty();
+    if ((isThere || before == eye) && sights == impl_->sights) return;
     impl_->sights = std::move(sights);
     impl_->viewerMoved = true;
 }

@@ -370,7 +370,7 @@ struct Flattener::Impl {
     std::set<std::uint32_t> screenGroups;  // occurrences
     std::set<std::uint32_t> screened;      // occurrences of Shapes that have one
     std::vector<LayerSight> sights;
-    std::optional<Vec3d> viewer;
+    std::optional<EyePlace> viewer;
     bool viewerMoved = false;
     std::uint32_t stamp = 0, walk = 0;
     std::size_t live = 0;  // occurrences

@@ -154,7 +154,7 @@ std::optional<Vec3d> Flattener::Impl::eyeOf(NodeId system) {
         if (path(o) < path(place)) place = o;
     const WorldFromLocal& m = frames[tree[place].frame];
     if (determinantSign(m) == 0 || !isFinite(m)) return std::nullopt;
-    return glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (*viewer - m[3]);
+    return glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (viewer->position - m[3]);
 }
 
 std::shared_ptr<const Mesh> Flattener::Impl::particleMesh(NodeId geometry) {

@@ -227,11 +227,11 @@ std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFro
     return level;
 }
 
-bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent, const Vec3d* viewer,
+bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent, const EyePlace* viewer,
                  WorldFromLocal& m) {
     if (!viewer || determinantSign(worldFromParent) == 0 || !isFinite(worldFromParent)) return false;
     const glm::dmat3 back = glm::inverse(glm::dmat3(worldFromParent[0], worldFromParent[1], worldFromParent[2]));
-    const Vec3d towards = back * (*viewer - worldFromParent[3]);
+    const Vec3d towards = back * (viewer->position - worldFromParent[3]);
     const Vec3d axis(read<Vec3f>(node, role.axis));
     const double axisLength = glm::length(axis), distance = glm::length(towards);
     if (!(distance > 0) || !std::isfinite(distance + axisLength)) return false;
@@ -248,9 +248,9 @@ bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& w
         };
         x = turned({1, 0, 0}), y = turned({0, 1, 0}), z = turned({0, 0, 1});
     } else {
-        // Towards the eye, upright as the world is: eyes that lean are not known here.
+        // 23.4.1: towards the eye, its y axis as that of the picture, however the eye leans.
         z = towards / distance;
-        Vec3d up = back * Vec3d(0, 1, 0);
+        Vec3d up = back * viewer->up;
         if (!(glm::length(glm::cross(up, z)) > 1e-9 * glm::length(up))) up = back * Vec3d(0, 0, -1);
         x = glm::normalize(glm::cross(up, z));
         y = glm::cross(z, x);

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include <rtsg/core/scene.h>
-#include <rtsg/renderers/instance_delta.h>
+#include <rtsg/renderers/flattener.h>
 
 namespace rtsg::flatten {
 
@@ -86,8 +86,8 @@ inline WorldFromLocal movedBy(const Vec3d& by) {
     return m;
 }
 
-/// Billboard: how it turns, so that its z axis points to a viewer at `viewer` (world); the identity without one.
-bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent, const Vec3d* viewer,
+/// Billboard: how it turns, so that its z axis points to `viewer`; the identity without one.
+bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromParent, const EyePlace* viewer,
                  WorldFromLocal& parentFromLocal);
 
 /// Appends the nodes below it that count, those without a role included.

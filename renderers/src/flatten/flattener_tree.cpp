@@ -77,7 +77,7 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     } else if (role.role == Role::level) {
         o.slot = static_cast<std::uint32_t>(levels.size());
         levels.push_back(index);
-        o.level = flatten::chooseLevel(node, role, frames[o.frame], viewer ? &*viewer : nullptr);
+        o.level = flatten::chooseLevel(node, role, frames[o.frame], viewer ? &viewer->position : nullptr);
     }
     o.isMover = isMover(node, role);
     setMotion(index);
@@ -418,7 +418,8 @@ void Flattener::Impl::reconcileChildren(std::uint32_t index) {
         return;
     }
     if (role.role == Role::level)
-        tree[index].level = flatten::chooseLevel(node, role, frames[tree[index].frame], viewer ? &*viewer : nullptr);
+        tree[index].level =
+            flatten::chooseLevel(node, role, frames[tree[index].frame], viewer ? &viewer->position : nullptr);
     chooseChildren(index, node, role);
     std::sort(wanted.begin(), wanted.end());
     // Both sides sorted: what is only here goes, what is only there comes.

@@ -180,7 +180,7 @@ std::optional<PictureSight> LightRenderer::looksFrom() {
     const auto camera = s.tracer.camera(s.rays, aspectOf(options.settings), options.viewpoint);
     if (!camera) return std::nullopt;
     const Camera eye = equipped(*camera, options);
-    return PictureSight{eye.position, sightsOf(s.tracer, s.rays, eye, options.settings)};
+    return PictureSight{EyePlace(eye.position, eye.up), sightsOf(s.tracer, s.rays, eye, options.settings)};
 }
 
 Result<Camera> LightRenderer::look(const ImageOptions& options) {
@@ -192,7 +192,8 @@ Result<Camera> LightRenderer::look(const ImageOptions& options) {
     *camera = equipped(*camera, options);
     std::vector<LayerSight> sights;
     if (world().flattener().usesPixels()) sights = sightsOf(s.tracer, s.rays, *camera, options.settings);
-    if (auto ok = world().setViewer(camera->position, std::move(sights)); !ok) return std::unexpected(ok.error());
+    if (auto ok = world().setViewer(EyePlace(camera->position, camera->up), std::move(sights)); !ok)
+        return std::unexpected(ok.error());
     return camera;
 }
 
@@ -256,11 +257,11 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
             LightTracer::layers(*tables, *state.rays, s.camera, options.settings.width, options.settings.height),
             options.settings.width, options.settings.height);
         if (!areOfOneSize(*state.sights, sights)) {
-            world().lookFrom(s.camera.position, std::move(sights));
+            world().lookFrom(EyePlace(s.camera.position, s.camera.up), std::move(sights));
             return fail("light renderer: this state is laid out for a picture of another size");
         }
     } else if (state.moment != s.prepared) {
-        world().lookFrom(s.camera.position);
+        world().lookFrom(EyePlace(s.camera.position, s.camera.up));
     }
     s.stats = {};
     RenderSettings settings = options.settings;

@@ -237,7 +237,7 @@ struct SharedWorld::Impl final : Subscriber {
     HandOver<WorldState> states;
     std::mutex eyeMutex;
     std::atomic<bool> eyeMoved{false};
-    std::optional<Vec3d> eye;  // as a reader last said
+    std::optional<EyePlace> eye;  // as a reader last said
     std::vector<LayerSight> eyeSights;
 
     Attachment attachment;  // last: detached first
@@ -321,7 +321,7 @@ Result<std::shared_ptr<const WorldState>> SharedWorld::present() {
     return state;
 }
 
-void SharedWorld::lookFrom(const Vec3d& eye, std::vector<LayerSight> sights) {
+void SharedWorld::lookFrom(const EyePlace& eye, std::vector<LayerSight> sights) {
     const std::lock_guard lock(impl_->eyeMutex);
     if (impl_->eye == eye && impl_->eyeSights == sights) return;
     impl_->eye = eye;
@@ -329,12 +329,12 @@ void SharedWorld::lookFrom(const Vec3d& eye, std::vector<LayerSight> sights) {
     impl_->eyeMoved.store(true, std::memory_order_relaxed);
 }
 
-Result<> SharedWorld::setViewer(std::optional<Vec3d> position, std::vector<LayerSight> sights) {
+Result<> SharedWorld::setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights) {
     Impl& s = *impl_;
     // Edits that are not sealed yet come first: the flattener must not look at nodes of a state it does not know.
     if (!s.delivering)
         if (auto ok = update(); !ok) return ok;
-    s.flattener.setViewer(position, std::move(sights));
+    s.flattener.setViewer(eye, std::move(sights));
     if (const std::unique_lock lock(s.eyeMutex, std::try_to_lock); lock) s.eye.reset();
     if (s.delivering) return {};         // with the next one
     s.waits = s.flattener.usesPixels();  // others' pictures are not to move what this one shows

@@ -300,6 +300,14 @@ TEST_F(FlattenerCase, BillboardsTurnToTheViewer) {
     EXPECT_NEAR(glm::distance(placed()[2], glm::normalize(Vec3d(0, 7, 4))), 0, 1e-6);
     EXPECT_NEAR(placed()[0].y, 0, 1e-6) << "upright";
     EXPECT_GT(placed()[1].y, 0);
+    // As the eye leans, so does it (23.4.1): its x axis is level in the picture, its y axis up there.
+    const Vec3d lean = glm::normalize(Vec3d(1, .2, .3)), eye = Vec3d(3 + 5, 7, 0);
+    ASSERT_TRUE(flat.setViewer(EyePlace(eye, lean)));
+    const Vec3d z = placed()[2];
+    EXPECT_NEAR(glm::dot(placed()[0], lean), 0, 1e-6);
+    EXPECT_NEAR(glm::distance(placed()[1], glm::normalize(lean - z * glm::dot(lean, z))), 0, 1e-6);
+    ASSERT_TRUE(flat.setViewer(eye));
+    EXPECT_NEAR(placed()[0].y, 0, 1e-6) << "upright again";
     ASSERT_TRUE(flat.setViewer(std::nullopt));
     EXPECT_NEAR(glm::distance(placed()[1], Vec3d(0, 0, 1)), 0, 1e-6);
 }

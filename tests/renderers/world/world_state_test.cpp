@@ -404,9 +404,9 @@ TEST(WorldState, WhereAReaderLooksFromChoosesTheLevelsOfTheNextState) {
     };
     ASSERT_TRUE(scene.set(scene.findName("T"), x3d::Transform::translation, Vec3f(90, 0, 0)));
     EXPECT_NEAR(widest(), 9.7f, .01f);
-    std::thread([&] { world.lookFrom({0, 0, 50}); }).join();
+    std::thread([&] { world.lookFrom(Vec3d(0, 0, 50)); }).join();
     EXPECT_EQ(widest(), 0);
-    std::thread([&] { world.lookFrom({0, 0, 0}); }).join();
+    std::thread([&] { world.lookFrom(Vec3d(0, 0, 0)); }).join();
     EXPECT_NEAR(widest(), 9.7f, .01f);
 }
 

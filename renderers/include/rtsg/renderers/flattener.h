@@ -54,8 +54,15 @@ struct LayerSight {
 bool areOfOneSize(const std::vector<LayerSight>& a, const std::vector<LayerSight>& b);
 
 /// What a picture is seen from.
+/// Where a viewer is, in world space.
+struct EyePlace {
+    EyePlace(const Vec3d& at, const Vec3d& above = Vec3d(0, 1, 0)) : position(at), up(above) {}
+    Vec3d position, up;  // up: of its picture, of any length
+    friend bool operator==(const EyePlace&, const EyePlace&) = default;
+};
+
 struct PictureSight {
-    Vec3d eye{0};
+    EyePlace eye{Vec3d(0)};
     std::vector<LayerSight> layers;
 };
 
@@ -100,12 +107,12 @@ class Flattener {
     /// updateViewer().
     void setMeshSource(const Scene& scene, std::string_view type, MeshSource source);
 
-    /// The viewer's place in world space, by which LOD chooses what is seen; none: every LOD shows its first level.
-    /// What is heard is the first level always (Instance::seen, heard): what a picture shows changes no sound. Takes
-    /// effect with the next apply() or with updateViewer().
-    /// `sights`: of the picture, by which layouts, ScreenGroups and text in points have their size. A layer that has
-    /// none is laid out as in a picture of 1280 by 720 pixels; outside of LayoutLayers a pixel is then 1/96 inch.
-    void setViewer(std::optional<Vec3d> position, std::vector<LayerSight> sights = {});
+    /// The viewer, by whose place LOD chooses what is seen, and to whom Billboards turn; none: every LOD shows its
+    /// first level. What is heard is the first level always (Instance::seen, heard): what a picture shows changes no
+    /// sound. Takes effect with the next apply() or with updateViewer(). `sights`: of the picture, by which layouts,
+    /// ScreenGroups and text in points have their size. A layer that has none is laid out as in a picture of 1280 by
+    /// 720 pixels; outside of LayoutLayers a pixel is then 1/96 inch.
+    void setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights = {});
     /// Follows the viewer alone, between two frames.
     const InstanceDelta& updateViewer(const Scene& scene);
 

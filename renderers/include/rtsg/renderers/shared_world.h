@@ -103,12 +103,12 @@ class SharedWorld {
     /// or readers hold too many states.
     Result<std::shared_ptr<const WorldState>> present();
     /// setViewer() from any thread: with the next delivery.
-    void lookFrom(const Vec3d& eye, std::vector<LayerSight> sights = {});
+    void lookFrom(const EyePlace& eye, std::vector<LayerSight> sights = {});
 
-    /// Levels of detail are chosen for this eye, in world space, for all that see; none: the first levels, which are
-    /// what sound meets in any case (Instance::seen, heard).
-    /// `sights`: of the picture, as Flattener::setViewer().
-    Result<> setViewer(std::optional<Vec3d> position, std::vector<LayerSight> sights = {});
+    /// Levels of detail are chosen for this eye, and Billboards turn to it, for all that see; none: the first levels,
+    /// which are what sound meets in any case (Instance::seen, heard). `sights`: of the picture, as
+    /// Flattener::setViewer().
+    Result<> setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights = {});
     /// The triangles of geometry nodes of a type of one's own (or in place of a built-in one's), for all that start
     /// from here. Also of those that are there already.
     void setMeshSource(std::string_view type, MeshSource source);
