@@ -119,24 +119,17 @@ std::pair<std::string, std::string> parseSent(const std::string& given) {
     return {given.substr(0, split), given.substr(split + 1)};
 }
 
-/// The sum of those called `id`; as many channels as the one with the most has, and one goes to all of them.
+/// The sum of those called `id`, in as many channels as the one with the most has.
 std::optional<SoundBuffer> sumOf(const std::vector<StreamedSound>& streams, const std::string& id) {
     std::optional<SoundBuffer> sum;
-    for (const StreamedSound& stream : streams)
-        if (id.empty() || std::ranges::count(stream.identifiers, id)) {
-            if (!sum) sum = SoundBuffer{stream.sound.sampleRate, 1, {}};
-            sum->channels = std::max(sum->channels, stream.sound.channels);
-        }
-    if (!sum) return sum;
-    const auto channels = static_cast<std::size_t>(sum->channels);
     for (const StreamedSound& stream : streams) {
         if (!id.empty() && !std::ranges::count(stream.identifiers, id)) continue;
-        const auto own = static_cast<std::size_t>(stream.sound.channels);
-        sum->samples.resize(std::max(sum->samples.size(), stream.sound.frames() * channels));
-        for (std::size_t i = 0; i < stream.sound.frames(); ++i)
-            for (std::size_t c = 0; c < channels; ++c)
-                if (own == 1 || c < own)
-                    sum->samples[i * channels + c] += stream.sound.samples[i * own + (own == 1 ? 0 : c)];
+        if (!sum) sum = SoundBuffer{stream.sound.sampleRate, stream.sound.channels, {}};
+        const int channels = std::max(sum->channels, stream.sound.channels);
+        const SoundBuffer more = spread(stream.sound, channels);
+        sum = spread(*sum, channels);
+        sum->samples.resize(std::max(sum->samples.size(), more.samples.size()));
+        for (std::size_t i = 0; i < more.samples.size(); ++i) sum->samples[i] += more.samples[i];
     }
     return sum;
 }

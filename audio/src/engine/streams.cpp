@@ -4,19 +4,6 @@
 #include "acoustic_engine_impl.h"
 
 namespace rtsg {
-namespace {
-
-/// In another number of channels, at least as many: one goes to all, others stay where they are (X3D V4.0, 16.2.3).
-std::vector<float> spreadTo(std::size_t channels, const SoundBuffer& sound) {
-    const auto own = static_cast<std::size_t>(sound.channels);
-    std::vector<float> spread(sound.frames() * channels);
-    for (std::size_t i = 0; i < sound.frames(); ++i)
-        for (std::size_t c = 0; c < channels; ++c)
-            if (own == 1 || c < own) spread[i * channels + c] = sound.samples[i * own + (own == 1 ? 0 : c)];
-    return spread;
-}
-
-}  // namespace
 
 void AcousticEngine::Impl::streamOut(const SoundNode& sound, EmitterState& state, Block& block) {
     const std::size_t size = options.blockSize;
@@ -31,16 +18,14 @@ void AcousticEngine::Impl::streamOut(const SoundNode& sound, EmitterState& state
     if (stream.sound.frames() > since) return;  // in two places it is one stream all the same
     play(sound, state, block);
     const std::size_t inputs = block.dry.size();
-    if (inputs > static_cast<std::size_t>(stream.sound.channels)) {
-        stream.sound.samples = spreadTo(inputs, stream.sound);
-        stream.sound.channels = static_cast<int>(inputs);
-    }
+    if (inputs > static_cast<std::size_t>(stream.sound.channels))
+        stream.sound = spread(stream.sound, static_cast<int>(inputs));
     SoundBuffer fresh{options.sampleRate, static_cast<int>(inputs), {}};
     for (std::size_t i = 0; i < size; ++i)
         for (std::size_t c = 0; c < inputs; ++c)
             fresh.samples.push_back(block.dry[c][i] * static_cast<float>(sound.intensity));
-    const std::vector<float> spread = spreadTo(static_cast<std::size_t>(stream.sound.channels), fresh);
-    stream.sound.samples.insert(stream.sound.samples.end(), spread.begin(), spread.end());
+    fresh = spread(fresh, stream.sound.channels);
+    stream.sound.samples.insert(stream.sound.samples.end(), fresh.samples.begin(), fresh.samples.end());
 }
 
 /// Those whose node is gone go on in silence.

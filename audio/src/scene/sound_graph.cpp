@@ -226,6 +226,14 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
     visits_ = 0;
     sound.node = node.id();
     sound.name = nameOf(scene, node);
+    const auto readDestination = [&]<class D>() {
+        sound.enabled = node.get(D::enabled);
+        sound.spatialize = sound.doppler = sound.reflected = false;
+        sound.law = SoundNode::Law::none;
+        sound.intensity = number(node.get(D::gain), 0);
+        for (const NodeId child : node.get(D::children))
+            readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
+    };
     if (node.is(x3d::Sound::type)) {
         using S = x3d::Sound;
         sound.enabled = node.get(S::enabled);
@@ -259,23 +267,12 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
         for (const NodeId child : node.get(S::children))
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     } else if (node.is(x3d::AudioDestination::type)) {
-        using D = x3d::AudioDestination;
-        sound.enabled = node.get(D::enabled);
-        sound.spatialize = sound.doppler = sound.reflected = false;
-        sound.law = SoundNode::Law::none;
-        sound.intensity = number(node.get(D::gain), 0);
-        for (const NodeId child : node.get(D::children))
-            readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
+        readDestination.template operator()<x3d::AudioDestination>();
     } else if (node.is(x3d::StreamAudioDestination::type)) {
-        using D = x3d::StreamAudioDestination;
-        sound.enabled = node.get(D::enabled);
-        sound.spatialize = sound.doppler = sound.reflected = false;
-        sound.law = SoundNode::Law::none;
-        sound.intensity = number(node.get(D::gain), 0);
+        readDestination.template operator()<x3d::StreamAudioDestination>();
         sound.stream.emplace();
-        for (const String& name : node.get(D::streamIdentifier)) sound.stream->emplace_back(name.view());
-        for (const NodeId child : node.get(D::children))
-            readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
+        for (const String& name : node.get(x3d::StreamAudioDestination::streamIdentifier))
+            sound.stream->emplace_back(name.view());
     }
     return read;
 }

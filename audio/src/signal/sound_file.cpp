@@ -163,6 +163,16 @@ SoundBuffer mixToMono(const SoundBuffer& sound) {
     return mono;
 }
 
+SoundBuffer spread(const SoundBuffer& sound, int channels) {
+    if (sound.channels == channels) return sound;
+    const auto own = static_cast<std::size_t>(sound.channels), all = static_cast<std::size_t>(channels);
+    SoundBuffer wide{sound.sampleRate, channels, std::vector<float>(sound.frames() * all)};
+    for (std::size_t i = 0; i < sound.frames(); ++i)
+        for (std::size_t c = 0; c < all; ++c)
+            if (own == 1 || c < own) wide.samples[i * all + c] = sound.samples[i * own + (own == 1 ? 0 : c)];
+    return wide;
+}
+
 Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate) {
     if (sound.sampleRate == sampleRate || sound.samples.empty()) {
         SoundBuffer same = sound;

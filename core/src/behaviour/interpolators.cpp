@@ -1,6 +1,7 @@
 // The linear interpolators: ISO/IEC 19775-1 V4.0, 19.2.2, 19.3.1 and 19.4. One template for all of them.
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include <rtsg/core/color_blend.h>
 #include <rtsg/core/geospatial.h>
@@ -65,34 +66,35 @@ Vec3f mixNormal(const Vec3f& a, const Vec3f& b, float w) {
     return p * (std::sin((1 - w) * angle) / sine) + q * (std::sin(w * angle) / sine);
 }
 
-/// One value a key.
+/// One value a key: where the event's fraction lies among them, if it does.
 template <class N>
-void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
-    if (field != N::set_fraction.index) return;
+std::optional<Span> spanOf(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
+    if (field != N::set_fraction.index) return std::nullopt;
     const float fraction = value.as<float>();
     const auto& key = node.get(N::key);
     const auto& values = node.get(N::keyValue);
     const std::size_t count = std::min(key.size(), values.size());
     if (key.size() != values.size())
         cascade.warn(node, std::to_string(values.size()) + " key values for " + std::to_string(key.size()) + " keys");
-    if (count == 0 || std::isnan(fraction)) return;
-    const Span s = locate(key, count, fraction);
-    cascade.emit(node, N::value_changed, blend(values[s.from], values[s.to], s.weight));
+    if (count == 0 || std::isnan(fraction)) return std::nullopt;
+    return locate(key, count, fraction);
+}
+
+template <class N>
+void interpolateOne(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
+    const std::optional<Span> s = spanOf<N>(cascade, node, field, value);
+    if (!s) return;
+    const auto& values = node.get(N::keyValue);
+    cascade.emit(node, N::value_changed, blend(values[s->from], values[s->to], s->weight));
 }
 
 /// 25.3.7: in the numbers of the geographic system; and where that is in the scene.
 void interpolateGeo(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     using N = x3d::GeoPositionInterpolator;
-    if (field != N::set_fraction.index) return;
-    const float fraction = value.as<float>();
-    const auto& key = node.get(N::key);
+    const std::optional<Span> s = spanOf<N>(cascade, node, field, value);
+    if (!s) return;
     const auto& values = node.get(N::keyValue);
-    const std::size_t count = std::min(key.size(), values.size());
-    if (key.size() != values.size())
-        cascade.warn(node, std::to_string(values.size()) + " key values for " + std::to_string(key.size()) + " keys");
-    if (count == 0 || std::isnan(fraction)) return;
-    const Span s = locate(key, count, fraction);
-    const Vec3d coordinates = values[s.from] + (values[s.to] - values[s.from]) * double(s.weight);
+    const Vec3d coordinates = values[s->from] + (values[s->to] - values[s->from]) * double(s->weight);
     cascade.emit(node, N::geovalue_changed, coordinates);
     const auto reference = GeoReference::of(cascade.scene(), node);
     if (!reference) return cascade.warn(node, reference.error().text);

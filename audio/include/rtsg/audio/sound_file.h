@@ -40,6 +40,8 @@ Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat f
 
 /// The mean of all channels.
 SoundBuffer mixToMono(const SoundBuffer& sound);
+/// In more channels, or as many: one goes to all of them, others stay where they are (ISO/IEC 19775-1 V4.0, 16.2.3).
+SoundBuffer spread(const SoundBuffer& sound, int channels);
 /// Band-limited conversion. Error: the rates are more than 256 times apart.
 Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate);
 /// Scales down, never up, so that no sample exceeds `limit`; returns the factor used (1: nothing done).
