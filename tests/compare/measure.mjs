@@ -2,7 +2,8 @@
 
 /**
  * Pictures as PNG in base64: of rtsg (R) and X_ITE (X), `whole` and `empty`, without shapes. Gives `iou`, the share of both
- * silhouettes together that lies in both (1 where neither has any); `ssim`, the mean structural similarity of luminance (Wang
+ * silhouettes together that lies in both (1 where neither has any); `near`, the share of both silhouettes' pixels that lie in the
+ * other one or beside one of its pixels, which is fair to lines a pixel wide; `ssim`, the mean structural similarity of luminance (Wang
  * et al. 2004: Gaussian windows of 11 pixels, sigma 1.5); `difference`, the mean of colours, of 255.
  */
 export async function measure({wholeR, emptyR, wholeX, emptyX}) {
@@ -21,10 +22,19 @@ export async function measure({wholeR, emptyR, wholeX, emptyX}) {
   const [a, aEmpty, b, bEmpty] = await Promise.all([wholeR, emptyR, wholeX, emptyX].map(pixels));
   if (a.width !== b.width || a.height !== b.height) throw new Error('the pictures have different sizes');
   const count = a.width * a.height;
-  let both = 0, either = 0, difference = 0;
+  const inA = Uint8Array.from({length: count}, (_, i) => differs(a, aEmpty, i)), inB = Uint8Array.from({length: count}, (_, i) => differs(b, bEmpty, i));
+  /** Whether the pixel or one of its eight neighbours is set. */
+  function beside(mask, i) {
+    const x = i % a.width, y = Math.floor(i / a.width);
+    for (let v = Math.max(y - 1, 0); v <= Math.min(y + 1, a.height - 1); ++v)
+      for (let u = Math.max(x - 1, 0); u <= Math.min(x + 1, a.width - 1); ++u)
+        if (mask[v * a.width + u]) return true;
+    return false;
+  }
+  let both = 0, either = 0, each = 0, close = 0, difference = 0;
   for (let i = 0; i < count; ++i) {
-    const inA = differs(a, aEmpty, i), inB = differs(b, bEmpty, i);
-    both += inA && inB, either += inA || inB;
+    both += inA[i] && inB[i], either += inA[i] || inB[i], each += inA[i] + inB[i];
+    close += (inA[i] && beside(inB, i)) + (inB[i] && beside(inA, i));
     for (let c = 0; c < 3; ++c) difference += Math.abs(a.data[4 * i + c] - b.data[4 * i + c]) / (3 * count);
   }
 
@@ -54,5 +64,5 @@ export async function measure({wholeR, emptyR, wholeX, emptyX}) {
     const vx = xx[i] - mx[i] ** 2, vy = yy[i] - my[i] ** 2, vxy = xy[i] - mx[i] * my[i];
     ssim += (2 * mx[i] * my[i] + c1) * (2 * vxy + c2) / ((mx[i] ** 2 + my[i] ** 2 + c1) * (vx + vy + c2)) / count;
   }
-  return {iou: either ? both / either : 1, ssim, difference};
+  return {iou: either ? both / either : 1, near: each ? close / each : 1, ssim, difference};
 }
