@@ -91,6 +91,7 @@ class Sampling {
         : scene_(scene),
           camera_(camera),
           settings_(settings),
+          own_(settings),
           x0_(x0),
           y0_(y0),
           most_(std::max(settings.samplesPerPixel, 2 * kLeastOfGroup)),
@@ -121,23 +122,37 @@ class Sampling {
     }
     int samplesOf(int pixel) const { return samples_[static_cast<std::size_t>(blockOf(pixel))]; }
 
-    void sample(int group, std::uint32_t blocks, int first, int last) {
-        RenderSettings own = settings_;
-        own.seed = mixBits(settings_.seed * 0x9e3779b97f4a7c15ull + static_cast<std::uint64_t>(group));
-        TileResult now;
-        now.blocks = blocks;
-        if (scene_.shutter) {
-            own.seed = mixBits(own.seed + static_cast<std::uint64_t>(first));
-            own.samplesPerPixel = last - first;
-        } else {
-            own.samplesPerPixel = most_ / groups_;
-            now.firstSample = first, now.lastSample = last;
+    /// Some more samples of each group.
+    void sample(std::uint32_t blocks, int first, int last) {
+        std::vector<TileResult> now(static_cast<std::size_t>(groups_));
+        for (std::size_t group = 0; group < now.size(); ++group) {
+            now[group].seed = mixBits(settings_.seed * 0x9e3779b97f4a7c15ull + group);
+            now[group].blocks = blocks;
+            now[group].firstSample = first, now[group].lastSample = last;
         }
-        traceTile(scene_, camera_, own, x0_, y0_, now);
+        if (scene_.shutter) {
+            throughShutter(first, last, now);
+        } else {
+            own_.samplesPerPixel = most_ / groups_;
+            traceTile(scene_, camera_, own_, x0_, y0_, now);
+        }
+        for (std::size_t group = 0; group < now.size(); ++group) take(static_cast<int>(group), now[group]);
+    }
+
+    /// One group after the other, as each has instants of its own.
+    void throughShutter(int first, int last, std::span<TileResult> groups) {
+        own_.samplesPerPixel = last - first;
+        for (TileResult& group : groups) {
+            group.seed = own_.seed = mixBits(group.seed + static_cast<std::uint64_t>(first));
+            traceTile(scene_, camera_, own_, x0_, y0_, std::span(&group, 1));
+        }
+    }
+
+    void take(int group, TileResult& now) {
         addUp(now, tile_.result);
         if (scene_.space == ColorSpace::automatic) addLight(now);
         for (int pixel = 0; pixel < kTilePixels; ++pixel) {
-            if (!(blocks >> blockOf(pixel) & 1u)) continue;
+            if (!(now.blocks >> blockOf(pixel) & 1u)) continue;
             Vec3d sum(now.sum[static_cast<std::size_t>(pixel)]);
             for (int c = 0; c < 3; ++c) sum[c] = std::isfinite(sum[c]) ? sum[c] : 0.0;
             moments_.add(group, pixel, sum);
@@ -154,7 +169,7 @@ class Sampling {
 
     void advance(std::uint32_t blocks, int samples) {
         const int next = after(samples);
-        for (int group = 0; group < groups_; ++group) sample(group, blocks, samples, next);
+        sample(blocks, samples, next);
         for (int block = 0; block < kBlocks; ++block)
             if (blocks >> block & 1u) samples_[static_cast<std::size_t>(block)] = next, look(block);
     }
@@ -224,6 +239,7 @@ class Sampling {
     const TraceScene& scene_;
     const Camera& camera_;
     const RenderSettings& settings_;
+    RenderSettings own_;  // as the integrator gets them
     const int x0_, y0_, most_, groups_;
     /// Samples of a shutter's instants are spread over all that are asked for at once, and a single one is in the
     /// middle of its pixel: there each step is a sequence of its own, and not too short.

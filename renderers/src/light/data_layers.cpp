@@ -180,7 +180,8 @@ class LayerTiles {
         std::uint16_t pixels[16];
         PathTask tasks[16];
         SurfacePacket s{};
-        const std::uint32_t active = primaryRays(scene_, camera_, settings, x0, y0, block, sample, rays, pixels);
+        const std::uint32_t active =
+            primaryRays(scene_, camera_, settings, settings.seed, x0, y0, block, sample, rays, pixels);
         for (std::size_t lane = 0; lane < 16; ++lane) {
             seen[lane] = {};
             seen[lane].direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};

@@ -47,7 +47,8 @@ class Drawing {
         if (settings_.error > 0) {
             adaptiveTile(scene_, camera_, settings_, x0, y0, tile);
         } else {
-            traceTile(scene_, camera_, settings_, x0, y0, tile.result);
+            tile.result.seed = settings_.seed;
+            traceTile(scene_, camera_, settings_, x0, y0, std::span(&tile.result, 1));
             tile.samples.fill(static_cast<std::uint32_t>(settings_.samplesPerPixel));
         }
         if (scene_.space == ColorSpace::automatic) addLight(tile.result);

@@ -1,7 +1,8 @@
 // PacketRandom: the numbers that sixteen paths draw together, eight at a time.
 //
 // Invariant: each lane gets, bit for bit, what its PathRandom gives; all make every call, whether they need it or not,
-// so that they stay together. Those that have not made the same calls before draw one by one. Threading: one of a tile.
+// so that they stay together. Lanes of other sequences, or with other calls before, have seeds of their own.
+// Threading: one of a tile.
 #pragma once
 
 #include <bit>
@@ -72,30 +73,26 @@ class PacketRandom {
 
     /// `numbers`: sixteen.
     void next(float* numbers) {
-        if (!together_) [[unlikely]]
-            return each([&](int lane, PathRandom& random) { numbers[lane] = random.next(); });
+        if (!together_) return nextOfEach(numbers);
         const std::uint64_t seed = common_.nextSeed();
         for (int at = 0; at < 16; at += 8)
-            simd::store(numbers + at, fraction(scrambleUpwards(shuffled(at, seed), high(seed))));
+            simd::store(numbers + at, fraction(scrambleUpwards(shuffled(at, low(seed)), high(seed))));
     }
     void nextPair(float* u, float* v) {
-        if (!together_) [[unlikely]]
-            return each([&](int lane, PathRandom& random) {
-                const Vec2f pair = random.nextPair();
-                u[lane] = pair.x, v[lane] = pair.y;
-            });
+        if (!together_) return nextPairOfEach(u, v);
         const std::uint64_t seed = common_.nextSeed(), other = mixBits(seed);
         for (int at = 0; at < 16; at += 8) {
-            const U8 index = shuffled(at, seed);
+            const U8 index = shuffled(at, low(seed));
             simd::store(u + at, fraction(scrambleUpwards(index, high(seed))));
             simd::store(v + at, fraction(scrambleUpwards(sobolSecondReversed(index), low(other))));
         }
     }
     /// As next() or nextPair(), where nobody wants the numbers.
     void skip() {
-        if (!together_) [[unlikely]]
-            return each([](int, PathRandom& random) { random.nextSeed(); });
-        common_.nextSeed();
+        if (together_)
+            common_.nextSeed();
+        else
+            each([](int, std::uint64_t) {});
     }
     /// Where a lane goes on.
     std::uint64_t state(int lane) const {
@@ -119,16 +116,38 @@ class PacketRandom {
         std::memcpy(&whole, &bits, sizeof whole);
         return __builtin_convertvector(whole, simd::F8) * 0x1p-24f;
     }
-    U8 shuffled(int at, std::uint64_t seed) const {
-        return reverseBits(scrambleUpwards(load(at, reversed_), low(seed)));
+    template <class Seed>
+    U8 shuffled(int at, Seed seed) const {
+        return reverseBits(scrambleUpwards(load(at, reversed_), seed));
     }
-    template <class Draw>
-    void each(const Draw& draw) {
+
+    // Where lanes are of different sequences, each has a seed of its own.
+
+    /// Calls take(lane, seed) with the next one's of each.
+    template <class Take>
+    void each(const Take& take) {
         for (std::uint32_t rest = mask_; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             PathRandom random(states_[lane]);
-            draw(lane, random);
+            take(lane, random.nextSeed());
             states_[lane] = random.state();
+        }
+    }
+    void nextOfEach(float* numbers) {
+        alignas(64) std::uint32_t order[16]{}, first[16]{};
+        each([&](int lane, std::uint64_t seed) { order[lane] = low(seed), first[lane] = high(seed); });
+        for (int at = 0; at < 16; at += 8)
+            simd::store(numbers + at, fraction(scrambleUpwards(shuffled(at, load(at, order)), load(at, first))));
+    }
+    void nextPairOfEach(float* u, float* v) {
+        alignas(64) std::uint32_t order[16]{}, first[16]{}, second[16]{};
+        each([&](int lane, std::uint64_t seed) {
+            order[lane] = low(seed), first[lane] = high(seed), second[lane] = low(mixBits(seed));
+        });
+        for (int at = 0; at < 16; at += 8) {
+            const U8 index = shuffled(at, load(at, order));
+            simd::store(u + at, fraction(scrambleUpwards(index, load(at, first))));
+            simd::store(v + at, fraction(scrambleUpwards(sobolSecondReversed(index), load(at, second))));
         }
     }
 

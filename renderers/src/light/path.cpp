@@ -97,8 +97,8 @@ struct alignas(64) Brought {
 class Paths {
   public:
     Paths(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-          TileResult& result)
-        : scene_(scene), settings_(settings), result_(result), loop_(scene, camera, settings, x0, y0, result) {}
+          std::span<TileResult> groups)
+        : scene_(scene), settings_(settings), counts_(groups[0]), loop_(scene, camera, settings, x0, y0, groups) {}
 
     void run() {
         loop_.run([this](std::span<TilePacket> packets) {
@@ -141,7 +141,7 @@ class Paths {
             const std::uint16_t pixel = first[lane].pixel = packet.pixels[lane];
             x[lane] = loop_.x(pixel), y[lane] = loop_.y(pixel);
         }
-        randomOfPicture(settings_.seed, x, y, packet.sample, settings_.samplesPerPixel, states);
+        randomOfPicture(packet.seed, x, y, packet.sample, settings_.samplesPerPixel, states);
         for (int lane = 0; lane < 16; ++lane) first[lane].random = states[lane];
         trace(packet.rays, first, true);
     }
@@ -170,11 +170,11 @@ class Paths {
     }
 
     void add(const PathTask& task, const Vec3f& radiance) {
-        result_.sum[task.pixel] += Vec4f(task.weight * radiance, 0);
+        loop_.sumOf(task.pixel) += Vec4f(task.weight * radiance, 0);
     }
     /// Coverage belongs to the eye's own line of sight; on it a weight holds nothing but what clear surfaces left over.
     void cover(const PathTask& task, float coverage) {
-        if (task.depth == 0) result_.sum[task.pixel].a += coverage * largest(task.weight);
+        if (task.depth == 0) loop_.sumOf(task.pixel).a += coverage * largest(task.weight);
     }
 
     void trace(RayPacket16& rays, PathTask* tasks, bool coherent) {
@@ -222,14 +222,14 @@ class Paths {
 
     /// All that is asked directly.
     void lookForLight(const PathTask* tasks, PacketRandom& random) {
-        addLights(scene_, surfaces_, result_.shadowRays);
+        addLights(scene_, surfaces_, counts_.shadowRays);
         findPoints(scene_, surfaces_);
         found_.mask = 0;
-        if (scene_.emitters) lookForEmitters(scene_, surfaces_, tasks, random, found_, result_.shadowRays);
+        if (scene_.emitters) lookForEmitters(scene_, surfaces_, tasks, random, found_, counts_.shadowRays);
         lamp_.mask = 0;
-        if (scene_.lamps) lookForLamps(scene_, surfaces_, random, lamp_, result_.shadowRays);
+        if (scene_.lamps) lookForLamps(scene_, surfaces_, random, lamp_, counts_.shadowRays);
         sky_.mask = 0;
-        if (scene_.skyLight) lookForSky(scene_, surfaces_, random, sky_, result_.shadowRays);
+        if (scene_.skyLight) lookForSky(scene_, surfaces_, random, sky_, counts_.shadowRays);
     }
 
     /// The lanes whose surfaces do nothing but scatter evenly, in clear air: nearly all of most scenes.
@@ -291,11 +291,11 @@ class Paths {
             Vec3f light = shown.get(lane);
             if (task.density > 0 && scene_.emitters && s.emissive.get(lane) != Vec3f(0))
                 light += task.weight * (radiance(lane, task) - s.radiance.get(lane));
-            result_.sum[task.pixel] += Vec4f(light, 0);
+            loop_.sumOf(task.pixel) += Vec4f(light, 0);
             cover(task, 1);
             if (!(alive >> lane & 1u)) continue;
             if (task.depth >= kMaxBounces) {
-                result_.addMissing(task.pixel, largest(weight.get(lane)));
+                loop_.resultOf(task.pixel).addMissing(task.pixel % kTilePixels, largest(weight.get(lane)));
                 continue;
             }
             PathTask& next = loop_.push();
@@ -490,7 +490,7 @@ class Paths {
         }
         const bool enough = straightOn ? task.passes >= kMaxPasses : task.depth >= kMaxBounces;
         if (enough) {
-            result_.addMissing(task.pixel, largest(task.weight));
+            loop_.resultOf(task.pixel).addMissing(task.pixel % kTilePixels, largest(task.weight));
             return;
         }
         if (straightOn)
@@ -513,7 +513,7 @@ class Paths {
     const TraceScene& scene_;
     const bool bouncesFindSky_ = meetsSky(scene_);
     const RenderSettings& settings_;
-    TileResult& result_;
+    TileResult& counts_;  // of all groups
     TileLoop loop_;
     SurfacePacket surfaces_{};  // unused lanes stay finite
     EmitterLight found_{}, lamp_{}, sky_{};
@@ -524,13 +524,13 @@ class Paths {
 }  // namespace
 
 void pathTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-              TileResult& result) {
-    Paths(scene, camera, settings, x0, y0, result).run();
+              std::span<TileResult> groups) {
+    Paths(scene, camera, settings, x0, y0, groups).run();
 }
 
 void pathProbe(const TraceScene& scene, const Probe& probe, const RenderSettings& settings, int tile,
                TileResult& result) {
-    Paths(scene, Camera(), settings, tile * kTileSide, 0, result).run(probe);
+    Paths(scene, Camera(), settings, tile * kTileSide, 0, std::span(&result, 1)).run(probe);
 }
 
 }  // namespace rtsg::trace

@@ -71,7 +71,8 @@ void Shutter::Instant::showTo(TraceScene& scene, int height) const {
     scene.pixelSpread = lens.spread, scene.pixelSize = lens.size;
 }
 
-void Shutter::trace(const TraceScene& scene, const RenderSettings& settings, int x0, int y0, TileResult& result) const {
+void Shutter::trace(const TraceScene& scene, const RenderSettings& settings, int x0, int y0,
+                    std::span<TileResult> groups) const {
     const auto start =
         static_cast<double>(mixBits(settings.seed ^ kInstants ^
                                     mixBits(static_cast<std::uint64_t>(y0) << 32 | static_cast<std::uint32_t>(x0))) >>
@@ -84,16 +85,16 @@ void Shutter::trace(const TraceScene& scene, const RenderSettings& settings, int
         const double share = (sample + start) / settings.samplesPerPixel;
         const Instant& instant = instants_[std::min(static_cast<std::size_t>(share * count), instants_.size() - 1)];
         instant.showTo(now, settings.height);
-        result.firstSample = sample, result.lastSample = sample + 1;
+        for (TileResult& group : groups) group.firstSample = sample, group.lastSample = sample + 1;
         (settings.integrator == Integrator::path ? pathTile : whittedTile)(now, instant.camera, settings, x0, y0,
-                                                                           result);
+                                                                           groups);
     }
 }
 
 void traceTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-               TileResult& result) {
-    if (scene.shutter) return scene.shutter->trace(scene, settings, x0, y0, result);
-    (settings.integrator == Integrator::path ? pathTile : whittedTile)(scene, camera, settings, x0, y0, result);
+               std::span<TileResult> groups) {
+    if (scene.shutter) return scene.shutter->trace(scene, settings, x0, y0, groups);
+    (settings.integrator == Integrator::path ? pathTile : whittedTile)(scene, camera, settings, x0, y0, groups);
 }
 
 }  // namespace rtsg::trace

@@ -26,7 +26,8 @@ class Shutter {
     void openFor(TraceScene& scene) const;
 
     /// As traceTile().
-    void trace(const TraceScene& scene, const RenderSettings& settings, int x0, int y0, TileResult& result) const;
+    void trace(const TraceScene& scene, const RenderSettings& settings, int x0, int y0,
+               std::span<TileResult> groups) const;
 
   private:
     struct Instant {

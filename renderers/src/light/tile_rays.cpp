@@ -19,14 +19,14 @@ namespace {
 constexpr std::uint64_t kPlaces = 0xd1b54a32d192ed03, kLens = 0x8cb92ba72f3d8dd7;  // other numbers than a path's
 
 /// The places of a sample in sixteen pixels, [0, 1)^2; `x`, `y`: of the first, four by four.
-void samplePlaces(const RenderSettings& settings, int x, int y, int sample, float* u, float* v) {
+void samplePlaces(const RenderSettings& settings, std::uint64_t seed, int x, int y, int sample, float* u, float* v) {
     if (settings.samplesPerPixel == 1) {
         std::fill(u, u + 16, 0.5f), std::fill(v, v + 16, 0.5f);
         return;
     }
     PathRandom randoms[16];
     for (int lane = 0; lane < 16; ++lane)
-        randoms[lane] = PathRandom(settings.seed ^ kPlaces, x + (lane & 3), y + (lane >> 2), sample);
+        randoms[lane] = PathRandom(seed ^ kPlaces, x + (lane & 3), y + (lane >> 2), sample);
     nextPairs(randoms, u, v);
 }
 
@@ -42,14 +42,14 @@ Vec2f onDisk(Vec2f square) {
 }
 
 /// Through other places of the lens than its middle; in a picture of one sample a pixel all go through that.
-void throughLens(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-                 int sample, const std::uint16_t* pixels, RayPacket16& rays) {
+void throughLens(const TraceScene& scene, const Camera& camera, std::uint64_t seed, int x0, int y0, int sample,
+                 const std::uint16_t* pixels, RayPacket16& rays) {
     const glm::dmat3 axes = camera.axes();  // a lens is round
     const Vec3f right(axes[0]), up(axes[1]), forward(camera.forward);
     const auto focus = static_cast<float>(camera.focus), radius = static_cast<float>(camera.lensRadius);
     for (int lane = 0; lane < 16; ++lane) {
         if (!rays.active[lane]) continue;
-        PathRandom random(settings.seed ^ kLens, x0 + pixels[lane] % kTileSide, y0 + pixels[lane] / kTileSide, sample);
+        PathRandom random(seed ^ kLens, x0 + pixels[lane] % kTileSide, y0 + pixels[lane] / kTileSide, sample);
         const Vec2f place = radius * onDisk(random.nextPair());
         const Vec3f offset = place.x * right + place.y * up;
         const Vec3f straight(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
@@ -125,8 +125,9 @@ void raysThrough(const Camera& camera, const RenderSettings& settings, const Pix
 
 }  // namespace
 
-std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-                          int block, int sample, RayPacket16& rays, std::uint16_t* pixels) {
+std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
+                          std::uint64_t seed, int x0, int y0, int block, int sample, RayPacket16& rays,
+                          std::uint16_t* pixels) {
     const int bx = (block & 3) * 4, by = (block >> 2) * 4;
     const std::uint32_t active = blockPixels(settings, x0 + bx, y0 + by, bx, by, pixels);
     if (!active) return 0;
@@ -136,7 +137,7 @@ std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const R
         return active;
     }
     alignas(32) float u[16], v[16];
-    samplePlaces(settings, x0 + bx, y0 + by, sample, u, v);
+    samplePlaces(settings, seed, x0 + bx, y0 + by, sample, u, v);
     for (int lane = 0; lane < 16; ++lane) {
         rays.active[lane] = -static_cast<std::int32_t>(active >> lane & 1u);
         u[lane] += b.x + static_cast<float>(lane & 3);
@@ -144,7 +145,7 @@ std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const R
     }
     raysThrough(camera, settings, b, u, v, rays);
     if (camera.lensRadius > 0 && settings.samplesPerPixel > 1)
-        throughLens(scene, camera, settings, x0, y0, sample, pixels, rays);
+        throughLens(scene, camera, seed, x0, y0, sample, pixels, rays);
     return active;
 }
 

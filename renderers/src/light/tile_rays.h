@@ -14,9 +14,11 @@
 namespace rtsg::trace {
 
 /// Sixteen neighbouring pixels' rays (`block` 0 to 15 of the tile, four by four pixels each), and which pixels of the
-/// tile they belong to. Returns a bit per ray; lanes outside the picture are inactive.
-std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-                          int block, int sample, RayPacket16& rays, std::uint16_t* pixels);
+/// tile they belong to. Returns a bit per ray; lanes outside the picture are inactive. `seed`: in place of the
+/// settings'.
+std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
+                          std::uint64_t seed, int x0, int y0, int block, int sample, RayPacket16& rays,
+                          std::uint16_t* pixels);
 
 /// Rays that are traced together, and what they are for.
 struct TilePacket {
@@ -24,6 +26,7 @@ struct TilePacket {
     std::uint32_t active;      // a bit each, at least one
     std::uint16_t pixels[16];  // of primary rays those of a block
     int sample;                // of primary rays
+    std::uint64_t seed;        // of primary rays
     PathTask* tasks;           // one for each active lane; null: primary rays
 };
 
@@ -32,8 +35,8 @@ class TileLoop {
   public:
     static constexpr std::size_t kTogether = 4;  // packets; they and what is made of them stay in the nearest cache
     TileLoop(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-             TileResult& result)
-        : scene_(scene), camera_(camera), settings_(settings), x0_(x0), y0_(y0), result_(result) {
+             std::span<TileResult> groups)
+        : scene_(scene), camera_(camera), settings_(settings), x0_(x0), y0_(y0), groups_(groups) {
         swapQueues();
     }
     TileLoop(const TileLoop&) = delete;
@@ -52,19 +55,18 @@ class TileLoop {
             if (count > 0) trace(std::span(packets_, count));
             count = 0;
         };
-        for (int block = 0; block < kTilePixels / 16; ++block) {
-            if (!(result_.blocks >> block & 1u)) continue;
-            const int end = std::min(result_.lastSample, settings_.samplesPerPixel);
-            for (int sample = result_.firstSample; sample < end; ++sample) {
-                TilePacket& packet = packets_[count];
-                packet.active =
-                    primaryRays(scene_, camera_, settings_, x0_, y0_, block, sample, packet.rays, packet.pixels);
-                if (!packet.active) break;
-                packet.sample = sample, packet.tasks = nullptr;
-                result_.primaryRays += static_cast<std::uint64_t>(std::popcount(packet.active));
-                if (++count < kTogether) continue;
-                pass();
-                if (next_.size() >= kDrain) drain(trace);
+        for (std::size_t group = 0; group < groups_.size(); ++group) {
+            const TileResult& asked = groups_[group];
+            const int end = std::min(asked.lastSample, settings_.samplesPerPixel);
+            for (int block = 0; block < kTilePixels / 16; ++block) {
+                if (!(asked.blocks >> block & 1u)) continue;
+                for (int sample = asked.firstSample; sample < end; ++sample) {
+                    TilePacket& packet = packets_[count];
+                    if (!startPacket(group, block, sample, packet)) break;
+                    if (++count < kTogether) continue;
+                    pass();
+                    if (next_.size() >= kDrain) drain(trace);
+                }
             }
         }
         pass();
@@ -79,8 +81,12 @@ class TileLoop {
     /// A new one, to be filled in.
     PathTask& push() { return next_.emplace_back(); }
 
+    /// Of the picture.
     int x(std::uint16_t pixel) const { return x0_ + pixel % kTileSide; }
-    int y(std::uint16_t pixel) const { return y0_ + pixel / kTileSide; }
+    int y(std::uint16_t pixel) const { return y0_ + pixel % kTilePixels / kTileSide; }
+    /// What a pixel adds to.
+    TileResult& resultOf(std::uint16_t pixel) const { return groups_[pixel / kTilePixels]; }
+    Vec4f& sumOf(std::uint16_t pixel) const { return resultOf(pixel).sum[pixel % kTilePixels]; }
 
   private:
     static constexpr std::size_t kDrain = 8192;  // queued rays, so that many samples need no more memory than few
@@ -103,6 +109,18 @@ class TileLoop {
             }
         }
     }
+    /// With primary rays; false: all of them are outside the picture.
+    bool startPacket(std::size_t group, int block, int sample, TilePacket& packet) {
+        const std::uint64_t seed = groups_[group].seed;
+        packet.active =
+            primaryRays(scene_, camera_, settings_, seed, x0_, y0_, block, sample, packet.rays, packet.pixels);
+        if (!packet.active) return false;
+        if (group > 0)
+            for (std::uint16_t& pixel : packet.pixels) pixel += static_cast<std::uint16_t>(group * kTilePixels);
+        packet.sample = sample, packet.seed = seed, packet.tasks = nullptr;
+        groups_[0].primaryRays += static_cast<std::uint64_t>(std::popcount(packet.active));
+        return true;
+    }
     /// With queued rays.
     void fill(TilePacket& packet, std::size_t first) {
         const auto count = static_cast<int>(std::min<std::size_t>(16, now_.size() - first));
@@ -115,14 +133,14 @@ class TileLoop {
         }
         packet.active = (std::uint32_t{1} << count) - 1;
         packet.sample = 0, packet.tasks = &now_[first];
-        result_.secondaryRays += static_cast<std::uint64_t>(count);
+        groups_[0].secondaryRays += static_cast<std::uint64_t>(count);
     }
 
     const TraceScene& scene_;
     const Camera& camera_;
     const RenderSettings& settings_;
     int x0_, y0_;
-    TileResult& result_;
+    std::span<TileResult> groups_;
     std::vector<PathTask> now_, next_;
     TilePacket packets_[kTogether];
 };

@@ -233,10 +233,10 @@ struct TraceScene {
 struct PathTask {
     Vec3f origin{0}, direction{0, 0, -1};
     Vec3f weight{1};
-    float travelled = 0;  // metres from the eye to the origin; for the size of a pixel on what it hits
-    float line = 0;       // of them along this straight line; for fog
-    Vec3f absorption{0};  // 1/m, of what it runs in
-    std::uint16_t pixel = 0;
+    float travelled = 0;       // metres from the eye to the origin; for the size of a pixel on what it hits
+    float line = 0;            // of them along this straight line; for fog
+    Vec3f absorption{0};       // 1/m, of what it runs in
+    std::uint16_t pixel = 0;   // of its tile; of group g those from g * kTilePixels on
     std::uint16_t depth = 0;   // mirrorings, refractions and bounces before
     std::uint16_t passes = 0;  // clear surfaces passed straight
     std::uint32_t lights = 0;  // the group of lights of the surface that sent it, where depth > 0
@@ -258,7 +258,9 @@ constexpr float kLeave = 1e-30f;
 constexpr int kTileSide = 16;
 constexpr int kTilePixels = kTileSide * kTileSide;
 
+/// What a tile's samples add up to, or one group's of them.
 struct TileResult {
+    std::uint64_t seed = 0;         // in: of its random numbers
     std::uint32_t blocks = 0xFFFF;  // in: which of its blocks of four by four pixels are sampled, a bit each
     int firstSample = 0, lastSample = 1 << 20;  // in: which of a pixel's samples, the last one not included
     std::array<Vec4f, kTilePixels> sum{};       // colour and coverage, not yet divided by the samples
@@ -279,14 +281,16 @@ struct TileResult {
 };
 
 /// Traces one tile whose top left pixel is (x0, y0), by the integrator that is asked for and through the shutter where
-/// there is one. Deterministic.
+/// there is one. Deterministic. `groups`: of samples, each of which gets what it would get alone; they differ in their
+/// seeds. Rays of all of them go together, so that few are left over whose packets are nearly empty; all rays are
+/// counted in the first.
 void traceTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-               TileResult& result);
+               std::span<TileResult> groups);
 /// Of one instant, by Whitted's recursion.
 void whittedTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-                 TileResult& result);
+                 std::span<TileResult> groups);
 /// The same by path tracing: light that comes from surfaces and sky is gathered too.
 void pathTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-              TileResult& result);
+              std::span<TileResult> groups);
 
 }  // namespace rtsg::trace

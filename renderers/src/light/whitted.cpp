@@ -19,8 +19,8 @@ constexpr float kLeastCutoff = 1e-6f;  // so that the number of rays of a sample
 class Tile {
   public:
     Tile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-         TileResult& result)
-        : scene_(scene), settings_(settings), result_(result), loop_(scene, camera, settings, x0, y0, result) {}
+         std::span<TileResult> groups)
+        : scene_(scene), settings_(settings), counts_(groups[0]), loop_(scene, camera, settings, x0, y0, groups) {}
 
     void run() {
         loop_.run([this](std::span<TilePacket> packets) { trace(packets); });
@@ -31,14 +31,14 @@ class Tile {
     /// not yet part of a share, so its weight counts as one.
     void add(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, Vec3f color, bool linear, float coverage,
              bool whole = true) {
-        result_.sum[pixel].a += coverage * (weight.x + weight.y + weight.z) / 3;
+        loop_.sumOf(pixel).a += coverage * (weight.x + weight.y + weight.z) / 3;
         if (scene_.space == ColorSpace::automatic && (linear || (task && task->linear))) {
             const bool within = task && task->linear;
             if (!linear) color = linearFromSrgb(color);
-            result_.addLight(pixel, weight * color, !within && whole ? weight : Vec3f(0));
+            loop_.resultOf(pixel).addLight(pixel % kTilePixels, weight * color, !within && whole ? weight : Vec3f(0));
             return;
         }
-        result_.sum[pixel] += Vec4f(weight * color, 0);
+        loop_.sumOf(pixel) += Vec4f(weight * color, 0);
     }
     /// Whether what has no space of its own is to be light: sky and fog.
     bool asLight(const PathTask* task) const { return scene_.space == ColorSpace::linear || (task && task->linear); }
@@ -50,7 +50,7 @@ class Tile {
         for (std::size_t i = 0; i < packets.size(); ++i)
             if (hits[i]) fetchSurfaces(scene_, packets[i].rays, hits[i], packets[i].tasks, surfaces_[i]);
         for (std::size_t i = 0; i < packets.size(); ++i)
-            if (hits[i]) addLights(scene_, surfaces_[i], result_.shadowRays);
+            if (hits[i]) addLights(scene_, surfaces_[i], counts_.shadowRays);
         for (std::size_t i = 0; i < packets.size(); ++i) take(packets[i], hits[i], surfaces_[i]);
     }
 
@@ -76,7 +76,7 @@ class Tile {
         if (surfaces.special) findPoints(scene_, surfaces);
         const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces.linear;
         if (!tasks && !surfaces.special && !scene_.fogs.any() && oneSpace && !volumes) {
-            packetKernels().addToPixels(surfaces, hits, &result_.sum[packet.pixels[0]].x);
+            packetKernels().addToPixels(surfaces, hits, &loop_.sumOf(packet.pixels[0]).x);
             return;
         }
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(packet, surfaces, std::countr_zero(rest));
@@ -175,7 +175,7 @@ class Tile {
         // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
         // its own colour. What it lets pass straight goes on as the ray came.
         const bool root = scene_.space == ColorSpace::automatic && linear && !(task && task->linear);
-        if (root) result_.addLight(pixel, Vec3f(0), weight * fog * coverage * whole);
+        if (root) loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0), weight * fog * coverage * whole);
 
         PathTask base;
         if (tasks) base = tasks[lane];
@@ -198,7 +198,7 @@ class Tile {
         const bool deeper = base.depth < settings_.maxDepth;
         const auto cut = [&](const Vec3f& share) {
             const float most = std::max({share.x, share.y, share.z});
-            if (most >= cutoff_) result_.addMissing(pixel, most);
+            if (most >= cutoff_) loop_.resultOf(pixel).addMissing(pixel % kTilePixels, most);
         };
         const Vec3f mirrored = weight * coverage * mirror;
         if (mirrored != Vec3f(0)) {
@@ -236,7 +236,7 @@ class Tile {
     const TraceScene& scene_;
     const RenderSettings& settings_;
     const float cutoff_ = std::max(settings_.cutoff, kLeastCutoff);
-    TileResult& result_;
+    TileResult& counts_;  // of all groups
     TileLoop loop_;
     SurfacePacket surfaces_[TileLoop::kTogether]{};  // unused lanes stay finite
     float left_[16] = {};                            // what volumes leave, where there are any
@@ -245,8 +245,8 @@ class Tile {
 }  // namespace
 
 void whittedTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
-                 TileResult& result) {
-    Tile(scene, camera, settings, x0, y0, result).run();
+                 std::span<TileResult> groups) {
+    Tile(scene, camera, settings, x0, y0, groups).run();
 }
 
 }  // namespace rtsg::trace

@@ -1,0 +1,74 @@
+// Groups of samples that are traced together: each gets, bit for bit, what it gets alone.
+#include "light/tile_rays.h"
+
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "light/draw.h"
+#include "light_scene.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+using trace::TileResult;
+
+/// A glossy wall, a mirror and glass before it, a panel and a lamp.
+std::string manyWays() {
+    return square(4, "material PhysicalMaterial { baseColor .8 .7 .6 roughness .4 }") +
+           "Transform { translation 0 .5 1 children " + square(.5, mirror(".9")) + "}\n" +
+           "Transform { translation -1 0 1 rotation 0 1 0 1 children " + square(.5, glass(1.5)) + "}\n" +
+           "Transform { translation 0 3 3 rotation 1 0 0 1.2 children " +
+           square(1, "material Material { diffuseColor 0 0 0 emissiveColor 1 1 1 }") +
+           "}\nPointLight { location 1 1 4 }\n";
+}
+
+/// The same for every bit; NaN is none.
+void expectSame(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i], b[i]) << i;
+}
+
+TEST(TileGroups, GetWhatEachGetsAlone) {
+    LightScene s(manyWays(), 20, 20);
+    LightTracer tracer;
+    s.world->add(tracer);
+    const auto state = tracer.latest();
+    const RayWorld& rays = s.world->rays();
+    const auto camera = tracer.camera(rays, 1);
+    ASSERT_TRUE(camera);
+    for (const Integrator integrator : {Integrator::path, Integrator::whitted})
+        for (const ColorSpace space : {ColorSpace::linear, ColorSpace::automatic}) {
+            RenderSettings settings = s.options.settings;
+            settings.integrator = integrator, settings.samplesPerPixel = 4, settings.colorSpace = space;
+            settings.maxDepth = 2;
+            trace::TraceScene scene = trace::makeTraceScene(*state, rays, *camera, settings, trace::Part());
+            trace::Sources sources;
+            if (integrator == Integrator::path) trace::lookForLight(scene, sources);
+            std::vector<TileResult> groups(3);
+            for (std::size_t i = 0; i < groups.size(); ++i) {
+                groups[i].seed = 77 + i;
+                groups[i].blocks = 0x5F31, groups[i].firstSample = 1, groups[i].lastSample = 3;
+            }
+            std::vector<TileResult> alone = groups;
+            trace::traceTile(scene, *camera, settings, 0, 0, groups);
+            std::uint64_t primary = 0, secondary = 0, shadow = 0;
+            for (std::size_t i = 0; i < alone.size(); ++i) {
+                SCOPED_TRACE(testing::Message() << static_cast<int>(integrator) << " group " << i);
+                trace::traceTile(scene, *camera, settings, 0, 0, std::span(&alone[i], 1));
+                for (std::size_t k = 0; k < alone[i].sum.size(); ++k) EXPECT_EQ(groups[i].sum[k], alone[i].sum[k]) << k;
+                expectSame(groups[i].light, alone[i].light);
+                expectSame(groups[i].share, alone[i].share);
+                EXPECT_EQ(groups[i].missing, alone[i].missing);
+                primary += alone[i].primaryRays, secondary += alone[i].secondaryRays, shadow += alone[i].shadowRays;
+            }
+            EXPECT_NE(alone[0].sum, alone[1].sum) << "seeds differ";
+            EXPECT_EQ(groups[0].primaryRays, primary);
+            EXPECT_EQ(groups[0].secondaryRays, secondary);
+            EXPECT_EQ(groups[0].shadowRays, shadow);
+        }
+}
+
+}  // namespace
+}  // namespace rtsg
