@@ -12,6 +12,7 @@
 #include <numbers>
 
 #include "bsdf.h"
+#include "bsdf8.h"
 #include "lanes.h"
 #include "packet_random.h"
 #include "path_emitters.h"
@@ -92,6 +93,13 @@ struct alignas(64) Brought {
             inside |= static_cast<std::uint32_t>(task.absorption != Vec3f(0)) << lane;
         }
     }
+};
+
+/// What becomes of sixteen paths.
+struct alignas(64) Onward {
+    Lanes3 shown, direction, start, weight;
+    float density[16], odds[16], fate[16], first[16];
+    std::uint32_t alive = 0;
 };
 
 class Paths {
@@ -196,13 +204,13 @@ class Paths {
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
         PacketRandom random(tasks, hits);
         lookForLight(tasks, random);
-        const std::uint32_t matte = findMatte(tasks);
+        const std::uint32_t plain = findPlain(tasks), glossy = hits & (surfaces_.physical | surfaces_.shiny);
         bool redraw = false;
         for (std::uint32_t rest = hits; rest; rest &= rest - 1)
             redraw |= !(tasks[std::countr_zero(rest)].odds > kRedraw);
-        draws_.draw(random, hits, matte != hits, redraw);
-        if (matte) bounceMatte(tasks, matte);
-        for (std::uint32_t rest = hits & ~matte; rest; rest &= rest - 1) {
+        draws_.draw(random, hits, plain != hits || glossy, redraw);
+        if (plain) bouncePlain(tasks, plain, plain & glossy);
+        for (std::uint32_t rest = hits & ~plain; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             bounce({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, tasks[lane], lane);
         }
@@ -232,10 +240,14 @@ class Paths {
         if (scene_.skyLight) lookForSky(scene_, surfaces_, random, sky_, counts_.shadowRays);
     }
 
-    /// The lanes whose surfaces do nothing but scatter evenly, in clear air: nearly all of most scenes.
-    std::uint32_t findMatte(const PathTask* tasks) {
+    /// The lanes whose surfaces have no way on but from their own colours, in clear air: nearly all of most scenes.
+    std::uint32_t findPlain(const PathTask* tasks) {
         const SurfacePacket& s = surfaces_;
-        std::uint32_t lanes = s.mask & ~(s.special | s.unlit | s.physical | s.shiny);
+        std::uint32_t lanes = s.mask & ~s.unlit;
+        for (std::uint32_t rest = lanes & s.special; rest; rest &= rest - 1) {
+            const Material& material = *s.material[std::countr_zero(rest)];
+            if (material.reflectivity != Vec3f(0) || material.refractiveIndex > 0) lanes &= ~(rest & -rest);
+        }
         if (scene_.fogs.any() || !lanes) return 0;
         brought_.read(tasks, lanes);
         for (int at = 0; at < 16; at += 8) {
@@ -245,69 +257,126 @@ class Paths {
         return lanes & ~brought_.inside;
     }
 
-    /// bounce() for these.
-    void bounceMatte(const PathTask* tasks, std::uint32_t lanes) {
+    /// What eight surfaces do with light: what they show of what was found, where they send a path, how likely, and
+    /// what light from there counts.
+    struct Scattered {
+        V8 lit, out, share;
+        F8 density;
+    };
+
+    /// Of those that scatter evenly.
+    Scattered scatterMatte(int at, const V8& normal, const V8& facing) const {
+        const V8 base = loadV(surfaces_.base, at);
+        V8 lit{};
+        if (found_.mask >> at & 0xFFu) lit = lit + foundMatte(found_, at, normal, facing);
+        if (lamp_.mask >> at & 0xFFu) lit = lit + foundMatte(lamp_, at, normal, facing);
+        if (sky_.mask >> at & 0xFFu) lit = lit + foundMatte(sky_, at, normal, facing);
+        const F8 u = load(draws_.u + at), radius = simd::sqrt(u), height = simd::sqrt(1 - u);
+        F8 sine, cosine;
+        sinCosTurns(load(draws_.v + at), sine, cosine);
+        V8 x, y;
+        basis(normal, x, y);
+        const V8 out = x * (radius * cosine) + y * (radius * sine) + normal * height;
+        return {base * lit, out, base, height * (1 / std::numbers::pi_v<float>)};
+    }
+
+    /// The directions around eight shading normals, and the views in them.
+    struct Frame8 {
+        V8 x, y, z, facing, view;
+        V8 local(const V8& v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
+        V8 mirrored(const V8& v) const { return v - facing * (2 * dot(v, facing)); }
+    };
+
+    /// Of those that are Phong's with a highlight, or physical.
+    Scattered scatterGlossy(int at, const V8& normal, const V8& facing) const {
         const SurfacePacket& s = surfaces_;
-        Lanes3 shown, direction, start, weight;
-        alignas(64) float density[16], odds[16], fate[16], first[16];
-        std::uint32_t alive = 0;
+        Frame8 frame{{}, {}, normal, facing, {}};
+        basis(normal, frame.x, frame.y);
+        const V8 back = loadV(s.view, at);
+        const F8 cosine = min(max(dot(normal, back), all(1e-4f)), all(1));
+        const V8 view{dot(back, frame.x), dot(back, frame.y), cosine};
+        frame.view = view * (1 / simd::sqrt(dot(view, view)));
+        const I8 physical = lanesFrom(s.physical, at);
+        const Bsdf8 own(physical, loadV(s.base, at), select(physical, V8{}, loadV(s.specular, at)),
+                        load(s.exponent + at), load(s.metallic + at), load(s.roughness + at), frame.view.z);
+        V8 lit{};
+        if (found_.mask >> at & 0xFFu) lit = lit + foundGlossy(found_, at, own, frame);
+        if (lamp_.mask >> at & 0xFFu)
+            lit = lit + foundGlossy(lamp_, at, own, frame) * select(physical, all(kPhysicalLight), all(1));
+        if (sky_.mask >> at & 0xFFu) lit = lit + foundGlossy(sky_, at, own, frame);
+        const V8 local = own.sample(frame.view, load(draws_.lobe + at), load(draws_.u + at), load(draws_.v + at));
+        const auto [value, density] = own.evaluate(frame.view, local);
+        const I8 sent = own.sends() & (density > 0.0f);
+        const F8 scale = 1 / (select(sent, density, all(1)) * std::numbers::pi_v<float>);
+        return {select(own.sends(), lit, V8{}), frame.x * local.x + frame.y * local.y + frame.z * local.z,
+                select(sent, value * scale, V8{}), density};
+    }
+
+    /// bounce() for these; `glossy`: the ones among them that do not scatter evenly.
+    void bouncePlain(const PathTask* tasks, std::uint32_t lanes, std::uint32_t glossy) {
+        const SurfacePacket& s = surfaces_;
         for (int at = 0; at < 16; at += 8) {
-            if (!(lanes >> at & 0xFFu)) continue;
-            const V8 normal = loadV(s.normal, at), facing = facing8(s, at), base = loadV(s.base, at);
-            const V8 before = loadV(brought_.weight, at);
-            V8 lit{};
-            if (found_.mask >> at & 0xFFu) lit = lit + foundMatte(found_, at, normal, facing);
-            if (lamp_.mask >> at & 0xFFu) lit = lit + foundMatte(lamp_, at, normal, facing);
-            if (sky_.mask >> at & 0xFFu) lit = lit + foundMatte(sky_, at, normal, facing);
-            storeV(shown, at, before * (loadV(s.radiance, at) + base * lit));
-
-            const F8 u = load(draws_.u + at), radius = simd::sqrt(u), height = simd::sqrt(1 - u);
-            F8 sine, cosine;
-            sinCosTurns(load(draws_.v + at), sine, cosine);
-            V8 x, y;
-            basis(normal, x, y);
-            V8 out = x * (radius * cosine) + y * (radius * sine) + normal * height;
-            const F8 above = dot(out, facing);
-            out = out - facing * select(above < 0.0f, 2 * above, all(0));
-
-            const V8 after = before * base;
-            const F8 most = largest(after);
-            F8 full = load(brought_.first + at);
-            if (bouncesFindSky_) full = select(lanesFrom(brought_.fresh, at), most, full);
-            const F8 survival = min(most / full, all(1)), old = load(brought_.odds + at);
-            const I8 draw = old <= kRedraw;
-            const F8 left = select(draw, all(1), old) * survival;
-            const F8 number = select(draw, load(draws_.fate + at), load(brought_.fate + at));
-            alive |= laneBits((most > 0.0f) & (number < left)) << at;
-            storeV(weight, at, after * (1 / survival));
-            store(odds + at, left), store(fate + at, number), store(first + at, full);
-            store(density + at, height * (1 / std::numbers::pi_v<float>));
-            storeV(direction, at, out);
-            storeV(start, at, leave8(s, at, out));
-        }
-        for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
-            const int lane = std::countr_zero(rest);
-            const PathTask& task = tasks[lane];
-            Vec3f light = shown.get(lane);
-            if (task.density > 0 && scene_.emitters && s.emissive.get(lane) != Vec3f(0))
-                light += task.weight * (radiance(lane, task) - s.radiance.get(lane));
-            loop_.sumOf(task.pixel) += Vec4f(light, 0);
-            cover(task, 1);
-            if (!(alive >> lane & 1u)) continue;
-            if (task.depth >= kMaxBounces) {
-                loop_.resultOf(task.pixel).addMissing(task.pixel % kTilePixels, largest(weight.get(lane)));
-                continue;
+            const std::uint32_t here = lanes >> at & 0xFFu, shiny = glossy >> at & 0xFFu;
+            if (!here) continue;
+            const V8 normal = loadV(s.normal, at), facing = facing8(s, at), before = loadV(brought_.weight, at);
+            Scattered own{};
+            if (shiny != here) own = scatterMatte(at, normal, facing);
+            if (shiny) {
+                const Scattered other = scatterGlossy(at, normal, facing);
+                const I8 which = lanesFrom(glossy, at);
+                own = {select(which, other.lit, own.lit), select(which, other.out, own.out),
+                       select(which, other.share, own.share), select(which, other.density, own.density)};
             }
-            PathTask& next = loop_.push();
-            next.origin = start.get(lane), next.direction = direction.get(lane), next.weight = weight.get(lane);
-            next.travelled = task.travelled + s.distance[lane];
-            next.pixel = task.pixel, next.passes = task.passes;
-            next.depth = static_cast<std::uint16_t>(task.depth + 1);
-            next.lights = s.lights[lane], next.linear = task.linear;
-            next.random = draws_.next[lane];
-            next.normal = s.normal.get(lane), next.density = density[lane];
-            next.first = first[lane], next.odds = odds[lane], next.fate = fate[lane];
+            storeV(onward_.shown, at, before * (loadV(s.radiance, at) + own.lit));
+            const F8 above = dot(own.out, facing);
+            own.out = own.out - facing * select(above < 0.0f, 2 * above, all(0));
+            storeV(onward_.direction, at, own.out);
+            storeV(onward_.start, at, leave8(s, at, own.out));
+            store(onward_.density + at, own.density);
+            survive(at, before * own.share);
         }
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1)
+            goOn(tasks[std::countr_zero(rest)], std::countr_zero(rest));
+    }
+
+    /// Roulette, as follow() has it, for paths of these weights.
+    void survive(int at, const V8& after) {
+        const F8 most = largest(after);
+        F8 full = load(brought_.first + at);
+        if (bouncesFindSky_) full = select(lanesFrom(brought_.fresh, at), most, full);
+        const F8 survival = min(most / full, all(1)), old = load(brought_.odds + at);
+        const I8 draw = old <= kRedraw;
+        const F8 left = select(draw, all(1), old) * survival;
+        const F8 number = select(draw, load(draws_.fate + at), load(brought_.fate + at));
+        onward_.alive &= ~(0xFFu << at);
+        onward_.alive |= laneBits((most > 0.0f) & (number < left)) << at;
+        storeV(onward_.weight, at, after * (1 / survival));
+        store(onward_.odds + at, left), store(onward_.fate + at, number), store(onward_.first + at, full);
+    }
+
+    /// Adds what a lane shows, and queues its ray.
+    void goOn(const PathTask& task, int lane) {
+        const SurfacePacket& s = surfaces_;
+        const Onward& to = onward_;
+        Vec3f light = to.shown.get(lane);
+        if (task.density > 0 && scene_.emitters && s.emissive.get(lane) != Vec3f(0))
+            light += task.weight * (radiance(lane, task) - s.radiance.get(lane));
+        loop_.sumOf(task.pixel) += Vec4f(light, 0);
+        cover(task, 1);
+        if (!(to.alive >> lane & 1u)) return;
+        if (task.depth >= kMaxBounces) {
+            loop_.resultOf(task.pixel).addMissing(task.pixel % kTilePixels, largest(to.weight.get(lane)));
+            return;
+        }
+        PathTask& next = loop_.push();
+        next.origin = to.start.get(lane), next.direction = to.direction.get(lane), next.weight = to.weight.get(lane);
+        next.travelled = task.travelled + s.distance[lane];
+        next.pixel = task.pixel, next.passes = task.passes;
+        next.depth = static_cast<std::uint16_t>(task.depth + 1);
+        next.lights = s.lights[lane], next.linear = task.linear;
+        next.random = draws_.next[lane];
+        next.normal = s.normal.get(lane), next.density = to.density[lane];
+        next.first = to.first[lane], next.odds = to.odds[lane], next.fate = to.fate[lane];
     }
 
     /// found() over the colour of a surface that scatters evenly.
@@ -323,6 +392,20 @@ class Paths {
         F8 sum = share(straight);
         sum += select(density < std::numeric_limits<float>::infinity(), share(mirrored), all(0));
         return select(lanesFrom(from.mask, at), light * sum, V8{});
+    }
+
+    /// found(), where no way on but the surface's own colours is.
+    static V8 foundGlossy(const EmitterLight& from, int at, const Bsdf8& own, const Frame8& frame) {
+        const V8 direction = loadV(from.direction, at);
+        const F8 density = load(from.density + at);
+        const auto share = [&](const V8& way) {
+            const auto [value, likely] = own.evaluate(frame.view, frame.local(way));
+            const F8 ratio = likely / density;
+            return value * (1 / (std::numbers::pi_v<float> * (1 + ratio * ratio)));
+        };
+        const I8 findable = density < std::numeric_limits<float>::infinity();
+        const V8 sum = share(direction) + select(findable, share(frame.mirrored(direction)), V8{});
+        return select(lanesFrom(from.mask, at), sum * loadV(from.light, at), V8{});
     }
 
     /// The ways on from a surface, of which one is taken.
@@ -519,6 +602,7 @@ class Paths {
     EmitterLight found_{}, lamp_{}, sky_{};
     Draws draws_;
     Brought brought_;
+    Onward onward_{};
 };
 
 }  // namespace
