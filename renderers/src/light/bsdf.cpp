@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "bsdf8.h"
+
 namespace rtsg::trace {
 
 namespace {
@@ -199,8 +201,17 @@ struct Albedos {
 
 }  // namespace
 
-EvenlyLit evenlyLit(const Vec3f& base, float metallic, float roughness, float cosView) {
+namespace {
+
+const Albedos& albedos() {
     static const Albedos table;
+    return table;
+}
+
+}  // namespace
+
+EvenlyLit evenlyLit(const Vec3f& base, float metallic, float roughness, float cosView) {
+    const Albedos& table = albedos();
     const float x = std::clamp(cosView, 0.0f, 1.0f) * (Albedos::kSteps - 1),
                 y = std::clamp(roughness, 0.0f, 1.0f) * (Albedos::kSteps - 1);
     const int i = std::min(static_cast<int>(x), Albedos::kSteps - 2),
@@ -222,6 +233,38 @@ Vec3f energyLimited(const Vec3f& base, float metallic, float roughness, float co
         if (diffuse[c] > 1e-3f && specular[c] + diffuse[c] > 1)
             result[c] *= std::max(1 - specular[c], 0.0f) / diffuse[c];
     return result;
+}
+
+simd::V8 energyLimited(const simd::V8& base, simd::F8 metallic, simd::F8 roughness, simd::F8 cosView) {
+    using namespace simd;
+    const Albedos& table = albedos();
+    const auto step = [](F8 share) { return min(max(share, all(0)), all(1)) * (Albedos::kSteps - 1); };
+    const F8 x = step(cosView), y = step(roughness);
+    alignas(32) float mirrored[4][8], grazing[4][8], lost[2][8], fx[8], fy[8];
+    for (int lane = 0; lane < 8; ++lane) {
+        const int i = std::min(static_cast<int>(x[lane]), Albedos::kSteps - 2),
+                  j = std::min(static_cast<int>(y[lane]), Albedos::kSteps - 2);
+        fx[lane] = x[lane] - static_cast<float>(i), fy[lane] = y[lane] - static_cast<float>(j);
+        for (int corner = 0; corner < 4; ++corner) {
+            mirrored[corner][lane] = table.mirrored[i + corner % 2][j + corner / 2];
+            grazing[corner][lane] = table.grazing[i + corner % 2][j + corner / 2];
+        }
+        lost[0][lane] = table.lost[i], lost[1][lane] = table.lost[i + 1];
+    }
+    const F8 across = load(fx), down = load(fy);
+    const auto at = [&](const float(&t)[4][8]) {
+        return (load(t[0]) * (1 - across) + load(t[1]) * across) * (1 - down) +
+               (load(t[2]) * (1 - across) + load(t[3]) * across) * down;
+    };
+    const F8 mirrors = at(mirrored), grazes = at(grazing);
+    const F8 body = (1 - metallic) * (1 - (load(lost[0]) * (1 - across) + load(lost[1]) * across));
+    const auto limited = [&](F8 color) {
+        const F8 own = min(color, all(1)), f0 = 0.04f * (1 - metallic) + own * metallic;
+        const F8 specular = f0 * mirrors + grazes, diffuse = body * own * (1 - f0);
+        const I8 beyond = (diffuse > 1e-3f) & (specular + diffuse > 1.0f);
+        return own * select(beyond, max(1 - specular, all(0)) / diffuse, all(1));
+    };
+    return {limited(base.x), limited(base.y), limited(base.z)};
 }
 
 }  // namespace rtsg::trace

@@ -141,4 +141,7 @@ class Bsdf8 {
     F8 exponent_, metallic_, alpha_, diffuseShare_;
 };
 
+/// energyLimited() of PhysicalMaterials, bit for bit.
+simd::V8 energyLimited(const simd::V8& base, simd::F8 metallic, simd::F8 roughness, simd::F8 cosView);
+
 }  // namespace rtsg::trace

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "bsdf.h"
+#include "bsdf8.h"
 #include "generated_coordinates.h"
 #include "lanes.h"
 #include "packet_kernels.h"
@@ -469,15 +470,16 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
         const V8 base = loadV(out.base, at), most{min(base.x, all(1)), min(base.y, all(1)), min(base.z, all(1))};
         storeV(out.base, at, select(lanesFrom(out.unlit, at), base, most));
     }
-    for (std::uint32_t rest = mask & (out.physical | out.shiny); rest; rest &= rest - 1) {
+    for (int at = 0; at < 16; at += 8) {
+        if (!(mask & out.physical & 0xFFu << at)) continue;
+        const V8 base = loadV(out.base, at);
+        const F8 cosine = dot(loadV(out.normal, at), loadV(out.view, at));
+        const V8 less = energyLimited(base, load(out.metallic + at), load(out.roughness + at), cosine);
+        storeV(out.base, at, select(lanesFrom(out.physical, at), less, base));
+    }
+    for (std::uint32_t rest = mask & out.shiny; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        const Vec3f base = out.base.get(lane);
-        if (out.physical >> lane & 1u) {
-            const float cosine = glm::dot(out.normal.get(lane), out.view.get(lane));
-            out.base.set(lane, energyLimited(base, out.metallic[lane], out.roughness[lane], cosine));
-        } else {
-            out.specular.set(lane, energyLimited(base, out.specular.get(lane), out.exponent[lane]));
-        }
+        out.specular.set(lane, energyLimited(out.base.get(lane), out.specular.get(lane), out.exponent[lane]));
     }
 }
 

@@ -96,6 +96,28 @@ TEST(Bsdf8, SendsPathsWhereBsdfSendsThem) {
     EXPECT_LE(off, 8 * kRounds * 3 / 10'000) << "seed " << kSeed + 1;
 }
 
+TEST(Bsdf8, LimitsEnergyAsForOneToTheLastBit) {
+    std::mt19937_64 random(kSeed + 2);
+    std::uniform_real_distribution<float> unit(0, 1.2f);
+    int changed = 0;
+    for (int round = 0; round < kRounds; ++round) {
+        alignas(32) float base[3][8], metallic[8], roughness[8], cosine[8];
+        for (int i = 0; i < 8; ++i) {
+            for (auto& channel : base) channel[i] = unit(random);
+            metallic[i] = round % 2 ? 0 : std::min(unit(random), 1.0f), roughness[i] = unit(random) - .1f;
+            cosine[i] = unit(random) - .1f;
+        }
+        const V8 limited = energyLimited(Surfaces8::vectors(base), load(metallic), load(roughness), load(cosine));
+        for (int i = 0; i < 8; ++i) {
+            const Vec3f color(base[0][i], base[1][i], base[2][i]);
+            const Vec3f alone = energyLimited(color, metallic[i], roughness[i], cosine[i]);
+            EXPECT_EQ(Surfaces8::vector(limited, i), alone) << "seed " << kSeed + 2 << " round " << round;
+            changed += alone != glm::min(color, Vec3f(1));
+        }
+    }
+    EXPECT_GT(changed, kRounds) << "some are limited";
+}
+
 TEST(Bsdf8, KnowsWhoSendsNothing) {
     const F8 half = all(.5f);
     const I8 some{-1, -1, -1, -1, 0, 0, 0, 0};
