@@ -110,7 +110,7 @@ print()
 for name, text in numbers:
     print(f"  {name:9} {text}")
 
-band = "{:.0f}".format
+band = "{:g}".format
 
 
 def figures(source):

@@ -20,6 +20,10 @@ class TriangleGeometry : public AcousticGeometry {
         materials_.push_back({allBands(absorption), allBands(scattering), allBands(transmission)});
         return static_cast<std::uint32_t>(materials_.size() - 1);
     }
+    std::uint32_t addMaterial(const AcousticMaterial& material) {
+        materials_.push_back(material);
+        return static_cast<std::uint32_t>(materials_.size() - 1);
+    }
     void addTriangle(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c, std::uint32_t material) {
         triangles_.push_back({a, b - a, c - a, merger_.add(a, b, c), material});
     }

@@ -190,8 +190,8 @@ void severalListeners(const Report& report, const Hall& hall, bool quick) {
             for (const auto figure : {&RoomMetrics::t20, &RoomMetrics::c80, &RoomMetrics::g}) {
                 double alone = 0, together = 0;
                 for (std::size_t i = 0; i < five.size(); ++i) {
-                    alone += std::pow((apart[i].metrics().ci95.*figure)[4], 2);
-                    together += std::pow((shared[i].metrics().ci95.*figure)[4], 2);
+                    alone += std::pow((apart[i].metrics().ci95.*figure)[kBand1k], 2);
+                    together += std::pow((shared[i].metrics().ci95.*figure)[kBand1k], 2);
                 }
                 squares += together / alone / 3;
             }
@@ -225,8 +225,8 @@ void figures(const Report& report, Hall& hall, bool quick) {
             seconds.push_back(wallSeconds() - start);
             parts.push_back(middle - start);
             cpu.push_back(cpuSeconds() - cpuStart);
-            t20.push_back(100 * std::abs(m.value.t20[4] / 1.109 - 1));
-            g.push_back(std::abs(m.value.g[4] - 25.315));
+            t20.push_back(100 * std::abs(m.value.t20[kBand1k] / 1.109 - 1));
+            g.push_back(std::abs(m.value.g[kBand1k] - 25.315));
         }
         const std::string name = fmt::format("{} with {} rays", hall.name, rays);
         report({"sound", name, "time of the figures", "ms", 1e3 * median(seconds), "tracing alone", 1e3 * median(parts),

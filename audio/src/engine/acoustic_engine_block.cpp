@@ -145,7 +145,7 @@ void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterSta
     if (level != 0) {
         const Bands share = directShare(OpenedGeometry(geometry, state.body), apparent, listener.position);
         for (std::size_t b = 2; b < 7; ++b) open += share[b] / 5;
-        open *= std::exp(-airAttenuation(air)[4] * distance);
+        open *= std::exp(-airAttenuation(air)[kBand1k] * distance);
     }
     audible = level != 0;
     // In a response direct sound is 1 / d: times d, reflections keep their ratio to it.

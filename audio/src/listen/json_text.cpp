@@ -17,6 +17,10 @@ std::string jsonArray(const Bands& values) {
     return text + "]";
 }
 
+std::string jsonBandsComputed(int walls, int figures) {
+    return fmt::format("{{\"walls\":{},\"figures\":{}}}", walls, figures);
+}
+
 std::string jsonString(std::string_view text) {
     std::string result = "\"";
     for (const char c : text) {

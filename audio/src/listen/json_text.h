@@ -12,6 +12,8 @@ namespace rtsg {
 
 std::string jsonNumber(double value);
 std::string jsonArray(const Bands& values);
+/// {"walls":…,"figures":…}: bands that were computed, of which the others are copies.
+std::string jsonBandsComputed(int walls, int figures);
 std::string jsonString(std::string_view text);
 /// "EDT_s":[…],… without braces.
 std::string jsonFigures(const RoomMetrics& metrics);

@@ -19,16 +19,18 @@ std::string ListenReport::toJson() const {
         std::uint32_t highest = 0;
         for (const Arrival& arrival : s.trace.arrivals) highest = std::max(highest, arrival.order);
         text += fmt::format(
-            "{}{{\"source\":{},\"position\":[{},{},{}],\"bands_hz\":{},{},\"ci95\":{{{}}},{},\"schroeder_hz\":{},"
+            "{}{{\"source\":{},\"position\":[{},{},{}],\"bands_hz\":{},\"bands_computed\":{},{},\"ci95\":{{{}}},{},"
+            "\"schroeder_hz\":{},"
             "\"image_"
             "order\":{},"
             "\"images\":{},\"edge_pairs\":{{\"heard\":{},\"left_out\":{}}},"
             "\"rays\":{},\"absorbed\":{},\"escaped\":{},\"truncated\":{},\"losses\":{}}}",
             i ? "," : "", jsonString(s.source), jsonNumber(s.position.x), jsonNumber(s.position.y),
-            jsonNumber(s.position.z), jsonArray(kBandHz), jsonFigures(s.metrics.value), jsonFigures(s.metrics.ci95),
-            jsonSlopes(s.metrics), jsonNumber(s.schroederHz), highest, s.trace.arrivals.size(), s.trace.edgePairs.heard,
-            s.trace.edgePairs.leftOut, s.trace.rays, jsonArray(s.trace.absorbed), jsonArray(s.trace.escaped),
-            jsonArray(s.trace.truncated), openingsJson(s.openings));
+            jsonNumber(s.position.z), jsonArray(kBandHz), jsonBandsComputed(s.trace.bandsTraced, s.metrics.bandsApart),
+            jsonFigures(s.metrics.value), jsonFigures(s.metrics.ci95), jsonSlopes(s.metrics), jsonNumber(s.schroederHz),
+            highest, s.trace.arrivals.size(), s.trace.edgePairs.heard, s.trace.edgePairs.leftOut, s.trace.rays,
+            jsonArray(s.trace.absorbed), jsonArray(s.trace.escaped), jsonArray(s.trace.truncated),
+            openingsJson(s.openings));
     }
     text += fmt::format("],\"rays\":{},\"seconds\":{},\"escaped\":{},\"gain\":{}", rays, jsonNumber(seconds),
                         jsonNumber(escaped), jsonNumber(static_cast<double>(gain)));

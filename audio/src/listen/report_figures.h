@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include <rtsg/audio/room_metrics.h>
+#include <rtsg/audio/room_report.h>
 
 namespace rtsg {
 
@@ -32,6 +32,9 @@ inline constexpr std::array<ReportFigure, 8> kReportFigures{{{"EDT_s", "EDT", "s
 
 /// A dash for what is no number.
 std::string reportNumber(double value, int digits);
+
+/// How many bands were computed, in words.
+std::string bandsText(const RoomReport& report);
 
 /// The bands that decay with more than one slope, in words; empty if there are none.
 std::string slopesText(const MetricsEstimate& metrics);

@@ -1,5 +1,6 @@
 // Averages the figures of a room over places, and writes them as text and as JSON.
 #include <rtsg/audio/room_report.h>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -31,8 +32,25 @@ RoomReport::Average RoomReport::average() const {
     return result;
 }
 
+int RoomReport::bandsTraced() const {
+    int most = 0;
+    for (const Pair& pair : pairs) most = std::max(most, pair.bandsTraced);
+    return most;
+}
+
+int RoomReport::bandsMeasured() const {
+    int most = 0;
+    for (const Pair& pair : pairs) most = std::max(most, pair.metrics.bandsApart);
+    return most;
+}
+
 std::string reportNumber(double value, int digits) {
     return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : "-";
+}
+
+std::string bandsText(const RoomReport& report) {
+    return fmt::format("octave bands: {}; computed, as the others are alike: {} of the walls, {} of the figures",
+                       kBandCount, report.bandsTraced(), report.bandsMeasured());
 }
 
 std::string slopesText(const MetricsEstimate& metrics) {
@@ -61,8 +79,8 @@ std::string jsonPlace(const glm::dvec3& p) {
 }  // namespace
 
 std::string RoomReport::toText() const {
-    std::string text = fmt::format("{}\nISO 3382-1; pairs of source and listener: {}; rays: {}\n", printable(title),
-                                   pairs.size(), rays);
+    std::string text = fmt::format("{}\nISO 3382-1; pairs of source and listener: {}; rays: {}\n{}\n", printable(title),
+                                   pairs.size(), rays, bandsText(*this));
     std::string head = fmt::format("  {:<12}", "Hz");
     for (const double hz : kBandHz) head += fmt::format("{:>9}", hz);
     const Average all = average();
@@ -90,8 +108,9 @@ std::string RoomReport::toText() const {
 }
 
 std::string RoomReport::toJson() const {
-    std::string text = fmt::format("{{\"title\":{},\"standard\":\"ISO 3382-1:2009\",\"bands_hz\":{},\"pairs\":[",
-                                   jsonString(title), jsonArray(kBandHz));
+    std::string text =
+        fmt::format("{{\"title\":{},\"standard\":\"ISO 3382-1:2009\",\"bands_hz\":{},\"bands_computed\":{},\"pairs\":[",
+                    jsonString(title), jsonArray(kBandHz), jsonBandsComputed(bandsTraced(), bandsMeasured()));
     for (const Pair& pair : pairs)
         text += fmt::format(
             "{}{{\"source\":{},\"position\":{},\"listener\":{},\"listener_position\":{},{},\"ci95\":{{{}}},"

@@ -14,8 +14,8 @@ namespace {
 
 constexpr double kLowestDb = -60;
 constexpr int kWidth = 640, kHeight = 260, kLeft = 48, kTop = 10;
-constexpr const char* kBandColors[kBandCount] = {"#440154", "#46327e", "#365c8d", "#277f8e",
-                                                 "#1fa187", "#4ac16d", "#9fda3a", "#d8b50a"};
+constexpr const char* kBandColors[kBandCount] = {"#440154", "#482878", "#3e4989", "#31688e", "#26828e",
+                                                 "#1f9e89", "#35b779", "#6ece58", "#b5c31a", "#d8a50a"};
 
 std::string escaped(std::string_view text) {
     std::string result;
@@ -186,6 +186,7 @@ std::string RoomReport::toHtml() const {
     page += air.absorbs
                 ? fmt::format("Air of {:.1f} &#176;C and {:.0f} % humidity.</p>\n", air.celsius, air.relativeHumidity)
                 : std::string("Air takes nothing.</p>\n");
+    page += "<p>" + escaped(bandsText(*this)) + ".</p>\n";
     page += "<h2>Single numbers (500 and 1000 Hz)</h2>\n<table>\n<tr>";
     for (const ReportFigure& figure : kReportFigures) page += "<th>" + escaped(figure.title()) + "</th>";
     page += "</tr>\n<tr>";

@@ -186,7 +186,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
         source.trace = std::move(traces[i]);
         source.metrics = source.trace.metrics();
         source.openings = openings;
-        source.schroederHz = schroederFrequency(room, position, listeners[i], source.metrics.value.t20[4]);
+        source.schroederHz = schroederFrequency(room, position, listeners[i], source.metrics.value.t20[kBand1k]);
         s.renderer->note(emitter, listeners[i], world().scene().now(), std::move(seals[i]));
     }
     return heard;
@@ -249,7 +249,7 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
                 const ListeningPlace& place = places[first + i];
                 rays = std::max(rays, source.trace.rays);
                 report.pairs.push_back({source.source, place.name, source.position, place.position, source.metrics,
-                                        source.trace.escaped, source.trace.echogram()});
+                                        source.trace.escaped, source.trace.echogram(), source.trace.bandsTraced});
             }
             report.rays += rays;
             if (first == 0 && !sources->empty()) report.losses.push_back({emitter.name, sources->front().openings});

@@ -35,10 +35,12 @@ bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Ban
     } else if (node->is(x3d::MetadataDouble::type) && node->get(x3d::MetadataDouble::name).view() == name) {
         for (const double value : node->get(x3d::MetadataDouble::value)) values.push_back(value);
     }
-    if (values.size() < 6 || values.size() > 8) return false;
+    if (values.size() < 6 || values.size() > kBandCount) return false;
+    const int count = static_cast<int>(values.size());
+    // From 31.5 Hz, from 63 Hz, or from 125 Hz.
+    const int first = count >= 9 ? 0 : count == 8 ? 1 : 2;
     for (int b = 0; b < kBandCount; ++b) {
-        const int first = values.size() == 8 ? 0 : 1;
-        const int index = std::clamp(b - first, 0, static_cast<int>(values.size()) - 1);
+        const int index = std::clamp(b - first, 0, count - 1);
         bands[static_cast<std::size_t>(b)] = values[static_cast<std::size_t>(index)];
     }
     return true;

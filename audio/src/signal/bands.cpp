@@ -41,7 +41,7 @@ Bands airAttenuation(const Air& air) {
     Bands result{};
     if (!air.absorbs) return result;
     for (int b = 0; b < kBandCount; ++b) {
-        const double hz = 1000 * std::pow(10.0, 0.3 * (b - 4));
+        const double hz = 1000 * std::pow(10.0, 0.3 * (b - kBand1k));
         result[static_cast<std::size_t>(b)] = airAbsorptionDbPerMetre(air, hz) * std::log(10.0) / 10;
     }
     return result;

@@ -77,7 +77,7 @@ struct FadingRay {
     glm::dvec3 origin, direction, facing{0};
     Random random;
     std::uint32_t plane = kNoPlane;
-    Bands energy = allBands(1);
+    Bands energy{};  // by class: of the band from which air takes least, the lowest
     double metres = 0;
     int reflections = 0;
 
@@ -86,13 +86,16 @@ struct FadingRay {
         const bool tooSlow = reflections > kMostReflections && metres > kShort * speedOfSound;
         return largest<kBandCount>(energy) > kGone && metres < kMost * speedOfSound && !tooSlow;
     }
-    void meet(const AcousticHit& hit, const AcousticMaterial& material, const Bands& attenuation) {
+    void meet(const AcousticHit& hit, const AcousticMaterial& material, const BandClasses& classes,
+              const Bands& attenuation) {
         double scattered = 0, mirrored = 0, through = 0;
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            scattered += energy[b] * material.reflected(b) * material.scattering[b];
-            mirrored += energy[b] * material.mirrored(b);
-            through += energy[b] * material.transmission[b];
-            energy[b] *= (1 - material.absorption[b]) * std::exp(-attenuation[b] * hit.distance);
+        for (std::size_t c = 0; c < classes.count; ++c) {
+            const std::size_t b = classes.first[c];
+            scattered += energy[c] * material.reflected(b) * material.scattering[b];
+            mirrored += energy[c] * material.mirrored(b);
+            through += energy[c] * material.transmission[b];
+            energy[c] *= 1 - material.absorption[b];
+            if (attenuation[b] > 0) energy[c] *= std::exp(-attenuation[b] * hit.distance);
         }
         ++reflections;
         metres += hit.distance;
@@ -115,13 +118,17 @@ double decaySeconds(const AcousticGeometry& geometry, const glm::dvec3& source, 
     constexpr int kRays = 64;
     const double speed = options.air.speedOfSound;
     const Bands attenuation = airAttenuation(options.air);
+    const BandClasses classes = bandClasses(geometry.materials());
+    Bands full{};
+    std::fill_n(full.begin(), classes.count, 1.0);
     double longest = 0;
     std::vector<FadingRay> lanes;
     for (int sent = 0; sent < kRays || !lanes.empty();) {
         for (; lanes.size() < AcousticRays::kMost && sent < kRays; ++sent)
             lanes.push_back({.origin = source,
                              .direction = evenDirection(sent, kRays),
-                             .random = Random(Random::mix(options.seed, 0xDECA + static_cast<std::uint64_t>(sent)))});
+                             .random = Random(Random::mix(options.seed, 0xDECA + static_cast<std::uint64_t>(sent))),
+                             .energy = full});
         AcousticRays rays;
         for (const FadingRay& ray : lanes) rays.add(ray.origin, ray.facing, ray.direction, 1e6, ray.plane);
         AcousticHits hits;
@@ -130,7 +137,7 @@ double decaySeconds(const AcousticGeometry& geometry, const glm::dvec3& source, 
         for (std::size_t i = 0; i < lanes.size(); ++i) {
             FadingRay& ray = lanes[i];
             const bool shut = (met >> i & 1) != 0;
-            if (shut) ray.meet(hits[i], geometry.materials()[hits[i].material], attenuation);
+            if (shut) ray.meet(hits[i], geometry.materials()[hits[i].material], classes, attenuation);
             longest = std::max(longest, ray.metres);
             if (shut && ray.goesOn(speed)) lanes[left++] = ray;
         }
@@ -188,21 +195,10 @@ WorthyImages imagesWorth(const AcousticGeometry& geometry, const glm::dvec3& sou
     return {asked, std::move(*best)};
 }
 
-/// Whether a ray need not know bands apart.
-bool alikeInAllBands(const AcousticGeometry& geometry) {
-    const auto flat = [](const Bands& bands) {
-        return std::all_of(bands.begin(), bands.end(), [&](double value) { return value == bands[0]; });
-    };
-    const auto materials = geometry.materials();
-    return std::all_of(materials.begin(), materials.end(), [&](const AcousticMaterial& m) {
-        return flat(m.absorption) && flat(m.scattering) && flat(m.transmission);
-    });
-}
-
-/// Energy in N bands as what it is in all.
+/// Energy by class of bands as what it is in each.
 template <std::size_t N>
-double bandOf(const Energy<N>& energy, std::size_t band) {
-    return energy[N == 1 ? 0 : band];
+double bandOf(const Energy<N>& energy, const BandClasses& classes, std::size_t band) {
+    return energy[N == 1 ? 0 : classes.of[band]];
 }
 
 /// What is left in air after some metres.
@@ -239,8 +235,8 @@ std::vector<Group> groupsOf(const AcousticGeometry& geometry, const glm::dvec3& 
 /// Adds what the batches of one run brought a listener to its result, of which that makes up the share
 /// `weight`.
 template <std::size_t N>
-void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, std::size_t listener, const TraceOptions& options,
-              const Bands& attenuation, double weight) {
+void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClasses& classes, std::size_t listener,
+              const TraceOptions& options, const Bands& attenuation, double weight) {
     const std::size_t count = result.batches.size();
     const double metresPerBin = options.air.speedOfSound / options.binsPerSecond;
     const Bands perBin = airShare(attenuation, metresPerBin);
@@ -255,11 +251,11 @@ void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, std::size_t lis
         Bands air = airShare(attenuation, (result.batches[i].startOf(0) * options.binsPerSecond + 0.5) * metresPerBin);
         for (std::size_t k = 0; k < bins.size(); ++k)
             for (std::size_t b = 0; b < kBandCount; ++b) {
-                result.batches[i].bins[k][b] += weight * bandOf<N>(bins[k], b) * air[b];
+                result.batches[i].bins[k][b] += weight * bandOf<N>(bins[k], classes, b) * air[b];
                 air[b] *= perBin[b];
             }
         for (std::size_t b = 0; b < kBandCount; ++b)
-            tried[b] += bandOf<N>(fresh[i].heard[listener].tried, b) / static_cast<double>(count);
+            tried[b] += bandOf<N>(fresh[i].heard[listener].tried, classes, b) / static_cast<double>(count);
     }
     mix(result.tried, tried, weight);
 }
@@ -270,20 +266,20 @@ struct Fate {
 };
 
 template <std::size_t N>
-Fate fateOf(const std::vector<Batch<N>>& batches, const Bands& attenuation) {
+Fate fateOf(const std::vector<Batch<N>>& batches, const BandClasses& classes, const Bands& attenuation) {
     Fate fate;
     const double share = 1.0 / static_cast<double>(batches.size());
     const auto collect = [&](const std::vector<std::pair<Energy<N>, double>>& rays, Bands& into) {
         for (const auto& [energy, metres] : rays) {
             const Bands left = airShare(attenuation, metres);
-            for (std::size_t b = 0; b < kBandCount; ++b) into[b] += share * bandOf<N>(energy, b) * left[b];
+            for (std::size_t b = 0; b < kBandCount; ++b) into[b] += share * bandOf<N>(energy, classes, b) * left[b];
         }
     };
     Bands sent{};
     for (const Batch<N>& batch : batches) {
         collect(batch.escaped, fate.escaped);
         collect(batch.truncated, fate.truncated);
-        for (std::size_t b = 0; b < kBandCount; ++b) sent[b] += share * bandOf<N>(batch.sent, b);
+        for (std::size_t b = 0; b < kBandCount; ++b) sent[b] += share * bandOf<N>(batch.sent, classes, b);
     }
     for (std::size_t b = 0; b < kBandCount; ++b) fate.absorbed[b] = sent[b] - fate.escaped[b] - fate.truncated[b];
     return fate;
@@ -291,13 +287,14 @@ Fate fateOf(const std::vector<Batch<N>>& batches, const Bands& attenuation) {
 
 /// Adds the rays that left; those of one run after the other, as each was sent with the same.
 template <std::size_t N>
-void addExits(const std::vector<Batch<N>>& batches, const Bands& attenuation, std::vector<EscapedRay>& exits) {
+void addExits(const std::vector<Batch<N>>& batches, const BandClasses& classes, const Bands& attenuation,
+              std::vector<EscapedRay>& exits) {
     constexpr std::size_t kMostExits = 4096;
     for (const Batch<N>& batch : batches)
         for (const typename Batch<N>::Exit& exit : batch.exits) {
             if (exits.size() >= kMostExits) return;
             Bands energy = airShare(attenuation, exit.metres);
-            for (std::size_t b = 0; b < kBandCount; ++b) energy[b] *= bandOf<N>(exit.energy, b);
+            for (std::size_t b = 0; b < kBandCount; ++b) energy[b] *= bandOf<N>(exit.energy, classes, b);
             exits.push_back({exit.origin, exit.direction, energy});
         }
 }
@@ -316,31 +313,32 @@ void connect(const AcousticGeometry& geometry, const TraceOptions& options, std:
                                     std::min(kMostOfOne, kMostOfAll / ears.size()));
 }
 
-/// More rays into the batches of the results of a group.
+/// More rays into the batches of the results of a group; energies in N classes of bands, which are no more.
 template <std::size_t N>
-void refineAs(const AcousticGeometry& geometry, const Group& group, const TraceOptions& options, std::uint64_t each) {
+void refineAs(const AcousticGeometry& geometry, const BandClasses& classes, const Group& group,
+              const TraceOptions& options, std::uint64_t each) {
     const TraceResult& first = *group.results.front();
     std::vector<Ear> ears;
     for (std::size_t k = 0; k < group.results.size(); ++k)
         ears.emplace_back(group.listeners[k], *group.results[k], options.air.speedOfSound);
     connect(geometry, options, ears);
-    const Task<N> task(geometry, group.source, std::move(ears), options, first.seconds);
+    const Task<N> task(geometry, classes, group.source, std::move(ears), options, first.seconds);
     std::vector<Batch<N>> fresh(first.batches.size());
     const std::uint64_t before = first.rays;
     parallelFor(fresh.size(), [&](std::size_t i) {
         BatchTracer<N>(task, fresh[i], Random::mix(options.seed, Random::mix(before, i))).run(each);
     });
     const Bands attenuation = airAttenuation(options.air);
-    const Fate fate = fateOf(fresh, attenuation);
+    const Fate fate = fateOf(fresh, classes, attenuation);
     const std::uint64_t rays = each * fresh.size();
     for (std::size_t k = 0; k < group.results.size(); ++k) {
         TraceResult& result = *group.results[k];
         const double weight = static_cast<double>(rays) / static_cast<double>(result.rays + rays);
-        addHeard(result, fresh, k, options, attenuation, weight);
+        addHeard(result, fresh, classes, k, options, attenuation, weight);
         mix(result.absorbed, fate.absorbed, weight);
         mix(result.escaped, fate.escaped, weight);
         mix(result.truncated, fate.truncated, weight);
-        addExits(fresh, attenuation, result.exits);
+        addExits(fresh, classes, attenuation, result.exits);
         result.rays += rays;
     }
 }
@@ -350,16 +348,20 @@ void refineGroup(const AcousticGeometry& geometry, const Group& group, const Tra
     const std::size_t count = group.results.front()->batches.size();
     const std::uint64_t each = count == 0 ? 0 : (rays + count - 1) / count;
     if (each == 0) return;
-    if (alikeInAllBands(geometry))
-        refineAs<1>(geometry, group, options, each);
-    else
-        refineAs<kBandCount>(geometry, group, options, each);
+    const BandClasses classes = bandClasses(geometry.materials());
+    // As wide as vectors of numbers are.
+    const auto refine = classes.count == 1   ? refineAs<1>
+                        : classes.count <= 4 ? refineAs<4>
+                        : classes.count <= 8 ? refineAs<8>
+                                             : refineAs<kBandCount>;
+    refine(geometry, classes, group, options, each);
 }
 
 /// All of a result but for what rays bring.
 void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                  const TraceOptions& options, const WorthyImages& worth, double seconds, TraceResult& result) {
     result.seconds = seconds;
+    result.bandsTraced = static_cast<int>(bandClasses(geometry.materials()).count);
     result.imageShare = worth.options.minShare;
     ImageSources images = findImageSources(geometry, worth.candidates, listener, worth.options,
                                            options.air.speedOfSound, airAttenuation(options.air));

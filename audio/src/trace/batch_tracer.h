@@ -3,7 +3,7 @@
 // From a wall that scatters one of the listeners and their images (trace/listener_images.h) is looked for by chance, or
 // where there are no images the one listener always. Of several without images each is looked for with a chance that
 // grows with what it might hear. What is heard is divided by the chance: the expectation stays, and a ray takes hardly
-// longer for several. Energies are kept in N bands: 8, or 1 where walls and sources are alike in all bands. What air
+// longer for several. Energies are kept for bands that walls tell apart (trace/band_classes.h), N at most. What air
 // takes depends on the way alone and is left to whoever reads the histogram. Source: see acoustic_tracer.h; Veach 1997,
 // chapters 9 and 10, on connections. Threading: one thread an object.
 #pragma once
@@ -22,6 +22,7 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 
+#include "band_classes.h"
 #include "listener_choice.h"
 #include "listener_images.h"
 #include "places.h"
@@ -74,14 +75,15 @@ void add(Energy<N>& target, const Energy<N>& energy, double factor = 1) {
 /// What a wall does with energy.
 template <std::size_t N>
 struct Shares {
-    Energy<N> diffuse, mirror, through;
+    Energy<N> diffuse{}, mirror{}, through{};  // nothing where there are fewer classes
 
-    explicit Shares(const AcousticMaterial& material) {
-        for (std::size_t b = 0; b < N; ++b) {
+    Shares(const AcousticMaterial& material, const BandClasses& classes) {
+        for (std::size_t c = 0; c < classes.count; ++c) {
+            const std::size_t b = classes.first[c];
             const double reflected = std::max(0.0, material.reflected(b));
-            diffuse[b] = reflected * material.scattering[b];
-            mirror[b] = reflected * (1 - material.scattering[b]);
-            through[b] = material.transmission[b];
+            diffuse[c] = reflected * material.scattering[b];
+            mirror[c] = reflected * (1 - material.scattering[b]);
+            through[c] = material.transmission[b];
         }
     }
 };
@@ -132,6 +134,7 @@ struct Ear {
 template <std::size_t N>
 struct Task {
     const AcousticGeometry& geometry;
+    const BandClasses& classes;
     glm::dvec3 source;
     std::vector<Ear> ears;
     const TraceOptions& options;
@@ -140,9 +143,10 @@ struct Task {
     std::span<const ReflectingPlane> planes;
     bool transmits;  // any of them
 
-    Task(const AcousticGeometry& g, const glm::dvec3& s, std::vector<Ear> e, const TraceOptions& o, double length)
-        : geometry(g), source(s), ears(std::move(e)), options(o), seconds(length), planes(g.planes()) {
-        for (const AcousticMaterial& material : g.materials()) walls.emplace_back(material);
+    Task(const AcousticGeometry& g, const BandClasses& apart, const glm::dvec3& s, std::vector<Ear> e,
+         const TraceOptions& o, double length)
+        : geometry(g), classes(apart), source(s), ears(std::move(e)), options(o), seconds(length), planes(g.planes()) {
+        for (const AcousticMaterial& material : g.materials()) walls.emplace_back(material, classes);
         transmits =
             std::any_of(walls.begin(), walls.end(), [](const Shares<N>& w) { return largest<N>(w.through) > 0; });
     }
@@ -304,7 +308,8 @@ class BatchTracer {
         ray.origin = ray.before = task_.source;
         const double u = n / kPlastic + shiftU_, v = n / (kPlastic * kPlastic) + shiftV_;
         ray.direction = directionFrom(u - std::floor(u), v - std::floor(v));
-        ray.energy.fill(task_.options.pattern ? initial_ * task_.options.pattern(ray.direction) : initial_);
+        const double each = task_.options.pattern ? initial_ * task_.options.pattern(ray.direction) : initial_;
+        for (std::size_t c = 0; c < task_.classes.count; ++c) ray.energy[c] = each;
         add<N>(batch_.sent, ray.energy);
         return largest<N>(ray.energy) > 0;
     }

@@ -25,7 +25,7 @@ class EdgeTones {
     void each(std::size_t band, const Call& call) const {
         for (int i = 0; i < kTones; ++i) {
             const double octave = (i + 0.5) / kTones - 0.5;
-            const double hz = 1000 * std::pow(2.0, static_cast<double>(band) - 4 + octave);
+            const double hz = 1000 * std::pow(2.0, static_cast<double>(band) - kBand1k + octave);
             call(2 * std::numbers::pi * hz / speedOfSound_);
         }
     }

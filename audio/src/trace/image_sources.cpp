@@ -10,10 +10,14 @@
 #include <rtsg/audio/image_sources.h>
 #include <rtsg/renderers/parallel_for.h>
 
+#include "band_classes.h"
 #include "places.h"
 
 namespace rtsg {
 namespace {
+
+using trace::BandClasses;
+using trace::bandClasses;
 
 constexpr double kCell = 0.25;
 /// Paths are checked from a listener this far beside the true one: symmetric rooms are full of paths that meet an edge
@@ -125,6 +129,24 @@ struct Path {
     glm::dvec3 departure;
 };
 
+/// What walls mirror and let pass, by class of bands.
+struct WallShares {
+    BandClasses classes;
+    struct Share {
+        Bands mirrored{}, transmitted{};
+    };
+    std::vector<Share> walls;  // by material
+
+    explicit WallShares(const AcousticGeometry& geometry)
+        : classes(bandClasses(geometry.materials())), walls(geometry.materials().size()) {
+        for (std::size_t i = 0; i < walls.size(); ++i)
+            for (std::size_t c = 0; c < classes.count; ++c) {
+                walls[i].mirrored[c] = geometry.materials()[i].mirrored(classes.first[c]);
+                walls[i].transmitted[c] = geometry.materials()[i].transmission[classes.first[c]];
+            }
+    }
+};
+
 /// Follows the way from a listener towards an image: mirrored by walls, and straight on through those that let sound
 /// pass. What ends in the source after the image's motion is a path. Who asks what the way meets tells step().
 class Retracer {
@@ -132,15 +154,16 @@ class Retracer {
     struct State {
         glm::dvec3 origin{0}, direction{0};
         glm::dmat3 turn{1.0};
-        Bands energy = allBands(1);
+        Bands energy{};   // by class
         double left = 0;  // metres to go
         std::uint32_t plane = kNoPlane;
         int order = 0;
     };
 
-    Retracer(const AcousticGeometry& geometry, const glm::dvec3& source, const Candidate& image, int maxOrder,
-             double minShare, std::vector<Path>& found)
+    Retracer(const AcousticGeometry& geometry, const WallShares& shares, const glm::dvec3& source,
+             const Candidate& image, int maxOrder, double minShare, std::vector<Path>& found)
         : geometry_(&geometry),
+          shares_(&shares),
           source_(source),
           image_(&image),
           maxOrder_(maxOrder),
@@ -153,6 +176,7 @@ class Retracer {
         distance_ = glm::length(toImage);
         if (!(distance_ > 0)) return false;
         state_ = {.origin = listener, .direction = toImage / distance_, .left = distance_};
+        std::fill_n(state_.energy.begin(), shares_->classes.count, 1.0);
         return true;
     }
     const State& state() const { return state_; }
@@ -181,7 +205,7 @@ class Retracer {
             glm::distance(state.origin + state.direction * state.left, source_) > slack)
             return false;
         Path path{{}, -state.direction};
-        path.arrival.energy = state.energy;
+        for (std::size_t b = 0; b < kBandCount; ++b) path.arrival.energy[b] = state.energy[shares_->classes.of[b]];
         path.arrival.order = static_cast<std::uint32_t>(state.order);
         // Without a reflection it is direct sound.
         if (state.order > 0) found_->push_back(path);
@@ -204,12 +228,12 @@ class Retracer {
         const bool atEnd = !met || hit.distance > state.left - slack;
         if (atEnd && ends(state, slack)) return Step::arrived;
         if (!met) return Step::lost;
-        const AcousticMaterial& material = geometry_->materials()[hit.material];
+        const WallShares::Share& wall = shares_->walls[hit.material];
         const glm::dvec3 point = state.origin + state.direction * hit.distance;
         Bands beyond = state.energy;
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            if (!atEnd) beyond[b] *= material.transmission[b];
-            state.energy[b] *= material.mirrored(b);
+        for (std::size_t c = 0; c < shares_->classes.count; ++c) {
+            if (!atEnd) beyond[c] *= wall.transmitted[c];
+            state.energy[c] *= wall.mirrored[c];
         }
         state.origin = point;
         state.left -= hit.distance;
@@ -230,6 +254,7 @@ class Retracer {
     static constexpr int kMostSteps = 20'000;
     static constexpr double kLast = .01;  // metres
     const AcousticGeometry* geometry_;
+    const WallShares* shares_;
     glm::dvec3 source_;
     const Candidate* image_;
     int maxOrder_;
@@ -389,9 +414,9 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
         if (!(sent > 0)) return;
         path.arrival.seconds = distance / speedOfSound;
         path.arrival.direction = distance > 1e-9 ? (image - listener) / distance : glm::dvec3(0, 0, -1);
+        const double spread = sent / (4 * std::numbers::pi * clamped * clamped);
         for (std::size_t b = 0; b < kBandCount; ++b)
-            path.arrival.energy[b] *=
-                sent * std::exp(-attenuation[b] * distance) / (4 * std::numbers::pi * clamped * clamped);
+            path.arrival.energy[b] *= attenuation[b] > 0 ? spread * std::exp(-attenuation[b] * distance) : spread;
         result.arrivals.push_back(path.arrival);
     };
     Path direct;
@@ -400,6 +425,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
     direct.departure = distance > 0 ? (listener - source) / distance : glm::dvec3(0, 0, -1);
     if (direct.arrival.energy != Bands{}) keep(direct, source);
 
+    const WallShares shares(geometry);
     const glm::dvec3 beside = aside(geometry, listener);
     std::vector<std::vector<Path>> paths(all.size());
     constexpr std::size_t kChunk = 64;
@@ -408,7 +434,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
         std::vector<Retracer> ways;
         ways.reserve(kChunk);
         for (std::size_t i = std::max<std::size_t>(1, chunk * kChunk); i < end; ++i)
-            ways.emplace_back(geometry, source, all[i], result.order, options.minShare, paths[i]);
+            ways.emplace_back(geometry, shares, source, all[i], result.order, options.minShare, paths[i]);
         retrace(geometry, ways, beside);
     });
     for (std::size_t i = 1; i < paths.size(); ++i)

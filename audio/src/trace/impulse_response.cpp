@@ -9,6 +9,7 @@
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/panning.h>
 
+#include "band_classes.h"
 #include "signal/fft.h"
 #include "signal/fractional_delay.h"
 #include "signal/random.h"
@@ -134,18 +135,37 @@ void addArrival(const Arrival& arrival, const HeadArrival* head, std::size_t ban
     }
 }
 
+/// On the octave axis on which band b spans b - 1/2 ... b + 1/2.
+double octaveOf(double hz) {
+    return std::log2(hz / 1000) + kBand1k;
+}
+
+double weightAt(int band, double octave) {
+    const auto rise = [](double x) {  // 0 below an edge, 1 above
+        const double u = std::clamp(x / kTransition + 0.5, 0.0, 1.0);
+        const double s = std::sin(u * std::numbers::pi / 2);
+        return s * s;
+    };
+    const double lower = band == 0 ? 1 : rise(octave - (band - 0.5));
+    const double upper = band == kBandCount - 1 ? 0 : rise(octave - (band + 0.5));
+    return lower - upper;
+}
+
 class BandFilters {
   public:
-    BandFilters(const RealFft& fft, int sampleRate) : bins_(fft.bins()) {
-        for (int b = 0; b < kBandCount; ++b) {
-            auto& weights = weights_[static_cast<std::size_t>(b)];
-            weights.resize(bins_);
-            for (std::size_t i = 0; i < bins_; ++i)
-                weights[i] = static_cast<float>(
-                    bandWeight(b, static_cast<double>(i) * sampleRate / static_cast<double>(fft.size())));
+    /// Of each class of bands together.
+    BandFilters(const RealFft& fft, int sampleRate, const trace::BandClasses& classes) : bins_(fft.bins()) {
+        for (std::size_t c = 0; c < classes.count; ++c) weights_[c].resize(bins_);
+        weights_[classes.of[0]][0] = 1;
+        for (std::size_t i = 1; i < bins_; ++i) {
+            const double octave = octaveOf(static_cast<double>(i) * sampleRate / static_cast<double>(fft.size()));
+            // No others have a share here.
+            const int middle = std::clamp(static_cast<int>(std::lround(octave)), 0, kBandCount - 1);
+            for (int b = std::max(0, middle - 1); b <= std::min(kBandCount - 1, middle + 1); ++b)
+                weights_[classes.of[static_cast<std::size_t>(b)]][i] += static_cast<float>(weightAt(b, octave));
         }
     }
-    const std::vector<float>& operator[](std::size_t band) const { return weights_[band]; }
+    const std::vector<float>& operator[](std::size_t c) const { return weights_[c]; }
 
   private:
     std::size_t bins_;
@@ -156,16 +176,7 @@ class BandFilters {
 
 double bandWeight(int band, double hz) {
     if (hz <= 0) return band == 0 ? 1 : 0;
-    // Position on the octave axis on which band b spans b - 1/2 ... b + 1/2.
-    const double position = std::log2(hz / 1000) + 4;
-    const auto rise = [](double x) {  // 0 below an edge, 1 above
-        const double u = std::clamp(x / kTransition + 0.5, 0.0, 1.0);
-        const double s = std::sin(u * std::numbers::pi / 2);
-        return s * s;
-    };
-    const double lower = band == 0 ? 1 : rise(position - (band - 0.5));
-    const double upper = band == kBandCount - 1 ? 0 : rise(position - (band + 0.5));
-    return lower - upper;
+    return weightAt(band, octaveOf(hz));
 }
 
 ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& options) {
@@ -179,7 +190,8 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
     const std::size_t frames = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
                                2 * SincTable::kHalf + 64 + (heads.empty() ? 0 : heads.front().ears[0].size());
     const RealFft fft(RealFft::sizeFor(frames + 4096));
-    const BandFilters filters(fft, options.sampleRate);
+    const trace::BandClasses classes = trace::bandClasses(echogram.arrivals, std::span(&echogram.late, 1));
+    const BandFilters filters(fft, options.sampleRate, classes);
 
     const auto endOf = [&](std::size_t bin) {
         return std::min(frames, static_cast<std::size_t>(std::llround(echogram.late.startOf(bin + 1) * rate)));
@@ -206,7 +218,8 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
 
         RealFft::Spectrum sum(fft.bins()), spectrum;
         std::vector<float> band(fft.size());
-        for (std::size_t b = 0; b < kBandCount; ++b) {
+        for (std::size_t c = 0; c < classes.count; ++c) {
+            const std::size_t b = classes.first[c];
             std::fill(band.begin(), band.end(), 0.0f);
             for (std::size_t k = 0, i = 0; k < scale.size(); ++k) {
                 const std::size_t end = endOf(k);
@@ -221,7 +234,7 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
                            std::span(band).first(frames));
             }
             fft.forward(band, spectrum);
-            for (std::size_t i = 0; i < fft.bins(); ++i) sum[i] += spectrum[i] * filters[b][i];
+            for (std::size_t i = 0; i < fft.bins(); ++i) sum[i] += spectrum[i] * filters[c][i];
         }
         fft.inverse(sum, band);
         result.channels.emplace_back(band.begin(), band.begin() + static_cast<std::ptrdiff_t>(frames));
@@ -232,7 +245,7 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
 EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond) {
     EnergyHistogram histogram{binsPerSecond, {}};
     const RealFft fft(RealFft::sizeFor(samples.size() + 4096));
-    const BandFilters filters(fft, sampleRate);
+    const BandFilters filters(fft, sampleRate, trace::bandClasses([](std::size_t a, std::size_t b) { return a == b; }));
     std::vector<float> padded(fft.size()), band(fft.size());
     std::copy(samples.begin(), samples.end(), padded.begin());
     RealFft::Spectrum all, filtered(fft.bins());

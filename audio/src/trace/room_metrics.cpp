@@ -4,9 +4,12 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
 
 #include <rtsg/renderers/parallel_for.h>
+
+#include "band_classes.h"
 
 namespace rtsg {
 namespace {
@@ -19,29 +22,51 @@ constexpr std::array<Bands RoomMetrics::*, 8> kFigures{&RoomMetrics::edt, &RoomM
                                                        &RoomMetrics::c50, &RoomMetrics::c80, &RoomMetrics::d50,
                                                        &RoomMetrics::ts,  &RoomMetrics::g};
 
+/// What arrives exactly in one band, in order.
+struct BandArrivals {
+    std::vector<std::pair<double, double>> after;  // time; energy from here on
+    double energy = 0, moment = 0;
+    double first = std::numeric_limits<double>::infinity();
+
+    BandArrivals(std::span<const Arrival> arrivals, std::size_t band) {
+        after.reserve(arrivals.size());
+        for (const Arrival& arrival : arrivals)
+            if (arrival.energy[band] > 0) after.emplace_back(arrival.seconds, arrival.energy[band]);
+        std::sort(after.begin(), after.end());
+        if (!after.empty()) first = after.front().first;
+        for (const auto& [seconds, each] : after) moment += seconds * each;
+        // Summed from the end: the tail, 40 dB and more below the start, would drown in rounding otherwise.
+        for (std::size_t i = after.size(); i-- > 0;) after[i].second = energy += after[i].second;
+    }
+};
+
 /// Energy of one band after time t, exact for arrivals and linear within bins.
 class BandDecay {
   public:
     BandDecay(const Echogram& echogram, std::size_t band)
-        : binsPerSecond_(echogram.late.binsPerSecond), start_(echogram.late.start) {
-        arrivals_.reserve(echogram.arrivals.size());
-        for (const Arrival& arrival : echogram.arrivals)
-            if (arrival.energy[band] > 0) arrivals_.emplace_back(arrival.seconds, arrival.energy[band]);
-        std::sort(arrivals_.begin(), arrivals_.end());
-        first_ = arrivals_.empty() ? std::numeric_limits<double>::infinity() : arrivals_.front().first;
-        for (const auto& [seconds, energy] : arrivals_) moment_ += seconds * energy;
-        // Summed from the end: the tail, 40 dB and more below the start, would drown in rounding otherwise.
-        double sum = 0;
-        for (std::size_t i = arrivals_.size(); i-- > 0;) arrivals_[i].second = sum += arrivals_[i].second;
-
-        const auto& bins = echogram.late.bins;
+        : BandDecay(std::make_shared<const BandArrivals>(echogram.arrivals, band), echogram.late,
+                    bandOf(echogram.late, band)) {}
+    /// Of arrivals, and of bins that lie in time as those of `late` do.
+    BandDecay(std::shared_ptr<const BandArrivals> arrivals, const EnergyHistogram& late, std::span<const double> bins)
+        : arrivals_(std::move(arrivals)),
+          binsPerSecond_(late.binsPerSecond),
+          start_(late.start),
+          first_(arrivals_->first),
+          moment_(arrivals_->moment) {
         tail_.assign(bins.size() + 1, 0.0);
         for (std::size_t i = bins.size(); i-- > 0;) {
-            tail_[i] = tail_[i + 1] + bins[i][band];
-            moment_ += bins[i][band] * (echogram.late.startOf(i) + 0.5 / binsPerSecond_);
-            if (bins[i][band] > 0) first_ = std::min(first_, echogram.late.startOf(i));
+            tail_[i] = tail_[i + 1] + bins[i];
+            moment_ += bins[i] * (late.startOf(i) + 0.5 / binsPerSecond_);
+            if (bins[i] > 0) first_ = std::min(first_, late.startOf(i));
         }
-        total_ = sum + tail_[0];
+        total_ = arrivals_->energy + tail_[0];
+    }
+
+    static std::vector<double> bandOf(const EnergyHistogram& histogram, std::size_t band) {
+        std::vector<double> bins;
+        bins.reserve(histogram.bins.size());
+        for (const Bands& bin : histogram.bins) bins.push_back(bin[band]);
+        return bins;
     }
 
     double total() const { return total_; }
@@ -50,9 +75,9 @@ class BandDecay {
     double moment() const { return moment_; }
     double after(double seconds) const {
         double sum = 0;
-        const auto it = std::upper_bound(arrivals_.begin(), arrivals_.end(), seconds,
+        const auto it = std::upper_bound(arrivals_->after.begin(), arrivals_->after.end(), seconds,
                                          [](double t, const auto& arrival) { return t < arrival.first; });
-        if (it != arrivals_.end()) sum += it->second;
+        if (it != arrivals_->after.end()) sum += it->second;
         return sum + binsAfter(seconds);
     }
 
@@ -61,7 +86,7 @@ class BandDecay {
       public:
         explicit Walk(const BandDecay& decay) : decay_(decay) {}
         double after(double seconds) {
-            const auto& arrivals = decay_.arrivals_;
+            const auto& arrivals = decay_.arrivals_->after;
             while (next_ < arrivals.size() && arrivals[next_].first <= seconds) ++next_;
             return (next_ < arrivals.size() ? arrivals[next_].second : 0) + decay_.binsAfter(seconds);
         }
@@ -79,10 +104,10 @@ class BandDecay {
         return tail_[bin] + (tail_[bin + 1] - tail_[bin]) * (position - static_cast<double>(bin));
     }
 
-    std::vector<std::pair<double, double>> arrivals_;  // time; energy from here on
-    std::vector<double> tail_;                         // energy from the bin's start on
+    std::shared_ptr<const BandArrivals> arrivals_;
+    std::vector<double> tail_;  // energy from the bin's start on
     double binsPerSecond_, start_;
-    double first_ = 0, total_ = 0, moment_ = 0;
+    double first_, moment_, total_ = 0;
 };
 
 struct DecayCurve {
@@ -119,45 +144,41 @@ struct DecayCurve {
     }
 };
 
-/// Whether two bands hold the same.
-bool alike(const Echogram& echogram, std::size_t a, std::size_t b) {
-    return std::all_of(echogram.arrivals.begin(), echogram.arrivals.end(),
-                       [&](const Arrival& arrival) { return arrival.energy[a] == arrival.energy[b]; }) &&
-           std::all_of(echogram.late.bins.begin(), echogram.late.bins.end(),
-                       [&](const Bands& bin) { return bin[a] == bin[b]; });
+/// Sets the figures of one band.
+void measureBand(const BandDecay& decay, double gridSeconds, std::size_t band, RoomMetrics& metrics) {
+    if (!(decay.total() > 0)) {
+        for (auto figure : kFigures) (metrics.*figure)[band] = kNan;
+        return;
+    }
+    const DecayCurve curve(decay, gridSeconds);
+    metrics.edt[band] = curve.reverberationTime(0, -10);
+    metrics.t20[band] = curve.reverberationTime(-5, -25);
+    metrics.t30[band] = std::isfinite(metrics.t20[band]) ? curve.reverberationTime(-5, -35) : kNan;
+    const double after50 = decay.after(decay.first() + 0.05), after80 = decay.after(decay.first() + 0.08);
+    // Without anything late the ratio is infinite, which is no number to average: report it as missing.
+    metrics.c50[band] = after50 > 0 ? 10 * std::log10((decay.total() - after50) / after50) : kNan;
+    metrics.c80[band] = after80 > 0 ? 10 * std::log10((decay.total() - after80) / after80) : kNan;
+    metrics.d50[band] = 1 - after50 / decay.total();
+    metrics.ts[band] = decay.moment() / decay.total() - decay.first();
+    metrics.g[band] = 10 * std::log10(decay.total() * 4 * std::numbers::pi * 100);
 }
 
-RoomMetrics metricsOnGrid(const Echogram& echogram, double gridSeconds) {
-    RoomMetrics metrics;
-    for (std::size_t b = 0; b < kBandCount; ++b) {
-        if (b > 0 && alike(echogram, b - 1, b)) {
-            for (auto figure : kFigures) (metrics.*figure)[b] = (metrics.*figure)[b - 1];
-            continue;
-        }
-        const BandDecay decay(echogram, b);
-        if (!(decay.total() > 0)) {
-            for (auto figure : kFigures) (metrics.*figure)[b] = kNan;
-            continue;
-        }
-        const DecayCurve curve(decay, gridSeconds);
-        metrics.edt[b] = curve.reverberationTime(0, -10);
-        metrics.t20[b] = curve.reverberationTime(-5, -25);
-        metrics.t30[b] = std::isfinite(metrics.t20[b]) ? curve.reverberationTime(-5, -35) : kNan;
-        const double after50 = decay.after(decay.first() + 0.05), after80 = decay.after(decay.first() + 0.08);
-        // Without anything late the ratio is infinite, which is no number to average: report it as missing.
-        metrics.c50[b] = after50 > 0 ? 10 * std::log10((decay.total() - after50) / after50) : kNan;
-        metrics.c80[b] = after80 > 0 ? 10 * std::log10((decay.total() - after80) / after80) : kNan;
-        metrics.d50[b] = 1 - after50 / decay.total();
-        metrics.ts[b] = decay.moment() / decay.total() - decay.first();
-        metrics.g[b] = 10 * std::log10(decay.total() * 4 * std::numbers::pi * 100);
-    }
-    return metrics;
+/// Gives every band the figures of the first of its class.
+void spread(const trace::BandClasses& classes, RoomMetrics& metrics) {
+    for (auto figure : kFigures)
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            (metrics.*figure)[b] = (metrics.*figure)[classes.first[classes.of[b]]];
 }
 
 }  // namespace
 
 RoomMetrics roomMetrics(const Echogram& echogram) {
-    return metricsOnGrid(echogram, kGridSeconds);
+    RoomMetrics metrics;
+    const trace::BandClasses classes = trace::bandClasses(echogram.arrivals, std::span(&echogram.late, 1));
+    for (std::size_t c = 0; c < classes.count; ++c)
+        measureBand(BandDecay(echogram, classes.first[c]), kGridSeconds, classes.first[c], metrics);
+    spread(classes, metrics);
+    return metrics;
 }
 
 std::vector<double> decayCurveDb(const Echogram& echogram, std::size_t band, double gridSeconds) {
@@ -173,7 +194,7 @@ double largestError(const MetricsEstimate& m) {
         if (std::isfinite(value) && noticeable > 0)
             worst = std::max(worst, std::isfinite(halfWidth) ? halfWidth / noticeable : 1e9);
     };
-    for (std::size_t b = 1; b < 7; ++b) {
+    for (std::size_t b = kBand1k - 3; b <= kBand1k + 2; ++b) {  // 125 Hz to 4 kHz
         take(m.value.t20[b], m.ci95.t20[b], 0.05 * m.value.t20[b]);
         take(m.value.t30[b], m.ci95.t30[b], 0.05 * m.value.t30[b]);
         take(m.value.c80[b], m.ci95.c80[b], 1);
@@ -243,39 +264,61 @@ bool hasTwoSlopes(const MetricsEstimate& estimate, std::size_t band) {
     return least > kStraight * most;  // not of what is no number
 }
 
+namespace {
+
+/// Bins of one band in each of some batches, as long as the longest.
+std::vector<std::vector<double>> binsOf(std::span<const EnergyHistogram> batches, std::size_t band) {
+    std::vector<std::vector<double>> bins;
+    std::size_t longest = 0;
+    for (const EnergyHistogram& batch : batches) {
+        bins.push_back(BandDecay::bandOf(batch, band));
+        longest = std::max(longest, bins.back().size());
+    }
+    for (std::vector<double>& part : bins) part.resize(longest);
+    return bins;
+}
+
+}  // namespace
+
 MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches) {
     const std::size_t count = batches.size();
-    Echogram echogram;
-    echogram.arrivals = arrivals;
-    if (count) {
-        echogram.late.binsPerSecond = batches.front().binsPerSecond;
-        echogram.late.start = batches.front().start;
-    }
-    EnergyHistogram sum{echogram.late.binsPerSecond, {}, echogram.late.start};
-    for (const EnergyHistogram& batch : batches) sum.accumulate(batch);
-    if (count) echogram.late.accumulate(sum, 1.0 / static_cast<double>(count));
-
+    const EnergyHistogram times =
+        count ? EnergyHistogram{batches.front().binsPerSecond, {}, batches.front().start} : EnergyHistogram{};
+    const trace::BandClasses classes = trace::bandClasses(arrivals, batches);
     MetricsEstimate result;
-    result.value = roomMetrics(echogram);
+    result.bandsApart = static_cast<int>(classes.count);
+    std::vector<RoomMetrics> without(count);
+    parallelFor(classes.count, [&](std::size_t c) {
+        const std::size_t band = classes.first[c];
+        const auto exact = std::make_shared<const BandArrivals>(arrivals, band);
+        const std::vector<std::vector<double>> bins = binsOf(batches, band);
+        std::vector<double> sum(bins.empty() ? 0 : bins.front().size());
+        for (const std::vector<double>& part : bins)
+            for (std::size_t k = 0; k < sum.size(); ++k) sum[k] += part[k];
+        std::vector<double> mean(sum);
+        for (double& energy : mean) energy /= static_cast<double>(count);
+        measureBand(BandDecay(exact, times, mean), kGridSeconds, band, result.value);
+        if (count < 2) return;
+        parallelFor(count, [&](std::size_t i) {
+            std::vector<double> rest(sum.size());
+            for (std::size_t k = 0; k < rest.size(); ++k)
+                rest[k] = std::max(0.0, (sum[k] - bins[i][k]) / static_cast<double>(count - 1));
+            measureBand(BandDecay(exact, times, rest), kCoarseGridSeconds, band, without[i]);
+        });
+    });
+    spread(classes, result.value);
     if (count == 0) return result;
     if (count == 1) {
         for (auto figure : kFigures) (result.ci95.*figure).fill(kNan);
         return result;
     }
-    std::vector<RoomMetrics> without(count);
-    parallelFor(count, [&](std::size_t i) {
-        Echogram rest{arrivals, sum};
-        rest.late.accumulate(batches[i], -1.0);
-        for (Bands& bin : rest.late.bins)
-            for (double& energy : bin) energy = std::max(0.0, energy / static_cast<double>(count - 1));
-        without[i] = metricsOnGrid(rest, kCoarseGridSeconds);
-    });
     std::vector<double> values(count);
     for (auto figure : kFigures)
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            for (std::size_t i = 0; i < count; ++i) values[i] = (without[i].*figure)[b];
-            (result.ci95.*figure)[b] = halfWidth95(values);
+        for (std::size_t c = 0; c < classes.count; ++c) {
+            for (std::size_t i = 0; i < count; ++i) values[i] = (without[i].*figure)[classes.first[c]];
+            (result.ci95.*figure)[classes.first[c]] = halfWidth95(values);
         }
+    spread(classes, result.ci95);
     return result;
 }
 

@@ -40,10 +40,10 @@ TEST_F(Listen, MeasuresTheReferenceBoxThroughTheWholePath) {
         ASSERT_EQ(report->sources.size(), 1u);
         const auto& s = report->sources[0];
         EXPECT_EQ(s.source, "Voice");
-        t30.add(s.metrics.value.t30[4], s.metrics.ci95.t30[4]);
-        edt.add(s.metrics.value.edt[4], s.metrics.ci95.edt[4]);
-        c80.add(s.metrics.value.c80[4], s.metrics.ci95.c80[4]);
-        g.add(s.metrics.value.g[4], s.metrics.ci95.g[4]);
+        t30.add(s.metrics.value.t30[kBand1k], s.metrics.ci95.t30[kBand1k]);
+        edt.add(s.metrics.value.edt[kBand1k], s.metrics.ci95.edt[kBand1k]);
+        c80.add(s.metrics.value.c80[kBand1k], s.metrics.ci95.c80[kBand1k]);
+        g.add(s.metrics.value.g[kBand1k], s.metrics.ci95.g[kBand1k]);
         EXPECT_LT(report->escaped, 1e-5);
         EXPECT_NEAR(s.schroederHz, 2000 * std::sqrt(1.1075 / 90), 3);
         EXPECT_GE(report->rays, 9600u);
@@ -52,9 +52,9 @@ TEST_F(Listen, MeasuresTheReferenceBoxThroughTheWholePath) {
         if (seed > 1) continue;
         const std::string json = report->toJson();
         for (const char* key :
-             {"\"sources\":[{\"source\":\"Voice\"", "\"bands_hz\":[63,125,250,500,1000,2000,4000,8000]", "\"EDT_s\":[",
-              "\"T20_s\":[", "\"T30_s\":[", "\"C50_db\":[", "\"C80_db\":[", "\"D50\":[", "\"Ts_s\":[", "\"G_db\":[",
-              "\"ci95\":{", "\"rays\":", "\"seconds\":", "\"escaped\":"})
+             {"\"sources\":[{\"source\":\"Voice\"", "\"bands_hz\":[31.5,63,125,250,500,1000,2000,4000,8000,16000]",
+              "\"EDT_s\":[", "\"T20_s\":[", "\"T30_s\":[", "\"C50_db\":[", "\"C80_db\":[", "\"D50\":[", "\"Ts_s\":[",
+              "\"G_db\":[", "\"ci95\":{", "\"rays\":", "\"seconds\":", "\"escaped\":"})
             EXPECT_NE(json.find(key), std::string::npos) << key << " in " << json;
         EXPECT_EQ(json.find("nan"), std::string::npos);
         const SoundBuffer ir = report->impulseResponses();
@@ -120,8 +120,8 @@ TEST_F(Listen, ReverberationFollowsTheDirectSound) {
     double reflected = 0;
     const TraceResult& traced = figures->sources[0].trace;
     for (const Arrival& arrival : traced.arrivals)
-        if (arrival.order > 0) reflected += arrival.energy[4];
-    for (const Bands& bin : traced.echogram().late.bins) reflected += bin[4];
+        if (arrival.order > 0) reflected += arrival.energy[kBand1k];
+    for (const Bands& bin : traced.echogram().late.bins) reflected += bin[kBand1k];
     reflected *= 4 * M_PI * 13;  // re direct
     const double heard = energy(b->sound, direct + 60, 28800) / 0.25;
     EXPECT_NEAR(10 * std::log10(heard / reflected), 0, 0.3);
@@ -146,7 +146,7 @@ TEST_F(Listen, ABoothWithTheListenerInsideRings) {
     double exact = 0;
     box.images({.3, .7, .5}, {.71, .45, .55}, 343, [&](double, double energy, int) { exact += energy; });
     const auto& m = report->sources[0].metrics;
-    EXPECT_NEAR(m.value.g[4], 10 * std::log10(exact * 4 * M_PI * 100), 2 * m.ci95.g[4] + .05);
+    EXPECT_NEAR(m.value.g[kBand1k], 10 * std::log10(exact * 4 * M_PI * 100), 2 * m.ci95.g[kBand1k] + .05);
     EXPECT_GT(report->sources[0].trace.arrivals.size(), 1000u);
     EXPECT_LT(report->escaped, 1e-5);
     // And it is heard.
@@ -230,7 +230,7 @@ TEST_F(Listen, AirIsThereUnlessSaidOtherwise) {
     const ListenReport still = measured("", none);
     // 1 / T = 1 / T of the walls + m c / 6 ln 10, where walls are alike in all bands.
     const Bands m = airAttenuation(usual.air);
-    for (const std::size_t b : {4u, 5u, 6u}) {
+    for (const std::size_t b : {5u, 6u, 7u}) {
         const double walls = still.sources[0].metrics.value.t20[b];
         const double expected = 1 / (1 / walls + m[b] * 343 / (6 * std::log(10.0)));
         EXPECT_NEAR(usual.sources[0].metrics.value.t20[b], expected, .02 * expected) << b;
@@ -268,13 +268,29 @@ TEST_F(Listen, AcousticPropertiesAreShares) {
     EXPECT_NEAR(material("absorption .1 diffuse .45").scattering[3], .5, 1e-6);
     EXPECT_NEAR(material("absorption .4 refraction .8").transmission[3], .6, 1e-6);
     EXPECT_NEAR(material("enabled FALSE absorption .9").absorption[0], AcousticMaterial{}.absorption[0], 1e-12);
-    const AcousticMaterial bands = material(
-        "absorption .5 metadata MetadataSet { value [ MetadataFloat { name \"absorption\" value [ .1 .2 .3 .4 .5 .6 ] "
-        "} ] }");
-    EXPECT_NEAR(bands.absorption[0], .1, 1e-6);
-    EXPECT_NEAR(bands.absorption[1], .1, 1e-6);
-    EXPECT_NEAR(bands.absorption[6], .6, 1e-6);
-    EXPECT_NEAR(bands.absorption[7], .6, 1e-6);
+}
+
+/// As many values as a metadata node has say where they begin; beyond them the nearest stands.
+TEST_F(Listen, BandsOfMetadataLieWhereTheirNumberSays) {
+    const auto absorption = [&](const std::string& values) {
+        Scene scene;
+        load(scene,
+             "DEF S Shape { appearance Appearance { acousticProperties DEF A AcousticProperties { absorption .5 "
+             "metadata MetadataSet { value [ MetadataFloat { name \"absorption\" value [ " +
+                 values + " ] } ] } } } }");
+        return acousticMaterial(scene, scene.node(scene.findName("A")), AcousticMaterial{}).absorption;
+    };
+    const auto expect = [&](const std::string& values, const Bands& bands) {
+        const Bands got = absorption(values);
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            EXPECT_NEAR(got[b], bands[b], 1e-6) << values << ": " << kBandHz[b];
+    };
+    expect(".05 .1 .15 .2 .25 .3 .35 .4 .45 .5", {.05, .1, .15, .2, .25, .3, .35, .4, .45, .5});
+    expect(".05 .1 .15 .2 .25 .3 .35 .4 .45", {.05, .1, .15, .2, .25, .3, .35, .4, .45, .45});  // 31.5 Hz to 8 kHz
+    expect(".1 .15 .2 .25 .3 .35 .4 .45", {.1, .1, .15, .2, .25, .3, .35, .4, .45, .45});       // 63 Hz to 8 kHz
+    expect(".1 .2 .3 .4 .5 .6 .7", {.1, .1, .1, .2, .3, .4, .5, .6, .7, .7});                   // 125 Hz to 8 kHz
+    expect(".1 .2 .3 .4 .5 .6", {.1, .1, .1, .2, .3, .4, .5, .6, .6, .6});                      // 125 Hz to 4 kHz
+    expect(".1 .2 .3 .4 .5", allBands(.5));                                                     // none: the field
 }
 
 }  // namespace

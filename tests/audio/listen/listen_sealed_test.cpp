@@ -160,7 +160,7 @@ TEST_F(ListenSealed, FiguresThatDoNotExistAreToldAndNothingLeaksIntoThem) {
     EXPECT_EQ(told(*report).size(), 1u);
     ASSERT_EQ(report->sources.size(), 1u);
     EXPECT_TRUE(report->sources[0].trace.silent());
-    EXPECT_TRUE(std::isnan(report->sources[0].metrics.value.g[4]));
+    EXPECT_TRUE(std::isnan(report->sources[0].metrics.value.g[kBand1k]));
     EXPECT_LT(report->rays, 21'000u);  // no more of them for nothing
 }
 

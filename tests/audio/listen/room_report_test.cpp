@@ -41,21 +41,21 @@ RoomReport::Pair pair(const std::string& source, double t30, double c80) {
 TEST(RoomReport, AveragesArithmeticallyOverThePairsThatHaveAFigure) {
     RoomReport report;
     report.pairs = {pair("A", 1, 3), pair("B", 1.2, -1), pair("C", 1.7, kNan)};
-    report.pairs[0].metrics.value.t30[3] = 2;
+    report.pairs[0].metrics.value.t30[kBand1k - 1] = 2;
     const RoomReport::Average all = report.average();
-    EXPECT_NEAR(all.mean.t30[4], 1.3, 1e-12);
-    EXPECT_NEAR(all.deviation.t30[4], std::sqrt((.09 + .01 + .16) / 2), 1e-12);
-    EXPECT_NEAR(all.mean.c80[4], 1, 1e-12);
-    EXPECT_NEAR(all.deviation.c80[4], std::sqrt(8.0), 1e-12);
-    EXPECT_EQ(all.count.t30[4], 3);
-    EXPECT_EQ(all.count.c80[4], 2);
+    EXPECT_NEAR(all.mean.t30[kBand1k], 1.3, 1e-12);
+    EXPECT_NEAR(all.deviation.t30[kBand1k], std::sqrt((.09 + .01 + .16) / 2), 1e-12);
+    EXPECT_NEAR(all.mean.c80[kBand1k], 1, 1e-12);
+    EXPECT_NEAR(all.deviation.c80[kBand1k], std::sqrt(8.0), 1e-12);
+    EXPECT_EQ(all.count.t30[kBand1k], 3);
+    EXPECT_EQ(all.count.c80[kBand1k], 2);
     // ISO 3382-1, table A.1: the mean of 500 and 1000 Hz.
     EXPECT_NEAR(RoomReport::single(all.mean.t30), ((2 + 1.2 + 1.7) / 3 + 1.3) / 2, 1e-12);
     report.pairs.resize(1);
-    EXPECT_TRUE(std::isnan(report.average().deviation.t30[4]));
+    EXPECT_TRUE(std::isnan(report.average().deviation.t30[kBand1k]));
     report.pairs.clear();
-    EXPECT_TRUE(std::isnan(report.average().mean.t30[4]));
-    EXPECT_EQ(report.average().count.t30[4], 0);
+    EXPECT_TRUE(std::isnan(report.average().mean.t30[kBand1k]));
+    EXPECT_EQ(report.average().count.t30[kBand1k], 0);
 }
 
 TEST(RoomReport, SaysWhichBandsDecayWithTwoSlopes) {
@@ -63,14 +63,14 @@ TEST(RoomReport, SaysWhichBandsDecayWithTwoSlopes) {
     report.pairs = {pair("A", 1, 3)};
     EXPECT_EQ(report.toText().find("slope"), std::string::npos);
     EXPECT_EQ(report.toHtml().find("slope"), std::string::npos);
-    report.pairs[0].metrics.value.t30[1] = 2;
-    report.pairs[0].metrics.value.t30[3] = 1.5;
+    report.pairs[0].metrics.value.t30[kBand1k - 3] = 2;
+    report.pairs[0].metrics.value.t30[kBand1k - 1] = 1.5;
     const std::string said = "more than one slope, as of coupled rooms, at 125, 500 Hz";
     EXPECT_NE(report.toText().find("  " + said + "\n"), std::string::npos);
     EXPECT_NE(report.toHtml().find("<p>Decays with " + said + ".</p>"), std::string::npos);
     const auto json = nlohmann::json::parse(report.toJson());
-    EXPECT_EQ(json["pairs"][0]["two_slopes"].dump(), "[false,true,false,true,false,false,false,false]");
-    EXPECT_NEAR(json["pairs"][0]["curvature_percent"][1].get<double>(), 100, 1e-9);
+    EXPECT_EQ(json["pairs"][0]["two_slopes"].dump(), "[false,false,true,false,true,false,false,false,false,false]");
+    EXPECT_NEAR(json["pairs"][0]["curvature_percent"][kBand1k - 3].get<double>(), 100, 1e-9);
 }
 
 TEST(RoomReport, DrawsTheDecayInClosedForm) {
@@ -139,7 +139,15 @@ TEST_F(ReportOfScene, MeasuresEverySourceAtEveryListener) {
     const double volume = 90, area = 2 * (30 + 18 + 15);
     const double eyring = 24 * std::log(10.0) / 343 * volume / (-area * std::log(.8));
     EXPECT_NEAR(RoomReport::single(report->average().mean.t20) / eyring, 1, .1);
-    EXPECT_NEAR(report->pairs[2].metrics.value.t20[4] / eyring, 1, .1);
+    EXPECT_NEAR(report->pairs[2].metrics.value.t20[kBand1k] / eyring, 1, .1);
+
+    // Walls are alike in all bands, and the air takes nothing: one stands for ten, and the report says so.
+    EXPECT_EQ(report->bandsTraced(), 1);
+    EXPECT_EQ(report->bandsMeasured(), 1);
+    EXPECT_NE(report->toText().find("octave bands: 10; computed, as the others are alike: 1 of the walls, 1 of the "
+                                    "figures\n"),
+              std::string::npos);
+    EXPECT_EQ(nlohmann::json::parse(report->toJson())["bands_computed"].dump(), "{\"figures\":1,\"walls\":1}");
 
     auto chosen = sound.survey({{"mine", {3, 3, 1}}});
     ASSERT_TRUE(chosen);

@@ -163,7 +163,7 @@ TEST(SoundScene, OfASceneThatStartsOverHasTheWallsOfItsOwn) {
         const OpenedGeometry room = sound.room({0, 0, 0});
         AcousticHit hit;
         ASSERT_TRUE(room.closest({0, 0, 0}, {1, 0, 0}, 1e6, kNoPlane, hit));
-        EXPECT_NEAR(room.materials()[hit.material].absorption[4], absorption, 1e-6);
+        EXPECT_NEAR(room.materials()[hit.material].absorption[kBand1k], absorption, 1e-6);
         ASSERT_TRUE(replica.reset());
     }
 }

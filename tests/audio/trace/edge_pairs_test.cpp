@@ -178,16 +178,18 @@ TEST(EdgePairs, BehindAThickWallSoundArrivesRoundBothEdges) {
     for (std::size_t b = 0; b < kBandCount; ++b) {
         double mean = 0;
         for (int i = 0; i < 101; ++i)
-            mean += std::norm(bentTwice(barrier(1, 30, 40),
-                                        2 * M_PI * 1000 * std::pow(2.0, double(b) - 4 + (i - 50) / 100.0) / 343)) /
-                    101;
+            mean +=
+                std::norm(bentTwice(barrier(1, 30, 40),
+                                    2 * M_PI * 1000 * std::pow(2.0, double(b) - kBand1k + (i - 50) / 100.0) / 343)) /
+                101;
         EXPECT_NEAR(10 * std::log10(4 * M_PI * arrivals[0].energy[b] / mean), 0, .1) << b;
     }
     EXPECT_TRUE(wall.arrivals(before(30), behind(40), 1).empty());
     // What the top takes is not sent on.
     const auto dull = thickWall(1).arrivals(before(30), behind(40));
     ASSERT_EQ(dull.size(), 1u);
-    EXPECT_NEAR(10 * std::log10(dull[0].energy[7] / arrivals[0].energy[7]), -20 * std::log10(2), .01);
+    EXPECT_NEAR(10 * std::log10(dull[0].energy[kBand1k + 3] / arrivals[0].energy[kBand1k + 3]), -20 * std::log10(2),
+                .01);
 }
 
 TEST(EdgePairs, EnergyIsContinuousOverBothBoundaries) {

@@ -121,7 +121,7 @@ TEST(ListenerImages, ALambertFloorBesideAMirrorSendsWhatTheIntegralSays) {
             o.receiverRadius = .2;
             const TraceResult result = AcousticTracer(room).trace(source, listener, o);
             double late = 0;
-            for (const Bands& bin : result.echogram().late.bins) late += bin[4];
+            for (const Bands& bin : result.echogram().late.bins) late += bin[kBand1k];
             sum += late / kRuns, squares += late * late / kRuns;
         }
         const double error = std::sqrt((squares - sum * sum) / kRuns);
@@ -144,10 +144,10 @@ TEST(ListenerImages, MoveNoExpectationAndLeaveIntervalsHonest) {
             TraceOptions o = imagesOptions(160, 100 + run, order);
             o.maxSeconds = 1.4;
             const MetricsEstimate m = AcousticTracer(box).trace(kSource, kListener, o).metrics();
-            inG += std::abs(m.value.g[4] - 25.317) <= m.ci95.g[4];
-            inT20 += std::abs(m.value.t20[4] - 1.109) <= m.ci95.t20[4];
-            meanG += m.value.g[4] / kRuns, meanT20 += m.value.t20[4] / kRuns;
-            widths[order] += m.ci95.g[4] / kRuns;
+            inG += std::abs(m.value.g[kBand1k] - 25.317) <= m.ci95.g[kBand1k];
+            inT20 += std::abs(m.value.t20[kBand1k] - 1.109) <= m.ci95.t20[kBand1k];
+            meanG += m.value.g[kBand1k] / kRuns, meanT20 += m.value.t20[kBand1k] / kRuns;
+            widths[order] += m.ci95.g[kBand1k] / kRuns;
         }
         // Binomial with p = .95, n = 120: 4.2 standard deviations below the mean.
         EXPECT_GE(inG, 104) << order;
@@ -174,10 +174,10 @@ TEST(ListenerImages, PathsOfNoKnownImageAreNotLost) {
         estimates[order / 3] =
             AcousticTracer(room).trace(kSource, {4.1, 2.9, 1.4}, imagesOptions(16'000, 5, order)).metrics();
     for (const auto figure : {&RoomMetrics::t20, &RoomMetrics::t30, &RoomMetrics::c80, &RoomMetrics::g}) {
-        const double ci = std::hypot((estimates[0].ci95.*figure)[4], (estimates[1].ci95.*figure)[4]);
-        EXPECT_NEAR((estimates[0].value.*figure)[4], (estimates[1].value.*figure)[4], 1.6 * ci);
+        const double ci = std::hypot((estimates[0].ci95.*figure)[kBand1k], (estimates[1].ci95.*figure)[kBand1k]);
+        EXPECT_NEAR((estimates[0].value.*figure)[kBand1k], (estimates[1].value.*figure)[kBand1k], 1.6 * ci);
     }
-    EXPECT_LT(estimates[1].ci95.g[4], estimates[0].ci95.g[4]);
+    EXPECT_LT(estimates[1].ci95.g[kBand1k], estimates[0].ci95.g[kBand1k]);
 }
 
 }  // namespace

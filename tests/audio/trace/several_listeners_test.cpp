@@ -18,7 +18,7 @@ using test::TriangleGeometry;
 
 double lateEnergy(const TraceResult& result) {
     double sum = 0;
-    for (const Bands& bin : result.echogram().late.bins) sum += bin[4];
+    for (const Bands& bin : result.echogram().late.bins) sum += bin[kBand1k];
     return sum;
 }
 
@@ -81,14 +81,15 @@ TEST(SeveralListeners, HearWhatEachHearsAlone) {
             const TraceResult alone = tracer.trace(source, listeners[i], shortTrace(9600, 4, 2));
             ASSERT_EQ(shared[i].arrivals.size(), alone.arrivals.size());
             EXPECT_EQ(shared[i].receiverRadius, alone.receiverRadius);
-            EXPECT_NEAR(shared[i].absorbed[4], 1, .01);
+            EXPECT_NEAR(shared[i].absorbed[kBand1k], 1, .01);
             const MetricsEstimate a = shared[i].metrics(), b = alone.metrics();
             for (const auto figure : {&RoomMetrics::edt, &RoomMetrics::t20, &RoomMetrics::t30, &RoomMetrics::c80,
                                       &RoomMetrics::d50, &RoomMetrics::ts, &RoomMetrics::g}) {
-                const double ci = std::hypot((a.ci95.*figure)[4], (b.ci95.*figure)[4]);
+                const double ci = std::hypot((a.ci95.*figure)[kBand1k], (b.ci95.*figure)[kBand1k]);
                 // Of some hundred comparisons in all beyond twice the interval by chance one in a hundred runs.
-                EXPECT_NEAR((a.value.*figure)[4], (b.value.*figure)[4], 2 * ci) << i << " through " << transmission;
-                EXPECT_LT((a.ci95.*figure)[4], 4 * (b.ci95.*figure)[4]) << i;
+                EXPECT_NEAR((a.value.*figure)[kBand1k], (b.value.*figure)[kBand1k], 2 * ci)
+                    << i << " through " << transmission;
+                EXPECT_LT((a.ci95.*figure)[kBand1k], 4 * (b.ci95.*figure)[kBand1k]) << i;
             }
         }
     }

@@ -119,10 +119,11 @@ TEST(Edges, BehindAHalfPlaneSoundArrivesByWayOfTheEdge) {
             // The octave's mean of what Wedge.TheHalfPlaneHasTheLevelsOfTheExactSolution compares.
             double mean = 0;
             for (int i = 0; i < 101; ++i)
-                mean += std::norm(wedgeField(pathTo(degrees),
-                                             2 * M_PI * 1000 * std::pow(2.0, double(b) - 4 + (i - 50) / 100.0) / 343)
-                                      .total()) /
-                        101;
+                mean +=
+                    std::norm(wedgeField(pathTo(degrees),
+                                         2 * M_PI * 1000 * std::pow(2.0, double(b) - kBand1k + (i - 50) / 100.0) / 343)
+                                  .total()) /
+                    101;
             EXPECT_NEAR(10 * std::log10(4 * M_PI * arrivals[0].energy[b] / mean), 0, .1) << degrees << ' ' << b;
         }
         EXPECT_TRUE(wall.arrivals(source, about(2, degrees, 1), 0).empty());
@@ -141,13 +142,13 @@ TEST(Edges, EnergyIsContinuousFromLightToShadowAndRoundTheImage) {
         // Without edges it is a step.
         const Bands lit = total(wall.arrivals(source, about(2, boundary - .1, 1), 0));
         const Bands dark = total(wall.arrivals(source, about(2, boundary + .1, 1), 0));
-        EXPECT_GT(lit[4], 1.2 * dark[4]);
+        EXPECT_GT(lit[kBand1k], 1.2 * dark[kBand1k]);
     }
     // No steps anywhere else.
     Bands last = at(10);
     for (double degrees = 10.5; degrees < 350; degrees += .5) {
         const Bands now = at(degrees);
-        for (std::size_t b = 0; b < 4; ++b)
+        for (std::size_t b = 0; b < kBand1k; ++b)
             ASSERT_NEAR(10 * std::log10(now[b] / last[b]), 0, .5) << degrees << ' ' << b;
         last = now;
     }
@@ -173,8 +174,9 @@ TEST(Edges, AreThoseRoundWhichSoundBends) {
     const Walled dull({{0, 0, -200}, {200, 0, -200}, {200, 0, 200}, {0, 0, 200}}, {0, 1, 2, 0, 2, 3}, 1);
     const auto dark = dull.arrivals(about(3, 60, 0), about(2, 300, 1));
     ASSERT_EQ(dark.size(), 1u);
-    EXPECT_NEAR(4 * M_PI * dark[0].energy[7], std::norm(wedgeField(pathTo(300), 2 * M_PI * 8000 / 343).besideDirect),
-                .1 * 4 * M_PI * dark[0].energy[7]);
+    EXPECT_NEAR(4 * M_PI * dark[0].energy[kBand1k + 3],
+                std::norm(wedgeField(pathTo(300), 2 * M_PI * 8000 / 343).besideDirect),
+                .1 * 4 * M_PI * dark[0].energy[kBand1k + 3]);
 }
 
 TEST(Edges, SeamsOfWallsAreNone) {

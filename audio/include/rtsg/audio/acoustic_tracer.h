@@ -65,6 +65,8 @@ struct TraceResult {
     std::vector<Arrival> arrivals;         // exact part
     std::vector<EnergyHistogram> batches;  // random part: equally good estimates of the same
     std::uint64_t rays = 0;
+    /// Bands that were traced; walls treat the others as one of them, so that these cost nothing.
+    int bandsTraced = 0;
     int imageOrder = 0;     // that was complete within maxImageCandidates
     double imageShare = 0;  // of energy that the paths of images keep at best, at least
     std::size_t imageCandidates = 0;

@@ -1,6 +1,6 @@
 // Octave bands and the air between walls.
 //
-// Every band quantity of the library is a Bands: eight doubles for the octaves from 63 Hz to 8 kHz.
+// Every band quantity of the library is a Bands: ten doubles for the octaves from 31.5 Hz to 16 kHz.
 // Source: ISO 266 nominal mid-frequencies; air absorption by ISO 9613-1:1993, equations (3) to (6), evaluated at the
 // exact mid-frequencies 1000 * 10^(3k/10) Hz, as the tables of ISO 9613-2 are.
 // Threading: pure functions.
@@ -11,10 +11,12 @@
 
 namespace rtsg {
 
-constexpr int kBandCount = 8;
+constexpr int kBandCount = 10;
 using Bands = std::array<double, kBandCount>;
 /// Nominal mid-frequencies, Hz.
-constexpr Bands kBandHz{63, 125, 250, 500, 1000, 2000, 4000, 8000};
+constexpr Bands kBandHz{31.5, 63, 125, 250, 500, 1000, 2000, 4000, 8000, 16000};
+/// The index of the octave of 1 kHz; that of 1000 * 2^k Hz is kBand1k + k.
+constexpr int kBand1k = 5;
 
 constexpr Bands allBands(double value) {
     Bands result{};

@@ -30,6 +30,8 @@ struct MetricsEstimate {
     RoomMetrics value;
     /// Half width of the 95 % interval; 0 where there is nothing random, NaN where it cannot be had.
     RoomMetrics ci95;
+    /// Of how many bands figures were worked out; the others hold the same as one of them.
+    int bandsApart = 0;
 };
 
 /// The degree of curvature of a decay, percent: 100 (T30 / T20 - 1); NaN without a T30. ISO 3382-2:2008, annex B.

@@ -33,6 +33,7 @@ struct RoomReport {
         MetricsEstimate metrics;
         Bands escaped{};  // share of the energy
         Echogram echogram;
+        int bandsTraced = 0;  // TraceResult::bandsTraced
     };
     /// Where what one source emits leaves the room.
     struct Losses {
@@ -53,11 +54,15 @@ struct RoomReport {
     Diagnostics diagnostics;     // leaks and sealed sources that were not told before
 
     Average average() const;
+    /// The most bands that rays were followed for, and that figures were worked out for, at any pair: what walls and
+    /// air treat alike is computed once.
+    int bandsTraced() const;
+    int bandsMeasured() const;
     /// The mean of the octaves of 500 and 1000 Hz.
-    static double single(const Bands& figure) { return (figure[3] + figure[4]) / 2; }
+    static double single(const Bands& figure) { return (figure[kBand1k - 1] + figure[kBand1k]) / 2; }
 
     std::string toText() const;
-    /// {"title":…,"bands_hz":[…],"pairs":[{"source":…,"listener":…,…}],"average":{"mean":{…},"deviation":{…}},
+    /// {"title":…,"bands_hz":[…],"bands_computed":{"walls":…,"figures":…},"pairs":[{"source":…,"listener":…,…}],"average":{"mean":{…},"deviation":{…}},
     /// "single":{…},"losses":[{"source":…,"escaped":…,"openings":[{"kind":"leak","share":…,"center":[…],…}]}]}; what is
     /// no number is null.
     std::string toJson() const;

@@ -5,10 +5,10 @@
 // AcousticProperties: the fields are shares of the incident energy. absorption is lost, refraction passes straight on,
 // diffuse is scattered by Lambert's law, specular mirrored; what is left over goes to diffuse and specular in their
 // proportion, and all of it to specular while specular is 0. Octave bands, which the node has not, may be given by a
-// MetadataFloat (or a MetadataSet of them) in its `metadata`, named like the field, with 8 values from 63 Hz, 7 from
-// 125 Hz, or 6 from 125 Hz on; the air by one in the metadata of a WorldInfo, see readAir(). Source: ISO/IEC 19775-1
-// V4.0 12.4.1 (AcousticProperties), 16.4 (Sound component), 8.2.4 (time-dependent nodes). Threading: apply() on the
-// scene's thread; the rest between two of them.
+// MetadataFloat (or a MetadataSet of them) in its `metadata`, named like the field: 10 or 9 values from 31.5 Hz, 8 from
+// 63 Hz, 7 or 6 from 125 Hz; beyond them the nearest value stands. The air: one in the metadata of a WorldInfo, see
+// readAir(). Source: ISO/IEC 19775-1 V4.0 12.4.1 (AcousticProperties), 16.4 (Sound component), 8.2.4 (time-dependent
+// nodes). Threading: apply() on the scene's thread; the rest between two of them.
 #pragma once
 
 #include <cstdint>
