@@ -71,7 +71,7 @@ int listenLive(const ListenArguments& options) {
 
 /// "X Y Z", with or without commas.
 ListeningPlace parsePlace(const std::string& text) {
-    ListeningPlace place{text, {}};
+    ListeningPlace place{text, {}, {}};
     std::string plain = text;
     std::replace(plain.begin(), plain.end(), ',', ' ');
     std::istringstream in(plain);
@@ -82,14 +82,28 @@ ListeningPlace parsePlace(const std::string& text) {
     return place;
 }
 
-/// Measures the room at many places, in the form that the file's name asks for.
-Result<> writeReport(const ListenArguments& options, SoundRenderer& sound) {
+bool isSofa(const std::string& file) {
+    return std::filesystem::path(file).extension() == ".sofa";
+}
+
+/// Measures the room at many places, in the forms that the files' names ask for.
+Result<> writeSurvey(const ListenArguments& options, SoundRenderer& sound) {
     std::vector<ListeningPlace> places;
     for (const std::string& text : options.places) places.push_back(parsePlace(text));
     auto report = sound.survey(std::move(places));
     if (!report) return std::unexpected(report.error());
     print(report->diagnostics);
-    report->title = "Room acoustics of " + std::filesystem::path(options.scene).filename().string();
+    const std::string scene = std::filesystem::path(options.scene).filename().string();
+    if (isSofa(options.ir)) {
+        report->title = "Impulse responses of " + scene;
+        RoomResponses responses = sound.responses(*report);
+        responses.scene = scene;
+        responses.application = "rtsg";
+        responses.applicationVersion = RTSG_VERSION;
+        if (auto ok = writeSofa(options.ir, responses); !ok) return ok;
+    }
+    if (options.report.empty()) return {};
+    report->title = "Room acoustics of " + scene;
     const std::string form = std::filesystem::path(options.report).extension().string();
     const std::string text = form == ".html"   ? report->toHtml()
                              : form == ".json" ? report->toJson() + "\n"
@@ -106,13 +120,14 @@ int listenTo(const ListenArguments& options) {
         options.sent.given.empty())
         throw UsageError("-o, --ir, --report, --stream-out or --metrics is required");
     options.sound.given.check({options.scene});
-    if (!options.places.empty() && options.report.empty()) throw UsageError("--place is of --report");
+    if (!options.places.empty() && options.report.empty() && !isSofa(options.ir))
+        throw UsageError("--place is of --report and of --ir FILE.sofa");
     for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
     const std::string form = std::filesystem::path(options.report).extension().string();
     if (!options.report.empty() && form != ".html" && form != ".json" && form != ".txt")
         throw UsageError("--report", options.report + ": reports are .html, .json or .txt");
     std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
-                                    {"--ir", options.ir, OutputKind::sound},
+                                    {"--ir", options.ir, isSofa(options.ir) ? OutputKind::report : OutputKind::sound},
                                     {"--report", options.report, OutputKind::report}};
     for (const std::string& file : options.sent.files()) outputs.push_back({"--stream-out", file, OutputKind::sound});
     if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
@@ -125,7 +140,7 @@ int listenTo(const ListenArguments& options) {
     listening.runTo = [&](double t) { running.frameAt(t); };
     listening.sound = !options.out.empty() || !options.sent.given.empty();
     listening.render.keepStreams = !options.sent.given.empty();
-    listening.metrics = options.metrics || options.json || !options.ir.empty();
+    listening.metrics = options.metrics || options.json || (!options.ir.empty() && !isSofa(options.ir));
     const Progress progress = progressBar("listening to " + options.scene);
     listening.progress = [&](double share) {
         if (progress) progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);
@@ -144,11 +159,11 @@ int listenTo(const ListenArguments& options) {
         if (auto ok = writeWav(options.out, report->sound); !ok) return printError(ok.error()), kBad;
     if (auto ok = options.sent.write(report->streams); !ok) return printError(ok.error()), kBad;
     // A response at one metre may exceed full scale: kept as it is, in floating point.
-    if (!options.ir.empty())
+    if (!options.ir.empty() && !isSofa(options.ir))
         if (auto ok = writeWav(options.ir, report->impulseResponses(), WavFormat::float32); !ok)
             return printError(ok.error()), kBad;
-    if (!options.report.empty())
-        if (auto ok = writeReport(options, sound); !ok) return printError(ok.error()), kBad;
+    if (!options.report.empty() || isSofa(options.ir))
+        if (auto ok = writeSurvey(options, sound); !ok) return printError(ok.error()), kBad;
     if (options.metrics || options.json) fmt::print("{}\n", report->toJson());
     return kDone;
 }
@@ -161,12 +176,13 @@ Verb addListen(Command& program) {
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "WAV to write");
     command->addOption("--for", options->duration, "how long")->preset();
-    command->addOption(
-        "--ir", options->ir,
-        "WAV of impulse responses, source by source: mono, or with the channels of --stereo, --binaural, --ambisonic");
+    command->addOption("--ir", options->ir,
+                       "impulse responses, mono or with the channels of --stereo, --binaural, --ambisonic: .wav at the "
+                       "listener, source "
+                       "by source, or .sofa (AES69) from every source to all listeners of the scene, or to --place");
     command->addOption("--report", options->report,
                        "figures by ISO 3382 at all listeners of the scene and their averages: .html, .json or .txt");
-    command->addOption("--place", options->places, "\"X Y Z\" to listen at for --report, once or more often")
+    command->addOption("--place", options->places, "\"X Y Z\" to listen at for --report and .sofa, once or more often")
         ->repeatable();
     command->addFlag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
     command

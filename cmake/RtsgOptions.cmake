@@ -14,7 +14,7 @@ option(RTSG_TESTS "Build the tests" ON)
 # Parts that a build can leave out; what would need them says so at run time.
 option(RTSG_SCRIPTS "Run Script nodes (SpiderMonkey)" ON)
 option(RTSG_SOUND_DEVICE "Stereo and binaural sound (OpenAL)" ON)
-option(RTSG_SOFA "Heads from SOFA files (libmysofa, where it is there)" ON)
+option(RTSG_SOFA "SOFA files: heads (libmysofa) and responses of rooms (netCDF), where these are there" ON)
 option(RTSG_IMAGES "Read and write image files (OpenImageIO)" ON)
 option(RTSG_MOVIES "Show films (FFmpeg's libraries)" ON)
 option(RTSG_FONTS "Draw Text (FreeType, fontconfig; HarfBuzz where it is there)" ON)

@@ -29,7 +29,8 @@ NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}
 # Outside libraries that only one room may include.
 DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
          r"^lib(av|sw)": ("renderers", "movie_module"),
-         r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "signal"), r"^ode/": ("physics", "engine")}
+         r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "signal"), r"^ode/": ("physics", "engine"),
+         r"^netcdf\.h": ("audio", "netcdf_module")}
 
 
 def header_rooms(root, library):

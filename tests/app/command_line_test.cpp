@@ -383,8 +383,8 @@ TEST_F(Listen, ReportsAndWritesSound) {
     const json& source = report.at("sources")[0];
     EXPECT_EQ(source.at("source"), "TONE");
     for (const char* figure : {"bands_hz", "EDT_s", "T20_s", "T30_s", "C50_db", "C80_db", "D50", "Ts_s", "G_db"})
-        EXPECT_EQ(source.at(figure).size(), 8u) << figure;
-    EXPECT_EQ(source.at("ci95").at("T20_s").size(), 8u);
+        EXPECT_EQ(source.at(figure).size(), 10u) << figure;
+    EXPECT_EQ(source.at("ci95").at("T20_s").size(), 10u);
     EXPECT_GT(report.at("rays"), 0);
     EXPECT_TRUE(report.contains("seconds") && report.contains("escaped"));
     EXPECT_EQ(readFile(ir).substr(0, 4), "RIFF");
@@ -397,6 +397,25 @@ TEST_F(Listen, ReportsAndWritesSound) {
     const Outcome field = rtsg({"listen", file, "-o", wav, "--for", "0.25s", "--ambisonic", "2", "--rays", "300"});
     ASSERT_EQ(field.status, 0) << field.err;
     EXPECT_NEAR(static_cast<double>(readFile(wav).size()), 48000 * 0.25 * 27, 400);
+}
+
+TEST_F(Listen, WritesResponsesOfAllPlacesAsSofa) {
+    const std::string sofa = folder / "room.sofa", wav = folder / "room.wav";
+    const Outcome one = rtsg({"listen", file, "--ir", sofa, "--rays", "300"});
+    ASSERT_EQ(one.status, 0) << one.err;
+    ASSERT_EQ(rtsg({"listen", file, "--ir", wav, "--rays", "300"}).status, 0);
+    const std::string bytes = readFile(sofa);
+    EXPECT_THAT(bytes, testing::StartsWith("\x89HDF\r\n"));
+    EXPECT_THAT(bytes, HasSubstr("SingleRoomSRIR"));
+    // Doubles in place of floats, and some kilobytes of what says where they belong.
+    const double samples = (static_cast<double>(readFile(wav).size()) - 44) / 4;
+    EXPECT_GT(static_cast<double>(bytes.size()), 8 * samples);
+    EXPECT_LT(static_cast<double>(bytes.size()), 8 * samples + 40'000);
+    const Outcome two =
+        rtsg({"listen", file, "--ir", sofa, "--rays", "300", "--place", "0 1 2", "--place", "1,1,-2.5"});
+    ASSERT_EQ(two.status, 0) << two.err;
+    EXPECT_GT(readFile(sofa).size(), 1.5 * static_cast<double>(bytes.size()));
+    EXPECT_EQ(rtsg({"listen", file, "--ir", wav, "--place", "1 2 3"}).status, 2);
 }
 
 TEST_F(Listen, ReportsRoomsOfManyPlaces) {
@@ -412,7 +431,7 @@ TEST_F(Listen, ReportsRoomsOfManyPlaces) {
     ASSERT_EQ(report.at("pairs").size(), 2u);
     EXPECT_EQ(report.at("pairs")[1].at("listener_position"), json({1, 1, -2.5}));
     for (const char* part : {"mean", "deviation", "count"})
-        EXPECT_EQ(report.at("average").at(part).at("T20_s").size(), 8u) << part;
+        EXPECT_EQ(report.at("average").at(part).at("T20_s").size(), 10u) << part;
     EXPECT_EQ(report.at("average").at("count").at("G_db")[3], 2);
     EXPECT_TRUE(report.at("single").at("G_db").is_number());
     ASSERT_EQ(rtsg({"listen", file, "--report", text, "--rays", "300"}).status, 0);

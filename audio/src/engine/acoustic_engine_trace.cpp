@@ -13,14 +13,6 @@ constexpr double kTurned = 0.998;
 /// So many sources look for leaks, and with so many rays of each batch.
 constexpr int kLeakSearches = 8, kLeakExits = 32;
 
-/// The direction that an emitter faces, in the world.
-glm::dvec3 aimOf(const SoundEmitter& emitter) {
-    const WorldFromLocal& m = emitter.worldFromLocal;
-    const glm::dvec3 aim = glm::dmat3(m[0], m[1], m[2]) * emitter.sound->direction;
-    const double length = glm::length(aim);
-    return length > 0 && std::isfinite(length) ? aim / length : glm::dvec3(0);
-}
-
 }  // namespace
 
 /// What it sends where, relative to what its level would be if it sent alike to all sides as it does to the listener.
@@ -49,7 +41,7 @@ bool AcousticEngine::Impl::mustTrace(const SoundEmitter& emitter, const EmitterS
                        glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
                        glm::dot(state.tracedRight, listener.right) < kTurned ||
                        (options.ambisonicOrder > 0 && glm::dot(state.tracedBack, listener.back) < kTurned) ||
-                       (aimed && !(glm::dot(state.tracedAim, aimOf(emitter)) >= kTurned));
+                       (aimed && !(glm::dot(state.tracedAim, emitter.aim()) >= kTurned));
     return (moved || (state.wallsChanged && shallSeekLeaks(state))) &&
            seconds() >= state.tracedAt + options.retraceSeconds;
 }
@@ -109,7 +101,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     state.tracedListener = listener.position;
     state.tracedRight = listener.right;
     state.tracedBack = listener.back;
-    state.tracedAim = aimOf(emitter);
+    state.tracedAim = emitter.aim();
     state.stale = false;
     if (!worker) {
         takeResponse(traceResponse(job, geometry));

@@ -1,5 +1,6 @@
 // Sound from the shared world: following it, making sound frame by frame, measuring rooms.
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -10,6 +11,7 @@
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/renderers/parallel_for.h>
 
 #include "audio_events.h"
 #include "sealed_text.h"
@@ -40,6 +42,23 @@ double schroederFrequency(const AcousticGeometry& geometry, const glm::dvec3& so
     const Surroundings around = surroundings(geometry, offWalls(geometry, listener, source), 1, 2048);
     return around.closed ? 2000 * std::sqrt(reverberationTime / around.volume)
                          : std::numeric_limits<double>::quiet_NaN();
+}
+
+/// Where all walls lie on six planes along the axes, two for each.
+std::optional<RoomBox> boxOf(const AcousticGeometry& geometry) {
+    if (geometry.planes().size() != 6) return std::nullopt;
+    RoomBox box;
+    std::array<int, 3> found{};
+    for (const ReflectingPlane& plane : geometry.planes())
+        for (int axis = 0; axis < 3; ++axis) {
+            if (std::abs(plane.normal[axis]) < 1 - 1e-9) continue;
+            const double at = plane.offset / plane.normal[axis];
+            const int before = found[static_cast<std::size_t>(axis)]++;
+            box.low[axis] = before ? std::min(box.low[axis], at) : at;
+            box.high[axis] = before ? std::max(box.high[axis], at) : at;
+        }
+    if (found != std::array{2, 2, 2}) return std::nullopt;
+    return box;
 }
 
 }  // namespace
@@ -229,6 +248,8 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
     if (places.empty()) places = sounds.places();
     std::vector<glm::dvec3> listeners;
     for (const ListeningPlace& place : places) listeners.push_back(place.position);
+    const ListenerPose& pose = sounds.listener();
+    const glm::dmat3 axes(pose.right, pose.up, pose.back);
     RoomReport report;
     report.title = "Room acoustics";
     report.air = s.renderer->air();
@@ -249,7 +270,9 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
                 const ListeningPlace& place = places[first + i];
                 rays = std::max(rays, source.trace.rays);
                 report.pairs.push_back({source.source, place.name, source.position, place.position, source.metrics,
-                                        source.trace.escaped, source.trace.echogram(), source.trace.bandsTraced});
+                                        source.trace.escaped, source.trace.echogram(), source.trace.bandsTraced,
+                                        sounds.sound(emitter).directional(false) ? emitter.aim() : glm::dvec3(0),
+                                        place.axes.value_or(axes)});
             }
             report.rays += rays;
             if (first == 0 && !sources->empty()) report.losses.push_back({emitter.name, sources->front().openings});
@@ -258,6 +281,35 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
     report.seconds = secondsSince(start);
     s.tell(world().scene(), report.diagnostics);
     return report;
+}
+
+RoomResponses SoundRenderer::responses(const RoomReport& report, int sampleRate) {
+    Impl& s = *impl_;
+    RoomResponses room;
+    room.title = report.title;
+    room.scene = s.options.render.document;
+    room.channels = s.options.responses;
+    room.ambisonicOrder = std::max(1, s.options.render.ambisonicOrder);
+    room.sampleRate = sampleRate;
+    room.air = report.air;
+    if (!report.pairs.empty()) room.box = boxOf(s.renderer->geometryFor(report.pairs.front().sourceAt));
+    for (const RoomReport::Pair& pair : report.pairs)
+        room.pairs.push_back(
+            {pair.source, pair.listener, pair.sourceAt, pair.listenerAt, pair.sourceAim, pair.listenerAxes, {}});
+    parallelFor(room.pairs.size(), [&](std::size_t i) {
+        ImpulseResponseOptions options;
+        options.channels = room.channels;
+        options.ambisonicOrder = room.ambisonicOrder;
+        const auto& head = s.options.render.hrtf;
+        if (head && head->sampleRate() == sampleRate) options.hrtf = head;
+        options.sampleRate = sampleRate;
+        options.listenerRight = room.pairs[i].listenerAxes[0];
+        options.listenerUp = room.pairs[i].listenerAxes[1];
+        options.listenerBack = room.pairs[i].listenerAxes[2];
+        options.speedOfSound = room.air.speedOfSound;
+        room.pairs[i].response = makeImpulseResponse(report.pairs[i].echogram, options);
+    });
+    return room;
 }
 
 ListenReport SoundRenderer::finish() {

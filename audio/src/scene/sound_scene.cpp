@@ -149,6 +149,12 @@ auto emitterFrom(Emitters& emitters, std::uint32_t slot) {
 
 }  // namespace
 
+glm::dvec3 SoundEmitter::aim() const {
+    const glm::dvec3 way = glm::dmat3(worldFromLocal[0], worldFromLocal[1], worldFromLocal[2]) * sound->direction;
+    const double length = glm::length(way);
+    return length > 0 && std::isfinite(length) ? way / length : glm::dvec3(0);
+}
+
 glm::dvec3 SoundEmitter::position() const {
     const glm::dvec3 p = worldFromLocal * glm::dvec4(sound->location, 1.0);
     return std::isfinite(p.x + p.y + p.z) ? p : glm::dvec3(kNowhere);
@@ -213,9 +219,10 @@ void SoundScene::findPlaces(const Scene& scene) {
     for (const auto& [slot, placed] : chosen) {
         std::string name = nameOf(scene, scene.node(placed->node));
         if (named[name] > 1) name += fmt::format(" {}", ++seen[name]);
-        places_.push_back({std::move(name), poseOf(scene, *placed).position});
+        const ListenerPose pose = poseOf(scene, *placed);
+        places_.push_back({std::move(name), pose.position, glm::dmat3(pose.right, pose.up, pose.back)});
     }
-    if (places_.empty()) places_.push_back({"listener", listener_.position});
+    if (places_.empty()) places_.push_back({"listener", listener_.position, {}});
 }
 
 void SoundScene::chooseListener(const Scene& scene) {

@@ -47,7 +47,7 @@ void cover(const TriangleGeometry& room, std::uint64_t rays, int runs, double se
 /// few of them.
 TEST(IntervalCoverage, IsWhatIntervalsSayInRoomsThatScatterLittleAndMuchByFewAndManyRays) {
     Shoebox uneven = Shoebox::uniform({6, 5, 3}, .1, .3);
-    uneven.absorption[kBand1k] = uneven.absorption[kBand1k + 1] = .5;
+    uneven.absorption[4] = uneven.absorption[5] = .5;
     Covered few, many;
     const auto take = [&](const Shoebox& box, double seconds) {
         const TriangleGeometry room = box.geometry();

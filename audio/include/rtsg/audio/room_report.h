@@ -33,7 +33,9 @@ struct RoomReport {
         MetricsEstimate metrics;
         Bands escaped{};  // share of the energy
         Echogram echogram;
-        int bandsTraced = 0;  // TraceResult::bandsTraced
+        int bandsTraced = 0;           // TraceResult::bandsTraced
+        glm::dvec3 sourceAim{0};       // where it points, of unit length; 0 if it radiates alike to all sides
+        glm::dmat3 listenerAxes{1.0};  // right, up, back
     };
     /// Where what one source emits leaves the room.
     struct Losses {

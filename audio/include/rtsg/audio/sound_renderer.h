@@ -27,6 +27,7 @@
 
 #include <rtsg/audio/listen.h>
 #include <rtsg/audio/room_report.h>
+#include <rtsg/audio/room_responses.h>
 #include <rtsg/renderers/world_renderer.h>
 
 namespace rtsg {
@@ -64,6 +65,9 @@ class SoundRenderer final : public WorldRenderer {
     /// Traces every source to every place, or if none is given to those of the scene (SoundScene::places()), at the
     /// present state; places share the rays of a source. Errors: cancelled, no sources.
     Result<RoomReport> survey(std::vector<ListeningPlace> places = {});
+    /// Impulse responses of the pairs of a survey() at the present state, with the channels that the options ask for:
+    /// those of impulseResponses() where listener and source are the same.
+    RoomResponses responses(const RoomReport& report, int sampleRate = 48000);
     /// The report so far, with the sound made not to clip. Ends the sound. Its diagnostics are those of sounds alone.
     ListenReport finish();
 

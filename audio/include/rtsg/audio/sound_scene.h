@@ -139,6 +139,8 @@ struct SoundEmitter {
 
     /// In the world; out of all hearing when it is not a number.
     glm::dvec3 position() const;
+    /// Where it points in the world, of unit length; 0 if it points nowhere.
+    glm::dvec3 aim() const;
     /// The place in the node's frame that lies by this from the emitter in the world; as it is if the frame is
     /// singular.
     glm::dvec3 localFrom(const glm::dvec3& offset) const;
@@ -158,6 +160,8 @@ struct ListenerPose {
 struct ListeningPlace {
     std::string name;
     glm::dvec3 position{0};
+    /// Right, up, back; nothing: those of the scene's listener.
+    std::optional<glm::dmat3> axes = std::nullopt;
 };
 
 /// Who sounds and who listens, as a version that does not change.
