@@ -51,19 +51,21 @@ TEST(IntervalCoverage, IsWhatIntervalsSayInRoomsThatScatterLittleAndMuchByFewAnd
     Covered few, many;
     const auto take = [&](const Shoebox& box, double seconds) {
         const TriangleGeometry room = box.geometry();
-        cover(room, 400, 90, seconds, few);
-        cover(room, 2400, 24, seconds, many);
+        cover(room, 400, 120, seconds, few);
+        cover(room, 2400, 60, seconds, many);
     };
     take(Shoebox::uniform({6, 5, 3}, .1, .5), 1.4);
     take(Shoebox::uniform({6, 5, 3}, .1, .1), 1.5);
     take(Shoebox::uniform({6, 5, 3}, .3, 1), .6);
     take(uneven, .9);
     for (std::size_t f = 0; f < 8; ++f) {
-        // Binomial with p = .95: one standard deviation is .0115 of few rays, .022 of many, .010 of all.
+        // Binomial with p = .95: one standard deviation is .010 of few rays, .014 of many, .008 of all. Of few
+        // rays the lively axis of the uneven room is told too late now and then.
         EXPECT_NEAR(few.times[f] / few.runs, .95, .035) << kNames[f];
-        EXPECT_NEAR(many.times[f] / many.runs, .95, .066) << kNames[f];
-        EXPECT_NEAR((few.times[f] + many.times[f]) / (few.runs + many.runs), .95, .03) << kNames[f];
-        RecordProperty(kNames[f], std::to_string(few.times[f] / few.runs));
+        EXPECT_NEAR(many.times[f] / many.runs, .95, .035) << kNames[f];
+        EXPECT_NEAR((few.times[f] + many.times[f]) / (few.runs + many.runs), .95, .025) << kNames[f];
+        RecordProperty(std::string(kNames[f]) + "_few", std::to_string(few.times[f] / few.runs));
+        RecordProperty(std::string(kNames[f]) + "_many", std::to_string(many.times[f] / many.runs));
     }
 }
 
