@@ -20,6 +20,8 @@ constexpr FileCode kFileCodes[] = {
     {"/core/src/value/read_descriptor", DiagnosticCode("file")},
     {"/core/src/value/module", DiagnosticCode("module")},
     {"/core/src/value/geo_system", DiagnosticCode("geography")},
+    {"/core/src/value/dis_pdu", DiagnosticCode("pdu")},
+    {"/core/src/value/dead_reckoning", DiagnosticCode("geography")},
     {"/core/src/document/reader", DiagnosticCode("parse")},
     {"/core/src/document/json_outline", DiagnosticCode("parse")},
     {"/core/src/document/import", DiagnosticCode("parse")},
@@ -52,6 +54,7 @@ constexpr FileCode kFileCodes[] = {
     {"/sync/src/mirror/upstream", DiagnosticCode("request-refused")},
     {"/sync/src/mirror/", DiagnosticCode("mirror")},
     {"/physics/src/", DiagnosticCode("physics")},
+    {"/dis/src/", DiagnosticCode("dis")},
     {"/app/", DiagnosticCode("command-line")},
 };
 

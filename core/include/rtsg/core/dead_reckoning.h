@@ -1,0 +1,52 @@
+// Dead reckoning: where an entity is some time after an Entity State PDU, and how the world of an exercise lies in a
+// scene.
+//
+// All in double; errors are those of double precision, whatever the rotation rate. Threading: values.
+// Source: IEEE 1278.1-2012 annex E (models 0 to 9); ISO/IEC 19775-1 V4.0 clause 28, 25.2. The body's acceleration of
+// models 6 to 9 is the rate of change of its velocity in its own, turning axes.
+#pragma once
+
+#include <glm/gtc/quaternion.hpp>
+
+#include <rtsg/core/dis_pdu.h>
+#include <rtsg/core/value.h>
+
+namespace rtsg::dis {
+
+/// World from body.
+glm::dquat orientationOf(const EulerAngles& angles);
+/// Of a unit quaternion; where the nose points straight up or down, phi is 0.
+EulerAngles anglesOf(const glm::dquat& worldFromBody);
+
+struct EntityPose {
+    glm::dvec3 location{0};
+    glm::dquat worldFromBody{1, 0, 0, 0};
+};
+/// `seconds` after the PDU. Models 0 and 1 and those above 9 stand.
+EntityPose deadReckon(const EntityState& state, double seconds);
+/// The linear velocity and acceleration are in the body's axes.
+bool isBodyModel(std::uint8_t deadReckoning);
+/// Whether deadReckon() gives another pose at another time.
+bool isMoving(const EntityState& state);
+
+/// Where geoSystem and geoCoords put the coordinates of a node: x to the east, y up and z to the south of the place
+/// geoCoords; in a geocentric system at the middle of the Earth, its axes. Where geoCoords are 0 0 0 in another system
+/// nobody has said a place, and the exercise is on a plane: its x is ours, its y our z, and its z, which is down, our
+/// -y.
+struct ExerciseFrame {
+    glm::dvec3 origin{0};
+    glm::dmat3 sceneFromWorld{1};
+
+    /// Error: a geoSystem that is none; geoCoords that are no place.
+    static Result<ExerciseFrame> of(const Array<String>& geoSystem, const Vec3d& geoCoords);
+    glm::dvec3 toScene(const glm::dvec3& location) const { return sceneFromWorld * (location - origin); }
+    glm::dvec3 toWorld(const glm::dvec3& point) const { return origin + glm::transpose(sceneFromWorld) * point; }
+    /// A model looks along x, has y up and z to its right; a body looks along x, has y to its right and z down.
+    glm::dquat toScene(const glm::dquat& worldFromBody) const;
+    glm::dquat toWorld(const glm::dquat& sceneFromModel) const;
+};
+/// Of a vector: from the body's axes to the model's and back.
+glm::dvec3 modelFromBody(const glm::dvec3& v);
+glm::dvec3 bodyFromModel(const glm::dvec3& v);
+
+}  // namespace rtsg::dis

@@ -1,0 +1,211 @@
+// Protocol data units of Distributed Interactive Simulation: what their bytes mean, both ways.
+//
+// Versions 5 to 7 of the protocol, which have the same layout for these types. Numbers are big-endian; positions are
+// metres in the world of the exercise (geocentric as a rule), directions of a body x forward, y to the right, z down,
+// angles radians. What is decoded is whole and finite, or an error. Threading: values.
+// Source: IEEE 1278.1-2012, clause 7 (layouts) and 6.2 (records); 1278.1A-1998 for the types of radios; RFC 3550 for
+// the header that RTP puts before a datagram.
+
+// Example:
+//     #include <rtsg/core/dis_pdu.h>
+//     const std::vector<std::uint8_t> datagram = rtsg::dis::encode({{}, rtsg::dis::RemoveEntity{{1, 2, 3}, {4, 5,
+//     6}}}); const auto pdu = rtsg::dis::decode(datagram); if (pdu) std::cout <<
+//     std::get<rtsg::dis::RemoveEntity>(pdu->body).receiver.entity << '\n';  // 6
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <glm/vec3.hpp>
+
+#include <rtsg/core/diagnostic.h>
+
+namespace rtsg::dis {
+
+enum class PduType : std::uint8_t {
+    entityState = 1,
+    fire = 2,
+    detonation = 3,
+    collision = 4,
+    createEntity = 11,
+    removeEntity = 12,
+    transmitter = 25,
+    signal = 26,
+    receiver = 27,
+    collisionElastic = 66,
+};
+
+struct Header {
+    std::uint8_t version = 7, exercise = 1;
+    std::uint32_t timestamp = 0;  // of the hour, in 3600 s / 2^31, times 2; odd: of the absolute time
+    std::uint8_t status = 0;      // of version 7
+    friend bool operator==(const Header&, const Header&) = default;
+};
+/// Of the hour; seconds from 0 to 3600.
+double secondsOf(std::uint32_t timestamp);
+std::uint32_t timestampOf(double secondsSince1970, bool isAbsolute);
+
+struct EntityId {
+    std::uint16_t site = 0, application = 0, entity = 0;
+    friend auto operator<=>(const EntityId&, const EntityId&) = default;
+};
+struct EntityType {
+    std::uint8_t kind = 0, domain = 0;
+    std::uint16_t country = 0;
+    std::uint8_t category = 0, subcategory = 0, specific = 0, extra = 0;
+    friend bool operator==(const EntityType&, const EntityType&) = default;
+};
+struct EventId {
+    std::uint16_t site = 0, application = 0, number = 0;
+    friend bool operator==(const EventId&, const EventId&) = default;
+};
+/// Radians: psi about z, then theta about the new y, then phi about the new x.
+struct EulerAngles {
+    float psi = 0, theta = 0, phi = 0;
+    friend bool operator==(const EulerAngles&, const EulerAngles&) = default;
+};
+struct Articulation {
+    std::uint8_t designator = 0, change = 0;  // 0: an articulated part; 1: an attached one, whose value is none
+    std::uint16_t attachedTo = 0;
+    std::uint32_t type = 0;
+    float value = 0;
+    friend bool operator==(const Articulation&, const Articulation&) = default;
+};
+
+struct EntityState {
+    static constexpr std::uint32_t kDeactivated = 1u << 23;  // in `appearance`: the last PDU of an entity
+    EntityId id;
+    std::uint8_t force = 0;
+    EntityType type, alternativeType;
+    glm::vec3 velocity{0};  // m/s; of the body's axes where the dead reckoning is (6 to 9)
+    glm::dvec3 location{0};
+    EulerAngles orientation;
+    std::uint32_t appearance = 0;
+    std::uint8_t deadReckoning = 0;
+    std::array<std::uint8_t, 15> deadReckoningParameters{};
+    glm::vec3 acceleration{0}, angularVelocity{0};  // m/s2, axes as the velocity's; rad/s about the body's axes
+    std::uint8_t markingCharacters = 1;             // 1: ASCII
+    std::string marking;                            // 11 bytes at most
+    std::uint32_t capabilities = 0;
+    std::vector<Articulation> articulations;  // 255 at most
+    friend bool operator==(const EntityState&, const EntityState&) = default;
+};
+
+struct Descriptor {
+    EntityType type;
+    std::uint16_t warhead = 0, fuse = 0, quantity = 0, rate = 0;
+    friend bool operator==(const Descriptor&, const Descriptor&) = default;
+};
+struct Fire {
+    EntityId firing, target, munition;
+    EventId event;
+    std::uint32_t mission = 0;
+    glm::dvec3 location{0};
+    Descriptor descriptor;
+    glm::vec3 velocity{0};
+    float range = 0;
+    friend bool operator==(const Fire&, const Fire&) = default;
+};
+struct Detonation {
+    EntityId firing, target, munition;
+    EventId event;
+    glm::vec3 velocity{0};
+    glm::dvec3 location{0};
+    Descriptor descriptor;
+    glm::vec3 relativeLocation{0};  // in the target's axes
+    std::uint8_t result = 0;
+    std::vector<Articulation> articulations;
+    friend bool operator==(const Detonation&, const Detonation&) = default;
+};
+/// Also what a Collision-Elastic PDU (type 66) has in common with it; that is decoded and not encoded.
+struct Collision {
+    EntityId issuing, colliding;
+    EventId event;
+    std::uint8_t type = 0;
+    glm::vec3 velocity{0};
+    float mass = 0;
+    glm::vec3 location{0};
+    friend bool operator==(const Collision&, const Collision&) = default;
+};
+struct CreateEntity {
+    EntityId originator, receiver;
+    std::uint32_t request = 0;
+    friend bool operator==(const CreateEntity&, const CreateEntity&) = default;
+};
+struct RemoveEntity {
+    EntityId originator, receiver;
+    std::uint32_t request = 0;
+    friend bool operator==(const RemoveEntity&, const RemoveEntity&) = default;
+};
+
+struct Transmitter {
+    EntityId id;
+    std::uint16_t radio = 0;
+    std::uint8_t kind = 0, domain = 0;
+    std::uint16_t country = 0;
+    std::uint8_t category = 0, nomenclatureVersion = 0;
+    std::uint16_t nomenclature = 0;
+    std::uint8_t state = 0, inputSource = 0;
+    glm::dvec3 antennaLocation{0};
+    glm::vec3 relativeAntennaLocation{0};
+    std::uint16_t antennaPatternType = 0;
+    std::uint64_t frequency = 0;     // Hz
+    float bandwidth = 0, power = 0;  // Hz; dBm
+    std::uint16_t spreadSpectrum = 0, majorModulation = 0, detail = 0, system = 0;
+    std::uint16_t cryptoSystem = 0, cryptoKey = 0;
+    std::vector<std::uint8_t> modulationParameters,
+        antennaPattern;  // whole multiples of 8 bytes; 255 and 65,535 at most
+    friend bool operator==(const Transmitter&, const Transmitter&) = default;
+};
+struct Signal {
+    EntityId id;
+    std::uint16_t radio = 0, encoding = 0, tdlType = 0;
+    std::uint32_t sampleRate = 0;  // Hz, or bits a second
+    std::uint16_t bits = 0, samples = 0;
+    std::vector<std::uint8_t> data;  // ceil(bits / 8) bytes
+    friend bool operator==(const Signal&, const Signal&) = default;
+};
+struct Receiver {
+    EntityId id;
+    std::uint16_t radio = 0, state = 0;
+    float power = 0;  // dBm
+    EntityId transmitter;
+    std::uint16_t transmitterRadio = 0;
+    friend bool operator==(const Receiver&, const Receiver&) = default;
+};
+
+struct Pdu {
+    Header header;
+    std::variant<EntityState, Fire, Detonation, Collision, CreateEntity, RemoveEntity, Transmitter, Signal, Receiver>
+        body;
+    friend bool operator==(const Pdu&, const Pdu&) = default;
+};
+
+/// Of a datagram's first PDU, from the header alone. Errors: fewer than 12 bytes, another version than 5 to 7, a length
+/// that is none or is not there.
+struct Outline {
+    PduType type{};
+    std::size_t length = 0;
+};
+Result<Outline> outlineOf(std::span<const std::uint8_t> bytes);
+/// Whether decode() knows the type.
+bool isKnown(PduType type);
+
+/// What follows the PDU is left alone. Errors: as outlineOf(); a type that is none of these; counts that lead beyond
+/// its end; a number that is not finite.
+Result<Pdu> decode(std::span<const std::uint8_t> bytes);
+/// Precondition, checked: lists are no longer than their limits.
+std::vector<std::uint8_t> encode(const Pdu& pdu);
+
+/// How many bytes of RTP header stand before the PDU: 0 if there is none, which the first byte tells. Error: a header
+/// that ends beyond the datagram.
+Result<std::size_t> rtpHeaderLength(std::span<const std::uint8_t> datagram);
+/// 12 bytes. `timestamp` is the PDU's.
+std::array<std::uint8_t, 12> rtpHeader(std::uint16_t sequence, std::uint32_t timestamp, std::uint32_t source);
+
+}  // namespace rtsg::dis
