@@ -16,7 +16,7 @@ Scenario readScenario(const std::filesystem::path& path) {
     static const char* const verbs[] = {"scene",   "file",    "watch",  "send",   "set",     "time",
                                         "route",   "add",     "remove", "create", "destroy", "unroute",
                                         "----",    "ordered", "get",    "silent", "absent",  "diagnostic",
-                                        "pointer", "key",     "text",   "wheel",  "viewer"};
+                                        "pointer", "key",     "text",   "wheel",  "viewer",  "hear"};
     bool expecting = false;
     int number = 0;
     for (std::string line; std::getline(in, line);) {

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <rtsg/core/dis_input.h>
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/navigation.h>
@@ -232,7 +233,8 @@ class Run final : Subscriber {
             fail("no node '{}'", text);
             return false;
         }
-        field = scene.node(node).type().find(text.substr(dot + 1));
+        const std::string name = text.substr(dot + 1);  // a hidden one begins with _
+        field = name.starts_with('_') ? scene.node(node).type().findExact(name) : scene.node(node).type().find(name);
         if (field == kNoField) fail("no field '{}'", text);
         return field != kNoField;
     }
@@ -305,6 +307,17 @@ class Run final : Subscriber {
         sent_ = true;
     }
 
+    /// NODE and the bytes of PDUs, one after the other.
+    void hearBytes(const std::string& name, const std::string& text) {
+        HeardPdu pdu{resolve(*scene_, name), false, {}};
+        if (!pdu.node) return fail("no node '{}'", name);
+        for (const std::string& word : wordsOf(text))
+            for (std::size_t i = 0; i + 1 < word.size(); i += 2)
+                pdu.bytes.push_back(static_cast<std::uint8_t>(std::stoi(word.substr(i, 2), nullptr, 16)));
+        if (auto ok = hear(*scene_, {&pdu, 1}); !ok) fail("{}", ok.error().text);
+        sent_ = true;
+    }
+
     /// False if the statement is of no device.
     bool useDevice(const Statement& one) {
         if (one.verb == "pointer") {
@@ -316,6 +329,9 @@ class Run final : Subscriber {
             for (std::size_t at; (at = text.find("\\n")) != std::string::npos;) text.replace(at, 2, "\n");
             if (auto ok = sendText(*scene_, text); !ok) fail("{}", ok.error().text);
             sent_ = true;
+        } else if (one.verb == "hear") {
+            const auto [node, bytes] = splitFirst(one.text);
+            hearBytes(node, bytes);
         } else if (one.verb == "wheel") {
             const std::vector<std::string> words = wordsOf(one.text);
             if (words.size() != 2) return fail("a wheel turns ACROSS DOWN"), true;

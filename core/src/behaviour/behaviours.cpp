@@ -29,6 +29,7 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
         appendMotions(t);
         appendPoses(t);
         appendGeoLod(t);
+        appendDis(t);
         for (BuiltinBehaviour& one : t) one.behaviour.deterministic = true;
         return t;
     }();

@@ -25,6 +25,7 @@ void appendParticles(std::vector<BuiltinBehaviour>& table);
 void appendMotions(std::vector<BuiltinBehaviour>& table);
 void appendPoses(std::vector<BuiltinBehaviour>& table);
 void appendGeoLod(std::vector<BuiltinBehaviour>& table);
+void appendDis(std::vector<BuiltinBehaviour>& table);
 
 double lodOnTime(Cascade& cascade, const Node& node);
 /// The root is woken when a node has lost a parent.
@@ -34,6 +35,7 @@ double rootOnTime(Cascade& cascade, const Node& node);
 void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValue value);
 void pickedOnEvent(Cascade& cascade, const Node& root, EventValue value);
 void viewerOnEvent(Cascade& cascade, const Node& root, EventValue value);
+void heardOnEvent(Cascade& cascade, const Node& root, EventValue value);
 void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValue value);
 
 }  // namespace rtsg::behaviours

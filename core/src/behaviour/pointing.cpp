@@ -495,6 +495,7 @@ void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValu
     if (field == R::contact.index) return feel(cascade, root, value.as<Array<std::int32_t>>());
     if (field == R::picked.index) return pickedOnEvent(cascade, root, value);
     if (field == R::navigate.index) return viewerOnEvent(cascade, root, value);
+    if (field == R::heard.index) return heardOnEvent(cascade, root, value);
     if (field == R::key.index || field == R::text.index) return keysOnEvent(cascade, root, field, value);
     if (field != R::pointer.index) return;
     const auto input = PointerInput::fromValue(value.as<Array<double>>());

@@ -19,7 +19,7 @@ namespace rtsg::behaviours {
 
 namespace {
 
-using P = x3d::HAnimPose;
+using PoseNode = x3d::HAnimPose;
 using J = x3d::HAnimJoint;
 
 /// What `_task` says.
@@ -47,7 +47,7 @@ Placed placedAs(const Node& joint) {
 /// The joints that are to move, and where to.
 std::vector<std::pair<const Node*, Placed>> aims(const Scene& scene, const Node& pose, std::int32_t task) {
     std::vector<std::pair<std::string_view, Placed>> wanted;
-    for (const NodeId id : pose.get(P::children).span())
+    for (const NodeId id : pose.get(PoseNode::children).span())
         if (const Node* joint = scene.effectiveNode(id); joint && joint->is(J::type))
             wanted.emplace_back(joint->get(J::name).view(), placedAs(*joint));
     std::vector<std::pair<const Node*, Placed>> list;
@@ -74,14 +74,14 @@ void setOut(Cascade& cascade, const Node& pose, std::int32_t task) {
                                at.rotation.y, at.rotation.z, at.scale.x, at.scale.y, at.scale.z})
             from.push_back(static_cast<float>(x));
     }
-    cascade.store(pose, P::_from, Array<float>(from));
+    cascade.store(pose, PoseNode::_from, Array<float>(from));
 }
 
 /// `fraction` of the way, 0 to 1. Joints that have come or gone since it set out: from where they are now.
 void showPose(Cascade& cascade, const Node& pose, std::int32_t task, double fraction) {
     const auto list = aims(cascade.scene(), pose, task);
-    if (pose.get(P::_from).size() != list.size() * kNumbers) setOut(cascade, pose, task);
-    const Array<float> from = pose.get(P::_from);
+    if (pose.get(PoseNode::_from).size() != list.size() * kNumbers) setOut(cascade, pose, task);
+    const Array<float> from = pose.get(PoseNode::_from);
     for (std::size_t i = 0; i < list.size(); ++i) {
         const auto& [joint, aim] = list[i];
         const float* f = from.data() + i * kNumbers;
@@ -98,43 +98,43 @@ void showPose(Cascade& cascade, const Node& pose, std::int32_t task, double frac
 }
 
 void endPose(Cascade& cascade, const Node& pose) {
-    cascade.store(pose, P::_task, std::int32_t{kNothing});
-    if (!pose.get(P::_from).empty()) cascade.store(pose, P::_from, Array<float>());
-    if (pose.get(P::isActive)) cascade.emit(pose, P::isActive, false);
+    cascade.store(pose, PoseNode::_task, std::int32_t{kNothing});
+    if (!pose.get(PoseNode::_from).empty()) cascade.store(pose, PoseNode::_from, Array<float>());
+    if (pose.get(PoseNode::isActive)) cascade.emit(pose, PoseNode::isActive, false);
 }
 
 void poseOnEvent(Cascade& cascade, const Node& pose, FieldIndex field, EventValue value) {
-    if (!pose.get(P::enabled)) return;
+    if (!pose.get(PoseNode::enabled)) return;
     const auto plan = [&](Task task, double start) {
-        cascade.store(pose, P::_task, std::int32_t{task});
-        cascade.store(pose, P::_start, Time{start});
-        if (!pose.get(P::_from).empty()) cascade.store(pose, P::_from, Array<float>());
+        cascade.store(pose, PoseNode::_task, std::int32_t{task});
+        cascade.store(pose, PoseNode::_start, Time{start});
+        if (!pose.get(PoseNode::_from).empty()) cascade.store(pose, PoseNode::_from, Array<float>());
     };
-    if (field == P::commencePose.index && value.as<bool>()) plan(kToThePose, cascade.now());
-    if (field == P::resetAllJoints.index && value.as<bool>()) plan(kToTheDefaults, cascade.now());
-    if (field == P::set_startTime.index) plan(kToThePose, value.as<Time>().seconds);
-    if (field != P::set_fraction.index || pose.get(P::isActive)) return;
+    if (field == PoseNode::commencePose.index && value.as<bool>()) plan(kToThePose, cascade.now());
+    if (field == PoseNode::resetAllJoints.index && value.as<bool>()) plan(kToTheDefaults, cascade.now());
+    if (field == PoseNode::set_startTime.index) plan(kToThePose, value.as<Time>().seconds);
+    if (field != PoseNode::set_fraction.index || pose.get(PoseNode::isActive)) return;
     const double fraction = std::clamp(value.as<Time>().seconds, 0.0, 1.0);
     if (std::isnan(fraction)) return;
     showPose(cascade, pose, kToThePose, fraction);
-    if (fraction == 1) cascade.store(pose, P::_from, Array<float>());
+    if (fraction == 1) cascade.store(pose, PoseNode::_from, Array<float>());
 }
 
 double poseOnTime(Cascade& cascade, const Node& pose) {
-    const std::int32_t task = pose.get(P::_task);
-    if (!pose.get(P::enabled)) {
+    const std::int32_t task = pose.get(PoseNode::_task);
+    if (!pose.get(PoseNode::enabled)) {
         if (task != kNothing) endPose(cascade, pose);
         return kNever;
     }
-    const double start = pose.get(P::_start).seconds, now = cascade.now();
+    const double start = pose.get(PoseNode::_start).seconds, now = cascade.now();
     if (task == kNothing) return kNever;
     if (!(start <= now)) return start;
-    const double duration = pose.get(P::transitionDuration).seconds;
+    const double duration = pose.get(PoseNode::transitionDuration).seconds;
     const double fraction = duration > 0 ? std::min((now - start) / duration, 1.0) : 1;
     // One that takes no time is still seen: it becomes active now and ends in the next frame.
-    const bool begins = !pose.get(P::isActive);
-    if (begins) cascade.emit(pose, P::isActive, true);
-    if (pose.get(P::_from).empty()) setOut(cascade, pose, task);
+    const bool begins = !pose.get(PoseNode::isActive);
+    if (begins) cascade.emit(pose, PoseNode::isActive, true);
+    if (pose.get(PoseNode::_from).empty()) setOut(cascade, pose, task);
     showPose(cascade, pose, task, fraction);
     if (fraction < 1 || begins) return now;
     endPose(cascade, pose);
