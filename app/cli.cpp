@@ -107,6 +107,13 @@ void ResourceArguments::addTo(Command& command) {
         ->repeatable();
 }
 
+void NetworkArguments::addTo(Command& command) {
+    command
+        .addOption("--dis", dis,
+                   "nodes of the DIS component may use this address, HOST or HOST:PORT, or any (repeatable); else none")
+        ->repeatable();
+}
+
 ResourcePolicy ResourceArguments::policy() const {
     ResourcePolicy policy;
     for (const std::string& folder : allow) {

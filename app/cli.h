@@ -70,6 +70,13 @@ struct ResourceArguments {
     ResourcePolicy policy() const;
 };
 
+/// --dis: which addresses the DIS nodes of a scene may use; none unless it says so.
+struct NetworkArguments {
+    std::vector<std::string> dis;
+
+    void addTo(Command& command);
+};
+
 /// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it.
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources);
 

@@ -99,6 +99,7 @@ void RunningScene::followInlines() {
     scene_.setSpaceQueries(queries_.get());
     scene_.setNavigation(true);
     physics_ = std::make_unique<RigidBodyPhysics>(scene_);
+    network_ = std::make_unique<DisNetwork>(scene_, DisOptions{.allowed = allowedAddresses_});
 }
 
 Result<> RunningScene::inject(const std::vector<std::string>& events) {
@@ -111,8 +112,10 @@ Result<> RunningScene::inject(const std::vector<std::string>& events) {
 std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {
     time_ = t;
     injections_.sendUntil(t, start_);
+    network_->receive(start_ + t);
     auto set = scene_.newFrame(start_ + t);
     if (inlines_->update() > 0) scene_.seal();  // a picture of this frame shows them
+    network_->send();
     return set;
 }
 

@@ -14,6 +14,7 @@
 
 #include <rtsg/core/device_input.h>
 #include <rtsg/core/scene_builder.h>
+#include <rtsg/dis/dis_network.h>
 #include <rtsg/physics/rigid_body_physics.h>
 #include <rtsg/sync/session.h>
 
@@ -39,6 +40,8 @@ class RunningScene {
     /// Throws UsageError as ResourceArguments::ofFile() and StartTime::seconds().
     RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start);
 
+    /// Before load(): addresses that DIS nodes may use; else none.
+    void allowNetwork(const NetworkArguments& network) { allowedAddresses_ = network.dis; }
     /// Reads the file and prints what there is to say of it. False if nothing usable was in it.
     bool load();
     /// Instead of load(): goes on with the session in a log, at the time after its last state; start() is the log's.
@@ -82,6 +85,8 @@ class RunningScene {
     WorldOnDemand world_;
     std::unique_ptr<SpaceQueries> queries_;
     std::unique_ptr<RigidBodyPhysics> physics_;
+    std::vector<std::string> allowedAddresses_;
+    std::unique_ptr<DisNetwork> network_;
     Injections injections_;
 };
 

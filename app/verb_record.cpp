@@ -21,6 +21,7 @@ struct RecordArguments {
     std::vector<std::string> set;
     ResourceArguments resources;
     StartTime start;
+    NetworkArguments network;
     KeyframeArguments keyframes;
     double fps = 60;
     bool realtime = false, json = false, inputs = false, force = false;
@@ -84,6 +85,7 @@ int record(const RecordArguments& options) {
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::log}};
     if (auto ok = checkFiles({options.scene}, outputs, options.force); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.resources, options.start);
+    running.allowNetwork(options.network);
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), outputs);
@@ -142,6 +144,7 @@ Verb addRecord(Command& program) {
     options->keyframes.addTo(*command);
     options->start.addTo(*command);
     options->resources.addTo(*command);
+    options->network.addTo(*command);
     command->addFlag("--realtime", options->realtime, "one second a second");
     addForce(*command, options->force);
     command->addFlag("--json", options->json, "the summary as JSON");

@@ -20,6 +20,7 @@ struct RunArguments {
     std::vector<std::string> watch, set;
     OutputArguments outputs;
     StartTime start;
+    NetworkArguments network;
     bool realtime = false, hash = false, json = false;
 };
 
@@ -116,6 +117,7 @@ int runScene(const RunArguments& options) {
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.outputs.resources, options.start);
     running.scene().setThreads(options.outputs.picture.threads);
+    running.allowNetwork(options.network);
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), options.outputs.names());
@@ -153,6 +155,7 @@ Verb addRun(Command& program) {
         "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, wheel=, head=");
     options->start.addTo(*command);
     options->outputs.addTo(*command, OutputArguments::Options::ofRun);
+    options->network.addTo(*command);
     command->addFlag("--realtime", options->realtime, "one second a second");
     command->addFlag("--hash", options->hash, "print the state hash of every frame");
     command->addFlag("--json", options->json, "the summary as JSON, after the events if any are watched");

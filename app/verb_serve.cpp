@@ -37,6 +37,7 @@ struct ServeArguments {
     std::uint64_t maxRate = 0;
     ResourceArguments resources;
     StartTime start{StartTime::Kind::live, {}};
+    NetworkArguments network;
     KeyframeArguments keyframes;
     ServeLogArguments log;
     RotateArguments rotate;
@@ -167,6 +168,7 @@ int Session::open() {
     const std::vector<OutputName> outputs{{"--record", options_.record, OutputKind::log}};
     if (auto ok = checkFiles({options_.scene, options_.key, options_.resume}, outputs, options_.force); !ok)
         return printError(ok.error()), kBad;
+    running_.allowNetwork(options_.network);
     auto resumed = begin(running_, options_);
     if (!resumed) return printError(resumed.error()), kBad;
     resumed_ = std::move(*resumed);
@@ -360,6 +362,7 @@ Verb addServe(Command& program) {
     command->addFlag("--insecure", options->insecure, "serve other machines without keys");
     options->start.addTo(*command);
     options->resources.addTo(*command);
+    options->network.addTo(*command);
     command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     command->footer(
         "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record hall.rlog\n"

@@ -15,6 +15,7 @@ ROOMS = {
     "sync": ["mirror", "log", "codec"],
     "audio": ["listen", "engine", "scene", "trace", "walls", "signal"],
     "physics": ["engine"],
+    "dis": ["nodes", "network"],
 }
 # Public headers without a .cpp of their name.
 HEADERS = {
@@ -23,6 +24,7 @@ HEADERS = {
     "sync": {"byte_buffer": "codec", "change_codec": "codec", "log": "log", "stream_mode": "codec"},
     "audio": {"acoustic_box": "walls", "acoustic_geometry": "walls", "paged_array": "walls", "panning": "signal"},
     "physics": {},
+    "dis": {"dis_transport": "network"},
 }
 # Names of outside libraries that only one room may use, comments aside.
 NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}

@@ -10,7 +10,7 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
-FOLDERS = ["core", "renderers", "audio", "sync", "physics", "app", "examples", "tests"]
+FOLDERS = ["core", "renderers", "audio", "sync", "physics", "dis", "app", "examples", "tests"]
 MOST, MOST_OPENING = 80, 15
 
 # Comments, strings and characters; raw strings first.

@@ -1,0 +1,75 @@
+// DisNetwork: lets the DIS nodes of a scene read and write PDUs over UDP, where the user allows it.
+//
+// A networkReader hears what is about its entity, at most once each readInterval; a networkWriter sends its state each
+// writeInterval, and what it fires, meets and detonates at once; a DISEntityManager makes an EspduTransform for each
+// entity that no node of the scene stands for, with the model that fits best. What is heard is an input of the frame
+// (rtsg/core/dis_input.h): logs, replays and mirrors need no network, and a mirror opens none. No socket is opened for
+// an address that has not been allowed. Whatever a datagram holds, memory and time of a frame are limited. Threading:
+// the scene's thread; no call waits, but for a name that is looked up once. Source: ISO/IEC 19775-1 V4.0, clause 28;
+// IEEE 1278.1-2012 (PDUs, heartbeats), 1278.2-2015 (UDP).
+
+// Example:
+//     #include <rtsg/core/loader.h>
+//     #include <rtsg/dis/dis_network.h>
+//     rtsg::Scene scene;
+//     rtsg::Diagnostics diagnostics;
+//     (void)rtsg::loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n EspduTransform { }", diagnostics);
+//     rtsg::DisNetwork network(scene, {.allowed = {"localhost:3000"}});
+//     for (int k = 0; k < 60; ++k) {
+//         network.receive(k / 60.0);
+//         scene.newFrame(k / 60.0);
+//         network.send();
+//     }
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <rtsg/core/scene.h>
+#include <rtsg/dis/dis_transport.h>
+
+namespace rtsg {
+
+struct DisOptions {
+    /// Addresses that nodes may use: "HOST", "HOST:PORT", "[IPV6]:PORT", as their fields have the host; or "any".
+    std::vector<std::string> allowed;
+    std::uint8_t version = 7, exercise = 1;       // of what is sent; what is heard may be of any exercise
+    std::function<double()> wallClock = nullptr;  // seconds since 1970; else the system's
+};
+
+class DisNetwork {
+  public:
+    /// Datagrams of an address in a frame, PDUs that wait for a node's readInterval, and entities of a manager, beyond
+    /// which what comes is left out; told of.
+    static constexpr std::size_t kMostDatagrams = 4096, kMostWaiting = 64, kMostEntities = 4096;
+    /// Seconds between two PDUs of an entity at most, and without any before it is gone.
+    static constexpr double kHeartbeat = 5, kTimeout = 2.4 * kHeartbeat;
+
+    /// `scene` must outlive it. A scene without such nodes pays a look at its changes.
+    explicit DisNetwork(Scene& scene, DisOptions options = {},
+                        std::unique_ptr<DisTransport> transport = udpTransport());
+    ~DisNetwork();
+    DisNetwork(const DisNetwork&) = delete;
+    DisNetwork& operator=(const DisNetwork&) = delete;
+
+    /// Before the frame at `t`, on the scene's clock: what has come goes into it.
+    void receive(double t);
+    /// After a frame: what it did goes out.
+    void send();
+
+    struct Counts {
+        std::uint64_t datagrams = 0, heard = 0, unreadable = 0, sent = 0;  // heard: PDUs that went to a node
+        std::size_t addresses = 0, entities = 0;                           // now; entities: of all managers
+    };
+    Counts counts() const;
+
+    class Stations;
+
+  private:
+    std::unique_ptr<Stations> stations_;
+};
+
+}  // namespace rtsg
