@@ -2,6 +2,7 @@
 // which keeps a geometry of what it has read (inline_geometry.cpp).
 // Source: ISO/IEC 19775-1 V4.0 9.4.2 (Inline), 9.2.1 (urls), 4.4.6 (import and export).
 #include <algorithm>
+#include <map>
 #include <set>
 #include <system_error>
 
@@ -32,6 +33,11 @@ bool wantsContent(const Node& node) {
 
 const Array<String>& urlsOf(const Node& node) {
     return *static_cast<const Array<String>*>(node.storage(node.type().findExact("url")));
+}
+
+/// Of a field of all nodes with urls; seconds.
+double secondsOf(const Node& node, std::string_view field) {
+    return static_cast<const Time*>(node.storage(node.type().findExact(field)))->seconds;
 }
 
 const Array<NodeId>& contentOf(const Node& node) {
@@ -158,6 +164,7 @@ struct InlineLoader::State final : Subscriber {
         scene.forEachNode([&](const Node& node) {
             if (!isInline(node) || contentOf(node).empty()) return;
             loaded[node.id().value] = urlsOf(node);
+            watchRefresh(node);
             if (!wantsContent(node)) changed.insert(node.id().value);
         });
     }
@@ -171,7 +178,8 @@ struct InlineLoader::State final : Subscriber {
             const Node* node = source.find(change.node);
             if (!node || !isInline(*node)) continue;
             const std::string& name = node->type().fields[change.field].name;
-            if (name == "load" || name == "url" || name == "solid") changed.insert(change.node.value);
+            if (name == "load" || name == "url" || name == "solid" || name == "autoRefresh")
+                changed.insert(change.node.value);
         }
         return {};
     }
@@ -222,9 +230,62 @@ struct InlineLoader::State final : Subscriber {
             if (auto ok = scene.destroyNode(node); !ok) diagnostics.error({}, ok.error().text);
     }
 
+    /// As its fields ask for. Imports from there on outwards: documents around may export the names on.
+    void fill(NodeId id) {
+        if (load(id)) loaded[id.value] = urlsOf(scene.node(id));
+        for (NodeId scope = scene.node(id).scope();; scope = scene.node(scope).scope()) {
+            connectImports(scene, scope, nullptr);
+            if (!scope) break;
+        }
+    }
+
+    // ---- autoRefresh (9.2.1) -----------------------------------------------------------------------------------
+
+    void watchRefresh(const Node& node) {
+        if (secondsOf(node, "autoRefresh") > 0)
+            refreshing.try_emplace(node.id().value, Refresh{scene.now(), scene.now()});
+        else
+            refreshing.erase(node.id().value);
+    }
+
+    /// Reads again what is due; what cannot be opened any more stays as it is until it can be. Returns how many.
+    std::size_t refresh() {
+        std::vector<NodeId> due;
+        for (auto at = refreshing.begin(); at != refreshing.end();) {
+            auto& [value, times] = *at;
+            const Node* node = scene.find(NodeId{value});
+            if (!node || scene.now() - times.first > secondsOf(*node, "autoRefreshTimeLimit")) {
+                at = refreshing.erase(at);
+                continue;
+            }
+            if (wantsContent(*node) && scene.now() - times.last >= secondsOf(*node, "autoRefresh")) {
+                times.last = scene.now();
+                if (canBeOpened(*node)) due.push_back(node->id());
+            }
+            ++at;
+        }
+        for (const NodeId id : due) {
+            if (!scene.find(id)) continue;  // it was in another one
+            if (loaded.erase(id.value) > 0) unload(id);
+            fill(id);
+        }
+        return due.size();
+    }
+    bool canBeOpened(const Node& node) const {
+        const FieldIndex field = node.type().findExact("url");
+        return std::ranges::any_of(urlsOf(node), [&](const String& url) {
+            return options.resources->open(scene, node, field, url).has_value();
+        });
+    }
+
+    struct Refresh {
+        double first = 0, last = 0;  // on the scene's clock
+    };
+
     Scene& scene;
     Diagnostics& diagnostics;
     BuildOptions options;
+    std::map<std::uint32_t, Refresh> refreshing;
     std::set<std::uint32_t> changed;
     std::unordered_map<std::uint32_t, Array<String>> loaded;  // the urls that the content came from
     LoadReports reports;
@@ -259,6 +320,7 @@ std::size_t InlineLoader::update() {
         const bool isCurrent = current != s.loaded.end() && current->second == urlsOf(*node);
         if (wanted == (current != s.loaded.end()) && (!wanted || isCurrent)) {
             if (node->is(x3d::InlineGeometry::type) && applyGeometryHints(s.scene, *node)) ++count;
+            if (wanted) s.watchRefresh(*node);
             continue;
         }
         if (current != s.loaded.end()) {
@@ -266,14 +328,12 @@ std::size_t InlineLoader::update() {
             s.loaded.erase(value);
         }
         ++count;
+        s.refreshing.erase(value);
         if (!wanted) continue;
-        if (s.load(id)) s.loaded[value] = urlsOf(s.scene.node(id));
-        // Imports from here on outwards: documents around may export the names on.
-        for (NodeId scope = s.scene.node(id).scope();; scope = s.scene.node(scope).scope()) {
-            connectImports(s.scene, scope, nullptr);
-            if (!scope) break;
-        }
+        s.fill(id);
+        s.watchRefresh(s.scene.node(id));
     }
+    count += s.refresh();
     count += s.sizes.answer(s.scene, *s.options.resources, s.measure);
     count += s.media.answer(s.scene, *s.options.resources, s.options.mediaLength);
     return count + s.reports.answer(s.scene, *s.options.resources);

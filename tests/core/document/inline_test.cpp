@@ -317,5 +317,54 @@ TEST_F(Inlines, GeometriesComeAndGoWithoutALeftover) {
     EXPECT_EQ(problems(), "");
 }
 
+TEST_F(Inlines, AreReadAgainWhenTheirTimeHasCome) {
+    write("main.x3dv",
+          "DEF I Inline { url \"a.x3dv\" autoRefresh 2 autoRefreshTimeLimit 9 }\n"
+          "Shape { geometry DEF G InlineGeometry { url \"g.x3dv\" autoRefresh 4 } } DEF K Inline { url \"a.x3dv\" }");
+    write("a.x3dv", "DEF T Transform { translation 1 0 0 }");
+    write("g.x3dv", "Shape { geometry DEF B Box { size 1 1 1 } }");
+    ASSERT_TRUE(load("main.x3dv"));
+    BuildOptions options;
+    options.file = folder / "main.x3dv";
+    InlineLoader loader(scene, diagnostics, options);
+    const auto frame = [&](double t) {
+        scene.newFrame(t);
+        const std::size_t count = loader.update();
+        scene.seal();
+        return count;
+    };
+    EXPECT_EQ(frame(0), 0u);
+    write("a.x3dv", "DEF T Transform { translation 2 0 0 }");
+    write("g.x3dv", "Shape { geometry DEF B Box { size 2 2 2 } }");
+    EXPECT_EQ(frame(1.9), 0u);
+    EXPECT_EQ(get(at({"I", "T"}), "translation"), "1 0 0");
+    EXPECT_EQ(frame(2), 1u);
+    EXPECT_EQ(get(at({"I", "T"}), "translation"), "2 0 0");
+    EXPECT_EQ(get(at({"K", "T"}), "translation"), "1 0 0");
+    EXPECT_EQ(get(at({"G", "B"}), "size"), "1 1 1");
+    const std::size_t nodes = scene.nodeCount();
+    EXPECT_EQ(frame(4), 2u);
+    EXPECT_EQ(get(at({"G", "B"}), "size"), "2 2 2");
+    EXPECT_EQ(scene.nodeCount(), nodes);
+    // What is not there for a moment leaves what was; what is not to be loaded is not.
+    std::filesystem::remove(folder / "a.x3dv");
+    EXPECT_EQ(frame(6), 0u);
+    EXPECT_EQ(get(at({"I", "T"}), "translation"), "2 0 0");
+    EXPECT_EQ(problems(), "");
+    write("a.x3dv", "DEF T Transform { translation 3 0 0 }");
+    EXPECT_EQ(frame(8), 2u);
+    EXPECT_EQ(get(at({"I", "T"}), "translation"), "3 0 0");
+    write("a.x3dv", "DEF T Transform { translation 4 0 0 }");
+    EXPECT_EQ(frame(10), 0u);  // beyond its limit
+    EXPECT_EQ(get(at({"I", "T"}), "translation"), "3 0 0");
+    ASSERT_TRUE(scene.set(at({"G"}), x3d::InlineGeometry::autoRefresh, Time{0}));
+    EXPECT_EQ(frame(20), 0u);
+    // From the time when it is asked for.
+    ASSERT_TRUE(scene.set(at({"K"}), x3d::Inline::autoRefresh, Time{1}));
+    EXPECT_EQ(frame(21), 0u);
+    EXPECT_EQ(frame(22), 1u);
+    EXPECT_EQ(get(at({"K", "T"}), "translation"), "4 0 0");
+}
+
 }  // namespace
 }  // namespace rtsg
