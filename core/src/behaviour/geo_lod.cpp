@@ -1,5 +1,5 @@
 // GeoLOD: ISO/IEC 19775-1 V4.0, 25.3.4. The nodes of its urls hang below Inlines of its own, which a reader makes; they
-// are loaded and let go between frames as all Inlines are.
+// are loaded and let go between frames as all Inlines are. The root stays until the children have been loaded.
 #include <algorithm>
 #include <cmath>
 
@@ -24,19 +24,23 @@ double geoLodOnTime(Cascade& cascade, const Node& node) {
     const glm::dvec3 local = glm::inverse(world) * glm::dvec4(viewer, 1);
     const Array<NodeId>& tiles = node.get(N::_tiles);
     const bool isNear = glm::length(local - reference->toScene(node.get(N::center))) < double{node.get(N::range)};
-    const std::int32_t level = isNear && !tiles.empty() ? 1 : 0;
+    std::int32_t level = isNear && !tiles.empty() ? 1 : 0;
+    bool waits = false;
     for (const NodeId tile : tiles) {
         const Node* inlined = scene.find(tile);
-        if (inlined && inlined->is(x3d::Inline::type) && inlined->get(x3d::Inline::load) != (level == 1))
-            (void)cascade.deliver(tile, x3d::Inline::load.index, Value(level == 1));
+        if (!inlined || !inlined->is(x3d::Inline::type) || inlined->get(x3d::Inline::load) == (level == 1)) continue;
+        (void)cascade.deliver(tile, x3d::Inline::load.index, Value(level == 1));
+        waits = waits || level == 1;
     }
+    // Between this frame and the next one they are loaded, or cannot be.
+    if (waits) level = node.get(N::level_changed);
     const Array<NodeId>& roots = node.get(N::rootNode).empty() ? node.get(N::_root) : node.get(N::rootNode);
     const Array<NodeId>& wanted = level == 1 ? tiles : roots;
     if (node.get(N::level_changed) != level || !std::ranges::equal(node.get(N::children), wanted)) {
         cascade.emit(node, N::level_changed, level);
         cascade.emit(node, N::children, wanted);
     }
-    return kUntilMoved;
+    return waits ? cascade.now() : kUntilMoved;
 }
 
 }  // namespace
