@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/device_input.h>
 #include <rtsg/core/geospatial.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/navigation.h>
@@ -106,6 +107,28 @@ TEST(Geospatial, AViewpointLooksNorthAndItsUserWalksOnTheGround) {
     s.scene.newFrame(2);
     expectClose(viewerPose(s.scene).position, pointOf(-33, 151, 500) + northAt(-33, 151) * 10.0, 4e-9);
     EXPECT_EQ(viewpoints(s.scene), std::vector{s.id("V")});
+}
+
+TEST(Geospatial, WhoIsHighUpGoesFaster) {
+    struct Case {
+        const char* position;
+        double height;
+    };
+    for (const Case& one : {Case{"position 60 25 0", 0},
+                            {"position 60 25 1000", 1000},
+                            {"position 60 25 -30", 0},
+                            {"geoSystem [ \"GC\" ] position 6378637 0 0 orientation 1 0 0 0", 500},
+                            {"geoSystem [ \"UTM\" \"Z35\" ] position 6651411 388000 20000", 20000}}) {
+        GeoScene s(std::string("NavigationInfo { type \"FLY\" speed 2 } DEF V GeoViewpoint { speedFactor .5 ") +
+                   one.position + " }");
+        s.scene.setNavigation(true);
+        ASSERT_TRUE(sendKey(s.scene, *KeyInput::named("UP", true)));
+        s.scene.newFrame(1);
+        const Vec3d from = viewerPose(s.scene).position;
+        s.scene.newFrame(1.1);
+        const double expected = 2 * .5 * (1 + one.height / 10) * .1;
+        EXPECT_NEAR(glm::length(viewerPose(s.scene).position - from), expected, 1e-6 * expected + 1e-8) << one.position;
+    }
 }
 
 TEST(Geospatial, WhoeverStandsByAnOriginHearsThatItMoves) {
