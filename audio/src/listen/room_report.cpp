@@ -49,8 +49,8 @@ std::string reportNumber(double value, int digits) {
 }
 
 std::string bandsText(const RoomReport& report) {
-    return fmt::format("octave bands: {}; computed, as the others are alike: {} of the walls, {} of the figures",
-                       kBandCount, report.bandsTraced(), report.bandsMeasured());
+    return fmt::format("Octave bands: {}; walls tell {} of them apart, figures {}: no others are computed", kBandCount,
+                       report.bandsTraced(), report.bandsMeasured());
 }
 
 std::string slopesText(const MetricsEstimate& metrics) {

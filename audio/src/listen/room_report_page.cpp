@@ -176,9 +176,10 @@ std::string RoomReport::toHtml() const {
     const Average all = average();
     std::string page =
         "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"/><title>" + escaped(title) +
-        "</title>\n<style>body{font:15px sans-serif;margin:2em auto;max-width:60em;color:#222}"
+        "</title>\n<style>body{font:15px sans-serif;margin:2em auto;max-width:72em;color:#222}"
         "table{border-collapse:collapse}th,td{border:1px solid #ccc;padding:.2em .5em;text-align:right}"
-        "th{background:#f3f3f3}i{color:#888;font-size:80%;font-style:normal}svg text{font:11px sans-serif}</style>\n"
+        "th{background:#f3f3f3;white-space:nowrap}i{color:#888;font-size:80%;font-style:normal}svg text{font:11px "
+        "sans-serif}</style>\n"
         "</head><body>\n<h1>" +
         escaped(title) +
         fmt::format("</h1>\n<p>Room-acoustic figures by ISO 3382-1; pairs of source and listener: {}; rays: {}. ",

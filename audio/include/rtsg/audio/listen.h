@@ -31,6 +31,8 @@ struct ListenOptions {
     /// When positive: rays are added until the 95 % half widths from 125 Hz to 4 kHz are below `error` times the just
     /// noticeable difference (T 5 %, C80 1 dB, D50 .05, G 1 dB), or `maxRays` is reached.
     double error = 0;
+    /// With how many rays the program begins then: enough for intervals that say what they should.
+    static constexpr std::uint64_t kFirstRays = 2000;
     std::uint64_t maxRays = 4'000'000;
     /// Runs the scene to a frame's time, where Scene::newFrame is not all that is done in a frame: Inlines are loaded,
     /// events sent.
