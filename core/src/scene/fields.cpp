@@ -276,31 +276,39 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
     // All in locals: the bytes written below might be anything, for all a compiler knows.
     const std::size_t count = one.count;
     WrittenField* const entries = one.begin;
-    SealedPart result;
+    std::size_t voids = 0;
     // Of the type of the last node: most are followed by more of their kind.
     TypeIndex keyedType;
     const FieldKey* keys = nullptr;
     const NodeTable::View table = nodeTable.view();
-    detail::StateHash sum;
-    // Nodes are looked up so far ahead that a trip to memory is over when their turn comes.
+    detail::TermSum sum;
+    // Nodes are looked up so far ahead that a trip to memory is over when their turn comes; those of several fields in
+    // a row once.
     constexpr std::size_t kAhead = 16;
     Node* ahead[kAhead];
+    NodeId latest;
+    Node* found = nullptr;
     const auto lookUp = [&](std::size_t i) {
-        Node* node = table.find(entries[i].node);
-        ahead[i % kAhead] = node;
-        if (!node) return;
-        __builtin_prefetch(node, 1);
-        __builtin_prefetch(reinterpret_cast<const std::byte*>(node) + 64);
+        const NodeId id = entries[i].node;
+        if (id != latest) {
+            latest = id;
+            found = table.find(id);
+            if (found) {
+                __builtin_prefetch(found, 1);
+                __builtin_prefetch(reinterpret_cast<const std::byte*>(found) + 64);
+            }
+        }
+        ahead[i % kAhead] = found;
     };
     for (std::size_t i = 0; i < std::min(kAhead, count); ++i) lookUp(i);
     for (std::size_t i = 0; i < count; ++i) {
         Node* const node = ahead[i % kAhead];
         if (i + kAhead < count) lookUp(i + kAhead);
         Change* const change = changes + i;
-        if (!node) {
+        if (!node) [[unlikely]] {
             change->kind = ChangeKind::setField;
             change->field = kNoField;
-            ++result.voids;
+            ++voids;
             continue;
         }
         WrittenField& entry = entries[i];
@@ -327,19 +335,16 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
             keys = types[keyedType.value].keys;
         }
         const FieldKey key = keys[field];
+        const NodeId id = entry.node;
         detail::withPlainSize(slot.size, [&]<std::size_t size>() {
             change->value.setPlain(slot.type, value, size);
-            const auto termOfBytes = [&](const void* bytes) {
-                return detail::plainTermOfSize<size>(change->node, key, bytes, fallback);
-            };
-            const Hash128 before = entry.hashed ? entry.term() : termOfBytes(entry.before);
-            const Hash128 after = termOfBytes(value);
-            sum.replace(before, after);
+            sum.subtract(entry.hashed ? entry.term() : detail::plainTermOfSize<size>(id, key, entry.before, fallback));
+            const Hash128 after = detail::plainTermOfSize<size>(id, key, value, fallback);
+            sum.add(after);
             entry.setTerm(after);
         });
     }
-    result.grown = sum.value();
-    return result;
+    return {.grown = sum.value(), .voids = voids};
 }
 
 /// Each part gets what was written in the lane of its number, as far as that is not much more than others get: whoever

@@ -39,6 +39,8 @@ struct alignas(128) Scene::Lane {
         Node* at;
         RouteGroup* group;  // null if only the listener hears of it
     };
+    /// Notes an event of the field that the group is of. Not inlined: callers then need no stack frame.
+    [[gnu::noinline]] void emit(Node& node, RouteGroup& group, std::uint64_t linkEdits);
     using Sleeper = std::pair<double, NodeId>;
     std::vector<Emission> emissions;
     std::vector<FieldEvent> heard;  // since the last seal, of fields that have listeners

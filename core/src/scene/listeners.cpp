@@ -26,20 +26,27 @@ Result<> Scene::listenTo(NodeId id, FieldIndex field) {
     if (def.hidden || !def.sends())
         return fail(kWrongAccess, fmt::format("{}.{} sends no events", node->type_->name, def.name));
     ++s.linkEdits;
-    ++s.links(*node).makeOut(field).listeners;
+    ++s.makeGroup(*node, field).listeners;
     return {};
 }
 
 void Scene::stopListening(NodeId id, FieldIndex field) {
     State& s = *state_;
     Node* node = s.refuseForeign() ? nullptr : s.find(id);
-    if (!node || !node->links_) return;
+    RouteGroup* const group = node ? s.groupOf(*node, field) : nullptr;
+    if (!group || group->listeners == 0) return;
     ++s.linkEdits;
-    auto& out = node->links_->out;
-    const auto group = std::ranges::find(out, field, &RouteGroup::field);
-    if (group == out.end() || group->listeners == 0) return;
-    if (--group->listeners == 0 && group->targets.empty()) out.erase(group);
+    if (--group->listeners == 0 && group->targets.empty()) s.eraseGroup(*node, group);
     s.trimLinks(*node);
+}
+
+bool Scene::isHeard(NodeId id, FieldIndex field) const {
+    Node* node = state_->find(id);
+    return node && state_->groupOf(*node, field);
+}
+
+std::uint64_t Scene::hearingEdits() const {
+    return state_->linkEdits;
 }
 
 std::vector<bool> Scene::areInWorld(std::span<const NodeId> ids) const {

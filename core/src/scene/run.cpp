@@ -26,9 +26,13 @@ void makeAscending(std::vector<NodeId>& ids) {
 
 }  // namespace
 
+void Scene::Lane::emit(Node& node, RouteGroup& group, std::uint64_t linkEdits) {
+    emissions.push_back({node.id_, group.field, linkEdits, &node, &group});
+}
+
 /// An output field has a new value: its routes and the listener are told once a timestamp, when it is its event's turn.
 [[gnu::always_inline]] inline void Scene::State::send(Lane& lane, Node& node, FieldIndex field) {
-    RouteGroup* group = node.links_ ? node.links_->outOf(field) : nullptr;
+    RouteGroup* const group = groupOf(node, field);
     if (group) {
         if (std::exchange(group->stamp, stamp) == stamp) return;
         // 4.4.8.4 holds for outputs without routes too; only a listener can tell.
@@ -53,6 +57,31 @@ void Cascade::storeStorage(const Node& node, FieldIndex field, const void* value
     if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::emit, node.id(), field, value);
     s.send(lane_, target, field);
 }
+
+// What most events of most frames do, without a stack frame; all else is emitStorage.
+template <std::size_t size>
+[[gnu::aligned(64)]] void Cascade::emitPlain(const Node& node, FieldIndex field, const void* value) {
+    Scene::State& s = *scene_.state_;
+    Scene::Lane& lane = lane_;
+    Node& target = const_cast<Node&>(node);  // the scene's own, which behaviours may read only
+    const FieldSlot& slot = target.type_->slot(field);
+    if (slot.size != size || s.currentCall != Scene::State::kNoCall ||
+        !s.writeAsBefore(lane, target, field, slot, value, size)) [[unlikely]]
+        return emitStorage(node, field, value);
+    if (target.heardOf_ & Node::Links::heardBit(field)) {
+        RouteGroup* const group = target.links_->out.begin();
+        if (group->field != field) [[unlikely]]
+            return s.sendUnusual(lane, target, field);
+        if (std::exchange(group->stamp, s.stamp) != s.stamp) return lane.emit(target, *group, s.linkEdits);
+    } else if (s.listener) [[unlikely]] {
+        s.sendUnusual(lane, target, field);
+    }
+}
+template void Cascade::emitPlain<1>(const Node&, FieldIndex, const void*);
+template void Cascade::emitPlain<4>(const Node&, FieldIndex, const void*);
+template void Cascade::emitPlain<8>(const Node&, FieldIndex, const void*);
+template void Cascade::emitPlain<12>(const Node&, FieldIndex, const void*);
+template void Cascade::emitPlain<16>(const Node&, FieldIndex, const void*);
 
 Result<> Cascade::output(const Node& node, FieldIndex field, const Value& value) {
     Scene::State& s = *scene_.state_;
@@ -142,7 +171,7 @@ void Scene::State::warn(const Node& node, const std::string& text) {
         if (field == entry.addChildren || field == entry.removeChildren)
             deliverChildren(cascade, node, field, value, entry);
         // An inputOnly field of a PROTO instance hands the event on to its body at once: it has no storage.
-        if (const RouteGroup* group = node.links_ ? node.links_->outOf(field) : nullptr) {
+        if (const RouteGroup* group = groupOf(node, field)) {
             const auto items = group->targets.items();
             const std::vector<OutgoingRoute> targets(items.begin(), items.end());
             for (const OutgoingRoute& r : targets)
@@ -151,6 +180,27 @@ void Scene::State::warn(const Node& node, const std::string& text) {
     }
     if (entry.behaviour.onTime) wake(lane, node);
     if (behavioursEnabled && entry.behaviour.onEvent) onEvent(entry.behaviour, cascade, node, field, value);
+}
+
+/// As deliver, for what nearly all events reach: a field of plain bytes of a node that does nothing about it and that
+/// nobody hears of, or an input that a behaviour waits for and nobody else. False, and nothing is done, for all others.
+[[gnu::always_inline]] inline bool Scene::State::deliverAtOnce(Cascade& cascade, Node& node, FieldIndex field,
+                                                               const FieldDef& def, const void* value) {
+    Lane& lane = cascade.lane_;
+    const TypeEntry& entry = types[node.typeIndex_.value];
+    const Behaviour& behaviour = entry.behaviour;
+    if (listener || behaviour.onTime || (node.heardOf_ & Node::Links::heardBit(field))) return false;
+    if (def.access == Access::inputOutput) {
+        if (behaviour.accepts || behaviour.onEvent) return false;
+        const FieldSlot& slot = node.type_->slot(field);
+        if (!writing::isPlain(slot.type) || !writeAsBefore(lane, node, field, slot, value, slot.size)) return false;
+        lane.writingExternally = false;  // what follows from it is derived
+        return true;
+    }
+    if (entry.takesInputs || !behaviour.onEvent || !behavioursEnabled || isTraced(behaviour)) return false;
+    lane.writingExternally = false;
+    behaviour.onEvent(cascade, node, field, EventValue(def.type, value));
+    return true;
 }
 
 /// 10.2.1: a present child is not added again, an absent one not removed.
@@ -194,14 +244,14 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
         if (ok) ok = checkAccepted(*to, target.field, value);
         if (!ok) return cascade.warn(*to, ok.error().text);
     }
-    if (def.access == Access::inputOutput && to->links_)
-        if (const RouteGroup* sent = to->links_->outOf(target.field)) {
+    if (def.access == Access::inputOutput)
+        if (const RouteGroup* sent = groupOf(*to, target.field)) {
             // Its event of this timestamp has gone (4.4.8.4): the field keeps what it said.
             if (sent->gone == stamp) return;
             // The way back of a two-way connection: that field has already sent this event.
             if (target.isConnection && sent->stamp == stamp) return;
         }
-    deliver(cascade, *to, target.field, value);
+    if (!deliverAtOnce(cascade, *to, target.field, def, value)) deliver(cascade, *to, target.field, value);
 }
 
 [[gnu::always_inline]] inline void Scene::State::sendEach(Cascade& cascade, const Emission& emission, std::size_t first,
@@ -221,7 +271,7 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
     const auto lookUpAgain = [&] {
         edits = linkEdits;
         from = find(sender);
-        group = from && from->links_ ? from->links_->outOf(field) : nullptr;
+        group = from ? groupOf(*from, field) : nullptr;
     };
     if (edits != linkEdits) lookUpAgain();
     if (listener && from) {

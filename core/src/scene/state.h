@@ -119,11 +119,7 @@ struct alignas(64) Node::Links {
             if (group.field == field) return &group;
         return nullptr;
     }
-    /// Made if there is none.
-    RouteGroup& makeOut(FieldIndex field) {
-        if (RouteGroup* group = outOf(field)) return *group;
-        return out.add(field);
-    }
+    static std::uint16_t heardBit(FieldIndex field) { return static_cast<std::uint16_t>(1u << (field & 15u)); }
     bool hasRoutes() const {
         return !in.empty() || std::ranges::any_of(out, [](const RouteGroup& group) { return !group.targets.empty(); });
     }
@@ -138,6 +134,7 @@ struct TypeEntry {
     FieldIndex children = kNoField, addChildren = kNoField, removeChildren = kNoField;
     /// Inputs that stand for an initializeOnly field (set_coordIndex for coordIndex), and that field.
     std::vector<std::pair<FieldIndex, FieldIndex>> inputs;
+    bool takesInputs = false;  // of these, or addChildren or removeChildren
     bool isScript = false;
     bool keepsLists = false;  // what its behaviour remembers is in arrays
 };
@@ -161,13 +158,21 @@ struct Scene::State : Scene::Lane {
     NodeArena memory, linkMemory;  // linkMemory: of Node::Links alone
     NodeTable nodeTable{memory};
     std::uint32_t nextId = 1;
-    Node* find(NodeId id) const { return nodeTable.find(id); }
+    [[gnu::always_inline]] Node* find(NodeId id) const { return nodeTable.find(id); }
     Node& allocate(NodeId id, TypeIndex type, NodeId scope);
     void release(Node& node);
     void destroyInPlace(Node& node);
     void dropLinks(Node& node);
     std::size_t bytesOf(const Node& node) const { return sizeof(Node) + node.type_->blockSize(); }
     Node::Links& links(Node& node);
+    /// Null if nobody hears of the field. Of most fields the node itself says so, and its links are not read.
+    static RouteGroup* groupOf(Node& node, FieldIndex field) {
+        return node.heardOf_ & Node::Links::heardBit(field) ? node.links_->outOf(field) : nullptr;
+    }
+    /// Made if there is none.
+    RouteGroup& makeGroup(Node& node, FieldIndex field);
+    /// Precondition: nobody hears of the field any longer.
+    void eraseGroup(Node& node, RouteGroup* group);
     void trimLinks(Node& node);
 
     // ---- types, names, routes ----
@@ -219,6 +224,10 @@ struct Scene::State : Scene::Lane {
     WrittenField& newEntry(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
     /// The same for a field of plain bytes.
     WrittenField& newPlainEntry(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
+    /// Writes a field of plain bytes as the last frame did: the one that came next in it, for the first time in this
+    /// one. False, and nothing is done, if it is not that, or if somebody watches the node's place.
+    bool writeAsBefore(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot, const void* value,
+                       std::size_t size);
     void endPiece(Lane& lane);
     void moreRoom(Lane& lane);
     /// As many as calls of newEntry since the last seal. Ends the piece of the scene's lane.
@@ -241,7 +250,7 @@ struct Scene::State : Scene::Lane {
     /// `isPlain`: it is known to be a field of plain bytes.
     template <bool isPlain = false>
     void beginWrite(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
-    void noteAspect(Lane& lane, NodeId node, const FieldSlot& slot) {
+    [[gnu::always_inline]] void noteAspect(Lane& lane, NodeId node, const FieldSlot& slot) {
         const std::uint32_t bit = aspectBit(slot.aspect);
         lane.touched |= bit;
         if ((bit & kPlaceAspects) && isAboutPlaces(slot)) noteMoved(lane, node);
@@ -260,8 +269,11 @@ struct Scene::State : Scene::Lane {
     void write(Node& node, FieldIndex field, const void* value) { write(*this, node, field, value); }
     void writeShared(Lane& lane, Node& node, FieldIndex field, const void* value);
     /// Whoever has asked for the place will be asked again.
-    void noteMoved(Lane& lane, NodeId node) {
-        if (!places.isWatched(node)) return;
+    [[gnu::always_inline]] void noteMoved(Lane& lane, NodeId node) {
+        if (places.isWatched(node)) [[unlikely]]
+            noteWatchedMoved(lane, node);
+    }
+    [[gnu::noinline]] void noteWatchedMoved(Lane& lane, NodeId node) {
         if (lane.isBeside)
             lane.moved.push_back(node);
         else
@@ -456,7 +468,9 @@ struct Scene::State : Scene::Lane {
         if (behavioursEnabled && types[node.typeIndex_.value].behaviour.onTime) lane.woken.push_back(node.id_);
     }
     void send(Lane& lane, Node& node, FieldIndex field);
+    [[gnu::noinline]] void sendUnusual(Lane& lane, Node& node, FieldIndex field) { send(lane, node, field); }
     void deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value);
+    bool deliverAtOnce(Cascade& cascade, Node& node, FieldIndex field, const FieldDef& def, const void* value);
     void deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value, const TypeEntry& entry);
     /// Whether the nodes are of types that the field takes (4.4.2.2); PROTO instances count as what stands for them.
     Result<> checkAccepted(const Node& node, FieldIndex field, const void* value) const;

@@ -25,6 +25,26 @@ class StateHash {
     UInt128 sum_ = 0;
 };
 
+/// By how much many terms change a hash. Where a StateHash is two numbers with a carry between them at every step, here
+/// carries are counted apart: in a long loop this takes half as many instructions.
+class TermSum {
+  public:
+    void add(Hash128 term) {
+        low_ += term.low;
+        carries_ += low_ < term.low ? 1u : 0u;
+        high_ += term.high;
+    }
+    void subtract(Hash128 term) {
+        carries_ -= low_ < term.low ? 1u : 0u;
+        low_ -= term.low;
+        high_ -= term.high;
+    }
+    Hash128 value() const { return {low_, high_ + carries_}; }
+
+  private:
+    std::uint64_t low_ = 0, high_ = 0, carries_ = 0;
+};
+
 /// Of all fields of a type, in their order.
 std::vector<FieldKey> fieldKeys(const NodeType& type);
 /// The same for built-in types, made once.

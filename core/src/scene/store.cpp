@@ -97,6 +97,7 @@ void Scene::State::addTypeEntry(const NodeType& type) {
             type.fields[stored].type == def.type)
             entry.inputs.emplace_back(static_cast<FieldIndex>(i), stored);
     }
+    entry.takesInputs = !entry.inputs.empty() || entry.addChildren != kNoField || entry.removeChildren != kNoField;
     // A type of the same name that came first stays: built-in types are never shadowed (4.4.4.2).
     entry.isScript = (type.kind == NodeType::Kind::script || type.name == "Script") && type.isA("X3DScriptNode");
     if (entry.isScript) entry.behaviour = ScriptPrograms::behaviour();
@@ -154,6 +155,19 @@ void Scene::State::release(Node& node) {
 Node::Links& Scene::State::links(Node& node) {
     if (!node.links_) node.links_.reset(new (linkMemory.allocate(sizeof(Node::Links))) Node::Links);
     return *node.links_;
+}
+
+RouteGroup& Scene::State::makeGroup(Node& node, FieldIndex field) {
+    if (RouteGroup* group = groupOf(node, field)) return *group;
+    node.heardOf_ |= Node::Links::heardBit(field);
+    return links(node).out.add(field);
+}
+
+void Scene::State::eraseGroup(Node& node, RouteGroup* group) {
+    RouteGroups& out = node.links_->out;
+    out.erase(group);
+    node.heardOf_ = 0;
+    for (const RouteGroup& left : out) node.heardOf_ |= Node::Links::heardBit(left.field);
 }
 
 void Scene::State::dropLinks(Node& node) {
@@ -288,7 +302,7 @@ void Scene::State::linkRoute(const Route& route, bool record) {
     Node& from = *find(route.fromNode);
     Node& to = *find(route.toNode);
     ++linkEdits;
-    links(from).makeOut(route.fromField).targets.add({{route.toNode, route.toField, route.isConnection}});
+    makeGroup(from, route.fromField).targets.add({{route.toNode, route.toField, route.isConnection}});
     links(to).in.add({route.fromNode, route.fromField, route.toField, route.isConnection});
     hash.add(routeTerm(route));
     if (!route.isConnection) ++routeCount;
@@ -335,11 +349,9 @@ bool Scene::State::unlinkRoute(const Route& route, bool record) {
     Node* to = find(route.toNode);
     if (!from || !to || !from->links_ || !to->links_) return false;
     ++linkEdits;
-    auto& out = from->links_->out;
-    const auto group = std::ranges::find(out, route.fromField, &RouteGroup::field);
-    if (group == out.end()) return false;
-    if (!group->targets.remove({{route.toNode, route.toField, route.isConnection}})) return false;
-    if (group->targets.empty() && group->listeners == 0) out.erase(group);
+    RouteGroup* const group = groupOf(*from, route.fromField);
+    if (!group || !group->targets.remove({{route.toNode, route.toField, route.isConnection}})) return false;
+    if (group->targets.empty() && group->listeners == 0) eraseGroup(*from, group);
     to->links_->in.remove({route.fromNode, route.fromField, route.toField, route.isConnection});
     hash.subtract(routeTerm(route));
     if (!route.isConnection) --routeCount;

@@ -72,6 +72,29 @@ inline bool isPlain(FieldType type) {
     return entry;
 }
 
+[[gnu::always_inline]] inline bool Scene::State::writeAsBefore(Lane& lane, Node& node, FieldIndex field,
+                                                               const FieldSlot& slot, const void* value,
+                                                               std::size_t size) {
+    const WrittenField* const known = lane.expected;
+    const std::uint64_t dirty = node.dirty_, bit = writing::dirtyBit(field);
+    if (known >= lane.expectedEnd || known->node != node.id_ || known->field != field || (dirty & bit) ||
+        lane.nextEntry == lane.entryEnd) [[unlikely]]
+        return false;
+    const std::uint32_t aspect = aspectBit(slot.aspect);
+    if ((aspect & kPlaceAspects) && isAboutPlaces(slot) && places.isWatched(node.id_)) [[unlikely]]
+        return false;
+    lane.touched |= aspect;
+    lane.expected = lane.expected + 1;
+    WrittenField& entry = *new (lane.nextEntry++) WrittenField(*known);
+    entry.next = dirty ? node.dirtySlot_ + 1 : 0;
+    entry.external = lane.writingExternally;
+    entry.hashed = true;
+    node.dirtySlot_ = lane.slotOf(&entry);
+    node.dirty_ = dirty | bit;
+    copyPlain(node.block() + slot.offset, value, size);
+    return true;
+}
+
 template <bool isPlain>
 [[gnu::always_inline]] inline void Scene::State::beginWrite(Lane& lane, Node& node, FieldIndex field,
                                                             const FieldSlot& slot) {

@@ -33,6 +33,57 @@ TEST(Cascade, ARouteAddedWhileItsEventTravelsWaitsForTheNext) {
     EXPECT_EQ(scene.node(node[2]).get(x3d::Transform::translation), Vec3f(2));
 }
 
+/// Fields whose numbers are 16 apart are told apart, whichever of their routes came first, and when some are gone.
+TEST(Cascade, RoutesOfManyFieldsOfANodeAreTheirOwn) {
+    constexpr FieldIndex kFields = 70;
+    const auto type = std::make_shared<NodeType>();
+    type->name = "Many";
+    type->kind = NodeType::Kind::user;
+    for (int i = 0; i < kFields; ++i) {
+        FieldDef def;
+        def.name = "f" + std::to_string(i);
+        def.type = FieldType::SFFloat;
+        def.defaultValue = Value(0.0f);
+        type->fields.push_back(def);
+    }
+    ASSERT_TRUE(type->finish());
+    Scene scene;
+    const auto many = scene.defineType(type);
+    ASSERT_TRUE(many);
+    // What it emits is plain, and no event that came in: by its clock, all fields in each frame.
+    scene.registerBehaviour(*many, Behaviour{.onTime = [](Cascade& cascade, const Node& node) {
+        for (FieldIndex i = 0; i < kFields; ++i)
+            cascade.emit(node, Field<float>{i}, static_cast<float>(cascade.now() * 100 + i));
+        return cascade.now();
+    }});
+    const NodeId from = scene.createNode(*many);
+    std::vector<NodeId> to;
+    for (int i = 0; i < 3; ++i) to.push_back(scene.createNode(x3d::PointLight::type));
+    const FieldIndex sent[] = {35, 3, 19}, in = x3d::PointLight::intensity.index;
+    for (std::size_t i = 0; i < 3; ++i) ASSERT_TRUE(scene.addRoute(from, sent[i], to[i], in));
+    const auto says = [&](double time) {
+        scene.newFrame(time);
+        std::vector<float> all;
+        for (const NodeId id : to) all.push_back(scene.node(id).get(x3d::PointLight::intensity));
+        return all;
+    };
+    for (const double time : {1., 2., 3.})  // as the frame before from the third on
+        EXPECT_THAT(says(time), testing::ElementsAre(time * 100 + 35, time * 100 + 3, time * 100 + 19));
+    ASSERT_TRUE(scene.removeRoute(from, 3, to[1], in));
+    EXPECT_THAT(says(4), testing::ElementsAre(435, 303, 419));
+    EXPECT_TRUE(scene.isHeard(from, 35) && scene.isHeard(from, 19));
+    EXPECT_FALSE(scene.isHeard(from, 3) || scene.isHeard(from, 51));
+    ASSERT_TRUE(scene.listenTo(from, 51));
+    EXPECT_TRUE(scene.isHeard(from, 51));
+    const auto set = scene.newFrame(5);
+    ASSERT_TRUE(set->heard && set->heard->size() == 1);
+    EXPECT_EQ(set->heard->front().value, Value(551.0f));
+    scene.stopListening(from, 51);
+    ASSERT_TRUE(scene.removeRoute(from, 35, to[0], in) && scene.removeRoute(from, 19, to[2], in));
+    EXPECT_THAT(says(6), testing::ElementsAre(535, 303, 519));
+    EXPECT_FALSE(scene.isHeard(from, 35) || scene.isHeard(from, 51) || scene.isHeard(NodeId{999}, 0));
+}
+
 // ---- edits while an event is on its way ----------------------------------------------------------------------------
 
 /// Transforms in a row; the first has a route to each of the others. `onArrival` runs when an event reaches one.

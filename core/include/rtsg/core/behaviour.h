@@ -49,7 +49,10 @@ class Cascade {
     /// Sends an output event (and stores the value). At most one per field and timestamp reaches the routes.
     template <class T>
     void emit(const Node& node, Field<T> field, const T& value) {
-        emitStorage(node, field.index, &value);
+        if constexpr (std::is_trivially_copyable_v<T> && sizeof(T) <= 16 && !std::is_same_v<T, NodeId>)
+            emitPlain<sizeof(T)>(node, field.index, &value);
+        else
+            emitStorage(node, field.index, &value);
     }
     /// Stores a hidden or own field without sending anything.
     template <class T>
@@ -82,10 +85,18 @@ class Cascade {
     friend class ScriptPrograms;
     Cascade(Scene& scene, double now, double previous, Scene::Lane& lane)
         : scene_(scene), now_(now), previous_(previous), lane_(lane) {}
+    /// As emitStorage for a value of so many plain bytes.
+    template <std::size_t size>
+    void emitPlain(const Node& node, FieldIndex field, const void* value);
     Scene& scene_;
     double now_, previous_;
     Scene::Lane& lane_;  // where what is done through it is noted
 };
+extern template void Cascade::emitPlain<1>(const Node&, FieldIndex, const void*);
+extern template void Cascade::emitPlain<4>(const Node&, FieldIndex, const void*);
+extern template void Cascade::emitPlain<8>(const Node&, FieldIndex, const void*);
+extern template void Cascade::emitPlain<12>(const Node&, FieldIndex, const void*);
+extern template void Cascade::emitPlain<16>(const Node&, FieldIndex, const void*);
 
 /// The value of an event, for as long as the call lasts.
 class EventValue {

@@ -101,6 +101,7 @@ class Node {
     ParentRef parent_;             // the first parent; a node with more keeps the rest in links_
     std::uint32_t dirtySlot_ = 0;  // of its newest entry in the list of fields written
     TypeIndex typeIndex_;
+    std::uint16_t heardOf_ = 0;  // a bit for each field, by its number modulo 16, that has a group in links_
 };
 
 class Scene {
@@ -236,6 +237,10 @@ class Scene {
     /// state.
     Result<> listenTo(NodeId id, FieldIndex field);
     void stopListening(NodeId id, FieldIndex field);
+    /// Whether a route, an IS connection or a call of listenTo() waits for what the field sends.
+    bool isHeard(NodeId id, FieldIndex field) const;
+    /// Grows whenever an answer of isHeard() may have changed.
+    std::uint64_t hearingEdits() const;
     /// What the frames had to say; and which subscribers failed, on whatever thread, if the bus has no reporter.
     Diagnostics& diagnostics();
     /// From now on every set and snapshot carries its FrameInput, at a cost that follows what comes in.

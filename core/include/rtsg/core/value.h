@@ -155,7 +155,7 @@ constexpr std::uint64_t kOwns = kBoxed | bit(FieldType::SFString) | bit(FieldTyp
 }  // namespace detail
 
 /// Copies 1, 4, 8, 12 or 16 bytes, the sizes of plain field types; faster than memcpy when the size is not constant.
-inline void copyPlain(void* target, const void* source, std::size_t size) noexcept {
+[[gnu::always_inline]] inline void copyPlain(void* target, const void* source, std::size_t size) noexcept {
     switch (size) {
         case 1:
             std::memcpy(target, source, 1);
@@ -219,8 +219,10 @@ class Value {
     static Value fromStorage(FieldType type, const void* storage);
     /// Becomes the value at `storage`, of a type that owns nothing. Precondition: `size == info(type).size`.
     void setPlain(FieldType type, const void* storage, std::size_t size) noexcept {
-        if (owns()) dropOwned();
-        type_ = type;
+        if (type_ != type) {
+            if (owns()) dropOwned();
+            type_ = type;
+        }
         copyPlain(inline_, storage, size);
     }
 
