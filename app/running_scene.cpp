@@ -94,12 +94,16 @@ void RunningScene::followInlines() {
         return seconds ? std::optional(*seconds) : std::nullopt;
     };
     inlines_ = std::make_unique<InlineLoader>(scene_, inlineDiagnostics_, build);
-    inlines_->measureTexts(measureText);
+    inlines_->measureTexts(measureText, InlineLoader::Texts::heard);
     queries_ = std::make_unique<LateQueries>(*this);
     scene_.setSpaceQueries(queries_.get());
     scene_.setNavigation(true);
     physics_ = std::make_unique<RigidBodyPhysics>(scene_);
     network_ = std::make_unique<DisNetwork>(scene_, DisOptions{.allowed = allowedAddresses_});
+}
+
+void RunningScene::measureAllTexts() {
+    inlines_->measureTexts(measureText);
 }
 
 Result<> RunningScene::inject(const std::vector<std::string>& events) {

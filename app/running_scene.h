@@ -46,6 +46,8 @@ class RunningScene {
     bool load();
     /// Instead of load(): goes on with the session in a log, at the time after its last state; start() is the log's.
     Result<ResumedSession> resume(const std::string& log);
+    /// From now on all Texts say how large they are, not only those of which something in the scene may hear.
+    void measureAllTexts();
     /// --set; after load().
     Result<> inject(const std::vector<std::string>& events);
 

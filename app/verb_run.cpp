@@ -1,4 +1,5 @@
 // rtsg run: the cascade of a scene in simulated time, with events sent and watched.
+#include <algorithm>
 #include <memory>
 #include <optional>
 
@@ -6,6 +7,7 @@
 
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/world.h>
+#include <rtsg/core/x3d.h>
 
 #include "live_outputs.h"
 #include "running_scene.h"
@@ -52,7 +54,17 @@ Result<std::vector<Watch>> parseWatches(const Scene& scene, const std::vector<st
     return watches;
 }
 
+/// Whether this is about events that a Text sends by itself.
+bool isOfTexts(const Scene& scene, const Watch& watch) {
+    using T = x3d::Text;
+    const auto isOne = [&](auto... fields) { return ((watch.field == fields.index) || ...); };
+    if (watch.node && !scene.node(watch.node).is(T::type)) return false;
+    return watch.field == kNoField || isOne(T::lineBounds, T::origin, T::textBounds);
+}
+
 void printEvents(RunningScene& running, const std::vector<Watch>& watches) {
+    if (std::ranges::any_of(watches, [&](const Watch& one) { return isOfTexts(running.scene(), one); }))
+        running.measureAllTexts();
     running.scene().setEventListener([&](double, const Node& node, FieldIndex field, const Value& value) {
         for (const Watch& w : watches)
             if ((!w.node || w.node == node.id()) && (w.field == kNoField || w.field == field)) {

@@ -345,5 +345,30 @@ TEST_F(RunOutputs, AreKeptAndCountedWhenInterrupted) {
     EXPECT_GT(seconds(folder / "r.wav"), 0);
 }
 
+class SizesOfTexts : public CommandLine {};
+
+/// A Text that nobody asks for its size has none: the state then is that of a machine with any fonts, or none.
+TEST_F(SizesOfTexts, AreMeasuredForThoseWhoHear) {
+    const auto run = [&](const std::string& more, std::vector<std::string> options) {
+        writeFile(file, "#X3D V4.0 utf8\nPROFILE Full\nShape { geometry DEF T Text { string \"hello\" } }\n" + more);
+        std::vector<std::string> arguments{"run", file, "--for", ".1s", "--json"};
+        arguments.insert(arguments.end(), options.begin(), options.end());
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return outcome.out;
+    };
+    const auto hashOf = [](const std::string& out) {
+        return json::parse(out.substr(out.rfind('{'))).at("hash").get<std::string>();
+    };
+    const std::string silent = hashOf(run("", {}));
+    EXPECT_EQ(hashOf(run("", {"--watch", "T.string"})), silent);
+    const std::string watched = run("", {"--watch", "T.textBounds"});
+    EXPECT_EQ(count(watched, "\"textBounds\""), 1u) << watched;
+    EXPECT_NE(hashOf(watched), silent);
+    const std::string routed =
+        run("DEF M Transform { } ROUTE T.origin TO M.translation\n", {"--watch", "M.translation"});
+    EXPECT_EQ(count(routed, "\"M\""), 1u) << routed;
+}
+
 }  // namespace
 }  // namespace rtsg::test

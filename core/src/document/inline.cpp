@@ -299,9 +299,9 @@ InlineLoader::InlineLoader(Scene& scene, Diagnostics& diagnostics, BuildOptions 
     : state_(std::make_unique<State>(scene, diagnostics, std::move(options))) {}
 InlineLoader::~InlineLoader() = default;
 
-void InlineLoader::measureTexts(TextMeasure measure) {
+void InlineLoader::measureTexts(TextMeasure measure, Texts which) {
     state_->measure = std::move(measure);
-    state_->sizes.askTexts(state_->scene);
+    state_->sizes.askTexts(state_->scene, which == Texts::heard);
 }
 
 std::size_t InlineLoader::update() {

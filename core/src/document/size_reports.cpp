@@ -18,6 +18,10 @@ bool isProjector(const Node& node) {
     return node.is(Projector::type) || node.is(Parallel::type);
 }
 
+bool isScript(const Node& node) {
+    return node.type().kind == NodeType::Kind::script || node.type().name == "Script";
+}
+
 float ratioOf(double width, double height) {
     return width > 0 && height > 0 ? static_cast<float>(width / height) : 0.0f;
 }
@@ -79,9 +83,28 @@ SizeReports::SizeReports(const Scene& scene) {
     });
 }
 
-void SizeReports::askTexts(const Scene& scene) {
+void SizeReports::askTexts(const Scene& scene, bool heardAlone) {
+    heardAlone_ = heardAlone;
+    anyScript_ = false;
     scene.forEachNode([&](const Node& node) {
         if (node.is(x3d::Text::type)) texts_.insert(node.id().value);
+        anyScript_ |= isScript(node);
+    });
+}
+
+bool SizeReports::mayBeHeard(const Scene& scene, NodeId text) const {
+    using T = x3d::Text;
+    return !heardAlone_ || anyScript_ || scene.isHeard(text, T::lineBounds.index) ||
+           scene.isHeard(text, T::origin.index) || scene.isHeard(text, T::textBounds.index);
+}
+
+/// Those of which somebody may hear by now.
+void SizeReports::wakeHeard(const Scene& scene) {
+    if (!anyScript_ && std::exchange(hearingEdits_, scene.hearingEdits()) == scene.hearingEdits()) return;
+    std::erase_if(silent_, [&](std::uint32_t number) {
+        const bool wakes = mayBeHeard(scene, NodeId{number});
+        if (wakes) texts_.insert(number);
+        return wakes || !scene.find(NodeId{number});
     });
 }
 
@@ -107,6 +130,7 @@ void SizeReports::note(const Scene& scene, const ChangeSet& set) {
         if (!isNew && (change.kind != ChangeKind::setField || !mayResize(change.value.type()))) continue;
         const Node* node = scene.find(change.node);
         if (!node) continue;
+        anyScript_ |= isNew && isScript(*node);
         using T = x3d::Text;
         if (node->is(T::type)) {
             const auto isOne = [&](auto... fields) { return ((change.field == fields.index) || ...); };
@@ -131,9 +155,14 @@ std::size_t SizeReports::answer(Scene& scene, const Resources& resources, const 
                                                     : tellRatio<Parallel>(scene, *node, resources);
         if (told) ++count;
     }
+    if (!silent_.empty()) wakeHeard(scene);
     for (const std::uint32_t number : std::exchange(texts_, {})) {
         const Node* node = scene.find(NodeId{number});
         if (!node || !node->is(x3d::Text::type) || !measure) continue;
+        if (!mayBeHeard(scene, node->id())) {
+            silent_.insert(number);
+            continue;
+        }
         const Array<float> found = measure(scene, *node);
         if (found != node->get(x3d::Text::_measured) && scene.set(node->id(), x3d::Text::_measured, found)) ++count;
     }

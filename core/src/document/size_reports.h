@@ -19,15 +19,22 @@ class SizeReports {
     /// Of a scene that runs already: what nobody has looked at yet.
     explicit SizeReports(const Scene& scene);
     void note(const Scene& scene, const ChangeSet& set);
-    /// All Texts are to be looked at: somebody has come who knows fonts.
-    void askTexts(const Scene& scene);
+    /// All Texts are to be looked at: somebody has come who knows fonts. `heardAlone`: but those of whose sizes nobody
+    /// may hear wait until somebody does.
+    void askTexts(const Scene& scene, bool heardAlone);
     /// `measure` may be empty: then nobody knows fonts. Returns the number of edits.
     std::size_t answer(Scene& scene, const Resources& resources, const TextMeasure& measure);
 
   private:
     void noteAbove(const Scene& scene, NodeId part);
+    void wakeHeard(const Scene& scene);
+    bool mayBeHeard(const Scene& scene, NodeId text) const;
 
     std::set<std::uint32_t> projectors_, texts_;
+    bool heardAlone_ = false;
+    bool anyScript_ = false;          // there has been one, which may read whatever it likes
+    std::set<std::uint32_t> silent_;  // Texts of which nobody may hear, and which may be others than was told
+    std::uint64_t hearingEdits_ = 0;  // of the scene, when these were last looked at
 };
 
 }  // namespace rtsg

@@ -189,5 +189,52 @@ TEST(TextSizes, AreAskedOfWhoKnowsFontsWhenTheyMayBeOthers) {
     EXPECT_EQ(asked, "ABAB");
 }
 
+TEST(TextSizes, AreAskedOnlyWhereSomebodyMayHear) {
+    Scene scene;
+    Diagnostics diagnostics("test");
+    ASSERT_TRUE(
+        loadText(scene,
+                 "#X3D V4.0 utf8\nPROFILE Full\n"
+                 "Shape { geometry DEF A Text { string \"a\" } } Shape { geometry DEF B Text { string \"b\" } }\n"
+                 "Shape { geometry DEF C Text { string \"c\" } } DEF M Transform { }\n"
+                 "ROUTE A.origin TO M.translation",
+                 diagnostics));
+    InlineLoader loader(scene, diagnostics);
+    std::string asked;
+    loader.measureTexts(
+        [&](const Scene& s, const Node& text) {
+            asked += s.name(text.id());
+            return Array<float>{3, 2, -1, static_cast<float>(asked.size()), 0, 3, 1};
+        },
+        InlineLoader::Texts::heard);
+    const auto frame = [&] {
+        scene.newFrame(scene.now() + 1);
+        return loader.update();
+    };
+    using T = x3d::Text;
+    EXPECT_EQ(frame(), 1u);
+    EXPECT_EQ(asked, "A") << "its origin goes along a route";
+    frame();
+    EXPECT_EQ(scene.node(scene.findName("M")).get(x3d::Transform::translation), Vec3f(-1, 1, 0));
+    const NodeId b = scene.findName("B"), c = scene.findName("C");
+    ASSERT_TRUE(scene.set(b, T::string, Array<String>{String("longer")}));
+    frame();
+    EXPECT_EQ(asked, "A") << "whatever becomes of it nobody hears of it";
+    EXPECT_TRUE(scene.node(b).isDefault(T::_measured.index));
+    ASSERT_TRUE(scene.listenTo(b, T::textBounds.index));
+    frame();
+    EXPECT_EQ(asked, "AB");
+    EXPECT_TRUE(frame() == 0 && scene.node(b).get(T::textBounds) == Vec2f(3, 2));
+    scene.stopListening(b, T::textBounds.index);
+    ASSERT_TRUE(scene.set(b, T::string, Array<String>{String("again")}));
+    frame();
+    EXPECT_EQ(asked, "AB") << "nobody listens any longer";
+    // A Script may find any node by its name, and read what it says.
+    ASSERT_TRUE(scene.createNode("Script"));
+    frame();
+    EXPECT_EQ(asked, "ABBC");
+    EXPECT_EQ(scene.node(c).get(T::_measured).size(), 7u);
+}
+
 }  // namespace
 }  // namespace rtsg

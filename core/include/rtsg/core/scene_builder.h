@@ -95,8 +95,14 @@ class InlineLoader {
   public:
     InlineLoader(Scene& scene, Diagnostics& diagnostics, BuildOptions options = {});
     ~InlineLoader();
+    enum class Texts : std::uint8_t {
+        all,
+        /// Those of whose sizes somebody may hear: a route or listener that is there, or any Script. So fonts are
+        /// loaded, and the state depends on which there are, only where that serves somebody.
+        heard,
+    };
     /// From now on Texts are told how large they are; without, they send nothing of it.
-    void measureTexts(TextMeasure measure);
+    void measureTexts(TextMeasure measure, Texts which = Texts::all);
     /// Looks at the Inlines whose `load` or `url` changed since the last call. Returns how many were (un)loaded
     /// or told something.
     std::size_t update();
