@@ -276,6 +276,7 @@ Result<Pdu> decode(std::span<const std::uint8_t> bytes) {
     pass(reader, pdu.header.version, pdu.header.exercise, type, family, pdu.header.timestamp, length,
          pdu.header.status);
     reader.skip(1);
+    if (pdu.header.version < 7) pdu.header.status = 0;  // padding there
     readBody(reader, pdu, kind->index, std::make_index_sequence<std::variant_size_v<decltype(pdu.body)>>{});
     if (reader.isShort()) return fail(fmt::format("of type {} ends too early, after {} bytes", type, outline->length));
     if (!reader.isFinite()) return fail(fmt::format("of type {} has a number that is not finite", type));

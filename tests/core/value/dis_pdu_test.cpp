@@ -231,6 +231,8 @@ TEST(DisPdu, TruncatedAndRandomBytesNeverCrash) {
         bytes.resize(12 + random() % (bytes.size() - 11));
         for (int k = 0; k < 4; ++k)
             bytes[12 + random() % std::max<std::size_t>(1, bytes.size() - 12)] = static_cast<std::uint8_t>(random());
+        bytes[0] = static_cast<std::uint8_t>(5 + random() % 3);
+        bytes[10] = static_cast<std::uint8_t>(random());  // a status in version 7, padding before
         bytes[8] = 0, bytes[9] = static_cast<std::uint8_t>(bytes.size());
         const auto pdu = decode(bytes);
         if (!pdu) continue;
