@@ -1,4 +1,9 @@
 // PDUs against bytes that were written by hand from the tables of IEEE 1278.1-2012, and bytes that are no PDUs.
+//
+// By hand, in November 2026, against open-dis-python (b9c4cd0): it reads such Entity State, Fire, Detonation,
+// Collision, Remove Entity and Transmitter PDUs and writes the same bytes; of Signals all but the padding, which it
+// leaves out, and of Receivers it leaves out whose radio it is. Its three recorded PDUs of these types are read and
+// written byte for byte.
 #include <cmath>
 #include <limits>
 #include <random>
