@@ -206,15 +206,17 @@ TEST(Contacts, SlipAsTheirForceHasIt) {
 
 TEST(Contacts, MeetOnlyInACollectionThatBothAreIn) {
     const auto heights = [](const std::string& first, const std::string& second, const std::string& enabled = {}) {
-        JointStage stage(
-            fmt::format("RigidBodyCollection {{ gravity 0 -10 0 collider DEF K CollisionCollection {{ {} bounce 0 "
-                        "collidables [ {} {} {} ] }}\n"
-                        "bodies [ RigidBody {{ fixed TRUE position 0 -1 0 geometry USE F }}\n"
-                        "  DEF A RigidBody {{ position -5 1 0 geometry USE CA }} DEF B RigidBody {{ position 5 1 0 "
-                        "geometry {} }} ] }}\n"
-                        "DEF S CollisionSensor {{ collider CollisionCollection {{ collidables [ {} ] }} }}",
-                        enabled, collidable("F", "Box { size 100 2 100 }"), collidable("CA", "Box { size 1 1 1 }"),
-                        first, first.empty() ? collidable("CB", "Box { size 1 1 1 }") : "USE CB", second));
+        JointStage stage(fmt::format(
+            "RigidBodyCollection {{ gravity 0 -10 0 collider DEF K CollisionCollection {{ {} bounce 0 "
+            "collidables [ {} {} {} ] }}\n"
+            "bodies [ RigidBody {{ fixed TRUE position 0 -1 0 geometry USE F }}\n"
+            "  DEF A RigidBody {{ position -5 1 0 geometry USE CA }} DEF B RigidBody {{ position 5 1 0 "
+            "geometry {} }} ] }}\n"
+            "RigidBodyCollection {{ gravity 0 -10 0 collider CollisionCollection {{ collidables {} }}\n"
+            "  bodies RigidBody {{ position 300 0 0 geometry USE D }} }}\n"
+            "DEF S CollisionSensor {{ collider CollisionCollection {{ collidables [ {} ] }} }}",
+            enabled, collidable("F", "Box { size 100 2 100 }"), collidable("CA", "Box { size 1 1 1 }"), first,
+            first.empty() ? collidable("CB", "Box { size 1 1 1 }") : "USE CB", collidable("D", "Sphere { }"), second));
         bool sensed = false;
         stage.scene.setEventListener([&](double, const Node& node, FieldIndex field, const Value& value) {
             sensed = sensed || (node.is(x3d::CollisionSensor::type) && field == x3d::CollisionSensor::isActive.index &&
@@ -242,7 +244,7 @@ TEST(Contacts, MeetOnlyInACollectionThatBothAreIn) {
         EXPECT_NEAR(b, fallen, 1e-3);
         EXPECT_FALSE(sensed);
     }
-    {  // a collection that is not enabled lets all pass
+    {  // a collection that is not enabled lets all pass, though another one is
         const auto [a, b, sensed] = heights(collidable("CB", "Box { size 1 1 1 }"), "USE F USE CB", "enabled FALSE");
         EXPECT_NEAR(a, fallen, 1e-3);
         EXPECT_NEAR(b, fallen, 1e-3);
