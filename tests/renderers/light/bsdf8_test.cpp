@@ -52,12 +52,12 @@ void expectClose(const Vec3f& a, const Vec3f& b, float relative) {
     for (int c = 0; c < 3; ++c) EXPECT_NEAR(a[c], b[c], relative * std::abs(b[c]) + 1e-6f);
 }
 
-constexpr std::uint64_t kSeed = 20261123;
+constexpr std::uint64_t kBsdf8Seed = 20261123;
 constexpr std::uint32_t kMixes[] = {0x00, 0xFF, 0x5A};
 constexpr int kRounds = 2000;
 
 TEST(Bsdf8, ShowsWhatBsdfShows) {
-    std::mt19937_64 random(kSeed);
+    std::mt19937_64 random(kBsdf8Seed);
     for (int round = 0; round < kRounds; ++round)
         for (const std::uint32_t mix : kMixes) {
             const Surfaces8 s(random, mix);
@@ -65,7 +65,7 @@ TEST(Bsdf8, ShowsWhatBsdfShows) {
             const auto [value, density] = s.together().evaluate(view, light);
             for (int i = 0; i < 8; ++i) {
                 const Vec3f from = Surfaces8::vector(view, i), to = Surfaces8::vector(light, i);
-                SCOPED_TRACE(testing::Message() << "seed " << kSeed << " round " << round << " lane " << i);
+                SCOPED_TRACE(testing::Message() << "seed " << kBsdf8Seed << " round " << round << " lane " << i);
                 // A sharp highlight multiplies the roundings of the angle from its middle.
                 const float alpha = std::max(s.roughness[i] * s.roughness[i], 1e-3f);
                 const float close = 1e-4f + (s.physical >> i & 1u ? 1e-6f / (alpha * alpha) : 0);
@@ -78,7 +78,7 @@ TEST(Bsdf8, ShowsWhatBsdfShows) {
 }
 
 TEST(Bsdf8, SendsPathsWhereBsdfSendsThem) {
-    std::mt19937_64 random(kSeed + 1);
+    std::mt19937_64 random(kBsdf8Seed + 1);
     int off = 0;
     for (int round = 0; round < kRounds; ++round)
         for (const std::uint32_t mix : kMixes) {
@@ -93,11 +93,11 @@ TEST(Bsdf8, SendsPathsWhereBsdfSendsThem) {
                 off += glm::length(out - expected) > 2e-3f;
             }
         }
-    EXPECT_LE(off, 8 * kRounds * 3 / 10'000) << "seed " << kSeed + 1;
+    EXPECT_LE(off, 8 * kRounds * 3 / 10'000) << "seed " << kBsdf8Seed + 1;
 }
 
 TEST(Bsdf8, LimitsEnergyAsForOneToTheLastBit) {
-    std::mt19937_64 random(kSeed + 2);
+    std::mt19937_64 random(kBsdf8Seed + 2);
     std::uniform_real_distribution<float> unit(0, 1.2f);
     int changed = 0;
     for (int round = 0; round < kRounds; ++round) {
@@ -111,7 +111,7 @@ TEST(Bsdf8, LimitsEnergyAsForOneToTheLastBit) {
         for (int i = 0; i < 8; ++i) {
             const Vec3f color(base[0][i], base[1][i], base[2][i]);
             const Vec3f alone = energyLimited(color, metallic[i], roughness[i], cosine[i]);
-            EXPECT_EQ(Surfaces8::vector(limited, i), alone) << "seed " << kSeed + 2 << " round " << round;
+            EXPECT_EQ(Surfaces8::vector(limited, i), alone) << "seed " << kBsdf8Seed + 2 << " round " << round;
             changed += alone != glm::min(color, Vec3f(1));
         }
     }

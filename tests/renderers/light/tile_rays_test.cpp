@@ -25,7 +25,7 @@ std::string manyWays() {
 }
 
 /// The same for every bit; NaN is none.
-void expectSame(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
+void expectSameOfTile(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
     ASSERT_EQ(a.size(), b.size());
     for (std::size_t i = 0; i < a.size(); ++i) EXPECT_EQ(a[i], b[i]) << i;
 }
@@ -58,8 +58,8 @@ TEST(TileGroups, GetWhatEachGetsAlone) {
                 SCOPED_TRACE(testing::Message() << static_cast<int>(integrator) << " group " << i);
                 trace::traceTile(scene, *camera, settings, 0, 0, std::span(&alone[i], 1));
                 for (std::size_t k = 0; k < alone[i].sum.size(); ++k) EXPECT_EQ(groups[i].sum[k], alone[i].sum[k]) << k;
-                expectSame(groups[i].light, alone[i].light);
-                expectSame(groups[i].share, alone[i].share);
+                expectSameOfTile(groups[i].light, alone[i].light);
+                expectSameOfTile(groups[i].share, alone[i].share);
                 EXPECT_EQ(groups[i].missing, alone[i].missing);
                 primary += alone[i].primaryRays, secondary += alone[i].secondaryRays, shadow += alone[i].shadowRays;
             }
