@@ -79,7 +79,10 @@ AcousticMaterial acousticMaterial(const Scene& scene, const Node& node, const Ac
         const double d = share(diffuse[b]), s = share(specular[b]);
         material.absorption[b] = a;
         material.transmission[b] = through;
-        material.scattering[b] = s > 0 ? d / (d + s) : left > 0 ? std::min(1.0, d / left) : 0;
+        // Fields are in single precision: where diffuse is all that is left, rounding leaves no mirror.
+        constexpr double kRounding = 1e-6;
+        const double scattered = s > 0 ? d / (d + s) : left > 0 ? d / left : 0;
+        material.scattering[b] = scattered > 1 - kRounding ? 1 : scattered;
     }
     return material;
 }

@@ -158,6 +158,7 @@ class Retracer {
         double left = 0;  // metres to go
         std::uint32_t plane = kNoPlane;
         int order = 0;
+        int passed = 0, passedAtEnd = 0;  // walls that it went through
     };
 
     Retracer(const AcousticGeometry& geometry, const WallShares& shares, const glm::dvec3& source,
@@ -238,9 +239,13 @@ class Retracer {
         state.origin = point;
         state.left -= hit.distance;
         state.plane = hit.plane;
-        if (worthFollowing(beyond, minShare_)) {
+        // At an edge rays without a length go back and forth between its walls.
+        if (state.passed < kMostPassed && (!atEnd || state.passedAtEnd < kMostPassedAtEnd) &&
+            worthFollowing(beyond, minShare_)) {
             State through = state;
             through.energy = beyond;
+            ++through.passed;
+            if (atEnd) ++through.passedAtEnd;
             if (follow(through) && atEnd) return Step::arrived;
         }
         if (state.order == maxOrder_ || !worthFollowing(state.energy, 0)) return Step::lost;
@@ -252,6 +257,8 @@ class Retracer {
 
     /// Each wall that lets sound pass doubles the ways.
     static constexpr int kMostSteps = 20'000;
+    /// Each wall passed is a call in a call; more than so many meet in no place.
+    static constexpr int kMostPassed = 256, kMostPassedAtEnd = 8;
     static constexpr double kLast = .01;  // metres
     const AcousticGeometry* geometry_;
     const WallShares* shares_;

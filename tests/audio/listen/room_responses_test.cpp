@@ -188,7 +188,7 @@ TEST_F(SofaOfRoom, IsTheWavOfTheSameResponsesInEachKindOfChannels) {
 TEST_F(SofaOfRoom, SaysWhatIsNoBoxAndKeepsWhatWasThereAfterAnError) {
     Scene scene;
     load(scene, test::room("absorption .3", test::kPair) +
-                    "Transform { translation 3 .5 1 children Shape { geometry Box { size 1 1 1 } } }\n");
+                    "Transform { translation 3.1 .55 1.07 children Shape { geometry Box { size 1 1 1 } } }\n");
     SharedWorld world(scene);
     SoundRenderer sound(world, options());
     auto report = sound.survey({{"here", {4, 3, 1.5}}});
