@@ -156,7 +156,10 @@ ListenOptions SoundArguments::parse() const {
                         : binaural    ? Channels::binaural
                         : stereo      ? Channels::stereo
                                       : Channels::mono;
-    if (rays > 0) options.trace.rays = rays;
+    if (rays > 0)
+        options.trace.rays = rays;
+    else if (error > 0)
+        options.trace.rays = ListenOptions::kFirstRays;
     options.error = error;
     options.render.ask(rays, error);
     return options;

@@ -27,7 +27,11 @@ constexpr Source kSources[] = {
      "error of a room lit by panels, and of scenes under a white sky, against time, beside Cycles and POV-Ray where "
      "they are installed",
      bench::chartLight},
-    {"sound", "error of reverberation times against time", bench::chartSound},
+    {"sound",
+     "error of T20, C80, G and first arrivals in seven rooms against time, by images, rays, both and --error; moving "
+     "sources "
+     "against the time of a frame",
+     bench::chartSound},
     {"sync", "bytes of a change against error and time by coding and mode; replicas and late joins of a mirror",
      [](const bench::ChartSink& sink, bool quick) {
          const bool coded = bench::chartCodec(sink, quick);

@@ -22,6 +22,7 @@
 #include "bare_embree.h"
 #include "bench.h"
 #include "scenes/scenes.h"
+#include "sound_rooms.h"
 
 namespace rtsg::bench {
 
@@ -80,39 +81,9 @@ class RayList final : public AcousticGeometry {
     const RayView* rays_;
 };
 
-constexpr const char* kBox =
-    "#X3D V4.0 utf8\nPROFILE Full\nTransform { translation 3 2.5 1.5 children Shape { geometry Box { size 6 5 3 solid "
-    "FALSE } appearance Appearance { acousticProperties AcousticProperties { absorption .1 diffuse .45 specular .45 } "
-    "} } "
-    "}\n";
-
-struct Hall {
-    std::string name;
-    Scene scene;
-    std::unique_ptr<SharedWorld> world;
-    std::unique_ptr<AcousticTables> tables;
-    WorldGeometry geometry;
-    glm::dvec3 source{1, 1, 1.5}, listener{4, 3, 1.5};
-
-    void start() {
-        AcousticMaterial usual;
-        usual.absorption = allBands(.1);
-        usual.scattering = allBands(.5);
-        world = std::make_unique<SharedWorld>(scene);
-        tables = std::make_unique<AcousticTables>(world->rays(), usual);
-        world->add(*tables);
-        scene.newFrame(0);
-        world->finishBackgroundWork();
-        geometry.follow(tables->latest()->walls, world->rays());
-    }
-    ~Hall() {
-        if (world) world->remove(*tables);
-    }
-};
-
 /// `connected`: images of the listener are looked for too, as by default. All that the tracer asks counts as a ray, for
 /// it as for bare Embree: to walls, to listeners and to their images.
-void rayRatios(const Report& report, Hall& hall, bool connected, bool quick) {
+void rayRatios(const Report& report, SoundRoom& hall, bool connected, bool quick) {
     TraceOptions options;
     options.rays = quick ? 320 : 3200;
     options.imageOrder = 0;
@@ -162,7 +133,7 @@ void rayRatios(const Report& report, Hall& hall, bool connected, bool quick) {
 }
 
 /// CPU time of a result for each of five listeners beside that for one, and what sharing costs their intervals.
-void severalListeners(const Report& report, const Hall& hall, bool quick) {
+void severalListeners(const Report& report, const SoundRoom& hall, bool quick) {
     const auto share = [&](double a, double b, double c) {
         return glm::mix(hall.source, hall.listener, .5) + glm::dvec3(a, b, c) * (hall.listener - hall.source);
     };
@@ -210,7 +181,7 @@ void severalListeners(const Report& report, const Hall& hall, bool quick) {
 }
 
 /// Wall time on all cores until T20 is good to 1 % and levels to .1 dB.
-void figures(const Report& report, Hall& hall, bool quick) {
+void figures(const Report& report, SoundRoom& hall, bool quick) {
     TraceOptions options;
     options.air.absorbs = false;
     for (const std::uint64_t rays : {std::uint64_t{400}, std::uint64_t{1600}, std::uint64_t{6400}}) {
@@ -253,7 +224,7 @@ bool live(const Report& report, bool quick) {
     ::setenv("ALSOFT_DRIVERS", "null", 1);
     Scene scene;
     Diagnostics diagnostics;
-    if (!loadText(scene, std::string(kBox) + kMovingVoice, diagnostics)) return false;
+    if (!loadText(scene, boxScene(.5) + kMovingVoice, diagnostics)) return false;
     SharedWorld world(scene);
     std::vector<std::jthread> busy;
     for (unsigned i = 0; i < std::max(2u, std::thread::hardware_concurrency()); ++i)
@@ -305,40 +276,16 @@ void convolution(const Report& report, bool quick) {
 /// 32 sources that move in a box at 60 Hz, in real time on OpenAL's silent device: CPU time of all of it, and of frames
 /// on the scene's thread.
 bool movingSources(const Report& report, bool quick) {
-    constexpr int kSources = 32;
-    std::string text = kBox;
-    for (int i = 0; i < kSources; ++i)
-        text += fmt::format(
-            "DEF V{} Transform {{ translation 0 0 0 children Sound {{ location {} {} 1.5 maxBack 60 maxFront 60 source "
-            "OscillatorSource {{ frequency {} }} }} }}\n",
-            i, 1 + .4 * (i % 8), 1 + .6 * (i / 8), 200 + 20 * i);
-    Scene scene;
-    Diagnostics diagnostics;
-    if (!loadText(scene, text + "Viewpoint { position 4 3 1.5 }\n", diagnostics)) return false;
-    SharedWorld world(scene);
-    auto heard = LiveSound::start(world, {});
-    if (!heard) return false;
-    std::vector<NodeId> sources;
-    for (int i = 0; i < kSources; ++i) sources.push_back(scene.findName(fmt::format("V{}", i)));
-    const double begin = wallSeconds(), before = cpuSeconds(), seconds = quick ? .3 : 10;
-    std::vector<double> frames;
-    for (double t = 0; t < seconds; t = wallSeconds() - begin) {
-        const double start = threadSeconds();
-        for (int i = 0; i < kSources; ++i)
-            static_cast<void>(scene.set(sources[static_cast<std::size_t>(i)], x3d::Transform::translation,
-                                        Vec3f(static_cast<float>(.9 * std::sin(t + i)), 0, 0)));
-        scene.newFrame(t);
-        frames.push_back(threadSeconds() - start);
-        std::this_thread::sleep_for(std::chrono::microseconds(16'667));
-    }
-    const double cores = (cpuSeconds() - before) / (wallSeconds() - begin);
-    const LiveReport told = (*heard)->stop();
-    report({"sound", "32 moving sources, live", "cores that all of it takes", "1", cores, "", 0, "asked for", 1});
+    const std::optional<MovingSound> moved = moveSources(32, quick ? .3 : 10);
+    if (!moved) return false;
+    const std::vector<double>& frames = moved->frames;
+    report(
+        {"sound", "32 moving sources, live", "cores that all of it takes", "1", moved->cores, "", 0, "asked for", 1});
     report({"sound", "32 moving sources, live", "frame of the scene's thread, the longest, CPU time", "ms",
             1e3 * *std::max_element(frames.begin(), frames.end()), "median", 1e3 * median(frames), "asked for", 2});
-    report({"sound", "32 moving sources, live", "underruns", "1", static_cast<double>(told.underruns), "", 0,
+    report({"sound", "32 moving sources, live", "underruns", "1", static_cast<double>(moved->told.underruns), "", 0,
             "asked for", 0});
-    return told.failure.empty();
+    return moved->told.failure.empty();
 }
 
 }  // namespace
@@ -347,9 +294,9 @@ bool sound(const Report& report, bool quick) {
     if (!live(report, quick) || !movingSources(report, quick)) return false;
     convolution(report, quick);
     Diagnostics diagnostics;
-    Hall box;
+    SoundRoom box;
     box.name = "box";
-    if (!loadText(box.scene, kBox, diagnostics)) return false;
+    if (!loadText(box.scene, boxScene(.5), diagnostics)) return false;
     box.start();
     rayRatios(report, box, false, quick);
     rayRatios(report, box, true, quick);
@@ -358,7 +305,7 @@ bool sound(const Report& report, bool quick) {
     const std::filesystem::path folder = std::filesystem::temp_directory_path() / "rtsg_bench_sound";
     std::filesystem::create_directories(folder);
     const auto written = writeBenchScene("Conference", quick ? .02 : .5, false, folder);
-    Hall hall;
+    SoundRoom hall;
     hall.name = "conference room";
     const bool loaded = written && loadFile(hall.scene, (folder / "Conference.x3dv").string(), diagnostics);
     std::error_code ignored;
