@@ -29,7 +29,7 @@ int main(int argc, char** argv) {
         std::printf("%s at %.1f %.1f %.1f m\n    Hz     T30 / s        C80 / dB\n", source.source.c_str(),
                     source.position.x, source.position.y, source.position.z);
         for (std::size_t band = 0; band < rtsg::kBandHz.size(); ++band) {
-            std::printf("%6.0f  %5.2f +- %4.2f  %5.1f +- %3.1f\n", rtsg::kBandHz[band], metrics.value.t30[band],
+            std::printf("%6g  %5.2f +- %4.2f  %5.1f +- %3.1f\n", rtsg::kBandHz[band], metrics.value.t30[band],
                         metrics.ci95.t30[band], metrics.value.c80[band], metrics.ci95.c80[band]);
             plausible = plausible && metrics.value.t30[band] > 0.1 && metrics.value.t30[band] < 10;
         }
