@@ -42,6 +42,13 @@ std::vector<std::string> missingParts(const Scene& replica, const std::vector<st
     std::vector<std::string> missing;
     for (const std::string& part : parts) {
         std::uint32_t number = 0;
+        if (constexpr std::string_view region = "region:"; part.starts_with(region)) {
+            // Of these it is the node at the centre, if one is named.
+            const std::string name = part.substr(region.size(), part.find(',') - region.size());
+            const bool isNumber = name.find_first_not_of("+-.0123456789eE") == std::string::npos;
+            if (!isNumber && !replica.findName(name)) missing.push_back(part);
+            continue;
+        }
         const bool numbered = part.starts_with('#') &&
                               std::from_chars(part.data() + 1, part.data() + part.size(), number).ec == std::errc();
         if (!(numbered ? replica.find(NodeId{number}) != nullptr : bool(replica.findName(part))))
@@ -375,7 +382,9 @@ Verb addMirror(Command& program) {
     command->addOption(
         "--set", options->set,
         "send an event to the origin: DEF.field=VALUE@TIME or pointer=...@TIME, in scene time since joining");
-    command->addOption("--part", options->parts, "follow only this subtree: a DEF name, or # and a node's number");
+    command->addOption("--part", options->parts,
+                       "follow only this subtree: a DEF name, or # and a node's number; or what is near: "
+                       "region:[NAME,|x,y,z,]RADIUS[,MARGIN] round a node, a point or the bound viewpoint");
     command->addOption("--aspect", options->aspects, "follow only fields of this aspect, as transform or geometry")
         ->oneOf(std::vector<std::string>(std::begin(kAspects), std::end(kAspects)));
     command->addOption("--mode", options->mode, "input: run the cascade here, from what comes into each frame")

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include <rtsg/core/behaviour.h>
+#include <rtsg/core/placement.h>
 
 namespace rtsg {
 
@@ -78,14 +79,8 @@ class Places {
     std::vector<bool> asksViewer_;  // by NodeId
 };
 
-/// Whether nodes in this field are below the node: not those that a stack points at, that a Script refers to, or that
-/// are handed to a PROTO instance, whose body then holds them by IS.
-bool isPlace(const NodeType& type, FieldIndex field);
 /// Whether an output names nodes that stand elsewhere (what a sensor has picked), and so is no way down the hierarchy.
 bool onlyTells(const NodeType& type, FieldIndex field);
-/// 10.4.4, of Transform and all that have the like: T C R SR S -SR -C; of geospatial nodes as geoPlace() says, and
-/// the identity where that has an error.
-glm::dmat4 parentFromLocal(const Scene& scene, const Node& node);
 /// The turn in a matrix, without its scale and shear.
 glm::dquat turnOf(const glm::dmat4& matrix);
 /// Whether some path leads up from the node to the root.

@@ -27,7 +27,7 @@ function random64() {
 
 export class Mirror {
   /** `options`: name, window (bytes), lag (ms behind at most, 0: any), rate (bytes a second at most, 0: any), nearFirst (on a
-   * slow link views, sounds and what is near the viewer come before what is far), parts (DEF names), and any of the functions
+   * slow link views, sounds and what is near the viewer come before what is far), parts (DEF names, or one `region:EYE,50`), and any of the functions
    * onState(record, equal), onReset(), onWelcome(resumed), onBye(state), onRefused(reason),
    * onVerdict({request, reason, state, kept}), onReply(text), onTrouble(text). */
   constructor(send, options = {}) {

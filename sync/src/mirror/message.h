@@ -77,7 +77,7 @@ struct Wishes {
     std::uint8_t whenSlow = 0;       // 0 merged frames, 1 hold the scene up, 2 a keyframe instead, 3 merged, near first
     std::uint32_t milliFrames = 0;   // most frames in 1000 s; 0: all
     std::uint32_t aspects = 0;       // bit n: aspect n; 0: all
-    std::vector<std::string> parts;  // DEF names or #numbers of subtrees; none: all
+    std::vector<std::string> parts;  // DEF names or #numbers of subtrees, or one region; none: all
     bool inputs = false;             // runs the cascade itself, given what came into each frame
     std::uint32_t lag = 0;           // ms that it may be behind beside the way's delay; 0: any
     std::uint64_t rate = 0;          // most bytes a second; 0: any

@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <charconv>
+#include <limits>
+#include <map>
+#include <set>
 
 namespace rtsg {
 
@@ -53,6 +56,17 @@ void forEachReference(const Node& node, FieldIndex field, Visit visit) {
 MirrorPart::MirrorPart(mirror::Wishes wishes) : wishes_(std::move(wishes)), scene_(std::make_unique<Scene>()) {
     scene_->setBehavioursEnabled(false);
     members_.insert(scene_->root().value);
+    if (!wishes_.parts.empty() && RegionWish::isOne(wishes_.parts.front()))
+        if (auto wish = RegionWish::parse(wishes_.parts.front())) region_ = std::make_unique<Region>(std::move(*wish));
+}
+
+std::optional<std::string> MirrorPart::refusalOf(const mirror::Wishes& wishes) {
+    for (const std::string& part : wishes.parts) {
+        if (!RegionWish::isOne(part)) continue;
+        if (wishes.parts.size() > 1) return "a region is no part beside others";
+        if (const auto wish = RegionWish::parse(part); !wish) return wish.error().text;
+    }
+    return std::nullopt;
 }
 
 bool MirrorPart::wanted(const FieldDef& def) const {
@@ -125,8 +139,7 @@ void MirrorPart::copyWanted(const Scene& whole, const ChangeSet& set, ChangeSet&
     }
 }
 
-void MirrorPart::compare(const Scene& whole, const ChangeSet* set, ChangeSet& out) {
-    Members now = membersOf(whole);
+void MirrorPart::compare(const Scene& whole, Members now, const ChangeSet* set, ChangeSet& out) {
     std::vector<NodeId> all, created, gone;
     for (const std::uint32_t id : now) all.push_back(NodeId{id});
     for (const std::uint32_t id : members_)
@@ -200,16 +213,217 @@ void MirrorPart::compare(const Scene& whole, const ChangeSet* set, ChangeSet& ou
             if (c.kind == ChangeKind::event && holds(c.node)) out.changes.push_back(c);
 }
 
-Result<std::shared_ptr<const ChangeSet>> MirrorPart::follow(const Scene& whole, const ChangeSet* set) {
+/// Brings the lists of groups, and all other references, to where they should be.
+class MirrorPart::Links {
+  public:
+    Links(const MirrorPart& part, const Scene& whole, const ShapePlaces& places, const Region::Step& step,
+          ChangeSet& out)
+        : part_(part), whole_(whole), places_(places), step_(step), out_(out) {}
+
+    /// `set`: the step of the whole scene.
+    void run(const ChangeSet& set) {
+        for (const NodeId id : step_.left) takeOut(id);
+        for (const ShapePlaces::Edge& edge : places_.edges())
+            if (edge.now < edge.before && inLists(edge)) remove(edge.group, edge.child, edge.before - edge.now);
+        for (const ShapePlaces::Edge& edge : places_.edges())
+            if (edge.now > edge.before && inLists(edge)) insert(edge.group, edge.child, edge.now - edge.before);
+        for (const NodeId id : step_.entered) putIn(id);
+        for (const Change& c : set.changes)
+            if ((c.kind == ChangeKind::insertChild || c.kind == ChangeKind::removeChild ||
+                 (c.kind == ChangeKind::setField && refers(c.value.type()))) &&
+                stays(c.node) && !isList(c.node, c.field))
+                others_.emplace(c.node, c.field);
+        for (const auto& [node, field] : others_)
+            if (part_.wanted(node, field, whole_)) setField(node, field);
+    }
+
+  private:
+    bool entered(NodeId id) const { return std::ranges::binary_search(step_.entered, id); }
+    bool stays(NodeId id) const { return part_.holds(id) && !entered(id); }
+    bool isList(NodeId node, FieldIndex field) const { return places_.isListed(node, field); }
+    bool inLists(const ShapePlaces::Edge& edge) const {
+        return stays(edge.group) && stays(edge.child) && places_.isListed(edge.group, listOf(edge.group));
+    }
+    FieldIndex listOf(NodeId group) const {
+        const Node* node = whole_.find(group);
+        return node && !node->type().below.empty() ? node->type().below.front() : kNoField;
+    }
+    void setField(NodeId node, FieldIndex field) {
+        Change& c = out_.changes.emplace_back();
+        c.node = node;
+        c.field = field;
+        c.value = part_.valueOf(whole_.node(node), field);
+    }
+    std::vector<NodeId>& list(NodeId group) {
+        const auto [found, fresh] = lists_.try_emplace(group);
+        if (fresh)
+            forEachReference(part_.scene_->node(group), listOf(group),
+                             [&](NodeId child) { found->second.push_back(child); });
+        return found->second;
+    }
+    void change(ChangeKind kind, NodeId group, NodeId child, std::size_t index) {
+        Change& c = out_.changes.emplace_back();
+        c.kind = kind;
+        c.node = group;
+        c.field = listOf(group);
+        c.other = child;
+        c.index = static_cast<std::uint32_t>(index);
+    }
+    void remove(NodeId group, NodeId child, std::size_t times) {
+        std::vector<NodeId>& children = list(group);
+        for (std::size_t i = children.size(); i-- > 0 && times > 0;) {
+            if (children[i] != child) continue;
+            change(ChangeKind::removeChild, group, child, i);
+            children.erase(children.begin() + static_cast<std::ptrdiff_t>(i));
+            --times;
+        }
+    }
+    void insert(NodeId group, NodeId child, std::size_t times) {
+        std::vector<NodeId>& children = list(group);
+        for (; times > 0; --times) {
+            change(ChangeKind::insertChild, group, child, children.size());
+            children.push_back(child);
+        }
+    }
+    /// Of what stays: what refers to a node that goes.
+    void takeOut(NodeId id) {
+        if (!part_.scene_->find(id)) return;
+        for (const ParentRef& parent : part_.scene_->parents(id)) {
+            if (!stays(parent.node)) continue;
+            if (isList(parent.node, parent.field))
+                remove(parent.node, id, std::numeric_limits<std::size_t>::max());
+            else
+                others_.emplace(parent.node, parent.field);
+        }
+    }
+    /// Of what stays: what refers to a node that comes.
+    void putIn(NodeId id) {
+        std::vector<NodeId> groups;
+        for (const ParentRef& parent : whole_.parents(id)) {
+            if (!stays(parent.node)) continue;
+            if (isList(parent.node, parent.field))
+                groups.push_back(parent.node);
+            else
+                others_.emplace(parent.node, parent.field);
+        }
+        std::ranges::sort(groups);
+        const auto [last, end] = std::ranges::unique(groups);
+        groups.erase(last, end);
+        for (const NodeId group : groups) insert(group, id, places_.count(group, id));
+    }
+
+    const MirrorPart& part_;
+    const Scene& whole_;
+    const ShapePlaces& places_;
+    const Region::Step& step_;
+    ChangeSet& out_;
+    std::map<NodeId, std::vector<NodeId>> lists_;  // as they are after the changes so far
+    std::set<std::pair<NodeId, FieldIndex>> others_;
+};
+
+/// The routes of nodes that come and go, and those that the scene's step changed between nodes that stay.
+void MirrorPart::copyRoutes(const Scene& whole, const ChangeSet& set, const Region::Step& step, ChangeSet& out) const {
+    const auto entered = [&](NodeId id) { return std::ranges::binary_search(step.entered, id); };
+    const auto leaves = [&](NodeId id) { return std::ranges::binary_search(step.left, id); };
+    for (const NodeId id : step.left) {
+        if (!scene_->find(id)) continue;
+        for (const Route& r : scene_->routesFrom(id)) out.changes.push_back(routeChange(ChangeKind::removeRoute, r));
+        for (const Route& r : scene_->routesTo(id))
+            if (!leaves(r.fromNode)) out.changes.push_back(routeChange(ChangeKind::removeRoute, r));
+    }
+    for (const Change& c : set.changes)
+        if ((c.kind == ChangeKind::addRoute || c.kind == ChangeKind::removeRoute) && holds(c.node) && holds(c.other) &&
+            !entered(c.node) && !entered(c.other))
+            out.changes.push_back(c);
+    for (const NodeId id : step.entered) {
+        for (const Route& r : whole.routesFrom(id))
+            if (holds(r.toNode)) out.changes.push_back(routeChange(ChangeKind::addRoute, r));
+        for (const Route& r : whole.routesTo(id))
+            if (holds(r.fromNode) && !entered(r.fromNode)) out.changes.push_back(routeChange(ChangeKind::addRoute, r));
+    }
+}
+
+void MirrorPart::copyRegion(const Scene& whole, const ChangeSet& set, const ShapePlaces& places,
+                            const Region::Step& step, ChangeSet& out) const {
+    const auto entered = [&](NodeId id) { return std::ranges::binary_search(step.entered, id); };
+    for (const Change& c : set.changes)
+        if (c.kind == ChangeKind::defineType) out.changes.push_back(c);
+    for (const NodeId id : step.entered) {
+        const Node& node = whole.node(id);
+        Change& c = out.changes.emplace_back();
+        c.kind = ChangeKind::createNode;
+        c.node = id;
+        c.index = node.typeIndex().value;
+        c.other = node.scope();
+    }
+    for (const NodeId id : step.entered) {
+        const Node& node = whole.node(id);
+        for (FieldIndex f = 0; f < node.type().fields.size(); ++f) {
+            const FieldDef& def = node.type().fields[f];
+            if (!wanted(def)) continue;
+            Value value = valueOf(node, f);
+            if (equalStorage(def.type, value.storage(), node.type().defaults() + def.offset)) continue;
+            Change& c = out.changes.emplace_back();
+            c.node = id;
+            c.field = f;
+            c.value = std::move(value);
+        }
+    }
+    Links(*this, whole, places, step, out).run(set);
+    const auto stays = [&](NodeId id) { return holds(id) && !entered(id); };
+    for (const Change& c : set.changes)
+        if (c.kind == ChangeKind::setField && !refers(c.value.type()) && stays(c.node) &&
+            wanted(c.node, c.field, whole))
+            out.changes.push_back(c);
+    for (const NodeId id : step.entered) {
+        if (whole.name(id).empty()) continue;
+        Change& c = out.changes.emplace_back();
+        c.kind = ChangeKind::setName;
+        c.node = id;
+        c.value = String(whole.name(id));
+    }
+    for (const Change& c : set.changes)
+        if (c.kind == ChangeKind::setName && stays(c.node)) out.changes.push_back(c);
+    copyRoutes(whole, set, step, out);
+    for (const NodeId id : step.left) {
+        Change& c = out.changes.emplace_back();
+        c.kind = ChangeKind::destroyNode;
+        c.node = id;
+    }
+    for (const Change& c : set.changes)
+        if (c.kind == ChangeKind::event && holds(c.node)) out.changes.push_back(c);
+}
+
+void MirrorPart::followRegion(const Scene& whole, const ChangeSet* set, const ShapePlaces& places, ChangeSet& out) {
+    const Region::Step step = region_->follow(whole, places, set == nullptr);
+    if (step.anew) {
+        Members now = members_;
+        for (const NodeId id : step.entered) now.insert(id.value);
+        for (const NodeId id : step.left) now.erase(id.value);
+        return compare(whole, std::move(now), nullptr, out);
+    }
+    for (const NodeId id : step.entered) members_.insert(id.value);
+    for (const NodeId id : step.left) members_.erase(id.value);
+    if (step.entered.empty() && step.left.empty() && std::ranges::none_of(set->changes, movesNodes))
+        copyWanted(whole, *set, out);
+    else
+        copyRegion(whole, *set, places, step, out);
+}
+
+Result<std::shared_ptr<const ChangeSet>> MirrorPart::follow(const Scene& whole, const ChangeSet* set,
+                                                            const ShapePlaces* places) {
     auto out = std::make_shared<ChangeSet>();
     out->from = scene_->sequence();
     out->to = whole.sequence();
     out->time = whole.now();
     if (set && set->from != scene_->sequence()) set = nullptr;
-    if (set && std::ranges::none_of(set->changes, movesNodes))
+    if (region_ && !places) return fail("a region without places");
+    if (region_)
+        followRegion(whole, set, *places, *out);
+    else if (set && std::ranges::none_of(set->changes, movesNodes))
         copyWanted(whole, *set, *out);
     else
-        compare(whole, set, *out);
+        compare(whole, membersOf(whole), set, *out);
     std::vector<DefinedType> known;
     for (const Change& c : out->changes) {
         if (c.kind != ChangeKind::defineType) continue;

@@ -170,6 +170,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
             return refuse(identity, "the server has as many peers as it takes");
         }
     }
+    if (const auto refusal = MirrorPart::refusalOf(hello.wishes)) return refuse(identity, *refusal);
     const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello.wishes) : 0;
     if (!part) return refuse(identity, "the server follows as many parts of the scene as it does at once");
     if (found == peers_.end()) found = peers_.emplace(identity, Peer{}).first;

@@ -1,9 +1,12 @@
 // The mirror server's own replica: follows what is published, and answers what takes too long for the other threads.
 #include "shadow.h"
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <exception>
+#include <limits>
 #include <stdexcept>
 
 #include <fmt/format.h>
@@ -163,19 +166,38 @@ void MirrorShadow::openPart(const Scene& scene, const Question& question) {
     Answer first;
     first.kind = Question::Kind::frame;
     first.part = question.part;
-    if (const auto set = part->second.follow(scene, nullptr))
+    findPlaces(scene, nullptr);
+    if (const auto set = part->second.follow(scene, nullptr, places_.get()))
         first.record = encode(**set);
     else
         parts_.erase(part);
     reply(std::move(first));
 }
 
+/// Of shapes, for all regions together. `set` null: the scene is where it was, and there may be other regions.
+void MirrorShadow::findPlaces(const Scene& scene, const ChangeSet* set) {
+    double smallest = std::numeric_limits<double>::infinity();
+    for (const auto& [number, part] : parts_)
+        if (part.region()) smallest = std::min(smallest, part.region()->radius);
+    if (!std::isfinite(smallest)) return places_.reset();
+    // Larger cells than need be cost time only; so do regions that begin anew, once for each smaller one.
+    const bool fits = places_ && smallest >= cells_ && smallest <= 16 * cells_;
+    if (!set && fits && places_->state() == scene.sequence()) return;
+    if (!fits) {
+        if (!places_) places_ = std::make_unique<ShapePlaces>();
+        places_->coverRadius(smallest);
+        cells_ = smallest;
+    }
+    if (!places_->follow(scene, fits ? set : nullptr)) places_.reset();
+}
+
 void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published) {
+    findPlaces(scene, set);
     for (auto part = parts_.begin(); part != parts_.end();) {
         Answer frame;
         frame.kind = Question::Kind::frame;
         frame.part = part->first;
-        if (const auto step = part->second.follow(scene, set)) {
+        if (const auto step = part->second.follow(scene, set, places_.get())) {
             const std::shared_ptr<EncodedRecord> record = encode(**step);
             record->published = published;
             frame.record = record;

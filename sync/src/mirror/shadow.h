@@ -75,6 +75,7 @@ class MirrorShadow {
     void follow(Scene& scene, const SharedRecord& record);
     void followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published);
     void openPart(const Scene& scene, const Question& question);
+    void findPlaces(const Scene& scene, const ChangeSet* set);
     void reply(Answer answer);
     Answer answer(const Scene& whole, const Question& question);
     SharedRecord keyframe(const Scene& scene);
@@ -109,6 +110,8 @@ class MirrorShadow {
     };
     std::deque<Merged> merged_;
     std::map<std::uint32_t, MirrorPart> parts_;
+    std::unique_ptr<ShapePlaces> places_;  // while there are parts by region
+    double cells_ = 0;                     // the radius that they were made for
     /// Of a peer whose frames were merged not long ago.
     struct Eased {
         std::unique_ptr<NearFirst> scene;

@@ -59,6 +59,8 @@ struct MirrorClientOptions {
     /// At most so many frames a second, those in between merged; 0: all.
     double framesPerSecond = 0;
     /// Only these subtrees (DEF names, or # and a node's number), with the nodes on the way to them; none: everything.
+    /// Or, alone, a region: `region:[NAME,|x,y,z,]radius[,margin]` in metres, what is that near to a node, a point or
+    /// the bound viewpoint, as it moves; it leaves when it is farther by that share of the radius (.1 unless said).
     /// The state hash is then that of a scene that holds just this; the server computes the same.
     std::vector<std::string> parts;
     /// Only fields of these aspects, and those that refer to nodes; none: all.
