@@ -207,6 +207,7 @@ int Session::startLog() {
     LogOptions logOptions;
     logOptions.existing = existing(options_.force);
     logOptions.append = resumed_.has_value();
+    if (resumed_) logOptions.sessionStart = resumed_->start;
     logOptions.epoch = lossy_ ? 0 : server_->epoch();
     options_.keyframes.setIn(logOptions);
     options_.rotate.setIn(logOptions);

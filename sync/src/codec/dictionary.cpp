@@ -17,7 +17,7 @@ std::uint64_t dictionaryHash(TypeTable types) {
 }
 
 void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, const StreamMode& mode,
-                ByteBuffer& record) {
+                ByteBuffer& record, std::optional<double> start) {
     record.clear();
     record.room(kRecordHeaderSize);
     record.advance(kRecordHeaderSize);
@@ -30,6 +30,7 @@ void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, 
     record.put(static_cast<std::uint8_t>(mode.coding));
     record.put(mode.maxError);
     wire::putText(record, creator);
+    if (start) record.put(*start);
     RecordHeader header;
     header.kind = RecordKind::head;
     sealRecord(record, header);
@@ -55,6 +56,10 @@ Result<StreamHead> decodeHead(std::span<const std::byte> record) {
     head.mode.coding =
         coding <= static_cast<unsigned>(Coding::smallest) ? static_cast<Coding>(coding) : Coding::smallest;
     head.creator = in.text();
+    if (!in.problem && in.left() >= sizeof(double)) {
+        const auto start = in.number<double>();
+        if (std::isfinite(start)) head.start = start;
+    }
     // What a later version appends is left unread.
     if (in.problem) return std::unexpected(wire::describe(in, "head"));
     return head;

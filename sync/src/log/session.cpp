@@ -58,7 +58,7 @@ Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& sc
         }
         if (!*more) break;
         const Scene& last = replayer.scene();
-        if (session.epoch != replayer.head().epoch) session.start = last.now();
+        if (session.epoch != replayer.head().epoch) session.start = replayer.head().start.value_or(last.now());
         session.epoch = replayer.head().epoch;
         ++session.states;
         if (replayer.head().mode.mode != Mode::input) recent.add(replayer.lastSet());

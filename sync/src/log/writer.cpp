@@ -119,6 +119,7 @@ Result<> LogWriter::beginEpoch() {
     const std::uint64_t given = std::exchange(options_.epoch, 0);  // a scene that starts over is another session
     epoch_ = given ? given : freshEpoch();
     firstOfEpoch_ = true;
+    sessionStart_ = std::exchange(options_.sessionStart, std::nullopt);
     encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_);
     return writeHead();
 }
@@ -213,6 +214,7 @@ Result<> LogWriter::write(const ChangeSet& changes) {
     state_ = changes.to;
     hash_ = changes.hash;
     if (!pieceStart_) pieceStart_ = changes.time;
+    if (!sessionStart_) sessionStart_ = changes.time;
     if (auto ok = writeFrame(changes); !ok) return ok;
     ++frames_;
     if (options_.sync == LogOptions::Sync::always ||
@@ -277,6 +279,8 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
     options_.append = false;
     options_.existing = Existing::keep;  // nothing is there: if something is, somebody else has put it there
     if (auto ok = openFile(); !ok) return ok;
+    // Its own first state says no longer when the session began.
+    encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_, sessionStart_);
     if (auto ok = writeHead(); !ok) return ok;
     firstOfEpoch_ = true;
     if (auto ok = write(state); !ok) return ok;

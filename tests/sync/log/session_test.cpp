@@ -227,5 +227,28 @@ TEST_F(Sessions, OneOfFormat2GoesOnInThatOfToday) {
     EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
 }
 
+/// A log in pieces: the newest one begins late, and so does the one after it is taken up again.
+TEST_F(Sessions, CountFromTheirStartWhateverPieceTheyGoOnFrom) {
+    LogOptions options;
+    options.rotateSeconds = 1;
+    kill(50, options);  // 2.45 s, three pieces
+    for (const int last : {49, 79}) {
+        Scene scene;
+        const auto session = resumeSession(file(), scene);
+        ASSERT_TRUE(session) << session.error().format();
+        EXPECT_EQ(session->start, 100);
+        EXPECT_EQ(session->end, 100 + last / 20.0);
+        options.append = true;
+        options.epoch = session->epoch;
+        options.sessionStart = session->start;
+        auto log = LogWriter::create(file(), builtinTypes(), options);
+        ASSERT_TRUE(log) << log.error().text;
+        Attachment attachment = scene.bus().attach(**log);
+        for (int k = last + 1; k < kFrames; ++k) frame(scene, k);
+        EXPECT_EQ(attachment.failure(), "");
+        ASSERT_TRUE((*log)->close());
+    }
+}
+
 }  // namespace
 }  // namespace rtsg

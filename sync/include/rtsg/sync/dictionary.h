@@ -7,6 +7,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -32,6 +33,7 @@ struct StreamHead {
     std::uint16_t builtinTypes = 0;    // how many of them: the scene's own are numbered from there
     StreamMode mode;
     std::string creator;
+    std::optional<double> start;  // scene time at which the session began, seconds, where the stream begins later
 };
 
 /// XXH3-64 of the encoded types, all of which it looks at.
@@ -39,7 +41,7 @@ std::uint64_t dictionaryHash(TypeTable types);
 
 /// Appends to nothing: `record` becomes a head record. `types`: what the stream's TypeIndex numbers mean.
 void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, const StreamMode& mode,
-                ByteBuffer& record);
+                ByteBuffer& record, std::optional<double> start = {});
 
 /// `record`: an intact head record (checkRecord).
 Result<StreamHead> decodeHead(std::span<const std::byte> record);

@@ -76,6 +76,9 @@ struct LogOptions {
     Existing existing = Existing::replace;
     /// Goes on behind the last intact record of an existing log instead of replacing it.
     bool append = false;
+    /// Appended: when the session began, scene time in seconds, for the heads of later pieces; else the first state
+    /// says it.
+    std::optional<double> sessionStart;
     /// The session that the log belongs to, as a mirror server of the same scene names it, or, appended, as it was; 0:
     /// one of its own.
     std::uint64_t epoch = 0;
@@ -137,7 +140,7 @@ class LogWriter : public Subscriber {
     double keyframeTime_ = 0;
     bool regular_ = true, firstOfEpoch_ = true;
     std::vector<LogKeyframe> keyframes_;
-    std::optional<double> pieceStart_;  // scene time of the file's first state
+    std::optional<double> pieceStart_, sessionStart_;  // scene times of the file's and the session's first state
     std::vector<std::pair<std::filesystem::path, double>>
         pieces_;  // that were renamed, and the time of their last state
     std::uint64_t pieceNumber_ = 0;

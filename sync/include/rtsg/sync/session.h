@@ -31,7 +31,7 @@ namespace rtsg {
 struct ResumedSession {
     std::uint64_t epoch = 0;
     std::uint64_t states = 0;   // in the log
-    double start = 0, end = 0;  // scene times of its first and last state, seconds
+    double start = 0, end = 0;  // scene times of the session's first state, in whatever piece, and its last; seconds
     std::uint64_t damaged = 0;  // places of the log that could not be read
     bool closed = false;        // it had been ended in order
     /// The last sets before the present state, oldest first: for MirrorServerOptions::before.
