@@ -45,8 +45,9 @@ std::vector<std::string> missingParts(const Scene& replica, const std::vector<st
         if (constexpr std::string_view region = "region:"; part.starts_with(region)) {
             // Of these it is the node at the centre, if one is named.
             const std::string name = part.substr(region.size(), part.find(',') - region.size());
-            const bool isNumber = name.find_first_not_of("+-.0123456789eE") == std::string::npos;
-            if (!isNumber && !replica.findName(name)) missing.push_back(part);
+            double radius = 0;
+            const bool isName = std::from_chars(name.data(), name.data() + name.size(), radius).ec != std::errc();
+            if (isName && !replica.findName(name)) missing.push_back(part);
             continue;
         }
         const bool numbered = part.starts_with('#') &&

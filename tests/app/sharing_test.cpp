@@ -328,7 +328,13 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     ASSERT_EQ(done.status, 0) << done.err;
     for (const char* piece : {"turning.0001.rlog", "turning.0003.rlog", "turning.rlog"})
         EXPECT_EQ(rtsg({"replay", folder / piece, "--verify"}).status, 0) << piece;
-    EXPECT_EQ(rtsg({"serve", "--resume", log, "--for", "200ms"}).status, 0);
+    // The session's clock goes on, and not that of its last file.
+    const Outcome resumed = rtsg({"serve", "--resume", log, "--for", "200ms", "--json"});
+    ASSERT_EQ(resumed.status, 0) << resumed.err;
+    EXPECT_NE(resumed.err.find("t = 2.000 s"), std::string::npos) << resumed.err;
+    const double t = json::parse(lastLine(resumed.out)).at("t").get<double>();
+    EXPECT_GT(t, 2.1);
+    EXPECT_LT(t, 3.0);
     // What a log says itself is not said otherwise: neither obeyed nor ignored.
     for (const std::vector<std::string>& arguments :
          {std::vector<std::string>{"serve", "--resume", log, "--at", "now", "--for", "100ms"},

@@ -50,7 +50,8 @@ Result<RegionWish> RegionWish::parse(std::string_view part) {
         wish.point = Vec3d(numbers[0], numbers[1], numbers[2]);
         numbers.erase(numbers.begin(), numbers.begin() + 3);
     }
-    if (numbers.empty() || numbers.size() > 2) return wrong("as many numbers make no region");
+    if (numbers.empty()) return wrong("the radius is missing");
+    if (numbers.size() > 2) return wrong("as many numbers make no region");
     wish.radius = numbers[0];
     if (numbers.size() == 2) wish.margin = numbers[1];
     if (!(wish.radius > 0)) return wrong("the radius is more than 0");
