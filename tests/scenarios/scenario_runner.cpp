@@ -137,6 +137,7 @@ class Run final : Subscriber {
         attachment_.detach();
         physics_.reset();
         if (scene_) runtime_.append(scene_->diagnostics());
+        physics_.reset();
         scene_ = std::move(scene);
         if (way_ == Way::input) {
             scene_->setInputRecording(true);
@@ -502,9 +503,9 @@ class Run final : Subscriber {
     std::string problems_;
     Diagnostics diagnostics_{"scene"}, runtime_;
     std::unique_ptr<SimpleSpace> space_;
-    std::unique_ptr<RigidBodyPhysics> physics_;
     std::map<std::int32_t, PointerInput> pointers_;
     std::unique_ptr<Scene> scene_;
+    std::unique_ptr<RigidBodyPhysics> physics_;  // the scene outlives it
     std::vector<std::unique_ptr<Scene>> followers_;
     std::unique_ptr<Scene> copy_;  // computes the frames itself
     std::unique_ptr<InputWire> wire_;
