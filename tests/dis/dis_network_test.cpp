@@ -555,6 +555,27 @@ TEST(DisNetwork, HostileDatagramsAreToldOnceAndLeftOut) {
     EXPECT_NE(host.said().find("more than 4096 entities"), std::string::npos);
 }
 
+TEST(DisNetwork, NoiseIsToldOfAFewTimesAndHidesNoOtherWarning) {
+    Ether ether;
+    Host host(entity("E", "networkReader"), ether);
+    host.frame(0);
+    auto& sent = ether.sent[kGroup];
+    for (int length = 0; length < 100; ++length)
+        for (int version = 8; version < 40; ++version) {
+            auto noise = dis::encode({{}, stateOf(3)});
+            noise[0] = static_cast<std::uint8_t>(version);
+            noise.resize(static_cast<std::size_t>(12 + length));
+            sent.push_back(noise);
+        }
+    for (int k = 0; k < 40; ++k) host.frame(1 + k);
+    EXPECT_EQ(host.network.counts().unreadable, 3200u);
+    std::string said = host.said();
+    EXPECT_EQ(std::ranges::count(said, '\n'), 8) << said;
+    EXPECT_NE(said.find("is of version 15, 5 to 7 are known: it is left out, and more like it is not told"),
+              std::string::npos)
+        << said;
+}
+
 TEST(DisNetwork, SeveralPdusInADatagramAreAllRead) {
     Ether ether;
     Host host(entity("E", "networkReader"), ether);

@@ -66,18 +66,24 @@ void DisNetwork::Stations::receive(double t) {
     deliver(t);
 }
 
+/// Noise is told of a few times only, so that it hides no other warning.
+void DisNetwork::Stations::leaveOut(const DisAddress& address, std::string_view what, const std::string& why) {
+    constexpr std::size_t kMostTold = 8;
+    ++counts_.unreadable;
+    std::size_t& told = unreadable_[address];
+    if (told == kMostTold) return;
+    const std::string last = told + 1 == kMostTold ? ", and more like it is not told" : "";
+    told += tell({}, fmt::format("a {} to {}:{} {}: it is left out{}", what, address.host, address.port, why, last));
+}
+
 void DisNetwork::Stations::takeDatagram(const DisAddress& address, std::span<const std::uint8_t> datagram, double t) {
-    const auto unreadable = [&](const std::string& why) {
-        ++counts_.unreadable;
-        tell({}, fmt::format("a datagram to {}:{} {}: it is left out", address.host, address.port, why));
-    };
     const auto head = rtpHeaderLength(datagram);
-    if (!head) return unreadable(head.error().text);
+    if (!head) return leaveOut(address, "datagram", head.error().text);
     std::span<const std::uint8_t> rest = datagram.subspan(*head);
     // Several PDUs may come in one datagram.
     while (!rest.empty()) {
         const auto outline = outlineOf(rest);
-        if (!outline) return unreadable(outline.error().text);
+        if (!outline) return leaveOut(address, "datagram", outline.error().text);
         if (isKnown(outline->type)) takePdu(address, rest.first(outline->length), *head > 0, t);
         rest = rest.subspan(outline->length);
     }
@@ -86,10 +92,7 @@ void DisNetwork::Stations::takeDatagram(const DisAddress& address, std::span<con
 void DisNetwork::Stations::takePdu(const DisAddress& address, std::span<const std::uint8_t> bytes, bool hadRtpHeader,
                                    double t) {
     const auto pdu = decode(bytes);
-    if (!pdu) {
-        ++counts_.unreadable;
-        return tell({}, fmt::format("a PDU to {}:{} {}: it is left out", address.host, address.port, pdu.error().text));
-    }
+    if (!pdu) return leaveOut(address, "PDU", pdu.error().text);
     for (auto& [key, manager] : managers_)
         if (manager.address == address) manage(manager, *pdu, t);
     const bool isState = !std::holds_alternative<Signal>(pdu->body) && identitiesOf(*pdu).size() == 1 &&

@@ -108,13 +108,14 @@ void DisNetwork::Stations::forget(NodeId id) {
     dirty_.erase(id.value);
 }
 
-void DisNetwork::Stations::tell(NodeId node, const std::string& text) {
+bool DisNetwork::Stations::tell(NodeId node, const std::string& text) {
     constexpr std::size_t kMost = 1000;
-    if (told_.size() >= kMost || !told_.emplace(node.value, text).second) return;
+    if (told_.size() >= kMost || !told_.emplace(node.value, text).second) return false;
     const Node* of = scene_.find(node);
     const std::string_view name = scene_.name(node);
     scene_.diagnostics().warning(
         {}, fmt::format("{}{}{}: {}", of ? of->type().name : "DIS", name.empty() ? "" : " ", name, text));
+    return true;
 }
 
 /// "HOST", "HOST:PORT" or "any" of --dis; a port of its own follows the last colon behind any bracket.

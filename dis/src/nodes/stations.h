@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 #include <vector>
 
@@ -82,10 +83,12 @@ class DisNetwork::Stations final : public Subscriber {
     void readFields(dis::Station& station, const Node& node);
     bool mayUse(NodeId node, const DisAddress& address);
     void openAddresses();
-    void tell(NodeId node, const std::string& text);
+    /// False: it has been said, or enough has.
+    bool tell(NodeId node, const std::string& text);
 
     // dis_network.cpp: what comes and goes
     void takeDatagram(const DisAddress& address, std::span<const std::uint8_t> datagram, double t);
+    void leaveOut(const DisAddress& address, std::string_view what, const std::string& why);
     void takePdu(const DisAddress& address, std::span<const std::uint8_t> bytes, bool hadRtpHeader, double t);
     void keep(dis::Station& station, HeardPdu pdu, bool isState);
     void deliver(double t);
@@ -111,7 +114,8 @@ class DisNetwork::Stations final : public Subscriber {
     std::map<DisAddress, DisAddress> open_;      // addresses listened to, with their relays
     std::set<std::uint32_t> dirty_;              // nodes whose fields are to be read again
     std::set<std::pair<std::uint32_t, std::string>> told_;
-    std::vector<std::pair<NodeId, int>> removed_;  // nodes of entities that are gone, and frames since
+    std::map<DisAddress, std::size_t> unreadable_;  // how many were told of
+    std::vector<std::pair<NodeId, int>> removed_;   // nodes of entities that are gone, and frames since
     std::uint16_t rtpSequence_ = 0;
     Counts counts_;
     bool isStale_ = false;  // readers or managers have come, gone or changed
