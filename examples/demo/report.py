@@ -4,9 +4,14 @@
 Exit status 1 if anything is not as it has to be.
 """
 import array
+import base64
+import datetime
 import html
 import json
 import math
+import mimetypes
+import os
+import platform
 import struct
 import sys
 import wave
@@ -58,9 +63,8 @@ def mcap_messages(name):
     yield from walk(8, len(data))
 
 
-def sets_that_move(name):
+def sets_that_move(sets):
     """Of the states in the log: the first, and those whose changes place something anew."""
-    sets = [message for topic, message in mcap_messages(name) if topic == "/rtsg/changes"]
     place = {"translation", "rotation", "scale", "scaleOrientation", "center", "whichChoice", "point"}
     return sum(k == 0 or any(change.get("field") in place for change in s["changes"]) for k, s in enumerate(sets))
 
@@ -69,7 +73,8 @@ serve, mirror, replay, diff = read("serve.jsonl"), read("mirror.json"), read("re
 info, listen = read("info.json"), read("listen.json")
 samples, rate, channels, peak, rms = levels("replica.wav")
 seconds, fps = float(sys.argv[2]), 1  # what was asked for
-moved = sets_that_move("mirror.mcap")
+sets = [message for topic, message in mcap_messages("mirror.mcap") if topic == "/rtsg/changes"]
+moved = sets_that_move(sets)
 pictures = sorted(p.name for p in out.glob("replica-*.png"))
 log_bytes = (out / "session.rlog").stat().st_size
 
@@ -120,31 +125,88 @@ def figures(source):
     head = "".join(f"<th>{band(hz)} Hz</th>" for hz in source["bands_hz"])
     body = "".join(f"<tr><th>{name} {unit}</th>" + "".join(f"<td>{cell(v, places)}</td>" for v in source[key]) + "</tr>"
                    for name, key, unit, places in rows)
-    return f"<h3>{html.escape(source['source'])}</h3><table><tr><th></th>{head}</tr>{body}</table>"
+    return f"<h3>{html.escape(source['source'])}</h3><div class='wide'><table><tr><th></th>{head}</tr>{body}</table></div>"
 
+
+def embedded(name):
+    """The file within the page, so that the page can be sent to somebody alone."""
+    kind = mimetypes.guess_type(name)[0] or "application/octet-stream"
+    return f"data:{kind};base64,{base64.b64encode((out / name).read_bytes()).decode()}"
+
+
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+
+
+def chart(title, unit, lines, labels):
+    """Lines of (name, values, half widths of 95 % intervals or None) over `labels`, one a value; as SVG."""
+    width, height, left, top, bottom = 480, 250, 44, 34, 50
+    values = [v + (w[i] if w else 0) for _, vs, w in lines for i, v in enumerate(vs) if v is not None]
+    most = max(values, default=1) or 1
+    step = 10 ** math.floor(math.log10(most))
+    step = next(step * k for k in (.2, .5, 1, 2) if most / (step * k) <= 5.0001)
+    most = step * math.ceil(most / step - 1e-9)
+    count = len(labels)
+    x = lambda i: left + (width - left - 16) * (i / max(1, count - 1))
+    y = lambda v: height - bottom - (height - bottom - top) * v / most
+    parts = [f'<text x="{left}" y="18" font-weight="bold">{html.escape(title)}</text>']
+    for k in range(round(most / step) + 1):
+        parts.append(f'<path d="M{left} {y(k * step):.1f}H{width - 16}" stroke="#e3e3e3"/>'
+                     f'<text x="{left - 6}" y="{y(k * step) + 4:.1f}" text-anchor="end">{k * step:g}</text>')
+    for i in range(0, count, max(1, math.ceil(count / 6))):
+        parts.append(f'<text x="{x(i):.1f}" y="{height - bottom + 18}" text-anchor="middle">{html.escape(labels[i])}</text>')
+    for n, (name, vs, widths) in enumerate(lines):
+        color = COLORS[n % len(COLORS)]
+        known = [(i, v) for i, v in enumerate(vs) if v is not None]
+        if widths:
+            parts += [f'<path d="M{x(i):.1f} {y(max(0, v - widths[i])):.1f}V{y(v + widths[i]):.1f}" stroke="{color}" stroke-width="3" opacity=".35"/>'
+                      for i, v in known]
+        points = " ".join(f"{x(i):.1f},{y(v):.1f}" for i, v in known)
+        parts.append(f'<polyline points="{points}" fill="none" stroke="{color}" stroke-width="1.6"/>'
+                     f'<text x="{left + 150 * n}" y="{height - 6}" fill="{color}">{html.escape(name)}</text>')
+    parts.append(f'<text x="{width - 16}" y="18" text-anchor="end" fill="#555">{html.escape(unit)}</text>')
+    return f'<svg viewBox="0 0 {width} {height}" role="img" aria-label="{html.escape(title)}" font-size="15">{"".join(parts)}</svg>'
+
+
+def charts():
+    times = [s["t"] for s in sets]
+    traffic = chart("Changes in each state", "time (s)", [("fields", [len(s["changes"]) for s in sets[1:]], None)],
+                    [f"{t - times[0]:.0f}" for t in times[1:]])
+    bands = [f"{hz:g}" for hz in listen["sources"][0]["bands_hz"]]
+    decay = chart("T20 (s), with 95 % intervals", "octave band (Hz)",
+                  [(s["source"], s["T20_s"], s["ci95"]["T20_s"]) for s in listen["sources"]], bands)
+    return traffic, decay
+
+
+traffic, decay = charts()
+made = (f"{datetime.datetime.now(datetime.timezone.utc):%d %B %Y, %H:%M} UTC, {sys.argv[3]}, {platform.system()} on {platform.machine()}, "
+        f"{os.cpu_count()} cores")
 
 page = f"""<!doctype html><html lang="en"><meta charset="utf-8"><title>RTSG demonstration</title>
 <meta name="viewport" content="width=device-width">
 <style>
 body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }}
 img {{ max-width: 100%; border-radius: 4px; }} .strip {{ display: grid; gap: 6px; grid-template-columns: repeat(4, 1fr); }}
-table {{ border-collapse: collapse; font-size: 14px; }} td, th {{ padding: 2px 10px 2px 0; text-align: right; }}
+table {{ border-collapse: collapse; font-size: 14px; }} td, th {{ padding: 2px 10px 2px 0; text-align: right; white-space: nowrap; }}
+.wide {{ overflow-x: auto; }} .text td {{ white-space: normal; overflow-wrap: anywhere; }} .text td:first-child {{ white-space: nowrap; }} li {{ overflow-wrap: anywhere; }} svg {{ width: 100%; max-width: 40rem; height: auto; }} audio {{ max-width: 100%; }}
 th:first-child, td:first-child {{ text-align: left; }} .ok {{ color: #17713a; }} .no {{ color: #b00020; font-weight: bold; }}
 code {{ background: #f2f2f2; padding: 1px 4px; border-radius: 3px; }}
 </style>
 <h1>One scene, seen, heard, mirrored, logged and replayed</h1>
-<img src="hall.png" alt="The hall, from the log">
+<p>{html.escape(made)}</p>
+<img src="{embedded("hall.png")}" alt="The hall, from the log">
 <h2>What was proved</h2><ul>
 {"".join(f'<li class="{"ok" if ok else "no"}">{"" if ok else "FAILED: "}{html.escape(text)}</li>' for ok, text in checks)}</ul>
-<h2>Numbers</h2><table>{"".join(f"<tr><td>{name}</td><td style='text-align:left'>{html.escape(text)}</td></tr>" for name, text in numbers)}</table>
+<h2>Numbers</h2><table class="text">{"".join(f"<tr><td>{name}</td><td style='text-align:left'>{html.escape(text)}</td></tr>" for name, text in numbers)}</table>
+{traffic}
 <h2>Sound of the replica</h2>
 <p>What the listener at the viewpoint hears: direct sound with delay and Doppler, reflections traced anew as the sources move.</p>
-<audio controls src="replica.wav"></audio>
+<audio controls src="{embedded("replica.wav")}"></audio>
 <h2>Pictures of the replica, one a second</h2>
-<div class="strip">{"".join(f'<img src="{name}" alt="{name}">' for name in pictures)}</div>
-<h2>The session, replayed from its log</h2><img src="hall.gif" alt="animation">
+<div class="strip">{"".join(f'<img src="{embedded(name)}" alt="{name}">' for name in pictures)}</div>
+<h2>The session, replayed from its log</h2><img src="{embedded("hall.gif")}" alt="animation">
 <h2>The hall's acoustics at the start</h2>
 <p>ISO 3382 figures by octave band, {listen['rays']} rays, {listen['seconds']:.1f} s of computing.</p>
+{decay}
 {"".join(figures(source) for source in listen["sources"])}
 <h2>How it was made</h2>
 <ol><li><code>rtsg serve hall.x3dv --record session.rlog</code>: runs the scene in real time and publishes every frame as one change set.</li>
@@ -152,7 +214,7 @@ code {{ background: #f2f2f2; padding: 1px 4px; border-radius: 3px; }}
 that the light tracer and the acoustic tracer follow. After each frame the replica's state hash is compared with the origin's.</li>
 <li><code>rtsg replay session.rlog --verify</code>, <code>--diff mirror.rlog</code>, <code>--seek … --render hall.png</code>,
 <code>--render hall.gif</code>.</li></ol>
-<p>Files: <a href="session.rlog">session.rlog</a>, <a href="mirror.rlog">mirror.rlog</a>, <a href="replica.x3dv">replica.x3dv</a>
+<p>Beside this page, where it was made: <a href="session.rlog">session.rlog</a>, <a href="mirror.rlog">mirror.rlog</a>, <a href="replica.x3dv">replica.x3dv</a>
 (the replica saved as a document), <a href="replica.wav">replica.wav</a>, and the JSON that this page was made from.</p>
 </html>
 """
