@@ -343,6 +343,33 @@ TEST(MirrorRegion, StaysQuietWhereNothingNearChanges) {
     EXPECT_TRUE(walk.replica.find(border));
 }
 
+/// A lamp is in wherever it is; once it has gone, a centre that comes back finds it no more.
+TEST(MirrorRegion, BeginsAnewWithoutWhatHasGone) {
+    Scene scene;
+    const NodeId lamp = scene.createNode(x3d::PointLight::type), eye = scene.createNode(x3d::Viewpoint::type);
+    for (const NodeId id : {lamp, eye}) ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, id));
+    ASSERT_TRUE(scene.setName(eye, "EYE"));
+    scene.newFrame(0);
+    KeepLast last;
+    const Attachment attachment = scene.bus().attach(last);
+    Walk walk(scene, "region:EYE,10");
+    EXPECT_TRUE(walk.replica.find(lamp));
+    double t = 0;
+    const auto step = [&] {
+        scene.newFrame(++t);
+        walk.follow(last.set);
+    };
+    ASSERT_TRUE(scene.destroyNode(lamp));
+    step();
+    EXPECT_FALSE(walk.replica.find(lamp));
+    ASSERT_TRUE(scene.removeFromParents(eye));
+    step();
+    ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, eye));
+    step();
+    EXPECT_TRUE(walk.replica.find(eye));
+    EXPECT_FALSE(walk.replica.find(lamp));
+}
+
 TEST(MirrorRegion, SpellingsThatAreNoneAreRefusedWithWhatIsRight) {
     for (const char* good :
          {"region:10", "region:10,.2", "region:EYE,10", "region:EYE,10,0", "region:1,2,3,10", "region:-1,2e3,3,10,.5"})
