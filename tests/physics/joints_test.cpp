@@ -5,35 +5,24 @@
 #include <gtest/gtest.h>
 #include <glm/gtc/quaternion.hpp>
 
-#include <rtsg/core/loader.h>
-#include <rtsg/core/x3d.h>
-#include <rtsg/physics/rigid_body_physics.h>
+#include "physics/body_stage.h"
 
 namespace rtsg {
 namespace {
 
+using test::collidable;
 using RigidBody = x3d::RigidBody;
 
-struct JointStage {
-    Scene scene;
-    RigidBodyPhysics physics{scene};
+struct JointStage : test::BodyStage {
+    using BodyStage::BodyStage;
     int frames = 0;
 
-    explicit JointStage(const std::string& text) {
-        Diagnostics diagnostics;
-        EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + text, diagnostics));
-        EXPECT_EQ(diagnostics.errors(), 0u);
-        scene.newFrame(0);
-    }
     ~JointStage() {
         for (const Diagnostic& one : scene.diagnostics().all()) ADD_FAILURE() << one.format();
     }
     void runTo(double end) {
         while (frames < std::lround(end * 120)) scene.newFrame(++frames / 120.);
     }
-    const Node& node(std::string_view name) const { return scene.node(scene.findName(name)); }
-    Vec3d position(std::string_view name) const { return Vec3d(node(name).get(RigidBody::position)); }
-    Vec3d velocity(std::string_view name) const { return Vec3d(node(name).get(RigidBody::linearVelocity)); }
     Vec3d spin(std::string_view name) const { return Vec3d(node(name).get(RigidBody::angularVelocity)); }
     /// How far it has turned about an axis of the world that it keeps; -pi to pi.
     double turnAbout(std::string_view name, const Vec3d& axis) const {
@@ -44,10 +33,6 @@ struct JointStage {
 
 std::string inertiaOf(double x, double y, double z) {
     return fmt::format("inertia {} 0 0 0 {} 0 0 0 {}", x, y, z);
-}
-
-std::string collidable(const std::string& name, const std::string& geometry) {
-    return fmt::format("DEF {} CollidableShape {{ shape Shape {{ geometry {} }} }}", name, geometry);
 }
 
 }  // namespace

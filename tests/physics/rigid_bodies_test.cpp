@@ -6,36 +6,25 @@
 #include <gtest/gtest.h>
 #include <glm/gtc/quaternion.hpp>
 
-#include <rtsg/core/loader.h>
-#include <rtsg/core/x3d.h>
-#include <rtsg/physics/rigid_body_physics.h>
+#include "physics/body_stage.h"
 
 namespace rtsg {
 namespace {
 
+using test::collidable;
 using Body = x3d::RigidBody;
 
 /// A scene whose bodies move, frame by frame.
-struct Stage {
-    Scene scene;
-    RigidBodyPhysics physics{scene};
+struct Stage : test::BodyStage {
+    using BodyStage::BodyStage;
     double now = 0;
 
-    explicit Stage(const std::string& text) {
-        Diagnostics diagnostics;
-        EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + text, diagnostics));
-        EXPECT_EQ(diagnostics.errors(), 0u);
-        scene.newFrame(0);
-    }
     void runTo(double end, double fps = 60) {
         for (const double start = now; now < end - 1e-9;) {
             now = std::min(end, start + (std::round((now - start) * fps) + 1) / fps);
             scene.newFrame(now);
         }
     }
-    const Node& node(std::string_view name) const { return scene.node(scene.findName(name)); }
-    Vec3d position(std::string_view name) const { return Vec3d(node(name).get(Body::position)); }
-    Vec3d velocity(std::string_view name) const { return Vec3d(node(name).get(Body::linearVelocity)); }
     bool says(std::string_view text) {
         for (const Diagnostic& one : scene.diagnostics().all())
             if (one.text.find(text) != std::string::npos) return true;
@@ -43,17 +32,14 @@ struct Stage {
     }
 };
 
-std::string shape(const std::string& name, const std::string& geometry) {
-    return fmt::format("DEF {} CollidableShape {{ shape Shape {{ geometry {} }} }}", name, geometry);
-}
 /// A box of a metre's half on a floor whose top is at 0, that leans by `slope` radians about z.
 std::string onFloor(const std::string& collider, const std::string& body, double slope = 0) {
     return fmt::format(
         "RigidBodyCollection {{ gravity {} {} 0 collider CollisionCollection {{ {} collidables [ {} {} ] }}\n"
         "bodies [ RigidBody {{ fixed TRUE position 0 -1 0 geometry USE F }} DEF B RigidBody {{ {} geometry USE C }} ] "
         "}}",
-        10 * std::sin(slope), -10 * std::cos(slope), collider, shape("F", "Box { size 100 2 100 }"),
-        shape("C", "Box { size 1 1 1 }"), body);
+        10 * std::sin(slope), -10 * std::cos(slope), collider, collidable("F", "Box { size 100 2 100 }"),
+        collidable("C", "Box { size 1 1 1 }"), body);
 }
 
 TEST(RigidBodies, FallAndFlyAsGalileoHasIt) {
@@ -87,7 +73,7 @@ TEST(RigidBodies, BounceToTheHeightOfTheirRestitution) {
                         "[ {} {} ] }}\n"
                         "bodies [ RigidBody {{ fixed TRUE position 0 -1 0 geometry USE F }}\n"
                         "DEF B RigidBody {{ position 0 2.5 0 geometry USE C }} ] }}",
-                        e, shape("F", "Box { size 100 2 100 }"), shape("C", "Sphere { radius .5 }")));
+                        e, collidable("F", "Box { size 100 2 100 }"), collidable("C", "Sphere { radius .5 }")));
         double highest = 0, before = 0;
         bool rises = false;
         while (stage.now < 3) {
@@ -160,7 +146,7 @@ TEST(RigidBodies, KeepTheirMomentumWhenTheyMeet) {
                     "collidables [ {} {} ] }}\n"
                     "bodies [ DEF A RigidBody {{ mass 2 position -2 0 0 linearVelocity 3 0 0 geometry USE CA }}\n"
                     "DEF B RigidBody {{ mass 1 position 2 0 0 linearVelocity -1 0 0 geometry USE CB }} ] }}",
-                    shape("CA", "Sphere { radius .5 }"), shape("CB", "Sphere { radius .5 }")));
+                    collidable("CA", "Sphere { radius .5 }"), collidable("CB", "Sphere { radius .5 }")));
     stage.runTo(2);
     const double a = stage.velocity("A").x, b = stage.velocity("B").x;
     EXPECT_NEAR(2 * a + b, 5, 1e-3);
@@ -171,14 +157,14 @@ TEST(RigidBodies, StackAndComeToRest) {
     std::string bodies, members;
     for (int i = 0; i < 6; ++i) {
         bodies += fmt::format(" DEF B{} RigidBody {{ position 0 {} 0 geometry USE C{} }}", i, .5 + i, i);
-        members += ' ' + shape(fmt::format("C{}", i), "Box { size 1 1 1 }");
+        members += ' ' + collidable(fmt::format("C{}", i), "Box { size 1 1 1 }");
     }
     Stage stage(
         fmt::format("RigidBodyCollection {{ autoDisable TRUE disableTime .5 disableLinearSpeed .2 disableAngularSpeed "
                     ".3 contactSurfaceThickness .002 "
                     "iterations 40 collider CollisionCollection {{ frictionCoefficients .6 0 collidables [ {} {} ] }}\n"
                     "bodies [ RigidBody {{ fixed TRUE position 0 -1 0 geometry USE F }} {} ] }}",
-                    shape("F", "Box { size 100 2 100 }"), members, bodies));
+                    collidable("F", "Box { size 100 2 100 }"), members, bodies));
     stage.runTo(5);
     for (int i = 0; i < 6; ++i) {
         const Vec3d at = stage.position(fmt::format("B{}", i));
@@ -202,7 +188,7 @@ TEST(RigidBodies, MeetWithoutAColliderWhatContactsAreGiven) {
             "bodies DEF B RigidBody {{ linearVelocity 0 -1 0 geometry {} }} }}\n"
             "DEF S CollisionSensor {{ collider CollisionCollection {{ collidables [ USE C\n"
             "CollidableShape {{ translation 0 -.99 0 shape Shape {{ geometry Box {{ size 9 1 9 }} }} }} ] }} }}\n{}",
-            shape("C", "Sphere { radius .5 }"), given ? "ROUTE S.contacts TO W.set_contacts" : ""));
+            collidable("C", "Sphere { radius .5 }"), given ? "ROUTE S.contacts TO W.set_contacts" : ""));
         stage.runTo(.25);
         EXPECT_NEAR(stage.velocity("B").y, given ? 0 : -1, 1e-5);
         EXPECT_TRUE(stage.node("S").get(x3d::CollisionSensor::isActive));
@@ -323,7 +309,7 @@ TEST(RigidBodies, PassThroughWallsThinnerThanAStepOfTheirs) {
             "RigidBodyCollection {{ gravity 0 0 0 collider CollisionCollection {{ bounce .5 collidables [ {} {} ] }}\n"
             "bodies [ RigidBody {{ fixed TRUE geometry USE W }}\n"
             "DEF B RigidBody {{ position -2 0 0 linearVelocity {} 0 0 geometry USE C }} ] }}",
-            shape("W", "Box { size .1 9 9 }"), shape("C", "Sphere { radius .05 }"), speed));
+            collidable("W", "Box { size .1 9 9 }"), collidable("C", "Sphere { radius .05 }"), speed));
         stage.runTo(1);
         EXPECT_EQ(stage.position("B").x > 0, speed > 100) << speed;  // docs/limits.md
     }
@@ -384,7 +370,7 @@ TEST(RigidBodies, InOnePlaceEndNothing) {
     std::string bodies, members;
     for (int i = 0; i < 400; ++i) {
         bodies += fmt::format(" RigidBody {{ geometry USE C{} }}", i);
-        members += ' ' + shape(fmt::format("C{}", i), "Box { size 1 1 1 }");
+        members += ' ' + collidable(fmt::format("C{}", i), "Box { size 1 1 1 }");
     }
     Stage stage("RigidBodyCollection { preferAccuracy TRUE iterations 2 collider CollisionCollection { collidables [" +
                 members + " ] } bodies [" + bodies + " ] }");
