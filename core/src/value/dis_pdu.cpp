@@ -15,6 +15,7 @@ namespace rtsg::dis {
 namespace {
 
 constexpr std::size_t kHeaderLength = 12, kMarkingLength = 11, kArticulationLength = 16;
+constexpr double kMostNumber = 1e30;  // fields of a scene are floats
 
 /// Takes numbers off a PDU whose end is known. After the first that is not there all others are 0.
 class PduReader {
@@ -31,7 +32,7 @@ class PduReader {
             std::memcpy(raw, bytes_.data() + at_, sizeof(T)), at_ += sizeof(T);
         std::ranges::reverse(raw);
         value = std::bit_cast<T>(raw);
-        if constexpr (std::is_floating_point_v<T>) isFinite_ = isFinite_ && std::isfinite(value);
+        if constexpr (std::is_floating_point_v<T>) isSound_ = isSound_ && std::abs(value) <= T(kMostNumber);
     }
     void skip(std::size_t count) {
         if (bytes_.size() - at_ < count) isShort_ = true;
@@ -44,12 +45,13 @@ class PduReader {
     }
     std::size_t left() const { return bytes_.size() - at_; }
     bool isShort() const { return isShort_; }
-    bool isFinite() const { return isFinite_; }
+    /// No number is beyond kMostNumber, or none at all.
+    bool isSound() const { return isSound_; }
 
   private:
     std::span<const std::uint8_t> bytes_;
     std::size_t at_ = 0;
-    bool isShort_ = false, isFinite_ = true;
+    bool isShort_ = false, isSound_ = true;
 };
 
 class PduWriter {
@@ -279,7 +281,7 @@ Result<Pdu> decode(std::span<const std::uint8_t> bytes) {
     if (pdu.header.version < 7) pdu.header.status = 0;  // padding there
     readBody(reader, pdu, kind->index, std::make_index_sequence<std::variant_size_v<decltype(pdu.body)>>{});
     if (reader.isShort()) return fail(fmt::format("of type {} ends too early, after {} bytes", type, outline->length));
-    if (!reader.isFinite()) return fail(fmt::format("of type {} has a number that is not finite", type));
+    if (!reader.isSound()) return fail(fmt::format("of type {} has a number that is not finite or beyond 1e30", type));
     // The elastic kind has padding where the other has its type.
     if (outline->type == PduType::collisionElastic) std::get<Collision>(pdu.body).type = 1;
     return pdu;

@@ -222,7 +222,10 @@ TEST(DisPdu, WhatIsNoPduIsRefused) {
     EXPECT_EQ(decodeError(with(19, 255)), "of type 1 ends too early, after 160 bytes");
     auto nan = good;
     nan[48] = 0x7f, nan[49] = 0xf8;  // the x of its location
-    EXPECT_EQ(decodeError(nan), "of type 1 has a number that is not finite");
+    EXPECT_EQ(decodeError(nan), "of type 1 has a number that is not finite or beyond 1e30");
+    auto far = good;
+    far[48] = 0x7f, far[49] = 0xe0;  // finite there, but not in a scene
+    EXPECT_EQ(decodeError(far), "of type 1 has a number that is not finite or beyond 1e30");
     EXPECT_EQ(decodeError(good), "");
 }
 
