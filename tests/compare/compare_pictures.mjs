@@ -2,8 +2,10 @@
 // silhouettes overlaps, and how similar they look (SSIM of luminance, Wang et al. 2004).
 //
 // Both get the same document: the scene as `rtsg convert` writes it, with its TimeSensors switched off, so that nothing
-// moves between the pictures, and with the standard's default Viewpoint where it has none (rtsg would frame it). A silhouette is where a picture differs from that of the same scene with all its Shapes
-// made invisible. Writes DIR/index.html with the pairs, DIR/results.json and a line a scene.
+// moves between the pictures, with the standard's default Viewpoint where it has none but those of a humanoid (rtsg would
+// frame it, and binds a humanoid's), and without textures whose files are not there. rtsg draws no reflections, which a
+// browser has not. A silhouette is where a picture differs from that of the same scene with all its Shapes made
+// invisible. Writes DIR/index.html with the pairs, DIR/results.json and a line a scene.
 // Exit status 0: compared, whatever came out; 77: skipped, with the reason, where Chromium or the packages of `./dev web`
 // are not there. Usage: compare_pictures.mjs --program build/rtsg [-o DIR] [--size 960x720] [--only TEXT] FOLDER|FILE...
 import {execFileSync} from 'node:child_process';
@@ -86,6 +88,28 @@ function mayHaveViewpoint(inline, folder) {
   return !files.length || files.some((file) => !/\.(x3d|x3dv|wrl|json)$/.test(file) || /Viewpoint|Inline/.test(readFileSync(file, 'utf8')));
 }
 
+/** Whether a texture's files are all missing. */
+function isGone(type, fields, folder) {
+  return type === 'ImageTexture' && Boolean(fields['@url']?.length) &&
+    fields['@url'].every((url) => /^(https?|ftp):/.test(url) || !/^data:/.test(url) && !existsSync(path.resolve(folder, url)));
+}
+/** Takes textures out of a document whose files cannot be found, and the places that use them again. */
+function dropMissing(document, folder) {
+  const gone = new Set();
+  eachNode(document, (type, fields) => {
+    if (isGone(type, fields, folder) && fields['@DEF']) gone.add(fields['@DEF']);
+  });
+  const drop = (value) => {
+    if (!value || typeof value !== 'object') return;
+    for (const [key, content] of Object.entries(value)) {
+      const [type, fields] = key.startsWith('-') && content && !Array.isArray(content) ? Object.entries(content)[0] ?? [] : [];
+      if (fields && (isGone(type, fields, folder) || gone.has(fields['@USE']))) delete value[key];
+      else drop(content);
+    }
+  };
+  drop(document);
+}
+
 /** The scene as it stands, and without its shapes, as XML in `scratch`; what went wrong. */
 function prepare(scene, name) {
   const json = path.join(scratch, `${name}.json`);
@@ -98,8 +122,11 @@ function prepare(scene, name) {
       if (type === 'TimeSensor') fields['@enabled'] = false;
       if (kind === 'empty' && kShapes.has(type)) fields['@visible'] = false;
     });
+    dropMissing(document, path.dirname(scene));
     let seen = false;
-    eachNode(document, (type, fields) => {
+    const own = structuredClone(document);
+    eachNode(own, (type, fields) => { if (type === 'HAnimHumanoid') delete fields['-viewpoints']; });
+    eachNode(own, (type, fields) => {
       seen ||= /^(Ortho|Geo)?Viewpoint$/.test(type) || type === 'Inline' && mayHaveViewpoint(fields, path.dirname(scene));
     });
     if (!seen) (document.X3D.Scene['-children'] ??= []).unshift({Viewpoint: {}});
@@ -107,7 +134,7 @@ function prepare(scene, name) {
     writeFileSync(json, JSON.stringify(document));
     rtsg('convert', json, path.join(scratch, `${name}-${kind}.x3d`), '--force');
     rtsg('render', path.join(scratch, `${name}-${kind}.x3d`), '-o', path.join(given.out, `${name}-${kind}-rtsg.png`), '--size',
-      `${width}x${height}`, '--spp', '16', '--shadows', 'authored', '--base', path.dirname(scene), '--allow', path.dirname(path.dirname(scene)));
+      `${width}x${height}`, '--spp', '16', '--shadows', 'authored', '--depth', '0', '--base', path.dirname(scene), '--allow', path.dirname(path.dirname(scene)));
   }
   return said;
 }

@@ -214,6 +214,22 @@ void Camera::frame(const Vec3d& lower, const Vec3d& upper) {
     position = center - forward * std::max(distance, 1.01 * radius);
 }
 
+void Camera::viewAll(const Vec3d& lower, const Vec3d& upper, const Vec3d& upright) {
+    if (!glm::all(glm::lessThanEqual(lower, upper))) return;
+    const Vec3d center = 0.5 * (lower + upper), towards = center - position;
+    const Vec3d across = glm::cross(towards, upright);
+    // One who is in the middle already, or looks straight up or down at it, has no direction to turn into but his own.
+    if (areEven(axes(), right, up) && glm::length(across) > 1e-9 * glm::length(towards) * glm::length(upright)) {
+        forward = glm::normalize(towards);
+        right = glm::normalize(across);
+        up = glm::cross(right, forward);
+    }
+    frame(lower, upper);
+    if (orthographic) return;
+    const double ball = 0.5 * glm::length(upper - lower) / std::min(rightEdge, top);
+    position = center - forward * std::max(ball, glm::length(center - position));
+}
+
 glm::dmat3 Camera::axes() const {
     return turningOf({right, up, -forward, Vec3d(0)});
 }

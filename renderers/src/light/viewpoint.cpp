@@ -61,10 +61,6 @@ Bounds boundsOf(const LightState& state, const RayView& world, std::uint16_t lay
 
 Camera trace::cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
                        double aspect) {
-    const auto frameEverything = [&](Camera& camera) {
-        const Bounds bounds = boundsOf(state, world, chosen ? chosen->placed.layer : layer);
-        if (!bounds.empty()) camera.frame(world.toWorld(bounds.min), world.toWorld(bounds.max));
-    };
     Camera camera;
     if (const std::uint16_t of = chosen ? chosen->placed.layer : layer; isLaidOut(state, of)) {
         camera = Camera::parallel(identityTransform(), {0, 0, 10}, {}, {-1, -1, 1, 1}, aspect);
@@ -73,7 +69,8 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
     }
     if (!chosen) {
         camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, 0.7854, aspect);
-        if (!state.layers) frameEverything(camera);
+        const Bounds bounds = state.layers ? Bounds{} : boundsOf(state, world, layer);
+        if (!bounds.empty()) camera.frame(world.toWorld(bounds.min), world.toWorld(bounds.max));
         camera.layer = layer;
         return camera;
     }
@@ -84,7 +81,9 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
                                        aspect);
     camera.layer = chosen->placed.layer;
     camera.viewpoint = chosen->placed.node;
-    if (view.viewAll) frameEverything(camera);
+    if (view.viewAll)
+        if (const Bounds bounds = boundsOf(state, world, camera.layer); !bounds.empty())
+            camera.viewAll(world.toWorld(bounds.min), world.toWorld(bounds.max), chosen->placed.worldFromLocal[1]);
     if (view.farDistance > 0)
         camera.visibilityLimit = view.farDistance;
     else if (const Navigation* navigation = activeNavigation(state, camera.layer))

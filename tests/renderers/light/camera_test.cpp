@@ -169,6 +169,57 @@ TEST(Camera, FramingAPointKeepsADistance) {
     EXPECT_EQ(camera.position, before.position) << "an empty box changes nothing";
 }
 
+// 23.3.1: the view aims at the middle of the box around everything, from where the viewpoint is, and shows all of it.
+TEST(Camera, ViewingAllAimsAtTheMiddle) {
+    const Vec3d eye(10, 5, 10), lower(-1, 0, -1), upper(1, 2, 1), middle(0, 1, 0);
+    Camera camera = Camera::perspective(identityTransform(), eye, {0, 1, 0, 2.f}, 0.7854, 1.5);
+    camera.viewAll(lower, upper, {0, 1, 0});
+    const Vec3d forward = glm::normalize(middle - eye);
+    EXPECT_NEAR(glm::distance(camera.forward, forward), 0, 1e-12);
+    EXPECT_NEAR(camera.right.y, 0, 1e-12) << "upright";
+    EXPECT_GT(camera.up.y, 0);
+    for (int corner = 0; corner < 8; ++corner) {
+        const Vec2d seen = camera.place({corner & 1 ? 1 : -1, corner & 2 ? 2 : 0, corner & 4 ? 1 : -1});
+        EXPECT_TRUE(seen.x > 0 && seen.x < 1 && seen.y > 0 && seen.y < 1) << corner;
+    }
+    // From straight before a face, the ball around the box is as high as the picture: its radius over the tangent of
+    // half the angle.
+    camera = Camera::perspective(identityTransform(), {0, 1, 30}, {0, 1, 0, 2.f}, 0.7854, 1.5);
+    camera.viewAll(lower, upper, {0, 1, 0});
+    EXPECT_NEAR(glm::distance(camera.position, Vec3d(0, 1, std::sqrt(3.0) / std::tan(0.7854 / 2))), 0, 1e-6);
+    Camera parallel = Camera::parallel(identityTransform(), eye, {}, {-9, -9, 9, 9}, 1);
+    parallel.viewAll(lower, upper, {0, 1, 0});
+    EXPECT_NEAR(glm::distance(parallel.forward, forward), 0, 1e-12);
+    EXPECT_LT(parallel.top, std::sqrt(3.0) * 1.06);
+    EXPECT_GT(parallel.top, 1);
+}
+
+TEST(Camera, ViewingAllCutsNoCornerOff) {
+    // A slab along the view whose near edge leaves the ball's cone: 65 degrees from the line to the eye.
+    const Vec3d lower(-1e-3, -.91, -.414), upper(1e-3, .91, .414);
+    Camera camera = Camera::perspective(identityTransform(), {0, 0, 10}, {}, 0.7854, 1);
+    camera.viewAll(lower, upper, {0, 1, 0});
+    for (const double y : {lower.y, upper.y}) {
+        const Vec2d seen = camera.place({0, y, upper.z});
+        EXPECT_GE(seen.y, 0);
+        EXPECT_LE(seen.y, 1);
+    }
+}
+
+TEST(Camera, WhoCannotTurnViewsAllAsHeLooks) {
+    for (const Vec3d& eye : {Vec3d(0, 0, 0), Vec3d(0, 7, 0)}) {  // in the middle of it; straight above
+        Camera camera = Camera::perspective(identityTransform(), eye, {0, 1, 0, .5f}, 0.7854, 1);
+        const Camera before = camera;
+        camera.viewAll({-1, -1, -1}, {1, 1, 1}, {0, 1, 0});
+        EXPECT_EQ(camera.forward, before.forward);
+        EXPECT_EQ(camera.up, before.up);
+        EXPECT_NEAR(glm::length(camera.position + camera.forward * glm::length(camera.position)), 0, 1e-9);
+    }
+    Camera camera = Camera::perspective(identityTransform(), {1, 2, 3}, {}, 0.7854, 1);
+    camera.viewAll({1, 1, 1}, {-1, -1, -1}, {0, 1, 0});
+    EXPECT_EQ(camera.position, Vec3d(1, 2, 3)) << "an empty box changes nothing";
+}
+
 // 24.2.1: skyAngle from the zenith, groundAngle from the nadir, linear in the angle in between.
 // What ray() shows at a place of the picture lies there again, near or far, for each kind of eye.
 TEST(Camera, PlacesAreWhereRaysGo) {

@@ -76,6 +76,12 @@ struct Camera {
     /// nothing when `world` is empty.
     void frame(const Vec3d& lower, const Vec3d& upper);
 
+    /// X3DViewpointNode.viewAll (23.3.1): turns to the middle of `world`, with `upright` upwards in the picture, and
+    /// goes back or on along that line: a perspective until the ball around `world` is as high as the picture's smaller
+    /// side, and farther where that cuts a corner off. Does nothing when `world` is empty; turns no view with scaled
+    /// axes.
+    void viewAll(const Vec3d& lower, const Vec3d& upper, const Vec3d& upright);
+
     struct WorldRay {
         Vec3d origin, direction;  // a unit vector
     };
