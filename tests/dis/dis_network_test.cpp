@@ -410,7 +410,7 @@ TEST(DisNetwork, GeocentricPlacesLieAroundGeoCoords) {
     Host reader(entity("E", "networkReader", "geoCoords 48 11 500"), ether);
     Host away(entity("E", "networkReader", "geoCoords 48.001 11 500"), ether);
     reader.frame(0), away.frame(0), writer.frame(0), reader.frame(.5), away.frame(.5);
-    const auto& state = std::get<dis::EntityState>(sentOf<dis::EntityState>(ether).at(0).body);
+    const auto state = std::get<dis::EntityState>(sentOf<dis::EntityState>(ether).at(0).body);
     EXPECT_NEAR(glm::length(state.location), 6366000, 10000);
     EXPECT_NEAR(glm::length(reader.node("E").get(Espdu::translation) - Vec3f(100, 20, -300)), 0, 1e-4);
     EXPECT_NEAR(reader.node("E").get(Espdu::rotation).angle, .5, 1e-5);

@@ -279,7 +279,8 @@ void motionOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventVa
 void humanoidOnEvent(Cascade& cascade, const Node& humanoid, FieldIndex field, EventValue) {
     using H = x3d::HAnimHumanoid;
     if (field != H::motions.index && field != H::motionsEnabled.index && field != H::joints.index) return;
-    for (const NodeId id : Array<NodeId>(humanoid.get(H::motions)).span()) {
+    const Array<NodeId> motions(humanoid.get(H::motions));
+    for (const NodeId id : motions.span()) {
         const Node* motion = cascade.scene().effectiveNode(id);
         if (!motion || !motion->is(M::type)) continue;
         cascade.store(*motion, M::_isStale, true);
