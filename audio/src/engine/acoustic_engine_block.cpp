@@ -124,6 +124,19 @@ glm::dvec3 AcousticEngine::Impl::apparentPosition(const EmitterState& state, dou
     return state.motion.at(static_cast<double>(samples) + static_cast<double>(options.blockSize) - delay).position;
 }
 
+/// The walls are those of now, and what is heard left before: what has gone over that place since, as the body of a
+/// source that moves does, is its body too, and no wall.
+std::vector<std::uint32_t> AcousticEngine::Impl::bodyAt(const EmitterState& state, const glm::dvec3& apparent,
+                                                        const ListenerPose& listener) const {
+    const double distance = glm::distance(apparent, listener.position);
+    if (apparent == state.to || !(distance > 0)) return state.body;
+    std::vector<std::uint32_t> over;
+    geometry.addBodies(apparent, (listener.position - apparent) / distance, options.bodySize, over);
+    over = bodyOf(std::move(over), listener.position);
+    over.insert(over.end(), state.body.begin(), state.body.end());
+    return over;
+}
+
 void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
                                    const ListenerPose& listener, HeardLevel& to, bool& audible) const {
     const SoundNode& sound = *emitter.sound;
@@ -143,7 +156,8 @@ void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterSta
                     (options.levels == AcousticOptions::Levels::x3d ? sound.level(local) : 1 / std::max(distance, 0.1));
     double open = 0;
     if (level != 0) {
-        const Bands share = directShare(OpenedGeometry(geometry, state.body), apparent, listener.position);
+        const Bands share =
+            directShare(OpenedGeometry(geometry, bodyAt(state, apparent, listener)), apparent, listener.position);
         for (std::size_t b = 2; b < 7; ++b) open += share[b] / 5;
         open *= std::exp(-airAttenuation(air)[kBand1k] * distance);
     }
@@ -317,8 +331,8 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     renderDirect(state, to, crossfade, block);
     spatialise(sound, state, apparent, block);
     if (options.reflections && sound.reflected) {
-        const glm::dvec3 source = state.motion.at(end).position;
-        if (audible && mustTrace(emitter, state, source, block.listener)) trace(state, emitter, source, block.listener);
+        // Source, listener and walls of one instant, that of the scene, which the block is on its way to.
+        if (audible && mustTrace(emitter, state, state.to, now)) trace(state, emitter, state.to, now);
         renderLate(state, to, block);
     }
     noteSilence(state, block);

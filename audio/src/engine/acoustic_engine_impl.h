@@ -70,6 +70,8 @@ struct AcousticEngine::Impl {
     void findDelay(const Trajectory& motion, double time, double& delay, double& slope) const;
     void delaysOf(const EmitterState& state, HeardLevel& to, Block& block) const;
     glm::dvec3 apparentPosition(const EmitterState& state, double delay) const;
+    std::vector<std::uint32_t> bodyAt(const EmitterState& state, const glm::dvec3& apparent,
+                                      const ListenerPose& listener) const;
     void levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
                  const ListenerPose& listener, HeardLevel& to, bool& audible) const;
     void renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block);

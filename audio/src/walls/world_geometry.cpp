@@ -194,27 +194,30 @@ bool WorldGeometry::blocked(const glm::dvec3& origin, const glm::dvec3& facing, 
     return closestBut({}, origin, direction, distance, except, hit);
 }
 
+void WorldGeometry::addBodies(const glm::dvec3& point, const glm::dvec3& direction, double maxSize,
+                              std::vector<std::uint32_t>& bodies) const {
+    Ray ray;
+    ray.origin = rays_->fromWorld(point);
+    ray.direction = Vec3f(direction);
+    ray.tMax = static_cast<float>(maxSize);
+    // Through one shell after the other, to the first thing that is no body.
+    for (int layer = 0; layer < 64; ++layer) {
+        const Hit hit = rays_->intersect(ray, RayKind::sound);
+        if (!hit) return;
+        if (std::find(bodies.begin(), bodies.end(), hit.instance) == bodies.end()) {
+            const AcousticBox box = worldBox(walls_.walls[hit.instance]);
+            if (box.empty() || box.distance(point) > 0 || glm::length(box.high - box.low) > maxSize) return;
+            bodies.push_back(hit.instance);
+        }
+        ray.tMin = std::nextafter(std::max(hit.t, 1e-30f), std::numeric_limits<float>::infinity());
+        if (!(ray.tMin < ray.tMax)) return;
+    }
+}
+
 std::vector<std::uint32_t> WorldGeometry::instancesAround(const glm::dvec3& point, double maxSize) const {
     constexpr int kDirections = 32;
     std::vector<std::uint32_t> result;
-    for (int i = 0; i < kDirections; ++i) {
-        Ray ray;
-        ray.origin = rays_->fromWorld(point);
-        ray.direction = Vec3f(evenDirection(i, kDirections));
-        ray.tMax = static_cast<float>(maxSize);
-        // Through one shell after the other, to the first thing that is no body.
-        for (int layer = 0; layer < 64; ++layer) {
-            const Hit hit = rays_->intersect(ray, RayKind::sound);
-            if (!hit) break;
-            if (std::find(result.begin(), result.end(), hit.instance) == result.end()) {
-                const AcousticBox box = worldBox(walls_.walls[hit.instance]);
-                if (box.empty() || box.distance(point) > 0 || glm::length(box.high - box.low) > maxSize) break;
-                result.push_back(hit.instance);
-            }
-            ray.tMin = std::nextafter(std::max(hit.t, 1e-30f), std::numeric_limits<float>::infinity());
-            if (!(ray.tMin < ray.tMax)) break;
-        }
-    }
+    for (int i = 0; i < kDirections; ++i) addBodies(point, evenDirection(i, kDirections), maxSize, result);
     return result;
 }
 

@@ -132,6 +132,27 @@ TEST_F(ListenSealed, IsToldAgainOnlyWhenItIsSealedAgain) {
     EXPECT_NE(texts[1].find(" s on nothing is heard of Voice: "), std::string::npos) << texts[1];
 }
 
+TEST_F(ListenSealed, WhatFollowsCloseBehindASourceDoesNotPassOverIt) {
+    // A cab of .3 m, 3 cm behind its source, at 3 m/s: between frames of 1/20 s both go 15 cm.
+    const std::string body = "DEF Train Transform { children [ " + shape("Cab", "Box { size .3 .3 .3 }", "0 0 .18") +
+                             "DEF Voice" + kTone + " ] }\n" + view("0 0 9") +
+                             shape("Floor", "Box { size 40 .2 40 }", "0 -2 0");
+    Scene scene;
+    load(scene, body);
+    ListenOptions o = options();
+    o.seconds = .6;
+    o.framesPerSecond = 20;
+    o.render.trace.rays = 200;
+    o.render.retraceSeconds = .02;
+    o.runTo = [&](double t) {
+        move(scene, "Train", Vec3f(0, 0, static_cast<float>(-3 * t)));
+        scene.newFrame(t);
+    };
+    const auto report = listen(scene, o);
+    ASSERT_TRUE(report);
+    EXPECT_TRUE(told(*report).empty());
+}
+
 TEST_F(ListenSealed, WhatPlaysOnlyOnceItIsOutIsNotTold) {
     const std::string body = shape("Drum", "Cylinder { radius 1.5 height 2 }", "0 0 0") +
                              "DEF Voice Sound { minBack 90 minFront 90 maxBack 200 maxFront 200 source DEF Tone "

@@ -84,6 +84,9 @@ class WorldGeometry final : public AcousticGeometry {
     /// Slots of instances whose box holds the point and measures at most `maxSize` metres from corner to corner, as far
     /// as they are in the way of 32 rays from there.
     std::vector<std::uint32_t> instancesAround(const glm::dvec3& point, double maxSize) const;
+    /// Adds those of them that a ray from `point` in `direction` (a unit vector) leaves, and that are not in `bodies`.
+    void addBodies(const glm::dvec3& point, const glm::dvec3& direction, double maxSize,
+                   std::vector<std::uint32_t>& bodies) const;
     /// Why nothing of what is sent at one place comes to the other; none if a way between them was found, or both are
     /// in the open. Shapes that let sound pass, and those in `open` (slots), are not there. Takes some thousand rays.
     std::optional<Seal> sealBetween(std::span<const std::uint32_t> open, const glm::dvec3& source,
