@@ -216,7 +216,7 @@ struct Attachment::Cursor {
     bool deliverMerged(Sets& sets) {
         for (const auto& set : sets) composer->add(*set);
         ChangeSet whole = std::move(merged);
-        composer->take(whole);
+        composer->take(whole, scene);
         sets.clear();  // what they hold can go back to the scene's pool
         const bool ok = deliver(whole);
         whole.clear();

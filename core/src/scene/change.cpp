@@ -5,6 +5,8 @@
 #include <map>
 #include <unordered_map>
 
+#include <rtsg/core/scene.h>
+
 namespace rtsg {
 
 void ChangeSet::clear() {
@@ -102,6 +104,10 @@ struct ChangeComposer::State {
     std::unordered_map<Key, std::vector<std::size_t>, KeyHash> childOps;    // not yet under a setField
     std::unordered_map<std::uint32_t, std::vector<std::size_t>> insertsOf;  // of children created in this set
     std::map<RouteKey, std::size_t> addedRoutes;
+    // Parts of scenes have nodes that go and come again. What such a node was before is not known here: it stays, and
+    // all of its fields are set.
+    std::map<std::uint32_t, std::size_t> destroyed;  // of nodes from before this set: the slot
+    std::map<std::uint32_t, TypeIndex> reborn;
     std::map<Key, String> authors;  // the last one of each field
 
     std::uint32_t append(const Change& change) {
@@ -116,6 +122,8 @@ struct ChangeComposer::State {
         slot.live = false;
     }
     bool isCreated(NodeId node) const { return newest.find(node.value, kCreate) != kNone; }
+    /// All that its lists hold is in this set.
+    bool beginsHere(NodeId node) const { return isCreated(node) || reborn.contains(node.value); }
 
     /// The live slot of a key; null if there is none.
     Slot* latest(NodeId node, std::uint32_t mark) {
@@ -143,7 +151,7 @@ struct ChangeComposer::State {
     }
     void editChildren(const Change& change) {
         Slot* whole = latest(change.node, change.field);
-        if (!whole && isCreated(change.node)) {
+        if (!whole && beginsHere(change.node)) {
             Change list = change;
             list.kind = ChangeKind::setField;
             list.other = {};
@@ -175,6 +183,12 @@ struct ChangeComposer::State {
                 append(change);
                 break;
             case ChangeKind::createNode: {
+                if (const auto gone = destroyed.find(change.node.value); gone != destroyed.end()) {
+                    kill(slots[gone->second]);
+                    destroyed.erase(gone);
+                    reborn.insert_or_assign(change.node.value, TypeIndex{static_cast<std::uint16_t>(change.index)});
+                    break;
+                }
                 const std::uint32_t slot = append(change);
                 newest.at(change.node.value, kCreate) = slot;
                 break;
@@ -260,7 +274,41 @@ struct ChangeComposer::State {
         }
         last = kNone;
         if (created) newest.at(change.node.value, kCreate) = kNone;
-        if (!created) append(change);
+        reborn.erase(change.node.value);
+        if (!created) destroyed.insert_or_assign(change.node.value, append(change));
+    }
+    const NodeType* typeOf(TypeIndex index, const Scene* scene) const {
+        for (const DefinedType& defined : result.types)
+            if (defined.index == index) return defined.type.get();
+        if (scene) return index.value < scene->typeCount() ? &scene->type(index) : nullptr;
+        return index.value < builtinTypes().size() ? builtinTypes()[index.value].get() : nullptr;
+    }
+    /// The fields of nodes that went and came again which nobody has set since, and their names.
+    void resetReborn(const Scene* scene) {
+        for (const auto& [id, index] : reborn) {
+            Change change;
+            change.node = NodeId{id};
+            const NodeType* type = typeOf(index, scene);
+            if (!type) {  // whoever applies this will say that the node is there
+                change.kind = ChangeKind::createNode;
+                change.index = index.value;
+                append(change);
+                continue;
+            }
+            for (FieldIndex f = 0; f < type->fields.size(); ++f) {
+                const FieldDef& def = type->fields[f];
+                if (!def.readable() || latest(change.node, f)) continue;
+                change.field = f;
+                change.value = Value::fromStorage(def.type, type->defaults() + def.offset);
+                append(change);
+            }
+            if (latest(change.node, kName)) continue;
+            change.kind = ChangeKind::setName;
+            change.field = kNoField;
+            change.value = String();
+            append(change);
+        }
+        reborn.clear();
     }
 };
 
@@ -288,19 +336,23 @@ void ChangeComposer::add(const ChangeSet& set) {
     constexpr std::size_t kFewDead = 1024;
     if (s.dead > kFewDead && s.dead > s.slots.size() / 2) {
         ChangeSet live;
+        std::map<std::uint32_t, TypeIndex> reborn = std::move(s.reborn);
+        s.reborn.clear();
         take(live);
+        s.reborn = std::move(reborn);
         add(live);
     }
 }
 
-ChangeSet ChangeComposer::take() {
+ChangeSet ChangeComposer::take(const Scene* scene) {
     ChangeSet result;
-    take(result);
+    take(result, scene);
     return result;
 }
 
-void ChangeComposer::take(ChangeSet& into) {
+void ChangeComposer::take(ChangeSet& into, const Scene* scene) {
     State& s = *state_;
+    s.resetReborn(scene);
     static constexpr int kPhases = 7;
     const auto phase = [](ChangeKind kind) {
         switch (kind) {
@@ -353,6 +405,7 @@ void ChangeComposer::take(ChangeSet& into) {
     s.childOps.clear();
     s.insertsOf.clear();
     s.addedRoutes.clear();
+    s.destroyed.clear();
 }
 
 ChangeSet compose(std::span<const std::shared_ptr<const ChangeSet>> sets) {

@@ -28,7 +28,7 @@ class Merger {
     Result<> flush(const Scene& scene) {
         if (waiting_ == 0) return {};
         waiting_ = 0;
-        return write(scene, composer_.take());
+        return write(scene, composer_.take(&scene));
     }
     std::uint64_t waiting() const { return waiting_; }
     std::uint64_t written() const { return written_; }

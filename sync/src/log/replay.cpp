@@ -309,7 +309,7 @@ Result<> Replayer::composeUntil(double time) {
     std::optional<RecordHeader> last;  // in the composer
     const auto flush = [&]() -> Result<> {
         if (!last) return {};
-        auto merged = std::make_shared<ChangeSet>(composer.take());
+        auto merged = std::make_shared<ChangeSet>(composer.take(scene_.get()));
         set_ = merged;
         if (decoder_.originHash()) merged->hash = {};
         if (auto ok = scene_->apply(merged); !ok) return lose(log_.position(), last->to, ok.error().text);

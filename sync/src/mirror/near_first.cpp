@@ -169,7 +169,7 @@ Result<std::shared_ptr<const ChangeSet>> NearFirst::next(std::span<const ChangeS
         carriersKnown_ = carriersKnown_ && std::ranges::none_of(frame.changes, movesCarriers);
     }
     if (composer.empty()) return fail("nothing to go on with");
-    auto set = std::make_shared<ChangeSet>(composer.take());
+    auto set = std::make_shared<ChangeSet>(composer.take(&origin));
     later_ = {};
     if (!all && set->to - set->from > 1 && now - waitingSince_ < kLongestWait) {
         if (!carriersKnown_) findCarriers(origin);

@@ -56,7 +56,7 @@ void forEachReference(const Node& node, FieldIndex field, Visit visit) {
 MirrorPart::MirrorPart(mirror::Wishes wishes) : wishes_(std::move(wishes)), scene_(std::make_unique<Scene>()) {
     scene_->setBehavioursEnabled(false);
     members_.insert(scene_->root().value);
-    if (!wishes_.parts.empty() && RegionWish::isOne(wishes_.parts.front()))
+    if (isPartByRegion(wishes_))
         if (auto wish = RegionWish::parse(wishes_.parts.front())) region_ = std::make_unique<Region>(std::move(*wish));
 }
 

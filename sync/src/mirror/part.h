@@ -23,6 +23,11 @@
 
 namespace rtsg {
 
+/// Whether a part is one by region.
+inline bool isPartByRegion(const mirror::Wishes& wishes) {
+    return !wishes.parts.empty() && RegionWish::isOne(wishes.parts.front());
+}
+
 class MirrorPart {
   public:
     /// Why no server follows such a part; nothing if it can.

@@ -34,6 +34,7 @@ constexpr auto kSettle = 5ms;                                     // between sta
 constexpr std::size_t kFew = 16;                                  // than these
 constexpr auto kLookAround = 20ms, kLookAgain = 1ms;              // for connections that send no whole message
 constexpr auto kUnusedPart = 10s;                                 // until a part without peers is let go
+constexpr auto kNoRegions = 60s;                                  // until it is tried again whether they can be
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;  // bytes of frames, at least
 
 }  // namespace
@@ -43,7 +44,8 @@ MirrorServer::Io::Io(std::shared_ptr<Shared> shared)
       router_(context_, ZMQ_ROUTER),
       gate_(context_),
       history_(streams_.try_emplace(0, shared_->options.history).first->second.history),
-      shadow_(shared_->pool, shared_->wake, std::max<std::uint64_t>(shared_->options.history, 64 << 20)) {}
+      shadow_(shared_->pool, shared_->wake, std::max<std::uint64_t>(shared_->options.history, 64 << 20),
+              shared_->options.maximumPlaces) {}
 
 MirrorServer::Io::~Io() {
     shared_->stop = true;
@@ -323,8 +325,10 @@ void MirrorServer::Io::takeAnswers() {
                 if (answer.record) stream->second.history.setKeyframe(std::move(answer.record));
             } else if (answer.record && stream->second.history.add(answer.record)) {
                 keepKeyframeNear(answer.part);
-            } else {
+            } else if (answer.why.empty()) {
                 dropStream(answer.part);
+            } else {
+                refuseRegions(std::move(answer.why));
             }
             continue;
         }
@@ -364,6 +368,20 @@ void MirrorServer::Io::dropStream(std::uint32_t part) {
     question.kind = Kind::close;
     question.part = part;
     shadow_.ask(std::move(question));
+}
+
+/// Their peers knock again and again; whether a region can be followed by now takes long to find out.
+void MirrorServer::Io::refuseRegions(std::string why) {
+    if (noRegions_ != why) shared_->report(Severity::warning, "no parts by region: " + why);
+    noRegions_ = std::move(why);
+    regionsAgain_ = Clock::now() + kNoRegions;
+    const auto isRegion = [](const auto& s) { return isPartByRegion(s.second.wishes); };
+    for (auto s = streams_.begin(); (s = std::find_if(s, streams_.end(), isRegion)) != streams_.end();) {
+        const std::uint32_t part = (s++)->first;
+        std::erase_if(peers_,
+                      [&](const auto& p) { return p.second.part == part && (refuse(p.first, noRegions_), true); });
+        dropStream(part);
+    }
 }
 
 void MirrorServer::Io::tick(Clock::time_point now) {

@@ -174,6 +174,7 @@ class MirrorServer::Io {
     /// The number of the stream with these parts and aspects; nothing when there are as many as there may be.
     std::optional<std::uint32_t> streamFor(const mirror::Wishes& wishes);
     void dropStream(std::uint32_t part);
+    void refuseRegions(std::string why);
     void refuse(const std::string& identity, const std::string& reason);
     Stream& streamOf(const Peer& peer) { return streams_.find(peer.part)->second; }
     const MirrorHistory& historyOf(const Peer& peer) const { return streams_.find(peer.part)->second.history; }
@@ -225,6 +226,8 @@ class MirrorServer::Io {
     ByteBuffer message_, head_;
     std::uint64_t dictionaryHash_ = 0;
     Clock::time_point forgetAsked_{};
+    std::string noRegions_;             // why not, when that was tried last
+    Clock::time_point regionsAgain_{};  // not tried again before
     std::thread thread_;
 };
 

@@ -171,6 +171,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         }
     }
     if (const auto refusal = MirrorPart::refusalOf(hello.wishes)) return refuse(identity, *refusal);
+    if (isPartByRegion(hello.wishes) && Clock::now() < regionsAgain_) return refuse(identity, noRegions_);
     const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello.wishes) : 0;
     if (!part) return refuse(identity, "the server follows as many parts of the scene as it does at once");
     if (found == peers_.end()) found = peers_.emplace(identity, Peer{}).first;

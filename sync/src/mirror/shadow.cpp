@@ -36,8 +36,8 @@ constexpr int kEasedShare = 20;  // of the time of making one passes before it i
 
 }  // namespace
 
-MirrorShadow::MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit)
-    : pool_(std::move(pool)), wake_(wake), limit_(limit), decoder_({}, 0) {
+MirrorShadow::MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit, std::size_t places)
+    : pool_(std::move(pool)), wake_(wake), limit_(limit), mostPlaces_(places), decoder_({}, 0) {
     thread_ = std::thread([this] { run(); });
 }
 
@@ -163,15 +163,29 @@ void MirrorShadow::reply(Answer answer) {
 void MirrorShadow::openPart(const Scene& scene, const Question& question) {
     const auto [part, fresh] = parts_.try_emplace(question.part, question.wishes);
     if (!fresh) return;
-    Answer first;
-    first.kind = Question::Kind::frame;
-    first.part = question.part;
     findPlaces(scene, nullptr);
-    if (const auto set = part->second.follow(scene, nullptr, places_.get()))
-        first.record = encode(**set);
-    else
-        parts_.erase(part);
+    Answer first = frameOf(part->second, scene, nullptr, 0);
+    first.part = question.part;
+    if (!first.record) parts_.erase(part);
     reply(std::move(first));
+}
+
+/// The part's next step; without a record if it cannot be followed any more.
+MirrorShadow::Answer MirrorShadow::frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set,
+                                           std::uint64_t published) {
+    Answer frame;
+    frame.kind = Question::Kind::frame;
+    if (part.region() && !places_) {
+        frame.why = fmt::format("shapes stand in more than {} places, the most among which regions are followed here",
+                                mostPlaces_);
+        return frame;
+    }
+    if (const auto step = part.follow(scene, set, places_.get())) {
+        const std::shared_ptr<EncodedRecord> record = encode(**step);
+        record->published = published;
+        frame.record = record;
+    }
+    return frame;
 }
 
 /// Of shapes, for all regions together. `set` null: the scene is where it was, and there may be other regions.
@@ -184,7 +198,7 @@ void MirrorShadow::findPlaces(const Scene& scene, const ChangeSet* set) {
     const bool fits = places_ && smallest >= cells_ && smallest <= 16 * cells_;
     if (!set && fits && places_->state() == scene.sequence()) return;
     if (!fits) {
-        if (!places_) places_ = std::make_unique<ShapePlaces>();
+        if (!places_) places_ = std::make_unique<ShapePlaces>(mostPlaces_);
         places_->coverRadius(smallest);
         cells_ = smallest;
     }
@@ -194,14 +208,8 @@ void MirrorShadow::findPlaces(const Scene& scene, const ChangeSet* set) {
 void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published) {
     findPlaces(scene, set);
     for (auto part = parts_.begin(); part != parts_.end();) {
-        Answer frame;
-        frame.kind = Question::Kind::frame;
+        Answer frame = frameOf(part->second, scene, set, published);
         frame.part = part->first;
-        if (const auto step = part->second.follow(scene, set, places_.get())) {
-            const std::shared_ptr<EncodedRecord> record = encode(**step);
-            record->published = published;
-            frame.record = record;
-        }
         part = frame.record ? std::next(part) : parts_.erase(part);
         reply(std::move(frame));
     }
@@ -239,7 +247,7 @@ std::shared_ptr<EncodedRecord> MirrorShadow::encode(const ChangeSet& set) {
     return record;
 }
 
-SharedRecord MirrorShadow::merge(std::uint32_t part, const std::vector<SharedRecord>& frames) {
+SharedRecord MirrorShadow::merge(const Scene& scene, std::uint32_t part, const std::vector<SharedRecord>& frames) {
     // Several peers often fall behind together, from some few states on.
     const RecordHeader &first = frames.front()->header, &last = frames.back()->header;
     for (const Merged& known : merged_) {
@@ -253,7 +261,7 @@ SharedRecord MirrorShadow::merge(std::uint32_t part, const std::vector<SharedRec
         if (!decoder_.decode(frame->bytes.bytes(), set)) return nullptr;
         composer.add(set);
     }
-    const std::shared_ptr<EncodedRecord> merged = encode(composer.take());
+    const std::shared_ptr<EncodedRecord> merged = encode(composer.take(&scene));
     merged->published = frames.back()->published;
     keepMerged(part, merged);
     return merged;
@@ -280,7 +288,7 @@ void MirrorShadow::mergeNearFirst(const Scene& scene, const Question& question, 
                       (question.held || found->second.scene->state() == from);
     if (!fits) {
         if (question.held) return;
-        result.record = merge(question.part, question.frames);
+        result.record = merge(scene, question.part, question.frames);
         if (scene.sequence() != result.state || (found == eased_.end() && eased_.size() >= kMostEased)) return;
         Eased& eased = eased_[question.peer];
         eased.scene.reset();
@@ -327,7 +335,7 @@ MirrorShadow::Answer MirrorShadow::answer(const Scene& whole, const Question& qu
         if (question.nearFirst)
             mergeNearFirst(scene, question, result);
         else
-            result.record = merge(question.part, question.frames);
+            result.record = merge(scene, question.part, question.frames);
         return result;
     }
     wire::Reader in(question.text);

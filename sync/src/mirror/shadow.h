@@ -53,10 +53,13 @@ class MirrorShadow {
         std::uint64_t session = 0, state = 0;
         SharedRecord record;
         std::shared_ptr<ByteBuffer> message;
+        std::string why;     // of a part's frame without a record: what its peers are told
         bool holds = false;  // some of what was merged waits; `state` is the one it leads to when nothing does
     };
 
-    MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit);
+    /// `places`: of shapes, beyond which parts by region are not followed.
+    MirrorShadow(std::shared_ptr<RecordPool> pool, int wake, std::uint64_t limit,
+                 std::size_t places = std::size_t{1} << 22);
     ~MirrorShadow();
 
     /// False when too much waits: the replica has been given up, and questions wait for a keyframe.
@@ -76,10 +79,11 @@ class MirrorShadow {
     void followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published);
     void openPart(const Scene& scene, const Question& question);
     void findPlaces(const Scene& scene, const ChangeSet* set);
+    Answer frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set, std::uint64_t published);
     void reply(Answer answer);
     Answer answer(const Scene& whole, const Question& question);
     SharedRecord keyframe(const Scene& scene);
-    SharedRecord merge(std::uint32_t part, const std::vector<SharedRecord>& frames);
+    SharedRecord merge(const Scene& scene, std::uint32_t part, const std::vector<SharedRecord>& frames);
     void keepMerged(std::uint32_t part, SharedRecord record);
     void mergeNearFirst(const Scene& scene, const Question& question, Answer& result);
     std::shared_ptr<EncodedRecord> encode(const ChangeSet& set);
@@ -87,6 +91,7 @@ class MirrorShadow {
     const std::shared_ptr<RecordPool> pool_;
     const int wake_;
     const std::uint64_t limit_;
+    const std::size_t mostPlaces_;
 
     std::mutex mutex_;  // guards what follows
     std::condition_variable some_;

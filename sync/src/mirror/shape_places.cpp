@@ -128,7 +128,7 @@ void ShapePlaces::forget(NodeId id) {
 }
 
 ShapePlaces::PlaceId ShapePlaces::addPlace(const Scene& whole, NodeId node, PlaceId parent) {
-    if (places_.size() - free_.size() >= kMostPlaces) tooMany_ = true;
+    if (places_.size() - free_.size() >= most_) tooMany_ = true;
     if (tooMany_ || !whole.find(node)) return kNone;
     PlaceId id = static_cast<PlaceId>(places_.size());
     if (free_.empty()) {

@@ -24,7 +24,6 @@ class ShapePlaces {
   public:
     using PlaceId = std::uint32_t;
     static constexpr PlaceId kNone = 0xFFFFFFFF;
-    static constexpr std::size_t kMostPlaces = std::size_t{1} << 22;
     enum class Kind : std::uint8_t { group, unit, companion };  // companions come with their group
 
     struct Place {
@@ -48,12 +47,15 @@ class ShapePlaces {
         std::uint32_t before = 0, now = 0;
     };
 
+    /// More places than `most` are not followed.
+    explicit ShapePlaces(std::size_t most = std::size_t{1} << 22) : most_(most) {}
+
     /// Cells are no smaller than half of this, the smallest radius that is asked for. The next step begins from
     /// scratch.
     void coverRadius(double smallest);
 
     /// To the state of `whole`, whose last step `set` was; null, or one that does not fit: from scratch. False: there
-    /// are more places than kMostPlaces, and nothing is known any more.
+    /// are more places than may be, and nothing is known any more.
     bool follow(const Scene& whole, const ChangeSet* set);
 
     std::uint64_t state() const { return state_; }
@@ -103,6 +105,7 @@ class ShapePlaces {
     void renew(const Scene& whole);
     void move(const Scene& whole);
 
+    std::size_t most_;
     int smallestLevel_ = 0;
     std::uint64_t state_ = 0, step_ = 0, beginning_ = 0;
     bool tooMany_ = false;

@@ -8,6 +8,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 
 #include <rtsg/core/field_text.h>
+#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/mirror_relay.h>
 
@@ -61,8 +62,10 @@ struct Walk {
         ASSERT_EQ(replica.hash(), (*made)->hash);
         ASSERT_EQ(part.scene().hash(), (*made)->hash);
         changes = (*made)->changes.size();
+        last = *made;
     }
     std::size_t changes = 0;
+    std::shared_ptr<const ChangeSet> last;
 };
 
 /// Everything in a scene but the order in lists of nodes.
@@ -300,6 +303,68 @@ TEST(MirrorRegion, FollowedThroughRandomEditsEqualsOneMadeFromScratch) {
             ASSERT_EQ(unordered(scratch.replica), unordered(walk.replica)) << "seed " << seed << " frame " << frame;
         }
     }
+}
+
+struct Subset : Subscriber {
+    Scene scene;
+    std::size_t sets = 0;
+    Subset() { scene.setBehavioursEnabled(false); }
+    Result<> apply(const Scene&, const ChangeSet& changes) override {
+        ++sets;
+        return scene.apply(std::make_shared<ChangeSet>(changes));
+    }
+};
+
+/// Law: steps merged into one lead where they lead one by one. Nodes go and come again in them under the same number,
+/// which nodes of a whole scene never do. So for what the server merges for slow peers, and who polls a replica seldom.
+TEST(MirrorRegion, StepsMergedAtRandomLeadToTheSameState) {
+    std::size_t again = 0;
+    for (std::uint64_t seed = 1; seed <= 8; ++seed) {
+        Town town(seed);
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(town.scene, R"(#X3D V4.0 utf8
+PROFILE Immersive
+PROTO Lump [ inputOutput SFVec3f at 0 0 0 ] { Transform { translation IS at children Shape { geometry Box { } } } }
+DEF CART Transform { children DEF LUMP Lump { at 0 1 0 } }
+)",
+                             diagnostics));
+        const NodeId cart = town.scene.findName("CART");
+        town.scene.newFrame(0);
+        KeepLast last;
+        const Attachment attachment = town.scene.bus().attach(last);
+        Walk walk(town.scene, "region:EYE,8,0");
+        Subset polling;
+        Attachment polled = walk.replica.bus().attach(polling, Delivery::polled);
+        Scene merged;
+        merged.setBehavioursEnabled(false);
+        ChangeComposer composer;
+        composer.add(*walk.last);
+        std::set<std::uint32_t> gone;
+        for (int frame = 1; frame <= 150; ++frame) {
+            town.walk(frame);
+            ASSERT_TRUE(town.scene.set(cart, Transform::translation, Vec3f(frame % 6 < 3 ? 300 : 20, 0, 0)));
+            ASSERT_TRUE(town.scene.set(town.eye, x3d::Viewpoint::position, Vec3f(20, 1, frame % 11)));
+            town.scene.newFrame(frame);
+            walk.follow(last.set);
+            if (::testing::Test::HasFatalFailure()) FAIL() << "seed " << seed << " frame " << frame;
+            composer.add(*walk.last);
+            for (const Change& c : walk.last->changes) {
+                if (c.kind == ChangeKind::destroyNode) gone.insert(c.node.value);
+                again += c.kind == ChangeKind::createNode && gone.contains(c.node.value);
+            }
+            if (town.random() % 12 && frame != 150) continue;
+            const auto applied = merged.apply(std::make_shared<ChangeSet>(composer.take(&town.scene)));
+            ASSERT_TRUE(applied) << "seed " << seed << " frame " << frame << ": " << applied.error().text;
+            ASSERT_EQ(merged.dump(), walk.replica.dump()) << "seed " << seed << " frame " << frame;
+            ASSERT_EQ(merged.hash(), walk.replica.hash());
+            gone.clear();
+            polled.poll();
+            ASSERT_TRUE(polled.attached()) << polled.failure();
+            ASSERT_EQ(polling.scene.hash(), walk.replica.hash());
+        }
+        EXPECT_LT(polling.sets, 100u);
+    }
+    EXPECT_GT(again, 100u);
 }
 
 /// What moves far away costs a region nothing, and what stands at the border does not come and go.

@@ -97,6 +97,8 @@ struct ChangeSet {
     void clear();
 };
 
+class Scene;
+
 /// Merges consecutive sets into one with the same effect as applying them in turn. Cost grows with the sets.
 class ChangeComposer {
   public:
@@ -105,9 +107,11 @@ class ChangeComposer {
     /// Precondition: set.from == the previous set's to.
     void add(const ChangeSet& set);
     bool empty() const;
-    ChangeSet take();
+    /// `scene`, which the sets are of, knows the types of nodes that went and came again, as those of parts of scenes
+    /// do; without one these are found among built-in types and those that the sets define.
+    ChangeSet take(const Scene* scene = nullptr);
     /// As above into a set whose memory is used again; so is the composer's own.
-    void take(ChangeSet& into);
+    void take(ChangeSet& into, const Scene* scene = nullptr);
 
   private:
     struct State;

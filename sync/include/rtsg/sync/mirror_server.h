@@ -62,6 +62,9 @@ struct MirrorServerOptions {
     /// Different parts of the scene that are followed at once by peers that ask for parts (each costs its memory
     /// again).
     std::size_t maximumParts = 8;
+    /// Places of shapes (each path to one counts, and each group on the way) in a scene whose parts by region are
+    /// followed, some 250 bytes each. Where there are more, regions are refused.
+    std::size_t maximumPlaces = std::size_t{1} << 22;
     /// The session that this server goes on with, as resumeSession() found it; 0: a new one. `before`: the sets that
     /// led to the scene's present state, oldest first, for peers that are in one of the states between.
     std::uint64_t epoch = 0;
