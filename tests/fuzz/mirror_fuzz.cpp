@@ -1,6 +1,7 @@
 // Feeds arbitrary bytes to everything that reads a mirror's messages: each of its types with a right prologue and what
 // follows as it comes; what is accepted is written and read again the same. Texts of commands go to a player of a log,
-// whose clock stays within the log; questions about hashes are answered about a small scene, and answers taken.
+// whose clock stays within the log; questions about hashes are answered about a small scene, and answers taken; parts
+// of it that hellos ask for, regions too, are made.
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -17,6 +18,7 @@
 #include <rtsg/sync/log_recorder.h>
 
 #include "mirror/message.h"
+#include "mirror/part.h"
 #include "mirror/questions.h"
 #include "mirror/upstream.h"
 
@@ -93,12 +95,30 @@ void words(wire::Reader in, Message type) {
         [](mirror::Words& w, wire::Reader& again) { return w.read(again); });
 }
 
+/// Of the small scene, as a server follows it: from scratch, then a step in which nothing happens.
+void part(const mirror::Wishes& wishes) {
+    if (!wishes.partial()) return;
+    if (const auto refusal = MirrorPart::refusalOf(wishes)) return expect(!refusal->empty());
+    MirrorPart part(wishes);
+    ShapePlaces places;
+    if (part.region()) {
+        expect(part.region()->radius > 0 && part.region()->margin >= 0);
+        places.coverRadius(part.region()->radius);
+        expect(places.follow(smallScene(), nullptr));
+    }
+    const auto first = part.follow(smallScene(), nullptr, &places);
+    expect(first.has_value() && (*first)->hash == part.scene().hash());
+    const auto again = part.follow(smallScene(), nullptr, &places);
+    expect(again.has_value() && (*again)->changes.empty());
+}
+
 void hello(wire::Reader in) {
     mirror::Hello given;
     if (!given.read(in)) return;
     sameAgain(
         given, [](const mirror::Hello& h, ByteBuffer& out) { h.write(out); },
         [](mirror::Hello& h, wire::Reader& again) { return h.read(again); });
+    part(given.wishes);
 }
 
 void verdict(wire::Reader in) {

@@ -20,6 +20,7 @@
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/scene_file.h>
 
+#include "mirror/part.h"
 #include "support/log_support.h"
 #include "test_paths.h"
 
@@ -239,6 +240,62 @@ void writeMerged(const fs::path& file) {
     ASSERT_TRUE((*log)->close());
 }
 
+/// What a peer gets that asked for what is near a viewpoint: nodes come and go with it, beside changes of those that
+/// stay.
+void writeRegion(const fs::path& file) {
+    Scene scene;
+    mirror::Wishes wishes;
+    wishes.parts = {"region:EYE,5,.2"};
+    const NodeId eye = scene.createNode(x3d::Viewpoint::type);
+    ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, eye));
+    ASSERT_TRUE(scene.setName(eye, "EYE"));
+    std::vector<NodeId> places;
+    for (int i = 0; i < 12; ++i) {
+        const NodeId place = scene.createNode(x3d::Transform::type), shape = scene.createNode(x3d::Shape::type);
+        ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, place));
+        ASSERT_TRUE(scene.insertChild(place, x3d::Transform::children, shape));
+        ASSERT_TRUE(scene.set(shape, x3d::Shape::geometry, scene.createNode(x3d::Box::type)));
+        ASSERT_TRUE(scene.set(place, x3d::Transform::translation, Vec3f(2.5f * static_cast<float>(i), 0, 0)));
+        places.push_back(place);
+    }
+    const NodeId lamp = scene.createNode(x3d::PointLight::type), clock = scene.createNode(x3d::TimeSensor::type);
+    for (const NodeId node : {lamp, clock})
+        ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, node));
+    ASSERT_TRUE(scene.setName(places[4], "FOURTH"));
+    for (const std::size_t i : {std::size_t{3}, std::size_t{5}})
+        ASSERT_TRUE(
+            scene.addRoute(places[i], x3d::Transform::translation.index, places[4], x3d::Transform::center.index));
+    scene.newFrame(0);
+    MirrorPart part(wishes);
+    ShapePlaces shapes;
+    shapes.coverRadius(5);
+    auto log = LogWriter::create(file, builtinTypes(), optionsOf(0x5001, Coding::smallest));
+    ASSERT_TRUE(log);
+    ASSERT_TRUE(shapes.follow(scene, nullptr));
+    const auto first = part.follow(scene, nullptr, &shapes);
+    ASSERT_TRUE(first);
+    ASSERT_TRUE((*log)->write(**first));
+    for (int k = 1; k <= 40; ++k) {
+        const auto at = static_cast<float>(k);
+        ASSERT_TRUE(scene.set(eye, x3d::Viewpoint::position, Vec3f(at < 25 ? at : 50 - at, 0, 0)));
+        const std::size_t i = static_cast<std::size_t>(k * 5) % places.size();
+        const bool isUp = scene.node(places[i]).get(x3d::Transform::translation).y != 0;
+        ASSERT_TRUE(scene.set(places[i], x3d::Transform::translation,
+                              Vec3f(2.5f * static_cast<float>(i), isUp ? 0.f : 6.f, 0)));
+        ASSERT_TRUE(scene.set(lamp, x3d::PointLight::intensity, at / 40));
+        if (k == 12) {
+            ASSERT_TRUE(scene.removeChild(scene.root(), x3d::RtsgScene::children.index, 5));
+            ASSERT_TRUE(scene.insertChild(places[6], x3d::Transform::children, places[4]));
+        }
+        const auto set = scene.newFrame(k / 8.0);
+        ASSERT_TRUE(shapes.follow(scene, &*set));
+        const auto step = part.follow(scene, &*set, &shapes);
+        ASSERT_TRUE(step);
+        ASSERT_TRUE((*log)->write(**step));
+    }
+    ASSERT_TRUE((*log)->close());
+}
+
 /// A scene file: what a document has.
 void writeScene(const fs::path& file) {
     Scene scene;
@@ -331,6 +388,7 @@ void writeSet(const fs::path& folder) {
     writeMotion(folder / "smallest.rlog", 0x3003, Coding::smallest, false);
     writeMotion(folder / "lossy.rlog", 0x3004, Coding::smallest, true);
     writeMerged(folder / "merged.rlog");
+    writeRegion(folder / "region.rlog");
     writeArrays(folder / "arrays.rlog");
     writeScene(folder / "scene.rlog");
     writeDamaged(folder / "damaged.rlog", folder / "edits.rlog");
@@ -348,7 +406,7 @@ TEST(Conformance, TheSetCanBeWritten) {
     writeSet(folder);
     std::size_t logs = 0;
     for (const auto& entry : fs::directory_iterator(folder)) logs += entry.path().extension() == ".rlog";
-    EXPECT_EQ(logs, 12u);
+    EXPECT_EQ(logs, 13u);
     fs::remove_all(folder);
 }
 
@@ -363,7 +421,7 @@ TEST(Conformance, LogsOfTheSetAreReadAsExpected) {
         const std::string expected = readAll(fs::path(entry.path()).replace_extension(".json"));
         EXPECT_EQ(expectedOf(entry.path()), expected);
     }
-    EXPECT_EQ(logs, 12u);
+    EXPECT_EQ(logs, 13u);
 }
 
 /// As they were in November 2026: whoever changes these changes what logs of users are verified with.
