@@ -65,6 +65,10 @@ bool interrupted() {
         sigemptyset(&action.sa_mask);
         sigaction(SIGINT, &action, nullptr);
         sigaction(SIGTERM, &action, nullptr);
+        // A terminal that is closed, unless the user has asked to be left alone by that (nohup).
+        struct sigaction hangup = {};
+        if (sigaction(SIGHUP, nullptr, &hangup) == 0 && hangup.sa_handler != SIG_IGN)
+            sigaction(SIGHUP, &action, nullptr);
         return true;
     }();
     return installed && signalled;

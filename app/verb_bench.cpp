@@ -80,6 +80,8 @@ constexpr Bench kBenches[] = {
     {"resume", "sync", "from the return of a link to a replica in step", synced<bench::mirrorResume>},
     {"peers", "sync", "many replicas, and a part of them stopped", synced<bench::mirrorPeers>},
     {"crowd", "sync", "256 replicas at 60 frames a second; 1,024 beside a bare PUB socket", synced<bench::mirrorCrowd>},
+    {"regions", "sync", "mirrors of what is near: a frame's cost by the size of the scene and the number of regions",
+     synced<bench::mirrorRegions>},
     {"log", "sync", "a log: written, scanned, replayed, sought in; what it costs the scene", synced<bench::log>},
 };
 

@@ -256,12 +256,12 @@ class Interrupted : public NothingIsLost {
   protected:
     /// Starts the program, waits until `ready` and interrupts it.
     template <class Ready>
-    Outcome interrupt(std::vector<std::string> arguments, const Ready& ready) {
+    Outcome interrupt(std::vector<std::string> arguments, const Ready& ready, int signal = SIGINT) {
         Program program(std::move(arguments), streams());
         const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
         while (!ready() && std::chrono::steady_clock::now() < end)
             std::this_thread::sleep_for(std::chrono::milliseconds(10));
-        program.signal(SIGINT);
+        program.signal(signal);
         return program.wait();
     }
     void expectOnly(const std::vector<std::string>& before, std::vector<std::string> more) {
@@ -271,13 +271,17 @@ class Interrupted : public NothingIsLost {
     }
 };
 
+/// By Ctrl-C, by a system that shuts down, by a terminal that is closed.
 TEST_F(Interrupted, RecordingKeepsAWholeLogAndSaysSo) {
-    const std::string other = folder / "other.rlog";
-    const Outcome outcome = interrupt({"record", file, "-o", other, "--for", "1000s", "--realtime"},
-                                      [&] { return readFile(other).size() > 5000; });
-    EXPECT_EQ(outcome.status, 1);
-    EXPECT_THAT(outcome.err, HasSubstr("interrupted: " + other + " holds "));
-    EXPECT_EQ(rtsg({"replay", other, "--verify"}).status, 0);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) {
+        const std::string other = folder / "other" + std::to_string(signal) + ".rlog";
+        const Outcome outcome = interrupt(
+            {"record", file, "-o", other, "--for", "1000s", "--realtime"},
+            [&] { return readFile(other).size() > 5000; }, signal);
+        EXPECT_EQ(outcome.status, 1) << signal;
+        EXPECT_THAT(outcome.err, HasSubstr("interrupted: " + other + " holds "));
+        EXPECT_EQ(rtsg({"replay", other, "--verify"}).status, 0) << signal;
+    }
 }
 
 TEST_F(Interrupted, PicturesAreWholeOrNotThere) {

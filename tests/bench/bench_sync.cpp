@@ -14,6 +14,7 @@ bool sync(const SyncSizes& sizes, const Report& report) {
     ok = mirrorResume(sizes, report) && ok;
     ok = mirrorPeers(sizes, report) && ok;
     ok = mirrorCrowd(sizes, report) && ok;
+    ok = mirrorRegions(sizes, report) && ok;
     return log(sizes, report) && ok;
 }
 

@@ -23,6 +23,10 @@ bool mirrorPeers(const SyncSizes& sizes, const Report& report);
 /// many have a frame, beside a bare PUB socket with the same bytes, and seconds until they have joined.
 bool mirrorCrowd(const SyncSizes& sizes, const Report& report);
 
+/// What parts by region cost a frame, in scenes of several sizes, beside mirrors of the whole. Fails (false) if any
+/// replica state differs.
+bool mirrorRegions(const SyncSizes& sizes, const Report& report);
+
 /// Replicas against throughput, late joins against the size of the scene.
 bool chartMirror(const ChartSink& sink, bool quick);
 

@@ -97,6 +97,7 @@ ShapePlaces::Top& ShapePlaces::topOf(const Scene& whole, NodeId id) {
     Top& top = found->second;
     if (!fresh) return top;
     const Node& node = whole.node(id);
+    top.id = id;
     top.born = step_;
     top.list = listOf(node.type());
     if (top.list == kNoField) {
@@ -113,7 +114,7 @@ ShapePlaces::Top& ShapePlaces::topOf(const Scene& whole, NodeId id) {
         if (!std::ranges::binary_search(top.unit.nodes, id))
             top.unit.nodes.insert(std::ranges::lower_bound(top.unit.nodes, id), id);
     }
-    for (const NodeId inner : top.unit.nodes) insideOf_[inner.value].push_back(id);
+    for (const NodeId inner : top.unit.nodes) insideOf_[inner.value].push_back(&top);
     return top;
 }
 
@@ -121,7 +122,7 @@ void ShapePlaces::forget(NodeId id) {
     const auto top = tops_.find(id.value);
     for (const NodeId inner : top->second.unit.nodes) {
         const auto owners = insideOf_.find(inner.value);
-        std::erase(owners->second, id);
+        std::erase(owners->second, &top->second);
         if (owners->second.empty()) insideOf_.erase(owners);
     }
     tops_.erase(top);
@@ -143,6 +144,7 @@ ShapePlaces::PlaceId ShapePlaces::addPlace(const Scene& whole, NodeId node, Plac
     Place& p = places_[id];
     p.node = node;
     p.parent = parent;
+    p.top = &top;
     p.kind = top.kind;
     p.born = step_;
     if (parent != kNone) {
@@ -203,30 +205,42 @@ void ShapePlaces::removePlaces(PlaceId top) {
 
 // ---- the grid ----------------------------------------------------------------------------------------------------
 
-/// Where the unit is now.
-void ShapePlaces::placeUnit(PlaceId id) {
-    Place& p = places_[id];
-    const ShapeUnit& unit = tops_.find(p.node.value)->second.unit;
-    takeOutOfCell(id);
-    p.box = unit.box.through(places_[p.parent].worldFromLocal);
-    const bool lost = !unit.box.empty() && (p.box.empty() || !std::isfinite(glm::length(p.box.high - p.box.low)) ||
-                                            !std::isfinite(glm::length(p.box.high + p.box.low)));
-    p.isUnbounded = unit.isUnbounded || lost;
-    if (p.isUnbounded) p.box = {};
-    if (p.isUnbounded)
-        unbounded_.insert(id);
-    else
-        unbounded_.erase(id);
-    putInCell(id);
+ShapePlaces::Cell ShapePlaces::cellOf(const ShapeBox& box) const {
+    const Vec3d size = box.high - box.low, at = (box.low + box.high) * .5;
+    const int level = levelFor(std::max({size.x, size.y, size.z}), smallestLevel_);
+    const double edge = std::ldexp(1., level);
+    return {level, cellKey(cellAlong(at.x, edge), cellAlong(at.y, edge), cellAlong(at.z, edge))};
 }
 
-void ShapePlaces::putInCell(PlaceId id) {
+/// Where the unit is now. Most of what moves stays in its cell.
+void ShapePlaces::placeUnit(PlaceId id) {
     Place& p = places_[id];
-    if (p.box.empty()) return;
-    const Vec3d size = p.box.high - p.box.low, at = (p.box.low + p.box.high) * .5;
-    p.level = levelFor(std::max({size.x, size.y, size.z}), smallestLevel_);
-    const double edge = std::exp2(p.level);
-    p.cell = cellKey(cellAlong(at.x, edge), cellAlong(at.y, edge), cellAlong(at.z, edge));
+    const ShapeUnit& unit = p.top->unit;
+    ShapeBox box = unit.box.through(places_[p.parent].worldFromLocal);
+    const bool lost = !unit.box.empty() && (box.empty() || !std::isfinite(glm::length(box.high - box.low)) ||
+                                            !std::isfinite(glm::length(box.high + box.low)));
+    const bool isUnbounded = unit.isUnbounded || lost;
+    if (isUnbounded) box = {};
+    if (std::exchange(p.isUnbounded, isUnbounded) != isUnbounded) {
+        if (isUnbounded)
+            unbounded_.insert(id);
+        else
+            unbounded_.erase(id);
+    }
+    const Cell cell = box.empty() ? Cell() : cellOf(box);
+    if (!box.empty() && !p.box.empty() && cell.level == p.level && cell.key == p.cell) {
+        p.box = box;
+        return;
+    }
+    takeOutOfCell(id);
+    p.box = box;
+    if (!box.empty()) putInCell(id, cell);
+}
+
+void ShapePlaces::putInCell(PlaceId id, const Cell& at) {
+    Place& p = places_[id];
+    p.level = at.level;
+    p.cell = at.key;
     std::vector<PlaceId>& cell = levels_[p.level][p.cell];
     p.cellSlot = static_cast<std::uint32_t>(cell.size());
     cell.push_back(id);
@@ -295,24 +309,23 @@ void ShapePlaces::noteList(const Change& change) {
 void ShapePlaces::note(const Scene& whole, const Change& change) {
     const bool isList = change.kind == ChangeKind::insertChild || change.kind == ChangeKind::removeChild;
     if (change.kind != ChangeKind::setField && !isList) return;
-    const bool listed = isListed(change.node, change.field);
+    const bool refers = isList || sf(change.value.type()) == FieldType::SFNode;
+    const bool listed = refers && isListed(change.node, change.field);
     if (listed) noteList(change);
     const auto owners = insideOf_.find(change.node.value);
     if (owners == insideOf_.end()) return;
     const Node* node = whole.find(change.node);
-    const bool refers = isList || sf(change.value.type()) == FieldType::SFNode;
     if (!refers && node) {
         const Aspect aspect = node->type().fields[change.field].aspect;
         if (aspect != Aspect::transform && aspect != Aspect::geometry && aspect != Aspect::structure &&
             !node->is(x3d::Text::type))
             return;
     }
-    for (const NodeId owner : owners->second) {
-        const Top& top = tops_.find(owner.value)->second;
+    for (Top* top : owners->second) {
         // A group may stand inside of a unit as well.
-        if (top.born == step_ || (listed && owner == change.node)) continue;
-        if (top.kind == Kind::group) turned_.insert(owner.value);
-        if (top.kind != Kind::group || refers) changed_.insert(owner.value);
+        if (top->born == step_ || (listed && top->id == change.node)) continue;
+        if (top->kind == Kind::group && std::exchange(top->turned, step_) != step_) turned_.push_back(top->id.value);
+        if (top->kind != Kind::group || refers) changed_.insert(top->id.value);
     }
 }
 
@@ -383,9 +396,11 @@ void ShapePlaces::move(const Scene& whole) {
         if (const auto found = tops_.find(number); found != tops_.end() && whole.find(NodeId{number}))
             append(tops, found->second.places);
     turned_.clear();
-    std::ranges::sort(tops, {}, [this](PlaceId id) { return places_[id].depth; });
+    if (!std::ranges::is_sorted(tops, {}, [this](PlaceId id) { return places_[id].depth; }))
+        std::ranges::sort(tops, {}, [this](PlaceId id) { return places_[id].depth; });
+    std::vector<PlaceId> pending;
     for (const PlaceId top : tops) {
-        std::vector<PlaceId> pending{top};
+        pending.push_back(top);
         while (!pending.empty()) {
             const PlaceId id = pending.back();
             pending.pop_back();

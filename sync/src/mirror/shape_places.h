@@ -21,6 +21,8 @@
 namespace rtsg {
 
 class ShapePlaces {
+    struct Top;
+
   public:
     using PlaceId = std::uint32_t;
     static constexpr PlaceId kNone = 0xFFFFFFFF;
@@ -40,6 +42,7 @@ class ShapePlaces {
         std::uint64_t cell = 0;             // of a unit with a box: which one, on which level, and where in it
         int level = 0;
         std::uint32_t cellSlot = 0;
+        const Top* top = nullptr;  // of `node`, until it is gone
     };
     /// A child was put into a group's list, or taken out, so that it is there `now` times.
     struct Edge {
@@ -81,6 +84,8 @@ class ShapePlaces {
 
   private:
     struct Top {
+        NodeId id;
+        std::uint64_t turned = 0;  // in which step
         Kind kind = Kind::group;
         FieldIndex list = kNoField;
         std::uint64_t born = 0;
@@ -96,7 +101,12 @@ class ShapePlaces {
     void addPlaces(const Scene& whole, NodeId node, PlaceId parent);
     PlaceId addPlace(const Scene& whole, NodeId node, PlaceId parent);
     void removePlaces(PlaceId top);
-    void putInCell(PlaceId id);
+    struct Cell {
+        int level = 0;
+        std::uint64_t key = 0;
+    };
+    Cell cellOf(const ShapeBox& box) const;
+    void putInCell(PlaceId id, const Cell& cell);
     void takeOutOfCell(PlaceId id);
     void placeUnit(PlaceId id);
     void noteList(const Change& change);
@@ -113,13 +123,14 @@ class ShapePlaces {
     std::vector<Place> places_;
     std::vector<PlaceId> free_;
     std::unordered_map<std::uint32_t, Top> tops_;
-    std::unordered_map<std::uint32_t, std::vector<NodeId>> insideOf_;  // the tops whose `unit.nodes` have the node
+    std::unordered_map<std::uint32_t, std::vector<Top*>> insideOf_;  // the tops whose `unit.nodes` have the node
     std::unordered_set<PlaceId> unbounded_;
     std::map<int, Cells> levels_;
     std::vector<PlaceId> added_, removed_, moved_;
     std::vector<Edge> edges_;
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> edgesBefore_;
-    std::unordered_set<std::uint32_t> changed_, turned_;  // tops to be looked at again; groups that moved
+    std::unordered_set<std::uint32_t> changed_;  // tops to be looked at again
+    std::vector<std::uint32_t> turned_;          // groups that moved
 };
 
 }  // namespace rtsg

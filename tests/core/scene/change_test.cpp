@@ -10,7 +10,7 @@
 namespace rtsg {
 namespace {
 
-Change changeOf(ChangeKind kind, NodeId node, NodeId other = {}, std::uint32_t index = 0, FieldIndex field = kNoField) {
+Change editOf(ChangeKind kind, NodeId node, NodeId other = {}, std::uint32_t index = 0, FieldIndex field = kNoField) {
     Change c;
     c.kind = kind;
     c.node = node;
@@ -20,7 +20,7 @@ Change changeOf(ChangeKind kind, NodeId node, NodeId other = {}, std::uint32_t i
     return c;
 }
 
-Change valueOf(NodeId node, FieldIndex field, Value value) {
+Change writeOf(NodeId node, FieldIndex field, Value value) {
     Change c;
     c.node = node;
     c.field = field;
@@ -55,30 +55,30 @@ ROUTE P.value_changed TO LIFT.translation
         EXPECT_EQ(merged.hash(), stepwise.hash());
     }
     Change route(ChangeKind kind) const {
-        return changeOf(kind, mover, lift, x3d::Transform::translation.index,
-                        x3d::PositionInterpolator::value_changed.index);
+        return editOf(kind, mover, lift, x3d::Transform::translation.index,
+                      x3d::PositionInterpolator::value_changed.index);
     }
     std::vector<Change> goes() const {
         const auto& list = stepwise.node(root).get(x3d::RtsgScene::children);
         const auto at = std::ranges::find(list, lift) - list.begin();
-        return {changeOf(ChangeKind::removeChild, root, lift, std::uint32_t(at), x3d::RtsgScene::children.index),
-                route(ChangeKind::removeRoute), changeOf(ChangeKind::destroyNode, lift),
-                changeOf(ChangeKind::destroyNode, lamp), changeOf(ChangeKind::destroyNode, spot)};
+        return {editOf(ChangeKind::removeChild, root, lift, std::uint32_t(at), x3d::RtsgScene::children.index),
+                route(ChangeKind::removeRoute), editOf(ChangeKind::destroyNode, lift),
+                editOf(ChangeKind::destroyNode, lamp), editOf(ChangeKind::destroyNode, spot)};
     }
     /// As it was, but for the translation and the SpotLight.
     std::vector<Change> comes() const {
-        return {changeOf(ChangeKind::createNode, lift, {}, x3d::Transform::type.value),
-                changeOf(ChangeKind::createNode, lamp, {}, x3d::PointLight::type.value),
-                valueOf(lift, x3d::Transform::scale.index, Vec3f(3, 3, 3)),
-                valueOf(lamp, x3d::PointLight::radius.index, 7.f),
-                changeOf(ChangeKind::insertChild, lift, lamp, 0, x3d::Transform::children.index),
-                changeOf(ChangeKind::insertChild, root, lift, 0, x3d::RtsgScene::children.index),
+        return {editOf(ChangeKind::createNode, lift, {}, x3d::Transform::type.value),
+                editOf(ChangeKind::createNode, lamp, {}, x3d::PointLight::type.value),
+                writeOf(lift, x3d::Transform::scale.index, Vec3f(3, 3, 3)),
+                writeOf(lamp, x3d::PointLight::radius.index, 7.f),
+                editOf(ChangeKind::insertChild, lift, lamp, 0, x3d::Transform::children.index),
+                editOf(ChangeKind::insertChild, root, lift, 0, x3d::RtsgScene::children.index),
                 route(ChangeKind::addRoute)};
     }
     std::vector<Change> goesAgain() const {
-        return {changeOf(ChangeKind::removeChild, root, lift, 0, x3d::RtsgScene::children.index),
-                route(ChangeKind::removeRoute), changeOf(ChangeKind::destroyNode, lift),
-                changeOf(ChangeKind::destroyNode, lamp)};
+        return {editOf(ChangeKind::removeChild, root, lift, 0, x3d::RtsgScene::children.index),
+                route(ChangeKind::removeRoute), editOf(ChangeKind::destroyNode, lift),
+                editOf(ChangeKind::destroyNode, lamp)};
     }
     void step(std::vector<Change> changes) {
         auto set = std::make_shared<ChangeSet>();
@@ -127,8 +127,8 @@ TEST_F(GoesAndComes, IsThereWhenItHasComeASecondTime) {
     step(comes());
     step(goesAgain());
     step(comes());
-    step({valueOf(lift, x3d::Transform::translation.index, Vec3f(9, 9, 9)),
-          changeOf(ChangeKind::removeChild, lift, lamp, 0, x3d::Transform::children.index)});
+    step({writeOf(lift, x3d::Transform::translation.index, Vec3f(9, 9, 9)),
+          editOf(ChangeKind::removeChild, lift, lamp, 0, x3d::Transform::children.index)});
     expectSame();
     EXPECT_TRUE(merged.node(lift).get(x3d::Transform::children).empty());
 }
@@ -150,23 +150,23 @@ TEST_F(GoesAndComes, AsAPrototypeInstanceNeedsTheScene) {
     const FieldIndex at = stepwise.node(knob).type().findExact("at");
     std::vector<Change> goesAway;
     const auto& list = stepwise.node(root).get(x3d::RtsgScene::children);
-    goesAway.push_back(changeOf(ChangeKind::removeChild, root, knob,
-                                std::uint32_t(std::ranges::find(list, knob) - list.begin()),
-                                x3d::RtsgScene::children.index));
+    goesAway.push_back(editOf(ChangeKind::removeChild, root, knob,
+                              std::uint32_t(std::ranges::find(list, knob) - list.begin()),
+                              x3d::RtsgScene::children.index));
     for (const Route& r : stepwise.routesFrom(knob)) {
-        Change c = changeOf(ChangeKind::removeRoute, r.fromNode, r.toNode, r.toField, r.fromField);
+        Change c = editOf(ChangeKind::removeRoute, r.fromNode, r.toNode, r.toField, r.fromField);
         c.isConnection = r.isConnection;
         goesAway.push_back(c);
     }
     for (const Route& r : stepwise.routesTo(knob)) {
-        Change c = changeOf(ChangeKind::removeRoute, r.fromNode, r.toNode, r.toField, r.fromField);
+        Change c = editOf(ChangeKind::removeRoute, r.fromNode, r.toNode, r.toField, r.fromField);
         c.isConnection = r.isConnection;
         goesAway.push_back(c);
     }
-    goesAway.push_back(changeOf(ChangeKind::destroyNode, knob));
+    goesAway.push_back(editOf(ChangeKind::destroyNode, knob));
     step(goesAway);
-    step({changeOf(ChangeKind::createNode, knob, {}, type),
-          changeOf(ChangeKind::insertChild, root, knob, 0, x3d::RtsgScene::children.index)});
+    step({editOf(ChangeKind::createNode, knob, {}, type),
+          editOf(ChangeKind::insertChild, root, knob, 0, x3d::RtsgScene::children.index)});
     const ChangeSet both = composer.take(&merged);
     composer.add(both);
     expectSame();
@@ -174,8 +174,8 @@ TEST_F(GoesAndComes, AsAPrototypeInstanceNeedsTheScene) {
     ChangeComposer without;
     ChangeSet first, second;
     first.from = 1, first.to = second.from = 2, second.to = 3;
-    first.changes = {changeOf(ChangeKind::destroyNode, knob)};
-    second.changes = {changeOf(ChangeKind::createNode, knob, {}, type)};
+    first.changes = {editOf(ChangeKind::destroyNode, knob)};
+    second.changes = {editOf(ChangeKind::createNode, knob, {}, type)};
     without.add(first);
     without.add(second);
     const ChangeSet unknown = without.take();
