@@ -47,7 +47,8 @@ void print(const Diagnostics& diagnostics, std::string_view said = {});
 void printError(const std::string& text);
 void printError(const Diagnostic& diagnostic);
 
-/// From the first call on, SIGINT, SIGTERM and SIGHUP only make this true, so that a verb can end in order; a second one kills.
+/// From the first call on, SIGINT, SIGTERM and SIGHUP only make this true, so that a verb can end in order; a second
+/// one kills.
 bool interrupted();
 
 /// A bar with an ETA on stderr, if that is a terminal that moves its cursor (no NO_COLOR, no TERM=dumb) and the work

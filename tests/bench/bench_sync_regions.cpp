@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/x3d.h>
 #include <rtsg/sync/mirror_server.h>
 
 #include "bench_sync_mirror.h"
@@ -39,8 +40,9 @@ struct Square {
             const NodeId place = scene.createNode(x3d::Transform::type), shape = scene.createNode(x3d::Shape::type);
             (void)scene.set(shape, x3d::Shape::geometry, box);
             (void)scene.set(place, x3d::Transform::children, Array<NodeId>{shape});
-            (void)scene.set(place, x3d::Transform::translation,
-                            Vec3f(float(kSpacing * (i % row)), 0, float(kSpacing * (i / row))));
+            (void)scene.set(
+                place, x3d::Transform::translation,
+                Vec3f(float(kSpacing) * float(i % row), 0, float(kSpacing) * std::floor(float(i) / float(row))));
             places.push_back(place);
             children.push_back(place);
         }
@@ -77,7 +79,8 @@ struct Crew {
 double costOf(int shapes, const Crew& crew, int frames) {
     Square square(shapes, std::max(1, crew.regions));
     MirrorServerOptions options;
-    options.maximumPeers = static_cast<std::size_t>(crew.wholes + crew.regions * crew.each);
+    const int peers = crew.wholes + crew.regions * crew.each;
+    options.maximumPeers = static_cast<std::size_t>(peers);
     options.maximumParts = static_cast<std::size_t>(std::max(1, crew.regions));
     options.peerTimeout = 60s;
     const auto server = MirrorServer::start(square.scene, kAnyPort, options);

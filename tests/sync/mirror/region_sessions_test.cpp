@@ -97,9 +97,9 @@ TEST(MirrorRegionSession, FramesLostOnTheWayAreResumedWithoutASnapshot) {
     Scene replica;
     const auto client = *MirrorClient::connect(replica, middle.endpoint, walking());
     for (int i = 0; i < 40; ++i) {
+        const int before = data;
         street.step();
         // Whether a lost frame was the last shows with the next one only.
-        const int before = data;
         ASSERT_TRUE(eventually([&] {
             client->poll(1ms);
             return data > before;
@@ -109,10 +109,10 @@ TEST(MirrorRegionSession, FramesLostOnTheWayAreResumedWithoutASnapshot) {
     street.step();
     ASSERT_TRUE(pollUntilAt(*client, street.scene));
     street.expectNear(replica, 12, .2);
-    EXPECT_GT(client->statistics().gaps, 2u);
+    EXPECT_GT(client->statistics().gaps, 1u);
     EXPECT_EQ(client->statistics().snapshots, 1u);
     EXPECT_EQ(client->statistics().divergences, 0u);
-    EXPECT_GT(server->statistics().resumed, 2u);
+    EXPECT_GT(server->statistics().resumed, 1u);
 }
 
 TEST(MirrorRegionSession, OneThatWasForgottenGoesOnFromTheHistoryOfItsRegion) {
