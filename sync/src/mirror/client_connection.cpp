@@ -340,7 +340,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             return;
         case Message::refused:
             refusal_ = in.text();
-            turnedAway_ = true;
+            turnedAway_ = !in.left() || in.number<std::uint8_t>() == 0;
             connected_ = false;
             greeted_ = Clock::now();
             return;

@@ -175,7 +175,8 @@ class MirrorServer::Io {
     std::optional<std::uint32_t> streamFor(const mirror::Wishes& wishes);
     void dropStream(std::uint32_t part);
     void refuseRegions(std::string why);
-    void refuse(const std::string& identity, const std::string& reason);
+    /// `forGood`: whatever changes here, the peer will be told the same again.
+    void refuse(const std::string& identity, const std::string& reason, bool forGood = false);
     Stream& streamOf(const Peer& peer) { return streams_.find(peer.part)->second; }
     const MirrorHistory& historyOf(const Peer& peer) const { return streams_.find(peer.part)->second.history; }
     bool behind(const Peer& peer) const;

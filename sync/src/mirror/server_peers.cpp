@@ -123,10 +123,11 @@ void MirrorServer::Io::control(Peer& peer, wire::Reader& in) {
     shared_->controls.push_back({peer.identity, command.session, std::move(command.text)});
 }
 
-void MirrorServer::Io::refuse(const std::string& identity, const std::string& reason) {
+void MirrorServer::Io::refuse(const std::string& identity, const std::string& reason, bool forGood) {
     ++statistics_.refused;
     mirror::begin(message_, Message::refused);
     wire::putText(message_, reason);
+    message_.put(static_cast<std::uint8_t>(forGood));
     sendTo(identity, message_);
 }
 
@@ -170,7 +171,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
             return refuse(identity, "the server has as many peers as it takes");
         }
     }
-    if (const auto refusal = MirrorPart::refusalOf(hello.wishes)) return refuse(identity, *refusal);
+    if (const auto refusal = MirrorPart::refusalOf(hello.wishes)) return refuse(identity, *refusal, true);
     if (isPartByRegion(hello.wishes) && Clock::now() < regionsAgain_) return refuse(identity, noRegions_);
     const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello.wishes) : 0;
     if (!part) return refuse(identity, "the server follows as many parts of the scene as it does at once");

@@ -236,6 +236,7 @@ TEST(MirrorRegionSession, WhereThereAreTooManyPlacesRegionsAreRefused) {
     ASSERT_TRUE(pollUntil(*client, [&] { return !client->refusal().empty(); }));
     EXPECT_NE(client->refusal().find(std::to_string(options.maximumPlaces) + " places"), std::string::npos)
         << client->refusal();
+    EXPECT_TRUE(client->turnedAway()) << "there may be fewer some time";
     // Another one is refused as well, the whole scene goes on.
     Scene other;
     const auto late = *MirrorClient::connect(other, server->endpoint(), walking("region:5"));

@@ -505,6 +505,7 @@ TEST(MirrorRegion, PeersFollowRegionsInEveryFrame) {
         RegionFollower refused(server->endpoint(), {wrong});
         ASSERT_TRUE(pollUntil(*refused.client, [&] { return !refused.client->refusal().empty(); }));
         EXPECT_NE(refused.client->refusal().find("radius"), std::string::npos);
+        EXPECT_FALSE(refused.client->turnedAway()) << "it is of no use to try again";
     }
     RegionFollower two(server->endpoint(), {"region:EYE,12", "EYE"});
     ASSERT_TRUE(pollUntil(*two.client, [&] { return !two.client->refusal().empty(); }));
