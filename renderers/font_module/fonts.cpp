@@ -2,6 +2,7 @@
 // build time. Links nothing of ours, throws nothing.
 #include <algorithm>
 #include <array>
+#include <cstdlib>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -12,6 +13,7 @@
 #include <ft2build.h>
 #include FT_FREETYPE_H
 #include FT_OUTLINE_H
+#include FT_TRUETYPE_TABLES_H
 #ifdef RTSG_HARFBUZZ
 #include <hb-ot.h>
 #include <hb.h>
@@ -106,6 +108,16 @@ constexpr std::array<std::array<const char*, 3>, 3> kGeneric{{{"SERIF", "DejaVu 
 
 class Face {
   public:
+    /// `file` stays where it is until the process ends.
+    Face(FT_Library library, const std::string& file) {
+        const auto* bytes = reinterpret_cast<const FT_Byte*>(file.data());
+        if (FT_New_Memory_Face(library, bytes, static_cast<FT_Long>(file.size()), 0, &face_) != 0) return;
+        if (!isUsable()) return;
+#ifdef RTSG_HARFBUZZ
+        // By FreeType, which has unpacked what was packed (WOFF).
+        setShaper(hb_face_create_for_tables(table, face_, nullptr));
+#endif
+    }
     Face(FT_Library library, FcPattern* pattern, bool italic) {
         FcChar8* file = nullptr;
         int index = 0, slant = FC_SLANT_ROMAN;
@@ -113,19 +125,11 @@ class Face {
         FcPatternGetInteger(pattern, FC_INDEX, 0, &index);
         FcPatternGetInteger(pattern, FC_SLANT, 0, &slant);
         if (FT_New_Face(library, reinterpret_cast<const char*>(file), index, &face_) != 0) return;
-        if (!FT_IS_SCALABLE(face_) || face_->units_per_EM == 0) {
-            FT_Done_Face(face_);
-            face_ = nullptr;
-            return;
-        }
-        em_ = 1.0f / static_cast<float>(face_->units_per_EM);
+        if (!isUsable()) return;
         slant_ = italic && slant == FC_SLANT_ROMAN ? kSlant : 0.0f;
 #ifdef RTSG_HARFBUZZ
         hb_blob_t* blob = hb_blob_create_from_file(reinterpret_cast<const char*>(file));
-        hb_face_t* face = hb_face_create(blob, static_cast<unsigned>(index) & 0xFFFFu);
-        shaper_ = hb_font_create(face);
-        hb_font_set_scale(shaper_, face_->units_per_EM, face_->units_per_EM);
-        hb_face_destroy(face);
+        setShaper(hb_face_create(blob, static_cast<unsigned>(index) & 0xFFFFu));
         hb_blob_destroy(blob);
 #endif
     }
@@ -141,6 +145,35 @@ class Face {
 #endif
 
   private:
+    /// Takes its size; lets go of a face that has no outlines.
+    bool isUsable() {
+        if (FT_IS_SCALABLE(face_) && face_->units_per_EM != 0) {
+            em_ = 1.0f / static_cast<float>(face_->units_per_EM);
+            return true;
+        }
+        FT_Done_Face(face_);
+        face_ = nullptr;
+        return false;
+    }
+#ifdef RTSG_HARFBUZZ
+    void setShaper(hb_face_t* face) {
+        shaper_ = hb_font_create(face);
+        hb_font_set_scale(shaper_, face_->units_per_EM, face_->units_per_EM);
+        hb_face_destroy(face);
+    }
+    static hb_blob_t* table(hb_face_t*, hb_tag_t tag, void* self) {
+        auto* const face = static_cast<FT_Face>(self);
+        FT_ULong length = 0;
+        if (FT_Load_Sfnt_Table(face, tag, 0, nullptr, &length) != 0 || length == 0) return nullptr;
+        auto* const bytes = static_cast<FT_Byte*>(std::malloc(length));
+        if (!bytes) return nullptr;
+        if (FT_Load_Sfnt_Table(face, tag, 0, bytes, &length) == 0)
+            return hb_blob_create(reinterpret_cast<const char*>(bytes), static_cast<unsigned>(length),
+                                  HB_MEMORY_MODE_WRITABLE, bytes, std::free);
+        std::free(bytes);
+        return nullptr;
+    }
+#endif
     FT_Face face_ = nullptr;  // until the process ends, as all here
     float em_ = 1, slant_ = 0;
 #ifdef RTSG_HARFBUZZ
@@ -191,9 +224,30 @@ struct Run {
 
 class SystemFonts : public Fonts {
   public:
+    std::string load(std::string_view file, std::uint32_t& face) const override {
+        const std::lock_guard lock(mutex_);
+        if (const auto found = loaded_.find(file); found != loaded_.end()) {
+            face = found->second;
+            return {};
+        }
+        if (loaded_.size() >= kMostLoaded || file.size() > kMostBytes - loadedBytes_)
+            return "it is one font more than are kept";
+        if (!library_ && FT_Init_FreeType(&library_) != 0) return "FreeType does not start";
+        const auto at = loaded_.emplace(std::string(file), kNone).first;
+        auto made = std::make_unique<Face>(library_, at->first);
+        if (!made->get()) {
+            loaded_.erase(at);
+            return "FreeType cannot read it, or it has no outlines";
+        }
+        loadedBytes_ += file.size();
+        faces_.push_back(std::move(made));
+        face = at->second = static_cast<std::uint32_t>(faces_.size() - 1);
+        return {};
+    }
+
     std::string choose(const FontRequest& request, FontChoice& out) const override {
         const std::lock_guard lock(mutex_);
-        const auto key = std::tuple(request.families, request.bold, request.italic);
+        const auto key = std::tuple(request.families, request.bold, request.italic, request.loaded, request.loadedAt);
         if (const auto found = choices_.find(key); found != choices_.end()) {
             out = found->second;
             return {};
@@ -233,7 +287,7 @@ class SystemFonts : public Fonts {
     }
 
   private:
-    static constexpr std::uint32_t kNone = 0xFFFFFFFF;
+    static constexpr std::uint32_t kNone = FontRequest::kNone;
 
     /// The number of the face in this pattern's file; kNone if it cannot be used.
     std::uint32_t open(FcPattern* pattern, bool italic) const {
@@ -251,15 +305,19 @@ class SystemFonts : public Fonts {
         return found->second = static_cast<std::uint32_t>(faces_.size() - 1);
     }
 
+    void measure(std::uint32_t face, FontChoice& out) const {
+        const FT_Face ft = faces_[face]->get();
+        const float em = faces_[face]->em();
+        out.face = face;
+        out.ascent = static_cast<float>(ft->ascender) * em, out.descent = -static_cast<float>(ft->descender) * em;
+    }
+
     std::string find(const FontRequest& request, FontChoice& out) const {
         std::string missing;
         const auto take = [&](FcPattern* pattern) {
             const std::uint32_t face = pattern ? open(pattern, request.italic) : kNone;
             if (face == kNone) return false;
-            const FT_Face ft = faces_[face]->get();
-            const float em = faces_[face]->em();
-            out.face = face;
-            out.ascent = static_cast<float>(ft->ascender) * em, out.descent = -static_cast<float>(ft->descender) * em;
+            measure(face, out);
             int weight = FC_WEIGHT_REGULAR;
             FcPatternGetInteger(pattern, FC_WEIGHT, 0, &weight);
             if (!missing.empty())
@@ -268,7 +326,14 @@ class SystemFonts : public Fonts {
                 out.said += (out.said.empty() ? "" : "; ") + familyOf(pattern) + " has no bold";
             return true;
         };
-        for (const std::string& family : request.families) {
+        for (std::size_t i = 0; i < request.families.size(); ++i) {
+            const std::string& family = request.families[i];
+            if (request.loaded != kNone && request.loadedAt == i) {
+                measure(request.loaded, out);
+                if (!missing.empty())
+                    out.said = "font family " + missing + " is not installed: \"" + family + "\" is used";
+                return {};
+            }
             for (const auto& [name, ours, alias] : kGeneric) {
                 if (family != name) continue;
                 const Pattern exact = match(ours, request.bold, request.italic, 0);
@@ -389,7 +454,11 @@ class SystemFonts : public Fonts {
     mutable FT_Library library_ = nullptr;
     mutable std::vector<std::unique_ptr<Face>> faces_;
     mutable std::map<std::tuple<std::string, int, bool>, std::uint32_t> numbers_;
-    mutable std::map<std::tuple<std::vector<std::string>, bool, bool>, FontChoice> choices_;
+    mutable std::map<std::tuple<std::vector<std::string>, bool, bool, std::uint32_t, std::uint32_t>, FontChoice>
+        choices_;
+    mutable std::map<std::string, std::uint32_t, std::less<>>
+        loaded_;  // by the file's bytes, which FreeType reads here
+    mutable std::size_t loadedBytes_ = 0;
     mutable std::map<std::pair<std::uint32_t, char32_t>, std::uint32_t> substitutes_;
 };
 

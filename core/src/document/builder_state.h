@@ -6,6 +6,7 @@
 
 #include <chrono>
 #include <map>
+#include <set>
 #include <unordered_set>
 
 #include <rtsg/core/scene_builder.h>
@@ -116,7 +117,7 @@ struct NameScope {
     std::vector<PendingRoute> routes;
     std::vector<ImportStatement> imports;
     std::vector<ExportStatement> exports;
-    std::vector<std::pair<NodeId, SourceLocation>> inlines;
+    std::vector<std::pair<NodeId, SourceLocation>> inlines, fontLibraries;
     std::string previousFile;  // of the diagnostics, to go back to
 };
 
@@ -144,6 +145,8 @@ struct SceneBuilder::State {
     std::uint64_t nodesBegun = 0;
     bool isLate = false;  // more time has gone by than the policy lets: no further node is made
     bool finished = false;
+    bool linksFonts = false;                                                     // a FontLibrary has come
+    std::set<std::pair<const DocumentSource*, std::string_view>> withoutEffect;  // types that were named, by file
     bool isTrial = false;  // instancing into a scratch scene, for diagnostics only
 
     // The PROTO declaration being recorded. What is open in it, outermost first: the interface of a PROTO (i), its
@@ -176,6 +179,8 @@ struct SceneBuilder::State {
     void attach(OpenNode& parent, FieldIndex field, NodeId child);
     void storeChildren(OpenNode& node);
     void endScript(OpenNode& node);
+    /// Names a type that holds its fields and does nothing, once a file.
+    void tellOfNoEffect(NodeId id, SourceLocation where);
     /// Rotation axes become unit vectors (5.3.18); readers have warned of them, as of values out of range.
     static void normalise(Value& value);
     void store(OpenNode& node, FieldIndex field, Value value, SourceLocation where);

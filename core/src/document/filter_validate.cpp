@@ -26,11 +26,9 @@ std::size_t sizeOf(const Value& value) {
 struct Indices {
     const char *indices, *node, *values;  // `values`: of the node in field `node`
 };
-constexpr Indices kIndices[] = {{"coordIndex", "coord", "point"},
-                                {"index", "coord", "point"},
-                                {"colorIndex", "color", "color"},
-                                {"normalIndex", "normal", "vector"},
-                                {"texCoordIndex", "texCoord", "point"}};
+constexpr Indices kIndices[] = {{"coordIndex", "coord", "point"},     {"index", "coord", "point"},
+                                {"colorIndex", "color", "color"},     {"normalIndex", "normal", "vector"},
+                                {"normalIndex", "tangent", "vector"}, {"texCoordIndex", "texCoord", "point"}};
 
 class Validate final : public Filter {
   public:
@@ -123,6 +121,7 @@ class Validate final : public Filter {
         if (!node.type) return;
         for (const Indices& one : kIndices) checkIndices(node, one);
         if (node.type->isA("X3DInterpolatorNode") || node.type->isA("X3DSequencerNode")) checkKeys(node, where);
+        checkTangents(node, where);
         if (node.type->name == "ElevationGrid" || node.type->name == "GeoElevationGrid") checkHeights(node);
         if (node.type->name == "Script") checkScript(node);
     }
@@ -140,6 +139,21 @@ class Validate final : public Filter {
                              std::string(names.indices) + "[" + std::to_string(bad - all.span().begin()) + "] of " +
                                  node.type->name + " is " + std::to_string(*bad) + ", but " + names.node + " has " +
                                  std::to_string(count->second) + " elements, counted from 0",
+                             DiagnosticCode("geometry"));
+    }
+    /// Those of vertices without an index of their own: as many as there are points.
+    void checkTangents(const Open& node, SourceLocation where) {
+        const auto tangents = node.children.find("tangent"), points = node.children.find("coord");
+        if (tangents == node.children.end() || points == node.children.end() || node.given.contains("normalIndex"))
+            return;
+        const auto perVertex = node.given.find("normalPerVertex");
+        const bool ofFaces = node.type->name == "IndexedFaceSet" && perVertex != node.given.end() &&
+                             perVertex->second.value.holds<bool>() && !perVertex->second.value.as<bool>();
+        if (ofFaces || tangents->second == 0 || tangents->second >= points->second) return;
+        const auto index = node.given.find("coordIndex");
+        diagnostics_.warning(index == node.given.end() ? where : index->second.where,
+                             node.type->name + " has " + std::to_string(tangents->second) + " tangents for " +
+                                 std::to_string(points->second) + " points",
                              DiagnosticCode("geometry"));
     }
     void checkKeys(const Open& node, SourceLocation where) {

@@ -79,6 +79,33 @@ void GltfMeshes::morph(const json& primitive, const char* name, const std::vecto
     }
 }
 
+/// 3.7.2.1: tangents without normals are ignored; and they serve normal textures alone.
+bool GltfMeshes::usesTangents(const json& primitive) {
+    const json& attributes = GltfFile::object(primitive, "attributes");
+    if (!attributes.contains("TANGENT") || !attributes.contains("NORMAL")) return false;
+    const json& materials = GltfFile::list(file_.root(), "materials");
+    const std::size_t material = GltfFile::index(primitive, "material").value_or(kNoIndex);
+    return material < materials.size() && materials[material].is_object() &&
+           materials[material].contains("normalTexture");
+}
+
+bool GltfMeshes::hasTangents() {
+    for (const json& mesh : GltfFile::list(file_.root(), "meshes"))
+        for (const json& primitive : GltfFile::list(mesh, "primitives"))
+            if (usesTangents(primitive)) return true;
+    return false;
+}
+
+/// Targets move the direction; which side of it is left stays as it is.
+void GltfMeshes::morphTangents(const json& primitive, const std::vector<double>& weights, Array<Vec4f>& tangents) {
+    if (tangents.empty() || weights.empty()) return;
+    Array<Vec3f> directions;
+    for (const Vec4f& tangent : tangents) directions.push_back(Vec3f(tangent));
+    morph(primitive, "TANGENT", weights, directions);
+    Vec4f* const out = tangents.mutableData();
+    for (std::size_t i = 0; i < directions.size(); ++i) out[i] = Vec4f(directions[i], out[i].w);
+}
+
 void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, bool skinned) {
     const json& attributes = GltfFile::object(primitive, "attributes");
     ImportedMesh mesh;
@@ -102,6 +129,10 @@ void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, boo
     const bool smooth = !mesh.normals.empty();
     // Of what moves, normals are made from where the points are.
     if (skinned || !form.points.empty()) mesh.normals = {};
+    if (!mesh.normals.empty() && usesTangents(primitive)) {
+        mesh.tangents = attribute<Vec4f>(attributes, "TANGENT", count);
+        morphTangents(primitive, form.weights, mesh.tangents);
+    }
     mesh.texCoords = attribute<Vec2f>(attributes, "TEXCOORD_0", count);
     // The origin of a picture is its upper left corner there, its lower left one here.
     for (std::size_t i = 0; i < mesh.texCoords.size(); ++i)

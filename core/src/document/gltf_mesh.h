@@ -19,6 +19,8 @@ class GltfMeshes {
 
     /// One Shape; `skinned`: as the skin of a figure whose points are there already.
     void writePrimitive(const nlohmann::json& primitive, const GltfForm& form, bool skinned = false);
+    /// Whether a primitive has tangents that are used, for which the document has to be of X3D 4.1.
+    bool hasTangents();
     /// `points`: how many there have to be, else none are given; 0: any number.
     Array<Vec3f> vectors(const nlohmann::json& attributes, const char* name, std::size_t points) {
         return attribute<Vec3f>(attributes, name, points);
@@ -28,6 +30,8 @@ class GltfMeshes {
                Array<Vec3f>& values);
 
   private:
+    bool usesTangents(const nlohmann::json& primitive);
+    void morphTangents(const nlohmann::json& primitive, const std::vector<double>& weights, Array<Vec4f>& tangents);
     template <class T>
     Array<T> attribute(const nlohmann::json& attributes, const char* name, std::size_t points);
     void writeLines(ImportedMesh& mesh, const Array<std::int32_t>& indices, std::size_t mode);

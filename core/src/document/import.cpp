@@ -178,10 +178,10 @@ bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handle
     return usable;
 }
 
-void beginImported(DocumentHandler& handler, std::string_view from) {
+void beginImported(DocumentHandler& handler, std::string_view from, std::string_view version) {
     DocumentHeader header;
     header.encoding = Encoding::xml;
-    header.version = "4.0";
+    header.version = version;
     header.profile = "Full";
     header.valuesFirst = true;
     handler.beginDocument(header);
@@ -214,6 +214,7 @@ void writeMesh(DocumentHandler& handler, ImportedMesh mesh) {
         handler.endNode({});
     }
     if (!mesh.normals.empty()) property("Normal", "normal", "vector", Value(std::move(mesh.normals)));
+    if (!mesh.tangents.empty() && !isPoints) property("Tangent", "tangent", "vector", Value(std::move(mesh.tangents)));
     if (!mesh.texCoords.empty() && !isPoints)
         property("TextureCoordinate", "texCoord", "point", Value(std::move(mesh.texCoords)));
     if (!mesh.colors.empty()) property("ColorRGBA", "color", "color", Value(std::move(mesh.colors)));

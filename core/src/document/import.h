@@ -39,12 +39,13 @@ bool importGltf(const ImportInput& input, DocumentHandler& handler, Diagnostics&
 bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics);
 
 /// What an imported document begins with.
-void beginImported(DocumentHandler& handler, std::string_view from);
+void beginImported(DocumentHandler& handler, std::string_view from, std::string_view version = "4.0");
 
 /// One shape's triangles, polygons or points; empty lists are left out.
 struct ImportedMesh {
     Array<Vec3f> points;
     Array<Vec3f> normals;
+    Array<Vec4f> tangents;  // as the normals; only with these
     Array<Vec2f> texCoords;
     Array<ColorRGBA> colors;                         // one a point
     Array<std::int32_t> faces;                       // polygons, each ended by -1; or triangles without, if `triangles`

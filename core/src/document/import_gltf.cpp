@@ -49,7 +49,7 @@ class GltfImporter {
         above_.assign(nodes, kNoIndex);
         meshGiven_.assign(GltfFile::list(root, "meshes").size(), false);
         findAnimated();
-        beginImported(out_, "from glTF 2.0");
+        beginImported(out_, "from glTF 2.0", meshes_.hasTangents() ? "4.1" : "4.0");
         for (const char* key : {"generator", "copyright"})
             if (const std::string text = GltfFile::text(GltfFile::object(root, "asset"), key); !text.empty())
                 out_.meta(key, text, {});

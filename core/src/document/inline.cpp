@@ -12,6 +12,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "builder_state.h"
+#include "font_reports.h"
 #include "inline_geometry.h"
 #include "load_reports.h"
 #include "media_reports.h"
@@ -155,7 +156,8 @@ struct InlineLoader::State final : Subscriber {
           options(std::move(buildOptions)),
           reports(target),
           media(target),
-          sizes(target) {
+          sizes(target),
+          fonts(target) {
         if (!options.resources)
             options.resources = options.file.empty() ? Resources() : Resources::ofFile(options.file);
         scene.seal();  // what the caller loaded is not news
@@ -173,6 +175,7 @@ struct InlineLoader::State final : Subscriber {
         reports.note(source, set);
         media.note(source, set);
         sizes.note(source, set);
+        fonts.note(source, set);
         for (const Change& change : set.changes) {
             if (change.kind != ChangeKind::setField) continue;
             const Node* node = source.find(change.node);
@@ -291,6 +294,7 @@ struct InlineLoader::State final : Subscriber {
     LoadReports reports;
     MediaReports media;
     SizeReports sizes;
+    FontReports fonts;
     TextMeasure measure;
     Attachment attachment;
 };
@@ -334,6 +338,7 @@ std::size_t InlineLoader::update() {
         s.watchRefresh(s.scene.node(id));
     }
     count += s.refresh();
+    count += s.fonts.answer(s.scene, *s.options.resources, s.diagnostics);
     count += s.sizes.answer(s.scene, *s.options.resources, s.measure);
     count += s.media.answer(s.scene, *s.options.resources, s.options.mediaLength);
     return count + s.reports.answer(s.scene, *s.options.resources);

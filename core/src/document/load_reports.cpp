@@ -27,6 +27,7 @@ std::optional<std::int32_t> outcomeOf(const Scene& scene, const Node& node, cons
         return std::nullopt;
     if (node.is(x3d::Inline::type)) return node.get(x3d::Inline::body).empty() ? 0 : 1;
     if (node.is(x3d::InlineGeometry::type)) return node.get(x3d::InlineGeometry::body).empty() ? 0 : 1;
+    if (node.is(x3d::FontLibrary::type)) return node.get(x3d::FontLibrary::_font).empty() ? 0 : 1;
     // A viewpoint that an Anchor leads to is in this document.
     const bool any = std::ranges::any_of(urls, [&](const String& one) {
         return isProgram(one.view()) || one.view().starts_with('#') ||

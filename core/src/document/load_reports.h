@@ -1,5 +1,6 @@
-// LoadReports: tells LoadSensors what became of the urls that they watch (9.4.3): an Inline has content or has none; of
-// anything else one of its urls can be opened, or none can. What the file then holds is for those to say who read it.
+// LoadReports: tells LoadSensors what became of the urls that they watch (9.4.3): an Inline has content or has none, a
+// FontLibrary a font; of anything else one of its urls can be opened, or none can. What the file then holds is for
+// those to say who read it.
 //
 // Threading: the scene's thread; note() from within a frame, answer() between frames.
 #pragma once

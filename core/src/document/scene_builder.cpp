@@ -9,6 +9,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "builder_state.h"
+#include "font_reports.h"
 
 namespace rtsg {
 
@@ -64,6 +65,7 @@ void SceneBuilder::finish() {
                 s.error({}, stored.error().text);
         if (!s.options.detached) appendHead(s.scene, s.head);
         s.finishScope(document);
+        if (s.linksFonts) linkFontStyles(s.scene);
         s.checkUnusedProtos();
     }
 }
@@ -192,7 +194,10 @@ void SceneBuilder::endNode(SourceLocation where) {
         s.scope().inlines.emplace_back(done.id, done.where);
     else if (s.scene.node(done.id).is(x3d::GeoLOD::type))
         s.addTiles(done.id, done.where);
+    else if (done.typeIndex == x3d::FontLibrary::type)
+        s.scope().fontLibraries.emplace_back(done.id, done.where), s.linksFonts = true;
     const NodeId id = done.id;
+    s.tellOfNoEffect(id, done.where);
     const FieldIndex field = done.parentField;
     s.pop();
     if (field != kNoField) s.attach(*s.top(), field, id);

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "builder_state.h"
+#include "font_reports.h"
 #include "suggestion.h"
 
 namespace rtsg {
@@ -96,6 +97,8 @@ void SceneBuilder::exportNode(std::string_view localName, std::string_view expor
 void SceneBuilder::State::finishScope(NameScope& in) {
     resolveRoutes(in);
     storeImports(in);
+    if (options.loadInlines)
+        for (const auto& [id, where] : in.fontLibraries) readFont(scene, id, *options.resources, diagnostics, where);
     if (options.loadInlines)
         for (const auto& [id, where] : in.inlines) loadInline(id, where);
     if (in.imports.empty()) return;

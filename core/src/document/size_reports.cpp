@@ -60,6 +60,7 @@ bool mayResize(FieldType type) {
         case FieldType::MFFloat:
         case FieldType::SFString:
         case FieldType::MFString:
+        case FieldType::MFInt32:
         case FieldType::SFImage:
         case FieldType::SFNode:
         case FieldType::MFNode:
@@ -118,7 +119,8 @@ void SizeReports::noteAbove(const Scene& scene, NodeId part) {
                 projectors_.insert(parent.node.value);
             else if (above.is(x3d::Text::type))
                 texts_.insert(parent.node.value);
-            else if (parent.field == above.type().body() && above.type().kind != NodeType::Kind::builtin)
+            else if (above.is(x3d::FontStyle::type) || above.is(x3d::ScreenFontStyle::type) ||
+                     (parent.field == above.type().body() && above.type().kind != NodeType::Kind::builtin))
                 climbing.push_back(parent.node);  // bodies are part of the hierarchy: no cycles
         }
 }
@@ -139,8 +141,8 @@ void SizeReports::note(const Scene& scene, const ChangeSet& set) {
             static_assert(Projector::texture.index == Parallel::texture.index);
             if (isNew || change.field == Projector::texture.index) projectors_.insert(change.node.value);
         } else if (node->is(x3d::FontStyle::type) || node->is(x3d::ScreenFontStyle::type) ||
-                   node->is(x3d::ImageTexture::type) || node->is(x3d::PixelTexture::type) ||
-                   (!isNew && change.field == node->type().body())) {
+                   node->is(x3d::ImageTexture::type) || node->is(x3d::FontLibrary::type) ||
+                   node->is(x3d::PixelTexture::type) || (!isNew && change.field == node->type().body())) {
             noteAbove(scene, change.node);
         }
     }

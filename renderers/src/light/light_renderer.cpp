@@ -14,7 +14,6 @@
 #include <rtsg/core/x3d.h>
 
 #include "data_layers.h"
-#include "undrawn.h"
 
 namespace rtsg {
 
@@ -29,13 +28,12 @@ struct LightRenderer::Impl {
     Camera camera;
     RenderStats stats;
     std::shared_ptr<const PictureBefore> before;  // of the next picture, where one is asked for
-    Undrawn undrawn;
-    Diagnostics said;                        // the tracer's and its own
-    std::size_t taken = 0;                   // of the tracer's
-    std::atomic<std::uint64_t> prepared{0};  // the last prepare()'s moment
-    std::mutex mutex;                        // of what follows: pictures of states are made on other threads
-    Diagnostics lacks;                       // of pictures, not yet in `said`
-    double named = 0;                        // share of missing light that has been reported
+    Diagnostics said;                             // the tracer's and its own
+    std::size_t taken = 0;                        // of the tracer's
+    std::atomic<std::uint64_t> prepared{0};       // the last prepare()'s moment
+    std::mutex mutex;                             // of what follows: pictures of states are made on other threads
+    Diagnostics lacks;                            // of pictures, not yet in `said`
+    double named = 0;                             // share of missing light that has been reported
 
     void takeDiagnostics() {
         const auto& news = tracer.diagnostics().all();
@@ -69,7 +67,6 @@ LightRenderer::~LightRenderer() {
 }
 
 Result<> LightRenderer::follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
-    impl_->undrawn.follow(scene, changes, impl_->said);
     return impl_->tracer.apply(scene, changes, delta);
 }
 

@@ -138,9 +138,34 @@ Vec4f applyStages(const TextureLookup& look, const Material& material, const Vec
     return current;
 }
 
-Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Vec3f& normal) {
+/// Where (s, t) of a normal texture run, in ray space and across `normal`, by the mesh's Tangent. False where that has
+/// no direction.
+bool tangentFrame(const TextureLookup& look, const Vec3f& normal, bool isBack, Vec3f& s, Vec3f& t) {
+    const Vec4f given = look.instance.mesh->tangents.interpolate(look.hit.triangle, look.hit.u, look.hit.v);
+    s = glm::mat3(look.instance.rayFromLocal) * Vec3f(given);
+    s -= glm::dot(s, normal) * normal;
+    const float length = glm::length(s);
+    if (!(length > 0) || !std::isfinite(length)) return false;
+    s /= length;
+    // Their cross product belongs to the front and to the mesh's own frame: what mirrors the mesh mirrors it, and seen
+    // from behind, where the normal is turned about, it lies where it did.
+    t = glm::cross(normal, s);
+    if ((given.w < 0) != ((look.instance.sign < 0) != isBack)) t = -t;
+    return true;
+}
+
+Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Vec3f& normal, bool isBack) {
     const Vec4f texel = look.sample(material, TextureRole::normal);
+    const Vec3f local((2 * texel.r - 1) * material.normalScale, (2 * texel.g - 1) * material.normalScale,
+                      2 * texel.b - 1);
+    const auto mapped = [&](const Vec3f& s, const Vec3f& t) {
+        const Vec3f to = s * local.x + t * local.y + normal * local.z;
+        const float length = glm::length(to);
+        return length > 0 ? to / length : normal;
+    };
     Vec3f dPds, dPdt;
+    if (look.instance.mesh->tangents.present() && tangentFrame(look, normal, isBack, dPds, dPdt))
+        return mapped(dPds, dPdt);
     const std::uint8_t channel = look.slot.channels[static_cast<std::size_t>(TextureRole::normal)];
     if (!textureTangents(*look.instance.mesh, look.hit.triangle, channel, dPds, dPdt)) return normal;
     Vec3f t = glm::mat3(look.instance.rayFromLocal) * dPds;
@@ -149,11 +174,7 @@ Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Ve
     b -= glm::dot(b, normal) * normal;
     const float tl = glm::length(t), bl = glm::length(b);
     if (!(tl > 0) || !(bl > 0)) return normal;
-    const Vec3f local((2 * texel.r - 1) * material.normalScale, (2 * texel.g - 1) * material.normalScale,
-                      2 * texel.b - 1);
-    const Vec3f mapped = t / tl * local.x + b / bl * local.y + normal * local.z;
-    const float length = glm::length(mapped);
-    return length > 0 ? mapped / length : normal;
+    return mapped(t / tl, b / bl);
 }
 
 float coverageOf(const Material& material, float textureAlpha) {
@@ -233,7 +254,8 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
         out.occlusion[lane] = 1 + material.occlusionStrength * (look.sample(material, TextureRole::occlusion).r - 1);
         ambient *= out.occlusion[lane];
     }
-    if (material.texture(TextureRole::normal)) out.normal.set(lane, mappedNormal(look, material, out.normal.get(lane)));
+    if (material.texture(TextureRole::normal))
+        out.normal.set(lane, mappedNormal(look, material, out.normal.get(lane), (out.back >> lane & 1u) != 0));
     out.base.set(lane, base);
     out.specular.set(lane, specular);
     out.emissive.set(lane, emissive);

@@ -82,6 +82,7 @@ std::string findDefect(const Mesh& mesh) {
     std::string defect = defectOf(mesh.normals, mesh, "normals");
     if (defect.empty()) defect = defectOf(mesh.colors, mesh, "colors");
     if (defect.empty()) defect = defectOf(mesh.fogDepths, mesh, "fogDepths");
+    if (defect.empty()) defect = defectOf(mesh.tangents, mesh, "tangents");
     for (const TexCoords& set : mesh.texCoords)
         if (defect.empty()) defect = defectOf(set.values, mesh, "texCoords");
     return defect;
@@ -164,6 +165,7 @@ std::size_t memoryUse(const Mesh& mesh) {
     addAttribute(mesh.normals);
     addAttribute(mesh.colors);
     addAttribute(mesh.fogDepths);
+    addAttribute(mesh.tangents);
     for (const TexCoords& set : mesh.texCoords) addAttribute(set.values);
     return bytes;
 }

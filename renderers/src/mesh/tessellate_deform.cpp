@@ -27,8 +27,9 @@ bool isSame(const SurfaceParams& a, const SurfaceParams& b) {
     for (std::size_t i = 0; i < a.texCoord.size(); ++i)
         if (!isSame(a.texCoord[i], b.texCoord[i])) return false;
     return a.anchor == b.anchor && a.fogDepth.sameStorage(b.fogDepth) && a.color.sameStorage(b.color) &&
-           a.colorRGBA.sameStorage(b.colorRGBA) && a.normal.sameStorage(b.normal) && a.ccw == b.ccw &&
-           a.solid == b.solid && a.colorPerVertex == b.colorPerVertex && a.normalPerVertex == b.normalPerVertex;
+           a.colorRGBA.sameStorage(b.colorRGBA) && a.normal.sameStorage(b.normal) && a.tangent.sameStorage(b.tangent) &&
+           a.ccw == b.ccw && a.solid == b.solid && a.colorPerVertex == b.colorPerVertex &&
+           a.normalPerVertex == b.normalPerVertex;
 }
 
 /// But for the coordinates' values.

@@ -134,7 +134,7 @@ Mesh detail::tessellateFaces(const IndexedFaceSetParams& params, FacePlan* plan)
     } else {
         TopologyBuilder builder(params.coordIndex, params.ccw);
         const bool faceColors = !params.colorPerVertex && (!params.color.empty() || !params.colorRGBA.empty());
-        const bool faceNormals = !params.normalPerVertex && !params.normal.empty();
+        const bool faceNormals = !params.normalPerVertex && (!params.normal.empty() || !params.tangent.empty());
         builder.reserve(params.coordIndex.size() / 4 + 1, faceColors || faceNormals);
         FaceCutter(mesh, params, builder, plan).run();
         topology = builder.finish(mesh);

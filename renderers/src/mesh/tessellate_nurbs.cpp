@@ -587,6 +587,9 @@ class NurbsReader {
             mesher.trimmed(cuts, trim);
         Mesh made;
         mesher.finish(made);
+        if (made.empty() && !trim.empty())
+            warn(made, fmt::format("nothing of it is within its trimming contours, over a domain from {} {} to {} {}",
+                                   s.u.first(), s.v.first(), s.u.last(), s.v.last()));
         add(std::move(made));
         // As of a Sphere: the errors of both directions may add up.
         mesh_.curveSize = static_cast<float>(2 * halfDiagonal(s.points));

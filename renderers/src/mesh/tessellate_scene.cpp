@@ -76,6 +76,7 @@ class PropertyReader {
         }
         texCoord(node.get(T::texCoord), params.texCoord, true);
         if constexpr (requires { T::fogCoord; }) fogCoord(node.get(T::fogCoord), params.fogDepth);
+        if constexpr (requires { T::tangent; }) tangent(node.get(T::tangent), params.tangent);
     }
 
     void fogCoord(NodeId id, Array<float>& depths) {
@@ -88,6 +89,14 @@ class PropertyReader {
     }
 
   private:
+    void tangent(NodeId id, Array<Vec4f>& tangents) {
+        const Node* node = scene_.effectiveNode(id);
+        if (!node) return;
+        if (node->is(x3d::Tangent::type))
+            tangents = node->get(x3d::Tangent::vector);
+        else
+            notUsed("tangent", *node);
+    }
     void texCoord(NodeId id, std::vector<TexCoordParams>& channels, bool mayBeMulti) {
         const Node* node = scene_.effectiveNode(id);
         if (!node) return;

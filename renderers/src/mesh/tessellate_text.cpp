@@ -78,9 +78,29 @@ const GlyphMesh& TextMaker::glyph(const Fonts& fonts, const PlacedGlyph& placed,
     return found->second;
 }
 
+/// Of the font that a FontLibrary brought; FontRequest::kNone if there is none that can be used.
+std::uint32_t TextMaker::loadedFace(const Fonts& fonts, const TextParams& p, Mesh& mesh) {
+    if (p.font.empty()) return FontRequest::kNone;
+    for (const auto& [font, face] : faces_)
+        if (font.sameStorage(p.font)) return face;
+    const auto size = static_cast<std::uint32_t>(p.font[0]);
+    const std::size_t there = (p.font.size() - 1) * sizeof(std::int32_t);
+    std::uint32_t face = FontRequest::kNone;
+    std::string why = "it is not whole";
+    if (size <= there) why = fonts.load({reinterpret_cast<const char*>(p.font.data() + 1), size}, face);
+    if (!why.empty()) {
+        warn(mesh, fmt::format("the font of {} is not used: {}", p.fontName, why));
+        return FontRequest::kNone;
+    }
+    if (faces_.size() == kMostFonts) faces_.erase(faces_.begin());
+    faces_.emplace_back(p.font, face);
+    return face;
+}
+
 std::vector<TextMaker::Line> TextMaker::layOut(const Fonts& fonts, const TextParams& p, Mesh& mesh) {
     FontChoice font;
-    if (const std::string error = fonts.choose({p.family, p.bold, p.italic}, font); !error.empty()) {
+    const std::uint32_t loaded = loadedFace(fonts, p, mesh);
+    if (const std::string error = fonts.choose({p.family, p.bold, p.italic, loaded, p.fontAt}, font); !error.empty()) {
         warn(mesh, error + ": it is not drawn");
         return {};
     }
@@ -246,10 +266,23 @@ Justify justifyOf(Mesh& problems, const Array<String>& words, std::size_t which,
     return Justify::begin;
 }
 
+/// The font that a FontLibrary has for one of the families.
+void readLibrary(const Scene& scene, const Node& library, TextParams& p) {
+    using L = x3d::FontLibrary;
+    const auto lower = [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + ('a' - 'A')) : c; };
+    for (std::size_t i = 0; i < p.family.size() && p.font.empty(); ++i)
+        for (const String& family : library.get(L::family))
+            if (std::ranges::equal(p.family[i], family.view(), {}, lower, lower))
+                p.font = library.get(L::_font), p.fontAt = static_cast<std::uint32_t>(i);
+    const std::string_view name = scene.name(library.id());
+    p.fontName = name.empty() ? "a FontLibrary" : fmt::format("FontLibrary {}", name);
+}
+
 template <class T>
-void readStyle(const Node& style, TextParams& p, Mesh& problems) {
+void readStyle(const Scene& scene, const Node& style, TextParams& p, Mesh& problems) {
     p.family.clear();
     for (const String& family : style.get(T::family)) p.family.emplace_back(family.view());
+    if (const Node* library = scene.find(style.get(T::_library))) readLibrary(scene, *library, p);
     p.horizontal = style.get(T::horizontal);
     p.leftToRight = style.get(T::leftToRight);
     p.topToBottom = style.get(T::topToBottom);
@@ -275,10 +308,10 @@ TextParams readText(const Scene& scene, const Node& text, Mesh& problems) {
     const Node* style = scene.effectiveNode(text.get(x3d::Text::fontStyle));
     if (!style) return p;
     if (style->is(x3d::FontStyle::type)) {
-        readStyle<x3d::FontStyle>(*style, p, problems);
+        readStyle<x3d::FontStyle>(scene, *style, p, problems);
         p.size = style->get(x3d::FontStyle::size);
     } else if (style->is(x3d::ScreenFontStyle::type)) {
-        readStyle<x3d::ScreenFontStyle>(*style, p, problems);
+        readStyle<x3d::ScreenFontStyle>(scene, *style, p, problems);
         p.size = style->get(x3d::ScreenFontStyle::pointSize) * kPoint;
         p.inPixels = true;
     } else {

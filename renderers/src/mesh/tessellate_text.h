@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "tessellate_detail.h"
@@ -39,10 +40,13 @@ class TextMaker {
   private:
     struct Line;
     const GlyphMesh& glyph(const Fonts& fonts, const PlacedGlyph& placed, float tolerance);
+    std::uint32_t loadedFace(const Fonts& fonts, const TextParams& params, Mesh& mesh);
     std::vector<Line> layOut(const Fonts& fonts, const TextParams& params, Mesh& mesh);
 
     std::unordered_map<float, std::unordered_map<std::uint64_t, GlyphMesh>> glyphs_;  // by tolerance; face and glyph
     std::size_t kept_ = 0;
+    static constexpr std::size_t kMostFonts = 16;
+    std::vector<std::pair<Array<std::int32_t>, std::uint32_t>> faces_;  // of the last fonts that were loaded
 };
 
 /// The fields of a Text and its font style. Precondition: it is a Text.

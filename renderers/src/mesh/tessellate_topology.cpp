@@ -157,6 +157,8 @@ void bindAttributes(Mesh& mesh, const Topology& topology, const SurfaceParams& p
                                            : bind(params.colorRGBA, indices.color, params.colorPerVertex, "color");
     if (!params.fogDepth.empty())
         mesh.fogDepths = bindCorners(mesh, topology, inPairs(params.fogDepth), {}, "fogCoord");
+    if (!params.tangent.empty())
+        mesh.tangents = bind(params.tangent, indices.normal, params.normalPerVertex, "tangent");
     for (const TexCoordParams& channel : params.texCoord) {
         TexCoords set;
         if (!channel.point.empty())

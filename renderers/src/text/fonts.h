@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
@@ -17,6 +18,9 @@ namespace rtsg {
 struct FontRequest {
     std::vector<std::string> families;  // as FontStyle has them, the first that is installed wins
     bool bold = false, italic = false;
+    /// A face that load() gave stands for families[loadedAt], as it is: neither bold nor slanted by itself.
+    static constexpr std::uint32_t kNone = 0xFFFFFFFF;
+    std::uint32_t loaded = kNone, loadedAt = 0;
 };
 
 /// A face that stands for a request; `said`: why it is another than was asked for; empty if it is not.
@@ -47,6 +51,10 @@ struct GlyphContour {
 class Fonts {
   public:
     virtual ~Fonts() = default;
+    /// The face in a font's file; bytes that were loaded before have the face that they had. Error, in the returned
+    /// clause: no font, or one more than are kept (kMostLoaded, kMostBytes in all).
+    virtual std::string load(std::string_view file, std::uint32_t& face) const = 0;
+    static constexpr std::size_t kMostLoaded = 256, kMostBytes = std::size_t{256} << 20;
     /// Error, in the returned sentence: there is no font at all.
     virtual std::string choose(const FontRequest& request, FontChoice& out) const = 0;
     /// `text`: UTF-8; what is not valid counts as U+FFFD. Characters run to the right, or to the left; those of
@@ -64,6 +72,6 @@ class Fonts {
 Result<const Fonts*> fonts();
 
 /// What the module exports under this name, which changes whenever this header does.
-#define RTSG_FONTS_SYMBOL rtsgFonts1
+#define RTSG_FONTS_SYMBOL rtsgFonts2
 
 }  // namespace rtsg

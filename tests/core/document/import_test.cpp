@@ -32,12 +32,12 @@ using testing::Not;
 
 class Imported {
   public:
-    explicit Imported(std::string_view bytes) : problems_("test") {
+    explicit Imported(std::string_view bytes, const char* version = "4.0") : problems_("test") {
         good = readDocument(bytes, handler_, problems_);
         commands = handler_.text();
         problems = test::allText(problems_);
         if (!commands.empty()) {
-            EXPECT_EQ(handler_.header.version, "4.0") << "what other programs write needs no more";
+            EXPECT_EQ(handler_.header.version, version) << "what other programs write needs no more";
         }
         EXPECT_EQ(handler_.violation, "");
     }
@@ -402,6 +402,33 @@ TEST(ImportGltf, TargetsMoveThePointsAndTheirWeightsMayBeAnimated) {
                 HasSubstr("begin CoordinateInterpolator DEF animation0_0_part0\nset key MFFloat [0, 1]\nset keyValue "
                           "MFVec3f [0 0 1, 1 0 0, 0 1 0, 0 0 0, 1 1 0, 0 1 0]"));
     EXPECT_THAT(c, HasSubstr("route animation0_0_part0.value_changed node1_points0.point"));
+}
+
+// 3.7.2.1: they serve normal textures alone, and only beside normals; targets move them.
+TEST(ImportGltf, TangentsAreTakenWhereNormalTexturesAre) {
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+    const int normals = parts.floats("VEC3", 3, {0, 0, 1, 0, 0, 1, 0, 0, 1});
+    const int tangents = parts.floats("VEC4", 4, {1, 0, 0, 1, 0, 1, 0, -1, -1, 0, 0, 1});
+    const int moves = parts.floats("VEC3", 3, {0, 2, 0, 0, 0, 0, 1, 0, 0});
+    const auto commands = [&](const std::string& attributes, const char* material, const char* version = "4.0") {
+        const Imported file(parts.text(fmt::format(
+                                "\"images\":[{{\"uri\":\"n.png\"}}],\"textures\":[{{\"source\":0}}],\"materials\":[{{"
+                                "\"normalTexture\":{{"
+                                "\"index\":0}}}},{{}}],\"meshes\":[{{\"weights\":[0.5],\"primitives\":[{{\"material\":{"
+                                "},\"attributes\":{{"
+                                "\"POSITION\":{}{}}},\"targets\":[{{\"TANGENT\":{}}}]}}]}}],\"nodes\":[{{\"mesh\":0}}]",
+                                material, points, attributes, moves)),
+                            version);
+        EXPECT_EQ(file.problems, "");
+        return file.commands;
+    };
+    const std::string normal = fmt::format(",\"NORMAL\":{}", normals),
+                      tangent = fmt::format(",\"TANGENT\":{}", tangents);
+    const std::string both = commands(normal + tangent, "0", "4.1");
+    EXPECT_THAT(both, HasSubstr("begin Tangent in tangent\nset vector MFVec4f [1 1 0 1, 0 1 0 -1, -0.5 0 0 1]"));
+    for (const std::string& other : {commands(normal + tangent, "1"), commands(tangent, "0"), commands(normal, "0")})
+        EXPECT_THAT(other, Not(HasSubstr("Tangent")));
 }
 
 /// Where a skin's point is, by the formula of glTF, in double precision and with matrices throughout.

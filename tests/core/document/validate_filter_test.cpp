@@ -116,5 +116,20 @@ TEST(ValidateFilter, BooleansOfClassicVrmlAreInCapitals) {
     EXPECT_THAT(problems("TimeSensor { loop TRUE }"), Not(HasSubstr("writes")));
 }
 
+TEST(ValidateFilter, TangentsAreAsManyAsThePoints) {
+    const auto faces = [](const char* more, const char* vectors) {
+        return problems(std::string("Shape { geometry IndexedFaceSet {\n  coordIndex [ 0 1 2 -1 ] ") + more +
+                        " coord Coordinate { point [ 0 0 0, 1 0 0, 0 1 0 ] } tangent Tangent { vector [ " + vectors +
+                        " ] } } }");
+    };
+    EXPECT_EQ(faces("", "1 0 0 1, 1 0 0 1, 1 0 0 1"), "");
+    EXPECT_EQ(faces("normalPerVertex FALSE", "1 0 0 1"), "") << "one of the face";
+    EXPECT_EQ(faces("normalIndex [ 0 0 0 -1 ]", "1 0 0 1"), "");
+    EXPECT_THAT(faces("", "1 0 0 1, 1 0 0 1"),
+                HasSubstr("test:4:3: warning: IndexedFaceSet has 2 tangents for 3 points [geometry]"));
+    EXPECT_THAT(faces("normalIndex [ 0 1 1 -1 ]", "1 0 0 1"),
+                HasSubstr("normalIndex[1] of IndexedFaceSet is 1, but tangent has 1 elements"));
+}
+
 }  // namespace
 }  // namespace rtsg

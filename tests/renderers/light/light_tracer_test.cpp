@@ -278,29 +278,6 @@ TEST(LightTracer, FogCoversByDistance) {
     EXPECT_EQ(Vec3f(s.picture().at(0, 0)), Vec3f(1, 0, 0)) << "the background is not fogged";
 }
 
-// What pictures leave out is named once for each kind, also when it comes later.
-TEST(LightTracer, WhatIsNotDrawnIsNamed) {
-    LightScene s(
-        "DEF CUT NurbsSet { } NurbsSet { } Shape { appearance Appearance { shaders [ ComposedShader { } "
-        "PackagedShader { } ] } }" +
-        square(1, unlit("1 1 1")));
-    const auto texts = [&] {
-        std::string all;
-        for (const Diagnostic& d : s.light->diagnostics().all()) all += d.text + "\n";
-        return all;
-    };
-    s.center();
-    const std::string first = texts();
-    EXPECT_EQ(s.light->diagnostics().all().size(), 3u) << first;
-    EXPECT_NE(first.find("NurbsSet CUT is not in pictures: its surfaces are cut each for itself"), std::string::npos)
-        << first;
-    const NodeId later = s.scene.createNode(x3d::FontLibrary::type);
-    ASSERT_TRUE(s.scene.insertChild(s.scene.root(), x3d::RtsgScene::children, later));
-    s.scene.newFrame(1);
-    s.center();
-    EXPECT_EQ(s.light->diagnostics().all().size(), 4u) << texts();
-}
-
 // A ball of a micrometre ten kilometres away cannot be told from a point in single precision: it is left out, and
 // named. At home the same ball fills the picture as trigonometry says.
 TEST(LightTracer, WhatIsTooSmallForItsPlaceIsNamed) {

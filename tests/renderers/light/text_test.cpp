@@ -1,9 +1,11 @@
 // Text in pictures: seen, mirrored, throwing shadows and picked; by how much of the picture it covers.
+#include <rtsg/core/scene_builder.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/tessellate.h>
 
 #include "light_scene.h"
+#include "support/made_font.h"
 
 namespace rtsg {
 namespace {
@@ -84,6 +86,43 @@ TEST(TextInPictures, FollowsTheScene) {
     ASSERT_TRUE(s.scene.set(s.node("F"), x3d::FontStyle::size, 2.0f));
     s.scene.newFrame(2);
     EXPECT_NEAR(litPixels(s.picture(), 1), 4 * one, .04 * one);
+}
+
+// A FontLibrary's letter is a rectangle of .5 by .7 m; what its url leads to changes while the scene runs, and a
+// replica, which has no files, shows the same.
+TEST(TextInPictures, TakesTheFontOfALibrary) {
+    test::MadeFont wide;
+    wide.left = 0, wide.right = 900;
+    LightScene s("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } Shape { appearance Appearance { " + unlit("1 1 1") +
+                     " } geometry Text { string \"A\" fontStyle FontStyle { family \"Boxes\" } } } DEF L FontLibrary { "
+                     "family \"Boxes\" url \"" +
+                     test::fontUrl(test::MadeFont().bytes()) + "\" }",
+                 200, 200);
+    s.options.settings.samplesPerPixel = 4;
+    Diagnostics said;
+    InlineLoader loader(s.scene, said);
+    EXPECT_NEAR(litPixels(s.picture(), 1), .5 * .7, .003);
+    ASSERT_TRUE(s.scene.set(s.node("L"), x3d::FontLibrary::url, Array<String>{String(test::fontUrl(wide.bytes()))}));
+    s.scene.newFrame(1);
+    EXPECT_EQ(loader.update(), 1u);
+    s.scene.newFrame(2);
+    EXPECT_NEAR(litPixels(s.picture(), 1), .9 * .7, .003);
+
+    Scene replica;
+    ASSERT_TRUE(replica.apply(std::make_shared<const ChangeSet>(s.scene.snapshot())));
+    SharedWorld world(replica);
+    LightRenderer light(world);
+    const auto there = light.picture(s.options);
+    ASSERT_TRUE(there);
+    EXPECT_NEAR(litPixels(*there, 1), .9 * .7, .003);
+
+    ASSERT_TRUE(s.scene.set(s.node("L"), x3d::FontLibrary::load, false));
+    s.scene.newFrame(3);
+    loader.update();
+    s.scene.newFrame(4);
+    const double serif = litPixels(s.picture(), 1);
+    EXPECT_GT(serif, .05);
+    EXPECT_LT(serif, .3) << "a letter of the font that is installed";
 }
 
 }  // namespace

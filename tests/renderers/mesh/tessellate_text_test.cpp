@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <limits>
 
+#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/text_measure.h>
 
 #include "mesh_check.h"
+#include "support/made_font.h"
 #include "text/fonts.h"
 
 namespace rtsg {
@@ -328,6 +330,69 @@ TEST(TessellateText, TexturesHaveTheSizeOfTheFont) {
         EXPECT_NEAR(st.x, mesh.vertex(t, 0).x / 4, 1e-6);
         EXPECT_NEAR(st.y, mesh.vertex(t, 0).y / 4, 1e-6);
     }
+}
+
+// A FontLibrary's font: outlines, advances and lines are those of the file, to its last unit.
+TEST(TessellateText, FontsOfLibrariesHaveTheirOwnNumbers) {
+    const auto scene = [](Scene& to, const std::string& library, const std::string& style) {
+        Diagnostics diagnostics;
+        EXPECT_TRUE(loadText(to,
+                             "#X3D V4.1 utf8\nShape { geometry DEF T Text { string [ \"AA\" \"A\" ] fontStyle " +
+                                 style + " } } " + library,
+                             diagnostics));
+        for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
+    };
+    test::MadeFont font;
+    font.left = -50, font.bottom = -120, font.right = 433, font.top = 611, font.advance = 777;
+    const std::string library =
+        "DEF L FontLibrary { family [ \"Other\" \"Boxes\" ] url \"" + test::fontUrl(font.bytes()) + "\" }";
+    Scene s;
+    scene(s, library, "FontStyle { family \"Boxes\" size 2 }");
+    const auto mesh = tessellate(s, s.findName("T"));
+    ASSERT_TRUE(mesh);
+    EXPECT_EQ((*mesh)->diagnostics.all().size(), 0u);
+    EXPECT_EQ((*mesh)->triangleCount, 6u);
+    EXPECT_NEAR((*mesh)->bounds.min.x, 2 * -.05, 1e-6);
+    EXPECT_NEAR((*mesh)->bounds.max.x, 2 * (.777 + .433), 1e-6);
+    EXPECT_NEAR((*mesh)->bounds.max.y, 2 * .611, 1e-6);
+    EXPECT_NEAR((*mesh)->bounds.min.y, 2 * (-1 - .12), 1e-6) << "a line of spacing 1 below";
+    EXPECT_NEAR(surfaceArea(**mesh), 3 * 4 * .483 * .731, 1e-5);
+    const Array<float> sizes = measureText(s, s.node(s.findName("T")));
+    ASSERT_EQ(sizes.size(), 9u);
+    EXPECT_NEAR(sizes[5], 2 * 2 * .777, 1e-6) << "the first line's width";
+    EXPECT_NEAR(sizes[6], 2 * 1.2, 1e-6) << "from its descent to its ascent";
+
+    // Bold and slanted or not, and after a family that nobody has, which is named.
+    Scene other;
+    scene(other, library, "FontStyle { family [ \"Nobody Has This\" \"BOXES\" ] style \"BOLDITALIC\" size 2 }");
+    const auto same = tessellate(other, other.findName("T"));
+    ASSERT_TRUE(same);
+    EXPECT_EQ((*same)->bounds.max, (*mesh)->bounds.max);
+    ASSERT_EQ((*same)->diagnostics.all().size(), 1u);
+    EXPECT_NE((*same)->diagnostics.all()[0].text.find("\"Nobody Has This\" is not installed: \"BOXES\" is used"),
+              std::string::npos);
+}
+
+// The directory is whole, and what it leads to is not: told, and the next family is taken.
+TEST(TessellateText, FontsThatFreeTypeRefusesAreNamed) {
+    std::string bytes = test::MadeFont().bytes();
+    const std::size_t head = bytes.find("\x5F\x0F\x3C\xF5");
+    ASSERT_NE(head, std::string::npos);
+    bytes.replace(head - 12, 4, std::string(4, '\xEE'));  // its version
+    bytes.replace(head + 6, 2, std::string(2, '\0'));     // units per em
+    Scene s;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(s,
+                         "#X3D V4.1 utf8\nShape { geometry DEF T Text { string \"A\" fontStyle FontStyle { family [ "
+                         "\"Boxes\" \"SANS\" ] } } } DEF L FontLibrary { family \"Boxes\" url \"" +
+                             test::fontUrl(bytes) + "\" }",
+                         diagnostics));
+    const auto mesh = tessellate(s, s.findName("T"));
+    ASSERT_TRUE(mesh);
+    EXPECT_GT((*mesh)->triangleCount, 2u) << "of SANS";
+    std::string said;
+    for (const Diagnostic& d : (*mesh)->diagnostics.all()) said += d.text;
+    EXPECT_NE(said.find("the font of FontLibrary L is not used: FreeType"), std::string::npos) << said;
 }
 
 }  // namespace

@@ -157,6 +157,10 @@ struct Mesh {
     MeshAttribute colors;
     /// FogCoordinate (24.4.3): how much of the colour is a fog's, from 0 to 1, in the first of two components.
     MeshAttribute fogDepths;
+    /// Tangent of X3D 4.1, as TANGENT of glTF 2.0 (3.7.2.1): where a normal texture's s runs in the surface, of any
+    /// length, and in the fourth component whether t runs along normal x tangent (0 or above) or against it. Absent:
+    /// normal textures go by the texture coordinates.
+    MeshAttribute tangents;
     /// At least one channel when triangleCount > 0.
     std::vector<TexCoords> texCoords;
     /// X3D `solid`: the back need not be drawn.

@@ -80,6 +80,8 @@ struct SurfaceParams {
     Array<Vec3f> normal;
     std::vector<TexCoordParams> texCoord;
     Array<float> fogDepth;  // per vertex
+    /// X3D 4.1 Tangent, bound as normals are: Mesh::tangents.
+    Array<Vec4f> tangent;
     bool ccw = true, solid = true;
     bool colorPerVertex = true, normalPerVertex = true;
 };
@@ -92,7 +94,7 @@ struct IndexedFaceSetParams : SurfaceParams {
 };
 
 /// The eight sets of triangles and quads; those without index use the coordinates in their order. Colours and
-/// normals are per vertex always (11.4); normalPerVertex says how missing normals are made.
+/// normals (tangents too) are per vertex always (11.4); normalPerVertex says how missing normals are made.
 struct PrimitiveSetParams : SurfaceParams {
     enum class Kind : std::uint8_t {
         triangleSet,
@@ -194,6 +196,10 @@ struct TextParams {
     float maxExtent = 0;               // 0: any
     bool solid = false;
     std::vector<std::string> family{"SERIF"};
+    /// A font that stands for family[fontAt], as FontLibrary::_font has it; empty: none. fontName: for what is said.
+    Array<std::int32_t> font;
+    std::uint32_t fontAt = 0;
+    std::string fontName;
     bool bold = false, italic = false;
     float size = 1, spacing = 1;
     bool horizontal = true, leftToRight = true, topToBottom = true;
