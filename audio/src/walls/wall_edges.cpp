@@ -2,8 +2,8 @@
 #include "wall_edges.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <map>
 #include <tuple>
 
 namespace rtsg {
@@ -12,11 +12,48 @@ namespace {
 /// From the middle of surfaces that lie in one plane but for this (radians) nothing bends.
 constexpr double kFlat = 0.1;
 
-using Corner = std::tuple<float, float, float>;
+struct Edge {
+    Vec3f from, to;  // from before to by x, y and z
+    Vec3f besideA, besideB;
+    int sides = 0;  // of triangles
+};
 
-struct Sides {
-    Vec3f beside[2];
-    int count = 0;
+bool before(const Vec3f& a, const Vec3f& b) {
+    return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
+}
+
+/// The edges of a mesh by their ends.
+class EdgesByEnds {
+  public:
+    explicit EdgesByEnds(std::size_t sides) : slots_(std::bit_ceil(2 * sides + 1), kNone) { edges_.reserve(sides); }
+
+    void add(const Vec3f& from, const Vec3f& to, const Vec3f& beside) {
+        std::size_t at = hash(from, to) & (slots_.size() - 1);
+        while (slots_[at] != kNone && (edges_[slots_[at]].from != from || edges_[slots_[at]].to != to))
+            at = (at + 1) & (slots_.size() - 1);
+        if (slots_[at] == kNone) {
+            slots_[at] = static_cast<std::uint32_t>(edges_.size());
+            edges_.push_back({from, to, beside, beside});
+        }
+        Edge& edge = edges_[slots_[at]];
+        if (++edge.sides == 2) edge.besideB = beside;
+    }
+    const std::vector<Edge>& edges() const { return edges_; }
+
+  private:
+    static constexpr std::uint32_t kNone = 0xFFFFFFFF;
+
+    static std::size_t hash(const Vec3f& from, const Vec3f& to) {
+        std::uint64_t sum = 0;
+        for (const float x : {from.x, from.y, from.z, to.x, to.y, to.z}) {
+            sum = (sum ^ std::bit_cast<std::uint32_t>(x)) * 0x9E3779B97F4A7C15ull;
+            sum ^= sum >> 32;
+        }
+        return static_cast<std::size_t>(sum);
+    }
+
+    std::vector<Edge> edges_;
+    std::vector<std::uint32_t> slots_;  // a power of two of them, at most half used
 };
 
 /// Unit, square to the axis, from the edge towards a place.
@@ -26,9 +63,9 @@ glm::dvec3 acrossTo(const glm::dvec3& place, const glm::dvec3& from, const glm::
     return length > 0 ? across / length : glm::dvec3(0);
 }
 
-bool flat(const Vec3f& from, const Vec3f& to, const Sides& sides) {
-    const glm::dvec3 axis = glm::normalize(glm::dvec3(to) - glm::dvec3(from));
-    const glm::dvec3 a = acrossTo(sides.beside[0], from, axis), b = acrossTo(sides.beside[1], from, axis);
+bool flat(const Edge& edge) {
+    const glm::dvec3 axis = glm::normalize(glm::dvec3(edge.to) - glm::dvec3(edge.from));
+    const glm::dvec3 a = acrossTo(edge.besideA, edge.from, axis), b = acrossTo(edge.besideB, edge.from, axis);
     return glm::dot(a, b) < -std::cos(kFlat);
 }
 
@@ -37,26 +74,25 @@ bool flat(const Vec3f& from, const Vec3f& to, const Sides& sides) {
 std::vector<MeshEdge> edgesOf(const Mesh& mesh) {
     std::vector<MeshEdge> result;
     if (mesh.triangleCount > kMostTrianglesWithEdges) return result;
-    std::map<std::pair<Corner, Corner>, Sides> edges;
-    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
+    EdgesByEnds found(std::size_t{3} * mesh.triangleCount);
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
+        // + 0: there is one zero.
+        const Vec3f corners[] = {mesh.vertex(t, 0) + Vec3f(0), mesh.vertex(t, 1) + Vec3f(0),
+                                 mesh.vertex(t, 2) + Vec3f(0)};
         for (std::uint32_t c = 0; c < 3; ++c) {
-            // + 0: there is one zero.
-            const auto corner = [&](std::uint32_t k) { return mesh.vertex(t, k % 3) + Vec3f(0); };
-            const Vec3f a = corner(c), b = corner(c + 1), beside = corner(c + 2);
-            Corner from(a.x, a.y, a.z), to(b.x, b.y, b.z);
-            if (!std::isfinite(a.x + a.y + a.z + b.x + b.y + b.z) || from == to) continue;
-            if (to < from) std::swap(from, to);
-            Sides& sides = edges[{from, to}];
-            if (sides.count < 2) sides.beside[sides.count] = beside;
-            ++sides.count;
+            const Vec3f &a = corners[c], &b = corners[(c + 1) % 3], &beside = corners[(c + 2) % 3];
+            if (!std::isfinite(a.x + a.y + a.z + b.x + b.y + b.z) || a == b) continue;
+            before(b, a) ? found.add(b, a, beside) : found.add(a, b, beside);
         }
-    for (const auto& [ends, sides] : edges) {
-        const Vec3f from(std::get<0>(ends.first), std::get<1>(ends.first), std::get<2>(ends.first));
-        const Vec3f to(std::get<0>(ends.second), std::get<1>(ends.second), std::get<2>(ends.second));
-        // Where more than two meet there is no wedge.
-        if (sides.count > 2 || (sides.count == 2 && flat(from, to, sides))) continue;
-        result.push_back({from, to, sides.beside[0], sides.beside[sides.count - 1]});
     }
+    for (const Edge& edge : found.edges())
+        // Where more than two meet there is no wedge.
+        if (edge.sides == 1 || (edge.sides == 2 && !flat(edge)))
+            result.push_back({edge.from, edge.to, edge.besideA, edge.besideB});
+    // By their ends, however the triangles are numbered.
+    std::sort(result.begin(), result.end(), [](const MeshEdge& a, const MeshEdge& b) {
+        return a.from != b.from ? before(a.from, b.from) : before(a.to, b.to);
+    });
     return result;
 }
 

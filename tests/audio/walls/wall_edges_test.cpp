@@ -1,0 +1,143 @@
+// Edges of meshes against a plain search among all pairs of triangles.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "walls/wall_edges.h"
+
+namespace rtsg {
+namespace {
+
+using Triangle = std::array<Vec3f, 3>;
+
+/// Each corner a position of its own.
+Mesh meshOfTriangles(const std::vector<Triangle>& triangles) {
+    Mesh mesh;
+    std::vector<Vec3f> positions;
+    std::vector<std::int32_t> corners;
+    for (const Triangle& triangle : triangles)
+        for (const Vec3f& p : triangle) {
+            corners.push_back(static_cast<std::int32_t>(positions.size()));
+            positions.push_back(p);
+        }
+    mesh.positions = Array<Vec3f>(std::span<const Vec3f>(positions));
+    mesh.triangles = Array<std::int32_t>(std::span<const std::int32_t>(corners));
+    mesh.triangleCount = static_cast<std::uint32_t>(triangles.size());
+    return mesh;
+}
+
+struct Ends {
+    Vec3f a, b;
+};
+bool sameEnds(const Ends& x, const Vec3f& from, const Vec3f& to) {
+    return (x.a == from && x.b == to) || (x.a == to && x.b == from);
+}
+
+/// Radians between the two surfaces beside an edge, pi where they go on as one.
+double angleAt(const Vec3f& from, const Vec3f& to, const Vec3f& besideA, const Vec3f& besideB) {
+    const glm::dvec3 axis = glm::normalize(glm::dvec3(to - from));
+    const auto across = [&](const Vec3f& p) {
+        const glm::dvec3 way(p - from);
+        return glm::normalize(way - axis * glm::dot(way, axis));
+    };
+    return std::acos(std::clamp(glm::dot(across(besideA), across(besideB)), -1.0, 1.0));
+}
+
+/// By looking at each side of each triangle for all others with the same ends.
+std::vector<Ends> plainEdges(const std::vector<Triangle>& triangles) {
+    std::vector<Ends> found;
+    for (const Triangle& triangle : triangles)
+        for (std::size_t c = 0; c < 3; ++c) {
+            const Ends ends{triangle[c], triangle[(c + 1) % 3]};
+            std::vector<Vec3f> beside;
+            for (const Triangle& other : triangles)
+                for (std::size_t k = 0; k < 3; ++k)
+                    if (sameEnds(ends, other[k], other[(k + 1) % 3])) beside.push_back(other[(k + 2) % 3]);
+            if (beside.size() > 2 || (beside.size() == 2 && angleAt(ends.a, ends.b, beside[0], beside[1]) > M_PI - .1))
+                continue;
+            if (std::none_of(found.begin(), found.end(), [&](const Ends& e) { return sameEnds(ends, e.a, e.b); }))
+                found.push_back(ends);
+        }
+    return found;
+}
+
+/// A sheet of n x n squares, every corner lifted by chance, some squares missing.
+std::vector<Triangle> sheet(int n, std::mt19937& random) {
+    std::vector<Vec3f> corners;
+    std::uniform_real_distribution<float> lift(-.3f, .3f);
+    for (int i = 0; i <= n; ++i)
+        for (int k = 0; k <= n; ++k)
+            corners.emplace_back(static_cast<float>(i) - 3, static_cast<float>(k) - 3, random() % 2 ? lift(random) : 0);
+    std::vector<Triangle> triangles;
+    const auto at = [&](int i, int k) { return corners[static_cast<std::size_t>(i * (n + 1) + k)]; };
+    for (int i = 0; i < n; ++i)
+        for (int k = 0; k < n; ++k) {
+            if (random() % 5 == 0) continue;
+            triangles.push_back({at(i, k), at(i + 1, k), at(i + 1, k + 1)});
+            triangles.push_back({at(i, k + 1), at(i, k), at(i + 1, k + 1)});
+        }
+    // Fins, so that some sides belong to three.
+    for (int k = 0; k < n; k += 2) triangles.push_back({at(1, k), at(1, k + 1), at(1, k) + Vec3f(0, 0, 2)});
+    std::shuffle(triangles.begin(), triangles.end(), random);
+    return triangles;
+}
+
+TEST(WallEdges, AreThoseThatAPlainSearchFindsAndInTheSameOrderHoweverTrianglesAreNumbered) {
+    for (unsigned seed = 1; seed <= 12; ++seed) {
+        std::mt19937 random(seed);
+        std::vector<Triangle> triangles = sheet(6, random);
+        const std::vector<MeshEdge> edges = edgesOf(meshOfTriangles(triangles));
+        const std::vector<Ends> plain = plainEdges(triangles);
+        ASSERT_EQ(edges.size(), plain.size()) << "seed " << seed;
+        for (const Ends& e : plain)
+            EXPECT_EQ(std::count_if(edges.begin(), edges.end(),
+                                    [&](const MeshEdge& edge) { return sameEnds(e, edge.from, edge.to); }),
+                      1)
+                << "seed " << seed;
+        std::shuffle(triangles.begin(), triangles.end(), random);
+        const std::vector<MeshEdge> again = edgesOf(meshOfTriangles(triangles));
+        ASSERT_EQ(again.size(), edges.size());
+        for (std::size_t i = 0; i < edges.size(); ++i) {
+            EXPECT_EQ(again[i].from, edges[i].from) << "seed " << seed;
+            EXPECT_EQ(again[i].to, edges[i].to) << "seed " << seed;
+            // The surfaces beside it may be told the other way round.
+            const bool same = again[i].besideA == edges[i].besideA && again[i].besideB == edges[i].besideB;
+            const bool turned = again[i].besideA == edges[i].besideB && again[i].besideB == edges[i].besideA;
+            EXPECT_TRUE(same || turned) << "seed " << seed;
+        }
+    }
+}
+
+TEST(WallEdges, KnowOneZeroLeaveOutWhatIsNoNumberAndWhatHasNoLength) {
+    const Triangle left{Vec3f(0, 0, 0), Vec3f(0, 1, 0), Vec3f(-1, 0, 0)};
+    const Triangle up{Vec3f(-0.f, 1, -0.f), Vec3f(0, -0.f, 0), Vec3f(0, 0, 1)};
+    // The side that they share, and two rims of each.
+    EXPECT_EQ(edgesOf(meshOfTriangles({left, up})).size(), 5u);
+    const float nan = std::numeric_limits<float>::quiet_NaN(), infinite = std::numeric_limits<float>::infinity();
+    EXPECT_EQ(edgesOf(meshOfTriangles({{Vec3f(0), Vec3f(1, 0, 0), Vec3f(nan, 0, 0)}})).size(), 1u);
+    EXPECT_EQ(edgesOf(meshOfTriangles({{Vec3f(0), Vec3f(1, 0, 0), Vec3f(0, infinite, 0)}})).size(), 1u);
+    EXPECT_TRUE(edgesOf(meshOfTriangles({{Vec3f(1), Vec3f(1), Vec3f(1)}})).empty());
+    EXPECT_TRUE(edgesOf(Mesh()).empty());
+}
+
+TEST(WallEdges, ToldOfAnEdgeAreACornerOfEachSurfaceBesideItAndAtARimTwiceTheSame) {
+    const Triangle floor{Vec3f(0, 0, 0), Vec3f(2, 0, 0), Vec3f(1, 0, 1)};
+    const Triangle wall{Vec3f(2, 0, 0), Vec3f(0, 0, 0), Vec3f(1, 3, 0)};
+    const std::vector<MeshEdge> edges = edgesOf(meshOfTriangles({floor, wall}));
+    ASSERT_EQ(edges.size(), 5u);
+    for (const MeshEdge& edge : edges) {
+        const bool shared = edge.from == Vec3f(0) && edge.to == Vec3f(2, 0, 0);
+        EXPECT_EQ(edge.besideA == edge.besideB, !shared);
+        if (!shared) continue;
+        EXPECT_EQ(edge.besideA, floor[2]);
+        EXPECT_EQ(edge.besideB, wall[2]);
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
