@@ -91,6 +91,11 @@ Result<> writeSurvey(const ListenArguments& options, SoundRenderer& sound) {
     std::vector<ListeningPlace> places;
     for (const std::string& text : options.places) places.push_back(parsePlace(text));
     auto report = sound.survey(std::move(places));
+    if (interrupted())
+        return fail(fmt::format("interrupted: {} not written", options.report.empty() ? options.ir + " was"
+                                                               : isSofa(options.ir)
+                                                                   ? options.report + " and " + options.ir + " were"
+                                                                   : options.report + " was"));
     if (!report) return std::unexpected(report.error());
     print(report->diagnostics);
     const std::string scene = std::filesystem::path(options.scene).filename().string();

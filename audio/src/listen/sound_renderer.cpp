@@ -1,11 +1,13 @@
 // Sound from the shared world: following it, making sound frame by frame, measuring rooms.
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <span>
+#include <thread>
 #include <utility>
 
 #include <rtsg/audio/sound_renderer.h>
@@ -74,6 +76,7 @@ struct SoundRenderer::Impl {
     std::size_t blockAt = 0;  // of report.sound.samples
     double start = 0;
     std::size_t toldSealed = 0, toldLeaks = 0;
+    double measured = 0;  // share of a survey
 
     /// What was found since this was last called.
     void tell(const Scene& scene, Diagnostics& diagnostics) {
@@ -182,17 +185,24 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
     TraceOptions tracing = s.options.trace;
     tracing.air = s.renderer->air();
     tracing.exits = kExits;
+    // Whoever follows the progress is asked on this thread, which traces along with the others.
+    std::atomic<bool> cancelled = false;
+    const auto goOn = [&, self = std::this_thread::get_id()] {
+        if (!cancelled && s.options.progress && std::this_thread::get_id() == self && !s.options.progress(s.measured))
+            cancelled = true;
+        return !cancelled;
+    };
+    tracing.goOn = goOn;
     std::vector<TraceResult> traces = tracer.trace(position, listeners, tracing);
+    if (cancelled) return fail("cancelled");
     std::vector<std::optional<Seal>> seals;
     bool allSealed = true;
     for (std::size_t i = 0; i < listeners.size(); ++i) {
         seals.push_back(sealOf(traces[i], room, position, listeners[i]));
         allSealed = allSealed && seals.back();
     }
-    bool cancelled = false;
     if (s.options.error > 0 && !allSealed)
-        tracer.refineTo(traces, position, listeners, tracing, s.options.error, s.options.maxRays,
-                        [&] { return !(cancelled = s.options.progress && !s.options.progress(0)); });
+        tracer.refineTo(traces, position, listeners, tracing, s.options.error, s.options.maxRays, goOn);
     if (cancelled) return fail("cancelled");
     RoomOpenings openings;
     if (!traces.empty()) openings = room.openings(position, traces.front().exits, traces.front().escaped);
@@ -257,8 +267,8 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
     std::size_t done = 0;
     for (const SoundEmitter& emitter : sounds.emitters())
         for (std::size_t first = 0; first < places.size(); first += kTogether) {
-            if (s.options.progress && !s.options.progress(static_cast<double>(done) / static_cast<double>(all)))
-                return fail("cancelled");
+            s.measured = static_cast<double>(done) / static_cast<double>(all);
+            if (s.options.progress && !s.options.progress(s.measured)) return fail("cancelled");
             const auto some =
                 std::span<const glm::dvec3>(listeners).subspan(first, std::min(kTogether, places.size() - first));
             done += some.size();

@@ -231,8 +231,12 @@ class BatchTracer {
         // Evenly spread directions, shifted at random: unbiased, less noise, and batches stay independent.
         shiftU_ = random_.uniform(), shiftV_ = random_.uniform();
         initial_ = 1 / static_cast<double>(rays);
-        std::uint64_t sent = 0;
+        std::uint64_t sent = 0, asked = 0;
         for (int count = 0;;) {
+            if (sent >= asked) {
+                asked = sent + kBetweenQuestions;
+                if (task_.options.goOn && !task_.options.goOn()) return;
+            }
             while (count < AcousticRays::kMost && sent < rays) count += start(lanes_[count], sent++);
             if (count == 0) {
                 while (connections_.rays.count > 0) followConnections();
@@ -250,6 +254,8 @@ class BatchTracer {
   private:
     /// Share of a ray's energy at which Russian roulette begins: T20 and T30 need little of what comes later.
     static constexpr double kRouletteStart = 1e-4;
+    /// Rays that are sent from one TraceOptions::goOn to the next: some milliseconds.
+    static constexpr std::uint64_t kBetweenQuestions = 256;
     /// So many walls look for a listener or an image of it each time, those that a ray meets later less often: what
     /// comes from one after the other is much alike.
     static constexpr int kEarly = 3;

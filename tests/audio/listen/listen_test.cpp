@@ -2,6 +2,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <thread>
 
 #include <fmt/format.h>
 
@@ -414,6 +415,32 @@ TEST_F(Listen, ProgressGrowsAndFalseEndsItWithAnError) {
     EXPECT_GT(calls, 3);
     asked.progress = [](double) { return false; };
     EXPECT_FALSE(listen(scene, asked));
+}
+
+/// With so many rays that nobody would wait for them.
+TEST_F(Listen, WhoFollowsTheProgressMayEndTracingAtAnyTime) {
+    Scene scene;
+    load(scene, kPair);
+    ListenOptions asked = options();
+    asked.sound = false;
+    asked.metrics = true;
+    asked.trace.rays = std::uint64_t{1} << 40;
+    asked.trace.maxSeconds = .1;
+    const std::thread::id self = std::this_thread::get_id();
+    int calls = 0;
+    asked.progress = [&](double) {
+        EXPECT_EQ(std::this_thread::get_id(), self);
+        return ++calls < 5;
+    };
+    const auto heard = listen(scene, asked);
+    ASSERT_FALSE(heard);
+    EXPECT_EQ(heard.error().text, "cancelled");
+    EXPECT_EQ(calls, 5);
+    calls = 0;
+    SharedWorld world(scene);
+    SoundRenderer sound(world, asked);
+    EXPECT_FALSE(sound.survey());
+    EXPECT_EQ(calls, 5);
 }
 
 TEST_F(Listen, AbsurdNumbersAreHarmless) {

@@ -53,6 +53,9 @@ struct TraceOptions {
     int exits = 0;
     /// Of what is radiated; paths to the images and rays alike.
     SourcePattern pattern = {};
+    /// Asked now and then while rays are traced, on any thread and on several at once; once it says false tracing ends
+    /// soon, and what it gave is no result.
+    std::function<bool()> goOn = {};
 };
 
 /// Pairs of edges round which sound goes, where it does not come straight.
