@@ -77,7 +77,7 @@ ImageOptions PictureArguments::parse() const {
     };
     if (cross == std::string::npos || !number(std::string_view(size).substr(0, cross), options.settings.width) ||
         !number(std::string_view(size).substr(cross + 1), options.settings.height))
-        throw UsageError("--size", "expected WIDTHxHEIGHT in pixels, such as 1280x720");
+        throw UsageError("--size", "expected WIDTHxHEIGHT in pixels, each from 1 to 65536, such as 1280x720");
     if (integrator == "raster")
         throw UsageError("--integrator", integrator + " is not built in; there are: whitted, path");
     options.settings.integrator = integrator == "path" ? Integrator::path : Integrator::whitted;

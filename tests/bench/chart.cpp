@@ -363,7 +363,7 @@ Result<> writeChart(const Chart& chart, const std::filesystem::path& folder) {
     std::filesystem::create_directories(folder, error);
     for (const auto& [ending, content] : {std::pair{".svg", svgOf(chart)}, std::pair{".csv", csvOf(chart)}})
         if (auto ok = writeWholeFile(folder / (chart.name + ending), std::as_bytes(std::span(content))); !ok) return ok;
-    return {};
+    return chart.beside ? chart.beside(folder) : Result<>();
 }
 
 }  // namespace rtsg::bench

@@ -44,6 +44,8 @@ struct Chart {
     std::vector<Series> series;
     /// If any: names of rows, the first on top; a point's y is then the index of its row and the y axis is not drawn.
     std::vector<std::string> rows;
+    /// If any: writes what stands beside the chart, such as pictures, into its folder.
+    std::function<Result<>(const std::filesystem::path& folder)> beside = {};
 };
 
 using ChartSink = std::function<void(const Chart&)>;

@@ -1,4 +1,6 @@
 // Charts: what rtsg chart writes.
+#include <unistd.h>
+
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -60,6 +62,22 @@ TEST(Chart, NothingToShowIsStillAPicture) {
             EXPECT_LT(svg.size(), 20'000u);
         }
     }
+}
+
+TEST(Chart, WhatStandsBesideAChartIsWrittenWithIt) {
+    const auto folder = std::filesystem::temp_directory_path() / ("rtsg_chart_" + std::to_string(::getpid()));
+    Chart chart = small();
+    std::filesystem::path given;
+    chart.beside = [&](const std::filesystem::path& into) -> Result<> {
+        given = into;
+        return fail("no room for it");
+    };
+    const Result<> written = writeChart(chart, folder);
+    EXPECT_EQ(given, folder);
+    EXPECT_TRUE(std::filesystem::exists(folder / "errors.svg"));
+    ASSERT_FALSE(written);
+    EXPECT_EQ(written.error().text, "no room for it");
+    std::filesystem::remove_all(folder);
 }
 
 TEST(Chart, AFolderThatCannotBeWrittenIsReported) {

@@ -12,6 +12,7 @@
 #include "data_layers.h"
 #include "environment.h"
 #include "mesh/simd8.h"
+#include "path_parts.h"
 #include "shutter.h"
 
 namespace rtsg::trace {
@@ -153,7 +154,7 @@ void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
 
 void lookForLight(TraceScene& scene, Sources& sources) {
     sources.emitters = Emitters(scene);
-    if (!sources.emitters.empty()) scene.emitters = &sources.emitters;
+    if (pathParts().emitters && !sources.emitters.empty()) scene.emitters = &sources.emitters;
     sources.lamps = Lamps(scene.lightGroups);
     if (!sources.lamps.empty()) scene.lamps = &sources.lamps;
     if (!scene.environments.lights.empty())
@@ -162,7 +163,7 @@ void lookForLight(TraceScene& scene, Sources& sources) {
         sources.sky.emplace(*scene.sky);
     else
         return;
-    if (sources.sky && sources.sky->unevenness() > kUneven) scene.skyLight = &*sources.sky;
+    if (pathParts().skyLight && sources.sky && sources.sky->unevenness() > kUneven) scene.skyLight = &*sources.sky;
 }
 
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats) {

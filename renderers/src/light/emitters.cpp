@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "path_parts.h"
 #include "shutter.h"
 #include "trace_scene.h"
 
@@ -36,6 +37,16 @@ Vec3f evenRadiance(const Material& material) {
     return material.model == ShadingModel::unlit ? material.linear.base : material.linear.emissive;
 }
 
+/// What a tree of such chooses evenly: every point is within it, and is lit alike from anywhere there.
+LightTree::Cluster asLikelyAsAny(const LightTree::Cluster& cluster) {
+    constexpr float kFar = 1e6f;  // metres
+    LightTree::Cluster result;
+    result.bounds.extend(Vec3f(-kFar)), result.bounds.extend(Vec3f(kFar));
+    result.cosCone = -1, result.falloff = {1, 0, 0};
+    result.power = cluster.power > 0 ? 1.0f : 0.0f;
+    return result;
+}
+
 }  // namespace
 
 Emitters::Emitters(const TraceScene& scene) {
@@ -43,6 +54,8 @@ Emitters::Emitters(const TraceScene& scene) {
     const RayInstances& instances = scene.world->instances();
     for (std::uint32_t slot = 0; slot < instances.size(); ++slot) add(scene, slot, clusters);
     if (emitters_.empty()) return;
+    if (!pathParts().lightTree)
+        for (LightTree::Cluster& cluster : clusters) cluster = asLikelyAsAny(cluster);
     constexpr float kLeast = 1e-12f;  // m^2, so that no sum leaves the range of float
     tree_ = LightTree(clusters, kLeast);
     if (tree_.empty()) emitters_.clear();

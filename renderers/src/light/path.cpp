@@ -16,6 +16,7 @@
 #include "lanes.h"
 #include "packet_random.h"
 #include "path_emitters.h"
+#include "path_parts.h"
 #include "probe.h"
 #include "sample_points.h"
 #include "sky_light.h"
@@ -150,7 +151,7 @@ class Paths {
             x[lane] = loop_.x(pixel), y[lane] = loop_.y(pixel);
         }
         randomOfPicture(packet.seed, x, y, packet.sample, settings_.samplesPerPixel, states);
-        for (int lane = 0; lane < 16; ++lane) first[lane].random = states[lane];
+        for (int lane = 0; lane < 16; ++lane) first[lane].random = states[lane], first[lane].first = roulette_;
         trace(packet.rays, first, true);
     }
 
@@ -343,7 +344,7 @@ class Paths {
     void survive(int at, const V8& after) {
         const F8 most = largest(after);
         F8 full = load(brought_.first + at);
-        if (bouncesFindSky_) full = select(lanesFrom(brought_.fresh, at), most, full);
+        if (bouncesFindSky_) full = select(lanesFrom(brought_.fresh, at), most * roulette_, full);
         const F8 survival = min(most / full, all(1)), old = load(brought_.odds + at);
         const I8 draw = old <= kRedraw;
         const F8 left = select(draw, all(1), old) * survival;
@@ -563,7 +564,7 @@ class Paths {
         if (!straightOn) {
             // A pixel is as dark as the first thing on its way. Where bounces are what finds the light, those from
             // there would be lost as often as it is dark, and with them all that tells the pixel from its neighbours.
-            if (task.depth == 0 && bouncesFindSky_) task.first = weight;
+            if (task.depth == 0 && bouncesFindSky_) task.first = weight * roulette_;
             const float survival = std::min(weight / task.first, 1.0f);
             // One number decides for the whole path. As a pixel's are spread evenly, so are the lengths of its paths.
             if (!(task.odds > kRedraw)) task.odds = 1, task.fate = draws_.fate[lane];
@@ -595,6 +596,7 @@ class Paths {
 
     const TraceScene& scene_;
     const bool bouncesFindSky_ = meetsSky(scene_);
+    const float roulette_ = pathParts().roulette;
     const RenderSettings& settings_;
     TileResult& counts_;  // of all groups
     TileLoop loop_;

@@ -15,7 +15,8 @@ namespace {
 
 bool positive(Mesh& mesh, const char* field, float value) {
     if (value > 0.0f && detail::usable(value)) return true;
-    warn(mesh, fmt::format("{} {} is not above 0: nothing is drawn", field, value));
+    warn(mesh, fmt::format("{} {} is not above 0 and up to {:g}: nothing is drawn", field, value,
+                           detail::kLargestCoordinate));
     return false;
 }
 

@@ -41,7 +41,8 @@ std::vector<Turn> turns(int n) {
 
 bool positive(Mesh& mesh, const char* field, float value) {
     if (value > 0.0f && detail::usable(value)) return true;
-    warn(mesh, fmt::format("{} {} is not above 0: nothing is drawn", field, value));
+    warn(mesh, fmt::format("{} {} is not above 0 and up to {:g}: nothing is drawn", field, value,
+                           detail::kLargestCoordinate));
     return false;
 }
 
@@ -74,7 +75,8 @@ Mesh tessellate(const BoxParams& params) {
     int zeros = 0;
     for (int axis = 0; axis < 3; ++axis) {
         if (!(size[axis] >= 0.0f) || !detail::usable(size[axis])) {
-            warn(mesh, fmt::format("size {} {} {} is not above 0: nothing is drawn", size.x, size.y, size.z));
+            warn(mesh, fmt::format("size {} {} {} is not within 0 to {:g}: nothing is drawn", size.x, size.y, size.z,
+                                   detail::kLargestCoordinate));
             return mesh;
         }
         zeros += size[axis] == 0.0f;

@@ -138,7 +138,8 @@ Mesh tessellate(const StrokeParams& p) {
 Mesh tessellate(const Arc2DParams& p, const TessellationOptions& options) {
     Mesh none;
     if (!(p.radius > 0) || !usable(p.radius)) {
-        warn(none, fmt::format("radius {} is not above 0: nothing is drawn", p.radius));
+        warn(none, fmt::format("radius {} is not above 0 and up to {:g}: nothing is drawn", p.radius,
+                               detail::kLargestCoordinate));
         return none;
     }
     constexpr double turn = 2 * std::numbers::pi;

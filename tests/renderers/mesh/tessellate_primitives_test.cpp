@@ -201,6 +201,7 @@ TEST(TessellatePrimitives, BadMeasuresDrawNothing) {
               tessellate(Rectangle2DParams{.size = {1, bad}}), tessellate(ArcClose2DParams{.radius = bad})}) {
             EXPECT_TRUE(mesh.empty()) << bad;
             EXPECT_EQ(mesh.diagnostics.warnings(), 1u) << bad;
+            EXPECT_NE(mesh.diagnostics.all().front().text.find("is not above 0 and up to 1e+18"), std::string::npos);
         }
     }
 }
