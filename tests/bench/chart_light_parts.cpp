@@ -136,6 +136,13 @@ Picture besideEachOther(const std::vector<Picture>& pictures) {
     return row;
 }
 
+/// That shows a picture's mean as a middle grey.
+float exposureOf(const Picture& picture) {
+    double sum = 0;
+    for (const Vec4f& pixel : picture.pixels) sum += double{pixel.g};
+    return static_cast<float>(.3 * static_cast<double>(picture.pixels.size()) / sum);
+}
+
 /// What the series of a scene are drawn from.
 struct PartsSizes {
     int side, most, truth;
@@ -209,8 +216,9 @@ class PartsChart {
         all.push_back(stage_.denoised(side(), 16).picture);
         all.push_back(stage_.take(pathOptions(side(), .05, 1 << 14)).picture);
         all.push_back(truth_);
-        chart_.beside = [row = besideEachOther(all), file](const std::filesystem::path& folder) {
-            return writePicture(row, folder / file);
+        const ToneMap seen{.exposure = exposureOf(truth_)};
+        chart_.beside = [row = besideEachOther(all), file, seen](const std::filesystem::path& folder) {
+            return writePicture(row, folder / file, seen);
         };
     }
 
