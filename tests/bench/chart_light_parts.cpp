@@ -68,7 +68,7 @@ class PartsStage {
         sum.picture = Picture(side, side);
         const int pairs = samples / 2;
         for (int pair = 0; pair < pairs; ++pair) {
-            options.settings.seed = static_cast<std::uint64_t>(1000 + pair);
+            options.settings.seed = 1000 + static_cast<std::uint64_t>(pair);
             const Taken one = take(options);
             sum.seconds += one.seconds;
             for (std::size_t i = 0; i < sum.picture.pixels.size(); ++i)

@@ -20,8 +20,10 @@ std::string lamp(double radiance, bool mirrors) {
 std::vector<Vec3f> lampMiddles(int lamps) {
     const int side = static_cast<int>(std::ceil(std::sqrt(lamps)));
     std::vector<Vec3f> middles;
-    for (int i = 0; i < lamps; ++i)
-        middles.emplace_back((i % side + .5) / side * 3 - 1.5, 1.49, (i / side + .5) / side * 3 - 1.5);
+    for (int i = 0; i < lamps; ++i) {
+        const int row = i / side;
+        middles.emplace_back((i % side + .5) / side * 3 - 1.5, 1.49, (row + .5) / side * 3 - 1.5);
+    }
     return middles;
 }
 double lampHalf(int lamps) {
