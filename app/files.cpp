@@ -12,6 +12,7 @@
 #include <rtsg/core/writer.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/mesh_file.h>
+#include <rtsg/renderers/movie_writer.h>
 #include <rtsg/renderers/picture.h>
 
 namespace rtsg::app {
@@ -51,6 +52,9 @@ void checkName(const OutputName& output) {
     bool gzip = false;
     switch (output.kind) {
         case OutputKind::picture:
+            if (MovieWriter::isName(output.file) &&
+                !numberedName(std::filesystem::path(output.file).filename().string(), 0))
+                break;
             if (auto ok = checkPictureName(output.file); !ok) refuse(ok.error());
             break;
         case OutputKind::sound:

@@ -167,7 +167,7 @@ ListenOptions SoundArguments::parse() const {
 
 void OutputArguments::addTo(Command& command, Options which) {
     command.addOption("--render", render,
-                      "picture of the last state; with %04d in the name, or .gif, one every 1/--fps s");
+                      "picture of the last state; with %04d in the name, .mp4 or .gif, one every 1/--fps s");
     if (which != Options::ofRun)
         command.addOption("--fps", picturesPerSecond, "pictures a second of scene time")->preset()->range(1e-3, 1e3);
     command.addOption("--listen", listen,
@@ -188,7 +188,8 @@ void OutputArguments::addTo(Command& command, Options which) {
 }
 
 bool OutputArguments::animated() const {
-    return lowerExtension(render) == ".gif" || numberedName(std::filesystem::path(render).filename().string(), 0);
+    return lowerExtension(render) == ".gif" || MovieWriter::isName(render) ||
+           numberedName(std::filesystem::path(render).filename().string(), 0);
 }
 
 Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
@@ -203,7 +204,8 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
     if (denoise && picture.shutter > 0)
         throw UsageError("--denoise", "goes by sharp layers, and --shutter blurs: there is one of the two");
     if (picture.shutter > 0 && !animated())
-        throw UsageError("--shutter", "needs pictures in a row, into %04d or a .gif: it is open between two of them");
+        throw UsageError("--shutter",
+                         "needs pictures in a row, into %04d, a .mp4 or .gif: it is open between two of them");
     if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
     std::ranges::move(names(), std::back_inserter(more));
     return checkFiles(inputs, more, force);
@@ -303,6 +305,19 @@ std::string OutputReport::text() const {
 Result<> PictureFiles::add(Picture picture, std::uint64_t skipped) {
     const std::filesystem::path pattern(arguments_.render);
     const auto numbered = numberedName(pattern.filename().string(), count_++);
+    if (!numbered && MovieWriter::isName(arguments_.render)) {
+        const bool first = !film_;
+        if (first) {
+            auto film =
+                MovieWriter::create(arguments_.render, picture.width, picture.height, arguments_.picturesPerSecond);
+            if (!film) return std::unexpected(film.error());
+            film_.emplace(std::move(*film));
+        } else if (auto ok = film_->hold(skipped); !ok) {
+            return ok;
+        }
+        if (auto ok = film_->add(picture, arguments_.picture.toneMap()); !ok || !first) return ok;
+        return film_->hold(skipped);
+    }
     if (lowerExtension(arguments_.render) == ".gif") {
         if (frames_.empty()) {
             frames_.push_back(std::move(picture));
@@ -322,6 +337,10 @@ void PictureFiles::hold(std::uint64_t pictures) {
 }
 
 Result<> PictureFiles::finish(std::uint64_t skipped) {
+    if (film_) {
+        if (auto ok = film_->hold(skipped); !ok) return ok;
+        return film_->finish();
+    }
     hold(skipped);
     if (frames_.empty()) return {};
     return writeAnimation(frames_, arguments_.render, arguments_.picturesPerSecond, arguments_.picture.toneMap());

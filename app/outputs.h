@@ -3,8 +3,8 @@
 // Outputs makes every picture that is due and all of the sound, on the scene's thread; OutputsBehind (behind.h) the
 // same on a thread of its own, however late; LiveOutputs (live_outputs.h) of the newest state, at the machine's own
 // pace. Invariant: pictures are taken at even distances of scene time if the file's name holds a place for a number
-// (%04d) or is a .gif; else one is taken at the end. Of T seconds at F pictures a second these are the ones at k / F <
-// T, and sound is T long to the sample; OutputReport says what is not. Threading: the scene's thread.
+// (%04d) or is a .mp4 or .gif; else one is taken at the end. Of T seconds at F pictures a second these are the ones at
+// k / F < T, and sound is T long to the sample; OutputReport says what is not. Threading: the scene's thread.
 #pragma once
 
 #include <atomic>
@@ -22,6 +22,7 @@
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/renderers/image.h>
+#include <rtsg/renderers/movie_writer.h>
 
 #include "cli.h"
 #include "files.h"
@@ -123,12 +124,12 @@ struct OutputReport {
     std::string text() const;
 };
 
-/// The files of --render: one, many with numbers, or a .gif.
+/// The files of --render: one, many with numbers, a film, or a .gif.
 class PictureFiles {
   public:
     explicit PictureFiles(const OutputArguments& arguments) : arguments_(arguments) {}
-    /// Writes it, or keeps it for the .gif, in which the one before stays as long as those that were skipped would
-    /// have.
+    /// Writes it, or keeps it for the .gif; in that and in a film the one before stays as long as those that were
+    /// skipped would have.
     Result<> add(Picture picture, std::uint64_t skipped = 0);
     Result<> finish(std::uint64_t skipped = 0);
 
@@ -137,7 +138,8 @@ class PictureFiles {
 
     const OutputArguments& arguments_;
     int count_ = 0;
-    std::vector<Picture> frames_;  // of a .gif
+    std::vector<Picture> frames_;      // of a .gif
+    std::optional<MovieWriter> film_;  // once there is a picture
 };
 
 /// Writes what was heard, as long as was asked for. Returns its length in seconds.

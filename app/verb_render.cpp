@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/renderers/movie_writer.h>
+
 #include "files.h"
 #include "outputs.h"
 #include "running_scene.h"
@@ -102,8 +104,9 @@ int render(const RenderArguments& options) {
     animation.framesPerSecond = options.fps;
     const double time = parseSeconds(options.time);
     const std::filesystem::path out(options.out);
-    if (options.frames > 1 && out.extension() != ".gif" && !numberedName(out.filename().string(), 0))
-        throw UsageError("-o", "several frames need a .gif, or a place for their number such as %04d");
+    if (options.frames > 1 && out.extension() != ".gif" && !MovieWriter::isName(out) &&
+        !numberedName(out.filename().string(), 0))
+        throw UsageError("-o", "several frames need a .mp4 or .gif, or a place for their number such as %04d");
 
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::picture}};
     if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
@@ -181,7 +184,7 @@ Verb addRender(Command& program) {
         ->addOption("--focus", options->focus, "metres along the view; of --stereo: what lies in the picture's plane")
         ->range(1e-6, 1e9);
     command->addOption("--time", options->time, "of the first frame, from the start")->preset();
-    command->addOption("--frames", options->frames, "number of frames: into %04d, or a .gif")
+    command->addOption("--frames", options->frames, "number of frames: into %04d, a .mp4 or .gif")
         ->preset()
         ->range(1, 1'000'000);
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);

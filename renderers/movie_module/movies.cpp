@@ -1,4 +1,5 @@
-// The module librtsg_movies.so: pictures of films by FFmpeg's libraries. Links nothing of ours, throws nothing.
+// The module librtsg_movies.so: pictures of films, and films of pictures, by FFmpeg's libraries. Links nothing of ours,
+// throws nothing.
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -7,6 +8,7 @@
 #include <vector>
 
 #include "film_file.h"
+#include "film_maker.h"
 #include "film_sound.h"
 
 extern "C" {
@@ -210,6 +212,11 @@ class Files final : public MovieFiles {
         std::string error = film->begin();
         if (error.empty()) out = std::move(film);
         return error;
+    }
+    std::string make(MovieSink sink, int width, int height, double picturesPerSecond,
+                     std::unique_ptr<MovieMaker>& out) const override {
+        av_log_set_level(AV_LOG_QUIET);
+        return makeFilm(std::move(sink), width, height, picturesPerSecond, out);
     }
     std::string readSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSound& out) const override {
         av_log_set_level(AV_LOG_QUIET);

@@ -1,7 +1,9 @@
-// MovieFiles: the pictures of films, by a module (librtsg_movies.so) that is loaded when the first film is shown.
+// MovieFiles: the pictures of films, by a module (librtsg_movies.so) that is loaded when the first film is shown or
+// made.
 //
-// Invariant: nothing of FFmpeg is on this side; the module links nothing of ours, and opens nothing but the bytes it is
-// given. Errors are sentences; an empty one means done. Threading: open() from any thread; one film on one thread.
+// Invariant: nothing of FFmpeg is on this side; the module links nothing of ours, opens nothing but the bytes it is
+// given and writes nothing but through what it is given. Errors are sentences; an empty one means done. Threading:
+// open() and make() from any thread; one film on one thread.
 #pragma once
 
 #include <cstdint>
@@ -39,9 +41,28 @@ struct FileSound {
     std::vector<float> samples;  // interleaved
 };
 
+/// Where a film that is made goes.
+struct MovieSink {
+    /// At any place of it, also before what was written already; false if that failed.
+    std::function<bool(std::uint64_t offset, std::span<const std::uint8_t> bytes)> write;
+};
+
+class MovieMaker {
+  public:
+    virtual ~MovieMaker() = default;
+    /// The next picture: RGBA, top row first; alpha is not looked at.
+    virtual std::string add(std::span<const std::uint8_t> rgba) = 0;
+    /// The last picture once more.
+    virtual std::string repeat() = 0;
+    virtual std::string finish() = 0;
+};
+
 class MovieFiles {
   public:
     virtual ~MovieFiles() = default;
+    /// An MP4 of H.264, the same bytes each time, whatever the number of cores.
+    virtual std::string make(MovieSink sink, int width, int height, double picturesPerSecond,
+                             std::unique_ptr<MovieMaker>& out) const = 0;
     /// Refuses pictures of more pixels than `maximumPixels`.
     virtual std::string open(MovieBytes bytes, std::uint64_t maximumPixels, std::unique_ptr<MovieFile>& out) const = 0;
     /// Refuses more than `maximumSamples`, all channels counted.
@@ -52,6 +73,6 @@ class MovieFiles {
 Result<const MovieFiles*> movieFiles();
 
 /// What the module exports under this name, which changes whenever this header does.
-#define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles2
+#define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles3
 
 }  // namespace rtsg

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include <rtsg/renderers/light_tracer.h>
@@ -58,9 +59,10 @@ class Filter {
 
     void run() {
         const std::size_t count = picture_.pixels.size();
-        light_.resize(count), variance_.resize(count), slope_.resize(count);
+        light_.resize(count), variance_.resize(count), slope_.resize(count), kinds_.resize(count);
         std::vector<Vec3f> nextLight(count);
         std::vector<float> nextVariance(count);
+        eachRow([&](int y) { sort(y); });
         eachRow([&](int y) { prepare(y); });
         eachRow([&](int y) { estimate(y); });
         for (int round = 0; round < kRounds; ++round) {
@@ -88,6 +90,26 @@ class Filter {
         return glm::max(Vec3f(albedo_[0][i], albedo_[1][i], albedo_[2][i]), Vec3f(kLeastAlbedo));
     }
 
+    bool isDark(std::size_t i) const {
+        return isSurface(i) && std::max({albedo_[0][i], albedo_[1][i], albedo_[2][i]}) < kLeastAlbedo;
+    }
+    /// What a black surface shows it sends by itself: that is no light on what is beside it. A pixel at its edge shows
+    /// some of both, and stays as it is.
+    void sort(int y) {
+        for (int x = 0; x < width_; ++x) {
+            const std::size_t i = at(x, y);
+            kinds_[i] = isDark(i) ? Kind::dark : Kind::lit;
+            if (kinds_[i] == Kind::dark) continue;
+            const float own = luminance(Vec3f(picture_.pixels[i]));
+            for (int dy = -1; dy <= 1; ++dy)
+                for (int dx = -1; dx <= 1; ++dx) {
+                    if (!inside(x + dx, y + dy)) continue;
+                    const std::size_t q = at(x + dx, y + dy);
+                    if (isDark(q) && luminance(Vec3f(picture_.pixels[q])) > own) kinds_[i] = Kind::rim;
+                }
+        }
+    }
+
     /// The light without the surface's colour, and how fast the depth changes from pixel to pixel.
     void prepare(int y) {
         for (int x = 0; x < width_; ++x) {
@@ -111,6 +133,7 @@ class Filter {
     /// Whether q, `away` pixels from p, is of the same surface: a share.
     float alike(std::size_t p, std::size_t q, Vec2f away) const {
         if (!isSurface(q)) return 0;
+        if (p != q && (kinds_[p] != kinds_[q] || kinds_[p] == Kind::rim)) return 0;
         const float expected = slope_[p].x * std::abs(away.x) + slope_[p].y * std::abs(away.y);
         const float far = std::abs(depth_[p] - depth_[q]) / (expected + 1e-3f * std::abs(depth_[p]) + 1e-20f);
         const float cosine = std::clamp(glm::dot(normalOf(p), normalOf(q)), 0.0f, 1.0f);
@@ -169,8 +192,11 @@ class Filter {
         light[p] = sum / weights, variance[p] = squares / (weights * weights);
     }
 
+    enum class Kind : std::uint8_t { lit, dark, rim };
+
     Picture& picture_;
     const int width_, height_;
+    std::vector<Kind> kinds_;
     Channel depth_, normal_[3], albedo_[3];
     std::vector<Vec3f> light_;
     std::vector<float> variance_;

@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cctype>
+#include <optional>
 
 #include <fmt/format.h>
+
+#include <rtsg/renderers/movie_writer.h>
 
 namespace rtsg {
 
@@ -36,18 +39,65 @@ std::optional<std::string> numberedName(const std::string& pattern, int number) 
     return result;
 }
 
+namespace {
+
+/// The pictures of an animation into their files, as they are made; of a GIF once all are.
+class AnimationFiles {
+  public:
+    AnimationFiles(const std::filesystem::path& file, const AnimationOptions& animation, const ToneMap& toneMap)
+        : file_(file),
+          animation_(animation),
+          toneMap_(toneMap),
+          numbered_(numberedName(file.filename().string(), 0).has_value()),
+          film_(!numbered_ && MovieWriter::isName(file)),
+          gif_(!numbered_ && (file.extension() == ".gif" || file.extension() == ".GIF")) {}
+
+    /// Whether the pictures are one file.
+    bool together() const { return film_ || gif_; }
+    bool takesSeveral() const { return together() || numbered_; }
+
+    Result<> add(Picture picture, int number) {
+        if (film_) {
+            if (!movie_) {
+                auto movie = MovieWriter::create(file_, picture.width, picture.height, animation_.framesPerSecond);
+                if (!movie) return std::unexpected(movie.error());
+                movie_.emplace(std::move(*movie));
+            }
+            return movie_->add(picture, toneMap_);
+        }
+        if (gif_) {
+            frames_.push_back(std::move(picture));
+            return {};
+        }
+        const auto name = numbered_ ? file_.parent_path() / *numberedName(file_.filename().string(), number) : file_;
+        return writePicture(picture, name, toneMap_);
+    }
+    Result<> finish() {
+        if (movie_) return movie_->finish();
+        return gif_ ? writeAnimation(frames_, file_, animation_.framesPerSecond, toneMap_) : Result<>();
+    }
+
+  private:
+    const std::filesystem::path& file_;
+    const AnimationOptions& animation_;
+    const ToneMap& toneMap_;
+    bool numbered_, film_, gif_;
+    std::vector<Picture> frames_;       // of a GIF
+    std::optional<MovieWriter> movie_;  // once there is a picture
+};
+
+}  // namespace
+
 Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
                          const AnimationOptions& animation, const ToneMap& toneMap) {
     if (animation.frames < 1) return fail("an animation needs at least one frame");
     if (!(animation.framesPerSecond > 0)) return fail("frames per second must be positive");
-    const bool gif = file.extension() == ".gif" || file.extension() == ".GIF";
-    const bool numbered = numberedName(file.filename().string(), 0).has_value();
-    if (animation.frames > 1 && !gif && !numbered)
-        return fail("several frames need a .gif, or a name with a place for their number such as %04d", {},
+    AnimationFiles files(file, animation, toneMap);
+    if (animation.frames > 1 && !files.takesSeveral())
+        return fail("several frames need a .mp4 or .gif, or a name with a place for their number such as %04d", {},
                     file.string());
     if (options.settings.layers != 0 && file.extension() != ".exr" && file.extension() != ".EXR")
         return fail("only .exr holds layers", {}, file.string());
-    std::vector<Picture> frames;
     int done = 0;
     for (int i = 0; i < animation.frames; ++i) {
         const double t = animation.start + i / animation.framesPerSecond;
@@ -60,19 +110,13 @@ Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file
         if (!picture) return std::unexpected(picture.error());
         if (stats.cancelled) break;
         if (animation.stats) animation.stats(stats);
-        if (gif && !numbered) {
-            frames.push_back(std::move(*picture));
-        } else {
-            const auto name = numbered ? file.parent_path() / *numberedName(file.filename().string(), i) : file;
-            if (auto ok = writePicture(*picture, name, toneMap); !ok) return std::unexpected(ok.error());
-        }
+        if (auto ok = files.add(std::move(*picture), i); !ok) return std::unexpected(ok.error());
         ++done;
         if (animation.progress && !animation.progress(i + 1)) break;
     }
-    if (!gif || numbered) return done;
+    if (!files.together()) return done;
     if (done < animation.frames) return 0;
-    if (auto ok = writeAnimation(frames, file, animation.framesPerSecond, toneMap); !ok)
-        return std::unexpected(ok.error());
+    if (auto ok = files.finish(); !ok) return std::unexpected(ok.error());
     return done;
 }
 

@@ -80,6 +80,24 @@ TEST(Denoise, EdgesStay) {
 }
 
 // A plane that runs away from the eye is one surface, and so is what lies in front of the sky; the sky is left alone.
+// A lamp in a ceiling: black, and in the ceiling's plane. Its light stays its own; pixels that show both stay as they
+// are.
+TEST(Denoise, LampsDoNotRunIntoWhatTheyHangIn) {
+    std::mt19937 random(5);
+    std::exponential_distribution<double> noise(2);
+    const auto albedo = [](int x, int) { return Vec3f(x < 40 ? .7f : x == 40 ? .35f : 0.f); };
+    Made made(kFlat, kFacing, albedo, [&](int, int) { return noise(random); });
+    for (int y = 0; y < 64; ++y)
+        for (int x = 40; x < 64; ++x) made.picture.at(x, y) = Vec4f(Vec3f(x == 40 ? 2.7f : 5.f), 1);
+    const double before = meanOf(made.picture, 4, 40).first;
+    ASSERT_TRUE(denoise(made.picture));
+    const auto [after, rough] = meanOf(made.picture, 4, 40);
+    EXPECT_NEAR(after, before, .05 * before);
+    EXPECT_LT(rough, .2 * before);
+    for (int y = 0; y < 64; ++y)
+        for (int x = 40; x < 64; ++x) ASSERT_NEAR(made.picture.at(x, y).g, x == 40 ? 2.7f : 5.f, 1e-4) << x << ' ' << y;
+}
+
 TEST(Denoise, SlopesAreOneSurfaceAndTheSkyIsNone) {
     std::mt19937 random(5);
     std::uniform_real_distribution<double> noise(0, 1);

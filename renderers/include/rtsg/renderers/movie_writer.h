@@ -1,0 +1,41 @@
+// MovieWriter: pictures into a film, MP4 of H.264 (FFmpeg's libraries, a module that is loaded when the first is made).
+//
+// Pictures are encoded as they come, so a film of any length takes the memory of some dozen. Colours are sRGB, rounded
+// to 8 bits and kept by twos in both directions, as players have them; what is transparent lies on black. The same
+// pictures give the same bytes. Threading: one thread a film.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/renderers/picture.h>
+
+namespace rtsg {
+
+class MovieWriter {
+  public:
+    /// Whether a file of this name is a film: .mp4.
+    static bool isName(const std::filesystem::path& file);
+    /// The file is there once finish() has done. Errors: odd width or height, a rate that is not above 0, a folder that
+    /// cannot be written, a build or a machine without an encoder.
+    static Result<MovieWriter> create(const std::filesystem::path& file, int width, int height,
+                                      double picturesPerSecond);
+    MovieWriter(MovieWriter&&) noexcept;
+    MovieWriter& operator=(MovieWriter&&) noexcept;
+    ~MovieWriter();
+
+    /// Errors: another size; a full disk.
+    Result<> add(const Picture& picture, const ToneMap& toneMap = {});
+    /// The last one stays for so many more. Precondition: there is one.
+    Result<> hold(std::uint64_t pictures);
+    Result<> finish();
+
+  private:
+    struct Impl;
+    explicit MovieWriter(std::unique_ptr<Impl> impl);
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,14 @@
+// makeFilm: pictures into a film, through the bytes that it is given a place for. Threading: one thread a film.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "image/movie_files.h"
+
+namespace rtsg {
+
+/// As MovieFiles::make().
+std::string makeFilm(MovieSink sink, int width, int height, double picturesPerSecond, std::unique_ptr<MovieMaker>& out);
+
+}  // namespace rtsg

@@ -1,0 +1,152 @@
+// Films that are made: read back picture by picture, the same bytes each time, and whole or not there.
+#include <rtsg/renderers/movie_writer.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include <gmock/gmock.h>
+
+#include <rtsg/core/resource.h>
+#include <rtsg/renderers/movie.h>
+
+#include "support/temp_folder.h"
+
+namespace rtsg {
+namespace {
+
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+/// Red grows with `step`; the lower half is blue, the right half green.
+Picture made(int step, int width = 32, int height = 16) {
+    Picture picture(width, height);
+    picture.space = ColorSpace::display;
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            picture.pixels[static_cast<std::size_t>(y * width + x)] = {
+                static_cast<float>(step) * .1f, 2 * x < width ? 0 : .6f, 2 * y < height ? 0 : .8f, 1};
+    return picture;
+}
+
+class MadeFilms : public testing::Test {
+  protected:
+    std::string bytesOf(const std::string& name) const {
+        std::ifstream file(folder_.path() / name, std::ios::binary);
+        return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+    }
+    Result<Movie> open(const std::string& name) const {
+        auto file = Resources(folder_.path()).open(folder_.path(), name);
+        EXPECT_TRUE(file);
+        return Movie::open(std::move(*file));
+    }
+    void make(const std::string& name, int pictures) const {
+        auto film = MovieWriter::create(folder_.path() / name, 32, 16, 25);
+        ASSERT_TRUE(film) << film.error().format();
+        for (int i = 0; i < pictures; ++i) ASSERT_TRUE(film->add(made(i)));
+        EXPECT_FALSE(fs::exists(folder_.path() / name)) << "not before it is whole";
+        ASSERT_TRUE(film->finish());
+    }
+    /// As bytes; from the lower left.
+    static Vec4f texelAt(const Texture& texture, int x, int y) {
+        return 255.0f * texture.sample((static_cast<float>(x) + .5f) / static_cast<float>(texture.width()),
+                                       (static_cast<float>(y) + .5f) / static_cast<float>(texture.height()), 0,
+                                       TextureAccess{.smooth = false}, ColorSpace::display);
+    }
+    const test::TempFolder folder_;
+};
+
+TEST_F(MadeFilms, ShowTheirPicturesInTheirColours) {
+    make("film.mp4", 10);
+    auto movie = open("film.mp4");
+    ASSERT_TRUE(movie) << movie.error().format();
+    EXPECT_NEAR(movie->seconds(), .4, 1e-6);
+    for (int i = 0; i < 10; ++i) {
+        auto texture = movie->frameAt(i / 25.0 + 1e-3);
+        ASSERT_TRUE(texture && *texture) << i;
+        EXPECT_EQ((*texture)->width(), 32);
+        EXPECT_EQ((*texture)->height(), 16);
+        constexpr float kRounding = 5;  // of 255: 8 bits of luminance and colour, and of the encoder
+        for (const auto& [x, y, green, blue] : {std::tuple(4, 3, 0.0f, .8f), {27, 3, .6f, .8f}, {4, 12, 0.0f, 0.0f}}) {
+            const Vec4f texel = texelAt(**texture, x, y);
+            EXPECT_NEAR(texel.r, 25.5f * static_cast<float>(i), kRounding) << i << ' ' << x << ' ' << y;
+            EXPECT_NEAR(texel.g, 255 * green, kRounding) << i << ' ' << x << ' ' << y;
+            EXPECT_NEAR(texel.b, 255 * blue, kRounding) << i << ' ' << x << ' ' << y;
+        }
+    }
+}
+
+TEST_F(MadeFilms, AreTheSameBytesEachTime) {
+    make("one.mp4", 30);
+    make("two.mp4", 30);
+    EXPECT_EQ(bytesOf("one.mp4"), bytesOf("two.mp4"));
+    EXPECT_EQ(bytesOf("one.mp4").substr(4, 4), "ftyp");
+}
+
+TEST_F(MadeFilms, HoldAPictureAsLongAsIsSaid) {
+    auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 10);
+    ASSERT_TRUE(film);
+    ASSERT_TRUE(film->add(made(2)));
+    ASSERT_TRUE(film->hold(4));
+    ASSERT_TRUE(film->add(made(8)));
+    ASSERT_TRUE(film->hold(1));
+    ASSERT_TRUE(film->finish());
+    auto movie = open("film.mp4");
+    ASSERT_TRUE(movie);
+    EXPECT_NEAR(movie->seconds(), .7, 1e-6);
+    float shown = 0;
+    for (const double t : {.05, .45, .55}) {
+        auto texture = movie->frameAt(t);
+        ASSERT_TRUE(texture);
+        if (*texture) shown = texelAt(**texture, 4, 12).r;
+        EXPECT_NEAR(shown, t < .5 ? 51 : 204, 5) << t;
+    }
+}
+
+TEST_F(MadeFilms, LieOnBlackWhereTheyAreTransparent) {
+    auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 10);
+    ASSERT_TRUE(film);
+    Picture picture = made(10);
+    for (Vec4f& pixel : picture.pixels) pixel = Vec4f(.5f, .5f, .5f, .5f);  // white, half there
+    ASSERT_TRUE(film->add(picture));
+    ASSERT_TRUE(film->finish());
+    auto movie = open("film.mp4");
+    ASSERT_TRUE(movie);
+    auto texture = movie->frameAt(0);
+    ASSERT_TRUE(texture && *texture);
+    EXPECT_NEAR(texelAt(**texture, 9, 9).g, 128, 4);
+}
+
+TEST_F(MadeFilms, RefuseWhatIsNone) {
+    const fs::path file = folder_.path() / "film.mp4";
+    const auto odd = MovieWriter::create(file, 31, 16, 25);
+    ASSERT_FALSE(odd);
+    EXPECT_THAT(odd.error().format(), HasSubstr("even, not 31 x 16"));
+    EXPECT_FALSE(MovieWriter::create(file, 32, 16, 0));
+    EXPECT_FALSE(MovieWriter::create(file, 32, 16, NAN));
+    EXPECT_FALSE(MovieWriter::create(folder_.path() / "none" / "film.mp4", 32, 16, 25));
+    EXPECT_FALSE(MovieWriter::create(file, 1 << 20, 2, 25));
+    auto film = MovieWriter::create(file, 32, 16, 25);
+    ASSERT_TRUE(film);
+    ASSERT_TRUE(film->add(made(0)));
+    const auto other = film->add(made(0, 16, 16));
+    ASSERT_FALSE(other);
+    EXPECT_THAT(other.error().format(), HasSubstr("32 x 16 and 16 x 16"));
+    film = MovieWriter::create(folder_.path() / "other.mp4", 32, 16, 25);
+    EXPECT_TRUE(fs::is_empty(folder_.path()) || !fs::exists(file)) << "what was not finished is not there";
+    EXPECT_TRUE(MovieWriter::isName("a.MP4"));
+    EXPECT_FALSE(MovieWriter::isName("mp4"));
+}
+
+TEST_F(MadeFilms, AFullDiskIsSaid) {
+    fs::create_symlink("/dev/full", folder_.path() / "film.mp4");
+    auto film = MovieWriter::create(folder_.path() / "film.mp4", 320, 160, 25);
+    Result<> done = film ? Result<>() : Result<>(std::unexpected(film.error()));
+    for (int i = 0; done && i < 100; ++i) done = film->add(made(i % 10, 320, 160));
+    if (done) done = film->finish();
+    ASSERT_FALSE(done);
+    EXPECT_THAT(done.error().format(), HasSubstr("No space left on device"));
+}
+
+}  // namespace
+}  // namespace rtsg
