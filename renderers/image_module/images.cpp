@@ -16,6 +16,13 @@ namespace rtsg {
 
 namespace {
 
+/// Libraries say several things one below the other.
+std::string inOneLine(std::string errors) {
+    while (!errors.empty() && errors.back() == '\n') errors.pop_back();
+    for (std::size_t at = 0; (at = errors.find('\n', at)) != std::string::npos; ++at) errors.replace(at, 1, "; ");
+    return errors;
+}
+
 /// OpenImageIO gives an .exr without a date that of its writing, and files of two runs would differ.
 constexpr const char* kNoDate = "1970:01:01 00:00:00";
 
@@ -66,7 +73,7 @@ std::string readInput(OIIO::ImageInput& input, const ReadRequest& request, FileP
     const bool done = eightBits && !request.asFloats ? read(out.bytes, OIIO::TypeDesc::UINT8)
                                                      : read(out.values, OIIO::TypeDesc::FLOAT);
     if (done) divide();
-    return done ? std::string() : input.geterror();
+    return done ? std::string() : inOneLine(input.geterror());
 }
 
 /// Some kinds of pictures cannot be opened with settings, and have no alpha to multiply with.
@@ -89,7 +96,7 @@ std::unique_ptr<OIIO::ImageInput> openFor(const ReadRequest& request, const std:
 std::string readBlocks(std::span<const std::uint8_t> dds, FilePixels& out) {
     OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(dds.data()), dds.size());
     const auto input = OIIO::ImageInput::open("blocks.dds", nullptr, &reader);
-    return input ? readInput(*input, {.check = {}}, out) : OIIO::geterror();
+    return input ? readInput(*input, {.check = {}}, out) : inOneLine(OIIO::geterror());
 }
 
 /// The whole of a file that is of KTX 2.0 by its first bytes; otherwise nothing.
@@ -121,7 +128,7 @@ class Files final : public ImageFiles {
         if (const std::vector<std::uint8_t> bytes = bytesOfKtx2(file); !bytes.empty())
             return readKtx2(bytes, request, readBlocks, out);
         const auto input = openFor(request, file, nullptr);
-        return input ? readInput(*input, request, out) : OIIO::geterror();
+        return input ? readInput(*input, request, out) : inOneLine(OIIO::geterror());
     }
 
     std::string readMemory(std::span<const std::uint8_t> bytes, const std::string& name, const ReadRequest& request,
@@ -129,7 +136,7 @@ class Files final : public ImageFiles {
         if (isKtx2(bytes)) return readKtx2(bytes, request, readBlocks, out);
         OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(bytes.data()), bytes.size());
         const auto input = openFor(request, name, &reader);
-        return input ? readInput(*input, request, out) : OIIO::geterror();
+        return input ? readInput(*input, request, out) : inOneLine(OIIO::geterror());
     }
 
     std::string encode(const std::string& name, const Sheet& sheet, std::vector<unsigned char>& file) const override {

@@ -19,7 +19,7 @@ using testing::HasSubstr;
 namespace fs = std::filesystem;
 
 /// Red grows with `step`; the lower half is blue, the right half green.
-Picture made(int step, int width = 32, int height = 16) {
+Picture pictureOf(int step, int width = 32, int height = 16) {
     Picture picture(width, height);
     picture.space = ColorSpace::display;
     for (int y = 0; y < height; ++y)
@@ -43,7 +43,7 @@ class MadeFilms : public testing::Test {
     void make(const std::string& name, int pictures) const {
         auto film = MovieWriter::create(folder_.path() / name, 32, 16, 25);
         ASSERT_TRUE(film) << film.error().format();
-        for (int i = 0; i < pictures; ++i) ASSERT_TRUE(film->add(made(i)));
+        for (int i = 0; i < pictures; ++i) ASSERT_TRUE(film->add(pictureOf(i)));
         EXPECT_FALSE(fs::exists(folder_.path() / name)) << "not before it is whole";
         ASSERT_TRUE(film->finish());
     }
@@ -86,9 +86,9 @@ TEST_F(MadeFilms, AreTheSameBytesEachTime) {
 TEST_F(MadeFilms, HoldAPictureAsLongAsIsSaid) {
     auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 10);
     ASSERT_TRUE(film);
-    ASSERT_TRUE(film->add(made(2)));
+    ASSERT_TRUE(film->add(pictureOf(2)));
     ASSERT_TRUE(film->hold(4));
-    ASSERT_TRUE(film->add(made(8)));
+    ASSERT_TRUE(film->add(pictureOf(8)));
     ASSERT_TRUE(film->hold(1));
     ASSERT_TRUE(film->finish());
     auto movie = open("film.mp4");
@@ -106,7 +106,7 @@ TEST_F(MadeFilms, HoldAPictureAsLongAsIsSaid) {
 TEST_F(MadeFilms, LieOnBlackWhereTheyAreTransparent) {
     auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 10);
     ASSERT_TRUE(film);
-    Picture picture = made(10);
+    Picture picture = pictureOf(10);
     for (Vec4f& pixel : picture.pixels) pixel = Vec4f(.5f, .5f, .5f, .5f);  // white, half there
     ASSERT_TRUE(film->add(picture));
     ASSERT_TRUE(film->finish());
@@ -128,8 +128,8 @@ TEST_F(MadeFilms, RefuseWhatIsNone) {
     EXPECT_FALSE(MovieWriter::create(file, 1 << 20, 2, 25));
     auto film = MovieWriter::create(file, 32, 16, 25);
     ASSERT_TRUE(film);
-    ASSERT_TRUE(film->add(made(0)));
-    const auto other = film->add(made(0, 16, 16));
+    ASSERT_TRUE(film->add(pictureOf(0)));
+    const auto other = film->add(pictureOf(0, 16, 16));
     ASSERT_FALSE(other);
     EXPECT_THAT(other.error().format(), HasSubstr("32 x 16 and 16 x 16"));
     film = MovieWriter::create(folder_.path() / "other.mp4", 32, 16, 25);
@@ -142,7 +142,7 @@ TEST_F(MadeFilms, AFullDiskIsSaid) {
     fs::create_symlink("/dev/full", folder_.path() / "film.mp4");
     auto film = MovieWriter::create(folder_.path() / "film.mp4", 320, 160, 25);
     Result<> done = film ? Result<>() : Result<>(std::unexpected(film.error()));
-    for (int i = 0; done && i < 100; ++i) done = film->add(made(i % 10, 320, 160));
+    for (int i = 0; done && i < 100; ++i) done = film->add(pictureOf(i % 10, 320, 160));
     if (done) done = film->finish();
     ASSERT_FALSE(done);
     EXPECT_THAT(done.error().format(), HasSubstr("No space left on device"));

@@ -24,11 +24,12 @@ struct AnimationOptions {
     /// Called with every picture's counts.
     std::function<void(const RenderStats&)> stats{};
 };
-/// Runs the renderer's scene and writes its pictures, the first after what LightRenderer::remember() was told of: a film
-/// (.mp4), a GIF that moves, or one file a frame where the name holds a place for its number such as %04d. A single frame needs
-/// neither. Returns how many frames are in files: all, unless `progress` or the settings' ended it; a file is complete
-/// or is not there. Errors: as picture() and writePicture(); several frames without a place for the number; layers for
-/// another format than .exr.
+/// Runs the renderer's scene and writes its pictures, the first after what LightRenderer::remember() was told of: a
+/// film
+/// (.mp4), a GIF that moves, or one file a frame where the name holds a place for its number such as %04d. A single
+/// frame needs neither. Returns how many frames are in files: all, unless `progress` or the settings' ended it; a file
+/// is complete or is not there. Errors: as picture() and writePicture(); several frames without a place for the number;
+/// layers for another format than .exr.
 Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
                          const AnimationOptions& animation = {}, const ToneMap& toneMap = {});
 
