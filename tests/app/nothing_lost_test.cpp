@@ -153,7 +153,7 @@ TEST_F(NothingIsLost, UnknownKindsAreRefusedByName) {
     for (const auto& [arguments, there] : std::vector<std::pair<std::vector<std::string>, std::string>>{
              {{"listen", file, "-o", folder / "a.mp3"}, ".wav"},
              {{"listen", file, "--ir", folder / "a.flac"}, ".wav"},
-             {{"render", file, "-o", folder / "a.mp4"}, ".png"},
+             {{"render", file, "-o", folder / "a.avi"}, ".png"},
              {{"render", file, "-o", folder / "a"}, ".png"},
              {{"convert", file, folder / "a.fbx"}, ".x3dv"},
              {{"replay", log, "--save", folder / "a.rtsgb"}, ".x3dv"},
