@@ -28,7 +28,7 @@ class Page(html.parser.HTMLParser):
 
 def demo(user, **settings):
     out = user.path("out")
-    ran = subprocess.run([ROOT / "examples" / "demo" / "run", out], capture_output=True, text=True, timeout=PATIENCE,
+    ran = subprocess.run([ROOT / "examples" / "demo" / "run", out], capture_output=True, text=True, timeout=300,
                          env={**os.environ, "RTSG": str(user.program), "NO_COLOR": "1", **settings})
     return out, ran
 
