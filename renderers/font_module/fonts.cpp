@@ -331,7 +331,11 @@ class SystemFonts : public Fonts {
             if (request.loaded != kNone && request.loadedAt == i) {
                 measure(request.loaded, out);
                 if (!missing.empty())
-                    out.said = "font family " + missing + " is not installed: \"" + family + "\" is used";
+                    out.said.assign("font family ")
+                        .append(missing)
+                        .append(" is not installed: \"")
+                        .append(family)
+                        .append("\" is used");
                 return {};
             }
             for (const auto& [name, ours, alias] : kGeneric) {
