@@ -60,7 +60,9 @@ rtsg::ScriptOptions options(std::string& printed) {
 class Neighbour {
   public:
     Neighbour() {
-        scene_.setScriptOptions(options(printed_));
+        rtsg::ScriptOptions patient = options(printed_);
+        patient.timeLimit = 2;  // collecting what others left may fall into its time
+        scene_.setScriptOptions(std::move(patient));
         rtsg::Diagnostics diagnostics;
         (void)rtsg::loadText(scene_, R"(#X3D V4.0 utf8
 PROFILE Full
