@@ -4,6 +4,7 @@
 #include <unordered_map>
 
 #include "import.h"
+#include "value/utf8.h"
 
 namespace rtsg::detail {
 
@@ -97,7 +98,8 @@ bool importStl(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
     mesh.triangles = true;
     mesh.smooth = false;  // facets of an STL file are flat
     beginImported(handler, "from STL");
-    if (!name.empty()) handler.meta("title", name, {});
+    std::size_t replaced = 0;  // the format knows no encoding
+    if (!name.empty()) handler.meta("title", replaceInvalidUtf8(name, replaced), {});
     handler.beginNode("Shape", {}, {}, {});
     handler.beginNode("Appearance", {}, "appearance", {});
     handler.beginNode("Material", {}, "material", {});

@@ -84,6 +84,14 @@ TEST(ImportStl, TextAndBinaryGiveTheSameMeshWithEachPointOnce) {
     }
 }
 
+TEST(ImportStl, ANameInAnotherEncodingIsWrittenAsText) {
+    const Imported latin(
+        "solid caf\xE9\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 1 1 0\nendloop\nendfacet\n"
+        "endsolid\n");
+    EXPECT_EQ(latin.problems, "");
+    EXPECT_THAT(latin.commands, HasSubstr("meta title=caf\xEF\xBF\xBD"));
+}
+
 TEST(ImportStl, FaultsAreNamedAndTheRestIsKept) {
     const Imported bad(
         "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 zero 0\nvertex 1 1 0\nendloop\nendfacet\n"
