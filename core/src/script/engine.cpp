@@ -77,7 +77,37 @@ struct ScriptEngine::State {
     bool refused = false;  // the engine does not start
     std::unordered_map<std::uint32_t, Program> programs;
 
+    /// What calls have taken since the scene's clock was set to `at`, nanoseconds.
+    struct Spent {
+        double at = -kNever;
+        std::int64_t calls = 0;   // by the wall's clock, one after the other
+        std::int64_t thread = 0;  // the thread's own time at the first one
+        bool over = false, before = false;
+    };
+    Spent spent;
+
     JSContext* context() const { return runtime->context(); }
+
+    /// Programs that each keep to their limit may still be without number: those that make others, those of a hundred
+    /// nodes that each loop. Calls of one frame share a time of their own, less of it if the frame before used it up.
+    /// Both clocks have to say so: the wall's goes on while others have the machine, the thread's while other things
+    /// than programs run, and asking that one costs as much as a short call.
+    double frameLimit() const {
+        constexpr double kCalls = 5;
+        return (spent.before ? 1 : kCalls) * options.timeLimit;
+    }
+    bool mayCall() {
+        if (spent.at != scene.now()) spent = {scene.now(), 0, ownTime(), false, spent.over};
+        const auto limit = static_cast<std::int64_t>(frameLimit() * 1e9);
+        return spent.calls <= limit || ownTime() - spent.thread <= limit;
+    }
+    void refuseCall(Cascade* cascade, NodeId id) {
+        if (!std::exchange(spent.over, true))
+            warn(cascade, id,
+                 fmt::format("stopped: scripts ran longer than {} s in one frame; it and those whose turn comes after "
+                             "it are not called again",
+                             frameLimit()));
+    }
 
     /// The pending exception as a sentence with the script's own line; clears it.
     std::string takeError() {
@@ -148,6 +178,11 @@ struct ScriptEngine::State {
         }
         // The program may destroy its own node, and so itself: nothing of either is used after the body.
         const NodeId id = node.id();
+        if (runtime->depth == 0 && !mayCall()) {
+            refuseCall(cascade, id);
+            program.end();
+            return false;
+        }
         JS::RootedObject global(context(), *program.global);
         Call call{scene, cascade, options, scene.now(), global};
         Call* outer = std::exchange(runtime->current, &call);
@@ -159,7 +194,7 @@ struct ScriptEngine::State {
                             (runtime->withinMemory() || report(cascade, id));
         reportRejections(cascade, id, mark);
         runtime->jobs().endCall(mark);
-        if (--runtime->depth == 0) runtime->stopWatch();
+        if (--runtime->depth == 0) spent.calls += runtime->stopWatch();
         runtime->current = outer;
         return ok && goesOn;
     }
@@ -293,6 +328,7 @@ struct ScriptEngine::State {
             refused = !runtime;
         }
         if (refused) return cascade.warn(node, "the script engine does not start");
+        if (runtime->depth == 0 && !mayCall()) return refuseCall(&cascade, node.id());
         std::string problem;
         program.url = node.get(x3d::Script::url);
         if (program.url.empty()) return;
@@ -336,7 +372,7 @@ std::unique_ptr<ScriptPrograms> makeScriptPrograms(Scene& scene, const ScriptOpt
 }
 
 ScriptEngine::ScriptEngine(Scene& scene, const ScriptOptions& options)
-    : state_(new State{.scene = scene, .options = options, .runtime = {}, .programs = {}}) {}
+    : state_(new State{.scene = scene, .options = options, .runtime = {}, .programs = {}, .spent = {}}) {}
 
 ScriptEngine::~ScriptEngine() {
     // On a foreign thread the roots cannot be given back: they stay with the context, which is left alone too.

@@ -7,6 +7,8 @@
 // Invariant: nobody is found guilty without that count. Threading: the context's thread.
 #pragma once
 
+#include <time.h>
+
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
@@ -18,6 +20,12 @@ namespace rtsg::script {
 /// Nanoseconds of a clock that never goes back.
 inline std::int64_t steadyNow() {
     return std::chrono::steady_clock::now().time_since_epoch().count();
+}
+/// Of this thread, in nanoseconds: what others do with the machine is no part of it.
+inline std::int64_t ownTime() {
+    timespec now{};
+    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
 }
 
 class Memory {

@@ -3,7 +3,6 @@
 #include "runtime.h"
 
 #include <chrono>
-#include <ctime>
 
 namespace rtsg::script {
 
@@ -12,13 +11,6 @@ extern const char* const kFences;
 extern const char* const kBrowser;
 
 namespace {
-
-/// Of this thread, in nanoseconds: what others do with the machine is no part of it.
-std::int64_t ownTime() {
-    timespec now{};
-    ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-    return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
-}
 
 std::atomic<int> contexts = 0;
 std::atomic<bool> processEnds = false;
@@ -142,8 +134,8 @@ void Runtime::startWatch(double seconds) {
     wakeUp_.notify_one();
 }
 
-void Runtime::stopWatch() {
-    deadline_.store(0, std::memory_order_relaxed);
+std::int64_t Runtime::stopWatch() {
+    return steadyNow() - (deadline_.exchange(0, std::memory_order_relaxed) - limit_);
 }
 
 void Runtime::watch(const std::stop_token& stop) {

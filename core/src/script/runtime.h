@@ -42,7 +42,8 @@ class Runtime {
 
     /// From here on the running program has `seconds`.
     void startWatch(double seconds);
-    void stopWatch();
+    /// Nanoseconds since then, by the wall's clock.
+    std::int64_t stopWatch();
     enum class Excess { none, time, memory };
     /// Why the watch had to stop the last program; asking forgets it.
     Excess takeExcess() { return std::exchange(excess_, Excess::none); }

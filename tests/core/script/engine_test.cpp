@@ -119,6 +119,59 @@ TEST(ScriptEngine, EveryWayToHoldUpTheSceneEndsInADiagnosticAndTheSceneGoesOn) {
 }
 #endif
 
+/// How often something is said of scripts.
+std::size_t timesToldIn(Scene& scene, std::string_view text) {
+    std::size_t count = 0;
+    for (const Diagnostic& d : scene.diagnostics().all()) count += d.text.find(text) != std::string::npos;
+    return count;
+}
+
+ScriptOptions limitedTo(double seconds) {
+    ScriptOptions options;
+    options.timeLimit = seconds;
+    return options;
+}
+
+TEST(ScriptEngine, ManyThatLoopShareTheTimeOfAFrame) {
+    // Each is stopped after .05 s, so after .25 s of a frame's five, and those that never got their turn are ended too.
+    std::string scripts;
+    for (int i = 0; i < 40; ++i) scripts += "Script { url \"ecmascript: function initialize() { for (;;); }\" } ";
+    ScriptScene s("outputOnly SFInt32 n", "function prepareEvents() { n = n + 1; }", scripts, limitedTo(.05));
+    s.frame();
+    EXPECT_GE(timesToldIn(s.scene, "ran longer than 0.05 s"), 1u);
+    EXPECT_LE(timesToldIn(s.scene, "ran longer than 0.05 s"), 6u);
+    EXPECT_EQ(timesToldIn(s.scene, "scripts ran longer than 0.25 s in one frame"), 1u) << s.problems();
+    const std::size_t told = s.scene.diagnostics().all().size();
+    s.frame();
+    s.frame();
+    EXPECT_EQ(s.scene.diagnostics().all().size(), told) << "nobody is left who loops: " << s.problems();
+}
+
+TEST(ScriptEngine, OneThatMakesOthersLikeItselfEndsInADiagnostic) {
+    ScriptScene s("directOutput TRUE",
+                  "function prepareEvents() { "
+                  "Browser.createX3DFromString(Browser.currentScene.getNamedNode('S').toXMLString()); }",
+                  {}, limitedTo(.02));
+    for (int i = 0; i < 6 && timesToldIn(s.scene, "in one frame") == 0; ++i) s.frame();
+    EXPECT_GE(timesToldIn(s.scene, "scripts ran longer than 0.1 s in one frame"), 1u) << s.problems();
+    s.frame();
+    s.frame();
+    EXPECT_GE(timesToldIn(s.scene, "scripts ran longer than 0.02 s in one frame"), 1u) << "less in the frames after it";
+}
+
+TEST(ScriptEngine, WhatAFrameTookIsNotHeldAgainstTheNext) {
+    // Some ms a frame: together more than the .5 s that one frame has.
+    ScriptScene s("inputOnly SFInt32 go outputOnly SFInt32 n",
+                  "function go(v) { let x = 0; for (let i = 0; i < 3e6; ++i) x = (x * 31 + i) | 0; n = v + 0 * x; }",
+                  {}, limitedTo(.1));
+    for (int i = 1; i <= 200; ++i) {
+        s.send("go", i);
+        s.frame();
+        ASSERT_EQ(s.get<std::int32_t>("n"), i) << s.problems();
+    }
+    EXPECT_TRUE(s.scene.diagnostics().all().empty()) << s.problems();
+}
+
 TEST(ScriptEngine, AnEventThatComesBackWhileAProgramIsLoadedIsNotHandled) {
     ScriptScene s("directOutput TRUE inputOnly SFInt32 go outputOnly SFInt32 n",
                   "Browser.currentScene.getNamedNode('O').step = 1; function go(v) { n = v; }",

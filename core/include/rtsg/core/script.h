@@ -20,7 +20,9 @@ class Resources;
 struct ScriptOptions {
     bool enabled = true;
     /// Seconds of its thread's CPU time that one call of a script's function may take, so that a busy machine stops
-    /// nobody; then it is stopped, reported and never called again.
+    /// nobody; then it is stopped, reported and never called again. All calls of a frame together may take five times
+    /// as much, or once as much if those of the frame before needed it all: whose turn comes then is not called again
+    /// either.
     double timeLimit = 2;
     /// Bytes that all scripts of one thread may hold, in objects and in the contents of arrays and strings, and by
     /// which one call may let the process grow. Read when the first script of the thread runs.
