@@ -12,7 +12,6 @@
 #include <rtsg/core/writer.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/mesh_file.h>
-#include <rtsg/renderers/movie_writer.h>
 #include <rtsg/renderers/picture.h>
 
 namespace rtsg::app {
@@ -52,9 +51,7 @@ void checkName(const OutputName& output) {
     bool gzip = false;
     switch (output.kind) {
         case OutputKind::picture:
-            if (MovieWriter::isName(output.file) &&
-                !numberedName(std::filesystem::path(output.file).filename().string(), 0))
-                break;
+            if (PictureFiles(output.file, 1).together()) break;
             if (auto ok = checkPictureName(output.file); !ok) refuse(ok.error());
             break;
         case OutputKind::sound:

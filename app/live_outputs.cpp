@@ -26,7 +26,7 @@ LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments)
       start_(scene_.now()),
       firstState_(scene_.sequence()),
       world_(world.get()),
-      files_(arguments_) {}
+      files_(arguments_.render, arguments_.picturesPerSecond, arguments_.picture.toneMap()) {}
 
 Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                          const Resources& resources) {

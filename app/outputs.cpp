@@ -14,17 +14,6 @@
 
 namespace rtsg::app {
 
-namespace {
-
-std::string lowerExtension(const std::string& file) {
-    std::string extension = std::filesystem::path(file).extension().string();
-    for (char& c : extension)
-        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-    return extension;
-}
-
-}  // namespace
-
 void PictureArguments::addTo(Command& command) {
     command.addOption("--size", size, "pixels, such as 1280x720")->preset();
     command.addOption("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
@@ -188,8 +177,7 @@ void OutputArguments::addTo(Command& command, Options which) {
 }
 
 bool OutputArguments::animated() const {
-    return lowerExtension(render) == ".gif" || MovieWriter::isName(render) ||
-           numberedName(std::filesystem::path(render).filename().string(), 0);
+    return PictureFiles(render, picturesPerSecond).takesSeveral();
 }
 
 Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
@@ -300,50 +288,6 @@ std::string OutputReport::text() const {
         text += fmt::format("; {:.3f} s played on {}, {} underruns", live->device->seconds, live->device->device,
                             live->device->underruns);
     return text;
-}
-
-Result<> PictureFiles::add(Picture picture, std::uint64_t skipped) {
-    const std::filesystem::path pattern(arguments_.render);
-    const auto numbered = numberedName(pattern.filename().string(), count_++);
-    if (!numbered && MovieWriter::isName(arguments_.render)) {
-        const bool first = !film_;
-        if (first) {
-            auto film =
-                MovieWriter::create(arguments_.render, picture.width, picture.height, arguments_.picturesPerSecond);
-            if (!film) return std::unexpected(film.error());
-            film_.emplace(std::move(*film));
-        } else if (auto ok = film_->hold(skipped); !ok) {
-            return ok;
-        }
-        if (auto ok = film_->add(picture, arguments_.picture.toneMap()); !ok || !first) return ok;
-        return film_->hold(skipped);
-    }
-    if (lowerExtension(arguments_.render) == ".gif") {
-        if (frames_.empty()) {
-            frames_.push_back(std::move(picture));
-            hold(skipped);
-        } else {
-            hold(skipped);
-            frames_.push_back(std::move(picture));
-        }
-        return {};
-    }
-    return writePicture(picture, numbered ? (pattern.parent_path() / *numbered).string() : arguments_.render,
-                        arguments_.picture.toneMap());
-}
-
-void PictureFiles::hold(std::uint64_t pictures) {
-    for (; pictures > 0 && !frames_.empty(); --pictures) frames_.emplace_back(frames_.back());
-}
-
-Result<> PictureFiles::finish(std::uint64_t skipped) {
-    if (film_) {
-        if (auto ok = film_->hold(skipped); !ok) return ok;
-        return film_->finish();
-    }
-    hold(skipped);
-    if (frames_.empty()) return {};
-    return writeAnimation(frames_, arguments_.render, arguments_.picturesPerSecond, arguments_.picture.toneMap());
 }
 
 Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments) {

@@ -22,7 +22,6 @@
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/audio/sound_renderer.h>
 #include <rtsg/renderers/image.h>
-#include <rtsg/renderers/movie_writer.h>
 
 #include "cli.h"
 #include "files.h"
@@ -124,24 +123,6 @@ struct OutputReport {
     std::string text() const;
 };
 
-/// The files of --render: one, many with numbers, a film, or a .gif.
-class PictureFiles {
-  public:
-    explicit PictureFiles(const OutputArguments& arguments) : arguments_(arguments) {}
-    /// Writes it, or keeps it for the .gif; in that and in a film the one before stays as long as those that were
-    /// skipped would have.
-    Result<> add(Picture picture, std::uint64_t skipped = 0);
-    Result<> finish(std::uint64_t skipped = 0);
-
-  private:
-    void hold(std::uint64_t pictures);
-
-    const OutputArguments& arguments_;
-    int count_ = 0;
-    std::vector<Picture> frames_;      // of a .gif
-    std::optional<MovieWriter> film_;  // once there is a picture
-};
-
 /// Writes what was heard, as long as was asked for. Returns its length in seconds.
 Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments);
 
@@ -208,7 +189,10 @@ class Outputs final : public OutputMaker {
 
   private:
     Outputs(WorldOnDemand& world, const OutputArguments& arguments)
-        : world_(world), scene_(world.scene()), arguments_(arguments), files_(arguments_) {}
+        : world_(world),
+          scene_(world.scene()),
+          arguments_(arguments),
+          files_(arguments_.render, arguments_.picturesPerSecond, arguments_.picture.toneMap()) {}
     /// What is to be made of one state.
     struct Job {
         std::shared_ptr<const WorldState> state;

@@ -5,8 +5,6 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/renderers/movie_writer.h>
-
 #include "files.h"
 #include "outputs.h"
 #include "running_scene.h"
@@ -104,8 +102,7 @@ int render(const RenderArguments& options) {
     animation.framesPerSecond = options.fps;
     const double time = parseSeconds(options.time);
     const std::filesystem::path out(options.out);
-    if (options.frames > 1 && out.extension() != ".gif" && !MovieWriter::isName(out) &&
-        !numberedName(out.filename().string(), 0))
+    if (options.frames > 1 && !PictureFiles(out, options.fps).takesSeveral())
         throw UsageError("-o", "several frames need a .mp4 or .gif, or a place for their number such as %04d");
 
     const std::vector<OutputName> outputs{{"-o", options.out, OutputKind::picture}};

@@ -3,11 +3,8 @@
 
 #include <algorithm>
 #include <cctype>
-#include <optional>
 
 #include <fmt/format.h>
-
-#include <rtsg/renderers/movie_writer.h>
 
 namespace rtsg {
 
@@ -39,64 +36,64 @@ std::optional<std::string> numberedName(const std::string& pattern, int number) 
     return result;
 }
 
-namespace {
+PictureFiles::PictureFiles(std::filesystem::path file, double picturesPerSecond, const ToneMap& toneMap)
+    : file_(std::move(file)), picturesPerSecond_(picturesPerSecond), toneMap_(toneMap) {
+    if (numberedName(file_.filename().string(), 0))
+        kind_ = Kind::numbered;
+    else if (MovieWriter::isName(file_))
+        kind_ = Kind::film;
+    else if (lowerExtension(file_) == ".gif")
+        kind_ = Kind::gif;
+}
 
-/// The pictures of an animation into their files, as they are made; of a GIF once all are.
-class AnimationFiles {
-  public:
-    AnimationFiles(const std::filesystem::path& file, const AnimationOptions& animation, const ToneMap& toneMap)
-        : file_(file),
-          animation_(animation),
-          toneMap_(toneMap),
-          numbered_(numberedName(file.filename().string(), 0).has_value()),
-          film_(!numbered_ && MovieWriter::isName(file)),
-          gif_(!numbered_ && (file.extension() == ".gif" || file.extension() == ".GIF")) {}
-
-    /// Whether the pictures are one file.
-    bool together() const { return film_ || gif_; }
-    bool takesSeveral() const { return together() || numbered_; }
-
-    Result<> add(Picture picture, int number) {
-        if (film_) {
-            if (!movie_) {
-                auto movie = MovieWriter::create(file_, picture.width, picture.height, animation_.framesPerSecond);
-                if (!movie) return std::unexpected(movie.error());
-                movie_.emplace(std::move(*movie));
-            }
-            return movie_->add(picture, toneMap_);
-        }
-        if (gif_) {
-            frames_.push_back(std::move(picture));
-            return {};
-        }
-        const auto name = numbered_ ? file_.parent_path() / *numberedName(file_.filename().string(), number) : file_;
+Result<> PictureFiles::add(Picture picture, std::uint64_t skipped) {
+    if (!together()) {
+        const int number = count_++;
+        const auto name =
+            kind_ == Kind::numbered ? file_.parent_path() / *numberedName(file_.filename().string(), number) : file_;
         return writePicture(picture, name, toneMap_);
     }
-    Result<> finish() {
-        if (movie_) return movie_->finish();
-        return gif_ ? writeAnimation(frames_, file_, animation_.framesPerSecond, toneMap_) : Result<>();
+    const bool first = count_++ == 0;
+    if (!first)
+        if (auto ok = hold(skipped); !ok) return ok;
+    if (auto ok = store(std::move(picture)); !ok || !first) return ok;
+    return hold(skipped);
+}
+
+Result<> PictureFiles::store(Picture picture) {
+    if (kind_ == Kind::gif) {
+        frames_.push_back(std::move(picture));
+        return {};
     }
+    if (!movie_) {
+        auto movie = MovieWriter::create(file_, picture.width, picture.height, picturesPerSecond_);
+        if (!movie) return std::unexpected(movie.error());
+        movie_.emplace(std::move(*movie));
+    }
+    return movie_->add(picture, toneMap_);
+}
 
-  private:
-    const std::filesystem::path& file_;
-    const AnimationOptions& animation_;
-    const ToneMap& toneMap_;
-    bool numbered_, film_, gif_;
-    std::vector<Picture> frames_;       // of a GIF
-    std::optional<MovieWriter> movie_;  // once there is a picture
-};
+Result<> PictureFiles::hold(std::uint64_t pictures) {
+    if (movie_) return movie_->hold(pictures);
+    for (; pictures > 0; --pictures) frames_.emplace_back(frames_.back());
+    return {};
+}
 
-}  // namespace
+Result<> PictureFiles::finish(std::uint64_t skipped) {
+    if (!together() || count_ == 0) return {};
+    if (auto ok = hold(skipped); !ok) return ok;
+    return movie_ ? movie_->finish() : writeAnimation(frames_, file_, picturesPerSecond_, toneMap_);
+}
 
 Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
                          const AnimationOptions& animation, const ToneMap& toneMap) {
     if (animation.frames < 1) return fail("an animation needs at least one frame");
     if (!(animation.framesPerSecond > 0)) return fail("frames per second must be positive");
-    AnimationFiles files(file, animation, toneMap);
+    PictureFiles files(file, animation.framesPerSecond, toneMap);
     if (animation.frames > 1 && !files.takesSeveral())
         return fail("several frames need a .mp4 or .gif, or a name with a place for their number such as %04d", {},
                     file.string());
-    if (options.settings.layers != 0 && file.extension() != ".exr" && file.extension() != ".EXR")
+    if (options.settings.layers != 0 && lowerExtension(file) != ".exr")
         return fail("only .exr holds layers", {}, file.string());
     int done = 0;
     for (int i = 0; i < animation.frames; ++i) {
@@ -110,7 +107,7 @@ Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file
         if (!picture) return std::unexpected(picture.error());
         if (stats.cancelled) break;
         if (animation.stats) animation.stats(stats);
-        if (auto ok = files.add(std::move(*picture), i); !ok) return std::unexpected(ok.error());
+        if (auto ok = files.add(std::move(*picture)); !ok) return std::unexpected(ok.error());
         ++done;
         if (animation.progress && !animation.progress(i + 1)) break;
     }

@@ -49,9 +49,7 @@ MovieWriter& MovieWriter::operator=(MovieWriter&&) noexcept = default;
 MovieWriter::~MovieWriter() = default;
 
 bool MovieWriter::isName(const std::filesystem::path& file) {
-    std::string extension = file.extension().string();
-    for (char& c : extension) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
-    return extension == ".mp4";
+    return lowerExtension(file) == ".mp4";
 }
 
 Result<MovieWriter> MovieWriter::create(const std::filesystem::path& file, int width, int height,

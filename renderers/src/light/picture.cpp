@@ -20,13 +20,6 @@ bool isLinearFormat(const std::string& extension) {
            extension == ".tiff";
 }
 
-std::string lowerExtension(const std::filesystem::path& file) {
-    std::string extension = file.extension().string();
-    std::ranges::transform(extension, extension.begin(),
-                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return extension;
-}
-
 Result<> checkSize(const Picture& picture, const std::filesystem::path& file) {
     if (picture.width <= 0 || picture.height <= 0) return fail("the picture is empty", {}, file.string());
     return {};
@@ -74,6 +67,13 @@ void addLayers(const Picture& picture, Sheet& sheet) {
 }
 
 }  // namespace
+
+std::string lowerExtension(const std::filesystem::path& file) {
+    std::string extension = file.extension().string();
+    std::ranges::transform(extension, extension.begin(),
+                           [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return extension;
+}
 
 Vec3f ToneMap::apply(Vec3f linear) const {
     // A NaN in a picture is a bug elsewhere; black shows it without undefined conversions.

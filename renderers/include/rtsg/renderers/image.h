@@ -1,14 +1,17 @@
-// Pictures into files: one, a numbered row of them, or an animation, of a scene that runs meanwhile.
+// Pictures into files: one, a numbered row of them, a film or an animation, of a scene that runs meanwhile.
 //
 // Threading: the scene's thread; a picture itself is made by several.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <rtsg/renderers/light_renderer.h>
+#include <rtsg/renderers/movie_writer.h>
 
 namespace rtsg {
 
@@ -24,14 +27,42 @@ struct AnimationOptions {
     /// Called with every picture's counts.
     std::function<void(const RenderStats&)> stats{};
 };
-/// Runs the renderer's scene and writes its pictures, the first after what LightRenderer::remember() was told of: a
-/// film
-/// (.mp4), a GIF that moves, or one file a frame where the name holds a place for its number such as %04d. A single
-/// frame needs neither. Returns how many frames are in files: all, unless `progress` or the settings' ended it; a file
-/// is complete or is not there. Errors: as picture() and writePicture(); several frames without a place for the number;
-/// layers for another format than .exr.
+/// Runs the renderer's scene and writes its pictures, the first after what LightRenderer::remember() was told of, into
+/// PictureFiles. A single frame needs no name for several. Returns how many frames are in files: all, unless `progress`
+/// or the settings' ended it; a file is complete or is not there. Errors: as picture() and PictureFiles; several frames
+/// without a name for them; layers for another format than .exr.
 Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
                          const AnimationOptions& animation = {}, const ToneMap& toneMap = {});
+
+/// The files of pictures that come one after the other, by the name that is given: one for each, where it holds a place
+/// for a number such as %04d; a film (.mp4); a GIF that moves, once all are there; else one that each replaces.
+/// Threading: one thread.
+class PictureFiles {
+  public:
+    PictureFiles(std::filesystem::path file, double picturesPerSecond, const ToneMap& toneMap = {});
+
+    /// Whether there is room for more than one, and whether all of them are one file.
+    bool takesSeveral() const { return kind_ != Kind::one; }
+    bool together() const { return kind_ == Kind::film || kind_ == Kind::gif; }
+    /// Of pictures of one file the one before stays as long as `skipped` more would have, the first one itself. Errors:
+    /// as writePicture() and MovieWriter.
+    Result<> add(Picture picture, std::uint64_t skipped = 0);
+    /// The last one stays as long as `skipped` more. Without a picture there is no file.
+    Result<> finish(std::uint64_t skipped = 0);
+
+  private:
+    enum class Kind : std::uint8_t { one, numbered, film, gif };
+    Result<> store(Picture picture);
+    Result<> hold(std::uint64_t pictures);
+
+    std::filesystem::path file_;
+    double picturesPerSecond_;
+    ToneMap toneMap_;
+    Kind kind_ = Kind::one;
+    int count_ = 0;
+    std::vector<Picture> frames_;       // of a GIF
+    std::optional<MovieWriter> movie_;  // once there is a picture
+};
 
 /// Puts `number` in place of the one `%d` or `%0Nd`; nothing if the name has none or another conversion.
 std::optional<std::string> numberedName(const std::string& pattern, int number);

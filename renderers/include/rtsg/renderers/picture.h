@@ -63,6 +63,8 @@ Picture toLinear(Picture picture);
 /// beyond white is cut. What lies half way between two bytes goes up: .9 is 230.
 std::vector<std::uint8_t> toSrgb8(const Picture& picture, const ToneMap& toneMap = {});
 
+/// ".png" of "a.PNG": by it names stand for formats.
+std::string lowerExtension(const std::filesystem::path& file);
 /// Whether a picture can be written under this name, by its extension. The error names those there are.
 Result<> checkPictureName(const std::filesystem::path& file);
 /// The extension chooses the format; the file is replaced once all of it is written. Errors: unknown extension, folder
