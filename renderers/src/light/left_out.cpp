@@ -44,10 +44,10 @@ class ClipFilter final : public RayFilter {
             if (scope == 0) return false;
         }
     }
-    bool leavesOut(std::uint32_t slot, const Vec3f& at) const override {
+    bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const override {
         for (std::uint32_t scope = scopeOf(slot);; scope = around_[scope]) {
             for (const Vec4f& plane : planes_[scope])
-                if (glm::dot(Vec3f(plane), at) + plane.w < 0) return true;
+                if (glm::dot(Vec3f(plane), at) + plane.w < -slack(plane, error)) return true;
             if (scope == 0) return false;
         }
     }
@@ -80,6 +80,12 @@ class ClipFilter final : public RayFilter {
     }
 
   private:
+    /// Surfaces that lie on a plane are kept: which of their rays end a rounding before it, and which behind, is
+    /// chance.
+    static float slack(const Vec4f& plane, float error) {
+        const Vec3f normal = glm::abs(Vec3f(plane));
+        return error * (normal.x + normal.y + normal.z) + 0x1p-23f * std::abs(plane.w);
+    }
     void findBounds(const RayView& world) {
         if (!planes_[0].empty()) return;  // all there is
         Bounds around;
@@ -109,8 +115,8 @@ class HidingFilter final : public RayFilter {
     HidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other)
         : hidden_(std::move(hidden)), other_(std::move(other)) {}
     bool concerns(std::uint32_t slot) const override { return isHidden(slot) || (other_ && other_->concerns(slot)); }
-    bool leavesOut(std::uint32_t slot, const Vec3f& at) const override {
-        return isHidden(slot) || (other_ && other_->leavesOut(slot, at));
+    bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const override {
+        return isHidden(slot) || (other_ && other_->leavesOut(slot, at, error));
     }
     bool makesCaps() const override { return other_ && other_->makesCaps(); }
     bool findNext(const Ray& ray, Crossing& at) const override { return other_ && other_->findNext(ray, at); }

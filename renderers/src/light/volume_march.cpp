@@ -76,7 +76,7 @@ class March {
 
     Vec3f at(float t) const { return ray_.origin + t * ray_.direction; }
     bool isCut(const Way& way, float t) const {
-        return way.in->filter && way.in->filter->leavesOut(way.in->slot, at(t));
+        return way.in->filter && way.in->filter->leavesOut(way.in->slot, at(t), 0);
     }
 
     /// Puts something in front of what is beyond it.

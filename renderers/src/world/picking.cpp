@@ -78,12 +78,28 @@ Pick Picker::finish(const Candidate& candidate) const {
 
 namespace {
 
+/// Where a line through `from` meets a triangle's plane; nothing where it runs along it.
+struct Meeting {
+    exact::Weights where;
+    double distance = 0;
+    /// Inside, or outside by no more than `slack` of an edge.
+    bool isInside(double slack) const {
+        return where.u >= -slack && where.v >= -slack && where.u + where.v <= 1 + slack;
+    }
+};
+std::optional<Meeting> meet(const exact::Triangle& t, const Vec3d& from, const Vec3d& unit) {
+    const Vec3d ab = t.b - t.a, ac = t.c - t.a, h = glm::cross(unit, ac), s = from - t.a, q = glm::cross(s, ab);
+    const double det = glm::dot(ab, h);
+    if (det == 0) return std::nullopt;
+    return Meeting{{glm::dot(s, h) / det, glm::dot(unit, q) / det}, glm::dot(ac, q) / det};
+}
+
 /// Leaves out all but one layer.
 class LayerFilter final : public RayFilter {
   public:
     LayerFilter(const RayWorld& world, std::uint16_t layer) : world_(world), layer_(layer) {}
     bool concerns(std::uint32_t slot) const override { return world_.instance(slot).info.layer != layer_; }
-    bool leavesOut(std::uint32_t slot, const Vec3f&) const override { return concerns(slot); }
+    bool leavesOut(std::uint32_t slot, const Vec3f&, float) const override { return concerns(slot); }
 
   private:
     const RayWorld& world_;
@@ -104,21 +120,16 @@ class VolumeBoxes final : public RayView {
             for (std::uint32_t i = 0; i < box.mesh->triangleCount; ++i) visit(slot, i);
         }
     }
-    /// Calls `meet(slot, triangle, weights, distance)` for each of their triangles that the ray meets.
-    template <class Meet>
-    void cross(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Meet& meet) const {
+    /// Calls `tell(slot, triangle, weights, distance)` for each of their triangles that the ray meets.
+    template <class Tell>
+    void cross(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Tell& tell) const {
         visit([&](std::uint32_t slot, std::uint32_t i) {
-            const exact::Triangle t = triangleOf(instances_[slot], i);
-            const Vec3d ab = t.b - t.a, ac = t.c - t.a, h = glm::cross(unit, ac), s = from - t.a, q = glm::cross(s, ab);
-            const double det = glm::dot(ab, h);
-            if (det == 0) return;
-            const exact::Weights w{glm::dot(s, h) / det, glm::dot(unit, q) / det};
-            const double distance = glm::dot(ac, q) / det;
             constexpr double kEdge = 1e-12;  // so that no ray slips between two triangles
-            if (!(w.u >= -kEdge && w.v >= -kEdge && w.u + w.v <= 1 + kEdge && distance >= 0)) return;
-            const Vec3f at = fromWorld(from + distance * unit);
-            if (filter && filter->concerns(slot) && filter->leavesOut(slot, at)) return;
-            meet(slot, i, w, distance);
+            const std::optional<Meeting> m = meet(triangleOf(instances_[slot], i), from, unit);
+            if (!m || !m->isInside(kEdge) || !(m->distance >= 0)) return;
+            const Vec3f at = fromWorld(from + m->distance * unit);
+            if (filter && filter->concerns(slot) && filter->leavesOut(slot, at, 0)) return;
+            tell(slot, i, m->where, m->distance);
         });
     }
 };
@@ -149,10 +160,16 @@ Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double ma
     Candidate candidate;
     if (hit) {
         const exact::Triangle t = triangleOf(world_->instance(hit.instance), hit.triangle);
-        candidate = {hit.instance, hit.triangle, {hit.u, hit.v}, 0, t.at(hit.u, hit.v), {}, true};
+        const bool stroke = world_->instance(hit.instance).mesh->strokeCount > 0;
+        candidate = {hit.instance, hit.triangle, {hit.u, hit.v}, 0, t.at(hit.u, hit.v), {}, !stroke};
+        if (stroke) candidate.normal = -unit;
+        // The BVH's answer is one of floats: it says which triangle. Of one that the ray grazes it has to do.
+        constexpr double kNear = 1e-4;
+        if (const auto exactly = meet(t, origin, unit); !stroke && exactly && exactly->isInside(kNear)) {
+            candidate.where = exactly->where;
+            candidate.point = t.at(exactly->where.u, exactly->where.v);
+        }
         candidate.distance = std::max(0.0, glm::dot(candidate.point - origin, unit));
-        if (world_->instance(hit.instance).mesh->strokeCount > 0)
-            candidate.normal = -unit, candidate.surfaceNormal = false;
         if (candidate.distance > maximum) candidate = {};
     }
     VolumeBoxes(*world_).cross(
@@ -171,7 +188,7 @@ class BeyondFilter final : public RayFilter {
   public:
     BeyondFilter(const Vec3f& origin, const Vec3f& unit) : origin_(origin), unit_(unit) {}
     bool concerns(std::uint32_t slot) const override { return met_.contains(slot); }
-    bool leavesOut(std::uint32_t slot, const Vec3f& at) const override {
+    bool leavesOut(std::uint32_t slot, const Vec3f& at, float) const override {
         return glm::dot(at - origin_, unit_) <= met_.at(slot);
     }
     /// What is nearer than what this returns has been met of all.

@@ -161,15 +161,23 @@ Hit RayView::intersectAll(const Ray& ray, RayKind kind) const {
     return hit;
 }
 
+namespace {
+
+/// The place is as exact as floats make it, of the ray's start and of the way to it.
+bool isLeftOut(const RayFilter& filter, const Hit& hit, const Ray& ray) {
+    const Vec3f way = hit.t * ray.direction, sizes = glm::abs(ray.origin) + glm::abs(way);
+    return filter.leavesOut(hit.instance, ray.origin + way, 0x1p-21f * std::max({sizes.x, sizes.y, sizes.z}));
+}
+
+}  // namespace
+
 Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
     // From each place that is left out on to the next. The start moves along the ray; from the same start a hit at the
     // same place could come back for ever.
     constexpr int kMost = 10'000;
     for (int i = 0; i < kMost; ++i) {
         const Hit hit = intersectAll(ray, kind);
-        if (!hit || !filter_->concerns(hit.instance) ||
-            !filter_->leavesOut(hit.instance, ray.origin + hit.t * ray.direction))
-            return hit;
+        if (!hit || !filter_->concerns(hit.instance) || !isLeftOut(*filter_, hit, ray)) return hit;
         ray.tMin = std::nextafter(hit.t * (1 + 0x1p-22f), HUGE_VALF);
         if (!(ray.tMin < ray.tMax) || !std::isfinite(ray.tMin)) return {};
     }
@@ -195,7 +203,7 @@ std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, std::ui
                 rays.tMin[i],
                 {rays.directionX[i], rays.directionY[i], rays.directionZ[i]},
                 rays.tMax[i]};
-        if (!filter_->leavesOut(first.instance, ray.origin + first.t * ray.direction)) continue;
+        if (!isLeftOut(*filter_, first, ray)) continue;
         ray.tMax = tMax[i];
         const Hit next = intersectFiltered(ray, kind);
         rays.tMax[i] = next ? next.t : tMax[i];

@@ -56,6 +56,21 @@ TEST(ClipPlane, MovesWithTheTransformAroundIt) {
     EXPECT_NEAR(lit(s.picture(), 0), .75, .003);
 }
 
+TEST(ClipPlane, KeepsWhatLiesOnIt) {
+    // Half of its rays end a rounding behind the plane: it is all there, or it is speckled.
+    for (const char* turn : {"0 1 0 0", "1 0 0 .4", "0 1 0 .6435", ".6 .8 0 .7"}) {
+        const auto cut = [&](const char* plane) {
+            return fmt::format(
+                "Viewpoint {{ position 0 0 40 fieldOfView .1 }} Transform {{ translation .3 .1 -7 rotation {} children "
+                "[ {} {} ] }}",
+                turn, plane, square(20, unlit("1 1 1")));
+        };
+        EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 -1 0 }"), 100, 100).picture(), 0), 1) << turn;
+        EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 1 0 }"), 100, 100).picture(), 0), 1) << turn;
+        EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 1 -.001 }"), 100, 100).picture(), 0), 0) << turn;
+    }
+}
+
 TEST(ClipPlane, SeveralCutTogether) {
     LightScene s(std::string(kEye) + "ClipPlane { plane 1 0 0 0 } Group { children [ ClipPlane { plane 0 1 0 0 } " +
                      square(10, unlit("1 1 1")) + " ] }",

@@ -48,7 +48,7 @@ TEST(WorldQueries, MeetWhatDoubleCodeMeets) {
         const auto found = w.queries.firstHit(origin, direction), expected = simple.firstHit(origin, direction);
         if (!found || !expected || found->path != expected->path) continue;  // edges are either's
         ++hits;
-        EXPECT_LT(glm::distance(found->point, expected->point), 1e-4);
+        EXPECT_LT(glm::distance(found->point, expected->point), 1e-9);
         EXPECT_GT(std::abs(glm::dot(found->normal, expected->normal)), 1 - 1e-5);
     }
     EXPECT_GT(hits, 800);

@@ -44,8 +44,9 @@ class RayFilter {
     virtual ~RayFilter() = default;
     /// Whether anything of an instance may be left out at all.
     virtual bool concerns(std::uint32_t slot) const = 0;
-    /// Whether a place of it, in ray space, is.
-    virtual bool leavesOut(std::uint32_t slot, const Vec3f& at) const = 0;
+    /// Whether a place of it, in ray space, is. `error`: how far off it may be, in metres; what lies that close to the
+    /// bound of what is left out stays.
+    virtual bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const = 0;
     /// Ray space; around all that it concerns, so that rays elsewhere need not ask.
     const Bounds& bounds() const { return bounds_; }
 
