@@ -184,29 +184,54 @@ struct Rays {
     }
 };
 
-double bareSeconds(const BareEmbree& bare, const Rays& rays) {
-    RTCRayHit16 packet;
-    alignas(64) int valid[16];
-    for (int i = 0; i < 16; ++i) {
-        valid[i] = -1;
-        packet.ray.org_x[i] = rays.eye.x, packet.ray.org_y[i] = rays.eye.y, packet.ray.org_z[i] = rays.eye.z;
-        packet.ray.tnear[i] = 0, packet.ray.time[i] = 0;
+/// Sets what does not change from packet to packet.
+template <int kLanes>
+void fillPacket(auto& packet, float tMin) {
+    for (int i = 0; i < kLanes; ++i) {
+        packet.ray.tnear[i] = tMin, packet.ray.time[i] = 0;
         packet.ray.mask[i] = ~0u, packet.ray.flags[i] = 0, packet.ray.id[i] = 0;
         packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+    }
+}
+
+template <int kLanes, class RayHits>
+double bareSecondsIn(const BareEmbree& bare, const Rays& rays) {
+    RayHits packet;
+    alignas(64) int valid[kLanes];
+    fillPacket<kLanes>(packet, 0);
+    for (int i = 0; i < kLanes; ++i) {
+        valid[i] = -1;
+        packet.ray.org_x[i] = rays.eye.x, packet.ray.org_y[i] = rays.eye.y, packet.ray.org_z[i] = rays.eye.z;
     }
     bvh::RayCast cast(true);
     unsigned hits = 0;
     const double start = cpuSeconds();
-    for (const Rays::Block& block : rays.blocks) {
-        std::memcpy(packet.ray.dir_x, block.x, sizeof block.x);
-        std::memcpy(packet.ray.dir_y, block.y, sizeof block.y);
-        std::memcpy(packet.ray.dir_z, block.z, sizeof block.z);
-        for (int i = 0; i < 16; ++i) packet.ray.tfar[i] = INFINITY, packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-        cast.intersect(valid, bare.scene(), packet);
-        hits += packet.hit.geomID[0] != RTC_INVALID_GEOMETRY_ID;
-    }
+    for (const Rays::Block& block : rays.blocks)
+        for (int at = 0; at < 16; at += kLanes) {
+            std::memcpy(packet.ray.dir_x, block.x + at, sizeof packet.ray.dir_x);
+            std::memcpy(packet.ray.dir_y, block.y + at, sizeof packet.ray.dir_y);
+            std::memcpy(packet.ray.dir_z, block.z + at, sizeof packet.ray.dir_z);
+            for (int i = 0; i < kLanes; ++i)
+                packet.ray.tfar[i] = INFINITY, packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+            cast.trace(valid, bare.scene(), packet);
+            hits += packet.hit.geomID[0] != RTC_INVALID_GEOMETRY_ID;
+        }
     keep(hits);
     return cpuSeconds() - start;
+}
+/// In the widest packets that Embree has on this machine.
+double bareSeconds(const BareEmbree& bare, const Rays& rays) {
+    switch (bvh::packetWidth()) {
+        case 16:
+            return bareSecondsIn<16, RTCRayHit16>(bare, rays);
+        case 8:
+            return bareSecondsIn<8, RTCRayHit8>(bare, rays);
+        default:
+            return bareSecondsIn<4, RTCRayHit4>(bare, rays);
+    }
+}
+std::string embreesCall(const char* name) {
+    return fmt::format("{}{}", name, bvh::packetWidth());
 }
 
 double worldSeconds(const RayWorld& world, const Rays& rays) {
@@ -272,24 +297,37 @@ struct Followers {
     }
 
     double bareSeconds(const BareEmbree& bare, bool occlusion) const {
-        RTCRayHit16 packet;
-        for (int i = 0; i < 16; ++i) {
-            packet.ray.tnear[i] = 1e-30f, packet.ray.time[i] = 0;
-            packet.ray.mask[i] = ~0u, packet.ray.flags[i] = 0, packet.ray.id[i] = 0;
-            packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+        switch (bvh::packetWidth()) {
+            case 16:
+                return bareSecondsIn<16, RTCRayHit16, RTCRay16>(bare, occlusion);
+            case 8:
+                return bareSecondsIn<8, RTCRayHit8, RTCRay8>(bare, occlusion);
+            default:
+                return bareSecondsIn<4, RTCRayHit4, RTCRay4>(bare, occlusion);
         }
+    }
+    template <int kLanes, class RayHits, class RaysAlone>
+    double bareSecondsIn(const BareEmbree& bare, bool occlusion) const {
+        RayHits packet;
+        fillPacket<kLanes>(packet, 1e-30f);
         bvh::RayCast cast(false);
+        float* const origins[] = {packet.ray.org_x, packet.ray.org_y, packet.ray.org_z};
+        float* const directions[] = {packet.ray.dir_x, packet.ray.dir_y, packet.ray.dir_z};
         const double start = cpuSeconds();
-        for (const Block& block : blocks) {
-            std::memcpy(packet.ray.org_x, block.origin[0], sizeof block.origin);  // three arrays in a row, in both
-            std::memcpy(packet.ray.dir_x, block.direction[0], sizeof block.direction);
-            for (int i = 0; i < 16; ++i) packet.ray.tfar[i] = tMax, packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-            if (occlusion)
-                cast.occluded(block.active, bare.scene(), reinterpret_cast<RTCRay16&>(packet));
-            else
-                cast.intersect(block.active, bare.scene(), packet);
-            keep(packet.ray.tfar[0]);
-        }
+        for (const Block& block : blocks)
+            for (int at = 0; at < 16; at += kLanes) {
+                for (int k = 0; k < 3; ++k) {
+                    std::memcpy(origins[k], block.origin[k] + at, kLanes * sizeof(float));
+                    std::memcpy(directions[k], block.direction[k] + at, kLanes * sizeof(float));
+                }
+                for (int i = 0; i < kLanes; ++i)
+                    packet.ray.tfar[i] = tMax, packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+                if (occlusion)
+                    cast.trace(block.active + at, bare.scene(), reinterpret_cast<RaysAlone&>(packet));
+                else
+                    cast.trace(block.active + at, bare.scene(), packet);
+                keep(packet.ray.tfar[0]);
+            }
         return cpuSeconds() - start;
     }
     double worldSeconds(const RayWorld& world) const {
@@ -402,16 +440,17 @@ bool measureRays(const Report& report, const char* what, const RoomTriangles& tr
     const std::string name = fmt::format("{}{} triangles, {} x {}", what, mesh->triangleCount, kRaysWidth, kHeight);
     const std::size_t best = bare.best();
     const double least = median(bare.seconds[best]);
-    const std::string limitName = fmt::format("rtcIntersect16, {}", Limit::kChoices[best].name);
+    const std::string limitName = fmt::format("{}, {}", embreesCall("rtcIntersect"), Limit::kChoices[best].name);
     const auto line = [&](const char* metric, const char* unit, const std::vector<double>& seconds) {
         report({"rays", name, metric, unit, count / median(seconds), "", 0, limitName, count / least});
     };
     line("RayWorld, hits only", "Mrays/s", intersect);
     line("shaded primary rays", "Mrays/s", shade);
     report({"rays", name, "shaded, one shadow ray each", "Mpixels/s", count / median(shadow), "", 0,
-            limitName + ", and rtcOccluded16 of the same shadow rays", count / (least + bare.least(shadowRays, true))});
+            fmt::format("{}, and {} of the same shadow rays", limitName, embreesCall("rtcOccluded")),
+            count / (least + bare.least(shadowRays, true))});
     report({"rays", name, "reflections in packets", "Mrays/s", mirroredCount / median(batched), "one by one",
-            mirroredCount / median(single), "rtcIntersect16 of the same rays",
+            mirroredCount / median(single), embreesCall("rtcIntersect") + " of the same rays",
             mirroredCount / bare.least(mirrored, false)});
     report({"rays", name, "the scene's triangles made ready", "ms", 1e3 * building, "", 0,
             fmt::format("rtcCommitScene, {}", Limit::kChoices[best].name), 1e3 * bare.scenes[best]->building()});

@@ -4,7 +4,9 @@
 // Threading: a RayCast is one thread's.
 #pragma once
 
+#include <cstddef>
 #include <cstring>
+#include <type_traits>
 
 #if RTSG_EMBREE >= 4
 #include <embree4/rtcore.h>
@@ -14,112 +16,123 @@
 
 namespace rtsg::bvh {
 
-/// Whether Embree has packets of 16 rays on this machine; it needs AVX-512. Where it has none, Embree 3 takes such a
-/// packet as a stream, which knows of no valid lanes (what lies in the others is traced, and may never end), and Embree
-/// 4 takes one ray after the other. Packets of 8 it has wherever this program runs.
-inline bool hasPacketsOf16() {
-    static const bool answer = [] {
+/// Rays in the widest packets that Embree has on this machine: 16 with AVX-512, 8 with AVX, else 4. Embree 3 takes
+/// wider ones as a stream, which knows of no valid lanes (what lies in the others is traced, and may never end), Embree
+/// 4 as one ray after the other.
+inline int packetWidth() {
+    static const int answer = [] {
         const RTCDevice device = rtcNewDevice("threads=1");
-        const bool native = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0;
+        const bool by16 = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0;
+        const bool by8 = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) != 0;
         rtcReleaseDevice(device);
-        return native;
+        return by16 ? 16 : by8 ? 8 : 4;
     }();
     return answer;
 }
 
-/// Half of a packet of 16 rays, in the layout of those of 8: both are rows of four-byte values, one for each lane.
-template <class Rays16, class Rays8>
-class HalfPacket {
-  public:
-    HalfPacket(Rays16& rays, int half) : rays_(reinterpret_cast<char*>(&rays) + half * kHalfRow) {
-        static_assert(sizeof(Rays16) == 2 * sizeof(Rays8));
-        for (std::size_t i = 0; i < kRows; ++i) std::memcpy(row(i), rays_ + i * 2 * kHalfRow, kHalfRow);
-    }
-    ~HalfPacket() {
-        for (std::size_t i = 0; i < kRows; ++i) std::memcpy(rays_ + i * 2 * kHalfRow, row(i), kHalfRow);
-    }
-    HalfPacket(const HalfPacket&) = delete;
-    HalfPacket& operator=(const HalfPacket&) = delete;
-    Rays8& operator*() { return half_; }
+// Packets of all widths are rows of four-byte values, one for each lane.
+static_assert(offsetof(RTCRay4, tfar) == 8 * sizeof(float[4]) && offsetof(RTCRay16, tfar) == 8 * sizeof(float[16]));
+static_assert(offsetof(RTCRay4, mask) == 9 * sizeof(float[4]) && offsetof(RTCRay16, mask) == 9 * sizeof(float[16]));
+static_assert(sizeof(RTCRay4) == 12 * sizeof(float[4]) && sizeof(RTCRay16) == 12 * sizeof(float[16]));
 
-  private:
-    static constexpr std::size_t kHalfRow = 8 * sizeof(float), kRows = sizeof(Rays8) / kHalfRow;
-    char* row(std::size_t i) { return reinterpret_cast<char*>(&half_) + i * kHalfRow; }
-    char* rays_;
-    Rays8 half_;
-};
-
-/// Traces the halves of a packet in which any lane is valid.
-template <class Rays8, class Rays16, class Trace>
-void traceHalves(const int* valid, Rays16& rays, Trace trace) {
-    for (int half = 0; half < 2; ++half, valid += 8) {
+/// Traces those parts of a packet in which any lane is valid.
+template <int kLanes, class Part, class Rays16, class Trace>
+void traceParts(const int* valid, Rays16& rays, Trace trace) {
+    constexpr std::size_t kPart = sizeof(float[kLanes]), kWhole = sizeof(float[16]), kRows = sizeof(Part) / kPart;
+    constexpr std::size_t kTfar = 8, kMask = 9, kHit = 12;
+    static_assert(sizeof(Rays16) == kRows * kWhole);
+    for (int first = 0; first < 16; first += kLanes, valid += kLanes) {
         int any = 0;
-        for (int i = 0; i < 8; ++i) any |= valid[i];
+        for (int i = 0; i < kLanes; ++i) any |= valid[i];
         if (any == 0) continue;
-        HalfPacket<Rays16, Rays8> packet(rays, half);
-        trace(valid, *packet);
+        Part part;
+        char* const wide = reinterpret_cast<char*>(&rays) + first * sizeof(float);
+        char* const narrow = reinterpret_cast<char*>(&part);
+        const auto take = [&](std::size_t row) { std::memcpy(narrow + row * kPart, wide + row * kWhole, kPart); };
+        const auto give = [&](std::size_t row) { std::memcpy(wide + row * kWhole, narrow + row * kPart, kPart); };
+        // Neither id nor flags of rays are read.
+        for (std::size_t row = 0; row <= kMask; ++row) take(row);
+        for (std::size_t row = kHit; row < kRows; ++row) take(row);
+        trace(valid, part);
+        give(kTfar);
+        for (std::size_t row = kHit; row < kRows; ++row) give(row);
     }
 }
 
 /// What goes with the rays of one call after the other.
 class RayCast {
   public:
+    void intersect(RTCScene scene, RTCRayHit& ray) { trace(scene, ray); }
+    void occluded(RTCScene scene, RTCRay& ray) { trace(scene, ray); }
+    /// In packets of this machine's width.
+    void intersect(const int* valid, RTCScene scene, RTCRayHit16& rays) {
+        traceInWidth<RTCRayHit8, RTCRayHit4>(valid, scene, rays);
+    }
+    void occluded(const int* valid, RTCScene scene, RTCRay16& rays) {
+        traceInWidth<RTCRay8, RTCRay4>(valid, scene, rays);
+    }
+
+    // As Embree takes them; packets of packetWidth() or fewer lanes.
 #if RTSG_EMBREE >= 4
     explicit RayCast(bool coherent) : flags_(coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT) {
         rtcInitRayQueryContext(&context_);
     }
-    void intersect(RTCScene scene, RTCRayHit& ray) {
-        RTCIntersectArguments arguments = with<RTCIntersectArguments>(rtcInitIntersectArguments);
-        rtcIntersect1(scene, &ray, &arguments);
+    void trace(RTCScene scene, RTCRayHit& r) { rtcIntersect1(scene, &r, With<RTCIntersectArguments>(*this)); }
+    void trace(RTCScene scene, RTCRay& r) { rtcOccluded1(scene, &r, With<RTCOccludedArguments>(*this)); }
+    void trace(const int* v, RTCScene s, RTCRayHit16& r) {
+        rtcIntersect16(v, s, &r, With<RTCIntersectArguments>(*this));
     }
-    void occluded(RTCScene scene, RTCRay& ray) {
-        RTCOccludedArguments arguments = with<RTCOccludedArguments>(rtcInitOccludedArguments);
-        rtcOccluded1(scene, &ray, &arguments);
-    }
-    void intersect(const int* valid, RTCScene scene, RTCRayHit16& rays) {
-        RTCIntersectArguments arguments = with<RTCIntersectArguments>(rtcInitIntersectArguments);
-        if (hasPacketsOf16()) return rtcIntersect16(valid, scene, &rays, &arguments);
-        traceHalves<RTCRayHit8>(valid, rays,
-                                [&](const int* lanes, RTCRayHit8& r) { rtcIntersect8(lanes, scene, &r, &arguments); });
-    }
-    void occluded(const int* valid, RTCScene scene, RTCRay16& rays) {
-        RTCOccludedArguments arguments = with<RTCOccludedArguments>(rtcInitOccludedArguments);
-        if (hasPacketsOf16()) return rtcOccluded16(valid, scene, &rays, &arguments);
-        traceHalves<RTCRay8>(valid, rays,
-                             [&](const int* lanes, RTCRay8& r) { rtcOccluded8(lanes, scene, &r, &arguments); });
-    }
+    void trace(const int* v, RTCScene s, RTCRayHit8& r) { rtcIntersect8(v, s, &r, With<RTCIntersectArguments>(*this)); }
+    void trace(const int* v, RTCScene s, RTCRayHit4& r) { rtcIntersect4(v, s, &r, With<RTCIntersectArguments>(*this)); }
+    void trace(const int* v, RTCScene s, RTCRay16& r) { rtcOccluded16(v, s, &r, With<RTCOccludedArguments>(*this)); }
+    void trace(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &r, With<RTCOccludedArguments>(*this)); }
+    void trace(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &r, With<RTCOccludedArguments>(*this)); }
 #else
     explicit RayCast(bool coherent) {
         rtcInitIntersectContext(&context_);
         context_.flags = coherent ? RTC_INTERSECT_CONTEXT_FLAG_COHERENT : RTC_INTERSECT_CONTEXT_FLAG_INCOHERENT;
     }
-    void intersect(RTCScene scene, RTCRayHit& ray) { rtcIntersect1(scene, &context_, &ray); }
-    void occluded(RTCScene scene, RTCRay& ray) { rtcOccluded1(scene, &context_, &ray); }
-    void intersect(const int* valid, RTCScene scene, RTCRayHit16& rays) {
-        if (hasPacketsOf16()) return rtcIntersect16(valid, scene, &context_, &rays);
-        traceHalves<RTCRayHit8>(valid, rays,
-                                [&](const int* lanes, RTCRayHit8& r) { rtcIntersect8(lanes, scene, &context_, &r); });
-    }
-    void occluded(const int* valid, RTCScene scene, RTCRay16& rays) {
-        if (hasPacketsOf16()) return rtcOccluded16(valid, scene, &context_, &rays);
-        traceHalves<RTCRay8>(valid, rays,
-                             [&](const int* lanes, RTCRay8& r) { rtcOccluded8(lanes, scene, &context_, &r); });
-    }
+    void trace(RTCScene scene, RTCRayHit& r) { rtcIntersect1(scene, &context_, &r); }
+    void trace(RTCScene scene, RTCRay& r) { rtcOccluded1(scene, &context_, &r); }
+    void trace(const int* v, RTCScene s, RTCRayHit16& r) { rtcIntersect16(v, s, &context_, &r); }
+    void trace(const int* v, RTCScene s, RTCRayHit8& r) { rtcIntersect8(v, s, &context_, &r); }
+    void trace(const int* v, RTCScene s, RTCRayHit4& r) { rtcIntersect4(v, s, &context_, &r); }
+    void trace(const int* v, RTCScene s, RTCRay16& r) { rtcOccluded16(v, s, &context_, &r); }
+    void trace(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &context_, &r); }
+    void trace(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &context_, &r); }
 #endif
     /// What Embree notes as instance in the hits that it finds from here on.
     void setInstance(unsigned instance) { context_.instID[0] = instance; }
 
   private:
-#if RTSG_EMBREE >= 4
-    template <class Arguments>
-    Arguments with(void (*initialize)(Arguments*)) {
-        Arguments arguments;
-        initialize(&arguments);
-        arguments.flags = flags_;
-        arguments.feature_mask = RTC_FEATURE_FLAG_TRIANGLE;
-        arguments.context = &context_;
-        return arguments;
+    template <class By8, class By4, class Rays16>
+    void traceInWidth(const int* valid, RTCScene scene, Rays16& rays) {
+        const auto part = [&](const int* lanes, auto& some) { trace(lanes, scene, some); };
+        switch (packetWidth()) {
+            case 16:
+                return trace(valid, scene, rays);
+            case 8:
+                return traceParts<8, By8>(valid, rays, part);
+            default:
+                return traceParts<4, By4>(valid, rays, part);
+        }
     }
+#if RTSG_EMBREE >= 4
+    /// What goes with one call.
+    template <class Arguments>
+    struct With {
+        explicit With(RayCast& cast) {
+            if constexpr (std::is_same_v<Arguments, RTCIntersectArguments>)
+                rtcInitIntersectArguments(&arguments);
+            else
+                rtcInitOccludedArguments(&arguments);
+            arguments.flags = cast.flags_;
+            arguments.feature_mask = RTC_FEATURE_FLAG_TRIANGLE;
+            arguments.context = &cast.context_;
+        }
+        operator Arguments*() { return &arguments; }
+        Arguments arguments;
+    };
     RTCRayQueryContext context_;
     RTCRayQueryFlags flags_;
 #else

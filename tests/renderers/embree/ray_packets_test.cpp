@@ -108,6 +108,16 @@ void expectAsOneByOne(const Asked& before, const Asked& after, const Triangles10
     }
 }
 
+/// What meets something is in its shadow.
+void expectShadowsOf(const Asked& before, const Asked& after, const Asked& shadow) {
+    for (int i = 0; i < 16; ++i) {
+        if (before.valid[i])
+            EXPECT_EQ(shadow.rays.ray.tfar[i] < 0, after.rays.hit.geomID[i] == 0) << "lane " << i;
+        else
+            expectUntouched(before, shadow, i);
+    }
+}
+
 TEST(RayPackets, LanesThatAreNotValidAreNeitherTracedNorWritten) {
     const Triangles1000 world;
     std::mt19937 random(kPacketSeed + 1);
@@ -121,52 +131,36 @@ TEST(RayPackets, LanesThatAreNotValidAreNeitherTracedNorWritten) {
 
         Asked shadow = before;
         RayCast(round % 2).occluded(shadow.valid, world.get(), shadow.rays.ray);
-        for (int i = 0; i < 16; ++i) {
-            if (before.valid[i])
-                EXPECT_EQ(shadow.rays.ray.tfar[i] < 0, after.rays.hit.geomID[i] == 0) << "lane " << i;
-            else
-                expectUntouched(before, shadow, i);
-        }
+        expectShadowsOf(before, after, shadow);
     }
     EXPECT_GT(hits, 1000);
 }
 
-// Where the machine has packets of 16, the halves are not what the program runs; they must still be right.
-TEST(RayPackets, HalvesMeetWhatRaysOneByOneMeet) {
+// Packets of fewer lanes than this machine has are those of others; they must be right here, too.
+template <int kLanes, class RayHits, class Rays>
+void expectPartsRight() {
+    if (kLanes > packetWidth()) return;
     const Triangles1000 world;
-    std::mt19937 random(kPacketSeed + 2);
+    RayCast cast(false);
+    std::mt19937 random(kPacketSeed + kLanes);
     for (int round = 0; round < 300; ++round) {
         const Asked before(random);
-        Asked after = before;
-        traceHalves<RTCRayHit8>(after.valid, after.rays, [&](const int* lanes, RTCRayHit8& rays) {
-            for (int i = 0; i < 8; ++i) {
-                if (!lanes[i]) continue;
-                RTCRayHit one;
-                one.ray = {rays.ray.org_x[i],
-                           rays.ray.org_y[i],
-                           rays.ray.org_z[i],
-                           rays.ray.tnear[i],
-                           rays.ray.dir_x[i],
-                           rays.ray.dir_y[i],
-                           rays.ray.dir_z[i],
-                           0,
-                           rays.ray.tfar[i],
-                           ~0u,
-                           0,
-                           0};
-                one.hit.geomID = one.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-                RayCast(false).intersect(world.get(), one);
-                rays.ray.tfar[i] = one.ray.tfar;
-                rays.hit.geomID[i] = one.hit.geomID;
-                rays.hit.primID[i] = one.hit.primID;
-                rays.hit.u[i] = one.hit.u;
-            }
-        });
+        Asked after = before, shadow = before;
+        traceParts<kLanes, RayHits>(after.valid, after.rays,
+                                    [&](const int* lanes, RayHits& part) { cast.trace(lanes, world.get(), part); });
         expectAsOneByOne(before, after, world);
+        traceParts<kLanes, Rays>(shadow.valid, shadow.rays.ray,
+                                 [&](const int* lanes, Rays& part) { cast.trace(lanes, world.get(), part); });
+        expectShadowsOf(before, after, shadow);
     }
     alignas(64) const int none[16] = {};
     Asked asked(random);
-    traceHalves<RTCRayHit8>(none, asked.rays, [](const int*, RTCRayHit8&) { FAIL() << "no lane is valid"; });
+    traceParts<kLanes, RayHits>(none, asked.rays, [](const int*, RayHits&) { FAIL() << "no lane is valid"; });
+}
+
+TEST(RayPackets, OfFewerLanesMeetWhatRaysOneByOneMeet) {
+    expectPartsRight<8, RTCRayHit8, RTCRay8>();
+    expectPartsRight<4, RTCRayHit4, RTCRay4>();
 }
 
 }  // namespace
