@@ -37,6 +37,37 @@ Vec3f evenRadiance(const Material& material) {
     return material.model == ShadingModel::unlit ? material.linear.base : material.linear.emissive;
 }
 
+Bounds boxOf(const Emitters::Emitter& e) {
+    Bounds box;
+    for (const Vec3f& corner : {e.corner, e.corner + e.ab, e.corner + e.ac}) box.extend(corner);
+    return box;
+}
+
+/// By how far the places of a ray that ends there may be off, and more.
+float slackOf(const Bounds& box) {
+    return 0x1p-17f * std::max(largest(glm::abs(box.min)), largest(glm::abs(box.max)));
+}
+
+/// Whether two triangles share some of a plane; those that share an edge or a corner do not. By separating axes.
+bool overlapInPlane(const Emitters::Emitter& a, const Emitters::Emitter& b, float slack) {
+    const Vec3f as[] = {a.corner, a.corner + a.ab, a.corner + a.ac};
+    const Vec3f bs[] = {b.corner, b.corner + b.ab, b.corner + b.ac};
+    for (const Vec3f& corner : bs)
+        if (!(std::abs(glm::dot(a.normal, corner - a.corner)) <= slack)) return false;
+    for (const Vec3f* side : {as, bs})
+        for (int i = 0; i < 3; ++i) {
+            const Vec3f axis = glm::cross(a.normal, side[(i + 1) % 3] - side[i]);
+            float least[2] = {INFINITY, INFINITY}, most[2] = {-INFINITY, -INFINITY};
+            for (int k = 0; k < 3; ++k) {
+                const float at[2] = {glm::dot(axis, as[k] - a.corner), glm::dot(axis, bs[k] - a.corner)};
+                for (int j = 0; j < 2; ++j) least[j] = std::min(least[j], at[j]), most[j] = std::max(most[j], at[j]);
+            }
+            const float shared = std::min(most[0], most[1]) - std::max(least[0], least[1]);
+            if (!(shared > slack * glm::length(axis))) return false;
+        }
+    return true;
+}
+
 /// What a tree of such chooses evenly: every point is within it, and is lit alike from anywhere there.
 LightTree::Cluster asLikelyAsAny(const LightTree::Cluster& cluster) {
     constexpr float kFar = 1e6f;  // metres
@@ -54,6 +85,7 @@ Emitters::Emitters(const TraceScene& scene) {
     const RayInstances& instances = scene.world->instances();
     for (std::uint32_t slot = 0; slot < instances.size(); ++slot) add(scene, slot, clusters);
     if (emitters_.empty()) return;
+    findContested();
     if (!pathParts().lightTree)
         for (LightTree::Cluster& cluster : clusters) cluster = asLikelyAsAny(cluster);
     constexpr float kLeast = 1e-12f;  // m^2, so that no sum leaves the range of float
@@ -99,6 +131,36 @@ void Emitters::add(const TraceScene& scene, std::uint32_t slot, std::vector<Ligh
         // A triangle without area never lights anything.
         cluster.power = std::isfinite(power) ? std::min(power, 1e20f) : 0.0f;
         clusters.push_back(cluster);
+    }
+}
+
+void Emitters::findContested() {
+    constexpr std::size_t kMostCompared = 16384;  // some ms; beyond them all count as uncontested
+    if (emitters_.size() > kMostCompared) return;
+    // By where they begin along the axis on which they lie farthest apart.
+    std::vector<Bounds> boxes;
+    Bounds all;
+    for (const Emitter& e : emitters_) {
+        boxes.push_back(boxOf(e));
+        all.extend(boxes.back().min), all.extend(boxes.back().max);
+    }
+    const Vec3f size = all.max - all.min;
+    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+    std::vector<std::uint32_t> order;
+    for (std::uint32_t i = 0; i < emitters_.size(); ++i)
+        if (emitters_[i].area > 0) order.push_back(i);
+    std::ranges::sort(order, {}, [&](std::uint32_t i) { return boxes[i].min[axis]; });
+    const float slack = slackOf(all);
+    for (std::size_t i = 0; i < order.size(); ++i) {
+        Emitter& one = emitters_[order[i]];
+        const Bounds& box = boxes[order[i]];
+        for (std::size_t k = i + 1; k < order.size() && boxes[order[k]].min[axis] <= box.max[axis]; ++k) {
+            Emitter& other = emitters_[order[k]];
+            const Bounds& its = boxes[order[k]];
+            const bool apart = glm::any(glm::greaterThan(its.min, box.max + slack)) ||
+                               glm::any(glm::greaterThan(box.min, its.max + slack));
+            if (!apart && overlapInPlane(one, other, slack)) one.contested = other.contested = true;
+        }
     }
 }
 

@@ -28,6 +28,7 @@ class Emitters {
         float area = 0;                 // m^2
         std::uint32_t instance = 0, triangle = 0;
         bool bothSides = false;
+        bool contested = false;     // lies in one plane with another, in part at least: a ray tells which is seen
         bool even = false;          // sends the same from everywhere:
         Vec3f front{0}, behind{0};  // radiance from the normal's side, and from the other one
     };
@@ -57,6 +58,7 @@ class Emitters {
 
   private:
     void add(const TraceScene& scene, std::uint32_t slot, std::vector<LightTree::Cluster>& clusters);
+    void findContested();
 
     std::vector<Emitter> emitters_;
     LightTree tree_;

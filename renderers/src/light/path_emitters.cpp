@@ -107,7 +107,7 @@ struct ChosenEmitters {
         emitter[lane] = number;
         mask |= 1u << lane;
         bothSides |= static_cast<std::uint32_t>(e.bothSides) << lane;
-        even |= static_cast<std::uint32_t>(e.even) << lane;
+        even |= static_cast<std::uint32_t>(e.even && !e.contested) << lane;
     }
 };
 

@@ -271,6 +271,45 @@ TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
     }
 }
 
+// What a ray meets there is one of them: so is the light that comes from there.
+TEST(PathEmitters, WhatShinesTwiceInOnePlaceShinesOnce) {
+    const std::string eye = kLookDown + floorOf("Material { diffuseColor .8 .8 .8 }");
+    const auto moved = [&](const char* how, const std::string& what) {
+        return fmt::format("Transform {{ {} children {} }}\n", how, what);
+    };
+    const EmitterMean one = emitterMean(eye + panel(1, 1.5), 256);
+    const auto expectOne = [&](const char* name, const std::string& more, double share) {
+        const EmitterMean two = emitterMean(eye + panel(1, 1.5) + more, 256);
+        EXPECT_NEAR(two.value, share * one.value, 4 * std::hypot(two.error, share * one.error)) << name;
+    };
+    expectOne("the same panel", panel(1, 1.5), 1);
+    expectOne("a part of it", moved("center 0 1.5 0 scale .5 1 .7 rotation 0 1 0 .6", panel(1, 1.5)), 1);
+    expectOne("thrice", panel(1, 1.5) + panel(1, 1.5), 1);
+    expectOne("one behind it", moved("translation 0 .01 0", panel(1, 1.5)), 1);
+    // Beside it, corner to corner in one plane: nothing is shared.
+    const EmitterMean far = emitterMean(eye + moved("translation 2 0 2", panel(1, 1.5)), 256);
+    expectOne("one beside it", moved("translation 2 0 2", panel(1, 1.5)), 1 + far.value / one.value);
+}
+
+TEST(Emitters, AreContestedWhereTheyShareAPlane) {
+    const auto contested = [](const std::string& body) {
+        const Table table("Viewpoint { }\n" + body);
+        std::vector<bool> result;
+        for (std::uint32_t i = 0; i < table.emitters.size(); ++i) result.push_back(table.emitters[i].contested);
+        return result;
+    };
+    using Answer = std::vector<bool>;
+    EXPECT_EQ(contested(panel(1, 1.5)), Answer({false, false})) << "neighbours share an edge";
+    EXPECT_EQ(contested(panel(1, 1.5) + panel(1, 1.5)), Answer({true, true, true, true}));
+    EXPECT_EQ(contested(panel(1, 1.5) + panel(1, 1.6)), Answer({false, false, false, false}));
+    EXPECT_EQ(contested(panel(1, 1.5) + "Transform { translation 2 0 0 children " + panel(1, 1.5) + "}"),
+              Answer({false, false, false, false}))
+        << "beside each other";
+    const Answer corner =
+        contested(panel(1, 1.5) + "Transform { translation 1.9 0 -1.9 children " + panel(1, 1.5) + "}");
+    EXPECT_EQ(std::ranges::count(corner, true), 2) << "the triangle of each that has that corner";
+}
+
 // A level of detail that only sound meets lights nothing.
 TEST(PathEmitters, WhatIsNotSeenDoesNotShine) {
     const std::string matteFloor = floorOf("Material { diffuseColor .8 .8 .8 }");
