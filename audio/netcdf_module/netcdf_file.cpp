@@ -2,8 +2,12 @@
 #include "signal/netcdf_file.h"
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <map>
 #include <mutex>
+
+#include <dlfcn.h>
 
 #include <netcdf.h>
 
@@ -16,11 +20,30 @@ class LibraryWriter final : public NetcdfWriter {
         const std::lock_guard lock(mutex_);  // the library is for one thread at a time
         int id = 0;
         if (const int error = nc_create(path.c_str(), NC_NETCDF4 | NC_CLOBBER, &id)) return nc_strerror(error);
+        errno = 0;
         const int error = contents(id, file), closed = nc_close(id);
-        return error ? nc_strerror(error) : closed ? nc_strerror(closed) : "";
+        return error || closed ? what(error ? error : closed, errno) : "";
     }
+    LibraryWriter() { leaveFilesAtExit(); }
 
   private:
+    /// A file that could not be written, on a full disk, HDF5 tries to write once more when the process ends; there it
+    /// crashes. netCDF does not hand its library on, so it is asked for by name.
+    static void leaveFilesAtExit() {
+        Dl_info about = {};
+        if (::dladdr(reinterpret_cast<const void*>(&nc_create), &about) == 0 || !about.dli_fname) return;
+        void* const library = ::dlopen(about.dli_fname, RTLD_LAZY | RTLD_NOLOAD);
+        if (!library) return;
+        if (void* const found = ::dlsym(library, "H5dont_atexit")) reinterpret_cast<int (*)()>(found)();
+        ::dlclose(library);
+    }
+
+    /// The library says "HDF error" of whatever befell it. What the system said last is why, if it is about writing.
+    static std::string what(int error, int system) {
+        const bool tells = system == ENOSPC || system == EDQUOT || system == EFBIG || system == EIO;
+        return tells ? std::strerror(system) : nc_strerror(error);
+    }
+
     static int note(int id, int variable, const NetcdfAttributes& attributes) {
         for (const auto& [name, value] : attributes)
             if (const int error = nc_put_att_text(id, variable, name.c_str(), value.size(), value.data())) return error;

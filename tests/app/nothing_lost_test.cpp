@@ -221,7 +221,11 @@ TEST_F(FullDisk, LeavesNoHalfFile) {
              {"render", hall, "-o", disk + "/a.png", "--size", "400x300", "--spp", "1"},
              {"render", hall, "-o", disk + "/a.gif", "--size", "200x150", "--spp", "1", "--frames", "3"},
              {"render", hall, "-o", disk + "/a.exr", "--size", "200x150", "--spp", "1"},
+             {"render", hall, "-o", disk + "/a.mp4", "--size", "400x300", "--spp", "1", "--frames", "20"},
              {"listen", file, "-o", disk + "/a.wav", "--for", "0.2s", "--rays", "100"},
+             {"listen", hall, "--ir", disk + "/a.wav", "--rays", "100", "--length", "0.2"},
+             {"listen", hall, "--ir", disk + "/a.sofa", "--rays", "100", "--length", "0.2"},
+             {"listen", hall, "--report", disk + "/a.html", "--rays", "100"},
              {"replay", log, "--export", disk + "/a.mcap", "--export-plain"},
          }) {
         const Outcome outcome = rtsg(arguments);
