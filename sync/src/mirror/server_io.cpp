@@ -12,6 +12,9 @@
 #include <fmt/format.h>
 #include <poll.h>
 #include <pthread.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 namespace rtsg {
@@ -37,6 +40,29 @@ constexpr auto kUnusedPart = 10s;                                 // until a par
 constexpr auto kNoRegions = 60s;                                  // until it is tried again whether they can be
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;  // bytes of frames, at least
 
+/// ZeroMQ deletes what is at the path of an ipc endpoint, so that a socket that a server left when it was killed is in
+/// nobody's way: other files, and the sockets of servers that live, are kept from it.
+Result<> checkSocketPath(const std::string& endpoint) {
+    constexpr std::string_view kScheme = "ipc://";
+    if (!endpoint.starts_with(kScheme)) return {};
+    const std::string path = endpoint.substr(kScheme.size());
+    struct stat there = {};
+    if (path.empty() || path[0] == '@' || path[0] == '*' || ::lstat(path.c_str(), &there) != 0) return {};
+    if (!S_ISSOCK(there.st_mode)) return fail(fmt::format("cannot bind {}: there is a file of that name", endpoint));
+    sockaddr_un address = {};
+    address.sun_family = AF_UNIX;
+    if (path.size() >= sizeof address.sun_path) return {};
+    path.copy(address.sun_path, path.size());
+    const int probe = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (probe < 0) return {};
+    // A full queue of connections is one of somebody who lives, too.
+    const bool lives =
+        ::connect(probe, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 || errno == EAGAIN;
+    ::close(probe);
+    if (lives) return fail(fmt::format("cannot bind {}: Address already in use", endpoint));
+    return {};
+}
+
 }  // namespace
 
 MirrorServer::Io::Io(std::shared_ptr<Shared> shared)
@@ -54,6 +80,7 @@ MirrorServer::Io::~Io() {
 }
 
 Result<> MirrorServer::Io::start(const std::string& endpoint) {
+    if (auto ok = checkSocketPath(endpoint); !ok) return ok;
     router_.set(ZMQ_LINGER, kLinger);
     router_.set(ZMQ_ROUTER_MANDATORY, 1);
     router_.set(ZMQ_SNDHWM, 0);  // bounded by every peer's window instead

@@ -1,7 +1,10 @@
 // A server and its mirrors over loopback: joining, faults, slow peers, trees of mirrors, leaving.
 #include <filesystem>
+#include <fstream>
 
 #include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <rtsg/core/x3d.h>
@@ -11,6 +14,7 @@
 
 #include "mirror_support.h"
 #include "support/random_edits.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -372,6 +376,39 @@ TEST(MirrorTree, AReplicaServesFurtherReplicasThroughARestartOfTheOrigin) {
         EXPECT_EQ(leaf.scene.dump(), origin->scene.dump());
     }
     EXPECT_EQ(leaf.statistics().divergences, 0u);
+}
+
+// ZeroMQ deletes whatever is at the path of an ipc endpoint.
+TEST(MirrorBind, ASocketsPathIsTakenFromNobodyWhoLives) {
+    const test::TempFolder folder;
+    const std::string path = folder / "socket", endpoint = "ipc://" + path;
+    Scene second;
+    {
+        Origin origin(61, {}, endpoint);
+        const auto other = MirrorServer::start(second, endpoint);
+        ASSERT_FALSE(other);
+        EXPECT_NE(other.error().text.find("Address already in use"), std::string::npos) << other.error().text;
+        Replica replica(endpoint);
+        origin.step();
+        ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene)) << "the one that was there is there still";
+        expectEqual(origin, replica);
+    }
+    // What a killed server leaves behind is in nobody's way.
+    ::unlink(path.c_str());
+    const int left = ::socket(AF_UNIX, SOCK_STREAM, 0);
+    sockaddr_un address = {};
+    address.sun_family = AF_UNIX;
+    path.copy(address.sun_path, path.size());
+    ASSERT_EQ(::bind(left, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    ::close(left);
+    EXPECT_TRUE(MirrorServer::start(second, endpoint));
+
+    const std::string scene = folder / "scene.x3d";
+    std::ofstream(scene) << "somebody's work";
+    const auto wrong = MirrorServer::start(second, "ipc://" + scene);
+    ASSERT_FALSE(wrong);
+    EXPECT_NE(wrong.error().text.find("there is a file of that name"), std::string::npos) << wrong.error().text;
+    EXPECT_TRUE(std::filesystem::exists(scene));
 }
 
 TEST(MirrorShutdown, NobodyHangsWhenTheOtherSideIsGone) {
