@@ -251,7 +251,8 @@ bool Mirroring::isOver(std::size_t applied) {
     if (secondsSince(heard_) < patience_) return false;
     // A server that ends in order says goodbye; a relay that has lost its origin says so.
     fail(fmt::format("{}: {} for {} s", options_.endpoint, joined() ? "the server has been silent" : "no server",
-                     patience_));
+                     patience_) +
+         (joined() || !options_.key.empty() ? "" : " (one that has keys does not answer without --key)"));
     return true;
 }
 

@@ -3,6 +3,7 @@
 #include "server_io.h"
 
 #include <algorithm>
+#include <bit>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -459,8 +460,13 @@ bool MirrorServer::Io::sendTo(const std::string& identity, const ByteBuffer& hea
     return router_.send(to, true) && router_.send(first, body != nullptr) && (!body || router_.send(*body));
 }
 
+/// A program without the key tries again twenty times a second, for as long as it is left to: of many only each that
+/// doubles their number is told.
 void MirrorServer::Io::garbage(std::string text) {
-    ++statistics_.garbage;
+    constexpr std::uint64_t kAllTold = 8;
+    const std::uint64_t by = ++statistics_.garbage;
+    if (by > kAllTold && !std::has_single_bit(by)) return;
+    if (by > kAllTold) text += fmt::format("; {} such things by now", by);
     shared_->report(Severity::warning, "ignored " + std::move(text));
 }
 
