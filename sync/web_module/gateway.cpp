@@ -1,10 +1,13 @@
 // Listens for browsers, and says who may follow.
 #include "gateway.h"
 
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <filesystem>
 
 #include <dlfcn.h>
+#include <unistd.h>
 #include <boost/beast/websocket/rfc6455.hpp>
 
 #include "browser.h"
@@ -80,6 +83,16 @@ std::string Gateway::start() {
     return {};
 }
 
+namespace {
+/// Why a file of TLS cannot be read, which OpenSSL's own errors do not tell; else what these say.
+std::string tlsProblem(const std::string& file, const beast::error_code& error) {
+    std::error_code unreadable;
+    if (std::filesystem::is_directory(file, unreadable)) return "it is a folder";
+    if (::access(file.c_str(), R_OK) != 0) return std::strerror(errno);
+    return error.message();
+}
+}  // namespace
+
 /// Both files whole and of one pair, before anything is served.
 std::string Gateway::readCertificate() {
     if (settings_.certificate.empty()) return {};
@@ -90,9 +103,11 @@ std::string Gateway::readCertificate() {
                                net::ssl::context::no_tlsv1_1,
                            error);
     (void)tls->use_certificate_chain_file(settings_.certificate, error);
-    if (error) return "no certificate in '" + settings_.certificate + "': " + error.message();
+    if (error) return "no certificate in '" + settings_.certificate + "': " + tlsProblem(settings_.certificate, error);
     (void)tls->use_private_key_file(settings_.privateKey, net::ssl::context::pem, error);
-    if (error) return "no key for that certificate in '" + settings_.privateKey + "': " + error.message();
+    if (error)
+        return "no key for that certificate in '" + settings_.privateKey +
+               "': " + tlsProblem(settings_.privateKey, error);
     tls_ = std::move(tls);
     return {};
 }

@@ -191,11 +191,14 @@ TEST_F(WebTls, CertificatesThatAreNoneAreNamed) {
     EXPECT_THAT(problem(), HasSubstr("needs a certificate and its private key"));
     options.privateKey = folder / "none.key";
     EXPECT_THAT(problem(), HasSubstr("no key for that certificate in '" + options.privateKey.string()));
+    EXPECT_THAT(problem(), HasSubstr("No such file"));
     makeCertificate(folder / "other.pem", folder / "other.key");
     options.privateKey = folder / "other.key";
     EXPECT_THAT(problem(), HasSubstr("no key for that certificate")) << "of another pair";
     options.certificate = folder / "page/index.html";
     EXPECT_THAT(problem(), HasSubstr("no certificate in '"));
+    options.certificate = folder / "none.pem";
+    EXPECT_THAT(problem(), HasSubstr("none.pem': No such file"));
 }
 
 }  // namespace
