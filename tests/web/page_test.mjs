@@ -484,7 +484,9 @@ ${far.map((i) => `ROUTE WAY.value_changed TO FAR${i}.set_translation`).join('\n'
   },
   async 'the demo on a phone'() {
     const server = await serve(path.join(root, 'examples/demo/hall.x3dv'), '--web', '0');
+    const begin = Date.now();
     const page = await open(server.web, {width: 390, height: 700});
+    console.log(`        picture ready after ${((Date.now() - begin) / 1000).toFixed(2)} s (drawn by the CPU; aimed at: 2 s)`);
     await until(page, () => rtsg.mirror.count.states > 20);
     allEqual(await counts(page));
     const {width, overflow} = await page.evaluate(() => ({width: innerWidth,
