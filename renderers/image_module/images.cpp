@@ -10,6 +10,7 @@
 
 #include "image/image_files.h"
 #include "ktx2.h"
+#include "png.h"
 #include "tiles.h"
 
 namespace rtsg {
@@ -99,8 +100,8 @@ std::string readBlocks(std::span<const std::uint8_t> dds, FilePixels& out) {
     return input ? readInput(*input, {.check = {}}, out) : inOneLine(OIIO::geterror());
 }
 
-/// The whole of a file that is of KTX 2.0 by its first bytes; otherwise nothing.
-std::vector<std::uint8_t> bytesOfKtx2(const std::string& name) {
+/// The whole of a file that is of KTX 2.0 or PNG by its first bytes; otherwise nothing.
+std::vector<std::uint8_t> bytesToLookAt(const std::string& name) {
     std::ifstream file(name, std::ios::binary);
     std::vector<std::uint8_t> bytes(12);
     const auto read = [&](std::size_t at) {
@@ -108,7 +109,7 @@ std::vector<std::uint8_t> bytesOfKtx2(const std::string& name) {
         bytes.resize(at + static_cast<std::size_t>(file.gcount()));
     };
     read(0);
-    if (!isKtx2(bytes)) return {};
+    if (!isKtx2(bytes) && !isPng(bytes)) return {};
     constexpr std::size_t step = 1 << 20;
     for (std::size_t at = bytes.size(); file; at = bytes.size()) {
         bytes.resize(at + step);
@@ -125,8 +126,8 @@ class Files final : public ImageFiles {
     }
 
     std::string readFile(const std::string& file, const ReadRequest& request, FilePixels& out) const override {
-        if (const std::vector<std::uint8_t> bytes = bytesOfKtx2(file); !bytes.empty())
-            return readKtx2(bytes, request, readBlocks, out);
+        if (const std::vector<std::uint8_t> bytes = bytesToLookAt(file); !bytes.empty())
+            return readMemory(bytes, file, request, out);
         const auto input = openFor(request, file, nullptr);
         return input ? readInput(*input, request, out) : inOneLine(OIIO::geterror());
     }
@@ -134,6 +135,8 @@ class Files final : public ImageFiles {
     std::string readMemory(std::span<const std::uint8_t> bytes, const std::string& name, const ReadRequest& request,
                            FilePixels& out) const override {
         if (isKtx2(bytes)) return readKtx2(bytes, request, readBlocks, out);
+        if (isPng(bytes))
+            if (std::string damage = damageOfPng(bytes); !damage.empty()) return damage;
         OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(bytes.data()), bytes.size());
         const auto input = openFor(request, name, &reader);
         return input ? readInput(*input, request, out) : inOneLine(OIIO::geterror());

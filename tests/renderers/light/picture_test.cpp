@@ -172,6 +172,37 @@ TEST(Picture, WhatCannotBeWrittenIsAnError) {
     EXPECT_FALSE(writeAnimation({}, temporary("rtsg_none.gif"), 10));
 }
 
+TEST(Picture, DamagedPngFilesAreNamedWithTheirByteAndNothingElseIsPrinted) {
+    const auto whole = temporary("rtsg_whole.png"), damaged = temporary("rtsg_damaged.png");
+    Picture picture(64, 64);
+    for (int y = 0; y < 64; ++y)
+        for (int x = 0; x < 64; ++x)
+            picture.at(x, y) = {std::abs(std::sin(x * y)), std::abs(std::cos(x + y * y)), 0, 1};
+    ASSERT_TRUE(writePicture(picture, whole));
+    std::ostringstream read;
+    read << std::ifstream(whole, std::ios::binary).rdbuf();
+    const std::string bytes = read.str();
+    const std::size_t pixels = bytes.find("IDAT") - 4, end = bytes.rfind("IEND") - 4;
+    const auto errorOf = [&](const std::string& contents) {
+        std::ofstream(damaged, std::ios::binary) << contents;
+        testing::internal::CaptureStderr();
+        const auto result = readPicture(damaged);
+        EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+        return result ? std::string() : result.error().text;
+    };
+    EXPECT_EQ(errorOf(bytes), "");
+    EXPECT_EQ(errorOf(bytes.substr(0, end)), "") << "all pixels are there";
+    std::string changed = bytes;
+    changed[pixels + 600] ^= 0x55;
+    EXPECT_NE(errorOf(changed).find("IDAT chunk from byte " + std::to_string(pixels)), std::string::npos);
+    changed = bytes;
+    changed[17] ^= 0x01;  // the width
+    EXPECT_NE(errorOf(changed).find("IHDR chunk from byte 8"), std::string::npos);
+    for (const std::size_t length : {std::size_t{8}, std::size_t{20}, pixels + 3, pixels + 700})
+        EXPECT_NE(errorOf(bytes.substr(0, length)).find("at its byte " + std::to_string(length)), std::string::npos)
+            << length;
+}
+
 TEST(Picture, ComparisonFindsTheWorstPixel) {
     Picture a(4, 3), b(4, 3);
     b.at(2, 1).g = 0.6f;

@@ -1,0 +1,19 @@
+// Damage of PNG files, found before libpng meets it, which writes what it finds to the terminal.
+//
+// Only chunks that pixels come from are looked at, and a lost end behind them is forgiven. Threading: any thread.
+// Source: W3C, Portable Network Graphics (third edition), 5.2 and 5.3 (signature, chunks), 13.2 (errors).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+
+namespace rtsg {
+
+/// Whether these first bytes are those of a PNG file.
+bool isPng(std::span<const std::uint8_t> bytes);
+
+/// What is damaged in the chunks that pixels are read from, with the byte where it is; empty: nothing.
+std::string damageOfPng(std::span<const std::uint8_t> file);
+
+}  // namespace rtsg
