@@ -41,7 +41,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
     if (!arguments_.render.empty()) {
         ImageOptions image = arguments_.picture.parse();
         if (arguments_.denoise) image.settings.layers = kLayersOfDenoising;
-        image.settings.progress = [this](double) { return !abandoned_ && (ending_ || !interrupted()); };
+        image.settings.progress = [this](double) { return !abandoned_ && (afterInterruption_ || !interrupted()); };
         light_ = std::make_unique<LightRenderer>(world_, LightRenderer::Options(resources, image));
         if (!light_->attached()) return rtsg::fail(light_->failure());
     }
@@ -119,7 +119,7 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
     const double k = lastDueAt(state.time);
     if (arguments_.animated() ? k < nextPicture_ || (k != dueAt(state.time) && !none) : !last) return {};
     if (auto ok = light_->renderFrame(state); !ok) return ok;
-    if (light_->stats().cancelled) return {};
+    if (light_->stats().cancelled) return last && !arguments_.animated() ? notWritten(arguments_.render) : Result<>();
     Picture picture = std::exchange(light_->frame(), Picture());
     if (arguments_.denoise) {
         if (auto ok = rtsg::denoise(picture); !ok) return ok;
@@ -160,6 +160,7 @@ Result<> LiveOutputs::frame() {
 
 Result<> LiveOutputs::finish() {
     lastState_ = scene_.sequence();
+    afterInterruption_ = interrupted();  // what ended the run does not end what is made of its end
     ending_ = true;
     const Progress progress = running_ > 0 ? progressBar("completing pictures and sound") : Progress{};
     while (running_ > 0) {

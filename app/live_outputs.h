@@ -62,7 +62,8 @@ class LiveOutputs final : public OutputMaker {
     std::vector<std::pair<double, std::uint64_t>> heard_;  // until when sound was made, from which state
 
     std::atomic<bool> failed_{false}, ending_{false}, abandoned_{false};
-    std::atomic<std::uint64_t> lastState_{0};  // once ending_
+    std::atomic<bool> afterInterruption_{false};  // set before ending_
+    std::atomic<std::uint64_t> lastState_{0};     // once ending_
     std::atomic<int> running_{0};
     std::mutex mutex_;
     Result<> problem_;  // the first

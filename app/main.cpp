@@ -1,5 +1,8 @@
 // rtsg: one program, a verb for each use of the libraries. Thin: what a library user would miss is in a library.
+#include <cerrno>
 #include <csignal>
+#include <cstdio>
+#include <cstring>
 #include <exception>
 #include <vector>
 
@@ -48,6 +51,16 @@ int wrongUsage(const Command& program, const UsageError& error) {
     return kUsage;
 }
 
+/// What was printed may be what was asked for, in a file on a full disk.
+bool wroteOutput() {
+    errno = 0;
+    const bool failed = std::ferror(stdout) != 0;
+    if (std::fflush(stdout) == 0 && !failed) return true;
+    printError(
+        fmt::format("cannot write to the standard output{}{}", errno ? ": " : "", errno ? std::strerror(errno) : ""));
+    return false;
+}
+
 int run(int argc, char** argv) {
     Command program("rtsg",
                     "rtsg keeps one X3D scene and any number of subscribers in step: pictures, sound, mirrors, logs.\n"
@@ -78,7 +91,8 @@ int main(int argc, char** argv) {
     // A file that may not grow any more is an error of that write, not the end of the process.
     std::signal(SIGXFSZ, SIG_IGN);
     try {
-        return run(argc, argv);
+        const int status = run(argc, argv);
+        return wroteOutput() ? status : status == kDone ? kBad : status;
     } catch (const std::bad_alloc&) {
         printError("there is not enough memory for what was asked");
         return kBad;

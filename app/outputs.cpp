@@ -327,7 +327,7 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     if (!arguments.render.empty()) {
         ImageOptions image = arguments.picture.parse();
         image.settings.progress = [o = outputs.get()](double) {
-            return !o->abandoned_ && (o->finishing_ || !interrupted());
+            return !o->abandoned_ && (o->afterInterruption_ || !interrupted());
         };
         outputs->light_ = std::make_unique<LightRenderer>(world.get(), LightRenderer::Options(resources, image));
         if (!outputs->light_->attached()) return fail(outputs->light_->failure());
@@ -363,7 +363,7 @@ Result<> Outputs::make(const Job& job) {
         if (auto ok = sound_->renderFrame(*job.state); !ok) return ok;
     while (job.picture && (!arguments_.animated() || pictureIsDue(job.until))) {
         if (auto ok = light_->renderFrame(*job.state); !ok) return ok;
-        if (light_->stats().cancelled) return {};
+        if (light_->stats().cancelled) return arguments_.animated() ? Result<>() : notWritten(arguments_.render);
         report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : job.until);
         report_.pictureStates.push_back(light_->presented());
         report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
@@ -425,8 +425,8 @@ Result<> Outputs::frame() {
 }
 
 Result<> Outputs::finish() {
-    Result<> made = ready();  // what was interrupted is not waited for
-    finishing_ = true;
+    Result<> made = ready();             // what was interrupted is not waited for
+    afterInterruption_ = interrupted();  // what ended the run does not end what is made of its end
     return allOf({[&] { return made; }, [&] { return finishPictures(); },
                   [&]() -> Result<> {
                       if (!sound_) return {};

@@ -123,6 +123,10 @@ struct OutputReport {
     std::string text() const;
 };
 
+/// Of a picture that an interruption ended.
+inline std::unexpected<Diagnostic> notWritten(const std::string& file) {
+    return fail("interrupted: the picture was not written", {}, file);
+}
 /// Writes what was heard, as long as was asked for. Returns its length in seconds.
 Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments);
 
@@ -216,7 +220,7 @@ class Outputs final : public OutputMaker {
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;
     double start_ = 0;
-    std::atomic<bool> failed_{false}, finishing_{false}, abandoned_{false};
+    std::atomic<bool> failed_{false}, afterInterruption_{false}, abandoned_{false};
 
     // The worker's while it has a job, else the scene's thread's.
     PictureFiles files_;

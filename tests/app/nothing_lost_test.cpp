@@ -216,6 +216,18 @@ TEST_F(NothingIsLost, AFileThatMayNotGrowLeavesNone) {
     }
 }
 
+TEST_F(NothingIsLost, WhatIsPrintedToAFullDiskIsAnError) {
+    const std::string errors = streams();
+    for (const std::string& words :
+         std::vector<std::string>{"info '" + file + "' --json", "run '" + file + "' --for 0.1s --json",
+                                  "run '" + file + "' --for 5s --watch '*'", "replay '" + log + "' --verify"}) {
+        const int status = std::system(("'" RTSG_PROGRAM "' " + words + " > /dev/full 2> '" + errors + "'").c_str());
+        ASSERT_TRUE(WIFEXITED(status)) << words;
+        EXPECT_EQ(WEXITSTATUS(status), 1) << words;
+        EXPECT_THAT(readFile(errors), HasSubstr("No space left")) << words;
+    }
+}
+
 TEST_F(FullDisk, LeavesNoHalfFile) {
     for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
              {"render", hall, "-o", disk + "/a.png", "--size", "400x300", "--spp", "1"},
@@ -285,6 +297,25 @@ TEST_F(Interrupted, RecordingKeepsAWholeLogAndSaysSo) {
         EXPECT_EQ(outcome.status, 1) << signal;
         EXPECT_THAT(outcome.err, HasSubstr("interrupted: " + other + " holds "));
         EXPECT_EQ(rtsg({"replay", other, "--verify"}).status, 0) << signal;
+    }
+}
+
+TEST_F(Interrupted, APictureOfTheEndEndsTooWhereTheRunHasEndedByItself) {
+    const auto before = files();
+    for (const char* how : {"--json", "--live"}) {
+        const Outcome outcome = interrupt(
+            {"run", file, "--for", "0.1s", "--render", folder / "a.png", "--size", "4000x3000", "--integrator", "path",
+             "--spp", "4000", how},
+            [start = std::chrono::steady_clock::now()] {
+                return std::chrono::steady_clock::now() - start > std::chrono::seconds(2);
+            },
+            SIGTERM);
+        // A plain ending where the handler was not in place yet.
+        EXPECT_TRUE(outcome.status == 1 || outcome.status == 128 + SIGTERM) << how << outcome.status;
+        if (outcome.status == 1) {
+            EXPECT_THAT(outcome.err, HasSubstr("interrupted")) << how;
+        }
+        expectOnly(before, {});
     }
 }
 
