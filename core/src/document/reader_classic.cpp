@@ -66,8 +66,7 @@ bool ClassicReader::read() {
     readProfile();
     handler_->beginDocument(header_);
     began_ = true;
-    for (const auto& [text, where] : early_) handler_->comment(text, where);
-    early_.clear();
+    tellHeld();
     for (;;) {
         skipSpace();
         if (p_ == end_) break;

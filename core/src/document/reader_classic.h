@@ -95,6 +95,7 @@ class ClassicReader final : private FieldTextReport {
     void report(Severity severity, const char* where, std::string text) override;
     void comment(std::string_view line) override;
     void tellComment();
+    void tellHeld();  // comments that were met before the document began, or while holdsText_
     void progress(const char* p) override;
     const char* more(const char* end) override;
     Splitting splitting() const override { return splitting_; }

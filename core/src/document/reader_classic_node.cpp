@@ -335,7 +335,10 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
     skipValue();
     holdsText_ = false;
     if (!shape.known() && p_ != start) keepText(name, where, start, isList);
-    // What was said behind the value.
+    tellHeld();  // what was said behind the value
+}
+
+void ClassicReader::tellHeld() {
     for (const auto& [text, place] : std::exchange(early_, {})) handler_->comment(text, place);
 }
 
@@ -444,17 +447,22 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
     const FieldRef ref = findField(fields, field.name);
     const bool takesValue = ref.takesValue();
     if (node) frames_.back().given.add(ref);
-    if (node && peekWord() == "IS") {
+    // What is said behind a field that takes no value is about the next one.
+    holdsText_ = true;
+    const bool isConnected = node && peekWord() == "IS";
+    holdsText_ = false;
+    if (!takesValue && !isConnected) {
+        handler_->declareField(field, std::nullopt, at(where));
+        return tellHeld();
+    }
+    tellHeld();
+    if (isConnected) {
         handler_->declareField(field, std::nullopt, at(where));
         word();
         const std::string_view protoField = this->name();
         if (protoField.empty() || bodies_ == 0)
             return error(p_, "IS needs an interface field's name, in the body of a PROTO");
         handler_->isConnection(ref.name, protoField, at(where));
-        return;
-    }
-    if (!takesValue) {
-        handler_->declareField(field, std::nullopt, at(where));
         return;
     }
     if (sf(field.type) != FieldType::SFNode) {

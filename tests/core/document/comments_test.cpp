@@ -102,6 +102,15 @@ TEST(Comments, StandWhereTheyStoodInClassicVrml) {
                                               "before the value <P>", "in a body <end>", "at the end <end>"));
 }
 
+// Whether an IS follows has to be looked for behind the name; what is said there is about what comes next.
+TEST(Comments, BehindAFieldWithoutAValueComeAfterIt) {
+    const CommentHandler handler = read(
+        "#X3D V4.0 utf8\nPROFILE Immersive\nScript {\n# of a\ninputOnly SFInt32 a\n# of b\noutputOnly SFInt32 b # of "
+        "c\n"
+        "initializeOnly SFInt32 c 7\n# of d\ninputOnly SFInt32 d\n# the end\n}\n");
+    EXPECT_THAT(handler.comments, ElementsAre("of a <Script>", "of b <a>", "of c <b>", "of d <c>", "the end <d>"));
+}
+
 // Values in nodes of unknown types are kept as text, of which comments behind them are no part.
 TEST(Comments, BehindTheValuesOfUnknownNodesAreNoPartOfThem) {
     const std::string text =
