@@ -194,7 +194,9 @@ struct ScriptEngine::State {
                             (runtime->withinMemory() || report(cascade, id));
         reportRejections(cascade, id, mark);
         runtime->jobs().endCall(mark);
-        if (--runtime->depth == 0) spent.calls += runtime->stopWatch();
+        // One that runs over its limit is ended itself: the others are not to pay for the rest of it.
+        if (--runtime->depth == 0)
+            spent.calls += std::min(runtime->stopWatch(), static_cast<std::int64_t>(options.timeLimit * 1e9));
         runtime->current = outer;
         return ok && goesOn;
     }
