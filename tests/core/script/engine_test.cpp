@@ -147,6 +147,18 @@ TEST(ScriptEngine, ManyThatLoopShareTheTimeOfAFrame) {
     EXPECT_EQ(s.scene.diagnostics().all().size(), told) << "nobody is left who loops: " << s.problems();
 }
 
+TEST(ScriptEngine, OneThatRunsOverItsLimitCostsTheOthersNothing) {
+    // The making of nodes is not stopped half way: one call takes longer than all of a frame may.
+    ScriptScene s("inputOnly SFBool go", "function go() { Browser.createVrmlFromString('Group { } '.repeat(300000)); }",
+                  kOthers, limitedTo(.05));
+    s.send("go", true);
+    s.frame();
+    EXPECT_GE(timesToldIn(s.scene, "ran longer than 0.05 s"), 1u) << s.problems();
+    EXPECT_EQ(timesToldIn(s.scene, "in one frame"), 0u) << s.problems();
+    s.frame();
+    EXPECT_FLOAT_EQ(s.get<float>("out", "W"), static_cast<float>(s.scene.now()));
+}
+
 TEST(ScriptEngine, OneThatMakesOthersLikeItselfEndsInADiagnostic) {
     ScriptScene s("directOutput TRUE",
                   "function prepareEvents() { "
