@@ -127,6 +127,7 @@ struct OutputReport {
 inline std::unexpected<Diagnostic> notWritten(const std::string& file) {
     return fail("interrupted: the picture was not written", {}, file);
 }
+
 /// Writes what was heard, as long as was asked for. Returns its length in seconds.
 Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments);
 

@@ -16,6 +16,7 @@ namespace {
 
 class LibraryWriter final : public NetcdfWriter {
   public:
+    LibraryWriter() { leaveFilesAtExit(); }
     std::string write(const std::string& path, const NetcdfFile& file) const override {
         const std::lock_guard lock(mutex_);  // the library is for one thread at a time
         int id = 0;
@@ -24,7 +25,6 @@ class LibraryWriter final : public NetcdfWriter {
         const int error = contents(id, file), closed = nc_close(id);
         return error || closed ? what(error ? error : closed, errno) : "";
     }
-    LibraryWriter() { leaveFilesAtExit(); }
 
   private:
     /// A file that could not be written, on a full disk, HDF5 tries to write once more when the process ends; there it

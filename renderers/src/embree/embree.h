@@ -21,7 +21,7 @@ namespace rtsg::bvh {
 /// 4 as one ray after the other.
 inline int packetWidth() {
     static const int answer = [] {
-        const RTCDevice device = rtcNewDevice("threads=1");
+        const RTCDevice device = rtcNewDevice(nullptr);  // one of fewer threads would take them from all others
         const bool by16 = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY16_SUPPORTED) != 0;
         const bool by8 = rtcGetDeviceProperty(device, RTC_DEVICE_PROPERTY_NATIVE_RAY8_SUPPORTED) != 0;
         rtcReleaseDevice(device);

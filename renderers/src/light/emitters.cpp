@@ -135,31 +135,37 @@ void Emitters::add(const TraceScene& scene, std::uint32_t slot, std::vector<Ligh
 }
 
 void Emitters::findContested() {
-    constexpr std::size_t kMostCompared = 16384;  // some ms; beyond them all count as uncontested
+    constexpr std::size_t kMostCompared = 4096;  // some ms a picture; beyond them all count as uncontested
     if (emitters_.size() > kMostCompared) return;
-    // By where they begin along the axis on which they lie farthest apart.
-    std::vector<Bounds> boxes;
-    Bounds all;
-    for (const Emitter& e : emitters_) {
-        boxes.push_back(boxOf(e));
-        all.extend(boxes.back().min), all.extend(boxes.back().max);
+    struct Placed {
+        Bounds box;
+        float slack = 0;
+        Emitter* emitter = nullptr;
+        bool isApart(const Placed& other, float most, int k) const {
+            return other.box.min[k] > box.max[k] + most || box.min[k] > other.box.max[k] + most;
+        }
+    };
+    std::vector<Placed> placed;
+    Bounds starts;
+    for (Emitter& e : emitters_) {
+        if (!(e.area > 0)) continue;
+        const Bounds box = boxOf(e);
+        placed.push_back({box, slackOf(box), &e});
+        starts.extend(box.min);
     }
-    const Vec3f size = all.max - all.min;
+    // By where they begin, along the axis on which that is farthest apart.
+    const Vec3f size = starts.max - starts.min;
     const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-    std::vector<std::uint32_t> order;
-    for (std::uint32_t i = 0; i < emitters_.size(); ++i)
-        if (emitters_[i].area > 0) order.push_back(i);
-    std::ranges::sort(order, {}, [&](std::uint32_t i) { return boxes[i].min[axis]; });
-    const float slack = slackOf(all);
-    for (std::size_t i = 0; i < order.size(); ++i) {
-        Emitter& one = emitters_[order[i]];
-        const Bounds& box = boxes[order[i]];
-        for (std::size_t k = i + 1; k < order.size() && boxes[order[k]].min[axis] <= box.max[axis]; ++k) {
-            Emitter& other = emitters_[order[k]];
-            const Bounds& its = boxes[order[k]];
-            const bool apart = glm::any(glm::greaterThan(its.min, box.max + slack)) ||
-                               glm::any(glm::greaterThan(box.min, its.max + slack));
-            if (!apart && overlapInPlane(one, other, slack)) one.contested = other.contested = true;
+    std::ranges::sort(placed, {}, [axis](const Placed& p) { return p.box.min[axis]; });
+    for (std::size_t i = 0; i < placed.size(); ++i) {
+        const Placed& one = placed[i];
+        for (std::size_t k = i + 1; k < placed.size() && placed[k].box.min[axis] <= one.box.max[axis] + one.slack;
+             ++k) {
+            const Placed& other = placed[k];
+            const float slack = std::max(one.slack, other.slack);
+            if (one.isApart(other, slack, (axis + 1) % 3) || one.isApart(other, slack, (axis + 2) % 3)) continue;
+            if (overlapInPlane(*one.emitter, *other.emitter, slack))
+                one.emitter->contested = other.emitter->contested = true;
         }
     }
 }

@@ -301,6 +301,9 @@ TEST(Emitters, AreContestedWhereTheyShareAPlane) {
     using Answer = std::vector<bool>;
     EXPECT_EQ(contested(panel(1, 1.5)), Answer({false, false})) << "neighbours share an edge";
     EXPECT_EQ(contested(panel(1, 1.5) + panel(1, 1.5)), Answer({true, true, true, true}));
+    // Above each other along y, so that y is what they are sorted by, and a rounding apart in one of the planes.
+    EXPECT_EQ(contested(panel(1, 1.5) + panel(1, 1.5000001) + panel(1, 9)),
+              Answer({true, true, true, true, false, false}));
     EXPECT_EQ(contested(panel(1, 1.5) + panel(1, 1.6)), Answer({false, false, false, false}));
     EXPECT_EQ(contested(panel(1, 1.5) + "Transform { translation 2 0 0 children " + panel(1, 1.5) + "}"),
               Answer({false, false, false, false}))
