@@ -482,10 +482,29 @@ ${far.map((i) => `ROUTE WAY.value_changed TO FAR${i}.set_translation`).join('\n'
     await page.close();
     await stop(server);
   },
+  async 'without a GPU the picture is coarse until all of it is asked for'() {
+    writeFileSync(path.join(scratch, 'shadow.x3dv'), `#X3D V4.0 utf8
+PROFILE Immersive
+DEF LAMP SpotLight { location 0 5 0 direction 0 -1 0 shadows TRUE }
+Shape { geometry Box {} }
+`);
+    const server = await serve('shadow.x3dv', '--web', '0');
+    const page = await open(server.web, {quality: 'auto'});
+    const shown = () => page.evaluate(() => ({told: !document.getElementById('coarse').hidden,
+      shadows: [...rtsg.view.nodes].filter(([id]) => rtsg.mirror.scene.nodes.get(id).name === 'LAMP').map(([, node]) => node.shadows),
+      scale: rtsg.view.browser.getBrowserOption('ContentScale')}));
+    assert.deepEqual(await shown(), {told: true, shadows: [false], scale: 0.5});
+    await Promise.all([page.waitForNavigation(), page.locator('#coarse').click()]);
+    await page.waitForSelector('#picture[data-ready=true]');
+    assert.deepEqual(await shown(), {told: false, shadows: [true], scale: 1});
+    allEqual(await counts(page));
+    await page.close();
+    await stop(server);
+  },
   async 'the demo on a phone'() {
     const server = await serve(path.join(root, 'examples/demo/hall.x3dv'), '--web', '0');
     const begin = Date.now();
-    const page = await open(server.web, {width: 390, height: 700});
+    const page = await open(server.web, {width: 390, height: 700, quality: 'auto'});
     console.log(`        picture ready after ${((Date.now() - begin) / 1000).toFixed(2)} s (drawn by the CPU; aimed at: 2 s)`);
     await until(page, () => rtsg.mirror.count.states > 20);
     allEqual(await counts(page));

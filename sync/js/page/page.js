@@ -7,7 +7,7 @@ import {SceneSound} from '/page/sound.js';
 const $ = (id) => document.getElementById(id);
 const text = (id, value) => { const e = $(id); if (e.textContent !== value) e.textContent = value; };
 
-/** Behind the #, which browsers do not send: token, quality=low, slow=merge. */
+/** Behind the #, which browsers do not send: token, quality=low or full, slow=merge. */
 const settings = new URLSearchParams(location.hash.slice(1));
 const token = settings.get('token') ?? '';
 const url = `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/mirror${token ? `?token=${encodeURIComponent(token)}` : ''}`;
@@ -37,8 +37,9 @@ async function load(mirror) {
   }
   view = new module.X3dView($('picture'), mirror.scene, {
     pictureUrl: (id, index) => fileUrl('picture', id, index),
-    options: settings.get('quality') === 'low' ? {Antialiased: false, PrimitiveQuality: 'LOW', TextureQuality: 'LOW', ContentScale: 0.5} : {},
+    quality: settings.get('quality'),
   });
+  $('coarse').hidden = !(view.coarse && view.drawnByCpu);
   if (mirror.hasState) await rebuild();
 }
 
@@ -68,6 +69,12 @@ function followView(anew) {
 $('viewpoints').onchange = (event) => {
   chosen = event.target.value;
   if (view) followView(true);
+};
+
+$('coarse').onclick = () => {
+  settings.set('quality', 'full');
+  location.hash = settings.toString();
+  location.reload();
 };
 
 // ---- pointer -----------------------------------------------------------------------------------------------------------

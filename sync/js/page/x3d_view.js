@@ -23,9 +23,14 @@ const kLeftOut = new Set(['BooleanFilter', 'BooleanToggle', 'BooleanTrigger', 'I
 /** Outputs say what happened at the origin; here nothing follows from them. */
 const isKept = (def) => !def.hidden && (def.access === 'initializeOnly' || def.access === 'inputOutput');
 
+/** Of pictures that shall come fast: a quarter of the pixels, and no shadows, which cost more than all the rest. */
+const kCoarse = {Antialiased: false, PrimitiveQuality: 'LOW', TextureQuality: 'LOW', ContentScale: 0.5};
+/** What draws where there is no GPU. */
+const kSoftware = /swiftshader|llvmpipe|softpipe|software|basic render/i;
+
 export class X3dView {
-  /** `pictureUrl(id, index)`: of a texture's url of that index. `options`: of X_ITE's browser. */
-  constructor(element, scene, {pictureUrl, options = {}}) {
+  /** `pictureUrl(id, index)`: of a texture's url of that index. `quality`: low, full, or else low where there is no GPU. */
+  constructor(element, scene, {pictureUrl, quality}) {
     this.scene = scene;
     this.pictureUrl = pictureUrl;
     this.nodes = new Map();  // of X_ITE, by the replica's numbers
@@ -35,7 +40,11 @@ export class X3dView {
     // As attributes, which show what is below the splash screen as well.
     this.canvas.setAttribute('splashScreen', 'false');
     this.canvas.setAttribute('contextMenu', 'false');
-    for (const [name, value] of Object.entries(options)) this.browser.setBrowserOption(name, value);
+    this.canvas.setAttribute('notifications', 'false');
+    this.drawnByCpu = kSoftware.test(this.browser.getRenderer());
+    this.coarse = quality === 'low' || (quality !== 'full' && this.drawnByCpu);
+    if (this.coarse)
+      for (const [name, value] of Object.entries(kCoarse)) this.browser.setBrowserOption(name, value);
     this.building = null;
   }
 
@@ -124,8 +133,10 @@ export class X3dView {
   }
 
   setField(base, node, def, index) {
-    const field = base.getField(def.name, false), value = node.values[index], k = def.type >> 1;
+    const field = base.getField(def.name, false), k = def.type >> 1;
+    let value = node.values[index];
     if (!field) return;
+    if (this.coarse && def.name === 'shadows') value = false;
     if (def.type === SFNODE) return field.setValue(this.make(this.standIn(value)));
     if (def.type === MFNODE) return this.setChildren(base, def.name, value, ...(node.type.name === 'Anchor' && def.name === 'children' ? [this.touchSensor()] : []));
     if (field.getTypeName() !== (def.type % 2 ? 'MF' : 'SF') + NAMES[k]) return;
