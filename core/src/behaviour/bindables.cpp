@@ -7,6 +7,8 @@
 #include <cmath>
 #include <optional>
 
+#include <fmt/format.h>
+
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
@@ -75,6 +77,8 @@ void announceBound(Cascade& cascade, NodeId id, bool bound) {
     const Time now{cascade.now()};
     if (isBound != kNoField) cascade.emitStorage(node, isBound, &bound);
     if (bindTime != kNoField) cascade.emitStorage(node, bindTime, &now);
+    // What has said another thing at this timestamp says it at the next, from its onTime.
+    if (isBound != kNoField && node.get(Field<bool>{isBound}) != bound) cascade.wake(node);
     bindNavigation(cascade, node, bound);
     if (!bound) stopTransition(cascade, node);
 }
@@ -133,7 +137,7 @@ struct Bindable {
         Array<NodeId> stack = holder.get(stackOf(holder, kind));
         if (node.get(N::isBound) && (stack.empty() || stack[0] != node.id())) {
             announce(cascade, node, false);
-            return kNever;
+            return node.get(N::isBound) ? cascade.now() : kNever;
         }
         if (stack.empty()) {
             // What was bound before is not bound anew by itself.
@@ -143,6 +147,7 @@ struct Bindable {
             storeStack(cascade, holder, kind, stack);
         }
         if (stack[0] == node.id() && !node.get(N::isBound)) announce(cascade, node, true);
+        if (stack[0] == node.id() && !node.get(N::isBound)) return cascade.now();
         if constexpr (kIsView) return goOnWithTransition(cascade, node);
         return kNever;
     }
@@ -179,7 +184,10 @@ double layerSetOnTime(Cascade& cascade, const Node& node) {
     const std::int32_t number = node.get(x3d::LayerSet::activeLayer);
     const auto& layers = node.get(x3d::LayerSet::layers);
     NodeId active;
-    if (number >= 1 && static_cast<std::size_t>(number) <= layers.size())
+    if (number < 0 || static_cast<std::size_t>(number) > layers.size())
+        cascade.warn(node,
+                     fmt::format("activeLayer is {}, and there are {} layers: 0 is active", number, layers.size()));
+    else if (number >= 1)
         active = layers[static_cast<std::size_t>(number - 1)];
     // What stands there may be no layer, or a PROTO instance that makes one.
     const Node* layer = cascade.scene().effectiveNode(active);

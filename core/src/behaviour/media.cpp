@@ -88,13 +88,14 @@ double onTime(Cascade& cascade, const Node& node) {
         if (start > now) return start;
         // What is over is over; but what is shorter than a frame is still told.
         if (stopping || (!loops(node) && now - start >= cycle && start <= cascade.previous())) return kNever;
+        if (cascade.hasSent(node, N::isActive.index)) return now;  // that it ended: it begins at the next timestamp
         cascade.store(node, N::_pausedTotal, Time{0});
         cascade.emit(node, N::isActive, true);
         cascade.emit(node, N::elapsedTime, Time{loops(node) ? now - start : std::min(now - start, cycle)});
         return now;
     }
-    if (handlePause<N>(cascade, node)) return stopping ? stop<N>(cascade, node) : now;
-    const double active = std::max(0.0, (stopping ? end : now) - start - node.get(N::_pausedTotal).seconds);
+    if (handlePause<N>(cascade, node, stopping)) return stopping ? stop<N>(cascade, node) : now;
+    const double active = std::max(0.0, (stopping ? endOf<N>(node) : now) - start - node.get(N::_pausedTotal).seconds);
     if (!loops(node) && std::isfinite(cycle)) {
         // One that has looped until now ends with its cycle.
         const double begun = std::floor(node.get(N::elapsedTime).seconds / cycle) * cycle;

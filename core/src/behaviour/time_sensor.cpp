@@ -37,7 +37,9 @@ double start(Cascade& cascade, const Node& node) {
     // The cycle's beginning is news only if it came with this frame: not when a scene is loaded in mid-cycle.
     const double begun = startTime + cycleStart;
     if (begun == now || begun > cascade.previous()) cascade.emit(node, S::cycleTime, Time{begun});
-    sendProgress(cascade, node, node.get(S::loop) ? active : std::min(active, interval), interval, now);
+    // One that is over already says the time at which it was.
+    const bool isOver = !node.get(S::loop) && active > interval;
+    sendProgress(cascade, node, isOver ? interval : active, interval, isOver ? startTime + interval : now);
     return now;
 }
 
@@ -69,14 +71,12 @@ double timeSensorOnTime(Cascade& cascade, const Node& node) {
         if (stopTime > startTime && now >= stopTime) return kNever;
         // A cycle shorter than a frame is still seen: it becomes active now and ends in the next frame.
         if (!loop && now - startTime >= interval && startTime <= cascade.previous()) return kNever;
+        if (cascade.hasSent(node, S::isActive.index)) return now;  // that it ended: it begins at the next timestamp
         return start(cascade, node);
     }
-    if (handlePause<S>(cascade, node)) {
-        if (stopTime > startTime && now >= stopTime) return stop(cascade, node);
-        return now;
-    }
     const bool stopping = stopTime > startTime && now >= stopTime;
-    const double until = stopping ? stopTime : now;
+    if (handlePause<S>(cascade, node, stopping)) return stopping ? stop(cascade, node) : now;
+    const double until = stopping ? endOf<S>(node) : now;
     const double active = std::max(0.0, until - startTime - node.get(S::_pausedTotal).seconds);
     const double cycleStart = node.get(S::_cycleStart).seconds;
     if (!loop && active >= cycleStart + interval) {

@@ -138,7 +138,12 @@ void arriveAt(Cascade& cascade, const Node& viewpoint, const std::optional<Viewe
 }
 
 void stopTransition(Cascade& cascade, const Node& viewpoint) {
-    if (const auto fields = viewFields(viewpoint)) endTransition(cascade, viewpoint, *fields);
+    const auto fields = viewFields(viewpoint);
+    if (!fields || viewpoint.get(fields->transition).empty()) return;
+    // What is kept is where the user was to come, not how far that got.
+    if (const auto transition = Transition::fromValue(viewpoint.get(fields->transition)))
+        storeOffset(cascade, viewpoint, *fields, transition->to);
+    endTransition(cascade, viewpoint, *fields);
 }
 
 double goOnWithTransition(Cascade& cascade, const Node& viewpoint) {

@@ -216,7 +216,7 @@ void Scene::State::playEffects(Cascade& cascade, const BehaviourCall& call) {
             if (auto ok = cascade.deliver(effect.node, effect.field, effect.value); !ok && playProblem.empty())
                 playProblem = std::move(ok.error().text);
         } else if (effect.kind == BehaviourEffect::Kind::emit) {
-            cascade.emitStorage(*node, effect.field, value);
+            cascade.emitAgain(*node, effect.field, value);
         } else {
             cascade.storeStorage(*node, effect.field, value);
         }

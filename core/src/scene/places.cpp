@@ -117,6 +117,7 @@ bool isPlace(const NodeType& type, FieldIndex field) {
     const FieldDef& def = type.fields[field];
     if (type.kind == NodeType::Kind::script || type.isA("X3DScriptNode")) return false;
     if (type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) return def.hidden;
+    if (def.type == FieldType::SFNode && def.name == "targetObject") return false;  // 22.4.2: says which, not where
     return (!def.hidden || def.aspect == Aspect::structure) && !onlyTells(type, field);
 }
 

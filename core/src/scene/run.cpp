@@ -1,5 +1,6 @@
 // The event cascade of one timestamp (ISO/IEC 19775-1 V4.0, 4.4.8.3): input events, time, routes, until nothing moves.
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include <fmt/format.h>
@@ -34,7 +35,10 @@ void Scene::Lane::emit(Node& node, RouteGroup& group, std::uint64_t linkEdits) {
 [[gnu::always_inline]] inline void Scene::State::send(Lane& lane, Node& node, FieldIndex field) {
     RouteGroup* const group = groupOf(node, field);
     if (group) {
-        if (std::exchange(group->stamp, stamp) == stamp) return;
+        if (std::exchange(group->stamp, stamp) == stamp) {
+            if (group->gone != stamp || !group->targets.empty()) return;
+            group->gone = 0;  // nobody but listeners, who change nothing: they hear each
+        }
         // 4.4.8.4 holds for outputs without routes too; only a listener can tell.
     } else if (!listener || !announced.emplace(node.id_, field).second) {
         return;
@@ -50,7 +54,11 @@ void Cascade::storeStorage(const Node& node, FieldIndex field, const void* value
     if (s.currentCall != Scene::State::kNoCall) s.recordEffect(BehaviourEffect::Kind::store, node.id(), field, value);
 }
 
-[[gnu::aligned(64)]] void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value) {
+void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value) {
+    if (!hasSent(node, field)) emitAgain(node, field, value);
+}
+
+[[gnu::aligned(64)]] void Cascade::emitAgain(const Node& node, FieldIndex field, const void* value) {
     Scene::State& s = *scene_.state_;
     Node& target = const_cast<Node&>(node);  // the scene's own, which behaviours may read only
     s.write(lane_, target, field, value);
@@ -65,10 +73,12 @@ template <std::size_t size>
     Scene::Lane& lane = lane_;
     Node& target = const_cast<Node&>(node);  // the scene's own, which behaviours may read only
     const FieldSlot& slot = target.type_->slot(field);
+    const bool isHeard = target.heardOf_ & Node::Links::heardBit(field);
     if (slot.size != size || s.currentCall != Scene::State::kNoCall ||
+        (isHeard && target.links_->out.begin()->gone == s.stamp) ||
         !s.writeAsBefore(lane, target, field, slot, value, size)) [[unlikely]]
         return emitStorage(node, field, value);
-    if (target.heardOf_ & Node::Links::heardBit(field)) {
+    if (isHeard) {
         RouteGroup* const group = target.links_->out.begin();
         if (group->field != field) [[unlikely]]
             return s.sendUnusual(lane, target, field);
@@ -86,8 +96,9 @@ template void Cascade::emitPlain<16>(const Node&, FieldIndex, const void*);
 Result<> Cascade::output(const Node& node, FieldIndex field, const Value& value) {
     Scene::State& s = *scene_.state_;
     if (auto ok = s.checkNodes(node, field, value.storage()); !ok) return ok;
+    // A program counts on what it has written, also where an event of this timestamp has gone.
     if (node.type_->fields[field].sends())
-        emitStorage(node, field, value.storage());
+        emitAgain(node, field, value.storage());
     else
         storeStorage(node, field, value.storage());
     return {};
@@ -101,8 +112,8 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     const FieldDef& def = node->type_->fields[field];
     if (!def.writable() || def.type != value.type())
         return fail(kWrongAccess, fmt::format("{}.{} takes no such event", node->type_->name, def.name));
-    if (auto ok = s.checkNodes(*node, field, value.storage()); !ok) return ok;
-    if (auto ok = s.checkAccepted(*node, field, value.storage()); !ok) return ok;
+    if (auto ok = mayHold(*node, field, value); !ok) return ok;
+    if (def.access == Access::inputOutput && s.hasGone(*node, field)) return {};
     if (s.currentCall != Scene::State::kNoCall)
         s.recordEffect(BehaviourEffect::Kind::deliver, id, field, value.storage());
     // What other behaviours do about it is theirs.
@@ -110,6 +121,16 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     s.deliver(*this, *node, field, value.storage());
     s.currentCall = call;
     return {};
+}
+
+Result<> Cascade::mayHold(const Node& node, FieldIndex field, const Value& value) const {
+    const Scene::State& s = *scene_.state_;
+    auto ok = s.checkNodes(node, field, value.storage());
+    return ok ? s.checkAccepted(node, field, value.storage()) : ok;
+}
+
+bool Cascade::hasSent(const Node& node, FieldIndex field) const {
+    return scene_.state_->hasGone(const_cast<Node&>(node), field);
 }
 
 void* Cascade::context(const Node& node) const {
@@ -235,6 +256,7 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
     const void* value = from.storage(field);
     if (target.isConnection && !def.writable() && def.sends()) {
         // IS from a body's outputOnly to the instance's: the instance sends it.
+        if (hasGone(*to, target.field)) return;
         write(cascade.lane_, *to, target.field, value);
         send(cascade.lane_, *to, target.field);
         return;
@@ -246,8 +268,7 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
     }
     if (def.access == Access::inputOutput)
         if (const RouteGroup* sent = groupOf(*to, target.field)) {
-            // Its event of this timestamp has gone (4.4.8.4): the field keeps what it said.
-            if (sent->gone == stamp) return;
+            if (hasGone(*sent)) return;
             // The way back of a two-way connection: that field has already sent this event.
             if (target.isConnection && sent->stamp == stamp) return;
         }
@@ -483,8 +504,9 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     State& s = *state_;
     if (s.refuseForeign() || s.refuseFromWithin()) return std::make_shared<ChangeSet>();
     s.reportForeign();
-    if (s.started && t < s.now) {
-        s.diagnostics.warning({}, fmt::format("time went back from {} to {}: kept", s.now, t));
+    if (!std::isfinite(t) || (s.started && t < s.now)) {
+        s.diagnostics.warning({}, std::isfinite(t) ? fmt::format("time went back from {} to {}: kept", s.now, t)
+                                                   : fmt::format("{} is no time: it stays at {}", t, s.now));
         t = s.now;
     }
     if (!s.playing) {

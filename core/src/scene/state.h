@@ -169,6 +169,13 @@ struct Scene::State : Scene::Lane {
     static RouteGroup* groupOf(Node& node, FieldIndex field) {
         return node.heardOf_ & Node::Links::heardBit(field) ? node.links_->outOf(field) : nullptr;
     }
+    /// Whether the event of this timestamp has gone along routes (4.4.8.4): the field keeps what it said. Listeners do
+    /// not count: they change nothing.
+    bool hasGone(const RouteGroup& group) const { return group.gone == stamp && !group.targets.empty(); }
+    bool hasGone(Node& node, FieldIndex field) const {
+        const RouteGroup* group = groupOf(node, field);
+        return group && hasGone(*group);
+    }
     /// Made if there is none.
     RouteGroup& makeGroup(Node& node, FieldIndex field);
     /// Precondition: nobody hears of the field any longer.

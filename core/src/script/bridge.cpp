@@ -36,6 +36,19 @@ bool global(JSContext* cx, unsigned count, JS::Value* vp) {
     return true;
 }
 
+/// lexical(name): what the program has declared by `let`, `const` or `class`, if anything.
+bool lexical(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    std::string name;
+    if (!stringFrom(cx, args.get(0), name)) return false;
+    const JSAutoRealm inside(cx, currentCall(cx).global);
+    const JS::RootedObject declared(cx, JS_ExtensibleLexicalEnvironment(currentCall(cx).global));
+    args.rval().setUndefined();
+    bool known = false;
+    if (!declared || !JS_HasOwnProperty(cx, declared, name.c_str(), &known)) return declared == nullptr;
+    return !known || JS_GetProperty(cx, declared, name.c_str(), args.rval());
+}
+
 /// hasRoomFor(bytes)
 bool hasRoomFor(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
@@ -192,6 +205,33 @@ bool mayWrite(JSContext* cx, unsigned count, JS::Value* vp) {
                                static_cast<FieldIndex>(args.get(2).isNumber() ? args.get(2).toNumber() : kNoField)));
 }
 
+/// mayHold(node, field, plain value): why the field cannot hold these nodes, or nothing.
+bool mayHold(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    const Node* node = call.scene.find(nodeArgument(args, 0));
+    const auto index = static_cast<FieldIndex>(args.get(1).isNumber() ? args.get(1).toNumber() : kNoField);
+    Value value;
+    if (!call.cascade || !node || index >= node->type().fields.size()) return answer(cx, args, "the node is gone");
+    if (!fromScript(cx, node->type().fields[index].type, args.get(2), value)) {
+        if (JS_IsExceptionPending(cx)) return false;
+        return answer(cx, args, fmt::format("{} was expected", info(node->type().fields[index].type).name));
+    }
+    return answer(cx, args, call.cascade->mayHold(*node, index, value));
+}
+
+/// warn(script, text)
+bool warn(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string text;
+    if (!stringFrom(cx, args.get(1), text)) return false;
+    const Node* script = call.scene.find(nodeArgument(args, 0));
+    if (call.cascade && script) call.cascade->warn(*script, text);
+    args.rval().setUndefined();
+    return true;
+}
+
 /// write(script, node, field, plain value, assigned): assigned values are sent even if equal, others only if changed.
 bool write(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
@@ -303,6 +343,7 @@ JSObject* newBridge(JSContext* cx) {
         JS_FN("print", print, 1, 0),
         JS_FN("now", now, 0, 0),
         JS_FN("global", global, 0, 0),
+        JS_FN("lexical", lexical, 1, 0),
         JS_FN("hasRoomFor", hasRoomFor, 1, 0),
         JS_FN("exists", exists, 1, 0),
         JS_FN("isLoose", isLoose, 1, 0),
@@ -314,6 +355,8 @@ JSObject* newBridge(JSContext* cx) {
         JS_FN("read", read, 2, 0),
         JS_FN("reader", reader, 4, 0),
         JS_FN("mayWrite", mayWrite, 3, 0),
+        JS_FN("mayHold", mayHold, 3, 0),
+        JS_FN("warn", warn, 2, 0),
         JS_FN("write", write, 5, 0),
         JS_FN("named", named, 2, 0),
         JS_FN("roots", roots, 0, 0),

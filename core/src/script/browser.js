@@ -41,11 +41,11 @@
             const [names, levels] = native.components();
             return ownArray(names.map((name, i) => ({name, level: levels[i], title: name, providerURL: ""})));
         };
-        const createNode = flushed(type => {
+        const createNode = type => {
             const id = native.createNode(self, String(type));
             if (typeof id === "string") fail("TypeError", id);
             return nodeOf(id);
-        });
+        };
         const declaration = (name, external) => ({
             name, isExternProto: external, get fields() { return definitions(native.fieldsOfType(name)); },
             newInstance: () => createNode(name),
@@ -72,10 +72,10 @@
         // A route, or its four ends.
         const deleteRoute = (from, ...ends) => ends.length > 0 ? change(native.deleteRoute)(from, ...ends)
             : change(native.deleteRoute)(from.sourceNode, from.sourceField, from.destinationNode, from.destinationField);
-        const routes = flushed(() => {
+        const routes = () => {
             const [from, fromFields, to, toFields] = native.routes(self);
             return ownArray(fromFields.map((field, i) => route(nodeOf(from[i]), field, nodeOf(to[i]), toFields[i])));
-        });
+        };
 
         // ---- scenes --------------------------------------------------------------------------------------------
         const common = {
@@ -94,7 +94,6 @@
         const info = (part, width) => rows(native.documentInfo()[part], width);
         const setInfo = (name, list) => edit(native.setDocumentInfo)(name, list.flat());
         function getNamedNode(name) {
-            flush();
             const id = native.named(self, String(name));
             if (!id) fail("ReferenceError", `no node is named ${name}`);
             return nodeOf(id);
@@ -109,14 +108,13 @@
             get units() {
                 return ownArray(info(kUnits, 3).map(([category, name, factor]) => ({category, name, conversionFactor: Number(factor)})));
             },
-            get rootNodes() { flush(); return nodes(native.roots()); },
+            get rootNodes() { return nodes(native.roots()); },
             addRootNode: node => edit(native.addRoot)(idOf(node)),
             removeRootNode: node => edit(native.removeRoot)(idOf(node)),
             getNamedNode,
             updateNamedNode: (name, node) => edit(native.rename)(idOf(node), String(name)),
             removeNamedNode: name => edit(native.rename)(idOf(getNamedNode(name)), ""),
             getImportedNode(name) {
-                flush();
                 const id = native.localNode(self, String(name));
                 if (!id) fail("ReferenceError", `nothing was imported as ${name}`);
                 return nodeOf(id);
@@ -129,7 +127,6 @@
             },
             removeImportedNode: name => setInfo("imports", info(kImports, 3).filter(one => one[2] !== String(name))),
             getExportedNode(name) {
-                flush();
                 const id = native.localNode(self, exported(name)?.[0] ?? "");
                 if (!id) fail("ReferenceError", `nothing is exported as ${name}`);
                 return nodeOf(id);
@@ -164,12 +161,12 @@
             pieces.set(made, {roots, named});
             return made;
         }
-        const ofText = flushed(text => piece(native.pieceOfText(self, String(text))));
+        const ofText = text => piece(native.pieceOfText(self, String(text)));
         /// With a node and the name of one of its fields the nodes come as an event, in a later frame; else at once.
-        const ofUrls = flushed((given, node, field) => {
+        const ofUrls = (given, node, field) => {
             if (node === undefined || node === null) return piece(native.pieceOfUrls(self, urls(given)));
             must(native.askPiece(self, urls(given), idOf(node), String(field)));
-        });
+        };
 
         // ---- Browser -------------------------------------------------------------------------------------------
         const browser = {

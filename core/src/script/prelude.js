@@ -4,8 +4,9 @@
 // Evaluated once a thread, in a realm of its own whose objects no program can change; `native` is the bridge to the
 // scene. It answers with the names that every program finds in its global object, and a function that makes a program's
 // controller. A field is read when it is first touched in a call and kept until the call ends; then whatever was
-// assigned, or changed in place (`points[3].y = 1`), goes to the scene in the order of first touch, as events where the
-// field sends or takes them.
+// assigned, or has been changed in place since it was read (`points[3].y = 1`), goes to the scene in the order of first
+// touch, as events where the field sends or takes them. A function of Browser that changes the scene has all that sent
+// before; objects that the program has been given stay the fields' own. What is refused then, is told of each by itself.
 (function (native) {
     "use strict";
 
@@ -14,7 +15,7 @@
     function fail(kind, text) { throw new (native.global()[kind])(text); }
     const ownArray = list => native.global().Array.from(list);
     const isNumber = code => code <= SFTime && !(code & 1);
-    const SFTime = 8, SFString = 10, SFNode = 12, SFImage = 18, SFRotation = 32, SFMatrix = 34;
+    const SFTime = 8, SFString = 10, SFNode = 12, MFNode = 13, SFImage = 18, SFRotation = 32, SFMatrix = 34;
     const tuples = new Map();  // SF type code -> class
     const arrays = new Map();  // MF type code -> class
     const spares = new Map();  // SF type code -> an array for its components, between two statements
@@ -119,6 +120,8 @@
                     for (let k = 0; k < n; ++k) out[i * n + j] += a[i * n + k] * b[k * n + j];
             return out;
         }
+        /// What the constructor takes besides components: its rows as vectors.
+        static rows(given) { return Array.from(given).flatMap(row => row instanceof Tuple ? row.components() : [row]); }
         // Gauss-Jordan with pivots. The inverse is null where there is none.
         static solve(given, n) {
             const m = given.slice(), inverse = Array.from({length: n * n}, (_, i) => i % (n + 1) ? 0 : 1);
@@ -168,6 +171,28 @@
     }
     class Matrix3 extends Matrix {
         det3() { return this.determinant(); }
+        // In the plane, angles in radians; what is left out does nothing.
+        setTransform(translation, rotation, scale, scaleOrientation, center) {
+            const moved = (v, sign) => [1, 0, 0, 0, 1, 0, sign * v.x, sign * v.y, 1];
+            const turned = angle => { const c = Math.cos(angle), s = Math.sin(angle); return [c, s, 0, -s, c, 0, 0, 0, 1]; };
+            const parts = [];
+            if (center) parts.push(moved(center, -1));
+            if (scaleOrientation && scale) parts.push(turned(-scaleOrientation));
+            if (scale) parts.push([scale.x, 0, 0, 0, scale.y, 0, 0, 0, 1]);
+            if (scaleOrientation && scale) parts.push(turned(scaleOrientation));
+            if (rotation) parts.push(turned(rotation));
+            if (center) parts.push(moved(center, 1));
+            if (translation) parts.push(moved(translation, 1));
+            const whole = parts.reduce((product, part) => Matrix.product(product, part, 3), moved({x: 0, y: 0}, 1));
+            whole.forEach((c, i) => { this[i] = c; });
+        }
+        // Fills in the vectors that are given; of a rotation cosine, sine and angle. Exact for what has no shear.
+        getTransform(translation, rotation, scale) {
+            const [a, b, , c, d, , x, y] = this.components(), angle = Math.atan2(b, a);
+            if (translation) { translation.x = x; translation.y = y; }
+            if (rotation) { rotation.x = Math.cos(angle); rotation.y = Math.sin(angle); rotation.z = angle; }
+            if (scale) { scale.x = Math.hypot(a, b); scale.y = Math.hypot(c, d) * (a * d - b * c < 0 ? -1 : 1); }
+        }
     }
     class Matrix4 extends Matrix {
         det4() { return this.determinant(); }
@@ -223,14 +248,15 @@
     function defineTuple(code, name, base, keys, zero = keys.map(() => 0)) {
         const parameters = keys.map((_, i) => `a${i}`), property = key => /^\d/.test(key) ? `[${key}]` : `.${key}`;
         const each = (f, between) => keys.map(f).join(between);
-        const special = base === Rotation ? "if (a0 instanceof Vector3) { [a0, a1, a2, a3] = Rotation.given(a0, a1); count = 4; }" : "";
-        const made = new Function("Tuple", "Vector3", "Rotation", `"use strict"; return function ${name}(${parameters}) {
+        const special = base === Rotation ? "if (a0 instanceof Vector3) { [a0, a1, a2, a3] = Rotation.given(a0, a1); count = 4; }"
+            : base.prototype instanceof Matrix ? `if (count > 1 && a0 instanceof Tuple) { const from = Matrix.rows(arguments); count = from.length; [${parameters}] = from; }` : "";
+        const made = new Function("Tuple", "Vector3", "Rotation", "Matrix", `"use strict"; return function ${name}(${parameters}) {
             if (new.target === undefined) return Reflect.construct(${name}, arguments);
             let count = arguments.length;
             ${special}
             if (count === 1 && a0 instanceof Tuple) { const from = a0.components(); count = from.length; [${parameters}] = from; }
             ${each((key, i) => `this${property(key)} = count > ${i} ? Number(a${i}) : ${zero[i]};`, " ")}
-        }`)(Tuple, Vector3, Rotation);
+        }`)(Tuple, Vector3, Rotation, Matrix);
         made.keys = keys;
         made.zero = zero;
         spares.set(code, new Float64Array(keys.length));
@@ -319,6 +345,8 @@
             return tuple ? new tuple() : element === SFString ? "" : element === SFNode ? null : element === SFImage ? new SFImage_()
                 : element === 0 ? false : 0;
         };
+        if (element === SFString)  // as a file has it
+            made.prototype.toString = function () { return "[" + Array.from(this, text => `"${String(text).replace(/["\\]/g, "\\$&")}"`).join(", ") + "]"; };
         arrays.set(element + 1, made);
         publishClass("MF" + name, made);
     });
@@ -404,6 +432,29 @@
         field.tuple.store(value, field.spare, 0);
         return field.spare;
     }
+    /// The same; of what is no such value `tell` hears why, and it is undefined.
+    function plainOr(field, value, tell) {
+        try {
+            return plain(field, value);
+        } catch (error) {
+            tell?.(String(error?.message ?? error));
+            return undefined;
+        }
+    }
+    /// Numbers, strings and nodes cannot be changed in place.
+    const changesInPlace = code => (code & 1) === 1 || code === SFImage || tuples.has(code);
+    /// Of two plain forms of one type.
+    function isAlike(a, b) {
+        if (a === undefined || b === undefined || a.length !== b.length) return false;
+        for (let i = 0; i < a.length; ++i) if (a[i] !== b[i] && (a[i] === a[i] || b[i] === b[i])) return false;
+        return true;
+    }
+    /// Makes a value the same as another of its type.
+    function refill(value, from) {
+        if (!Array.isArray(value)) return void Object.assign(value, from);
+        value.length = 0;
+        for (let i = 0; i < from.length; ++i) put(value, i, from[i]);
+    }
     /// What an assignment keeps: later changes of `value` are not meant.
     function copied(field, value, nodeOf) {
         const flat = plain(field, value);
@@ -412,7 +463,10 @@
 
     // ---- nodes, and what prints ----------------------------------------------------------------------------------
     const inputOnly = 1, mostSpare = 64, touchedBits = 24, ids = new WeakMap();
-    class SFNode_ {}
+    class SFNode_ {
+        /// As in VRML97: the first node of a text.
+        constructor(text = "") { return native.global().Browser.createVrmlFromString(String(text))[0] ?? fail("TypeError", "SFNode: the text has no node"); }
+    }
     publishClass("SFNode", SFNode_);
     const methods = {
         getTypeName: id => native.typeName(id), getNodeTypeName: id => native.typeName(id), getNodeName: id => native.nodeName(id),
@@ -439,8 +493,11 @@
         // What this call has touched, in this order; what has been assigned anew since has null in its first place.
         // Lists keep their length: to shorten one costs as much as a call.
         let order = [], count = 0, spareOrder = null, hasOthers = false;
-        // {id, field, value, assigned, at}: one value, and its place in the order or -1. The Script's own by index.
+        // One value each, and its place in the order or -1. `base`: in the plain form as it was read or sent, for what can be
+        // changed in place; `given`: the program has had the object; `age`: the flush after which it was compared with
+        // the scene. The Script's own by index.
         const own = [], others = new Map();
+        let age = 0, depth = 0;
         // Which of its own fields have a cell in that order, a bit each, or several that share one: readers look here.
         const touched = new Float64Array(1);
         const proxies = new Map(), fieldTables = new Map();
@@ -454,7 +511,7 @@
             if (field === undefined) {
                 const packed = native.field(id, name), code = packed >> 16 & 0xFF;
                 field = packed < 0 ? null : {index: packed & 0xFFFF, place: (packed & 0xFFFF) % touchedBits, code, access: packed >> 24, name,
-                                               tuple: tuples.get(code), spare: spares.get(code)};
+                                               tuple: tuples.get(code), spare: spares.get(code), changes: changesInPlace(code)};
                 table.set(name, field);
             }
             return field;
@@ -463,34 +520,72 @@
             const key = id === self ? field.index : id * 65536 + field.index;
             let cell = id === self ? own[key] : others.get(key);
             if (cell === undefined) {
-                cell = {id, field, value: undefined, assigned: false, at: -1};
+                cell = {id, field, value: undefined, base: undefined, assigned: false, given: false, at: -1, age: 0};
                 if (id === self) own[key] = cell; else others.set(key, cell);
                 hasOthers ||= id !== self;
             }
             return cell;
         }
-        function touch(cell, value, assigned) {
-            cell.value = value;
-            cell.assigned = assigned;
+        function line(cell) {
             cell.at = count;
             order[count++] = cell;
             if (cell.id === self) touched[0] |= 1 << cell.field.place;
         }
+        function drop(cell) {
+            cell.at = -1;
+            cell.value = cell.base = undefined;
+        }
+        /// What the object says is what the scene says, unless the program has changed it since.
+        function renew(cell) {
+            const {field, value, base} = cell;
+            cell.age = age;
+            if (cell.assigned || !isAlike(plainOr(field, value, undefined), base)) return;
+            const flat = native.read(cell.id, field.index);
+            if (isAlike(flat, base)) return;
+            cell.base = flat;
+            refill(value, revive(field.code, flat, nodeOf));
+        }
         function valueOf(cell) {
-            const {at, field} = cell;
-            if (at < 0) touch(cell, revive(field.code, native.read(cell.id, field.index), nodeOf), false);
+            const {field} = cell;
+            if (cell.at < 0) {
+                const flat = native.read(cell.id, field.index);
+                cell.value = revive(field.code, flat, nodeOf);
+                cell.base = field.changes ? flat : undefined;
+                cell.assigned = false;
+                cell.age = age;
+                line(cell);
+            } else if (cell.age !== age) {
+                renew(cell);
+            }
+            cell.given = field.changes;
             return cell.value;
         }
         function assignTo(cell, value) {
             const kept = copied(cell.field, value, nodeOf);
             if (cell.at >= 0) order[cell.at] = null;
-            touch(cell, kept, true);
+            cell.value = kept;
+            cell.base = undefined;
+            cell.assigned = true;
+            cell.given = false;
+            cell.age = age;
+            line(cell);
+        }
+        /// Nodes that the field cannot hold are an error at the program's own line. What is on its way may make room.
+        function checkNodes(id, field, value) {
+            const flat = plain(field, value);
+            let flaw = native.mayHold(id, field.index, flat);
+            if (flaw && count > 0) {
+                flush(false);
+                flaw = native.mayHold(id, field.index, flat);
+            }
+            if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
         }
         const read = (id, field) => field.access === inputOnly ? undefined : valueOf(cellOf(id, field));
         function assign(id, field, value) {
             // Its own fields, but for inputs, a program may always write.
             const flaw = id === self && field.access !== inputOnly ? undefined : native.mayWrite(self, id, field.index);
             if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
+            if (id !== self && (field.code | 1) === MFNode) checkNodes(id, field, value);
             assignTo(cellOf(id, field), value);
         }
         const nodeHandler = {
@@ -520,26 +615,35 @@
             }
             return proxy;
         }
-        function send(id, field, value, assigned) {
-            const flaw = native.write(self, id, field.index, plain(field, value), assigned);
-            if (flaw) fail("TypeError", `${field.name}: ${flaw}`);
+        function tell(id, field, why) {
+            const whose = id === self ? "" : `${native.typeName(id)} ${native.nodeName(id) || id}.`;
+            native.warn(self, `${whose}${field.name}: ${why}`);
         }
-        // Numbers, strings and nodes cannot be changed in place.
-        const isSent = (field, value, assigned) => assigned || (value !== null && typeof value === "object" && field.code !== SFNode);
-        function flush() {
+        function send(id, field, flat, assigned) {
+            const flaw = native.write(self, id, field.index, flat, assigned);
+            if (flaw) tell(id, field, flaw);
+        }
+        /// The plain form of what is to be sent; undefined if there is nothing.
+        function news(cell) {
+            const {id, field, value, base, assigned} = cell;
+            if (!assigned && !field.changes) return undefined;
+            const flat = plainOr(field, value, why => tell(id, field, why));
+            return assigned || (flat !== undefined && !isAlike(flat, base)) ? flat : undefined;
+        }
+        /// `last`: the call is over, and what it has touched is forgotten. Else what the program holds stays the
+        /// fields', and what it has not touched since the flush before is looked at when the call is over.
+        function flush(last) {
             if (count === 0) return;
-            if (hasOthers) {
-                others.clear();
-                hasOthers = false;
-            }
+            const before = age++;
             touched[0] = 0;
-            if (count === 1) {
-                const cell = order[0], {value, assigned, field} = cell;
+            if (last && count === 1) {
+                const cell = order[0], {id, field, assigned} = cell;
                 order[0] = null;
                 count = 0;
-                cell.at = -1;
-                cell.value = undefined;
-                if (isSent(field, value, assigned)) send(cell.id, field, value, assigned);
+                const flat = news(cell);
+                drop(cell);
+                if (hasOthers) others.clear(), hasOthers = false;
+                if (flat !== undefined) send(id, field, flat, assigned);
                 return;
             }
             // A write may call this program again: it must not find what is on its way. Mostly that is one value.
@@ -547,26 +651,33 @@
             order = spareOrder ?? [];
             count = 0;
             spareOrder = null;
-            let first = null, firstValue, firstAssigned = false, rest = null;
+            let rest = null;
             for (let i = 0; i < end; ++i) {
                 const cell = pending[i];
                 if (cell === null) continue;
                 pending[i] = null;
-                const {value, assigned, field} = cell;
-                cell.at = -1;
-                cell.value = undefined;
-                if (!isSent(field, value, assigned)) continue;
-                if (first === null) { first = cell; firstValue = value; firstAssigned = assigned; }
-                else (rest ??= []).push({id: cell.id, field, value, assigned});
+                if (!last && !cell.assigned && cell.age !== before) {
+                    line(cell);
+                    continue;
+                }
+                const {id, field, assigned, given} = cell;
+                let flat = news(cell);
+                if (flat !== undefined) {
+                    if (flat === field.spare) flat = flat.slice();
+                    (rest ??= []).push({id, field, flat, assigned});
+                    cell.base = flat;
+                }
+                cell.assigned = false;
+                if (!last && given) line(cell); else drop(cell);
             }
+            if (last && hasOthers) others.clear(), hasOthers = false;
             if (end <= mostSpare) spareOrder = pending;
-            if (first !== null) send(first.id, first.field, firstValue, firstAssigned);
-            if (rest !== null) for (const {id, field, value, assigned} of rest) send(id, field, value, assigned);
+            if (rest !== null) for (const {id, field, flat, assigned} of rest) send(id, field, flat, assigned);
         }
         function publish(name, value) {
             Object.defineProperty(global, name, {value, writable: true, configurable: true, enumerable: false});
         }
-        publish("Browser", library.makeBrowser({self, nodeOf, idOf, flush, fail, flatten, revive, ownArray, print, println}));
+        publish("Browser", library.makeBrowser({self, nodeOf, idOf, flush: () => flush(false), fail, flatten, revive, ownArray, print, println}));
 
         // ---- the Script's own fields are variables of its program; a function of that name takes the place of one ----
         for (const name of native.fieldNames(self)) {
@@ -580,11 +691,18 @@
 
         // Between two steps in which nothing but a collection of garbage happens: nodes that only their proxies keep.
         let loose = [];
-        const has = name => typeof Object.getOwnPropertyDescriptor(global, name)?.value === "function", handlers = [];
+        const handlers = [];
+        /// Whether there is such a function; one that `let` or `const` declares is made a property, as others are.
+        function has(name) {
+            if (typeof Object.getOwnPropertyDescriptor(global, name)?.value === "function") return true;
+            const value = native.lexical(name);
+            if (typeof value === "function") Object.defineProperty(global, name, {value, writable: true, configurable: true, enumerable: false});
+            return typeof value === "function";
+        }
         return {
             /// Lets go of nodes that the scene would like to know of.
             loosen() {
-                for (let i = 0; i < count; ++i) if (order[i] !== null) { order[i].at = -1; order[i].value = undefined; }
+                for (let i = 0; i < count; ++i) if (order[i] !== null) drop(order[i]);
                 order = [];
                 count = 0;
                 touched[0] = 0;
@@ -605,21 +723,23 @@
             /// What event() calls the function of that name by; -1 if there is none.
             handler: name => has(name) ? handlers.push(name) - 1 : -1,
             call(name, ...given) {
+                ++depth;
                 try {
                     global[name](...given);
                 } finally {
-                    flush();
+                    flush(--depth === 0);
                 }
             },
             /// An event of type `code` for a handler.
             event(handler, code, flat, time) {
+                ++depth;
                 try {
                     global[handlers[handler]](revive(code, flat, nodeOf), time);
                 } finally {
-                    flush();
+                    flush(--depth === 0);
                 }
             },
-            flush,
+            flush() { flush(depth === 0); },
         };
     }
 

@@ -1,6 +1,7 @@
 // What the headers of scenes, sets and behaviours promise, one by one: edits, order within a set, frames, threads.
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <map>
 #include <set>
 #include <thread>
@@ -477,6 +478,19 @@ TEST(Loading, ProgressGrowsUpToAllThereIs) {
     ASSERT_TRUE(loadText(scene, text, diagnostics, {}, options));
     EXPECT_GT(times, 3U);
     EXPECT_GT(last, text.size() / 2);
+}
+
+TEST(Scene, ATimeThatIsNoneLeavesTheClockWhereItIs) {
+    Scene scene;
+    scene.newFrame(2);
+    for (const double none : {std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(),
+                              std::numeric_limits<double>::quiet_NaN()}) {
+        scene.newFrame(none);
+        EXPECT_EQ(scene.now(), 2);
+    }
+    EXPECT_EQ(scene.diagnostics().all().size(), 3u);
+    scene.newFrame(3);
+    EXPECT_EQ(scene.now(), 3);
 }
 
 }  // namespace

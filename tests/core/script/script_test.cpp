@@ -485,7 +485,8 @@ TEST(Script, ArraysHaveNoHoles) {
               "[0 0 0, 5 0 0, 0 0 0, 1 2 3]");
     EXPECT_EQ(evaluated("(m => { m[5] = 1; return m.length + ' ' + m[2] + ' ' + m[9]; })(MFInt32(7))"),
               "6 0 undefined");
-    EXPECT_EQ(evaluated("(m => { m[2] = 'c'; return m; })(MFString('a'))"), "[a, , c]");
+    EXPECT_EQ(evaluated("(m => { m[2] = 'c'; return m; })(MFString('a'))"), R"(["a", "", "c"])");
+    EXPECT_EQ(evaluated("MFString('a' + String.fromCharCode(34) + 'b', String.fromCharCode(92))"), R"(["a\"b", "\\"])");
     ScriptScene s("outputOnly MFString names outputOnly MFVec2f points outputOnly MFBool flags",
                   "function initialize() { names[2] = 'c'; points[1] = new SFVec2f(1, 2); flags[1] = true; }");
     s.frame();
@@ -493,6 +494,23 @@ TEST(Script, ArraysHaveNoHoles) {
     EXPECT_EQ(s.get<Array<Vec2f>>("points"), (Array<Vec2f>{{0, 0}, {1, 2}}));
     EXPECT_EQ(s.get<Array<bool>>("flags"), (Array<bool>{false, true}));
     EXPECT_EQ(s.problems(), "");
+}
+
+TEST(Script, AFunctionMayBeDeclaredByLetOrConst) {
+    ScriptScene s("inputOnly SFInt32 go outputOnly SFInt32 done outputOnly SFInt32 begun",
+                  "const go = value => { done = value + 1; }; let initialize = () => { begun = 3; };");
+    s.frame();
+    s.send("go", 4);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("begun"), 3);
+    EXPECT_EQ(s.get<std::int32_t>("done"), 5);
+    EXPECT_EQ(s.problems(), "");
+}
+
+TEST(Script, ANodeIsMadeOfTextAsInVrml97) {
+    EXPECT_EQ(evaluated("[new SFNode('Box { }').getTypeName(), SFNode('Group { } Box { }').getTypeName()]"),
+              "Box,Group");
+    EXPECT_EQ(evaluated("(() => { try { new SFNode(''); } catch (e) { return 'none'; } })()"), "none");
 }
 
 TEST(Script, MatricesHaveTheirMethods) {
@@ -509,6 +527,14 @@ TEST(Script, MatricesHaveTheirMethods) {
     EXPECT_EQ(evaluated("((m, t, r, s) => { m.getTransform(t, r, s); return [t, r.angle.toFixed(6), s" + rounded +
                         "].join(', '); })(" + made + ", SFVec3d(), SFRotation(), SFVec3d())"),
               "1 2 3, 1.570796, 2 3 4");
+    EXPECT_EQ(evaluated("SFMatrix3f(SFVec3f(1, 2, 3), SFVec3f(4, 5, 6), SFVec3f(7, 8, 9))"), "1 2 3 4 5 6 7 8 9");
+    const std::string plane =
+        "(m => { m.setTransform(SFVec2f(1, 2), Math.PI / 2, SFVec2f(2, 3)); return m; })"
+        "(new SFMatrix3d())";
+    EXPECT_EQ(evaluated(plane + ".multVecMatrix(SFVec2d(1, 1))" + rounded), "-2 4");
+    EXPECT_EQ(evaluated("((m, t, r, s) => { m.getTransform(t, r, s); return [t, r.z.toFixed(6), s" + rounded +
+                        "].join(', '); })(" + plane + ", SFVec2d(), SFVec3d(), SFVec2d())"),
+              "1 2, 1.570796, 2 3");
     EXPECT_EQ(evaluated("SFMatrix3f(0, 1, 0, 1, 0, 0, 0, 0, 1).inverse()"), "0 1 0 1 0 0 0 0 1");
     EXPECT_EQ(evaluated("SFMatrix3f(0, 1, 0, 1, 0, 0, 0, 0, 1).det3()"), "-1");
     EXPECT_EQ(evaluated("SFMatrix3f(1, 2, 3, 4, 5, 6, 7, 8, 10).multMatrixVec(SFVec3f(1, 0, 0))"), "1 4 7");

@@ -46,7 +46,8 @@ class Cascade {
     double previous() const { return previous_; }
     const Scene& scene() const { return scene_; }
 
-    /// Sends an output event (and stores the value). At most one per field and timestamp reaches the routes.
+    /// Sends an output event (and stores the value). Once one has gone along routes at this timestamp, nothing more is
+    /// stored or sent until the next (4.4.8.4): what a field says is what it sent.
     template <class T>
     void emit(const Node& node, Field<T> field, const T& value) {
         if constexpr (std::is_trivially_copyable_v<T> && sizeof(T) <= 16 && !std::is_same_v<T, NodeId>)
@@ -62,10 +63,18 @@ class Cascade {
     /// `value` is in block representation.
     void emitStorage(const Node& node, FieldIndex field, const void* value);
     void storeStorage(const Node& node, FieldIndex field, const void* value);
+    /// As emitStorage, but stored in any case: what others go by, though no route told them.
+    void emitAgain(const Node& node, FieldIndex field, const void* value);
     /// A Script's own output or variable, with the checks that values from outside need: sends it if the field sends.
     Result<> output(const Node& node, FieldIndex field, const Value& value);
-    /// Delivers an event to another node's input at this timestamp (direct output of a Script).
+    /// Delivers an event to another node's input at this timestamp (direct output of a Script). A field whose event of
+    /// this timestamp has gone keeps what it said, as for events along routes.
     Result<> deliver(NodeId node, FieldIndex field, const Value& value);
+    /// Whether the field's event of this timestamp has gone along routes.
+    bool hasSent(const Node& node, FieldIndex field) const;
+    /// Whether the field can hold the nodes of the value, as things are: they are there, of types that it takes, and
+    /// none is above it.
+    Result<> mayHold(const Node& node, FieldIndex field, const Value& value) const;
     /// Has the onTime of another node called at this timestamp (again). Not recorded: for deterministic behaviours.
     void wake(const Node& node);
     /// Where what is in `node` stands, on the first path from the root. If `asker`, whose onTime this is, returns
