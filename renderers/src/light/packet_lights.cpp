@@ -144,10 +144,10 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
 
 }  // namespace
 
-Vec3f leftOnTheWay(const TraceScene& scene, Ray ray) {
+Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind) {
     Vec3f left(1);
     for (int step = 0; step < 64; ++step) {
-        const Hit hit = scene.world->intersect(ray, RayKind::shadow);
+        const Hit hit = scene.world->intersect(ray, kind);
         if (!hit) return left;
         left *= straightTransmittance(scene, hit);
         if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) return Vec3f(0);

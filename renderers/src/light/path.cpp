@@ -181,9 +181,21 @@ class Paths {
     void add(const PathTask& task, const Vec3f& radiance) {
         loop_.sumOf(task.pixel) += Vec4f(task.weight * radiance, 0);
     }
-    /// Coverage belongs to the eye's own line of sight; on it a weight holds nothing but what clear surfaces left over.
+    /// Coverage belongs to the eye's own line of sight, as far as the first surface: who meets a clear one there tells
+    /// of all that is behind it.
+    static bool isFirst(const PathTask& task) { return task.depth == 0 && task.passes == 0; }
     void cover(const PathTask& task, float coverage) {
-        if (task.depth == 0) loop_.sumOf(task.pixel).a += coverage * largest(task.weight);
+        if (isFirst(task)) loop_.sumOf(task.pixel).a += coverage * largest(task.weight);
+    }
+    /// What share of the background shows through what lies behind a clear surface. Which way a path goes on there is
+    /// chance, and would make a pixel's coverage noise.
+    float backgroundBehind(const Vec3f& direction, int lane) const {
+        const float clear = 1 - scene_.skyColor(direction, true).a;
+        if (!(clear > 0)) return 0;
+        const Ray ray{RayWorld::leave(surfaces_.point(lane), direction), kLeave, direction,
+                      std::numeric_limits<float>::infinity()};
+        const float left = clear * largest(leftOnTheWay(scene_, ray, RayKind::eye));
+        return left > 0 && !scene_.volumes.empty() ? left * volumesLeft(scene_, ray) : left;
     }
 
     void trace(RayPacket16& rays, PathTask* tasks, bool coherent) {
@@ -465,7 +477,10 @@ class Paths {
         const float cosine = std::clamp(glm::dot(normal, -direction), 1e-4f, 1.0f);
         const Bsdf own = bsdf(lane);
         const Ways w = ways(lane, cosine, own);
-        cover(task, 1 - largest(w.share[straight]));
+        if (isFirst(task)) {
+            const float left = largest(w.share[straight]);
+            cover(task, left > 0 ? 1 - left * backgroundBehind(direction, lane) : 1);
+        }
         if (scene_.fogs.any() && coverage > 0 && t + task.line > 0) {
             const float fog = s.fogLeft(scene_, lane, t + task.line);
             PathTask hazy = task;

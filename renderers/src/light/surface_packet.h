@@ -76,8 +76,8 @@ bool letsThrough(const TraceScene& scene, std::uint32_t instance);
 /// What part of light a surface lets through straight at a hit: 0 if opaque there. For shadow rays.
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit);
 
-/// What is left of light along a shadow ray, which ends at tMax or goes on for ever.
-Vec3f leftOnTheWay(const TraceScene& scene, Ray ray);
+/// What is left of light along a ray, which ends at tMax or goes on for ever.
+Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind = RayKind::shadow);
 
 /// What an opaque surface itself sends out at a hit, in linear light. `footprint`: metres, of a pixel there.
 Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint);

@@ -383,5 +383,34 @@ TEST(PathTracer, TransparencyLeavesCoverageOver) {
     EXPECT_NEAR(m.color.r, 0.75, 1e-5);
 }
 
+/// Two panes that leave .5 and .8 over, before `behind`.
+std::string panesBefore(const std::string& behind) {
+    const auto wall = [](double z, const char* material) {
+        return fmt::format(
+            "Transform {{ translation 0 0 {} children Shape {{ appearance Appearance {{ material {} }} "
+            "geometry Rectangle2D {{ size 90 90 solid FALSE }} }} }} ",
+            z, material);
+    };
+    return wall(2, "UnlitMaterial { transparency .5 }") + wall(1, "Material { transparency .8 }") + behind;
+}
+
+TEST(PathTracer, WhatIsBehindClearSurfacesCoversWithoutNoise) {
+    const auto alphas = [](const std::string& behind) {
+        LightScene s(panesBefore(behind), 8, 8);
+        s.options.settings.integrator = Integrator::path;
+        s.options.settings.samplesPerPixel = 2;
+        std::vector<float> result;
+        for (const auto& pixel : s.picture().pixels) result.push_back(pixel.a);
+        return result;
+    };
+    const std::string opaque =
+        "Transform { translation 0 0 -1 children Shape { appearance Appearance { material "
+        "Material { } } geometry Rectangle2D { size 90 90 solid FALSE } } }";
+    for (const float alpha : alphas("Background { transparency 1 } " + opaque)) EXPECT_EQ(alpha, 1);
+    for (const float alpha : alphas("Background { skyColor 1 1 1 }")) EXPECT_EQ(alpha, 1);
+    for (const float alpha : alphas("Background { transparency 1 }")) EXPECT_NEAR(alpha, 1 - .5 * .8, 1e-6);
+    for (const float alpha : alphas("Background { transparency .5 }")) EXPECT_NEAR(alpha, 1 - .5 * .8 * .5, 1e-6);
+}
+
 }  // namespace
 }  // namespace rtsg
