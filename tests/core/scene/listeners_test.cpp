@@ -307,6 +307,23 @@ TEST_F(ListenersTest, ListeningIsNoPartOfTheState) {
 }
 
 /// Of the `state` kind: it gets sets, and runs nothing.
+/// Of two events that come to one field at one timestamp the second comes after the first has gone on.
+TEST_F(ListenersTest, OfTwoEventsToAFieldWithoutRoutesBothAreHeardAndTheLastOneStays) {
+    load(
+        "DEF FAST IntegerTrigger { integerKey 11 } DEF SLOW IntegerTrigger { integerKey 12 } DEF F BooleanFilter { } "
+        "DEF G BooleanFilter { } DEF W Switch { } ROUTE FAST.triggerValue TO W.whichChoice "
+        "ROUTE F.inputTrue TO G.set_boolean ROUTE G.inputTrue TO SLOW.set_boolean ROUTE SLOW.triggerValue TO "
+        "W.whichChoice");
+    Listeners listeners(scene_);
+    listen(listeners, "W", x3d::Switch::whichChoice);
+    ASSERT_TRUE(scene_.sendEvent(named("FAST"), x3d::IntegerTrigger::set_boolean.index, true));
+    ASSERT_TRUE(scene_.sendEvent(named("F"), x3d::BooleanFilter::set_boolean.index, true));
+    scene_.newFrame(1);
+    EXPECT_EQ(heard(), (Lines{"W 11.000000 at 1.000000", "W 12.000000 at 1.000000"}));
+    // As it is where nobody listens.
+    EXPECT_EQ(scene_.node(named("W")).get(x3d::Switch::whichChoice), 12);
+}
+
 TEST_F(ListenersTest, AReplicaHearsOfValuesThatChanged) {
     load("DEF L PointLight { } DEF G Group { children DEF N Group { } }");
     scene_.newFrame(0);
