@@ -1,5 +1,6 @@
 // rtsg diff: two logs or two scenes compared, and what differs named.
 #include <cmath>
+#include <filesystem>
 #include <memory>
 
 #include <fmt/format.h>
@@ -51,11 +52,12 @@ int diffLogs(const DiffArguments& options) {
     std::vector<Divergence> found;
     if (!options.selection.any()) {
         const Progress progress = progressBar("comparing " + options.a);
-        const auto first = rtsg::diffLogs(options.a, options.b, progress);
+        ComparedStates states;
+        const auto first = rtsg::diffLogs(options.a, options.b, progress, &states);
         if (progress) progress(1, 1);
         if (!first) return printError(first.error()), kBad;
         if (*first) found.push_back(*fromStart(*first, logStart(options.a)));
-        return report(options, found, " in every state");
+        return report(options, found, " " + states.format());
     }
     const auto fields = diffLogFields(options.a, options.b, options.selection);
     if (!fields) return printError(fields.error()), kBad;
@@ -92,8 +94,12 @@ int diffScenes(const DiffArguments& options) {
 
 int diffFiles(const DiffArguments& options) {
     check(options.selection);
-    const bool log = isLog(options.a);
-    if (log != isLog(options.b))
+    // One that is named so and is none, an empty one say, is told as a log.
+    const auto isOne = [](const std::string& file) {
+        return isLog(file) || std::filesystem::path(file).extension() == ".rlog";
+    };
+    const bool log = isOne(options.a);
+    if (log != isOne(options.b))
         throw UsageError(
             fmt::format("{} is a log, the other a scene: save a state first, rtsg replay {} --seek 2s "
                         "--save state.x3dv",

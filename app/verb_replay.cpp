@@ -33,14 +33,15 @@ struct ReplayArguments {
 
 int diff(const ReplayArguments& options) {
     const Progress progress = progressBar("comparing " + options.log);
-    const auto result = diffLogs(options.log, options.diff, progress);
+    ComparedStates states;
+    const auto result = diffLogs(options.log, options.diff, progress, &states);
     if (progress) progress(1, 1);
     if (!result) return printError(result.error()), kBad;
     const std::optional<Divergence> first = fromStart(*result, logStart(options.log));
     if (options.json)
         fmt::print("{{\"equal\":{},\"first_divergence\":{}}}\n", !first, toJson(first));
     else if (!first)
-        fmt::print("{} and {} are equal in every state\n", options.log, options.diff);
+        fmt::print("{} and {} are equal {}\n", options.log, options.diff, states.format());
     if (first) printError(first->format());
     return first ? kBad : kDone;
 }

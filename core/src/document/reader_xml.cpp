@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdint>
 #include <cstring>
 #include <new>
 
@@ -11,6 +12,39 @@
 #include "value/text_pieces.h"
 
 namespace rtsg::detail {
+
+namespace {
+
+// Where expat is; 2.9 gives 64 bits on all machines, and warns of what it had before.
+#if XML_MAJOR_VERSION > 2 || XML_MINOR_VERSION >= 9
+std::int64_t byteIndex(XML_Parser parser) {
+    return XML_GetCurrentByteIndex64(parser);
+}
+std::uint64_t byteCount(XML_Parser parser) {
+    return XML_GetCurrentByteCount64(parser);
+}
+std::uint64_t lineNumber(XML_Parser parser) {
+    return XML_GetCurrentLineNumber64(parser);
+}
+std::uint64_t columnNumber(XML_Parser parser) {
+    return XML_GetCurrentColumnNumber64(parser);
+}
+#else
+std::int64_t byteIndex(XML_Parser parser) {
+    return XML_GetCurrentByteIndex(parser);
+}
+std::uint64_t byteCount(XML_Parser parser) {
+    return static_cast<std::uint64_t>(XML_GetCurrentByteCount(parser));
+}
+std::uint64_t lineNumber(XML_Parser parser) {
+    return XML_GetCurrentLineNumber(parser);
+}
+std::uint64_t columnNumber(XML_Parser parser) {
+    return XML_GetCurrentColumnNumber(parser);
+}
+#endif
+
+}  // namespace
 
 bool readXml(TextFeed& text, bool utf8, DocumentHandler& handler, Diagnostics& diagnostics,
              const ReaderOptions& options) {
@@ -86,8 +120,7 @@ bool XmlReader::read() {
     });
     feedAll();
     if (status_ != XML_STATUS_OK) {
-        const XML_Index at =
-            XML_GetErrorCode(parser_) == XML_ERROR_INVALID_TOKEN ? XML_GetCurrentByteIndex(parser_) : -1;
+        const std::int64_t at = XML_GetErrorCode(parser_) == XML_ERROR_INVALID_TOKEN ? byteIndex(parser_) : -1;
         if (utf8_ && at >= 0 && isBareAmpersand(feed_.begin() + textIndex(static_cast<std::uint64_t>(at))))
             error("a '&' that begins no reference is written &amp;");
         const std::string inside = openElement().empty() ? "" : ", inside " + openElement();
@@ -418,31 +451,30 @@ Value* XmlReader::parsedBefore(const char* text) {
 /// A long value of the tag that expat is at.
 const XmlReader::Early* XmlReader::earlyHere() const {
     if (early_.empty()) return nullptr;
-    const auto start = static_cast<std::uint64_t>(std::max<XML_Index>(XML_GetCurrentByteIndex(parser_), 0));
-    const auto end = start + static_cast<std::uint64_t>(XML_GetCurrentByteCount(parser_));
+    const auto start = static_cast<std::uint64_t>(std::max<std::int64_t>(byteIndex(parser_), 0));
+    const auto end = start + static_cast<std::uint64_t>(byteCount(parser_));
     const auto found =
         std::ranges::find_if(early_, [&](const Early& one) { return one.index >= start && one.index < end; });
     return found == early_.end() ? nullptr : &*found;
 }
 
 void XmlReader::startElement(const char* name, const char** attributes) {
-    meter_.at(feed_.done(feed_.begin() + textIndex(static_cast<std::uint64_t>(
-                                             std::max<XML_Index>(XML_GetCurrentByteIndex(parser_), 0)))));
+    meter_.at(feed_.done(feed_.begin() +
+                         textIndex(static_cast<std::uint64_t>(std::max<std::int64_t>(byteIndex(parser_), 0)))));
     start(name, attributes, XML_GetSpecifiedAttributeCount(parser_));
     while (const Early* used = earlyHere()) early_.erase(early_.begin() + (used - early_.data()));
 }
 
 SourceLocation XmlReader::where() {
     if (utf8_) return locate(nullptr);
-    return {static_cast<std::uint32_t>(XML_GetCurrentLineNumber(parser_)),
-            static_cast<std::uint32_t>(XML_GetCurrentColumnNumber(parser_) + 1)};
+    return {static_cast<std::uint32_t>(lineNumber(parser_)), static_cast<std::uint32_t>(columnNumber(parser_) + 1)};
 }
 
 /// Where `at`, in the value of the attribute being parsed, stands in the text; null: where the element starts.
 SourceLocation XmlReader::locate(const char* at) {
     if (!utf8_) return where();
     if (const Early* early = earlyHere()) return early->tagAt;
-    const XML_Index index = XML_GetCurrentByteIndex(parser_);
+    const std::int64_t index = byteIndex(parser_);
     const char* const stop = feed_.end();
     const std::uint64_t size = static_cast<std::uint64_t>(stop - feed_.begin());
     const std::uint64_t start = index < 0 ? size : std::min(textIndex(static_cast<std::uint64_t>(index)), size);

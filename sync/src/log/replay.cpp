@@ -369,8 +369,15 @@ Result<> Replayer::seek(double time) {
     return composeUntil(time);
 }
 
+std::string ComparedStates::format() const {
+    return one == 0 ? "in every state"
+                    : fmt::format("in the {} states that both hold; {} more are in one of them", both, one);
+}
+
 Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b,
-                                           const std::function<void(std::uint64_t, std::uint64_t)>& progress) {
+                                           const std::function<void(std::uint64_t, std::uint64_t)>& progress,
+                                           ComparedStates* compared) {
+    ComparedStates states;
     Result<std::unique_ptr<Replayer>> opened[] = {Replayer::open(a), Replayer::open(b)};
     for (const auto& log : opened)
         if (!log) return std::unexpected(log.error());
@@ -382,6 +389,7 @@ Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const
         if (!*moreX || !*moreY) break;
         if (progress) progress(x.log().position(), x.log().size());
         const Scene &s = x.scene(), &t = y.scene();
+        ++(s.sequence() == t.sequence() ? states.both : states.one);
         if (s.sequence() == t.sequence()) {
             if (s.hash() != t.hash()) {
                 if (auto difference = firstDifference(s, t)) return difference;
@@ -397,7 +405,9 @@ Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const
             moreY = y.step();
         }
     }
-    if (*moreX == *moreY) return std::nullopt;
+    if (compared) *compared = states;
+    if (*moreX == *moreY && states.both > 0) return std::nullopt;
+    if (states.both == 0) return Divergence{0, 0, {}, {}, "no state is in both logs"};
     const Replayer& longer = *moreX ? x : y;
     const Replayer& shorter = *moreX ? y : x;
     return Divergence{

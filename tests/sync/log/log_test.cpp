@@ -1,10 +1,12 @@
 // Logs: replay, search, damage, index, appending, and the difference of two.
 #include <rtsg/sync/log.h>
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <algorithm>
 
 #include <rtsg/core/x3d.h>
+#include <rtsg/sync/log_compact.h>
 #include <rtsg/sync/replay.h>
 
 #include "support/log_support.h"
@@ -307,6 +309,31 @@ TEST_F(Log, DiffNamesFrameNodeAndField) {
     EXPECT_EQ((*other)->time, 6.);
     EXPECT_EQ((*other)->node, "HALL");
     EXPECT_EQ((*other)->field, "scale");
+}
+
+TEST_F(Log, DiffTellsHowManyStatesItCouldCompare) {
+    recordSteps(file("a.rlog"), 0);
+    CompactOptions later;
+    later.from = 4;
+    ASSERT_TRUE(compactLog(file("a.rlog"), file("b.rlog"), later));
+    ComparedStates all, some;
+    ASSERT_TRUE(diffLogs(file("a.rlog"), file("a.rlog"), {}, &all));
+    EXPECT_EQ(all.one, 0u);
+    EXPECT_EQ(all.format(), "in every state");
+    const auto found = diffLogs(file("a.rlog"), file("b.rlog"), {}, &some);
+    ASSERT_TRUE(found);
+    EXPECT_FALSE(*found);
+    EXPECT_GT(some.one, 0u);
+    EXPECT_EQ(some.both + some.one, all.both);
+    EXPECT_EQ(some.format(),
+              fmt::format("in the {} states that both hold; {} more are in one of them", some.both, some.one));
+    // One that begins where the other ends has nothing to compare.
+    CompactOptions first;
+    first.to = 3;
+    ASSERT_TRUE(compactLog(file("a.rlog"), file("c.rlog"), first));
+    const auto none = diffLogs(file("c.rlog"), file("b.rlog"));
+    ASSERT_TRUE(none && *none);
+    EXPECT_EQ((*none)->text, "no state is in both logs");
 }
 
 TEST_F(Log, DiffNoticesThatOneEndsEarlier) {

@@ -112,9 +112,15 @@ class Replayer {
     std::shared_ptr<ChangeSet> set_ = std::make_shared<ChangeSet>();
 };
 
-/// Compares two logs state by state. Nothing when all their common state numbers agree and both end with the same.
-/// `progress` is told the bytes read of `a` and all there are.
+struct ComparedStates {
+    std::uint64_t both = 0, one = 0;  // that both logs hold; that one of them holds alone
+    /// "in every state", or how many those were that could be compared.
+    std::string format() const;
+};
+/// Compares two logs state by state. Nothing when all their common state numbers agree, of which there is at least one,
+/// and both end with the same. `progress` is told the bytes read of `a` and all there are.
 Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b,
-                                           const std::function<void(std::uint64_t, std::uint64_t)>& progress = {});
+                                           const std::function<void(std::uint64_t, std::uint64_t)>& progress = {},
+                                           ComparedStates* compared = nullptr);
 
 }  // namespace rtsg
