@@ -371,7 +371,7 @@ Result<> Replayer::seek(double time) {
 
 std::string ComparedStates::format() const {
     return one == 0 ? "in every state"
-                    : fmt::format("in the {} states that both hold; {} more are in one of them", both, one);
+                    : fmt::format("in all states that both hold ({}); {} more are in one of them", both, one);
 }
 
 Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b,

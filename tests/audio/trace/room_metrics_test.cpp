@@ -182,7 +182,7 @@ std::pair<double, double> coverage(const std::function<double()>& energy, int ba
 }
 
 /// Where few batches hold most of the energy the spread among them is itself hardly known. With n - 1 degrees of
-/// freedom the intervals of the last would cover the truth .917 of the time.
+/// freedom the intervals of the last would cover the truth .917 of the time; with bias and skewness they do so for .969.
 TEST(RoomMetrics, IntervalsKnowOfBatchesThatStandOut) {
     std::mt19937_64 random(7);
     std::normal_distribution<double> even(1, .2);
@@ -193,7 +193,7 @@ TEST(RoomMetrics, IntervalsKnowOfBatchesThatStandOut) {
     // 20 % of a mean of 16 by Student's t, in decibels: hardly more for the normal ones.
     EXPECT_NEAR(width, 2.131 * .2 / 4 * 10 / std::log(10.0), .02);
     EXPECT_NEAR(coverage([&] { return uneven(random); }, 16).first, .952, .015);
-    EXPECT_NEAR(coverage([&] { return rare(random); }, 16).first, .946, .015);
+    EXPECT_NEAR(coverage([&] { return rare(random); }, 16).first, .96, .015);
 }
 
 TEST(Air, IsoTable) {

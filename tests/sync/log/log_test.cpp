@@ -326,7 +326,7 @@ TEST_F(Log, DiffTellsHowManyStatesItCouldCompare) {
     EXPECT_GT(some.one, 0u);
     EXPECT_EQ(some.both + some.one, all.both);
     EXPECT_EQ(some.format(),
-              fmt::format("in the {} states that both hold; {} more are in one of them", some.both, some.one));
+              fmt::format("in all states that both hold ({}); {} more are in one of them", some.both, some.one));
     // One that begins where the other ends has nothing to compare.
     CompactOptions first;
     first.to = 3;
