@@ -182,7 +182,8 @@ std::pair<double, double> coverage(const std::function<double()>& energy, int ba
 }
 
 /// Where few batches hold most of the energy the spread among them is itself hardly known. With n - 1 degrees of
-/// freedom the intervals of the last would cover the truth .917 of the time; with bias and skewness they do so for .969.
+/// freedom the intervals of the last would cover the truth .917 of the time; with bias and skewness they do so for
+/// .969.
 TEST(RoomMetrics, IntervalsKnowOfBatchesThatStandOut) {
     std::mt19937_64 random(7);
     std::normal_distribution<double> even(1, .2);
