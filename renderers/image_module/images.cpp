@@ -80,9 +80,12 @@ std::string readInput(OIIO::ImageInput& input, const ReadRequest& request, FileP
 /// Some kinds of pictures cannot be opened with settings, and have no alpha to multiply with.
 std::unique_ptr<OIIO::ImageInput> openFor(const ReadRequest& request, const std::string& name,
                                           OIIO::Filesystem::IOProxy* memory) {
-    if (request.straight) {
+    const bool bottomUp = name.ends_with(".pfm") || name.ends_with(".PFM");
+    if (request.straight || bottomUp) {
         OIIO::ImageSpec settings;
-        settings.attribute("oiio:UnassociatedAlpha", 1);
+        if (request.straight) settings.attribute("oiio:UnassociatedAlpha", 1);
+        // OpenImageIO 2.5 turns them only where it is given settings, though its manual calls that the default.
+        if (bottomUp) settings.attribute("pnm:pfmflip", 1);
         // Readers that look at settings look there for the memory, too.
         if (memory)
             settings.attribute("oiio:ioproxy", OIIO::TypeDesc(OIIO::TypeDesc::PTR), static_cast<void*>(&memory));
@@ -116,6 +119,31 @@ std::vector<std::uint8_t> bytesToLookAt(const std::string& name) {
         read(at);
     }
     return bytes;
+}
+
+/// How long each picture of a GIF is shown, in its hundredths of a second, so that none is shown too early or late by
+/// more than half of one; two at least, as less is ten to those who show GIFs. OpenImageIO 2.4 rounds all down, 2.5
+/// makes all a second.
+void setDelays(std::vector<unsigned char>& gif, double framesPerSecond) {
+    constexpr std::size_t header = 13;
+    constexpr unsigned extension = 0x21, control = 0xF9, picture = 0x2C;
+    const auto table = [](unsigned flags) { return (flags & 0x80) != 0 ? std::size_t{6} << (flags & 7) : 0; };
+    if (gif.size() < header) return;
+    std::size_t at = header + table(gif[10]), shown = 0;
+    const auto ends = [&](std::size_t frame) {
+        return std::llround(std::min(static_cast<double>(frame) * 100 / framesPerSecond, 1e15));
+    };
+    while (at + 11 < gif.size() && (gif[at] == extension || gif[at] == picture)) {
+        if (gif[at] == extension && gif[at + 1] == control) {
+            const auto delay = static_cast<unsigned>(std::clamp(ends(shown + 1) - ends(shown), 2LL, 0xFFFFLL));
+            gif[at + 4] = static_cast<unsigned char>(delay & 0xFF),
+                     gif[at + 5] = static_cast<unsigned char>(delay >> 8);
+            ++shown;
+        }
+        at += gif[at] == extension ? 2 : 11 + table(gif[at + 9]);
+        while (at < gif.size() && gif[at] != 0) at += std::size_t{1} + gif[at];
+        ++at;
+    }
 }
 
 class Files final : public ImageFiles {
@@ -200,16 +228,16 @@ class Files final : public ImageFiles {
         if (!output || !output->supports("multiimage")) return "this kind of picture cannot be animated";
         OIIO::Filesystem::IOVecOutput memory(file);
         if (!output->set_ioproxy(&memory)) return output->geterror();
-        const int rate[] = {static_cast<int>(std::lround(framesPerSecond * 100)), 100};
         for (const Sheet& sheet : sheets) {
             OIIO::ImageSpec spec(sheet.width, sheet.height, 4, OIIO::TypeDesc::UINT8);
-            spec.attribute("FramesPerSecond", OIIO::TypeRational, rate);
             spec.attribute("gif:LoopCount", 0);
             const auto mode = &sheet == sheets.data() ? OIIO::ImageOutput::Create : OIIO::ImageOutput::AppendSubimage;
             if (!output->open(name, spec, mode) || !output->write_image(OIIO::TypeDesc::UINT8, sheet.bytes))
                 return output->geterror();
         }
-        return output->close() ? std::string() : output->geterror();
+        if (!output->close()) return output->geterror();
+        setDelays(file, framesPerSecond);
+        return {};
     }
 };
 

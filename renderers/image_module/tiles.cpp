@@ -126,7 +126,11 @@ class Tiles final : public TiledPicture {
         if (const std::uint8_t known = state.load(std::memory_order_relaxed); known != unknown) return known == sound;
         float pixel[4];
         const bool done = fetch(level, column * grid.width, row * grid.height, 1, 1, pixel);
-        if (!done) noteDamage();
+        if (!done) {
+            noteDamage();
+            // OpenImageIO 2.5 gives a file up with its first tile that cannot be read; the others still can.
+            if (!cache()->good(handle_)) cache()->invalidate(OIIO::ustring(name_), true);
+        }
         state.store(done ? sound : damaged, std::memory_order_release);
         return done;
     }

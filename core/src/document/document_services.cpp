@@ -80,13 +80,24 @@ Result<NodeId> makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
 
 namespace {
 
+/// A piece that a program reads again and again has the same faults; told each time they would fill what is kept.
+void appendNew(Diagnostics& to, const Diagnostics& from) {
+    for (const Diagnostic& one : from.all()) {
+        const bool known = std::ranges::any_of(to.all(), [&](const Diagnostic& d) {
+            return d.where.line == one.where.line && d.where.column == one.where.column && d.text == one.text &&
+                   d.file == one.file;
+        });
+        if (!known) to.add(one);
+    }
+}
+
 /// Of what is wrong the first error is the reason, if nothing is left; else the scene's diagnostics have all of it.
 Result<Piece> pieceOf(Scene& scene, const SceneBuilder& builder, bool complete, const Diagnostics& diagnostics) {
     if (!complete && builder.roots().empty()) {
         const auto first = std::ranges::find(diagnostics.all(), Severity::error, &Diagnostic::severity);
         return fail(first == diagnostics.all().end() ? std::string("nothing usable is in it") : first->format());
     }
-    scene.diagnostics().append(diagnostics);
+    appendNew(scene.diagnostics(), diagnostics);
     return Piece{builder.roots(), builder.names()};
 }
 

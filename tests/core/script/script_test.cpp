@@ -513,6 +513,17 @@ TEST(Script, ANodeIsMadeOfTextAsInVrml97) {
     EXPECT_EQ(evaluated("(() => { try { new SFNode(''); } catch (e) { return 'none'; } })()"), "none");
 }
 
+/// So that what is told later is not beyond the limit of what is kept.
+TEST(Script, FaultsOfAPieceAreToldOnceHoweverOftenItIsRead) {
+    ScriptScene s("outputOnly SFInt32 count",
+                  "function initialize() { for (count = 0; count < 1500; ++count) "
+                  "Browser.createX3DFromString('Group { nothing 1 }'); throw new Error('mine'); }");
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("count"), 1500);
+    EXPECT_EQ(s.scene.diagnostics().all().size(), 2u) << s.problems();
+    EXPECT_NE(s.problems().find("mine"), std::string::npos);
+}
+
 TEST(Script, MatricesHaveTheirMethods) {
     const std::string rounded = ".components().map(c => Math.round(c * 1e6) / 1e6 + 0).join(' ')";
     const std::string made =

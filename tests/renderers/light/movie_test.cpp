@@ -74,6 +74,20 @@ TEST_F(Films, ShowEachPictureFromItsTimeOn) {
     EXPECT_EQ(frameOf(*movie, NAN), -1);
 }
 
+/// A GIF counts in hundredths of a second, which 30 frames a second are no multiple of.
+TEST_F(Films, GifsTakeAsLongAsTheirPicturesDo) {
+    for (const double rate : {4., 25., 30., 50., .5}) {
+        const std::vector<Picture> pictures(12, Picture(4, 4, Vec4f(.5f, .25f, 1, 1)));
+        const auto path = folder_.path() / "rate.gif";
+        ASSERT_TRUE(writeAnimation(pictures, path, rate));
+        std::ifstream file(path, std::ios::binary);
+        const auto film = open({std::istreambuf_iterator<char>(file), {}});
+        ASSERT_TRUE(film) << film.error().format();
+        EXPECT_NEAR(film->seconds(), 12 / rate, .006) << rate;
+        std::filesystem::remove(path);
+    }
+}
+
 TEST_F(Films, OfAnyKindShowTheSameWhateverWasAskedBefore) {
     std::vector<Picture> pictures;
     for (int i = 0; i < 8; ++i) {
