@@ -202,10 +202,12 @@ Result<> LiveOutputs::write() {
                   }});
 }
 
-/// The state that the sound at this time was made from.
+/// The state that the sound at this time was made from: the last of those that are of one time.
 std::uint64_t LiveOutputs::heardAt(double time) const {
-    const auto first = std::ranges::lower_bound(heard_, time, {}, &std::pair<double, std::uint64_t>::first);
-    return first == heard_.end() ? 0 : first->second;
+    auto heard = std::ranges::lower_bound(heard_, time, {}, &std::pair<double, std::uint64_t>::first);
+    if (heard == heard_.end()) return 0;
+    while (std::next(heard) != heard_.end() && std::next(heard)->first == heard->first) ++heard;
+    return heard->second;
 }
 
 OutputReport LiveOutputs::report() const {

@@ -20,7 +20,7 @@ struct AcknowledgingPair {
     Scene scene;
     NodeId box;
     std::unique_ptr<MirrorServer> server;
-    std::atomic<int> data{0}, later{0}, acknowledgements{0}, pings{0};
+    std::atomic<int> data{0}, later{0}, acknowledgements{0}, pings{0}, clientPings{0};
     std::unique_ptr<Middleman> between;
     std::atomic<std::uint64_t> reached{0};  // by the replica, with the origin's hash
     std::atomic<bool> stop{false};
@@ -71,6 +71,7 @@ struct AcknowledgingPair {
         }
         pings += toClient && type == Message::ping;
         acknowledgements += !toClient && type == Message::ack;
+        clientPings += !toClient && type == Message::ping;
     }
     void show(int frames) {
         for (int i = 1; i <= frames; ++i) {
@@ -83,11 +84,15 @@ struct AcknowledgingPair {
 TEST(MirrorAcknowledgement, OneDoesForManyFrames) {
     AcknowledgingPair pair(0ms);
     ASSERT_TRUE(pair.inStep());
-    pair.show(1000);
-    ASSERT_TRUE(pair.inStep());
-    EXPECT_GE(pair.data, 1000);
-    EXPECT_GT(pair.later, 500);
-    EXPECT_LT(pair.acknowledgements, 500);
+    // How many may wait is a matter of time, so of how busy the machine is; that those are not sent is not.
+    for (int tries = 0; tries < 20 && pair.later == 0; ++tries) {
+        pair.show(1000);
+        ASSERT_TRUE(pair.inStep());
+    }
+    EXPECT_GT(pair.later, 0);
+    // One for each that is asked for, by a frame or a ping; one with each ping of the client's own; one for a welcome.
+    EXPECT_LE(pair.acknowledgements, pair.data - pair.later + pair.pings + pair.clientPings + 1);
+    EXPECT_LT(pair.acknowledgements, pair.data);
 }
 
 TEST(MirrorAcknowledgement, WhoWaitsForThoseThatAreKeptAsksForThem) {

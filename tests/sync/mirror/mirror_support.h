@@ -57,6 +57,9 @@ class Middleman {
         for (void* socket : {front_, back_}) {
             const int none = 0;
             zmq_setsockopt(socket, ZMQ_LINGER, &none, sizeof(none));
+            // A router that has reached its limit drops without a word, which a link of RTSG never does.
+            zmq_setsockopt(socket, ZMQ_SNDHWM, &none, sizeof(none));
+            zmq_setsockopt(socket, ZMQ_RCVHWM, &none, sizeof(none));
         }
         zmq_bind(front_, "tcp://127.0.0.1:*");
         char bound[256];
