@@ -81,6 +81,9 @@ class Requests {
             else
                 printError(request.error());
         }
+        takeVerdicts(client);
+    }
+    void takeVerdicts(MirrorClient& client) {
         for (const MirrorVerdict& verdict : client.takeVerdicts()) {
             if (verdict.refusal.empty()) {
                 ++accepted;
@@ -90,6 +93,9 @@ class Requests {
             printError(fmt::format("request {} refused: {}", verdict.request, verdict.refusal));
         }
     }
+    /// Verdicts are still to come.
+    bool open() const { return accepted + refused < sent; }
+    bool allSent() const { return injections_.done(); }
     std::uint64_t sent = 0, accepted = 0, refused = 0;
 
   private:
@@ -177,6 +183,7 @@ class Mirroring {
         : options_(options),
           duration_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
           patience_(parseSeconds(options.patience)),
+          latency_(parseSeconds(options.latency)),
           resources_(options.outputs.resources.ofReplica()),
           requests_(options.set) {}
 
@@ -186,8 +193,10 @@ class Mirroring {
     /// Rounded to a microsecond: times since 1970 are exact to a quarter of that.
     double since() const { return std::round((replica_.now() - firstTime_) * 1e6) / 1e6; }
     bool joined() const { return made_ != nullptr; }
-    /// After the first state has come. False ends it with status_.
+    /// The replica is in the state that the origin was in when we came, or as near to it as it will be. Before, what
+    /// the server had kept goes by in no time. False ends it with status_.
     bool join();
+    bool mayJoin();
     void follow();
     /// --control, once, and what the player says to it.
     void control(MirrorClient& client) {
@@ -202,6 +211,7 @@ class Mirroring {
     }
     bool isOver(std::size_t applied);
     void catchUp();
+    void awaitAnswers();
     void sayWhatIsMissing();
     void fail(const std::string& text) {
         printError(text);
@@ -212,13 +222,14 @@ class Mirroring {
     void printJson() const;
 
     const MirrorArguments& options_;
-    const double duration_, patience_;
+    const double duration_, patience_, latency_;
     const Resources resources_;
     Scene replica_;
     Requests requests_;
     std::size_t controls_ = 0, replies_ = 0;  // sent, answered
     std::unique_ptr<MirrorClient> client_;
     std::unique_ptr<Made> made_;
+    std::optional<std::uint64_t> firstState_;  // that counts as joined
     double firstTime_ = 0, seconds_ = 0;
     Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now();
     bool good_ = true, equal_ = false;
@@ -240,6 +251,13 @@ bool Mirroring::join() {
     return true;
 }
 
+bool Mirroring::mayJoin() {
+    const MirrorStatistics& statistics = client_->statistics();
+    if (joined() || statistics.frames == 0) return false;
+    if (!firstState_) firstState_ = statistics.originSequence;
+    return statistics.sequence >= *firstState_ || client_->serverLeft();
+}
+
 bool Mirroring::isOver(std::size_t applied) {
     MirrorClient& client = *client_;
     if (joined() && !made_->frame()) return true;
@@ -248,10 +266,10 @@ bool Mirroring::isOver(std::size_t applied) {
     // What is made has a length in scene time; who only follows need not wait for a scene that stands still.
     const bool byClock = !options_.outputs.any() && secondsSince(joinedAt_) >= duration_ && client.inStep();
     if (joined() && (since() >= duration_ || byClock)) return true;
-    if (secondsSince(heard_) < patience_) return false;
+    if (secondsSince(heard_) < patience_ + latency_) return false;
     // A server that ends in order says goodbye; a relay that has lost its origin says so.
     fail(fmt::format("{}: {} for {} s", options_.endpoint, joined() ? "the server has been silent" : "no server",
-                     patience_) +
+                     patience_ + latency_) +
          (joined() || !options_.key.empty() ? "" : " (one that has keys does not answer without --key)"));
     return true;
 }
@@ -268,7 +286,7 @@ void Mirroring::follow() {
             fail(fmt::format("{} refused: {}", options_.endpoint, client.refusal()));
             break;
         }
-        if (applied > 0 && !joined() && !join()) return;
+        if (mayJoin() && !join()) return;
         if (joined() && progress)
             progress(static_cast<std::uint64_t>(1e3 * std::clamp(since(), 0., duration_)),
                      static_cast<std::uint64_t>(1e3 * duration_) + 1);
@@ -285,6 +303,24 @@ void Mirroring::catchUp() {
     const auto end = Clock::now();
     while (good_ && client_->statistics().sequence < known && !client_->serverLeft() && secondsSince(end) < patience_)
         client_->poll(std::chrono::milliseconds(50));
+}
+
+/// What was asked for may be carried out after we have seen enough.
+void Mirroring::awaitAnswers() {
+    if (!joined()) return;
+    const auto end = Clock::now();
+    const auto open = [&] { return requests_.open() || replies_ < options_.control.size(); };
+    while (open() && !client_->serverLeft() && !interrupted() && secondsSince(end) < patience_) {
+        client_->poll(std::chrono::milliseconds(50));
+        requests_.takeVerdicts(*client_);
+        control(*client_);
+    }
+    if (requests_.open())
+        fail(fmt::format("{} of {} events: no answer from {}", requests_.sent - requests_.accepted - requests_.refused,
+                         requests_.sent, options_.endpoint));
+    if (replies_ < options_.control.size())
+        fail(fmt::format("--control {}: no answer from {}", options_.control[replies_], options_.endpoint));
+    if (!requests_.allSent()) fail("--set: the replica ended before the time of an event, which was not sent");
 }
 
 void Mirroring::sayWhatIsMissing() {
@@ -316,6 +352,7 @@ void Mirroring::finish() {
 
 void Mirroring::print() const {
     const MirrorStatistics& statistics = client_->statistics();
+    if (statistics.frames == 0) return;  // why was said
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
         "{} frames ({} snapshots) to state {} of {}, {} bytes ({:.1f} a frame), {:.1f} frames a second\n"
@@ -360,6 +397,7 @@ int Mirroring::run() {
     follow();
     if (status_ != kDone) return status_;
     catchUp();
+    awaitAnswers();
     sayWhatIsMissing();
     finish();
     options_.json ? printJson() : print();

@@ -405,6 +405,8 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         epoch_ = numbers[1];
         clock_.reset();
     }
+    std::uint64_t newest[1];
+    if (in.left() && mirror::read(in, newest)) originAt_ = std::max(originAt_, newest[0]);
     for (Request& request : requests_) request.sent = 0;
     refusal_.clear();
     serverLeft_ = turnedAway_ = relayLost_ = false;

@@ -35,7 +35,7 @@ enum class Message : std::uint8_t {
     want = 8,      // client: session, parts of nodes it wants anew
     submit = 9,    // client: session, request, size, offset; second part: bytes of a record from there
     control = 10,  // client: session, what a player of a log shall do
-    welcome = 16,  // server: session, epoch, heartbeat in ms; second part: head record
+    welcome = 16,  // server: session, epoch, heartbeat in ms, newest state; second part: head record
     data = 17,     // server: session, record size, offset, clock; second part: the record's bytes from there
     unknown = 18,  // server: I do not know you, say hello
     refused = 19,  // server: reason

@@ -398,6 +398,18 @@ void MirrorServer::Io::dropStream(std::uint32_t part) {
     shadow_.ask(std::move(question));
 }
 
+/// The one that has been without peers for longest; kept for those who come back. False if all have some.
+bool MirrorServer::Io::dropUnusedPart() {
+    std::set<std::uint32_t> used;
+    for (const auto& [identity, peer] : peers_) used.insert(peer.part);
+    auto oldest = streams_.end();
+    for (auto s = std::next(streams_.begin()); s != streams_.end(); ++s)
+        if (!used.contains(s->first) && (oldest == streams_.end() || s->second.used < oldest->second.used)) oldest = s;
+    if (oldest == streams_.end()) return false;
+    dropStream(oldest->first);
+    return true;
+}
+
 /// Their peers knock again and again; whether a region can be followed by now takes long to find out.
 void MirrorServer::Io::refuseRegions(std::string why) {
     if (noRegions_ != why) shared_->report(Severity::warning, "no parts by region: " + why);

@@ -174,6 +174,7 @@ class MirrorServer::Io {
     /// The number of the stream with these parts and aspects; nothing when there are as many as there may be.
     std::optional<std::uint32_t> streamFor(const mirror::Wishes& wishes);
     void dropStream(std::uint32_t part);
+    bool dropUnusedPart();
     void refuseRegions(std::string why);
     /// `forGood`: whatever changes here, the peer will be told the same again.
     void refuse(const std::string& identity, const std::string& reason, bool forGood = false);

@@ -17,15 +17,16 @@ constexpr std::size_t kChunk = std::size_t{256} << 10;
 constexpr std::size_t kCopyBelow = 1024;  // smaller bodies are copied: cheaper than counting references
 constexpr std::uint64_t kSmallestWindow = 64 << 10, kLargestWindow = std::uint64_t{64} << 20;
 constexpr std::uint64_t kLargestDebt = 2 * kLargestWindow;
-constexpr std::uint64_t kAnswerCost = 1024;  // of an answer that waits to be read, beside its bytes
-constexpr auto kPatience = 200ms;            // with the shadow, for a keyframe nearer than the one there is
-constexpr double kMostQuestions = 24;        // of a peer at once
-constexpr double kQuestionsPerSecond = 4;    // in the long run
-constexpr auto kAskEvery = 500ms;            // for an acknowledgement, at least
-constexpr auto kForgetEvery = 250ms;         // raw frames for the sake of those who cannot read predicted ones
-constexpr std::size_t kMostMerged = 20000;   // frames
-constexpr std::size_t kMostControls = 16;    // that wait for the scene, of all peers
-constexpr std::size_t kMostVerdicts = 1000;  // that wait for their frame
+constexpr std::uint64_t kAnswerCost = 1024;       // of an answer that waits to be read, beside its bytes
+constexpr std::uint64_t kSmallBacklog = 8 << 10;  // of frames behind a keyframe: less than another is worth
+constexpr auto kPatience = 200ms;                 // with the shadow, for a keyframe nearer than the one there is
+constexpr double kMostQuestions = 24;             // of a peer at once
+constexpr double kQuestionsPerSecond = 4;         // in the long run
+constexpr auto kAskEvery = 500ms;                 // for an acknowledgement, at least
+constexpr auto kForgetEvery = 250ms;              // raw frames for the sake of those who cannot read predicted ones
+constexpr std::size_t kMostMerged = 20000;        // frames
+constexpr std::size_t kMostControls = 16;         // that wait for the scene, of all peers
+constexpr std::size_t kMostVerdicts = 1000;       // that wait for their frame
 
 }  // namespace
 
@@ -134,7 +135,7 @@ void MirrorServer::Io::refuse(const std::string& identity, const std::string& re
 std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Wishes& wishes) {
     for (const auto& [part, stream] : streams_)
         if (part != 0 && stream.wishes.aspects == wishes.aspects && stream.wishes.parts == wishes.parts) return part;
-    if (streams_.size() > shared_->options.maximumParts) return std::nullopt;
+    if (streams_.size() > shared_->options.maximumParts && !dropUnusedPart()) return std::nullopt;
     const std::uint32_t part = nextPart_++;
     Stream& stream = streams_.try_emplace(part, shared_->options.history).first->second;
     stream.wishes.aspects = wishes.aspects;
@@ -213,8 +214,8 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
         peer.state = peer.ackedState = hello.sequence;
         ++statistics_.resumed;
     }
-    const std::uint64_t numbers[] = {hello.session, epoch,
-                                     static_cast<std::uint64_t>(shared_->options.heartbeat.count())};
+    const std::uint64_t numbers[] = {
+        hello.session, epoch, static_cast<std::uint64_t>(shared_->options.heartbeat.count()), historyOf(peer).newest()};
     mirror::write(message_, Message::welcome, numbers);
     ZmqMessage body(head_.bytes());
     if (!sendTo(identity, message_, &body)) peers_.erase(found);
@@ -297,8 +298,8 @@ bool MirrorServer::Io::late(const Peer& peer) const {
 /// For a peer that has no state of ours: the last keyframe if frames lead on from it and are few, else a fresh one.
 SharedRecord MirrorServer::Io::keyframeFor(Peer& peer) {
     SharedRecord keyframe = historyOf(peer).keyframe();
-    const bool near = keyframe && historyOf(peer).bytesFrom(keyframe->header.to) <=
-                                      2 * keyframe->bytes.size() + std::min<std::uint64_t>(kChunk, peer.window / 2);
+    const bool near =
+        keyframe && historyOf(peer).bytesFrom(keyframe->header.to) <= keyframe->bytes.size() + kSmallBacklog;
     const Clock::time_point now = Clock::now();
     if (peer.waitingSince == Clock::time_point{}) peer.waitingSince = now;
     if (!near) {
