@@ -40,8 +40,15 @@ void print(const Diagnostics& diagnostics, std::string_view said) {
     if (diagnostics.dropped()) fmt::print(stderr, "... and {} more\n", diagnostics.dropped());
 }
 
+/// A diagnostic's text says already that it is an error, and of which file.
 void printError(const std::string& text) {
-    fmt::print(stderr, "rtsg: error: {}\n", terminalText(text));
+    constexpr std::string_view kError = "error: ";
+    if (text.starts_with(kError))
+        fmt::print(stderr, "rtsg: {}\n", terminalText(text));
+    else if (text.contains(": error: "))
+        fmt::print(stderr, "{}\n", terminalText(text));
+    else
+        fmt::print(stderr, "rtsg: error: {}\n", terminalText(text));
 }
 
 void printError(const Diagnostic& diagnostic) {
@@ -120,8 +127,10 @@ void NetworkArguments::addTo(Command& command) {
 
 ResourcePolicy ResourceArguments::policy() const {
     ResourcePolicy policy;
+    std::error_code ignored;
+    if (!base.empty() && !std::filesystem::is_directory(base, ignored))
+        throw UsageError("--base", base + " is no folder");
     for (const std::string& folder : allow) {
-        std::error_code ignored;
         if (!std::filesystem::is_directory(folder, ignored)) throw UsageError("--allow", folder + " is no folder");
         policy.roots.emplace_back(folder);
     }

@@ -1,6 +1,7 @@
 // Verbs and options, on CLI11.
 #include "command.h"
 
+#include <charconv>
 #include <cmath>
 
 #include <CLI/CLI.hpp>
@@ -20,8 +21,13 @@ CLI::Option* finite(CLI::Option* option) {
 
 /// -1 is no large number.
 CLI::Option* notNegative(CLI::Option* option) {
-    return option->check(
-        [](const std::string& text) { return text.starts_with('-') ? text + " is negative" : std::string(); });
+    return option->check([](const std::string& text) {
+        if (text.starts_with('-')) return text + " is negative";
+        // The parser would take the largest that there is.
+        std::uint64_t value = 0;
+        const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+        return problem == std::errc::result_out_of_range ? text + " is too large" : std::string();
+    });
 }
 
 }  // namespace
@@ -47,7 +53,13 @@ Option* Option::range(double least, double most) {
     return this;
 }
 Option* Option::positive() {
-    parsed_->check(CLI::PositiveNumber);
+    parsed_->check(CLI::Validator(
+        [](std::string& text) {
+            double value = 0;
+            const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+            return problem == std::errc() && !(value > 0) ? text + " is not more than 0" : std::string();
+        },
+        "POSITIVE"));
     return this;
 }
 Option* Option::bytes() {

@@ -9,10 +9,12 @@
 
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/resource_check.h>
+#include <rtsg/core/terminal.h>
 #include <rtsg/core/writer.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/mesh_file.h>
 #include <rtsg/renderers/picture.h>
+#include <rtsg/sync/log.h>
 
 namespace rtsg::app {
 
@@ -112,6 +114,18 @@ void keepResources(const Scene& scene, const Resources& resources, const std::ve
         for (const OutputName& output : outputs)
             if (isFile(output.file) && (sameFile(used, output.file) || isOneOf(used, output.file)))
                 throw UsageError(output.option, fmt::format("the scene uses {}", used.string()));
+}
+
+void tellOfEarlierPieces(const std::string& log) {
+    const std::vector<std::filesystem::path> pieces = earlierPieces(log);
+    if (pieces.empty()) return;
+    fmt::print(stderr, "{}: note: the last piece of a log; {} before it: {}{}\n", terminalText(log), pieces.size(),
+               terminalText(pieces.front().string()),
+               pieces.size() > 1 ? " to " + terminalText(pieces.back().string()) : "");
+    fmt::print(stderr, "  to have it as one: cat {}.????{} {} > all{}\n",
+               terminalText(std::filesystem::path(log).replace_extension().string()),
+               std::filesystem::path(log).extension().string(), terminalText(log),
+               std::filesystem::path(log).extension().string());
 }
 
 }  // namespace rtsg::app

@@ -31,6 +31,9 @@ inline Existing existing(bool force) {
 /// another output. Fails where a log or scene is there already and is to be kept.
 Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force);
 
+/// On standard error, if the log is the last of several files: where the session's earlier states are.
+void tellOfEarlierPieces(const std::string& log);
+
 /// Throws UsageError where an output is a file that a url of the scene opens; once that is loaded.
 void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs);
 

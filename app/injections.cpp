@@ -151,6 +151,12 @@ Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string
     return result;
 }
 
+Result<> Injections::checkWithin(double end) const {
+    const auto late = std::ranges::find_if(all_, [end](const Injection& i) { return i.time > end; });
+    if (late == all_.end()) return {};
+    return fail(fmt::format("--set ...@{}: that is after the end, {} s", late->time, end));
+}
+
 const Injections::Injection* Injections::next(double t) {
     return next_ < all_.size() && all_[next_].time <= t ? &all_[next_++] : nullptr;
 }

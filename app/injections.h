@@ -29,6 +29,8 @@ class Injections {
     };
     /// The next one that is due at `t`, each once; null when none is.
     const Injection* next(double t);
+    /// Error: names the first that is due only after `end`, seconds.
+    Result<> checkWithin(double end) const;
     /// Each has been due.
     bool done() const { return next_ == all_.size(); }
     /// Queues those that are due for the frame at `t`, which is `start` later on the scene's clock; what the scene

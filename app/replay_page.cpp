@@ -31,7 +31,11 @@ h1 {{ font-size: 1.4rem; margin: .2em 0 }} h2 {{ font-size: 1.1rem; margin: 1.6e
 .soft {{ color: var(--soft); font-size: .9rem }} .bad {{ color: var(--bad) }} .good {{ color: var(--good) }}
 .card {{ background: var(--card); border-left: 4px solid var(--bad); padding: 10px 14px; overflow-wrap: anywhere }}
 code {{ font-family: ui-monospace, monospace; font-size: .92em }}
-table {{ border-collapse: collapse; width: 100% }} td, th {{ text-align: left; padding: 4px 8px 4px 0; border-bottom: 1px solid var(--line); vertical-align: top; overflow-wrap: anywhere }}
+table {{ border-collapse: collapse; width: 100% }} td, th {{ text-align: left; padding: 4px 8px 4px 0; border-bottom: 1px solid var(--line); vertical-align: top }}
+th {{ white-space: nowrap }} td {{ min-width: 3.5em; overflow-wrap: break-word }} td:nth-child(6), td:nth-child(7) {{ min-width: 14em }}
+.lane {{ font-size: .85rem; overflow-wrap: anywhere }} .bar {{ position: relative; height: 8px; margin-bottom: 8px; background: #2f9e6859 }}
+.bar i {{ position: absolute; top: 0; height: 8px; min-width: 2px; background: #d4573b }}
+.ends {{ display: flex; justify-content: space-between; color: var(--soft); font-size: .85rem }}
 .wide {{ overflow-x: auto }} svg {{ width: 100%; height: auto; display: block }}
 .pictures {{ display: grid; grid-template-columns: repeat(auto-fit, minmax(240px, 1fr)); gap: 10px }}
 figure {{ margin: 0 }} img {{ width: 100%; image-rendering: pixelated; border: 1px solid var(--line) }}
@@ -46,7 +50,7 @@ std::string verdict(const ReplayOutcome& o) {
         "<h1>{} <span class=\"{}\">{}</span></h1>\n<p class=\"soft\">{} of {} states as recorded{} · {:.3f} s of scene "
         "time · ran in {:.2f} s · {:%Y-%m-%d %H:%M} UTC · rtsg {}<br>log <code>{}</code>{}</p>\n",
         escapeMarkup(o.name), o.passed() ? "good" : "bad", o.passed() ? "passed" : "failed", r.verified, r.frames,
-        r.fields > 0 ? fmt::format(", {} fields", r.fields) : "", r.end - r.start, o.seconds,
+        r.fields > 0 ? fmt::format(", {} field{}", r.fields, r.fields == 1 ? "" : "s") : "", r.end - r.start, o.seconds,
         fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())), RTSG_VERSION,
         escapeMarkup(o.log), o.scene.empty() ? "" : fmt::format(" · scene <code>{}</code>", escapeMarkup(o.scene)));
     for (const ReplayCheck& check : o.checks)
@@ -82,24 +86,12 @@ std::string timeLine(const ReplayReport& r) {
     }
     if (lanes.empty() && r.divergence) lanes.push_back({"all fields", share(r.divergence->time), 1});
     if (lanes.empty()) return {};
-    const double lane = 26, height = lane * static_cast<double>(lanes.size()) + 26;
-    std::string svg = fmt::format(
-        "<h2>Time line</h2>\n<svg viewBox=\"0 0 720 {}\" role=\"img\" aria-label=\"time line\" font-size=\"12\" "
-        "fill=\"currentColor\">\n",
-        height);
-    for (std::size_t i = 0; i < lanes.size(); ++i) {
-        const double y = lane * static_cast<double>(i);
-        svg += fmt::format(
-            "<text x=\"0\" y=\"{:.0f}\">{}</text><rect x=\"0\" y=\"{:.0f}\" width=\"720\" height=\"8\" "
-            "fill=\"#2f9e68\" "
-            "opacity=\".35\"/><rect x=\"{:.1f}\" y=\"{:.0f}\" width=\"{:.1f}\" height=\"8\" fill=\"#d4573b\"/>\n",
-            y + 11, escapeMarkup(lanes[i].name), y + 15, 720 * lanes[i].from, y + 15,
-            std::max(720 * (lanes[i].to - lanes[i].from), 2.0));
-    }
-    svg += fmt::format(
-        "<text x=\"0\" y=\"{0}\">0 s</text><text x=\"720\" y=\"{0}\" text-anchor=\"end\">{1:.3g} s</text></svg>\n",
-        height - 6, length);
-    return svg;
+    std::string text = "<h2>Time line</h2>\n<div role=\"img\" aria-label=\"time line\">\n";
+    for (const Lane& lane : lanes)
+        text += fmt::format(
+            "<div class=\"lane\">{}</div><div class=\"bar\"><i style=\"left:{:.2f}%;width:{:.2f}%\"></i></div>\n",
+            escapeMarkup(lane.name), 100 * std::min(lane.from, .997), 100 * std::max(lane.to - lane.from, 0.0));
+    return text + fmt::format("<div class=\"ends\"><span>0 s</span><span>{:.3g} s</span></div></div>\n", length);
 }
 
 std::string curve(const FieldHistory& h, double start) {
@@ -111,25 +103,26 @@ std::string curve(const FieldHistory& h, double start) {
     if (!(high >= low)) return {};
     const double span = high > low ? high - low : 1, t0 = h.samples.front().time;
     const double duration = std::max(h.samples.back().time - t0, 1e-9);
+    // Words beside the curve and not in it: a drawing that shrinks with the page would shrink them too.
     std::string svg = fmt::format(
-        "<h3><code>{}.{}</code></h3>\n<svg viewBox=\"0 0 720 180\" role=\"img\" aria-label=\"values over time\" "
-        "font-size=\"12\" fill=\"currentColor\">\n<text x=\"0\" y=\"12\">{:.4g}</text><text x=\"0\" y=\"172\">{:.4g}"
-        "</text><text x=\"60\" y=\"180\">{:.3g} s</text><text x=\"720\" y=\"180\" text-anchor=\"end\">{:.3g} "
-        "s</text>\n",
-        escapeMarkup(h.node), escapeMarkup(h.field), high, low, t0 - start, t0 + duration - start);
+        "<h3><code>{}.{}</code></h3>\n<p class=\"soft\">{:.4g} to {:.4g}</p>\n<svg viewBox=\"0 0 720 170\" "
+        "role=\"img\" "
+        "aria-label=\"values over time\">\n",
+        escapeMarkup(h.node), escapeMarkup(h.field), low, high);
     for (int k = 0; k < h.components; ++k)
         for (const bool now : {false, true}) {
             std::string points;
             for (const FieldHistory::Sample& s : h.samples) {
                 const double v = (now ? s.b : s.a)[static_cast<std::size_t>(k)];
                 if (std::isfinite(v))
-                    points += fmt::format("{:.1f},{:.1f} ", 60 + 660 * (s.time - t0) / duration,
-                                          165 - 155 * (v - low) / span);
+                    points +=
+                        fmt::format("{:.1f},{:.1f} ", 720 * (s.time - t0) / duration, 165 - 155 * (v - low) / span);
             }
             svg += fmt::format("<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"2\"{}/>\n", points,
                                kColors[k], now ? " stroke-dasharray=\"5 4\"" : " opacity=\".55\"");
         }
-    return svg + "</svg>\n";
+    return svg + fmt::format("</svg>\n<div class=\"ends\"><span>{:.3g} s</span><span>{:.3g} s</span></div>\n",
+                             t0 - start, t0 + duration - start);
 }
 
 std::string curves(const ReplayReport& r, double start) {
@@ -142,9 +135,9 @@ std::string curves(const ReplayReport& r, double start) {
 std::string table(const ReplayReport& r) {
     if (r.differences.empty()) return {};
     std::string text = fmt::format(
-        "<h2>{} fields differed</h2>\n<div class=\"wide\"><table><tr><th>Field<th>From state<th>t, "
+        "<h2>{} field{} differed</h2>\n<div class=\"wide\"><table><tr><th>Field<th>From state<th>t, "
         "s<th>States<th>Largest<th>At first<th>By</tr>\n",
-        r.differences.size());
+        r.differences.size(), r.differences.size() == 1 ? "" : "s");
     constexpr std::size_t kMost = 200;
     for (std::size_t i = 0; i < std::min(r.differences.size(), kMost); ++i) {
         const FieldDifference& d = r.differences[i];

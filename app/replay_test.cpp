@@ -96,6 +96,8 @@ void addFieldSelection(Command& command, FieldSelection& selection) {
 }
 
 void check(const FieldSelection& selection) {
+    if (!(selection.tolerance >= 0))
+        throw UsageError("--tolerance", fmt::format("{} is not 0 or more", selection.tolerance));
     if (auto ok = selection.check(); !ok) throw UsageError("--field", ok.error().text);
 }
 
@@ -135,6 +137,10 @@ void sayHowToRecord(const std::string& log, const std::string& scene) {
                scene.empty() ? "SCENE" : scene, log);
 }
 
+std::string nameOfTest(const ReplayTestArguments& arguments, const std::string& log) {
+    return arguments.name.empty() ? std::filesystem::path(log).stem().string() : arguments.name;
+}
+
 /// The page of a test that passes would be that of an earlier failure.
 Result<> writeReports(const ReplayTestArguments& arguments, const ReplayOutcome& outcome) {
     const auto write = [](const std::string& file, const std::string& text) {
@@ -167,7 +173,7 @@ void printOutcome(const ReplayOutcome& outcome, bool json) {
     const ReplayReport& report = outcome.report;
     if (!json)
         fmt::print("{} of {} states as recorded{}: {}{}\n", report.verified, report.frames,
-                   report.fields > 0 ? fmt::format(" in {} fields", report.fields) : "",
+                   report.fields > 0 ? fmt::format(" in {} field{}", report.fields, report.fields == 1 ? "" : "s") : "",
                    outcome.passed() ? "passed" : "failed", report.updated ? "; the log was written anew" : "");
     else
         fmt::print(
@@ -194,14 +200,27 @@ void askForWhatIsExpected(const ReplayTestArguments& arguments, OutputArguments&
     check(arguments.compared);
     if (arguments.compared.any() && arguments.rerun.empty())
         throw UsageError("--field", "needs --rerun SCENE: a replay has no values but the log's");
+    // Under the name that the user gave: what is made is called after it.
+    const auto checkName = [](const char* option, const std::string& file, const Result<>& ok) {
+        if (!ok) throw UsageError(option, file + ": " + ok.error().text);
+    };
     if (!arguments.expectPicture.empty()) {
+        checkName("--expect-picture", arguments.expectPicture, checkPictureName(arguments.expectPicture));
         if (!outputs.render.empty()) throw UsageError("--expect-picture", "not together with --render");
         outputs.render = arguments.update ? arguments.expectPicture : actualName(arguments.expectPicture);
     }
     if (!arguments.expectSound.empty()) {
+        checkName("--expect-sound", arguments.expectSound, checkSoundName(arguments.expectSound));
         if (!outputs.listen.empty()) throw UsageError("--expect-sound", "not together with --listen");
         outputs.listen = arguments.update ? arguments.expectSound : actualName(arguments.expectSound);
     }
+}
+
+/// A test that could not even run has failed, for whoever reads the reports too.
+int reportFailure(const ReplayTestArguments& arguments, const std::string& log, const std::string& why) {
+    const ReplayOutcome outcome{nameOfTest(arguments, log), log, arguments.rerun, {}, {{"states", why}}, {}, {}, 0};
+    if (auto ok = writeReports(arguments, outcome); !ok) printError(ok.error());
+    return kBad;
 }
 
 }  // namespace
@@ -214,7 +233,10 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
             read, {{"--junit", arguments.junit, OutputKind::report}, {"--page", arguments.page, OutputKind::report}});
         !ok)
         return printError(ok.error()), kBad;
-    if (!std::filesystem::exists(log)) return sayHowToRecord(log, arguments.rerun), kBad;
+    if (!std::filesystem::exists(log)) {
+        sayHowToRecord(log, arguments.rerun);
+        return reportFailure(arguments, log, log + ": there is no log yet");
+    }
     const auto begun = std::chrono::steady_clock::now();
     const std::string& origin = arguments.rerun.empty() ? log : arguments.rerun;
     const Resources resources = outputs.resources.ofFile(origin);
@@ -253,16 +275,9 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         return result;
     };
     Result<ReplayReport> report = runReplayTest(test);
-    if (!report) return printError(report.error()), kBad;
+    if (!report) return printError(report.error()), reportFailure(arguments, log, report.error().format());
 
-    ReplayOutcome outcome{arguments.name.empty() ? std::filesystem::path(log).stem().string() : arguments.name,
-                          log,
-                          arguments.rerun,
-                          std::move(*report),
-                          {},
-                          {},
-                          {},
-                          0};
+    ReplayOutcome outcome{nameOfTest(arguments, log), log, arguments.rerun, std::move(*report), {}, {}, {}, 0};
     countFromStart(outcome.report, start);
     outcome.checks.push_back(
         {"states", outcome.report.divergence ? log + ": " + outcome.report.divergence->format() : ""});

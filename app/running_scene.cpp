@@ -106,9 +106,10 @@ void RunningScene::measureAllTexts() {
     inlines_->measureTexts(measureText);
 }
 
-Result<> RunningScene::inject(const std::vector<std::string>& events) {
+Result<> RunningScene::inject(const std::vector<std::string>& events, double end) {
     auto parsed = Injections::parse(scene_, events);
     if (!parsed) return std::unexpected(parsed.error());
+    if (auto ok = parsed->checkWithin(end); !ok) return ok;
     injections_ = std::move(*parsed);
     return {};
 }

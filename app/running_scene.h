@@ -48,8 +48,8 @@ class RunningScene {
     Result<ResumedSession> resume(const std::string& log);
     /// From now on all Texts say how large they are, not only those of which something in the scene may hear.
     void measureAllTexts();
-    /// --set; after load().
-    Result<> inject(const std::vector<std::string>& events);
+    /// --set; after load(). `end`: seconds, how long it will run.
+    Result<> inject(const std::vector<std::string>& events, double end);
 
     const std::string& file() const { return file_; }
     Scene& scene() { return scene_; }

@@ -11,6 +11,7 @@
 #include <rtsg/sync/log_summary.h>
 
 #include "cli.h"
+#include "files.h"
 #include "outputs.h"
 
 namespace rtsg::app {
@@ -117,6 +118,7 @@ int describeLog(const InfoArguments& options) {
             log->closed ? "" : "; it was not closed in order", terminalText(log->mode), terminalText(log->coding),
             terminalText(log->creator), log->nodes);
         printCounts(log->types);
+        tellOfEarlierPieces(options.file);
     }
     return log->damaged == 0 ? kDone : kBad;
 }

@@ -352,7 +352,7 @@ void Mirroring::finish() {
 
 void Mirroring::print() const {
     const MirrorStatistics& statistics = client_->statistics();
-    if (statistics.frames == 0) return;  // why was said
+    if (statistics.frames == 0) return fmt::print("no state of {} has come\n", options_.endpoint);
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
         "{} frames ({} snapshots) to state {} of {}, {} bytes ({:.1f} a frame), {:.1f} frames a second\n"

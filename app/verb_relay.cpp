@@ -47,6 +47,10 @@ class Relaying {
     int run() {
         if (auto ok = connect(); !ok) return printError(ok.error()), kBad;
         while (!interrupted() && seconds(start_) < duration_ && !over_) turn();
+        if (good_ && !relay_->server())
+            fail(fmt::format("{}: no origin", options_.origin));
+        else if (good_ && over_ && !options_.duration.empty())
+            fail(fmt::format("{} left after {:.1f} of {} s", options_.origin, seconds(start_), duration_));
         if (relay_->server()) relay_->server()->drain(std::chrono::seconds(1));
         print();
         return good_ ? kDone : kBad;

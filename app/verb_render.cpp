@@ -110,7 +110,8 @@ int render(const RenderArguments& options) {
 
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
-    if (auto ok = running.inject(options.set); !ok) return printError(ok.error().text), kUsage;
+    if (auto ok = running.inject(options.set, time + (options.frames - 1) / options.fps); !ok)
+        return printError(ok.error().text), kUsage;
     keepResources(running.scene(), running.resources(), outputs);
     if (auto ok = running.world().cut(options.picture.tessellationError()); !ok) return printError(ok.error()), kBad;
     SharedWorld& world = running.world().get();

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/sync/log_compact.h>
+#include <rtsg/sync/log_summary.h>
 #include <rtsg/sync/replay.h>
 
 #include "blame.h"
@@ -46,11 +47,23 @@ int diff(const ReplayArguments& options) {
     return first ? kBad : kDone;
 }
 
+/// `seek`: as it was typed; empty: nothing was.
+Result<> reaches(const std::string& log, double time, const std::string& seek) {
+    if (seek.empty()) return {};
+    const auto summary = summariseLog(log);
+    if (!summary) return std::unexpected(summary.error());
+    if (summary->end >= time) return {};
+    return fail(
+        fmt::format("--seek {}: the log ends at {} s", seek, std::round((summary->end - logStart(log)) * 1e6) / 1e6),
+        {}, log);
+}
+
 int compact(const ReplayArguments& options) {
     CompactOptions to;
     const double start = logStart(options.log), from = options.seek.empty() ? 0 : parseSeconds(options.seek);
     if (!options.seek.empty()) to.from = start + from;
     if (!options.duration.empty()) to.to = start + (from + parseSeconds(options.duration));
+    if (auto ok = reaches(options.log, start + from, options.seek); !ok) return printError(ok.error()), kBad;
     to.every = options.every;
     to.interval = parseSeconds(options.interval);
     to.log.existing = existing(options.outputs.force);
@@ -96,6 +109,10 @@ class Check {
             gaps_ = replayer_.gaps();
             note(before + 1, fmt::format("frames {} to {} are missing", before + 1, replayer_.scene().sequence()));
         }
+        if (replayer_.framesBehind() > 0)
+            note(before + 1, fmt::format("{} frames of earlier states stand after state {}, and were not played: the "
+                                         "pieces of the log are in another order than they were written in",
+                                         replayer_.framesBehind(), before));
         if (!first_ && replayer_.divergence()) first_ = replayer_.divergence();
         return *more;
     }
@@ -282,6 +299,7 @@ int replay(const ReplayArguments& options) {
     if (!options.seek.empty()) parseSeconds(options.seek);  // before anything is opened
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
+    tellOfEarlierPieces(options.log);
     return Replaying(options, **opened).run();
 }
 

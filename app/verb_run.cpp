@@ -133,7 +133,7 @@ int runScene(const RunArguments& options) {
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), options.outputs.names());
-    if (auto ok = running.inject(options.set); !ok) return printError(ok.error().text), kUsage;
+    if (auto ok = running.inject(options.set, pace.seconds); !ok) return printError(ok.error().text), kUsage;
     const auto watches = parseWatches(scene, options.watch);
     if (!watches) return printError(watches.error().text), kUsage;
     if (!watches->empty()) printEvents(running, *watches);

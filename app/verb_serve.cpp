@@ -86,6 +86,9 @@ Result<std::optional<ResumedSession>> begin(RunningScene& running, const ServeAr
 
 void checkResume(const ServeArguments& options) {
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
+    const ServeLogArguments none;
+    if (options.log.rate != none.rate || options.log.loop || options.log.paused || options.log.control)
+        throw UsageError("--rate, --loop, --paused, --control", "are of a log, and a scene is served");
     if (!options.resume.empty() && !options.record.empty())
         throw UsageError("--record", "not together with --resume, which goes on writing its log");
     if (!options.resume.empty() && !options.start.at.empty())
@@ -158,7 +161,6 @@ class Session {
     Web web_;
     std::unique_ptr<LogRecorder> log_;
     std::uint64_t frames_ = 0;
-    std::size_t mostPeers_ = 0;
     double from_ = 0;  // the first frame's time
     double seconds_ = 0;
     bool failed_ = false;  // the log has ended early, or the session
@@ -210,7 +212,7 @@ int Session::startLog() {
     if (resumed_) logOptions.sessionStart = resumed_->start;
     logOptions.epoch = lossy_ ? 0 : server_->epoch();
     options_.keyframes.setIn(logOptions);
-    options_.rotate.setIn(logOptions);
+    options_.rotate.setIn(logOptions, true);
     auto created = LogRecorder::start(running_.scene(), logFile(), logOptions);
     if (!created) return printError(created.error()), kBad;
     log_ = std::move(*created);
@@ -243,7 +245,6 @@ void Session::run() {
         server_->service();  // what mirrors have sent takes effect in this frame
         running_.frame(from_ + static_cast<double>(slot) / options_.fps);
         ++frames_;
-        mostPeers_ = std::max(mostPeers_, server_->statistics().peers);
         printServerNews(*server_);
         web_.service(running_.scene(), running_.resources());
         lookAtLog();
@@ -266,13 +267,13 @@ void Session::print(const MirrorServerStatistics& statistics) const {
             "{{\"frames\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"t\":{},\"sequence\":{},\"peers\":{},\"bytes\":{},"
             "\"snapshots\":{},\"merged\":{},\"resumed\":{},\"repairs\":{},\"requests\":{},\"stalls\":{},"
             "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"hash\":\"{}\"}}\n",
-            frames_, seconds_, fps, running_.time(), scene.sequence(), mostPeers_, statistics.bytes,
+            frames_, seconds_, fps, running_.time(), scene.sequence(), statistics.mostPeers, statistics.bytes,
             statistics.snapshots, statistics.merged, statistics.resumed, statistics.repairs, statistics.requests,
             statistics.stalls, statistics.garbage, statistics.refused, statistics.lost, log_ ? log_->bytes() : 0,
             scene.hash().hex());
     else
         fmt::print("{} frames in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", frames_,
-                   seconds_, fps, statistics.bytes, mostPeers_, scene.hash().hex());
+                   seconds_, fps, statistics.bytes, statistics.mostPeers, scene.hash().hex());
 }
 
 int Session::close() {
@@ -305,6 +306,8 @@ int Session::close() {
 int serve(const ServeArguments& options) {
     if (options.resume.empty() && isLog(options.scene)) return play(options);
     checkResume(options);
+    LogOptions ignored;
+    options.rotate.setIn(ignored, !options.record.empty() || !options.resume.empty());  // throws before anything runs
     Session session(options, options.duration.empty() ? 1e9 : parseSeconds(options.duration));
     if (const int status = session.open(); status != kDone) return status;
     if (const int status = session.startServer(); status != kDone) return status;

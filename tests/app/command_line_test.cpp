@@ -278,8 +278,17 @@ ROUTE PATH.value_changed TO BOX.translation
 
 TEST_F(Running, InjectsEvents) {
     const Outcome outcome = rtsg({"run", file, "--for", "1s", "--fps", "10", "--watch", "FLAG.*", "--set",
-                                  "FLAG.set_boolean=TRUE@0.35", "--set", "BOX.children=NULL@2"});
+                                  "FLAG.set_boolean=TRUE@0.35", "--set", "BOX.children=NULL@1"});
     ASSERT_EQ(outcome.status, 0) << outcome.err;
+    for (const char* verb : {"run", "record"}) {
+        const Outcome late = rtsg({verb, file, "--for", "1s", "--fps", "10", "--set", "FLAG.set_boolean=TRUE@2",
+                                   verb == std::string("run") ? "--hash" : "-o" + (folder / "late.rlog")});
+        EXPECT_EQ(late.status, 2) << verb;
+        EXPECT_THAT(late.err, HasSubstr("@2: that is after the end, 1 s")) << verb;
+    }
+    EXPECT_EQ(
+        rtsg({"render", file, "-o", folder / "late.png", "--size", "8x8", "--set", "FLAG.set_boolean=TRUE@2"}).status,
+        2);
     bool toggled = false;
     for (const json& line : jsonLines(outcome.out)) {
         EXPECT_NEAR(line.at("t"), 0.4, 1e-9) << "the first frame after it";

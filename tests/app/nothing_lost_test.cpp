@@ -174,6 +174,10 @@ TEST_F(NothingIsLost, ASeekBeyondTheEndIsStatusOne) {
     EXPECT_EQ(beyond.status, 1);
     EXPECT_THAT(beyond.err, HasSubstr("the log ends at 0.5 s"));
     EXPECT_FALSE(fs::exists(picture));
+    const Outcome compacted = rtsg({"replay", log, "--compact", folder / "b.rlog", "--seek", "3s"});
+    EXPECT_EQ(compacted.status, 1);
+    EXPECT_THAT(compacted.err, HasSubstr("the log ends at 0.5 s"));
+    EXPECT_FALSE(fs::exists(folder / "b.rlog"));
     EXPECT_EQ(rtsg({"replay", log, "--seek", "0.5s"}).status, 0);
     EXPECT_EQ(rtsg({"replay", log, "--seek", "0.49s"}).status, 0);
 }
@@ -263,6 +267,8 @@ TEST_F(FullDisk, EndsTheRecordingNotTheSession) {
     EXPECT_EQ(outcome.status, 1);
     EXPECT_THAT(outcome.err, HasSubstr("No space left"));
     EXPECT_THAT(outcome.err, HasSubstr("the recording has ended"));
+    EXPECT_THAT(outcome.err, Not(HasSubstr("error: error")));
+    EXPECT_THAT(outcome.err, HasSubstr("a.rlog: error:")) << "which file";
     const json summary = json::parse(outcome.out.substr(outcome.out.find('\n') + 1));
     EXPECT_GT(summary.at("t"), 2) << "the session went on";
     EXPECT_LE(summary.at("log_bytes"), 16384);

@@ -180,8 +180,8 @@ class LiveOutputsOf : public MadeOutputs {
         EXPECT_DOUBLE_EQ(seconds(name + ".wav"), 1);
         EXPECT_FALSE(std::filesystem::exists(folder / (name + std::to_string(pictured.size()) + ".png")));
         for (std::size_t k = 0; k < pictured.size(); ++k) {
-            // What is shown is the state of that instant, whole: as loaded and after the first frame are both of 0 s, the
-            // Inline's two states of .5 s.
+            // What is shown is the state of that instant, whole: as loaded and after the first frame are both of 0 s,
+            // the Inline's two states of .5 s.
             const bool two = std::abs(times[k] - .5) < 1e-4 || std::abs(times[k]) < 1e-4;
             EXPECT_GE(heard[k], pictured[k] - (two ? 1 : 0)) << k;
             const std::string picture = bytes(name + std::to_string(k) + ".png");

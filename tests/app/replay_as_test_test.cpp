@@ -129,6 +129,28 @@ TEST_F(ReplayAsTest, WithoutALogItSaysHowToRecordOne) {
     EXPECT_THAT(none.err, HasSubstr("rtsg record " + file + " -o " + (folder / "none.rlog")));
 }
 
+/// Who reads the reports only sees a failure, and not the report of the run before.
+TEST_F(ReplayAsTest, ATestThatCannotRunIsReportedAsFailed) {
+    const std::string junit = folder / "a.xml";
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"replay", folder / "none.rlog", "--rerun", file},
+          {"replay", log, "--rerun", folder / "none.x3dv"}}) {
+        writeFile(junit, "old");
+        std::vector<std::string> words = arguments;
+        words.insert(words.end(), {"--junit", junit});
+        EXPECT_EQ(rtsg(words).status, 1);
+        EXPECT_THAT(readFile(junit), HasSubstr("failures=\"1\"")) << arguments[1];
+        EXPECT_THAT(readFile(junit), HasSubstr("none.")) << arguments[1];
+    }
+}
+
+TEST_F(ReplayAsTest, WhatIsWrongIsNamedAsItWasTyped) {
+    EXPECT_THAT(rerun({"--field", "BOX.*", "--tolerance", "-1"}).err, HasSubstr("--tolerance: -1"));
+    EXPECT_THAT(rerun({"--expect-picture", folder / "a.x3dv"}).err,
+                HasSubstr("--expect-picture: " + (folder / "a.x3dv")));
+    EXPECT_THAT(rerun({"--expect-sound", folder / "a.png"}).err, HasSubstr("--expect-sound: " + (folder / "a.png")));
+}
+
 TEST_F(ReplayAsTest, DiffNamesWhatTwoScenesOrLogsDifferIn) {
     const std::string other = folder / "other.x3dv", otherLog = folder / "other.rlog";
     writeFile(other, scene("3"));

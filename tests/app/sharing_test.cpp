@@ -98,6 +98,65 @@ TEST_F(Mirror, ManyOverTcpOneOfThemLate) {
     expectEqual(json::parse(b.out));
 }
 
+/// What went before it is not what it sees: its time begins with the state that the session is in.
+TEST_F(Mirror, WhoComesLateBeginsWithTheStateOfNow) {
+    serve({"--for", "60s", "--upstream", "events"}, "tcp://127.0.0.1:*");
+    ASSERT_EQ(rtsg({"mirror", endpoint, "--for", "100ms"}).status, 0);
+    std::this_thread::sleep_for(std::chrono::seconds(3));
+    for (int i = 0; i < 2; ++i) {
+        const auto start = std::chrono::steady_clock::now();
+        const Outcome late = rtsg({"mirror", "--json", endpoint, "--for", "1s", "--set", "FLAG.set_boolean=TRUE@0.9"});
+        EXPECT_EQ(late.status, 0) << late.err;
+        EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(900));
+        const json report = json::parse(late.out);
+        expectEqual(report);
+        EXPECT_EQ(report.at("accepted"), 1);
+        EXPECT_NEAR(report.at("t"), 1, .2);
+    }
+}
+
+TEST_F(Mirror, NothingThatWasAskedForEndsWithoutAnAnswer) {
+    serve({"--for", "60s"}, "tcp://127.0.0.1:*");
+    for (int i = 0; i < 4; ++i) {
+        const Outcome refused =
+            rtsg({"mirror", "--json", endpoint, "--for", "0.1s", "--set", "FLAG.set_boolean=TRUE@0"});
+        EXPECT_EQ(refused.status, 1) << "the server takes none";
+        EXPECT_EQ(json::parse(refused.out).at("refused"), 1);
+    }
+    const Outcome unsent = rtsg({"mirror", endpoint, "--for", "0.1s", "--set", "FLAG.set_boolean=TRUE@9"});
+    EXPECT_EQ(unsent.status, 1);
+    EXPECT_THAT(unsent.err, HasSubstr("not sent"));
+    const Outcome bogus = rtsg({"mirror", endpoint, "--for", "0.1s", "--control", "status"});
+    EXPECT_EQ(bogus.status, 1);
+    EXPECT_THAT(bogus.err, HasSubstr("refused"));
+}
+
+TEST_F(Mirror, PartsThatNobodyFollowsMakeRoom) {
+    serve({"--for", "60s", "--parts", "2"}, "tcp://127.0.0.1:*");
+    for (const char* part : {"BOX", "CLOCK", "PATH", "FLAG", "BOX"}) {
+        const Outcome mirror = rtsg({"mirror", endpoint, "--part", part, "--for", "0.1s", "--wait", "2s"});
+        EXPECT_EQ(mirror.status, 0) << part << mirror.err;
+    }
+    // Of those that are followed none goes.
+    Program box({"mirror", endpoint, "--part", "BOX", "--for", "20s"}, streams());
+    Program clock({"mirror", endpoint, "--part", "CLOCK", "--for", "20s"}, streams());
+    std::this_thread::sleep_for(std::chrono::seconds(2));
+    const Outcome third = rtsg({"mirror", endpoint, "--part", "PATH", "--for", "0.1s", "--wait", "300ms"});
+    EXPECT_EQ(third.status, 1);
+    EXPECT_THAT(third.err, HasSubstr("as many parts"));
+}
+
+TEST_F(Mirror, PortsThatDoNotExistAreNoOthers) {
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"serve", file, "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
+          {"mirror", "tcp://127.0.0.1:70000", "--for", "50ms", "--wait", "50ms"},
+          {"relay", "tcp://127.0.0.1:70000", "--for", "50ms"}}) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_NE(outcome.status, 0) << arguments[0];
+        EXPECT_THAT(outcome.err, HasSubstr("at most 65535")) << arguments[0];
+    }
+}
+
 TEST_F(Mirror, PicturesAndSoundOfTheReplica) {
     serve({"--for", "3s"}, "ipc://" + folder / "socket");
     Program mirror({"mirror", "--json", endpoint, "--render", folder / "p%02d.png", "--fps", "1", "--size", "32x24",
@@ -304,6 +363,10 @@ TEST_F(Mirror, ARelayPassesASessionOn) {
     const json report = json::parse(mirror.out);
     expectEqual(report);
     EXPECT_EQ(report.at("accepted"), 1);
+    // Having had none, too.
+    const Outcome nobody = rtsg({"relay", "ipc://" + folder / "nobody", "--for", "100ms"});
+    EXPECT_EQ(nobody.status, 1);
+    EXPECT_THAT(nobody.err, HasSubstr("no origin"));
     // Without its origin it ends, and says so.
     server->signal(SIGKILL);
     server->wait();
@@ -324,10 +387,30 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     const std::string log = folder / "turning.rlog";
     EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--rotate", "often"}).status, 2);
     EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--keep", "1min"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--rotate", "1min"}).status, 2) << "without a log";
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--rate", "2"}).status, 2) << "of a log";
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--peers", "99999999999999999999"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--base", folder / "none"}).status, 2);
+    EXPECT_EQ(
+        rtsg({"serve", file, "--for", "100ms", "--record", folder / "short.rlog", "--rotate", "20ms", "--keep", "50ms"})
+            .status,
+        0);
     const Outcome done = rtsg({"serve", file, "--for", "2s", "--fps", "30", "--record", log, "--rotate", "0.5s"});
     ASSERT_EQ(done.status, 0) << done.err;
     for (const char* piece : {"turning.0001.rlog", "turning.0003.rlog", "turning.rlog"})
         EXPECT_EQ(rtsg({"replay", folder / piece, "--verify"}).status, 0) << piece;
+    // Who opens one of them is told of the others; in another order than they were written in they are no log.
+    const Outcome last = rtsg({"replay", log});
+    EXPECT_THAT(last.err, HasSubstr("turning.0001.rlog to "));
+    EXPECT_THAT(rtsg({"info", log}).err, HasSubstr("cat "));
+    EXPECT_EQ(rtsg({"replay", folder / "turning.0001.rlog"}).err, "");
+    const std::string first = readFile(folder / "turning.0001.rlog"), second = readFile(folder / "turning.0002.rlog");
+    writeFile(folder / "right.rlog", first + second);
+    writeFile(folder / "wrong.rlog", second + first);
+    EXPECT_EQ(rtsg({"replay", folder / "right.rlog", "--verify"}).status, 0);
+    const Outcome wrong = rtsg({"replay", folder / "wrong.rlog", "--verify"});
+    EXPECT_EQ(wrong.status, 1);
+    EXPECT_THAT(wrong.err, HasSubstr("in another order"));
     // The session's clock goes on, and not that of its last file.
     const Outcome resumed = rtsg({"serve", "--resume", log, "--for", "200ms", "--json"});
     ASSERT_EQ(resumed.status, 0) << resumed.err;

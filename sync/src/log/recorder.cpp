@@ -77,7 +77,7 @@ struct LogRecorder::Impl {
     }
 
     Result<> acknowledge(const Scene& scene, const ChangeSet& changes) {
-        if (!logAttachment.attached()) return fail(logAttachment.failure());
+        if (!logAttachment.attached()) return fail(logAttachment.failure(), {}, file);
         if (scene.hash() != changes.hash)
             return fail(fmt::format("the replica at state {} has hash {}, the scene had {}", changes.to,
                                     scene.hash().hex(), changes.hash.hex()));
@@ -115,8 +115,8 @@ struct LogRecorder::Impl {
             last = stopping;
             replica->drain();
         }
-        if (!acknowledgerAttachment.attached()) return fail(acknowledgerAttachment.failure());
-        if (!replica->failure().empty()) return fail(replica->failure());
+        if (!acknowledgerAttachment.attached()) return fail(acknowledgerAttachment.failure(), {}, file);
+        if (!replica->failure().empty()) return fail(replica->failure(), {}, file);
         return {};
     }
 

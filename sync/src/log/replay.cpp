@@ -97,6 +97,7 @@ bool Replayer::leadsOn(const RecordHeader& header) {
     if (!headed_) return false;
     if (!lost_) {
         if (header.from == scene_->sequence() && !(keyframe && header.to == 0)) return true;
+        if (header.to < scene_->sequence() && !keyframe) ++behind_;
         if (header.to <= scene_->sequence()) return false;
         lost_ = true;
         ++gaps_;

@@ -91,8 +91,10 @@ constexpr std::size_t kMostDifferences = 4096;
 }  // namespace
 
 std::string Divergence::format() const {
-    return fmt::format("frame {} (t = {} s), {}.{}: {}", frame, time, node.empty() ? "?" : node,
-                       field.empty() ? "?" : field, text);
+    const bool named = !node.empty() || !field.empty();
+    return fmt::format("frame {} (t = {} s){}: {}", frame, time,
+                       named ? fmt::format(", {}.{}", node.empty() ? "?" : node, field.empty() ? "?" : field) : "",
+                       text);
 }
 
 std::optional<Divergence> firstDifference(const Scene& a, const Scene& b, DifferenceWords words) {

@@ -1,6 +1,7 @@
 // The log's writer: records into a file of its own, one write each, never over what is there.
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
 #include <cstring>
 #include <random>
 #include <utility>
@@ -248,6 +249,27 @@ bool LogWriter::rotationDue(double now) const {
     if (!regular_ || sinceKeyframe_ == 0) return false;
     return (options_.rotateBytes > 0 && size_ >= std::max(options_.rotateBytes, 4 * keyframeSize_)) ||
            (options_.rotateSeconds > 0 && pieceStart_ && now - *pieceStart_ >= options_.rotateSeconds);
+}
+
+std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file) {
+    const std::string before = file.stem().string() + ".", after = file.extension().string();
+    std::vector<std::pair<std::uint64_t, std::filesystem::path>> found;
+    std::error_code error;
+    for (const auto& entry :
+         std::filesystem::directory_iterator(file.has_parent_path() ? file.parent_path() : ".", error)) {
+        const std::string name = entry.path().filename().string();
+        if (!name.starts_with(before) || !name.ends_with(after) || name.size() < before.size() + after.size() + 4)
+            continue;
+        const char *const first = name.data() + before.size(), *const last = name.data() + name.size() - after.size();
+        std::uint64_t number = 0;
+        if (const auto [end, problem] = std::from_chars(first, last, number); problem != std::errc() || end != last)
+            continue;
+        found.emplace_back(number, file.has_parent_path() ? entry.path() : entry.path().filename());
+    }
+    std::ranges::sort(found);
+    std::vector<std::filesystem::path> pieces;
+    for (auto& [number, piece] : found) pieces.push_back(std::move(piece));
+    return pieces;
 }
 
 /// The next number that no file has: one of an earlier session is not overwritten.

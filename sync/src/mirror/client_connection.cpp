@@ -109,6 +109,7 @@ Result<> MirrorClient::Impl::start(const std::string& endpoint) {
         zmq_connect(monitor_.get(), "inproc://connection") != 0)
         return std::unexpected(zmqFailure("cannot watch the connection"));
     watchConnection();  // nobody is woken by it who has not found it empty before
+    if (auto ok = checkPort(endpoint); !ok) return ok;
     if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", endpoint)));
     session_ = randomNumber();

@@ -90,6 +90,7 @@ Result<> MirrorServer::Io::start(const std::string& endpoint) {
     router_.set(ZMQ_HANDSHAKE_IVL, 5000);
     router_.set(ZMQ_BACKLOG, kBacklog);
     if (auto ok = gate_.guard(router_, shared_->options.keys ? &*shared_->options.keys : nullptr); !ok) return ok;
+    if (auto ok = checkPort(endpoint); !ok) return ok;
     if (zmq_bind(router_.get(), endpoint.c_str()) != 0)
         return std::unexpected(zmqFailure(fmt::format("cannot bind {}", endpoint)));
     char bound[512] = {};

@@ -177,6 +177,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello.wishes) : 0;
     if (!part) return refuse(identity, "the server follows as many parts of the scene as it does at once");
     if (found == peers_.end()) found = peers_.emplace(identity, Peer{}).first;
+    statistics_.mostPeers = std::max(statistics_.mostPeers, peers_.size());
     Peer& peer = found->second;
     const std::uint64_t debt = peer.debt + (peer.sentBytes - peer.ackedBytes) + head_.size() + kAnswerCost;
     if (debt > kLargestDebt) return garbage("a hello from a peer that reads no answers");

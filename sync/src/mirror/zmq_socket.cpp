@@ -1,6 +1,7 @@
 // Messages that own or borrow their bytes, and errors as diagnostics.
 #include "zmq_socket.h"
 
+#include <charconv>
 #include <cstring>
 
 #include <fmt/format.h>
@@ -38,6 +39,15 @@ void ZmqSocket::skipRest(const ZmqMessage& last) {
         if (!receive(next)) return;
         more = next.more();
     }
+}
+
+Result<> checkPort(std::string_view endpoint) {
+    if (!endpoint.starts_with("tcp://")) return {};
+    const std::string_view port = endpoint.substr(endpoint.rfind(':') + 1);
+    std::uint32_t number = 0;
+    const auto [end, problem] = std::from_chars(port.data(), port.data() + port.size(), number);
+    if (problem == std::errc::invalid_argument || (problem == std::errc() && number <= 65535)) return {};
+    return fail(fmt::format("{}: ports are at most 65535", endpoint));
 }
 
 Diagnostic zmqFailure(std::string_view what) {

@@ -93,4 +93,7 @@ class ZmqSocket {
 /// `what: reason` from errno.
 Diagnostic zmqFailure(std::string_view what);
 
+/// A port beyond 65535 ZeroMQ takes modulo 65536.
+Result<> checkPort(std::string_view endpoint);
+
 }  // namespace rtsg

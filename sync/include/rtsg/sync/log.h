@@ -208,4 +208,7 @@ class LogReader {
     std::uint64_t windowAt_ = 0;
 };
 
+/// The files before this one of a log that was written in pieces, in order: those with its name and a number.
+std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file);
+
 }  // namespace rtsg

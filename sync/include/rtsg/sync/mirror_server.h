@@ -82,20 +82,20 @@ struct MirrorServerOptions {
 };
 
 struct MirrorServerStatistics {
-    std::size_t peers = 0;
-    std::uint64_t frames = 0;     // change sets published
-    std::uint64_t bytes = 0;      // sent, all peers, records only
-    std::uint64_t snapshots = 0;  // keyframes begun to be sent
-    std::uint64_t resumed = 0;    // peers that came back and needed no keyframe
-    std::uint64_t merged = 0;     // frames that reached a slow peer as part of another
-    std::uint64_t garbage = 0;    // messages that made no sense, and connections that never became any
-    std::uint64_t refused = 0;    // peers turned away
-    std::uint64_t lost = 0;       // peers forgotten after silence
-    std::uint64_t repairs = 0;    // differing nodes sent again, in how many records
-    std::uint64_t questions = 0;  // about hashes, answered
-    std::uint64_t requests = 0;   // from upstream, carried out or refused
-    std::uint64_t coded = 0;      // frames encoded a second time, with predicted values, as somebody takes those
-    std::uint64_t stalls = 0;     // snapshots that the scene's thread had to take
+    std::size_t peers = 0, mostPeers = 0;  // now, and at most at once so far
+    std::uint64_t frames = 0;              // change sets published
+    std::uint64_t bytes = 0;               // sent, all peers, records only
+    std::uint64_t snapshots = 0;           // keyframes begun to be sent
+    std::uint64_t resumed = 0;             // peers that came back and needed no keyframe
+    std::uint64_t merged = 0;              // frames that reached a slow peer as part of another
+    std::uint64_t garbage = 0;             // messages that made no sense, and connections that never became any
+    std::uint64_t refused = 0;             // peers turned away
+    std::uint64_t lost = 0;                // peers forgotten after silence
+    std::uint64_t repairs = 0;             // differing nodes sent again, in how many records
+    std::uint64_t questions = 0;           // about hashes, answered
+    std::uint64_t requests = 0;            // from upstream, carried out or refused
+    std::uint64_t coded = 0;   // frames encoded a second time, with predicted values, as somebody takes those
+    std::uint64_t stalls = 0;  // snapshots that the scene's thread had to take
     /// The least advanced peer's acknowledged state, and the scene's. Acknowledgements may wait for a heartbeat where
     /// there is credit enough; drain() asks for them.
     std::uint64_t acknowledged = 0, sequence = 0;

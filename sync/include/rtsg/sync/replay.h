@@ -71,6 +71,8 @@ class Replayer {
     std::uint64_t frames() const { return frames_; }      // states reached by step() and seek()
     std::uint64_t verified() const { return verified_; }  // of these, with the origin's hash
     std::uint64_t gaps() const { return gaps_; }          // times that frames were missing
+    /// Frames of states before the one that the scene was in: pieces of a log that stand in another order.
+    std::uint64_t framesBehind() const { return behind_; }
     /// The last set applied: what led to the state the scene is in. After seek() it may be several in one. Has its
     /// `input` where the log has it; in input mode, that only.
     const ChangeSet& lastSet() const { return *set_; }
@@ -107,7 +109,7 @@ class Replayer {
     bool inputsFit_ = false;                // they are of this program's node types
     bool headed_ = false;                   // head_ is of this epoch
     bool lost_ = true;                      // waiting for a keyframe
-    std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0;
+    std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0, behind_ = 0;
     std::optional<Divergence> divergence_;
     std::shared_ptr<ChangeSet> set_ = std::make_shared<ChangeSet>();
 };
