@@ -103,7 +103,14 @@ class Requests {
     Injections injections_;
 };
 
+/// Of less a session's own messages would fill it.
+constexpr std::uint64_t kLeastRate = 1000;
+
 Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
+    if (options.maxRate > 0 && options.maxRate < kLeastRate)
+        throw UsageError("--max-rate",
+                         fmt::format("{} bytes a second: at least {}, or 0 for any", options.maxRate, kLeastRate));
+    if (parseSeconds(options.latency) > 3600) throw UsageError("--latency", options.latency + ": an hour at most");
     MirrorClientOptions result;
     if (!options.key.empty()) {
         auto keys = MirrorKeys::load(options.key);

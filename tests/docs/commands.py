@@ -41,7 +41,8 @@ def commands(program):
 
 
 def shortened(arguments):
-    if "--expect-picture" in arguments:  # the picture has its size
+    # A picture that is expected has its size; an event is not after the end.
+    if "--expect-picture" in arguments or any(re.search(r"@([1-9]|\d\d)", a) for a in arguments):
         return arguments
     out, previous = [], ""
     for argument in arguments:

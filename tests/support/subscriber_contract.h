@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstdlib>
 #include <memory>
 #include <string>
 #include <vector>
@@ -127,10 +128,11 @@ inline void expectSame(Subject& a, Subject& b) {
         << different << " of " << x.numbers.size() << " numbers differ, the first is number " << first;
 }
 
-/// Calls `test(seed)` for eight seeds, until one fails.
+/// Calls `test(seed)` for 40 seeds, in the long form 400, until one fails.
 template <class Test>
 void forSeeds(const Test& test) {
-    for (std::uint64_t seed = 1; seed <= 8 && !testing::Test::HasFatalFailure(); ++seed) {
+    const std::uint64_t seeds = std::getenv("RTSG_LONG") != nullptr ? 400 : 40;
+    for (std::uint64_t seed = 1; seed <= seeds && !testing::Test::HasFatalFailure(); ++seed) {
         SCOPED_TRACE("seed " + std::to_string(seed));
         test(seed);
     }

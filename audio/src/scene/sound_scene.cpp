@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <unordered_map>
+#include <unordered_set>
 #include <utility>
 
 #include <fmt/format.h>
@@ -266,12 +268,14 @@ void SoundScene::readWalls(const Scene& scene, const ChangeSet& changes, const I
         const bool says = node && node->is(x3d::AcousticProperties::type);
         walls_->setMaterial(id, says ? acousticMaterial(scene, *node, defaults_) : defaults_);
     };
+    // Known from before or not: while nothing had it nobody told of its changes.
+    std::unordered_set<std::uint32_t> now;
     for (const auto* list : {&delta.added, &delta.rebound})
         for (const Instance& instance : *list)
-            if (instance.acoustics && acousticsKnown_.try_emplace(instance.acoustics.value, true).second)
-                read(instance.acoustics);
+            if (instance.acoustics && now.insert(instance.acoustics.value).second) read(instance.acoustics);
     for (const NodeId id : delta.acousticsChanged)
-        if (acousticsKnown_.contains(id.value)) read(id);
+        if (acousticsKnown_.contains(id.value) && !now.contains(id.value)) read(id);
+    acousticsKnown_.merge(now);
 }
 
 /// Whether there are others than before.
@@ -288,6 +292,9 @@ bool SoundScene::placeEmitters(const Scene& scene, const InstanceDelta& delta) {
             emitters_->erase(emitters_->begin() + (emitter - emitters_->data()));
             others = true;
         }
+    // Of a scene that starts over the same number may be another node: what comes anew is read anew.
+    std::unordered_set<std::uint32_t> read;
+    std::unordered_map<const SoundNode*, std::shared_ptr<const SoundNode>> replaced;
     for (const auto* list : {&delta.placedAdded, &delta.placedRebound})
         for (const Placed& placed : *list) {
             if (placed.kind != PlacedKind::sound) continue;
@@ -296,7 +303,10 @@ bool SoundScene::placeEmitters(const Scene& scene, const InstanceDelta& delta) {
                           !node->is(x3d::AudioDestination::type) && !node->is(x3d::StreamAudioDestination::type)))
                 continue;
             auto& sound = sounds_[placed.node.value];
-            if (!sound) sound = readSound(scene, *node);
+            if (read.insert(placed.node.value).second) {
+                const auto before = std::exchange(sound, readSound(scene, *node));
+                if (before) replaced[before.get()] = sound;
+            }
             SoundEmitter fresh{placed.id, sound, placed.worldFromLocal, {}};
             if (SoundEmitter* emitter = emitterAt(placed.id)) {
                 *emitter = std::move(fresh);
@@ -306,6 +316,9 @@ bool SoundScene::placeEmitters(const Scene& scene, const InstanceDelta& delta) {
             }
             others = true;
         }
+    if (!replaced.empty())
+        for (SoundEmitter& emitter : ownEmitters())
+            if (const auto it = replaced.find(emitter.sound.get()); it != replaced.end()) emitter.sound = it->second;
     for (const InstanceDelta::Moved& moved : delta.placedMoved)
         if (SoundEmitter* emitter = emitterAt(moved.id)) emitter->worldFromLocal = moved.worldFromLocal;
     for (const NodeId id : delta.placedChanged) {

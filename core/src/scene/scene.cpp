@@ -295,8 +295,11 @@ Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {
                                             info(value.type()).name));
     if (!def.hidden && (def.access == Access::inputOnly || def.access == Access::outputOnly))
         return fail(kWrongAccess, fmt::format("{}.{} cannot be given a value", node->type_->name, def.name));
-    if (sf(def.type) == FieldType::SFNode)
-        if (auto ok = s.checkNodes(*node, field, value.storage()); !ok) return ok;
+    if (sf(def.type) == FieldType::SFNode) {
+        auto ok = s.checkNodes(*node, field, value.storage());
+        if (ok) ok = s.checkAccepted(*node, field, value.storage());
+        if (!ok) return ok;
+    }
     s.write(*node, field, value.storage());
     s.wake(*node);
     return s.passToBody(id, field);
@@ -324,6 +327,7 @@ Result<> Scene::insertChild(NodeId parent, FieldIndex field, NodeId child, std::
     if (field >= p->type_->fields.size() || p->type_->fields[field].type != FieldType::MFNode ||
         !p->type_->fields[field].readable())
         return fail(kNoSuchField, fmt::format("{} has no such MFNode field", p->type_->name));
+    if (auto ok = s.checkAccepted(*p->type_, field, child); !ok) return ok;
     if (auto ok = s.insertChild(*p, field, *c, index); !ok) return ok;
     return s.passToBody(parent, field);
 }

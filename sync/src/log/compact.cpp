@@ -91,12 +91,18 @@ Result<CompactReport> compactLog(const std::filesystem::path& in, const std::fil
     auto from = Replayer::open(in);
     if (!from) return std::unexpected(from.error());
     const std::filesystem::path fresh = freshNameBeside(out);
+    // Nobody knows the name of the file that it is until it is whole.
+    const auto ofOut = [&](Diagnostic why) {
+        if (why.file == fresh.string()) why.file = out.string();
+        return std::unexpected(std::move(why));
+    };
     Result<CompactReport> report;
     {
         auto to = LogWriter::create(fresh, builtinTypes(), options.log);
-        if (!to) return std::unexpected(to.error());
+        if (!to) return ofOut(to.error());
         report = compact(**from, **to, options);
     }
+    if (!report) report = ofOut(report.error());
     if (report) {
         const std::filesystem::path target = std::filesystem::exists(out) ? std::filesystem::canonical(out) : out;
         std::filesystem::rename(fresh, target, error);

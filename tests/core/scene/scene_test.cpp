@@ -80,6 +80,22 @@ TEST(SceneEdits, RoutesAreBetweenEqualTypesOnceAndFoundFromBothEnds) {
     EXPECT_TRUE(scene.routesTo(b).empty());
 }
 
+/// 4.4.2.2: as in a file, and as of events; what could not be loaded is taken on trust.
+TEST(SceneEdits, TakeOnlyNodesOfTypesThatTheFieldHolds) {
+    Scene scene;
+    const NodeId group = scene.createNode(x3d::Group::type), shape = scene.createNode(x3d::Shape::type),
+                 box = scene.createNode(x3d::Box::type);
+    const Result<> inserted = scene.insertChild(group, x3d::Group::children, box);
+    ASSERT_FALSE(inserted);
+    EXPECT_EQ(inserted.error().text, "children does not take Box");
+    EXPECT_FALSE(scene.set(shape, x3d::Shape::geometry, group));
+    EXPECT_FALSE(scene.set(group, x3d::Group::children, Array<NodeId>{shape, box}));
+    EXPECT_TRUE(scene.node(group).get(x3d::Group::children).empty()) << "not one of two";
+    EXPECT_TRUE(scene.set(shape, x3d::Shape::geometry, box));
+    EXPECT_TRUE(scene.insertChild(group, x3d::Group::children, shape));
+    EXPECT_TRUE(scene.set(shape, x3d::Shape::geometry, NodeId{}));
+}
+
 TEST(SceneEdits, TakeEffectAtOnceAndSendNoEvents) {
     Scene scene;
     const NodeId a = scene.createNode(x3d::Transform::type), b = scene.createNode(x3d::Transform::type);

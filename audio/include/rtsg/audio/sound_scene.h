@@ -225,7 +225,7 @@ class SoundScene {
     int visits_ = 0;  // of readVoices, for the sound being read
     std::unordered_map<std::uint32_t, std::shared_ptr<const SoundNode>> sounds_;  // by NodeId
     std::unordered_map<std::uint32_t, Placed> others_;                            // listeners and views, by slot
-    std::unordered_map<std::uint32_t, bool> acousticsKnown_;                      // by NodeId
+    std::unordered_set<std::uint32_t> acousticsKnown_;                            // by NodeId
     std::shared_ptr<std::vector<SoundEmitter>> emitters_ = std::make_shared<std::vector<SoundEmitter>>();
     bool shared_ = false;  // emitters_ belong to a version too
     ListenerPose listener_;
