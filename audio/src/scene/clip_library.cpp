@@ -116,9 +116,15 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
     if (voice.kind == SoundVoice::Kind::microphone || given(voice)) return heardBy(voice);
     if (voice.kind == SoundVoice::Kind::buffer) {
         SoundBuffer sound{std::clamp(static_cast<int>(voice.bufferRate), 1000, 1'000'000), voice.bufferChannels, {}};
-        for (const float sample : voice.buffer) sound.samples.push_back(std::isfinite(sample) ? sample : 0);
-        // Of frames that are not whole the rest is no sound.
-        sound.samples.resize(sound.frames() * static_cast<std::size_t>(sound.channels));
+        // Channel after channel there, frame after frame here. Of frames that are not whole the rest is no sound.
+        const auto channels = static_cast<std::size_t>(sound.channels);
+        const std::size_t frames = voice.buffer.size() / channels;
+        sound.samples.reserve(frames * channels);
+        for (std::size_t frame = 0; frame < frames; ++frame)
+            for (std::size_t channel = 0; channel < channels; ++channel) {
+                const float sample = voice.buffer[channel * frames + frame];
+                sound.samples.push_back(std::isfinite(sample) ? sample : 0);
+            }
         if (sound.samples.empty()) sound.samples.resize(static_cast<std::size_t>(sound.channels));
         auto fitting = converted(sound, resources_.policy().maximumSamples - samplesRead_);
         if (fitting) return std::make_shared<const SoundBuffer>(std::move(*fitting));

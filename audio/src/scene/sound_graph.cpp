@@ -238,7 +238,7 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
         using S = x3d::Sound;
         sound.enabled = node.get(S::enabled);
         sound.spatialize = node.get(S::spatialize);
-        sound.intensity = number(node.get(S::intensity), 0);
+        sound.intensity = std::clamp(number(node.get(S::intensity), 0), 0.0, 1.0);
         sound.location = node.get(S::location);
         sound.direction = node.get(S::direction);
         sound.minBack = number(node.get(S::minBack), 0);
@@ -251,7 +251,7 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
         sound.enabled = node.get(S::enabled);
         sound.spatialize = node.get(S::spatialize);
         sound.doppler = node.get(S::dopplerEnabled);
-        sound.intensity = number(node.get(S::intensity), 0) * number(node.get(S::gain), 0);
+        sound.intensity = std::clamp(number(node.get(S::intensity), 0), 0.0, 1.0) * number(node.get(S::gain), 0);
         sound.location = node.get(S::location);
         sound.direction = node.get(S::direction);
         const std::string_view model = node.get(S::distanceModel).view();

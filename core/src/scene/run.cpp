@@ -184,23 +184,40 @@ void Scene::State::warn(const Node& node, const std::string& text) {
         write(lane, node, field, value);
         lane.writingExternally = false;  // what follows from it is derived
         send(lane, node, field);
-    } else {
-        lane.writingExternally = false;
-        if (listener) listener(now, node, field, Value::fromStorage(def.type, value));
-        for (const auto& [from, stored] : entry.inputs)
-            if (from == field) write(lane, node, stored, value);
-        if (field == entry.addChildren || field == entry.removeChildren)
-            deliverChildren(cascade, node, field, value, entry);
-        // An inputOnly field of a PROTO instance hands the event on to its body at once: it has no storage.
-        if (const RouteGroup* group = groupOf(node, field)) {
-            const auto items = group->targets.items();
-            const std::vector<OutgoingRoute> targets(items.begin(), items.end());
-            for (const OutgoingRoute& r : targets)
-                if (Node* target = find(r.to.node)) deliver(cascade, *target, r.to.field, value);
-        }
+        if (entry.behaviour.onTime) wake(lane, node);
+        if (behavioursEnabled && entry.behaviour.onEvent) onEvent(entry.behaviour, cascade, node, field, value);
+        return;
     }
+    lane.writingExternally = false;
+    if (!listener) return deliverInput(cascade, node, field, value);
+    // Who listens may edit: afterwards the node may be gone, and the value with the one that it came from.
+    const NodeId id = node.id_;
+    const Value kept = Value::fromStorage(def.type, value);
+    listener(now, node, field, kept);
+    if (Node* left = find(id)) deliverInput(cascade, *left, field, kept.storage());
+}
+
+/// Of an inputOnly field.
+void Scene::State::deliverInput(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
+    Lane& lane = cascade.lane_;
+    const TypeEntry& entry = types[node.typeIndex_.value];
+    for (const auto& [from, stored] : entry.inputs)
+        if (from == field) write(lane, node, stored, value);
+    if (field == entry.addChildren || field == entry.removeChildren)
+        deliverChildren(cascade, node, field, value, entry);
     if (entry.behaviour.onTime) wake(lane, node);
-    if (behavioursEnabled && entry.behaviour.onEvent) onEvent(entry.behaviour, cascade, node, field, value);
+    // An inputOnly field of a PROTO instance hands the event on to its body at once: it has no storage. What comes of
+    // that may destroy the instance.
+    const NodeId id = node.id_;
+    if (const RouteGroup* group = groupOf(node, field)) {
+        const auto items = group->targets.items();
+        const std::vector<OutgoingRoute> targets(items.begin(), items.end());
+        for (const OutgoingRoute& r : targets)
+            if (Node* target = find(r.to.node)) deliver(cascade, *target, r.to.field, value);
+        if (find(id) != &node) return;
+    }
+    const Behaviour& behaviour = types[node.typeIndex_.value].behaviour;
+    if (behavioursEnabled && behaviour.onEvent) onEvent(behaviour, cascade, node, field, value);
 }
 
 /// As deliver, for what nearly all events reach: a field of plain bytes of a node that does nothing about it and that

@@ -477,6 +477,7 @@ struct Scene::State : Scene::Lane {
     void send(Lane& lane, Node& node, FieldIndex field);
     [[gnu::noinline]] void sendUnusual(Lane& lane, Node& node, FieldIndex field) { send(lane, node, field); }
     void deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value);
+    void deliverInput(Cascade& cascade, Node& node, FieldIndex field, const void* value);
     bool deliverAtOnce(Cascade& cascade, Node& node, FieldIndex field, const FieldDef& def, const void* value);
     void deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value, const TypeEntry& entry);
     /// Whether the nodes are of types that the field takes (4.4.2.2); PROTO instances count as what stands for them.

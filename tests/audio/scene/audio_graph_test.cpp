@@ -136,6 +136,16 @@ TEST(AudioGraph, ChannelsAreSplitSelectedAndMerged) {
     EXPECT_NEAR(hear("ChannelSelector { channelSelection 7 children " + pair + " }", .1)[0][1000], 0, 1e-12);
 }
 
+/// One channel's samples after the other's, as Web Audio has them (16.4.5 goes by that).
+TEST(AudioGraph, ABuffersChannelsStandOneAfterTheOther) {
+    const auto x = hear(
+        "BufferAudioSource { numberOfChannels 2 sampleRate 48000 loop TRUE buffer [ .1 .2 .3 -.1 -.2 -.3 .9 ] }", .1);
+    for (std::size_t i = 0; i < 600; ++i) {
+        ASSERT_NEAR(x[0][i], .1 * static_cast<double>(i % 3 + 1), 1e-6) << i;
+        ASSERT_NEAR(x[1][i], -.1 * static_cast<double>(i % 3 + 1), 1e-6) << i;
+    }
+}
+
 TEST(AudioGraph, AFilmIsHeardAtItsSpeedAndNotBackwards) {
     const std::string film =
         "MovieTexture { loop TRUE url \"" + test::dataUrl("video/avi", test::plainFilm(4, 10, 4, 2, 48000)) + "\" ";

@@ -168,6 +168,22 @@ TEST(SoundScene, OfASceneThatStartsOverHasTheWallsOfItsOwn) {
     }
 }
 
+/// 16.4.16 has it from 0 to 1.
+TEST(SoundScene, AnIntensityThatThereIsNotIsTheNearest) {
+    for (const char* type : {"Sound", "SpatialSound"})
+        for (const auto& [given, used] : {std::pair{-1.f, 0.}, {.25f, .25}, {2.f, 1.}}) {
+            Scene scene;
+            const NodeId sound = *scene.createNode(type);
+            ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, sound));
+            ASSERT_TRUE(scene.setField(sound, scene.node(sound).type().find("intensity"), Value(given)));
+            SharedWorld world(scene);
+            const SoundRenderer renderer(world, quiet());
+            const SoundScene& sounds = renderer.renderer().scene();
+            ASSERT_EQ(sounds.emitters().size(), 1u);
+            EXPECT_DOUBLE_EQ(sounds.sound(sounds.emitters()[0]).intensity, used) << type << " " << given;
+        }
+}
+
 /// Whatever moves, and however often: what cannot be heard is named once.
 TEST(SoundScene, WhatIsNotHeardIsNamedOnce) {
     Scene scene;

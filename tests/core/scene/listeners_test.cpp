@@ -381,5 +381,36 @@ TEST_F(ListenersTest, RemovingTakesANodeOutOfEveryField) {
     EXPECT_EQ(scene_.removeFromParents(NodeId{999}).error().code.text(), "no-such-node");
 }
 
+/// Whoever listens to all events may edit: the node that one was for may be gone then, and the one that it came from.
+TEST(EventListener, MayDestroyWhoHearsAndWhoHasSent) {
+    using Children = Array<NodeId>;
+    for (const bool sender : {false, true}) {
+        Scene scene;
+        const NodeId from = scene.createNode(x3d::Group::type), to = scene.createNode(x3d::Group::type),
+                     shape = scene.createNode(x3d::Shape::type);
+        for (const NodeId group : {from, to})
+            ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, group));
+        const FieldIndex add = scene.node(to).type().find("addChildren");
+        ASSERT_TRUE(scene.addRoute(from, x3d::Group::children.index, to, add));
+        int calls = 0;
+        scene.setEventListener([&](double, const Node& node, FieldIndex field, const Value& value) {
+            if (node.id() != to || field != add) return;
+            ++calls;
+            EXPECT_EQ(value.as<Children>().size(), 1u);
+            EXPECT_TRUE(scene.destroyNode(sender ? from : to));
+        });
+        scene.newFrame(0);
+        ASSERT_TRUE(scene.sendEvent(from, x3d::Group::children.index, Children{shape}));
+        scene.newFrame(1);
+        EXPECT_EQ(calls, 1);
+        EXPECT_EQ(scene.find(from) != nullptr, !sender);
+        ASSERT_EQ(scene.find(to) != nullptr, sender);
+        if (sender) {
+            EXPECT_EQ(scene.node(to).get(x3d::Group::children), Children{shape});
+        }
+        scene.newFrame(2);
+    }
+}
+
 }  // namespace
 }  // namespace rtsg

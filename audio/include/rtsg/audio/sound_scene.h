@@ -43,7 +43,7 @@ struct SoundVoice {
     std::vector<std::filesystem::path> folders;  // where they start, see Resources::foldersOf
     Array<float> buffer;                         // buffer: mono
     double bufferRate = 48000;
-    int bufferChannels = 1;                    // interleaved
+    int bufferChannels = 1;                    // one after the other, as Web Audio's buffers have them
     double loopStart = 0, loopEnd = 0;         // seconds; no region unless the end is after the start
     std::shared_ptr<const PeriodicWave> wave;  // oscillator; null: a sine
     double gain = 1, pitch = 1;
