@@ -37,7 +37,10 @@ std::string Scene::dump() const {
             }
             text += '\n';
         }
-        for (const Route& r : routesFrom(node.id()))
+        // Which field's routes were there first is no part of the state, other than the order of those of one field.
+        std::vector<Route> routes = routesFrom(node.id());
+        std::ranges::stable_sort(routes, {}, &Route::fromField);
+        for (const Route& r : routes)
             text += fmt::format("  {} {} -> #{} {}\n", r.isConnection ? "IS" : "ROUTE",
                                 node.type().fields[r.fromField].name, r.toNode.value,
                                 this->node(r.toNode).type().fields[r.toField].name);

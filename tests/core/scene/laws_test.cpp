@@ -108,6 +108,8 @@ TEST_P(Laws, ReplicaReplayAndLateJoinerHaveTheHashOfTheOrigin) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Seeds, Laws, testing::Range<std::uint64_t>(1, 41));
+INSTANTIATE_TEST_SUITE_P(Found, Laws,
+                         testing::Values(289, 811, 866));  // routes of one field were there before another's
 
 TEST(ChangeCost, FollowsTheChangesNotTheScene) {
     // Law 4, counted in changes (never in time): one write in a large scene is one change.
