@@ -149,6 +149,32 @@ TEST(MirrorJoin, LateJoinersGetOneSnapshotAndFollow) {
     EXPECT_TRUE(eventually([&] { return origin.server->statistics().peers == 2; }));
 }
 
+TEST(MirrorJoin, WhoComesLateGetsTheStateOfNowAndNotWhatLedToIt) {
+    Scene scene;
+    const NodeId box = scene.createNode(x3d::Transform::type);
+    scene.newFrame(0);
+    const auto server = std::move(*MirrorServer::start(scene, test::kAnyPort));
+    Replica first(server->endpoint());
+    ASSERT_TRUE(pollUntilAt(*first.client, scene));
+    for (int frame = 1; frame <= 3000; ++frame) {
+        ASSERT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(float(frame), 0, 0)));
+        scene.newFrame(frame * .01);
+    }
+    // A machine so busy that no keyframe comes within .2 s gives the one there is.
+    std::uint64_t least = UINT64_MAX, bytes = 0, known = 0;
+    for (int tries = 0; tries < 10 && least > 200; ++tries) {
+        Replica late(server->endpoint());
+        ASSERT_TRUE(pollUntil(*late.client, [&] { return late.statistics().frames > 0; }));
+        known = late.statistics().originSequence;
+        ASSERT_TRUE(pollUntilAt(*late.client, scene));
+        least = std::min(least, late.statistics().frames);
+        bytes = late.statistics().bytes;
+    }
+    EXPECT_EQ(known, scene.sequence()) << "the welcome says how far there is to go";
+    EXPECT_LE(least, 200u);
+    EXPECT_LE(bytes, 32u << 10);
+}
+
 TEST(MirrorJoin, TheClientMayBeThereFirst) {
     Scene scene;
     std::string endpoint;
