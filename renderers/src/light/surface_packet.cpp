@@ -177,6 +177,12 @@ Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Ve
     return mapped(t / tl, b / bl);
 }
 
+/// What a file's number does as a share: the colours of a mesh and what stages of textures make of them may be any.
+/// More than one, or less than nothing, would let rays multiply without end; what is no number is opaque.
+float share(float number) {
+    return number < 1 ? std::max(number, 0.0f) : 1;
+}
+
 float coverageOf(const Material& material, float textureAlpha) {
     switch (material.alphaMode) {
         case AlphaMode::opaque:
@@ -187,11 +193,11 @@ float coverageOf(const Material& material, float textureAlpha) {
         case AlphaMode::blend:
             break;
     }
-    return textureAlpha;
+    return share(textureAlpha);
 }
 
 float opacityOf(const Material& material, float opacity) {
-    return material.alphaMode == AlphaMode::opaque || material.alphaMode == AlphaMode::mask ? 1.0f : opacity;
+    return material.alphaMode == AlphaMode::opaque || material.alphaMode == AlphaMode::mask ? 1.0f : share(opacity);
 }
 
 /// Where in the picture a place is seen, in pixels from its middle.

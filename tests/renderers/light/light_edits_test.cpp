@@ -104,6 +104,36 @@ TEST(LightTracer, IncrementalEqualsFromScratch) {
     }
 }
 
+// An alpha that is no share shows what the nearest share shows: rays that go on with more than they came with would
+// multiply without end.
+TEST(LightTracer, AlphaThatIsNoShareCountsAsTheNearestOne) {
+    const std::string coordinates = "coord Coordinate { point [-2 -2 0, 2 -2 0, 2 2 0, -2 2 0] }";
+    const std::string glass =
+        "metadata MetadataFloat { name \"reflectivity\" reference \"RTSG\" value 0.25 } emissiveColor 0.5 0.5 0.5";
+    std::string body = "Background { skyColor 0.25 0.5 0.75 } Viewpoint { position 0 0 3 }";
+    for (int i = 0; i < 3; ++i)
+        body += fmt::format(
+            "Transform {{ translation 0 0 {} children Shape {{ appearance Appearance {{ material Material {{ {} }} }} "
+            "geometry IndexedFaceSet {{ solid FALSE coordIndex [0 1 2 3 -1] {} color {} ColorRGBA {{ color [ 1 1 1 1, "
+            "1 1 1 1, 1 1 1 1, 1 1 1 1 ] }} }} }} }}",
+            -i, glass, coordinates, fmt::format("DEF C{}", i));
+    LightScene s(body, 9, 9);
+    const auto shown = [&](float alpha) {
+        for (int i = 0; i < 3; ++i) {
+            const ColorRGBA c{1, 1, 1, alpha};
+            EXPECT_TRUE(s.scene.set(s.node(fmt::format("C{}", i).c_str()), x3d::ColorRGBA::color,
+                                    Array<ColorRGBA>{c, c, c, c}));
+        }
+        s.scene.newFrame(s.scene.now() + 1);
+        return s.center();
+    };
+    const Vec3f opaque = shown(1), clear = shown(0);
+    EXPECT_GT(glm::distance(opaque, clear), 0.1f);
+    for (const float alpha : {1.5f, 3e38f, INFINITY, NAN}) EXPECT_EQ(shown(alpha), opaque) << alpha;
+    for (const float alpha : {-0.0f, -1.0f, -3e38f}) EXPECT_EQ(shown(alpha), clear) << alpha;
+    EXPECT_LT(s.stats.secondaryRays, 100'000u);
+}
+
 /// What no scene should have, of some types.
 std::optional<Value> wildValue(FieldType type, std::mt19937_64& random) {
     const float wild[] = {NAN, INFINITY, -INFINITY, 3e38f, -3e38f, -1, 0, 1e-45f, 1e-30f, 1e20f, 1};
@@ -140,7 +170,7 @@ std::optional<Value> wildValue(FieldType type, std::mt19937_64& random) {
 
 // Whatever numbers a file or a script puts into fields, there is a picture and it is finite.
 class WildNumbers : public testing::TestWithParam<std::uint64_t> {};
-INSTANTIATE_TEST_SUITE_P(LightTracer, WildNumbers, testing::Range<std::uint64_t>(1, 9));
+INSTANTIATE_TEST_SUITE_P(LightTracer, WildNumbers, testing::Range<std::uint64_t>(1, 41));
 TEST_P(WildNumbers, InAnyFieldAreSurvived) {
     const std::uint64_t seed = GetParam();
     std::mt19937_64 random(seed);
