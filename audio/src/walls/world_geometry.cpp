@@ -237,26 +237,29 @@ void WorldGeometry::surfacesNear(const glm::dvec3& point, double radius, const S
     const glm::dvec3 away = glm::abs(point - rays_->origin());
     const double reach = radius + 2 * PlaneTolerance().distance, rounding = 0x1p-20 * (away.x + away.y + away.z);
     const auto searched = static_cast<float>(reach + rounding);
-    rays_->visitNear(rays_->fromWorld(point), searched, [&](std::uint32_t slot, std::uint32_t triangle) {
-        glm::dvec3 corners[3];
-        cornersOf(walls_.walls[slot], triangle, corners);
-        if (distanceToTriangle(point, corners) > reach) return searched;
-        const std::uint32_t plane = planes_->usable() ? planes_->planeOf(slot, triangle) : kNoPlane;
-        glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
-        const double length = glm::length(normal);
-        if (!(length > 0)) return searched;
-        normal /= length;
-        double distance = glm::dot(point - corners[0], normal);
-        if (plane != kNoPlane) {
-            // Seen from the side the triangle faces.
-            const ReflectingPlane& on = planes_->planes()[plane];
-            const double side = glm::dot(on.normal, normal) < 0 ? -1 : 1;
-            normal = side * on.normal;
-            distance = side * on.signedDistance(point);
-        }
-        if (std::abs(distance) <= radius) visit(normal, distance);
-        return searched;
-    });
+    rays_->visitNear(
+        rays_->fromWorld(point), searched,
+        [&](std::uint32_t slot, std::uint32_t triangle) {
+            glm::dvec3 corners[3];
+            cornersOf(walls_.walls[slot], triangle, corners);
+            if (distanceToTriangle(point, corners) > reach) return searched;
+            const std::uint32_t plane = planes_->usable() ? planes_->planeOf(slot, triangle) : kNoPlane;
+            glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
+            const double length = glm::length(normal);
+            if (!(length > 0)) return searched;
+            normal /= length;
+            double distance = glm::dot(point - corners[0], normal);
+            if (plane != kNoPlane) {
+                // Seen from the side the triangle faces.
+                const ReflectingPlane& on = planes_->planes()[plane];
+                const double side = glm::dot(on.normal, normal) < 0 ? -1 : 1;
+                normal = side * on.normal;
+                distance = side * on.signedDistance(point);
+            }
+            if (std::abs(distance) <= radius) visit(normal, distance);
+            return searched;
+        },
+        RayKind::sound);
 }
 
 double WorldGeometry::distanceToSurface(const glm::dvec3& point) const {

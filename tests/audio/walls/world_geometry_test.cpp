@@ -436,6 +436,25 @@ TEST(WorldGeometry, WithoutPlanesRaysDoItAll) {
     EXPECT_LT(result.escaped[0], 1e-3);
 }
 
+// A bounding box that is shown, a Billboard, a level of detail for the eye alone: no wall, however near.
+TEST(WorldGeometry, WhatIsSeenAndNotHeardIsNoSurface) {
+    for (const bool wall : {false, true}) {
+        Room room;
+        room.mesh(NodeId{1}, unitBox());
+        room.add(NodeId{1}, placed({0, 0, 0}, {4, 4, 4}));
+        room.delta.added.back().heard = wall;
+        if (!wall) {
+            room.add(NodeId{1}, placed({30, 0, 0}, {4, 4, 4}));  // so that there are walls
+            room.delta.added.back().seen = false;
+        }
+        room.commit();
+        int near = 0;
+        room.geometry.surfacesNear({2, 2, 3.75}, .5, [&](const glm::dvec3&, double) { ++near; });
+        EXPECT_EQ(near > 0, wall);
+        EXPECT_NEAR(room.geometry.distanceToSurface({2, 2, 3.75}), wall ? .25 : 28.0, 1e-5);
+    }
+}
+
 TEST(WorldGeometry, AnEmptyWorldIsAVoid) {
     RayWorld world;
     Walls walls(world);
