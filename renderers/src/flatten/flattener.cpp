@@ -98,7 +98,8 @@ void Flattener::Impl::sortOut(const Change& change) {
             if (aspect != Aspect::none && aspect != Aspect::time)
                 contents.push_back({node->id(), aspect == Aspect::structure || turnsClear(*node, change.field)});
             if (node->is(x3d::GeoOrigin::type))
-                for (const ParentRef& parent : scene->parents(node->id())) transformed.push_back(parent.node);
+                for (const ParentRef& parent : scene->parents(node->id()))
+                    if (parent.node != scene->root()) transformed.push_back(parent.node);  // of that nothing is moved
             if (!regions.empty() && node->is(x3d::Layout::type)) layoutsChanged.push_back(node->id());
             return;
         case Role::placed:

@@ -85,6 +85,11 @@ void Flattener::Impl::makeBox(std::uint32_t index) {
     box.whole = true;
     box.around = boxAround(tree[index].parent);
     handLeaves(index, index);
+    // What of them shrinks from now on is told to this one, which has not yet told the one around that it has them.
+    const auto around = boxes.shown.find(box.around);
+    if (around == boxes.shown.end()) return;
+    around->second.whole = true;
+    boxes.due.insert({~around->second.depth, box.around});
 }
 
 void Flattener::Impl::dropBox(std::uint32_t index) {

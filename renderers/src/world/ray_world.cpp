@@ -99,6 +99,7 @@ void RayWorld::Impl::apply(const InstanceDelta& delta) {
     for (Cluster* body : touchedBodies) followBody(*body);
     touchedBodies.clear();
     takeMerge(false);
+    leaveFarOrigin();
     tidyClusters();
     if (!pending.empty()) placePending();
     findRested();
@@ -346,6 +347,7 @@ void RayWorld::Impl::move(InstanceId id, const WorldFromLocal& worldFromLocal) {
         body.movedNow.push_back(id.slot);
         return;
     }
+    homeward = homeward || isBackHome(id.slot);
     if (place.kind == Kind::strokes && canEnter(worldFromLocal) && isInReach(id.slot)) {
         const WorldFromLocal m = rayFromLocal(instance.info);
         strokes.move(place.local, m, floatBox(transformed(place.mesh->mesh->bounds, m)));

@@ -137,6 +137,8 @@ struct RayWorld::Impl {
     // ray_world_place.cpp: what goes where
     static std::uint32_t kindsOf(const Instance& info);
     void chooseOrigin();
+    bool isBackHome(std::uint32_t slot) const;
+    void leaveFarOrigin();
     /// Sets `reason` when the answer is none.
     Fitness fitness(std::uint32_t slot, std::string& reason) const;
     /// Whether copying its triangles is worth it.
@@ -184,6 +186,7 @@ struct RayWorld::Impl {
     bvh::Versions versions;
     bvh::Paged<RayInstance, RayInstances::kPerPage> instances{&versions};
     Vec3d origin{0};
+    bool homeward = false;  // something has moved to where 0 is nearer than the origin
     std::uint64_t version = 0;
     Diagnostics diagnostics;
     std::unordered_map<std::uint32_t, MeshEntry> meshes;  // by geometry NodeId

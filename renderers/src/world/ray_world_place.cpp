@@ -120,6 +120,28 @@ void RayWorld::Impl::chooseOrigin() {
             setTransform(instances.write(slot), WorldFromLocal(instances[slot].info.worldFromLocal), origin);
 }
 
+/// Whether it is nearer to the world's 0 than to an origin far out, where floats are too coarse for it.
+bool RayWorld::Impl::isBackHome(std::uint32_t slot) const {
+    if (origin == Vec3d(0) || !isFinite(instances[slot].info.worldFromLocal)) return false;
+    const MeshEntry* mesh = places[slot].mesh;
+    if (!mesh || !(mesh->usable || mesh->hasStrokes())) return false;
+    const DoubleBox box = transformed(mesh->mesh->bounds, instances[slot].info.worldFromLocal);
+    return glm::length(box.center) < glm::length(box.center - origin);
+}
+
+/// What came first may have been far out. Once something is where the world's 0 is nearer, all are placed anew, about
+/// an origin that suits all of them.
+void RayWorld::Impl::leaveFarOrigin() {
+    if (origin == Vec3d(0)) return;
+    for (std::size_t i = 0; i < pending.size() && !homeward; ++i) homeward = isBackHome(pending[i]);
+    if (!std::exchange(homeward, false)) return;
+    for (std::uint32_t slot = 0; slot < instances.size(); ++slot) {
+        if (!instances[slot].info.id || places[slot].pending) continue;
+        if (places[slot].kind != Kind::none) lift(slot);
+        setPending(slot);
+    }
+}
+
 void RayWorld::Impl::placePending() {
     const bool nothingYet = top.empty() && strokes.empty();
     if (nothingYet) chooseOrigin();

@@ -131,6 +131,19 @@ TEST(BoundingBoxes, AreShownAndHiddenAtRunTime) {
     EXPECT_TRUE(s.boxes().empty());
 }
 
+// What gets a box of its own in the frame in which it shrinks: the box around shrinks too.
+TEST(BoundingBoxes, ThatAppearAsTheirContentGoesTakeItFromTheOneAround) {
+    ShownBoxes s(
+        "Transform { bboxDisplay TRUE children [ DEF A Shape { geometry DEF S Sphere { radius 3 } } "
+        "Shape { geometry Box { } } ] }");
+    expectPlace(s.boxes().at(0), {0, 0, 0}, {6, 6, 6}, .05);
+    ASSERT_TRUE(s.scene.set(s.node("A"), x3d::Shape::bboxDisplay, true));
+    ASSERT_TRUE(s.scene.destroyNode(s.node("S")));
+    s.seal();
+    ASSERT_EQ(s.boxes().size(), 1u);
+    expectPlace(s.boxes()[0], {0, 0, 0}, {2, 2, 2});
+}
+
 TEST(BoundingBoxes, FollowContentThatMovesChangesComesAndGoes) {
     ShownBoxes s(
         "DEF G Group { bboxDisplay TRUE children [ Shape { geometry DEF B Box { size 2 2 2 } } DEF T Transform { "

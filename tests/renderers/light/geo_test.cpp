@@ -201,5 +201,18 @@ TEST(Geo, EditsLeadToWhatANewWorldShows) {
     check("the origin");
 }
 
+// What stands at the top of a file belongs to nothing that it could move.
+TEST(Geo, OriginThatNothingHoldsMovesNothing) {
+    LightScene s("Shape { geometry Box { } }", 9, 9);
+    const NodeId origin = s.scene.createNode(x3d::GeoOrigin::type);
+    ASSERT_TRUE(s.scene.insertChild(s.scene.root(), x3d::RtsgScene::children, origin));
+    s.scene.newFrame(1);
+    const Vec3f before = s.center();
+    ASSERT_TRUE(s.scene.set(origin, x3d::GeoOrigin::geoCoords, Vec3d(46, 7.5, 200)));
+    s.scene.newFrame(2);
+    EXPECT_EQ(s.world->failure(), "");
+    EXPECT_EQ(s.center(), before);
+}
+
 }  // namespace
 }  // namespace rtsg

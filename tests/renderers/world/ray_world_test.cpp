@@ -291,6 +291,31 @@ TEST(RayWorld, ClosedSurfacesDoNotLeak) {
     }
 }
 
+// What comes first may be far out; what comes near the world's 0 later, or moves there, is as sharp as if it had come
+// first.
+TEST(RayWorld, AnOriginFarOutIsLeftForWhatIsNear) {
+    for (const bool moves : {false, true}) {
+        SCOPED_TRACE(moves);
+        RayWorld world;
+        InstanceDelta far, near;
+        far.geometries.push_back({NodeId{1}, makeBox()});
+        far.added.push_back(makeInstance(0, NodeId{1}, translation({1e9, 0, 0})));
+        far.added.push_back(makeInstance(1, NodeId{1}, translation({1e9 + 10, 0, 0})));
+        world.apply(far);
+        ASSERT_GT(world.origin().x, 9e8);
+        if (moves)
+            near.moved.push_back({far.added[0].id, translation({0, .25, 0})});
+        else
+            near.added.push_back(makeInstance(2, NodeId{1}, translation({0, .25, 0})));
+        world.apply(near);
+        EXPECT_EQ(world.origin(), Vec3d(0));
+        const Hit hit = world.intersect({world.fromWorld({.125, 5, .125}), 0, {0, -1, 0}});
+        ASSERT_TRUE(hit);
+        EXPECT_FLOAT_EQ(hit.t, 3.75f);
+        EXPECT_FALSE(world.intersect({world.fromWorld({1.125, 5, .125}), 0, {0, -1, 0}})) << "beside it";
+    }
+}
+
 TEST(RayWorld, LeavingRaysDoNotHitTheSurfaceTheyLeave) {
     std::mt19937 random(kWorldSeed);
     for (const double offset : {0.0, 1e4, 1e6})
