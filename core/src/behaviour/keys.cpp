@@ -18,34 +18,59 @@ const Node& rootOf(Cascade& cascade) {
     return cascade.scene().node(cascade.scene().root());
 }
 
-/// 21.2: the sensor that had the keys gets an `enabled` event with the value FALSE.
-template <class N>
+/// False for what is no such sensor.
+bool isEnabled(const Node& node) {
+    if (node.is(x3d::KeySensor::type)) return node.get(x3d::KeySensor::enabled);
+    return node.is(x3d::StringSensor::type) && node.get(x3d::StringSensor::enabled);
+}
+
+void disable(Cascade& cascade, const Node& sensor) {
+    const FieldIndex enabled = sensor.type().findExact("enabled");
+    if (enabled != kNoField) (void)cascade.deliver(sensor.id(), enabled, Value(false));
+}
+
+/// 21.2: the keys are for this one now; the sensor that had them gets an `enabled` event with the value FALSE.
 void take(Cascade& cascade, const Node& node) {
     const Node& root = rootOf(cascade);
     const Node* before = cascade.scene().find(root.get(R::_keyFocus));
-    if (before == &node && node.get(N::isActive)) return;
+    if (before == &node) return;
     cascade.store(root, R::_keyFocus, node.id());
-    if (before && before != &node) {
-        const FieldIndex enabled = before->type().findExact("enabled");
-        if (enabled != kNoField) (void)cascade.deliver(before->id(), enabled, Value(false));
-    }
-    cascade.emit(node, N::isActive, true);
+    if (before) disable(cascade, *before);
 }
 
+/// In a scene's first frame those that it was loaded with are still to come into being: one that is enabled by an event
+/// is so after them.
+void silenceOthers(Cascade& cascade, const Node& node) {
+    std::vector<NodeId> others;
+    cascade.scene().forEachNode([&](const Node& other) {
+        if (&other != &node && isEnabled(other)) others.push_back(other.id());
+    });
+    for (const NodeId other : others) disable(cascade, cascade.scene().node(other));
+}
+
+/// One that is disabled: nobody has the keys.
 template <class N>
-void keySensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
-    if (field != N::enabled.index) return;
-    if (value.as<bool>()) return take<N>(cascade, node);
-    if (!node.get(N::isActive)) return;
+void release(Cascade& cascade, const Node& node) {
     const Node& root = rootOf(cascade);
     if (root.get(R::_keyFocus) == node.id()) cascade.store(root, R::_keyFocus, NodeId{});
-    cascade.emit(node, N::isActive, false);
+    if (node.get(N::isActive)) cascade.emit(node, N::isActive, false);
 }
 
-/// One that comes into being enabled.
+template <class N>
+void sensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
+    if (field != N::enabled.index) return;
+    if (!value.as<bool>()) return release<N>(cascade, node);
+    take(cascade, node);
+    if (cascade.previous() == cascade.now()) silenceOthers(cascade, node);
+}
+
+/// One that comes into being enabled, or is edited.
 template <class N>
 double sensorOnTime(Cascade& cascade, const Node& node) {
-    if (node.get(N::enabled) && !node.get(N::isActive)) take<N>(cascade, node);
+    if (node.get(N::enabled))
+        take(cascade, node);
+    else
+        release<N>(cascade, node);
     return kNever;
 }
 
@@ -57,9 +82,10 @@ std::string utf8(char32_t c) {
     return {byte(0xF0 | c >> 18), byte(0x80 | (c >> 12 & 0x3F)), byte(0x80 | (c >> 6 & 0x3F)), byte(0x80 | (c & 0x3F))};
 }
 
-/// 21.4.1
+/// 21.4.1. Of several keys that are held the first to go down and the first to come up count as active and not.
 void press(Cascade& cascade, const Node& node, const KeyInput& key) {
     using N = x3d::KeySensor;
+    if (node.get(N::isActive) != key.down) cascade.emit(node, N::isActive, key.down);
     const auto code = static_cast<std::int32_t>(key.action);
     switch (key.action) {
         case ActionKey::none:
@@ -101,6 +127,9 @@ void type(Cascade& cascade, const Node& node, std::string_view typed) {
         }
     }
     if (full) cascade.warn(node, "holds 64 KiB, and takes no more until its text is ended");
+    // Active from the first character to the end. What is typed and ended at one timestamp was never under way.
+    const bool active = !isFinal && (node.get(N::isActive) || text != before);
+    if (node.get(N::isActive) != active) cascade.emit(node, N::isActive, active);
     if (!isFinal) {
         if (text != before) cascade.emit(node, N::enteredText, String(text));
         return;
@@ -113,6 +142,7 @@ void type(Cascade& cascade, const Node& node, std::string_view typed) {
 
 void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValue value) {
     const Node* node = cascade.scene().find(root.get(R::_keyFocus));
+    if (node && !isEnabled(*node)) node = nullptr;  // by an edit, of which it does not know yet
     const bool isText = field == R::text.index;
     if (isText) {
         std::size_t replaced = 0;
@@ -132,8 +162,8 @@ void appendKeys(std::vector<BuiltinBehaviour>& table) {
     const auto add = [&](TypeIndex type, auto onEvent, auto onTime) {
         table.push_back({type, {.onEvent = onEvent, .onTime = onTime}});
     };
-    add(x3d::KeySensor::type, keySensorOnEvent<x3d::KeySensor>, sensorOnTime<x3d::KeySensor>);
-    add(x3d::StringSensor::type, keySensorOnEvent<x3d::StringSensor>, sensorOnTime<x3d::StringSensor>);
+    add(x3d::KeySensor::type, sensorOnEvent<x3d::KeySensor>, sensorOnTime<x3d::KeySensor>);
+    add(x3d::StringSensor::type, sensorOnEvent<x3d::StringSensor>, sensorOnTime<x3d::StringSensor>);
 }
 
 }  // namespace rtsg::behaviours
