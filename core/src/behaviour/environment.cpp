@@ -1,5 +1,6 @@
 // Environmental sensors: ISO/IEC 19775-1 V4.0, clause 22. They look at places once everything has come to rest, and
-// only at those of theirs that have changed. One below a Switch or LOD that does not show it senses nothing.
+// only at those of theirs that have changed. One below a Switch or LOD that does not show it senses nothing; one that
+// stands in several places (DEF/USE) senses in all of them.
 #include <algorithm>
 #include <cmath>
 
@@ -26,21 +27,28 @@ bool isFinite(const glm::dmat4& matrix) {
 bool isBox(const Vec3f& size) {
     return size.x > 0 && size.y > 0 && size.z > 0;
 }
-bool isInBox(const glm::dvec3& point, const glm::dvec3& center, const Vec3f& size) {
-    const glm::dvec3 from = glm::abs(point - center), half = glm::dvec3(size) * .5;
-    return from.x <= half.x && from.y <= half.y && from.z <= half.z;
+/// How far a point is from a box; 0: in it.
+double distanceTo(const glm::dvec3& center, const Vec3f& size, const glm::dvec3& point) {
+    return glm::length(glm::max(glm::abs(point - center) - glm::dvec3(size) * .5, glm::dvec3(0)));
+}
+/// Calls `visit` with each place of a node until that returns true.
+template <class F>
+void forEachPlace(Cascade& cascade, const Node& node, const Node& asker, const F& visit) {
+    const Standing first{cascade.worldFromLocal(node, asker), cascade.isShown(node, asker)};
+    if (visit(first)) return;
+    for (const Standing& other : cascade.otherPlaces(node, asker))
+        if (visit(other)) return;
 }
 template <class T>
 void sendIfNew(Cascade& cascade, const Node& node, Field<T> field, const T& value, bool always) {
     if (always || node.get(field) != value) cascade.emit(node, field, value);
 }
-/// The edges of isActive, with their times. Returns whether it has just begun.
+/// The edges of isActive, with their times.
 template <class N>
-bool enterOrExit(Cascade& cascade, const Node& node, bool active) {
-    if (node.get(N::isActive) == active) return false;
+void enterOrExit(Cascade& cascade, const Node& node, bool active) {
+    if (node.get(N::isActive) == active) return;
     cascade.emit(node, N::isActive, active);
     cascade.emit(node, active ? N::enterTime : N::exitTime, Time{cascade.now()});
-    return active;
 }
 template <class N>
 double rests(Cascade& cascade, const Node& node) {
@@ -57,6 +65,36 @@ glm::dvec3 boxCenter(const Node& node, const x3d::GeoProximitySensor*, const Geo
     return reference->toScene(node.get(N::geoCenter)) + node.get(N::center);
 }
 
+/// 22.4.1: the centre of rotation is told while the NavigationInfo that is bound has LOOKAT among its types.
+bool letsLookAt(const Scene& scene) {
+    const Node* info = topOfStack(scene, "_navigationStack");
+    if (!info || !info->is(x3d::NavigationInfo::type)) return true;  // the default's are EXAMINE and ANY
+    return std::ranges::any_of(info->get(x3d::NavigationInfo::type_),
+                               [](const String& type) { return type.view() == "LOOKAT" || type.view() == "ANY"; });
+}
+
+/// Where the viewer is for a sensor: in the coordinates of the place in which the viewer is in its box, else of the one
+/// whose box is nearest.
+struct Sight {
+    glm::dmat4 local{1};
+    glm::dvec3 position{0};
+    double distance = INFINITY;
+};
+template <class N>
+Sight sightOf(Cascade& cascade, const Node& node, const glm::dvec3& viewer, const GeoReference* reference) {
+    const glm::dvec3 center = boxCenter(node, static_cast<const N*>(nullptr), reference);
+    Sight nearest;
+    forEachPlace(cascade, node, node, [&](const Standing& place) {
+        if (!place.shown || !isFinite(place.worldFromLocal)) return false;
+        Sight sight{glm::inverse(place.worldFromLocal)};
+        sight.position = sight.local * glm::dvec4(viewer, 1);
+        sight.distance = distanceTo(center, node.get(N::size), sight.position);
+        if (sight.distance < nearest.distance) nearest = sight;
+        return nearest.distance == 0;
+    });
+    return nearest;
+}
+
 /// 22.4.1, 25.3.8
 template <class N>
 double proximityOnTime(Cascade& cascade, const Node& node) {
@@ -69,21 +107,21 @@ double proximityOnTime(Cascade& cascade, const Node& node) {
     }
     if (!node.get(N::enabled) || !isBox(node.get(N::size))) return rests<N>(cascade, node);
     const Viewer& viewer = cascade.viewer(node);
-    const glm::dmat4& world = cascade.worldFromLocal(node, node);
-    if (!isFinite(world)) return enterOrExit<N>(cascade, node, false), kUntilMoved;
-    const glm::dmat4 local = glm::inverse(world);
-    const glm::dvec3 position = local * glm::dvec4(viewer.position, 1);
-    const bool inside =
-        cascade.isShown(node, node) &&
-        isInBox(position, boxCenter(node, static_cast<const N*>(nullptr), reference ? &*reference : nullptr),
-                node.get(N::size));
-    const bool entered = enterOrExit<N>(cascade, node, inside);
-    if (!inside) return kUntilMoved;
-    if constexpr (kIsGeo) sendIfNew(cascade, node, N::geoCoord_changed, reference->fromScene(position), entered);
-    const glm::dvec3 center = local * glm::dvec4(viewer.centerOfRotation, 1);
-    sendIfNew(cascade, node, N::position_changed, Vec3f(position), entered);
-    sendIfNew(cascade, node, N::orientation_changed, toRotation(turnOf(local) * viewer.orientation), entered);
-    sendIfNew(cascade, node, N::centerOfRotation_changed, Vec3f(center), entered);
+    const Sight sight = sightOf<N>(cascade, node, viewer.position, reference ? &*reference : nullptr);
+    const bool inside = sight.distance == 0, was = node.get(N::isActive);
+    enterOrExit<N>(cascade, node, inside);
+    if (!inside && !was) return kUntilMoved;
+    // What has left the hierarchy knows where the viewer was, and no more.
+    const bool edge = inside != was, lost = !std::isfinite(sight.distance);
+    const auto send = [&](auto field, const auto& value) {
+        sendIfNew(cascade, node, field, lost ? node.get(field) : value, edge);
+    };
+    if constexpr (kIsGeo) send(N::geoCoord_changed, reference->fromScene(sight.position));
+    send(N::position_changed, Vec3f(sight.position));
+    send(N::orientation_changed, toRotation(turnOf(sight.local) * viewer.orientation));
+    if (!inside || !letsLookAt(cascade.scene())) return kUntilMoved;
+    const glm::dvec3 center = sight.local * glm::dvec4(viewer.centerOfRotation, 1);
+    sendIfNew(cascade, node, N::centerOfRotation_changed, Vec3f(center), edge);
     return kUntilMoved;
 }
 
@@ -107,58 +145,86 @@ std::vector<glm::dvec4> viewVolume(const Scene& scene, const Viewer& viewer) {
     return planes;
 }
 
-/// 22.4.3: the box against the view's volume; what is in between may hide it from the eye, but not from here.
-double visibilityOnTime(Cascade& cascade, const Node& node) {
+/// Whether something of a box, placed so, lies within the planes.
+bool isSeen(const Node& node, const glm::dmat4& world, const Viewer& viewer, const std::vector<glm::dvec4>& planes) {
     using N = x3d::VisibilitySensor;
-    const Vec3f size = node.get(N::size);
-    if (!node.get(N::enabled) || !(size.x >= 0 && size.y >= 0 && size.z >= 0)) return rests<N>(cascade, node);
-    const Viewer& viewer = cascade.viewer(node);
-    const glm::dmat4& world = cascade.worldFromLocal(node, node);
-    const glm::dvec3 center(node.get(N::center)), half = glm::dvec3(size) * .5;
+    const glm::dvec3 center(node.get(N::center)), half = glm::dvec3(node.get(N::size)) * .5;
     const glm::dquat toView = glm::conjugate(viewer.orientation);
     glm::dvec3 corners[8];
     for (int i = 0; i < 8; ++i) {
         const glm::dvec3 sign(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1);
         corners[i] = toView * (glm::dvec3(world * glm::dvec4(center + half * sign, 1)) - viewer.position);
     }
-    bool visible = cascade.isShown(node, node);
-    for (const glm::dvec4& plane : viewVolume(cascade.scene(), viewer))
-        visible = visible && std::ranges::any_of(
-                                 corners, [&](const glm::dvec3& c) { return glm::dot(plane, glm::dvec4(c, 1)) > 0; });
+    return std::ranges::all_of(planes, [&](const glm::dvec4& plane) {
+        return std::ranges::any_of(corners, [&](const glm::dvec3& c) { return glm::dot(plane, glm::dvec4(c, 1)) > 0; });
+    });
+}
+
+/// 22.4.3: the box against the view's volume; what is in between may hide it from the eye, but not from here.
+double visibilityOnTime(Cascade& cascade, const Node& node) {
+    using N = x3d::VisibilitySensor;
+    const Vec3f size = node.get(N::size);
+    if (!node.get(N::enabled) || !(size.x >= 0 && size.y >= 0 && size.z >= 0)) return rests<N>(cascade, node);
+    const Viewer& viewer = cascade.viewer(node);
+    const std::vector<glm::dvec4> planes = viewVolume(cascade.scene(), viewer);
+    bool visible = false;
+    forEachPlace(cascade, node, node, [&](const Standing& place) {
+        visible = place.shown && isSeen(node, place.worldFromLocal, viewer, planes);
+        return visible;
+    });
     enterOrExit<N>(cascade, node, visible);
     return kUntilMoved;
 }
 
-/// 22.4.2: the target's bounding box where its author gave one, else its origin.
+/// How far a target is from the sensor's box, 0 if it is in it: its bounding box where its author gave one, else its
+/// origin. `relative`: from the target's coordinates to the sensor's.
+double distanceOfTarget(const Scene& scene, const Node& node, const Node& target, const glm::dmat4& relative) {
+    using N = x3d::TransformSensor;
+    const glm::dvec3 center(node.get(N::center));
+    const auto find = [&](const char* name) {
+        const FieldIndex i = target.type().findExact(name);
+        return i != kNoField && target.type().fields[i].type == FieldType::SFVec3f ? i : kNoField;
+    };
+    const FieldIndex boxCenter = find("bboxCenter"), boxSize = find("bboxSize");
+    const double ofOrigin = distanceTo(center, node.get(N::size), glm::dvec3(relative[3]));
+    if (boxCenter == kNoField || boxSize == kNoField || !(target.get(Field<Vec3f>{boxSize}).x >= 0)) return ofOrigin;
+    // A bounding box is in the coordinates of the parent.
+    const glm::dmat4 outside = relative * glm::inverse(parentFromLocal(scene, target));
+    const glm::dvec3 half = glm::dvec3(target.get(Field<Vec3f>{boxSize})) * .5;
+    const glm::dvec3 at = outside * glm::dvec4(glm::dvec3(target.get(Field<Vec3f>{boxCenter})), 1);
+    const glm::dvec3 edges[3] = {glm::dvec3(outside[0]) * half.x, glm::dvec3(outside[1]) * half.y,
+                                 glm::dvec3(outside[2]) * half.z};
+    if (boxesMeet(glm::dvec3(node.get(N::size)) * .5, at - center, edges)) return 0;
+    return std::max(ofOrigin, std::numeric_limits<double>::min());
+}
+
+/// 22.4.2
 double transformOnTime(Cascade& cascade, const Node& node) {
     using N = x3d::TransformSensor;
     const Scene& scene = cascade.scene();
     const Node* target = scene.find(node.get(N::targetObject));
     if (!node.get(N::enabled) || !isBox(node.get(N::size)) || !target) return rests<N>(cascade, node);
-    // The first reference ends with the second call, which may move what it refers to.
-    const glm::dmat4 world = cascade.worldFromLocal(node, node);
-    if (!isFinite(world)) return enterOrExit<N>(cascade, node, false), kUntilMoved;
-    const glm::dmat4 relative = glm::inverse(world) * cascade.worldFromLocal(*target, node);
-    const glm::dvec3 position(relative[3]);
-    bool inside = isInBox(position, glm::dvec3(node.get(N::center)), node.get(N::size));
-    const auto find = [&](const char* name) {
-        const FieldIndex i = target->type().findExact(name);
-        return i != kNoField && target->type().fields[i].type == FieldType::SFVec3f ? i : kNoField;
-    };
-    const FieldIndex boxCenter = find("bboxCenter"), boxSize = find("bboxSize");
-    if (boxCenter != kNoField && boxSize != kNoField && target->get(Field<Vec3f>{boxSize}).x >= 0) {
-        // A bounding box is in the coordinates of the parent.
-        const glm::dmat4 outside = relative * glm::inverse(parentFromLocal(scene, *target));
-        const glm::dvec3 half = glm::dvec3(target->get(Field<Vec3f>{boxSize})) * .5;
-        const glm::dvec3 at = outside * glm::dvec4(glm::dvec3(target->get(Field<Vec3f>{boxCenter})), 1);
-        const glm::dvec3 edges[3] = {glm::dvec3(outside[0]) * half.x, glm::dvec3(outside[1]) * half.y,
-                                     glm::dvec3(outside[2]) * half.z};
-        inside = boxesMeet(glm::dvec3(node.get(N::size)) * .5, at - glm::dvec3(node.get(N::center)), edges);
-    }
-    const bool entered = enterOrExit<N>(cascade, node, inside);
-    if (!inside) return kUntilMoved;
-    sendIfNew(cascade, node, N::position_changed, Vec3f(position), entered);
-    sendIfNew(cascade, node, N::orientation_changed, toRotation(turnOf(relative)), entered);
+    // In which of its places the sensor has the target in its box, or nearest to it.
+    double distance = INFINITY;
+    glm::dmat4 found{1};
+    forEachPlace(cascade, *target, node, [&](const Standing& there) {
+        forEachPlace(cascade, node, node, [&](const Standing& here) {
+            if (!here.shown || !isFinite(here.worldFromLocal)) return false;
+            const glm::dmat4 relative = glm::inverse(here.worldFromLocal) * there.worldFromLocal;
+            const double away = distanceOfTarget(scene, node, *target, relative);
+            if (away < distance) distance = away, found = relative;
+            return distance == 0;
+        });
+        return distance == 0;
+    });
+    const bool inside = distance == 0, was = node.get(N::isActive);
+    enterOrExit<N>(cascade, node, inside);
+    if (!inside && !was) return kUntilMoved;
+    const bool edge = inside != was, lost = !std::isfinite(distance);
+    const Vec3f position = lost ? node.get(N::position_changed) : Vec3f(glm::dvec3(found[3]));
+    const Rotation turn = lost ? node.get(N::orientation_changed) : toRotation(turnOf(found));
+    sendIfNew(cascade, node, N::position_changed, position, edge);
+    sendIfNew(cascade, node, N::orientation_changed, turn, edge);
     return kUntilMoved;
 }
 

@@ -53,13 +53,6 @@ PlaceFields placeFields(const Node& node) {
     return index < builtin.size() ? builtin[index] : findPlaceFields(node.type());
 }
 
-/// The parent below which the node stands on the first path.
-ParentRef parentOnPath(const Scene& scene, NodeId id) {
-    for (const ParentRef& p : scene.parents(id))
-        if (isPlace(scene.node(p.node).type(), p.field)) return p;
-    return {};
-}
-
 /// Whether a Switch or an LOD shows this child; all others show all.
 bool shows(const Node& parent, FieldIndex field, NodeId child) {
     const NodeType& type = parent.type();
@@ -171,25 +164,50 @@ const Node* topOfStack(const Scene& scene, std::string_view stack) {
     return nodes.empty() ? nullptr : scene.find(nodes[0]);
 }
 
-void Places::compute(NodeId id, Place& place) {
-    constexpr std::size_t kDeepest = 1 << 20;
-    std::vector<NodeId> path;
-    glm::dmat4 world(1);
-    bool shown = true;
-    for (NodeId at = id; at && at != scene_.root() && path.size() < kDeepest;) {
-        const Node* node = scene_.find(at);
+/// Goes on to the root, and notes the other ways that branch off.
+void Places::climb(Way& way, std::vector<NodeId>& path, std::vector<Way>& ways) const {
+    constexpr std::size_t kDeepest = 1 << 20, kMostWays = 1024;
+    while (way.at && way.at != scene_.root() && path.size() < kDeepest) {
+        const Node* node = scene_.find(way.at);
         if (!node) break;
-        world = parentFromLocal(scene_, *node) * world;
-        path.push_back(at);
+        way.standing.worldFromLocal = parentFromLocal(scene_, *node) * way.standing.worldFromLocal;
+        path.push_back(way.at);
         if (placeFields(*node).geographic)
             if (const Node* origin = geoOriginOf(scene_, *node)) path.push_back(origin->id());
-        const ParentRef parent = parentOnPath(scene_, at);
-        shown = shown && parent.node && shows(scene_.node(parent.node), parent.field, at);
-        at = parent.node;
+        const bool shown = way.standing.shown;
+        ParentRef first;
+        for (const ParentRef& parent : scene_.parents(way.at)) {
+            const Node& above = scene_.node(parent.node);
+            if (!isPlace(above.type(), parent.field)) continue;
+            const bool isShown = shown && shows(above, parent.field, way.at);
+            if (!first.node)
+                first = parent, way.standing.shown = isShown;
+            else if (ways.size() < kMostWays)
+                ways.push_back({parent.node, {way.standing.worldFromLocal, isShown}});
+        }
+        if (!first.node) way.standing.shown = false;
+        way.at = first.node;
     }
-    place.worldFromLocal = world;
-    place.shown = shown;
+}
+
+void Places::compute(NodeId id, Place& place) {
+    std::vector<NodeId> path;
+    std::vector<Way> ways;
+    Way first{id, {}};
+    climb(first, path, ways);
+    place.worldFromLocal = first.standing.worldFromLocal;
+    place.shown = first.standing.shown;
     place.known = true;
+    place.others.clear();
+    if (!ways.empty()) {
+        for (std::size_t i = 0; i < ways.size(); ++i) {
+            Way way = ways[i];
+            climb(way, path, ways);
+            if (way.at == scene_.root()) place.others.push_back(way.standing);
+        }
+        std::ranges::sort(path);
+        path.erase(std::unique(path.begin(), path.end()), path.end());
+    }
     if (path == place.path && place.version > 0) return;
     place.path = std::move(path);
     ++place.version;

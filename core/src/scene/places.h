@@ -2,7 +2,7 @@
 //
 // A place is computed when it is asked for and kept until a node above it is written or hung elsewhere; then those who
 // asked are told. So a frame costs what moved in it, whatever the number of things that wait. The first path from the
-// root counts. Derived from the scene: no part of its state. Threading: the scene's thread.
+// root counts, unless all are asked for. Derived from the scene: no part of its state. Threading: the scene's thread.
 // Source: ISO/IEC 19775-1 V4.0 4.3.5, 10.4.4 (transformation hierarchy), 7.2.2 (the bound viewpoint).
 #pragma once
 
@@ -23,6 +23,8 @@ class Places {
     const glm::dmat4& worldFromLocal(NodeId node, NodeId asker) { return ask(node, asker).worldFromLocal; }
     /// Whether all Switches and LODs above it show it. As above.
     bool isShown(NodeId node, NodeId asker) { return ask(node, asker).shown; }
+    /// Both, on all paths but the first. As above.
+    std::span<const Standing> otherPlaces(NodeId node, NodeId asker) { return ask(node, asker).others; }
     const Viewer& viewer(NodeId asker);
 
     /// A place, a view or a parent of the node has changed.
@@ -50,8 +52,9 @@ class Places {
     struct Place {
         glm::dmat4 worldFromLocal{1};
         bool known = false, shown = true;
+        std::vector<Standing> others;
         std::uint32_t version = 0;   // of the path
-        std::vector<NodeId> path;    // up to, and without, the root; with the GeoOrigins that count
+        std::vector<NodeId> path;    // up to, and without, the root; with the GeoOrigins that count; of all paths
         std::vector<NodeId> askers;  // who asked since it became known
     };
     struct Passer {
@@ -62,8 +65,14 @@ class Places {
         std::vector<Passer> list;  // the places whose paths lead through a node; old versions are rubbish
         std::size_t cleaned = 0;
     };
+    /// A path, from the node up to `at` so far.
+    struct Way {
+        NodeId at;
+        Standing standing;
+    };
     const Place& ask(NodeId node, NodeId asker);
     void compute(NodeId id, Place& place);
+    void climb(Way& way, std::vector<NodeId>& path, std::vector<Way>& ways) const;
     void watch(NodeId node);
     void computeViewer();
 

@@ -151,6 +151,11 @@ bool Cascade::isShown(const Node& node, const Node& asker) {
     return scene_.state_->places.isShown(node.id(), asker.id());
 }
 
+std::span<const Standing> Cascade::otherPlaces(const Node& node, const Node& asker) {
+    lane_.askedForPlace = true;
+    return scene_.state_->places.otherPlaces(node.id(), asker.id());
+}
+
 const Viewer& Cascade::viewer(const Node& asker) {
     lane_.askedForPlace = true;
     return scene_.state_->places.viewer(asker.id());

@@ -19,6 +19,7 @@
 #pragma once
 
 #include <limits>
+#include <span>
 
 #include <glm/gtc/quaternion.hpp>
 
@@ -36,6 +37,12 @@ struct Viewer {
     NodeId viewpoint;  // none: no viewpoint is bound
     glm::dvec3 position{0, 0, 10}, centerOfRotation{0, 0, 0};
     glm::dquat orientation{1, 0, 0, 0};  // turns the view along -Z with +Y up
+};
+
+/// One of the places of what stands in several of them (DEF/USE).
+struct Standing {
+    glm::dmat4 worldFromLocal{1};
+    bool shown = true;  // by every Switch and LOD on the way to it
 };
 
 /// The running event cascade of one timestamp, as a behaviour sees it.
@@ -82,6 +89,8 @@ class Cascade {
     const glm::dmat4& worldFromLocal(const Node& node, const Node& asker);
     /// The same: whether every Switch and LOD above it shows it.
     bool isShown(const Node& node, const Node& asker);
+    /// The same on all other paths, at most some thousand; mostly there are none.
+    std::span<const Standing> otherPlaces(const Node& node, const Node& asker);
     /// The same of the viewer.
     const Viewer& viewer(const Node& asker);
     /// Behaviour::context of the node's type.
