@@ -9,9 +9,9 @@ std::span<const BuiltinBehaviour> builtinBehaviours() {
     static const std::vector<BuiltinBehaviour> table = [] {
         using namespace behaviours;
         std::vector<BuiltinBehaviour> t;
-        t.push_back({x3d::TimeSensor::type, {.accepts = timeSensorAccepts, .onTime = timeSensorOnTime, .local = true}});
         t.push_back({x3d::LOD::type, {.onTime = lodOnTime, .last = true}});
         t.push_back({x3d::RtsgScene::type, {.onEvent = rootOnEvent, .onTime = rootOnTime}});
+        appendTimeSensor(t);
         appendInterpolators(t);
         appendFollowers(t);
         appendSplines(t);

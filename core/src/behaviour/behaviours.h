@@ -5,9 +5,7 @@
 
 namespace rtsg::behaviours {
 
-double timeSensorOnTime(Cascade& cascade, const Node& node);
-bool timeSensorAccepts(const Node& node, FieldIndex field, EventValue value);
-
+void appendTimeSensor(std::vector<BuiltinBehaviour>& table);
 void appendInterpolators(std::vector<BuiltinBehaviour>& table);
 void appendFollowers(std::vector<BuiltinBehaviour>& table);
 void appendSplines(std::vector<BuiltinBehaviour>& table);

@@ -95,7 +95,7 @@ double onTime(Cascade& cascade, const Node& node) {
         return now;
     }
     if (handlePause<N>(cascade, node, stopping)) return stopping ? stop<N>(cascade, node) : now;
-    const double active = std::max(0.0, (stopping ? endOf<N>(node) : now) - start - node.get(N::_pausedTotal).seconds);
+    const double active = activeBy<N>(stopping ? endOf<N>(node) : now, node);
     if (!loops(node) && std::isfinite(cycle)) {
         // One that has looped until now ends with its cycle.
         const double begun = std::floor(node.get(N::elapsedTime).seconds / cycle) * cycle;
@@ -108,6 +108,14 @@ double onTime(Cascade& cascade, const Node& node) {
     return stopping ? stop<N>(cascade, node) : now;
 }
 
+template <class N>
+void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue) {
+    heedTime<N>(cascade, node, field, [&] {
+        if (!node.get(N::isPaused)) cascade.emit(node, N::elapsedTime, Time{activeBy<N>(cascade.now(), node)});
+        stop<N>(cascade, node);
+    });
+}
+
 double tellReduction(Cascade& cascade, const Node& node) {
     using D = x3d::DynamicsCompressor;
     const float metered = node.get(D::_metered), reduction = metered < 0 ? metered : 0.0f;
@@ -117,7 +125,7 @@ double tellReduction(Cascade& cascade, const Node& node) {
 
 template <class N>
 Behaviour clockOf() {
-    return {.accepts = accepts<N>, .onTime = onTime<N>};
+    return {.accepts = accepts<N>, .onEvent = onEvent<N>, .onTime = onTime<N>};
 }
 
 }  // namespace

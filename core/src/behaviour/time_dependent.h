@@ -2,6 +2,8 @@
 // _pausedTotal.
 #pragma once
 
+#include <algorithm>
+
 #include "behaviours.h"
 
 namespace rtsg::behaviours {
@@ -28,6 +30,25 @@ double endOf(const Node& node) {
     return !node.get(S::isPaused) && pausesBy<S>(stop, node) ? node.get(S::pauseTime).seconds : stop;
 }
 
+/// For how long one that is active has run by `time`, without its pauses.
+template <class S>
+double activeBy(double time, const Node& node) {
+    return std::max(0.0, time - node.get(S::startTime).seconds - node.get(S::_pausedTotal).seconds);
+}
+
+/// Time stands still from `at` on; never before what has been told.
+template <class S>
+void pauseAt(Cascade& cascade, const Node& node, double at) {
+    cascade.emit(node, S::isPaused, true);
+    cascade.emit(node, S::elapsedTime, Time{std::max(activeBy<S>(at, node), node.get(S::elapsedTime).seconds)});
+}
+/// It goes on from where it was, whatever has become of pauseTime since.
+template <class S>
+void resumeAt(Cascade& cascade, const Node& node, double at) {
+    cascade.store(node, S::_pausedTotal, Time{at - node.get(S::startTime).seconds - node.get(S::elapsedTime).seconds});
+    cascade.emit(node, S::isPaused, false);
+}
+
 /// True while paused. Keeps _pausedTotal, so that the fraction goes on where it was; says at both edges which time it
 /// was (8.2.4.4). `stopping`: it ends now, so that a pause that would begin is none.
 template <class S>
@@ -36,17 +57,33 @@ bool handlePause(Cascade& cascade, const Node& node, bool stopping) {
     const double pause = node.get(S::pauseTime).seconds, resume = node.get(S::resumeTime).seconds;
     if (!node.get(S::isPaused)) {
         if (stopping || !pausesBy<S>(now, node)) return false;
-        cascade.emit(node, S::isPaused, true);
+        pauseAt<S>(cascade, node, pause);
         cascade.emit(node, S::pauseTime, Time{pause});
-        const double active = pause - node.get(S::startTime).seconds - node.get(S::_pausedTotal).seconds;
-        cascade.emit(node, S::elapsedTime, Time{active});
         return true;
     }
     if (resume <= pause || resume > now) return true;
-    cascade.store(node, S::_pausedTotal, Time{node.get(S::_pausedTotal).seconds + resume - pause});
-    cascade.emit(node, S::isPaused, false);
+    resumeAt<S>(cascade, node, resume);
     cascade.emit(node, S::resumeTime, Time{resume});
     return false;
+}
+
+/// Events with times that have passed: the node is told of them only now, so it does now what it would have done then
+/// (8.4.1). At once, so that a set_startTime behind a set_stopTime of this timestamp begins it anew (8.2.4.3). `finish`
+/// says what is left to say at the end.
+template <class S, class Finish>
+void heedTime(Cascade& cascade, const Node& node, FieldIndex field, const Finish& finish) {
+    if (!node.get(S::isActive)) return;
+    const double now = cascade.now();
+    const bool isPaused = node.get(S::isPaused);
+    if (field == S::stopTime.index) {
+        const double stop = node.get(S::stopTime).seconds;
+        if (stop > node.get(S::startTime).seconds && stop <= now) finish();
+    } else if (field == S::pauseTime.index) {
+        if (!isPaused && pausesBy<S>(now, node)) pauseAt<S>(cascade, node, now);
+    } else if (field == S::resumeTime.index) {
+        const double resume = node.get(S::resumeTime).seconds;
+        if (isPaused && resume > node.get(S::pauseTime).seconds && resume <= now) resumeAt<S>(cascade, node, now);
+    }
 }
 
 }  // namespace rtsg::behaviours

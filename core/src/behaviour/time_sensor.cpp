@@ -49,49 +49,73 @@ double stop(Cascade& cascade, const Node& node) {
     return node.get(S::startTime).seconds > cascade.now() ? node.get(S::startTime).seconds : kNever;
 }
 
-}  // namespace
-
-bool timeSensorAccepts(const Node& node, FieldIndex field, EventValue value) {
-    if (node.get(S::isActive) && field == S::cycleInterval.index) return false;
-    return acceptsTime<S>(node, field, value);
-}
-
-double timeSensorOnTime(Cascade& cascade, const Node& node) {
-    const double now = cascade.now();
-    const double startTime = node.get(S::startTime).seconds, stopTime = node.get(S::stopTime).seconds;
-    const double interval = node.get(S::cycleInterval).seconds;
-    const bool loop = node.get(S::loop);
-    if (!node.get(S::enabled)) return node.get(S::isActive) ? stop(cascade, node) : kNever;
-    if (!(interval > 0) || !std::isfinite(interval)) {
-        cascade.warn(node, "cycleInterval must be greater than 0; the sensor stays inactive");
-        return node.get(S::isActive) ? stop(cascade, node) : kNever;
-    }
-    if (!node.get(S::isActive)) {
-        if (!(startTime <= now)) return startTime > now ? startTime : kNever;
-        if (stopTime > startTime && now >= stopTime) return kNever;
-        // A cycle shorter than a frame is still seen: it becomes active now and ends in the next frame.
-        if (!loop && now - startTime >= interval && startTime <= cascade.previous()) return kNever;
-        if (cascade.hasSent(node, S::isActive.index)) return now;  // that it ended: it begins at the next timestamp
-        return start(cascade, node);
-    }
-    const bool stopping = stopTime > startTime && now >= stopTime;
-    if (handlePause<S>(cascade, node, stopping)) return stopping ? stop(cascade, node) : now;
-    const double until = stopping ? endOf<S>(node) : now;
-    const double active = std::max(0.0, until - startTime - node.get(S::_pausedTotal).seconds);
-    const double cycleStart = node.get(S::_cycleStart).seconds;
-    if (!loop && active >= cycleStart + interval) {
+/// What has become of one that runs by `until`. False: its last cycle is over, and all is said.
+bool goOn(Cascade& cascade, const Node& node, double until) {
+    const double interval = node.get(S::cycleInterval).seconds, cycleStart = node.get(S::_cycleStart).seconds;
+    const double begun = node.get(S::startTime).seconds + node.get(S::_pausedTotal).seconds;
+    const double active = activeBy<S>(until, node);
+    if (!node.get(S::loop) && active >= cycleStart + interval) {
         cascade.emit(node, S::fraction_changed, 1.0f);
         cascade.emit(node, S::elapsedTime, Time{cycleStart + interval});
-        cascade.emit(node, S::time, Time{startTime + node.get(S::_pausedTotal).seconds + cycleStart + interval});
-        return stop(cascade, node);
+        cascade.emit(node, S::time, Time{begun + cycleStart + interval});
+        return false;
     }
     const double newest = std::floor(active / interval) * interval;
     if (newest > cycleStart) {
         cascade.store(node, S::_cycleStart, Time{newest});
-        cascade.emit(node, S::cycleTime, Time{startTime + node.get(S::_pausedTotal).seconds + newest});
+        cascade.emit(node, S::cycleTime, Time{begun + newest});
     }
     sendProgress(cascade, node, active, interval, until);
-    return stopping ? stop(cascade, node) : now;
+    return true;
+}
+
+bool accepts(const Node& node, FieldIndex field, EventValue value) {
+    if (node.get(S::isActive) && field == S::cycleInterval.index) return false;
+    return acceptsTime<S>(node, field, value);
+}
+
+bool hasInterval(const Node& node) {
+    const double interval = node.get(S::cycleInterval).seconds;
+    return interval > 0 && std::isfinite(interval);
+}
+
+void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue) {
+    heedTime<S>(cascade, node, field, [&] {
+        if (!node.get(S::isPaused) && hasInterval(node)) goOn(cascade, node, cascade.now());
+        stop(cascade, node);
+    });
+}
+
+double onTime(Cascade& cascade, const Node& node) {
+    const double now = cascade.now();
+    const double startTime = node.get(S::startTime).seconds, stopTime = node.get(S::stopTime).seconds;
+    const double interval = node.get(S::cycleInterval).seconds;
+    const bool enabled = node.get(S::enabled), isActive = node.get(S::isActive);
+    if (!enabled && !isActive) return kNever;
+    if (!hasInterval(node)) {
+        cascade.warn(node, "cycleInterval must be greater than 0; the sensor stays inactive");
+        return isActive ? stop(cascade, node) : kNever;
+    }
+    if (!isActive) {
+        if (!(startTime <= now)) return startTime > now ? startTime : kNever;
+        if (stopTime > startTime && now >= stopTime) return kNever;
+        // A cycle shorter than a frame is still seen: it becomes active now and ends in the next frame.
+        if (!node.get(S::loop) && now - startTime >= interval && startTime <= cascade.previous()) return kNever;
+        if (cascade.hasSent(node, S::isActive.index)) return now;  // that it ended: it begins at the next timestamp
+        return start(cascade, node);
+    }
+    const bool ends = stopTime > startTime && now >= stopTime;
+    // 8.4.1: one that is disabled says where it has got to.
+    const bool stopping = ends || !enabled;
+    if (handlePause<S>(cascade, node, stopping)) return stopping ? stop(cascade, node) : now;
+    const bool runs = goOn(cascade, node, ends ? endOf<S>(node) : now);
+    return runs && !stopping ? now : stop(cascade, node);
+}
+
+}  // namespace
+
+void appendTimeSensor(std::vector<BuiltinBehaviour>& table) {
+    table.push_back({x3d::TimeSensor::type, {.accepts = accepts, .onEvent = onEvent, .onTime = onTime, .local = true}});
 }
 
 }  // namespace rtsg::behaviours
