@@ -82,8 +82,8 @@ double loadSensorOnTime(Cascade& cascade, const Node& node) {
     if (progress != node.get(S::progress)) cascade.emit(node, S::progress, progress);
     const double timeOut = node.get(S::timeOut).seconds;
     const double until = timeOut > 0 ? node.get(S::_begun).seconds + timeOut : kNever;
-    if (found.loaded + found.failed >= found.watched)
-        end(cascade, node, found.failed == 0);
+    if (found.failed > 0 || found.loaded >= found.watched)
+        end(cascade, node, found.failed == 0);  // one that fails decides it
     else if (cascade.now() >= until)
         end(cascade, node, false);
     else

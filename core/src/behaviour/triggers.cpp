@@ -33,7 +33,9 @@ void booleanTrigger(Cascade& cascade, const Node& node, FieldIndex field, EventV
 
 void integerTrigger(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     using N = x3d::IntegerTrigger;
-    if (field == N::set_boolean.index && value.as<bool>()) cascade.emit(node, N::triggerValue, node.get(N::integerKey));
+    // 30.4.6: a new integerKey is told as well.
+    const bool triggers = field == N::set_boolean.index && value.as<bool>();
+    if (triggers || field == N::integerKey.index) cascade.emit(node, N::triggerValue, node.get(N::integerKey));
 }
 
 void timeTrigger(Cascade& cascade, const Node& node, FieldIndex field, EventValue) {
@@ -41,29 +43,44 @@ void timeTrigger(Cascade& cascade, const Node& node, FieldIndex field, EventValu
     if (field == N::set_boolean.index) cascade.emit(node, N::triggerTime, Time{cascade.now()});
 }
 
-/// 30.2.1: the value of the newest key passed; next and previous go round.
+/// What `_index` holds: the place in the sequence, times two, and 1 if the interval of the last fraction is still the
+/// one that has been told.
+struct Place {
+    std::int32_t index = 0;
+    bool isTold = false;
+    static Place of(std::int32_t stored) { return {stored / 2, stored % 2 != 0}; }
+    std::int32_t stored() const { return index * 2 + (isTold ? 1 : 0); }
+};
+
+/// 30.2.4, 30.3.1: the value of the newest key passed, once for each interval between keys, and of equal keys the first
+/// one's; next and previous go round, and what they or other keys say is told of by the next fraction again.
 template <class N>
 void sequencer(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     const auto& key = node.get(N::key);
     const auto& values = node.get(N::keyValue);
     const auto count = static_cast<std::int32_t>(std::min(key.size(), values.size()));
+    const Place before = Place::of(node.get(N::_index));
+    if (field == N::key.index || field == N::keyValue.index)
+        return cascade.store(node, N::_index, Place{before.index, false}.stored());
     if (count == 0) return;
-    std::int32_t index = node.get(N::_index);
+    Place now{std::clamp(before.index, 0, count - 1), false};
     if (field == N::set_fraction.index) {
         const float fraction = value.as<float>();
         if (std::isnan(fraction)) return;
-        const float* after = std::upper_bound(key.begin(), key.begin() + count, fraction);
-        index = std::max<std::int32_t>(0, static_cast<std::int32_t>(after - key.begin()) - 1);
+        const float* const first = key.begin();
+        const float* const after = std::upper_bound(first, first + count, fraction);
+        const float* const passed = after == first ? first : after - 1;
+        now = {static_cast<std::int32_t>(std::lower_bound(first, passed, *passed) - first), true};
+        if (before.isTold && before.index == now.index) return;
     } else if (field == N::next.index && value.as<bool>()) {
-        index = (index + 1) % count;
+        now.index = (now.index + 1) % count;
     } else if (field == N::previous.index && value.as<bool>()) {
-        index = (index + count - 1) % count;
+        now.index = (now.index + count - 1) % count;
     } else {
         return;
     }
-    index = std::clamp(index, 0, count - 1);
-    cascade.store(node, N::_index, index);
-    cascade.emit(node, N::value_changed, values[static_cast<std::size_t>(index)]);
+    cascade.store(node, N::_index, now.stored());
+    cascade.emit(node, N::value_changed, values[static_cast<std::size_t>(now.index)]);
 }
 
 }  // namespace
