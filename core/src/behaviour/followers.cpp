@@ -217,7 +217,15 @@ struct Chaser {
         const double whole = duration(node);
         Few<E> out(base.size());
         Few<double> weight(times.size());
-        for (std::size_t j = 0; j < times.size(); ++j) weight[j] = response(now - times[j].seconds, whole);
+        bool moves = false;
+        for (std::size_t j = 0; j < times.size(); ++j) {
+            weight[j] = response(now - times[j].seconds, whole);
+            moves |= weight[j] != 0;
+        }
+        if (!moves) {  // it is where it was, as it was written
+            std::ranges::copy(base, out.data());
+            return out;
+        }
         for (std::size_t i = 0; i < out.size(); ++i) {
             auto from = M::widen(base[i]), at = from;
             for (std::size_t j = 0; j < times.size(); ++j) {
@@ -326,10 +334,13 @@ struct Damper {
       public:
         /// `s`: time since then / tau.
         Course(const Node& node, double s)
-            : each_(node.get(N::_destination).size()), order_(Damper::order(node)), to_(each_), began_(order_ * each_) {
-            const auto& goal = node.get(N::_destination);
+            : goal_(node.get(N::_destination)),
+              each_(goal_.size()),
+              order_(Damper::order(node)),
+              to_(each_),
+              began_(order_ * each_) {
             const auto& filters = node.get(N::_filters);
-            for (std::size_t e = 0; e < each_; ++e) to_[e] = M::widen(goal[e]);
+            for (std::size_t e = 0; e < each_; ++e) to_[e] = M::widen(goal_[e]);
             for (std::size_t i = 0; i < std::min(began_.size(), filters.size()); ++i)
                 // Of one that was at rest all filters hold the same.
                 began_[i] = i >= each_ && filters[i] == filters[i - each_]
@@ -348,7 +359,11 @@ struct Damper {
             for (std::size_t k = 0; k < i; ++k) sum += began_[(i - 1 - k) * each_ + element] * weights_[k];
             return sum;
         }
-        E held(std::size_t i, std::size_t element) { return M::narrow(M::moved(to_[element], distance(i, element))); }
+        /// Its value; at the destination, as that is written.
+        E held(std::size_t i, std::size_t element) {
+            const auto left = distance(i, element);
+            return M::size(left) > 0 ? M::narrow(M::moved(to_[element], left)) : goal_[element];
+        }
         bool isNear(double tolerance) {
             for (std::size_t e = 0; e < each_; ++e)
                 for (std::size_t i = 1; i <= order_; ++i)
@@ -362,6 +377,7 @@ struct Damper {
         }
 
       private:
+        const Array<E>& goal_;
         std::size_t each_, order_;
         Few<typename M::Wide> to_;
         Few<typename M::Delta> began_;
@@ -432,7 +448,12 @@ struct Damper {
             return kNever;
         }
         Few<E> value(goal.size());
-        for (std::size_t e = 0; e < value.size(); ++e) value[e] = course.held(order(node), e);
+        const auto& filters = node.get(N::_filters);
+        if (s == 0 && order(node) > 0 && filters.size() == order(node) * value.size())
+            std::copy(filters.end() - static_cast<std::ptrdiff_t>(value.size()), filters.end(),
+                      value.data());  // as written
+        else
+            for (std::size_t e = 0; e < value.size(); ++e) value[e] = course.held(order(node), e);
         setActive<N>(cascade, node, true);
         sendValue<N>(cascade, node, value.span());
         return cascade.now();
