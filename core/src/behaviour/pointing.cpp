@@ -478,7 +478,7 @@ void feel(Cascade& cascade, const Node& root, const Array<std::int32_t>& numbers
         if (std::ranges::find(now, id) == now.end() && scene.node(id).get(N::isActive))
             cascade.emit(scene.node(id), N::isActive, false);
     for (const NodeId id : now) {
-        if (std::ranges::find(before, id) != before.end()) continue;
+        if (scene.node(id).get(N::isActive)) continue;
         cascade.emit(scene.node(id), N::isActive, true);
         cascade.emit(scene.node(id), N::collideTime, Time{cascade.now()});
     }
