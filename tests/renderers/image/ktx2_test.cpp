@@ -6,6 +6,7 @@
 #include <fstream>
 #include <random>
 
+#include <gmock/gmock.h>
 #include <zlib.h>
 #include <zstd.h>
 
