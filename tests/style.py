@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Four rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository.
+"""Five rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository.
 
 Each .cpp opens with a comment: a sentence that says what is in it; each header with one of at most 15 lines. No function is longer
 than 80 lines, from its first line to its closing brace. What sources of one program keep to themselves has names of its own, as builds
-from nothing compile several sources at once. Exit status 1 and a line for each file or function that breaks one.
+from nothing compile several sources at once. Who uses gmock's matchers includes them, as builds without precompiled headers have no others.
+Exit status 1 and a line for each file or function that breaks one.
 """
 import pathlib
 import re
@@ -73,6 +74,9 @@ def own_names(text):
                 yield name
 
 
+MATCHERS = re.compile(r"\b(?:EXPECT|ASSERT)_THAT\(|\btesting::(?:HasSubstr|ElementsAre|Not)\(")
+
+
 def shared_names():
     for program in PROGRAMS:
         homes = {}
@@ -95,6 +99,8 @@ def main():
         opening = len(re.match(r"(?://[^\n]*\n)*", text)[0].splitlines())
         if name.endswith(".h") and not 1 <= opening <= MOST_OPENING:
             problems.append(f"{name}:1: opens with {opening} lines of comment, not 1 to {MOST_OPENING}")
+        if MATCHERS.search(text) and "<gmock/gmock.h>" not in text:
+            problems.append(f"{name}:1: uses gmock's matchers without <gmock/gmock.h>")
         for function, first, lines in functions(text):
             count += 1
             if lines > MOST:
