@@ -31,13 +31,13 @@ bool isBox(const Vec3f& size) {
 double distanceTo(const glm::dvec3& center, const Vec3f& size, const glm::dvec3& point) {
     return glm::length(glm::max(glm::abs(point - center) - glm::dvec3(size) * .5, glm::dvec3(0)));
 }
-/// Calls `visit` with each place of a node until that returns true.
+/// Calls `visit` with each place of a node, its matrix and a function that says whether it is shown, until that returns
+/// true.
 template <class F>
 void forEachPlace(Cascade& cascade, const Node& node, const Node& asker, const F& visit) {
-    const Standing first{cascade.worldFromLocal(node, asker), cascade.isShown(node, asker)};
-    if (visit(first)) return;
+    if (visit(cascade.worldFromLocal(node, asker), [&] { return cascade.isShown(node, asker); })) return;
     for (const Standing& other : cascade.otherPlaces(node, asker))
-        if (visit(other)) return;
+        if (visit(other.worldFromLocal, [&] { return other.shown; })) return;
 }
 template <class T>
 void sendIfNew(Cascade& cascade, const Node& node, Field<T> field, const T& value, bool always) {
@@ -83,13 +83,16 @@ struct Sight {
 template <class N>
 Sight sightOf(Cascade& cascade, const Node& node, const glm::dvec3& viewer, const GeoReference* reference) {
     const glm::dvec3 center = boxCenter(node, static_cast<const N*>(nullptr), reference);
+    const bool wasInside = node.get(N::isActive);
     Sight nearest;
-    forEachPlace(cascade, node, node, [&](const Standing& place) {
-        if (!place.shown || !isFinite(place.worldFromLocal)) return false;
-        Sight sight{glm::inverse(place.worldFromLocal)};
+    forEachPlace(cascade, node, node, [&](const glm::dmat4& world, const auto& isShown) {
+        if (!isFinite(world)) return false;
+        Sight sight{glm::inverse(world)};
         sight.position = sight.local * glm::dvec4(viewer, 1);
         sight.distance = distanceTo(center, node.get(N::size), sight.position);
-        if (sight.distance < nearest.distance) nearest = sight;
+        // Who is outside, and was, tells nothing either way.
+        const bool matters = sight.distance == 0 || wasInside;
+        if (sight.distance < nearest.distance && (!matters || isShown())) nearest = sight;
         return nearest.distance == 0;
     });
     return nearest;
@@ -168,8 +171,8 @@ double visibilityOnTime(Cascade& cascade, const Node& node) {
     const Viewer& viewer = cascade.viewer(node);
     const std::vector<glm::dvec4> planes = viewVolume(cascade.scene(), viewer);
     bool visible = false;
-    forEachPlace(cascade, node, node, [&](const Standing& place) {
-        visible = place.shown && isSeen(node, place.worldFromLocal, viewer, planes);
+    forEachPlace(cascade, node, node, [&](const glm::dmat4& world, const auto& isShown) {
+        visible = isShown() && isSeen(node, world, viewer, planes);
         return visible;
     });
     enterOrExit<N>(cascade, node, visible);
@@ -207,10 +210,10 @@ double transformOnTime(Cascade& cascade, const Node& node) {
     // In which of its places the sensor has the target in its box, or nearest to it.
     double distance = INFINITY;
     glm::dmat4 found{1};
-    forEachPlace(cascade, *target, node, [&](const Standing& there) {
-        forEachPlace(cascade, node, node, [&](const Standing& here) {
-            if (!here.shown || !isFinite(here.worldFromLocal)) return false;
-            const glm::dmat4 relative = glm::inverse(here.worldFromLocal) * there.worldFromLocal;
+    forEachPlace(cascade, *target, node, [&](const glm::dmat4& there, const auto&) {
+        forEachPlace(cascade, node, node, [&](const glm::dmat4& here, const auto& isShown) {
+            if (!isShown() || !isFinite(here)) return false;
+            const glm::dmat4 relative = glm::inverse(here) * there;
             const double away = distanceOfTarget(scene, node, *target, relative);
             if (away < distance) distance = away, found = relative;
             return distance == 0;

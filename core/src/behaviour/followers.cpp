@@ -362,7 +362,7 @@ struct Damper {
         /// Its value; at the destination, as that is written.
         E held(std::size_t i, std::size_t element) {
             const auto left = distance(i, element);
-            return M::size(left) > 0 ? M::narrow(M::moved(to_[element], left)) : goal_[element];
+            return left == typename M::Delta{} ? goal_[element] : M::narrow(M::moved(to_[element], left));
         }
         bool isNear(double tolerance) {
             for (std::size_t e = 0; e < each_; ++e)
