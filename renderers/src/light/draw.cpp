@@ -153,6 +153,7 @@ void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
 }  // namespace
 
 void lookForLight(TraceScene& scene, Sources& sources) {
+    scene.plain = &sources.plain.emplace(scene);
     sources.emitters = Emitters(scene);
     if (pathParts().emitters && !sources.emitters.empty()) scene.emitters = &sources.emitters;
     sources.lamps = Lamps(scene.lightGroups);

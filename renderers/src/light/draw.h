@@ -9,6 +9,7 @@
 #include "emitters.h"
 #include "lamps.h"
 #include "light_tables.h"
+#include "plain_surfaces.h"
 #include "sky_light.h"
 #include "trace_scene.h"
 
@@ -30,11 +31,12 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
 void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                const std::vector<bool>& part, TraceScene& scene);
 
-/// What paths look for.
+/// What paths look for, and what they need not look at closely.
 struct Sources {
     Emitters emitters;
     Lamps lamps;
     std::optional<SkyLight> sky;
+    std::optional<PlainSurfaces> plain;
 };
 /// Finds them, and tells the scene of those that there are, which must outlive it.
 void lookForLight(TraceScene& scene, Sources& sources);

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
+#include "lane_gather.h"
 #include "path_parts.h"
 #include "shutter.h"
 #include "trace_scene.h"
@@ -90,6 +92,7 @@ Emitters::Emitters(const TraceScene& scene) {
         for (LightTree::Cluster& cluster : clusters) cluster = asLikelyAsAny(cluster);
     constexpr float kLeast = 1e-12f;  // m^2, so that no sum leaves the range of float
     tree_ = LightTree(clusters, kLeast);
+    for (const Emitter& e : emitters_) even_ = even_ && e.even && !e.contested;
     if (tree_.empty()) emitters_.clear();
 }
 
@@ -173,6 +176,32 @@ void Emitters::findContested() {
 Emitters::Choice Emitters::sample(const Vec3f& point, const Vec3f& normal, float u) const {
     const LightTree::Choice choice = tree_.sample(point, normal, u);
     return {choice.thing, choice.probability};
+}
+
+Emitters::Eight Emitters::eight(const std::uint32_t* numbers) const {
+    using namespace simd;
+    // Four numbers at a time, as they follow each other.
+    static_assert(offsetof(Emitter, normal) == 36 && offsetof(Emitter, area) == 48 && offsetof(Emitter, front) == 64 &&
+                  offsetof(Emitter, behind) == 76 && sizeof(Emitter) == 88);
+    const auto four = [&](int from) {
+        const float* places[8];
+        for (int i = 0; i < 8; ++i) places[i] = &emitters_[numbers[i]].corner.x + from;
+        return gather4(places);
+    };
+    const Q8 a = four(0), b = four(4), c = four(8), light = four(16), rest = four(18);
+    Eight result{{a.x, a.y, a.z},
+                 {a.w, b.x, b.y},
+                 {b.z, b.w, c.x},
+                 {c.y, c.z, c.w},
+                 {light.x, light.y, light.z},
+                 {light.w, rest.z, rest.w},
+                 {},
+                 {}};
+    for (int i = 0; i < 8; ++i) {
+        const Emitter& e = emitters_[numbers[i]];
+        result.area[i] = e.area, result.bothSides[i] = e.bothSides ? -1 : 0;
+    }
+    return result;
 }
 
 float Emitters::density(std::uint32_t emitter, const Vec3f& point, const Vec3f& normal) const {

@@ -41,6 +41,8 @@ class Emitters {
     explicit Emitters(const TraceScene& scene);
 
     bool empty() const { return emitters_.empty(); }
+    /// Whether all send the same from everywhere, and none is contested.
+    bool even() const { return even_; }
     std::size_t size() const { return emitters_.size(); }
     const Emitter& operator[](std::uint32_t emitter) const { return emitters_[emitter]; }
 
@@ -51,6 +53,13 @@ class Emitters {
     LightTree::Choices sample(const simd::V8& point, const simd::V8& normal, simd::F8 u, std::uint32_t lanes) const {
         return tree_.sample(point, normal, u, lanes);
     }
+    /// Eight of them, side by side.
+    struct Eight {
+        simd::V8 corner, ab, ac, normal, front, behind;
+        simd::F8 area;
+        simd::I8 bothSides;
+    };
+    Eight eight(const std::uint32_t* numbers) const;
     /// The probability that sample() chooses this one.
     float density(std::uint32_t emitter, const Vec3f& point, const Vec3f& normal) const;
     /// By what a ray hit; kNone: not in here.
@@ -62,6 +71,7 @@ class Emitters {
 
     std::vector<Emitter> emitters_;
     LightTree tree_;
+    bool even_ = true;
     std::vector<std::uint32_t> firstOf_;  // by instance slot: its first emitter or kNone; triangles follow each other
 };
 

@@ -31,15 +31,20 @@ inline simd::V8 facing8(const SurfacePacket& s, int at) {
     return n * simd::select(lanesFrom(s.back, at), simd::all(-1), simd::all(1));
 }
 
-/// As RayView::leave. Precondition: findPoints().
-inline simd::V8 leave8(const SurfacePacket& s, int at, const simd::V8& towards) {
+/// As RayView::leave, from places with these normals and bounds of error.
+inline simd::V8 leaveFrom(const simd::V8& normal, const simd::V8& exact, const simd::V8& error,
+                          const simd::V8& towards) {
     using namespace simd;
-    const V8 n{load(s.hits.normalX + at), load(s.hits.normalY + at), load(s.hits.normalZ + at)}, e = loadV(s.error, at);
-    const F8 far = absolute(n.x) * e.x + absolute(n.y) * e.y + absolute(n.z) * e.z;
-    const V8 offset = n * simd::select(dot(towards, n) < 0.0f, -far, far);
-    const V8 start = loadV(s.exact, at) + offset;
+    const F8 far = absolute(normal.x) * error.x + absolute(normal.y) * error.y + absolute(normal.z) * error.z;
+    const V8 offset = normal * simd::select(dot(towards, normal) < 0.0f, -far, far);
+    const V8 start = exact + offset;
     const auto beyond = [](F8 x, F8 step) { return lanes::beyond<F8, I8>(x, step); };
     return {beyond(start.x, offset.x), beyond(start.y, offset.y), beyond(start.z, offset.z)};
+}
+/// The same of a packet. Precondition: findPoints().
+inline simd::V8 leave8(const SurfacePacket& s, int at, const simd::V8& towards) {
+    const simd::V8 n{simd::load(s.hits.normalX + at), simd::load(s.hits.normalY + at), simd::load(s.hits.normalZ + at)};
+    return leaveFrom(n, loadV(s.exact, at), loadV(s.error, at), towards);
 }
 
 }  // namespace rtsg::trace

@@ -17,6 +17,8 @@
 #include "packet_random.h"
 #include "path_emitters.h"
 #include "path_parts.h"
+#include "path_scatter.h"
+#include "path_wavefront.h"
 #include "probe.h"
 #include "sample_points.h"
 #include "sky_light.h"
@@ -33,8 +35,7 @@ namespace {
 // Roulette ends paths; these only keep light between perfect mirrors from running for ever. What they cut off is
 // counted.
 constexpr int kMaxPasses = 10'000, kMaxBounces = 10'000;
-/// Of a path's odds, when its number has too few bits left to decide by.
-constexpr float kRedraw = 0x1p-10f;
+constexpr float kRedraw = Roulette8::kRedraw;
 
 float largest(const Vec3f& v) {
     return std::max({v.x, v.y, v.z});
@@ -46,12 +47,6 @@ void basis(const Vec3f& n, Vec3f& s, Vec3f& t) {
     s = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
     t = {b, sign + n.y * n.y * a, -n.y};
 }
-void basis(const V8& n, V8& s, V8& t) {
-    const F8 sign = select(bits(n.z) < 0, all(-1), all(1)), a = -1 / (sign + n.z), b = n.x * n.y * a;
-    s = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
-    t = {b, sign + n.y * n.y * a, -n.y};
-}
-
 F8 largest(const V8& v) {
     return max(max(v.x, v.y), v.z);
 }
@@ -103,16 +98,38 @@ struct alignas(64) Onward {
     std::uint32_t alive = 0;
 };
 
+/// The weight from which on chance ends paths. Early, they are short and each tells less. What has so many samples
+/// already and is not known well enough varies by that error times their root at least: chance may add about as much.
+float rouletteFor(const RenderSettings& settings, std::span<const TileResult> groups) {
+    const float least = pathParts().roulette;
+    const auto samples = static_cast<float>(groups.size()) * static_cast<float>(groups[0].firstSample);
+    return std::clamp(settings.error * std::sqrt(samples), least, std::max(least, 1.0f));
+}
+
 class Paths {
   public:
     Paths(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
           std::span<TileResult> groups)
-        : scene_(scene), settings_(settings), counts_(groups[0]), loop_(scene, camera, settings, x0, y0, groups) {}
+        : scene_(scene),
+          roulette_(rouletteFor(settings, groups)),
+          settings_(settings),
+          counts_(groups[0]),
+          loop_(scene, camera, settings, x0, y0, groups) {}
 
     void run() {
         loop_.run([this](std::span<TilePacket> packets) {
             for (TilePacket& packet : packets) traceOne(packet);
         });
+    }
+
+    /// The same where goesInWavefronts().
+    void runInWavefronts(const Camera& camera, int x0, int y0, std::span<TileResult> groups) {
+        const auto others = [this](RayPacket16& rays, std::uint32_t lanes, PathTask* tasks,
+                                   std::vector<PathTask>& onward) {
+            elsewhere_ = &onward;
+            shade(rays, lanes, tasks);
+        };
+        Wavefront(scene_, camera, settings_, x0, y0, groups, roulette_, bouncesFindSky_, others).run();
     }
 
     /// The same from a surface that no ray has found.
@@ -213,7 +230,11 @@ class Paths {
             add(tasks[lane], weight * Vec3f(sky));
             cover(tasks[lane], sky.a);
         }
-        if (!hits) return;
+        if (hits) shade(rays, hits, tasks);
+    }
+
+    /// What these lanes have hit.
+    void shade(const RayPacket16& rays, std::uint32_t hits, PathTask* tasks) {
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
         PacketRandom random(tasks, hits);
         lookForLight(tasks, random);
@@ -270,59 +291,44 @@ class Paths {
         return lanes & ~brought_.inside;
     }
 
-    /// What eight surfaces do with light: what they show of what was found, where they send a path, how likely, and
-    /// what light from there counts.
+    /// What eight surfaces show of what was found, and where they send a path.
     struct Scattered {
-        V8 lit, out, share;
-        F8 density;
+        V8 lit;
+        Scattered8 on;
     };
 
-    /// Of those that scatter evenly.
-    Scattered scatterMatte(int at, const V8& normal, const V8& facing) const {
-        const V8 base = loadV(surfaces_.base, at);
-        V8 lit{};
-        if (found_.mask >> at & 0xFFu) lit = lit + foundMatte(found_, at, normal, facing);
-        if (lamp_.mask >> at & 0xFFu) lit = lit + foundMatte(lamp_, at, normal, facing);
-        if (sky_.mask >> at & 0xFFu) lit = lit + foundMatte(sky_, at, normal, facing);
-        const F8 u = load(draws_.u + at), radius = simd::sqrt(u), height = simd::sqrt(1 - u);
-        F8 sine, cosine;
-        sinCosTurns(load(draws_.v + at), sine, cosine);
-        V8 x, y;
-        basis(normal, x, y);
-        const V8 out = x * (radius * cosine) + y * (radius * sine) + normal * height;
-        return {base * lit, out, base, height * (1 / std::numbers::pi_v<float>)};
+    /// What was found for eight lanes, as `shown` has it of a radiance of 1 by direction and density.
+    template <class Shown>
+    V8 foundBy(const EmitterLight& from, int at, const Shown& shown) const {
+        if (!(from.mask >> at & 0xFFu)) return V8{};
+        const V8 light = shown(loadV(from.direction, at), load(from.density + at)) * loadV(from.light, at);
+        return select(lanesFrom(from.mask, at), light, V8{});
     }
 
-    /// The directions around eight shading normals, and the views in them.
-    struct Frame8 {
-        V8 x, y, z, facing, view;
-        V8 local(const V8& v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
-        V8 mirrored(const V8& v) const { return v - facing * (2 * dot(v, facing)); }
-    };
+    /// Of those that scatter evenly.
+    Scattered matte(int at, const V8& normal, const V8& facing) const {
+        const V8 base = loadV(surfaces_.base, at);
+        const auto shown = [&](const V8& direction, F8 density) {
+            const F8 all = shownMatte(direction, density, normal, facing);
+            return V8{all, all, all};
+        };
+        const V8 lit = foundBy(found_, at, shown) + foundBy(lamp_, at, shown) + foundBy(sky_, at, shown);
+        return {base * lit, scatterMatte(base, normal, load(draws_.u + at), load(draws_.v + at))};
+    }
 
     /// Of those that are Phong's with a highlight, or physical.
-    Scattered scatterGlossy(int at, const V8& normal, const V8& facing) const {
+    Scattered glossy(int at, const V8& normal, const V8& facing) const {
         const SurfacePacket& s = surfaces_;
-        Frame8 frame{{}, {}, normal, facing, {}};
-        basis(normal, frame.x, frame.y);
-        const V8 back = loadV(s.view, at);
-        const F8 cosine = min(max(dot(normal, back), all(1e-4f)), all(1));
-        const V8 view{dot(back, frame.x), dot(back, frame.y), cosine};
-        frame.view = view * (1 / simd::sqrt(dot(view, view)));
+        const Frame8 frame(normal, facing, loadV(s.view, at));
         const I8 physical = lanesFrom(s.physical, at);
         const Bsdf8 own(physical, loadV(s.base, at), select(physical, V8{}, loadV(s.specular, at)),
                         load(s.exponent + at), load(s.metallic + at), load(s.roughness + at), frame.view.z);
-        V8 lit{};
-        if (found_.mask >> at & 0xFFu) lit = lit + foundGlossy(found_, at, own, frame);
-        if (lamp_.mask >> at & 0xFFu)
-            lit = lit + foundGlossy(lamp_, at, own, frame) * select(physical, all(kPhysicalLight), all(1));
-        if (sky_.mask >> at & 0xFFu) lit = lit + foundGlossy(sky_, at, own, frame);
-        const V8 local = own.sample(frame.view, load(draws_.lobe + at), load(draws_.u + at), load(draws_.v + at));
-        const auto [value, density] = own.evaluate(frame.view, local);
-        const I8 sent = own.sends() & (density > 0.0f);
-        const F8 scale = 1 / (select(sent, density, all(1)) * std::numbers::pi_v<float>);
-        return {select(own.sends(), lit, V8{}), frame.x * local.x + frame.y * local.y + frame.z * local.z,
-                select(sent, value * scale, V8{}), density};
+        const auto shown = [&](const V8& direction, F8 density) { return shownGlossy(direction, density, own, frame); };
+        const V8 lit = foundBy(found_, at, shown) +
+                       foundBy(lamp_, at, shown) * select(physical, all(kPhysicalLight), all(1)) +
+                       foundBy(sky_, at, shown);
+        return {select(own.sends(), lit, V8{}),
+                scatterGlossy(own, frame, load(draws_.lobe + at), load(draws_.u + at), load(draws_.v + at))};
     }
 
     /// bounce() for these; `glossy`: the ones among them that do not scatter evenly.
@@ -333,38 +339,36 @@ class Paths {
             if (!here) continue;
             const V8 normal = loadV(s.normal, at), facing = facing8(s, at), before = loadV(brought_.weight, at);
             Scattered own{};
-            if (shiny != here) own = scatterMatte(at, normal, facing);
+            if (shiny != here) own = matte(at, normal, facing);
             if (shiny) {
-                const Scattered other = scatterGlossy(at, normal, facing);
+                const Scattered other = this->glossy(at, normal, facing);
                 const I8 which = lanesFrom(glossy, at);
-                own = {select(which, other.lit, own.lit), select(which, other.out, own.out),
-                       select(which, other.share, own.share), select(which, other.density, own.density)};
+                own = {select(which, other.lit, own.lit),
+                       {select(which, other.on.out, own.on.out), select(which, other.on.share, own.on.share),
+                        select(which, other.on.density, own.on.density)}};
             }
             storeV(onward_.shown, at, before * (loadV(s.radiance, at) + own.lit));
-            const F8 above = dot(own.out, facing);
-            own.out = own.out - facing * select(above < 0.0f, 2 * above, all(0));
-            storeV(onward_.direction, at, own.out);
-            storeV(onward_.start, at, leave8(s, at, own.out));
-            store(onward_.density + at, own.density);
-            survive(at, before * own.share);
+            const V8 out = aboveSurface(own.on.out, facing);
+            storeV(onward_.direction, at, out);
+            storeV(onward_.start, at, leave8(s, at, out));
+            store(onward_.density + at, own.on.density);
+            survive(at, before * own.on.share);
         }
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1)
             goOn(tasks[std::countr_zero(rest)], std::countr_zero(rest));
     }
 
     /// Roulette, as follow() has it, for paths of these weights.
-    void survive(int at, const V8& after) {
-        const F8 most = largest(after);
-        F8 full = load(brought_.first + at);
-        if (bouncesFindSky_) full = select(lanesFrom(brought_.fresh, at), most * roulette_, full);
-        const F8 survival = min(most / full, all(1)), old = load(brought_.odds + at);
-        const I8 draw = old <= kRedraw;
-        const F8 left = select(draw, all(1), old) * survival;
-        const F8 number = select(draw, load(draws_.fate + at), load(brought_.fate + at));
+    void survive(int at, V8 after) {
+        Roulette8 roulette{load(brought_.first + at), load(brought_.odds + at), load(brought_.fate + at)};
+        if (bouncesFindSky_)
+            roulette.first = select(lanesFrom(brought_.fresh, at), largest(after) * roulette_, roulette.first);
+        const I8 alive = roulette.survive(after, load(draws_.fate + at));
         onward_.alive &= ~(0xFFu << at);
-        onward_.alive |= laneBits((most > 0.0f) & (number < left)) << at;
-        storeV(onward_.weight, at, after * (1 / survival));
-        store(onward_.odds + at, left), store(onward_.fate + at, number), store(onward_.first + at, full);
+        onward_.alive |= laneBits(alive) << at;
+        storeV(onward_.weight, at, after);
+        store(onward_.odds + at, roulette.odds), store(onward_.fate + at, roulette.fate);
+        store(onward_.first + at, roulette.first);
     }
 
     /// Adds what a lane shows, and queues its ray.
@@ -381,7 +385,7 @@ class Paths {
             loop_.resultOf(task.pixel).addMissing(task.pixel % kTilePixels, largest(to.weight.get(lane)));
             return;
         }
-        PathTask& next = loop_.push();
+        PathTask& next = push();
         next.origin = to.start.get(lane), next.direction = to.direction.get(lane), next.weight = to.weight.get(lane);
         next.travelled = task.travelled + s.distance[lane];
         next.pixel = task.pixel, next.passes = task.passes;
@@ -390,35 +394,6 @@ class Paths {
         next.random = draws_.next[lane];
         next.normal = s.normal.get(lane), next.density = to.density[lane];
         next.first = to.first[lane], next.odds = to.odds[lane], next.fate = to.fate[lane];
-    }
-
-    /// found() over the colour of a surface that scatters evenly.
-    static V8 foundMatte(const EmitterLight& from, int at, const V8& normal, const V8& facing) {
-        constexpr float kPerPi = 1 / std::numbers::pi_v<float>;
-        const V8 direction = loadV(from.direction, at), light = loadV(from.light, at);
-        const F8 density = load(from.density + at), straight = dot(direction, normal);
-        const F8 mirrored = straight - 2 * dot(direction, facing) * dot(facing, normal);
-        const auto share = [&](F8 cosine) {
-            const F8 shows = max(cosine, all(0)) * kPerPi, ratio = shows / density;
-            return shows / (1 + ratio * ratio);
-        };
-        F8 sum = share(straight);
-        sum += select(density < std::numeric_limits<float>::infinity(), share(mirrored), all(0));
-        return select(lanesFrom(from.mask, at), light * sum, V8{});
-    }
-
-    /// found(), where no way on but the surface's own colours is.
-    static V8 foundGlossy(const EmitterLight& from, int at, const Bsdf8& own, const Frame8& frame) {
-        const V8 direction = loadV(from.direction, at);
-        const F8 density = load(from.density + at);
-        const auto share = [&](const V8& way) {
-            const auto [value, likely] = own.evaluate(frame.view, frame.local(way));
-            const F8 ratio = likely / density;
-            return value * (1 / (std::numbers::pi_v<float> * (1 + ratio * ratio)));
-        };
-        const I8 findable = density < std::numeric_limits<float>::infinity();
-        const V8 sum = share(direction) + select(findable, share(frame.mirrored(direction)), V8{});
-        return select(lanesFrom(from.mask, at), sum * loadV(from.light, at), V8{});
     }
 
     /// The ways on from a surface, of which one is taken.
@@ -600,8 +575,11 @@ class Paths {
         task.direction = out;
         task.origin = RayWorld::leave(surfaces_.point(lane), out);
         task.random = draws_.next[lane];
-        loop_.push(task);
+        push() = task;
     }
+
+    /// A ray that is to be followed, to be filled in.
+    PathTask& push() { return elsewhere_ ? elsewhere_->emplace_back() : loop_.push(); }
 
     /// What comes from far away is met by bounces alone.
     static bool meetsSky(const TraceScene& scene) {
@@ -611,11 +589,12 @@ class Paths {
 
     const TraceScene& scene_;
     const bool bouncesFindSky_ = meetsSky(scene_);
-    const float roulette_ = pathParts().roulette;
+    const float roulette_;  // as PathParts has it
     const RenderSettings& settings_;
     TileResult& counts_;  // of all groups
     TileLoop loop_;
-    SurfacePacket surfaces_{};  // unused lanes stay finite
+    std::vector<PathTask>* elsewhere_ = nullptr;  // where rays go that a wavefront follows
+    SurfacePacket surfaces_{};                    // unused lanes stay finite
     EmitterLight found_{}, lamp_{}, sky_{};
     Draws draws_;
     Brought brought_;
@@ -626,7 +605,11 @@ class Paths {
 
 void pathTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
               std::span<TileResult> groups) {
-    Paths(scene, camera, settings, x0, y0, groups).run();
+    Paths paths(scene, camera, settings, x0, y0, groups);
+    if (goesInWavefronts(scene))
+        paths.runInWavefronts(camera, x0, y0, groups);
+    else
+        paths.run();
 }
 
 void pathProbe(const TraceScene& scene, const Probe& probe, const RenderSettings& settings, int tile,

@@ -321,14 +321,25 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom&
     }
 }
 
-float emitterDensity(const TraceScene& scene, const SurfacePacket& s, int lane, const PathTask& task) {
-    const std::uint32_t emitter = scene.emitters->find(s.hits.instance[lane], s.hits.triangle[lane]);
+bool reachesEmitter(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, Ray ray, Hit hit,
+                    Vec3f& left) {
+    return reaches(scene, target, place, ray, hit, left);
+}
+
+float emitterDensity(const TraceScene& scene, std::uint32_t instance, std::uint32_t triangle, const Vec3f& from,
+                     const Vec3f& direction, float distance, const Vec3f& normal) {
+    const std::uint32_t emitter = scene.emitters->find(instance, triangle);
     if (emitter == Emitters::kNone) return 0;
     const Emitters::Emitter& e = (*scene.emitters)[emitter];
-    const float distance = task.line + s.distance[lane], cosine = -glm::dot(e.normal, task.direction);
+    const float cosine = -glm::dot(e.normal, direction);
     if (!(e.area > 0) || !(cosine > 0 || e.bothSides)) return 0;
-    const Vec3f from = s.position.get(lane) - distance * task.direction;
-    return scene.emitters->density(emitter, from, task.normal) * distance * distance / (e.area * std::abs(cosine));
+    return scene.emitters->density(emitter, from, normal) * distance * distance / (e.area * std::abs(cosine));
+}
+
+float emitterDensity(const TraceScene& scene, const SurfacePacket& s, int lane, const PathTask& task) {
+    const float distance = task.line + s.distance[lane];
+    return emitterDensity(scene, s.hits.instance[lane], s.hits.triangle[lane],
+                          s.position.get(lane) - distance * task.direction, task.direction, distance, task.normal);
 }
 
 }  // namespace rtsg::trace

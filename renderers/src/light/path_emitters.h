@@ -21,7 +21,16 @@ struct EmitterLight {
 void lookForEmitters(const TraceScene& scene, const SurfacePacket& surfaces, const PathTask* tasks,
                      PacketRandom& random, EmitterLight& out, std::uint64_t& shadowRays);
 
-/// How likely lookForEmitters() would have chosen the direction that led a task to this lane's surface; 0: never.
+/// Whether light comes to the start of a ray, which has made this hit, from a place on an emitter; `left`: how much of
+/// it, by what is clear on its way.
+bool reachesEmitter(const TraceScene& scene, const Emitters::Emitter& target, const Vec3f& place, Ray ray, Hit hit,
+                    Vec3f& left);
+
+/// How likely an emitter's triangle, `distance` away from a surface at `from` of this shading normal, would have been
+/// chosen there, per steradian; 0: never.
+float emitterDensity(const TraceScene& scene, std::uint32_t instance, std::uint32_t triangle, const Vec3f& from,
+                     const Vec3f& direction, float distance, const Vec3f& normal);
+/// The same of the direction that led a task to this lane's surface.
 float emitterDensity(const TraceScene& scene, const SurfacePacket& surfaces, int lane, const PathTask& task);
 
 /// The same towards the sky, where SkyLight tells.

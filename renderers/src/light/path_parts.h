@@ -7,10 +7,11 @@
 namespace rtsg::trace {
 
 struct PathParts {
-    bool emitters = true;   // shining triangles are asked directly; else bounces alone find them
-    bool lightTree = true;  // which of them, by what they can do for the point; else each as likely
-    bool skyLight = true;   // an uneven sky is asked directly; else bounces alone find it
-    float roulette = 1;     // the weight, of the first one's, below which Russian roulette begins
+    bool emitters = true;    // shining triangles are asked directly; else bounces alone find them
+    bool lightTree = true;   // which of them, by what they can do for the point; else each as likely
+    bool skyLight = true;    // an uneven sky is asked directly; else bounces alone find it
+    bool wavefronts = true;  // in stages, where goesInWavefronts(); else packet by packet
+    float roulette = .25f;   // the weight, of the first one's, below which Russian roulette begins
 };
 
 inline PathParts& pathParts() {

@@ -125,6 +125,16 @@ class PathRandom {
                 fraction(scrambleUpwards(sobolSecondReversed(index), static_cast<std::uint32_t>(other)))};
     }
     std::uint64_t state() const { return state_; }
+    /// What index() leaves of it: bits of the sequence, from bit 12 on, and the number of the next call.
+    std::uint32_t sequenceAndCalls() const {
+        return static_cast<std::uint32_t>(state_ >> 32 & (kSequence >> 32)) |
+               static_cast<std::uint32_t>(state_ & kCalls);
+    }
+    static PathRandom ofParts(std::uint32_t sequenceAndCalls, std::uint32_t index) {
+        constexpr auto kLow = static_cast<std::uint32_t>(kCalls);
+        return PathRandom(std::uint64_t{sequenceAndCalls & ~kLow} << 32 | std::uint64_t{index} << kCallBits |
+                          (sequenceAndCalls & kLow));
+    }
 
     // What PacketRandom makes the same numbers of, for several samples at a time.
     std::uint32_t index() const { return static_cast<std::uint32_t>(state_ >> kCallBits); }

@@ -167,6 +167,7 @@ class Fogs {
 
 class Emitters;
 class Lamps;
+class PlainSurfaces;
 class SkyLight;
 class Shutter;
 
@@ -180,10 +181,11 @@ struct TraceScene {
     Vec3f eye{0}, forward{0, 0, -1};
     Vec3f right{1, 0, 0}, up{0, 1, 0};  // times an offset from the eye: pixels' heights for 1 ahead
     void placeInPicture(const Camera& camera);
-    const Emitters* emitters = nullptr;  // of paths, where anything shines
-    const Lamps* lamps = nullptr;        // of paths, where there are many
-    const SkyLight* skyLight = nullptr;  // of paths, where the sky is so uneven that it must be looked for
-    const Shutter* shutter = nullptr;    // where something moves while it is open
+    const Emitters* emitters = nullptr;    // of paths, where anything shines
+    const Lamps* lamps = nullptr;          // of paths, where there are many
+    const SkyLight* skyLight = nullptr;    // of paths, where the sky is so uneven that it must be looked for
+    const PlainSurfaces* plain = nullptr;  // of paths
+    const Shutter* shutter = nullptr;      // where something moves while it is open
     MaterialList materials;
     SlotPages slots;
     LightGroups lightGroups;

@@ -267,7 +267,8 @@ TEST(PathEmitters, WhatIsLookedForIsWhatBouncesFind) {
         const EmitterMean bounced = emitterMean(kLookDown + scene.things + panel(1, 1.5, true), 1024);
         EXPECT_NEAR(found.value, bounced.value, 4 * std::hypot(found.error, bounced.error) + 1e-6);
         EXPECT_GT(bounced.value, 1e-3);
-        EXPECT_LT(found.error, 3 * bounced.error + 1e-6);
+        // Of a quarter of the samples, half of which a plane may cut away.
+        EXPECT_LT(found.error, 4 * bounced.error + 1e-6);
     }
 }
 

@@ -95,6 +95,29 @@ TEST(PathParts, RouletteThatBeginsLateMakesLongerPaths) {
     EXPECT_GT(s.stats.secondaryRays, 2 * early);
 }
 
+// Walls of .73 in light that comes from everywhere: where chance begins at once, the lengths of the few paths that a
+// picture takes are most of its noise.
+TEST(PathParts, RouletteAfterSomeBouncesMakesPicturesOfFewerRays) {
+    const PartsKept kept;
+    LightScene s(
+        "Viewpoint { position 0 0 .9 } Shape { appearance Appearance { material Material { diffuseColor .87 .87 .87 } "
+        "} "
+        "geometry Box { size 2 2 2 solid FALSE } } Transform { translation 0 .99 0 children Shape { appearance "
+        "Appearance { material Material { diffuseColor 0 0 0 emissiveColor 1 1 1 } } geometry IndexedFaceSet { "
+        "coordIndex [0 1 2 3 -1] coord Coordinate { point [-.3 0 -.3, .3 0 -.3, .3 0 .3, -.3 0 .3] } } } }",
+        32, 32);
+    s.options.settings.integrator = Integrator::path;
+    s.options.settings.samplesPerPixel = 1 << 12;
+    const auto raysFor = [&](float error, const PathParts& parts) {
+        trace::pathParts() = parts;
+        s.options.settings.error = error;
+        (void)s.picture();
+        return static_cast<double>(s.stats.primaryRays + s.stats.secondaryRays + s.stats.shadowRays);
+    };
+    const PathParts early = without([](PathParts& p) { p.roulette = 1; });
+    EXPECT_LT(raysFor(.03f, {}), .9 * raysFor(.03f, early));
+}
+
 TEST(PathParts, OfTheSkyLeaveTheMeanAsItIs) {
     const PartsKept kept;
     LightScene s(

@@ -1,0 +1,594 @@
+// Stages of paths side by side: rays, hits of a kind, rays towards lights, sums.
+#include "path_wavefront.h"
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "emitters.h"
+#include "lane_gather.h"
+#include "lanes.h"
+#include "packet_random.h"
+#include "path_emitters.h"
+#include "path_parts.h"
+#include "path_scatter.h"
+#include "tile_rays.h"
+
+namespace rtsg::trace {
+
+using namespace simd;
+
+namespace {
+
+// Columns of rays.
+enum RayColumn : std::size_t {
+    kOrigin = 0,
+    kDirection = 3,
+    kWeight = 6,
+    kFirst = 9,  // to kCalls alike in hits
+    kOdds,
+    kFate,
+    kTravelled,
+    kPixel,  // and the depth, from bit 16 on
+    kIndex,  // of the sample, its bits in reverse order
+    kCalls,  // bits of PathRandom's sequence, from bit 12 on, and the number of its next call
+    kNormal,
+    kDensity = kNormal + 3,
+    kOther,  // 0, or one more than the place of what else the ray brings along
+    kRayColumns
+};
+// Columns of hits; kDirection, kWeight and what follows as of rays.
+enum HitColumn : std::size_t {
+    kInstance = 0,
+    kTriangle,
+    kDistance,
+    kU = kCalls + 1,
+    kV,
+    kOutside,
+    kHitColumns = kOutside + 3
+};
+// Columns of rays towards emitters.
+enum AskedColumn : std::size_t { kLight = 6, kAskedPixel = 9, kEmitter, kAskedColumns };
+
+constexpr std::uint32_t kCallBits = 12, kMostCalls = (1u << kCallBits) - 16, kMostDepth = 9'999;
+constexpr std::size_t kTogether = 2048;  // primary rays; what is made of them stays in the second cache
+
+constexpr float kBefore = 1 - 0x1p-19f, kReach = 1.001f;  // as path_emitters.cpp has them
+
+using U8 = std::uint32_t __attribute__((vector_size(32)));
+
+U8 unsignedBits(F8 v) {
+    U8 r;
+    std::memcpy(&r, &v, sizeof r);
+    return r;
+}
+F8 asFloats(U8 v) {
+    F8 r;
+    std::memcpy(&r, &v, sizeof r);
+    return r;
+}
+F8 largest(const V8& v) {
+    return max(max(v.x, v.y), v.z);
+}
+std::uint32_t firstLanes(std::size_t count) {
+    return count >= 16 ? 0xFFFFu : (1u << count) - 1;
+}
+
+/// The random numbers of eight paths at a surface: what PathRandom gives for each.
+class Numbers {
+  public:
+    Numbers() = default;
+    Numbers(const std::uint32_t* calls, U8 reversed, std::uint32_t count) : reversed_(reversed), calls_(calls) {
+        for (std::uint32_t lane = 1; lane < count; ++lane) together_ = together_ && calls[lane] == calls[0];
+    }
+    F8 one(std::uint32_t call) const {
+        U8 order, first, second;
+        seeds(call, order, first, second, false);
+        return fraction(scrambleUpwards(shuffled(order), first));
+    }
+    void pair(std::uint32_t call, F8& u, F8& v) const {
+        U8 order, first, second;
+        seeds(call, order, first, second, true);
+        const U8 index = shuffled(order);
+        u = fraction(scrambleUpwards(index, first));
+        v = fraction(scrambleUpwards(sobolSecondReversed(index), second));
+    }
+
+  private:
+    static std::uint64_t seedOf(std::uint32_t calls) {
+        constexpr std::uint32_t kLow = (1u << kCallBits) - 1;
+        return mixBits(std::uint64_t{calls & ~kLow} << 32 | (calls & kLow));
+    }
+    void seeds(std::uint32_t call, U8& order, U8& first, U8& second, bool both) const {
+        for (int lane = 0; lane < 8; ++lane) {
+            const std::uint64_t seed = seedOf(calls_[lane] + call);
+            const auto low = static_cast<std::uint32_t>(seed), high = static_cast<std::uint32_t>(seed >> 32),
+                       other = both ? static_cast<std::uint32_t>(mixBits(seed)) : 0;
+            if (together_) {
+                order = U8{} + low, first = U8{} + high, second = U8{} + other;
+                return;
+            }
+            order[lane] = low, first[lane] = high, second[lane] = other;
+        }
+    }
+    U8 shuffled(U8 order) const { return reverseBits(scrambleUpwards(reversed_, order)); }
+    static F8 fraction(U8 reversed) {
+        const U8 high = reverseBits(reversed) >> 8;
+        I8 whole;
+        std::memcpy(&whole, &high, sizeof whole);
+        return __builtin_convertvector(whole, F8) * 0x1p-24f;
+    }
+
+    U8 reversed_{};
+    const std::uint32_t* calls_ = nullptr;
+    bool together_ = true;
+};
+
+}  // namespace
+
+bool goesInWavefronts(const TraceScene& scene) {
+    const bool clearAir = scene.volumes.empty() && !scene.fogs.any() && !scene.filter && !scene.shutter;
+    const bool plainLight = !scene.lamps && !scene.skyLight && scene.lightGroups.lights.empty() &&
+                            scene.environments.lights.empty() && (!scene.emitters || scene.emitters->even());
+    return pathParts().wavefronts && clearAir && plainLight && scene.plain && scene.plain->most() &&
+           scene.energyLimited;
+}
+
+namespace {
+
+/// The memory of the rays' queues stays with the thread: to get it anew for each tile costs more than to trace some.
+void swapQueues(LaneQueue& now, LaneQueue& next) {
+    thread_local LaneQueue kept[2] = {LaneQueue(kRayColumns), LaneQueue(kRayColumns)};
+    std::swap(now, kept[0]), std::swap(next, kept[1]);
+}
+
+}  // namespace
+
+Wavefront::Wavefront(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+                     std::span<TileResult> groups, float roulette, bool bouncesFindSky, Others others)
+    : scene_(scene),
+      camera_(camera),
+      settings_(settings),
+      plain_(*scene.plain),
+      x0_(x0),
+      y0_(y0),
+      groups_(groups),
+      roulette_(roulette),
+      bouncesFindSky_(bouncesFindSky),
+      callsOfLights_(scene.emitters ? 2 : 0),
+      others_(std::move(others)),
+      matte_(kHitColumns),
+      glossy_(kHitColumns),
+      asked_(kAskedColumns),
+      blocked_(kAskedColumns) {
+    swapQueues(now_, next_);
+}
+Wavefront::~Wavefront() {
+    now_.clear(), next_.clear();
+    swapQueues(now_, next_);
+}
+
+void Wavefront::run() {
+    for (std::size_t group = 0; group < groups_.size(); ++group) {
+        const TileResult& asked = groups_[group];
+        const int end = std::min(asked.lastSample, settings_.samplesPerPixel);
+        for (int block = 0; block < kTilePixels / 16; ++block) {
+            if (!(asked.blocks >> block & 1u)) continue;
+            for (int sample = asked.firstSample; sample < end; ++sample) {
+                start(group, block, sample);
+                if (now_.size() >= kTogether) drain();
+            }
+        }
+    }
+    drain();
+}
+
+/// Queues the rays of a block's pixels.
+void Wavefront::start(std::size_t group, int block, int sample) {
+    RayPacket16 rays;
+    std::uint16_t pixels[16];
+    const std::uint64_t seed = groups_[group].seed;
+    const std::uint32_t active = primaryRays(scene_, camera_, settings_, seed, x0_, y0_, block, sample, rays, pixels);
+    if (!active) return;
+    groups_[0].primaryRays += static_cast<std::uint64_t>(std::popcount(active));
+    int x[16], y[16];
+    std::uint64_t states[16];
+    alignas(32) std::uint32_t pixel[16], index[16], calls[16];
+    for (int lane = 0; lane < 16; ++lane) {
+        x[lane] = x0_ + pixels[lane] % kTileSide, y[lane] = y0_ + pixels[lane] / kTileSide;
+        pixel[lane] = pixels[lane] + static_cast<std::uint32_t>(group) * kTilePixels;
+    }
+    randomOfPicture(seed, x, y, sample, settings_.samplesPerPixel, states);
+    for (int lane = 0; lane < 16; ++lane) {
+        const PathRandom random(states[lane]);
+        index[lane] = random.index(), calls[lane] = random.sequenceAndCalls();
+    }
+    now_.reserve(16);
+    const auto read = [](const std::uint32_t* from) {
+        U8 r;
+        std::memcpy(&r, from, sizeof r);
+        return r;
+    };
+    for (int at = 0; at < 16; at += 8) {
+        const auto rows = now_.add(active >> at & 0xFFu);
+        rows.put(kOrigin, V8{load(rays.originX + at), load(rays.originY + at), load(rays.originZ + at)});
+        rows.put(kDirection, V8{load(rays.directionX + at), load(rays.directionY + at), load(rays.directionZ + at)});
+        rows.put(kWeight, V8{all(1), all(1), all(1)});
+        rows.put(kFirst, all(roulette_));
+        for (const std::size_t none : {kOdds, kFate, kTravelled, kDensity, kOther}) rows.put(none, F8{});
+        rows.put(kNormal, V8{});
+        rows.put(kPixel, asFloats(read(pixel + at)));
+        rows.put(kIndex, asFloats(reverseBits(read(index + at))));
+        rows.put(kCalls, asFloats(read(calls + at)));
+    }
+}
+
+/// Follows all paths to their ends.
+void Wavefront::drain() {
+    for (;;) {
+        while (!now_.empty()) traceAll();
+        if (matte_.empty() && glossy_.empty()) break;
+        while (!matte_.empty()) shadeMatte();
+        while (!glossy_.empty()) shadeGlossy();
+        std::swap(now_, next_), nowOther_.swap(nextOther_);
+    }
+    while (!asked_.empty()) askWhetherFree();
+    while (!blocked_.empty()) askWhatIsFirst();
+    primary_ = true;
+}
+
+/// A generation; the next one becomes the current one.
+void Wavefront::traceAll() {
+    for (std::size_t row = 0; row < now_.size(); row += 16) {
+        trace(row, firstLanes(now_.size() - row));
+        while (matte_.size() >= 8) shadeMatte();
+        while (glossy_.size() >= 8) shadeGlossy();
+    }
+    if (!primary_) groups_[0].secondaryRays += now_.size();
+    primary_ = false;
+    now_.clear(), nowOther_.clear();
+    std::swap(now_, next_), nowOther_.swap(nextOther_);
+}
+
+namespace {
+
+/// Sixteen rays from a queue's columns.
+void read(const LaneQueue& from, std::size_t row, std::uint32_t lanes, float tMin, float tMax, RayPacket16& rays) {
+    float* const to[] = {rays.originX, rays.originY, rays.originZ, rays.directionX, rays.directionY, rays.directionZ};
+    for (std::size_t c = 0; c < 6; ++c) std::memcpy(to[c], from.at(kOrigin + c, row), 16 * sizeof(float));
+    for (int at = 0; at < 16; at += 8) {
+        store(rays.tMin + at, all(tMin)), store(rays.tMax + at, all(tMax));
+        const I8 active = lanesFrom(lanes, at);
+        std::memcpy(rays.active + at, &active, sizeof active);
+    }
+}
+
+}  // namespace
+
+/// What must be done elsewhere whatever these sixteen rays meet.
+std::uint32_t Wavefront::laneOfOthers(std::size_t row) const {
+    std::uint32_t result = 0;
+    for (std::size_t at = 0; at < 16; at += 8) {
+        const I8 calls = bits(now_.load(kCalls, row + at)) & ((1 << kCallBits) - 1),
+                 depth = bits(now_.load(kPixel, row + at)) >> 16;
+        result |= laneBits((bits(now_.load(kOther, row + at)) != 0) | (calls > static_cast<std::int32_t>(kMostCalls)) |
+                           (depth >= static_cast<std::int32_t>(kMostDepth)))
+                  << at;
+    }
+    return result;
+}
+
+void Wavefront::trace(std::size_t row, std::uint32_t lanes) {
+    RayPacket16 rays;
+    constexpr float kFar = std::numeric_limits<float>::infinity();
+    read(now_, row, lanes, primary_ ? 0 : kLeave, primary_ ? static_cast<float>(camera_.visibilityLimit) : kFar, rays);
+    const std::uint32_t hits = scene_.world->intersect(rays, primary_);
+    if (lanes != hits) miss(rays, row, lanes & ~hits);
+    if (!hits) return;
+    PacketHits16 met;
+    const bool one = scene_.world->hits(rays, hits, met);
+    std::uint32_t matte = 0, glossy = 0, shines = 0, solid = 0, back = 0;
+    for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const std::uint8_t kind = plain_.kindOf(met.instance[lane]);
+        const std::uint32_t bit = one ? hits : 1u << lane;
+        if (kind & PlainSurfaces::matte) matte |= bit;
+        if (kind & PlainSurfaces::glossy) glossy |= bit;
+        if (kind & PlainSurfaces::kShines) shines |= bit;
+        if (kind & PlainSurfaces::kSolid) solid |= bit;
+        if (one) break;
+    }
+    for (int at = 0; at < 16; at += 8) {
+        const V8 d{load(rays.directionX + at), load(rays.directionY + at), load(rays.directionZ + at)},
+            n{load(met.normalX + at), load(met.normalY + at), load(met.normalZ + at)};
+        back |= laneBits(dot(d, n) > 0.0f) << at;
+    }
+    // The back of a solid is not there.
+    const std::uint32_t plain = (matte | glossy) & ~(solid & back) & ~laneOfOthers(row);
+    if (shines & plain) shine(rays, met, row, shines & plain);
+    if (primary_)
+        for (std::uint32_t rest = plain; rest; rest &= rest - 1)
+            sumOf(now_.bits(kPixel, row + static_cast<std::size_t>(std::countr_zero(rest)))).a += 1;
+    if (matte & plain) keep(matte_, now_, row, rays, met, matte & plain);
+    if (glossy & plain) keep(glossy_, now_, row, rays, met, glossy & plain);
+    if (hits & ~plain) handOver(rays, row, hits & ~plain);
+}
+
+void Wavefront::miss(const RayPacket16& rays, std::size_t row, std::uint32_t lanes) {
+    if (scene_.evenSky) {
+        const Vec4f& sky = scene_.skyLinear;
+        if (Vec3f(sky) == Vec3f(0) && !primary_) return;
+        for (std::size_t at = 0; at < 16; at += 8) {
+            if (!(lanes >> at & 0xFFu)) continue;
+            const V8 weight = now_.loadV(kWeight, row + at);
+            alignas(32) std::uint32_t pixels[8];
+            std::memcpy(pixels, now_.at(kPixel, row + at), sizeof pixels);
+            add({weight.x * sky.r, weight.y * sky.g, weight.z * sky.b}, all(primary_ ? sky.a : 0), pixels,
+                lanes >> at & 0xFFu);
+        }
+        return;
+    }
+    for (; lanes; lanes &= lanes - 1) {
+        const int lane = std::countr_zero(lanes);
+        const std::size_t at = row + static_cast<std::size_t>(lane);
+        const Vec4f sky = scene_.skyColor({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, true);
+        sumOf(now_.bits(kPixel, at)) += Vec4f(now_.vector(kWeight, at) * Vec3f(sky), primary_ ? sky.a : 0);
+    }
+}
+
+/// Adds what is sent out there, of which only the share counts that no chosen direction brings.
+void Wavefront::shine(const RayPacket16& rays, const PacketHits16& hits, std::size_t row, std::uint32_t lanes) {
+    for (; lanes; lanes &= lanes - 1) {
+        const int lane = std::countr_zero(lanes);
+        const std::size_t at = row + static_cast<std::size_t>(lane);
+        Vec3f light = plain_.emissive(hits.instance[lane]);
+        const float density = now_.number(kDensity, at);
+        if (scene_.emitters && density > 0)
+            light *= powerHeuristic(
+                density, emitterDensity(scene_, hits.instance[lane], hits.triangle[lane], now_.vector(kOrigin, at),
+                                        now_.vector(kDirection, at), rays.tMax[lane], now_.vector(kNormal, at)));
+        sumOf(now_.bits(kPixel, at)) += Vec4f(now_.vector(kWeight, at) * light, 0);
+    }
+}
+
+void Wavefront::keep(LaneQueue& to, const LaneQueue& from, std::size_t row, const RayPacket16& rays,
+                     const PacketHits16& hits, std::uint32_t lanes) {
+    to.reserve(16);
+    const auto bitsAt = [](const std::uint32_t* numbers) {
+        F8 r;
+        std::memcpy(&r, numbers, sizeof r);
+        return r;
+    };
+    for (std::size_t at = 0; at < 16; at += 8) {
+        const std::uint32_t some = lanes >> at & 0xFFu;
+        if (!some) continue;
+        const auto rows = to.add(some);
+        rows.put(kInstance, bitsAt(hits.instance + at)), rows.put(kTriangle, bitsAt(hits.triangle + at));
+        rows.put(kDistance, load(rays.tMax + at));
+        for (std::size_t c = kDirection; c <= kCalls; ++c) rows.put(c, from.load(c, row + at));
+        rows.put(kU, load(hits.u + at)), rows.put(kV, load(hits.v + at));
+        rows.put(kOutside, V8{load(hits.normalX + at), load(hits.normalY + at), load(hits.normalZ + at)});
+    }
+}
+
+/// What path.cpp does about lanes that are not plain; what it leads to comes back as rays.
+void Wavefront::handOver(RayPacket16& rays, std::size_t row, std::uint32_t lanes) {
+    PathTask tasks[16];
+    for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const std::size_t at = row + static_cast<std::size_t>(lane);
+        PathTask& task = tasks[lane];
+        if (const std::uint32_t other = now_.bits(kOther, at)) task = nowOther_[other - 1];
+        task.origin = now_.vector(kOrigin, at), task.direction = now_.vector(kDirection, at);
+        task.weight = now_.vector(kWeight, at), task.normal = now_.vector(kNormal, at);
+        task.first = now_.number(kFirst, at), task.odds = now_.number(kOdds, at), task.fate = now_.number(kFate, at);
+        task.travelled = now_.number(kTravelled, at), task.density = now_.number(kDensity, at);
+        const std::uint32_t pixel = now_.bits(kPixel, at);
+        task.pixel = static_cast<std::uint16_t>(pixel), task.depth = static_cast<std::uint16_t>(pixel >> 16);
+        task.random = PathRandom::ofParts(now_.bits(kCalls, at), reverseBits(now_.bits(kIndex, at))).state();
+    }
+    others_(rays, lanes, tasks, onward_);
+    for (const PathTask& task : onward_) push(task);
+    onward_.clear();
+}
+
+void Wavefront::push(const PathTask& task) {
+    next_.reserve(1);
+    const std::size_t at = next_.addOne();
+    next_.set(kOrigin, at, task.origin), next_.set(kDirection, at, task.direction);
+    next_.set(kWeight, at, task.weight), next_.set(kNormal, at, task.normal);
+    next_.set(kFirst, at, task.first), next_.set(kOdds, at, task.odds), next_.set(kFate, at, task.fate);
+    next_.set(kTravelled, at, task.travelled), next_.set(kDensity, at, task.density);
+    next_.set(kPixel, at, std::uint32_t{task.pixel} | std::uint32_t{task.depth} << 16);
+    const PathRandom random(task.random);
+    next_.set(kIndex, at, reverseBits(random.index())), next_.set(kCalls, at, random.sequenceAndCalls());
+    std::uint32_t other = 0;
+    if (task.passes > 0 || task.line > 0 || task.absorption != Vec3f(0)) {
+        nextOther_.push_back(task);
+        other = static_cast<std::uint32_t>(nextOther_.size());
+    }
+    next_.set(kOther, at, other);
+}
+
+// ---- surfaces -------------------------------------------------------------------------------------------------------
+
+/// The last ones of a queue, which are taken from it.
+struct Wavefront::Hits {
+    std::uint32_t count, lanes;
+    PlainSurfaces::Hits met;
+    V8 weight;
+    F8 distance, first, odds, fate, travelled, index;
+    alignas(32) std::uint32_t pixel[8], calls[8];
+    Numbers numbers;
+
+    explicit Hits(LaneQueue& from) {
+        count = static_cast<std::uint32_t>(std::min<std::size_t>(from.size(), 8));
+        lanes = firstLanes(count);
+        const std::size_t row = from.size() - count;
+        std::memcpy(met.instance, from.at(kInstance, row), sizeof met.instance);
+        std::memcpy(met.triangle, from.at(kTriangle, row), sizeof met.triangle);
+        // What is left over looks at what is there.
+        for (std::uint32_t lane = count; lane < 8; ++lane)
+            met.instance[lane] = met.instance[0], met.triangle[lane] = met.triangle[0];
+        met.u = from.load(kU, row), met.v = from.load(kV, row);
+        met.outside = from.loadV(kOutside, row), met.direction = from.loadV(kDirection, row);
+        weight = from.loadV(kWeight, row);
+        distance = from.load(kDistance, row), first = from.load(kFirst, row), odds = from.load(kOdds, row);
+        fate = from.load(kFate, row), travelled = from.load(kTravelled, row), index = from.load(kIndex, row);
+        std::memcpy(pixel, from.at(kPixel, row), sizeof pixel), std::memcpy(calls, from.at(kCalls, row), sizeof calls);
+        numbers = Numbers(calls, unsignedBits(index), count);
+        from.drop(count);
+    }
+    Hits(const Hits&) = delete;
+    Hits& operator=(const Hits&) = delete;
+};
+
+void Wavefront::shadeMatte() {
+    const Hits hits(matte_);
+    PlainSurfaces::Surfaces s;
+    plain_.fetch(hits.met, s);
+    if (scene_.emitters)
+        lookForLight(hits, s, [&](const V8& direction, F8 density) {
+            return s.base * shownMatte(direction, density, s.normal, s.facing);
+        });
+    F8 u, v;
+    hits.numbers.pair(callsOfLights_ + 2, u, v);
+    follow(hits, s, scatterMatte(s.base, s.normal, u, v));
+}
+
+void Wavefront::shadeGlossy() {
+    const Hits hits(glossy_);
+    PlainSurfaces::Surfaces s;
+    plain_.fetch(hits.met, s);
+    const V8 back{-hits.met.direction.x, -hits.met.direction.y, -hits.met.direction.z};
+    const Frame8 frame(s.normal, s.facing, back);
+    const Bsdf8 own = plain_.bsdf(hits.met, s, back, frame.view.z);
+    if (scene_.emitters)
+        lookForLight(hits, s, [&](const V8& direction, F8 density) {
+            return select(own.sends(), shownGlossy(direction, density, own, frame), V8{});
+        });
+    F8 u, v;
+    hits.numbers.pair(callsOfLights_ + 2, u, v);
+    follow(hits, s, scatterGlossy(own, frame, hits.numbers.one(callsOfLights_ + 1), u, v));
+}
+
+/// Chooses an emitter and a place on it for each, and queues a ray to there with what it would show. `shown`: of a
+/// radiance of 1 from a direction, which is looked at with a density.
+template <class Shown>
+void Wavefront::lookForLight(const Hits& hits, const PlainSurfaces::Surfaces& s, const Shown& shown) {
+    const Emitters& emitters = *scene_.emitters;
+    F8 u, v;
+    hits.numbers.pair(1, u, v);
+    const LightTree::Choices choices = emitters.sample(s.exact, s.normal, hits.numbers.one(0), hits.lanes);
+    std::uint32_t chosen = 0;
+    alignas(32) std::uint32_t number[8];
+    for (int lane = 0; lane < 8; ++lane) {
+        const bool any = choices.thing[lane] != Emitters::kNone;
+        chosen |= static_cast<std::uint32_t>(any) << lane;
+        number[lane] = any ? choices.thing[lane] : 0;
+    }
+    if (!chosen) return;
+    const Emitters::Eight e = emitters.eight(number);
+    const F8 side = simd::sqrt(u);
+    const V8 place = e.corner + e.ab * (1 - side) + e.ac * (v * side);
+    const V8 start = s.leave(place - s.exact), way = place - start;
+    const F8 squared = dot(way, way), distance = simd::sqrt(squared);
+    const V8 direction = way * (1 / max(distance, all(1e-30f)));
+    const F8 cosine = -dot(e.normal, direction);
+    const F8 density = load(choices.probability) / e.area * squared / absolute(cosine);
+    const V8 arriving = select(cosine < 0.0f, e.behind, e.front) * (1 / density);
+    const V8 light = hits.weight * arriving * shown(direction, density);
+    const I8 good = lanesFrom(chosen, 0) & (distance > 1e-12f) & (dot(direction, s.facing) > 0.0f) &
+                    (dot(direction, s.normal) > 0.0f) & ((cosine > 0.0f) | e.bothSides) & (density > 0.0f) &
+                    (density <= std::numeric_limits<float>::max()) & (largest(light) > 0.0f);
+    const std::uint32_t lanes = laneBits(good);
+    if (!lanes) return;
+    groups_[0].shadowRays += static_cast<std::uint64_t>(std::popcount(lanes));
+    asked_.reserve(8);
+    const auto rows = asked_.add(lanes);
+    rows.put(kOrigin, start), rows.put(kDirection, way), rows.put(kLight, light);
+    const auto bitsAt = [](const std::uint32_t* numbers) {
+        F8 r;
+        std::memcpy(&r, numbers, sizeof r);
+        return r;
+    };
+    rows.put(kAskedPixel, bitsAt(hits.pixel)), rows.put(kEmitter, bitsAt(number));
+    if (asked_.size() >= 16) askWhetherFree();
+}
+
+/// Roulette, and the rays of those that are left.
+void Wavefront::follow(const Hits& hits, const PlainSurfaces::Surfaces& s, const Scattered8& on) {
+    V8 after = hits.weight * on.share;
+    Roulette8 roulette{hits.first, hits.odds, hits.fate};
+    U8 pixel;
+    std::memcpy(&pixel, hits.pixel, sizeof pixel);
+    if (bouncesFindSky_) {
+        const I8 fresh = (pixel >> 16) == 0u;
+        roulette.first = select(fresh, largest(after) * roulette_, roulette.first);
+    }
+    const bool draws = (laneBits(hits.odds <= Roulette8::kRedraw) & hits.lanes) != 0;
+    const I8 alive = roulette.survive(after, draws ? hits.numbers.one(callsOfLights_ + 3) : F8{});
+    const std::uint32_t lanes = laneBits(alive) & hits.lanes;
+    if (!lanes) return;
+    const V8 out = aboveSurface(on.out, s.facing);
+    next_.reserve(8);
+    const auto rows = next_.add(lanes);
+    rows.put(kOrigin, s.leave(out)), rows.put(kDirection, out), rows.put(kWeight, after);
+    rows.put(kFirst, roulette.first), rows.put(kOdds, roulette.odds), rows.put(kFate, roulette.fate);
+    rows.put(kTravelled, hits.travelled + hits.distance);
+    rows.put(kPixel, asFloats(pixel + (1u << 16))), rows.put(kIndex, hits.index);
+    U8 calls;
+    std::memcpy(&calls, hits.calls, sizeof calls);
+    rows.put(kCalls, asFloats(calls + (callsOfLights_ + 4)));
+    rows.put(kNormal, s.normal), rows.put(kDensity, on.density), rows.put(kOther, F8{});
+}
+
+// ---- rays towards emitters ------------------------------------------------------------------------------------------
+
+/// Adds what the last ones of asked_ show, where nothing at all is in the way; the others go on to blocked_.
+void Wavefront::askWhetherFree() {
+    const std::size_t count = std::min<std::size_t>(asked_.size(), 16), row = asked_.size() - count;
+    const std::uint32_t lanes = firstLanes(count);
+    RayPacket16 rays;
+    read(asked_, row, lanes, kLeave, kBefore, rays);
+    const std::uint32_t blocked = scene_.world->occluded(rays, false, RayKind::view) & lanes, free = lanes & ~blocked;
+    for (std::size_t at = 0; at < 16; at += 8) {
+        if (!(free >> at & 0xFFu)) continue;
+        alignas(32) std::uint32_t pixels[8];
+        std::memcpy(pixels, asked_.at(kAskedPixel, row + at), sizeof pixels);
+        add(asked_.loadV(kLight, row + at), F8{}, pixels, free >> at & 0xFFu);
+    }
+    blocked_.reserve(16);
+    for (std::size_t at = 0; at < 16; at += 8) {
+        if (!(blocked >> at & 0xFFu)) continue;
+        const auto rows = blocked_.add(blocked >> at & 0xFFu);
+        for (std::size_t c = 0; c < kAskedColumns; ++c) rows.put(c, asked_.load(c, row + at));
+    }
+    asked_.drop(count);
+    while (blocked_.size() >= 16) askWhatIsFirst();
+}
+
+/// Something is in the way of these: what, and does it let light through?
+void Wavefront::askWhatIsFirst() {
+    const std::size_t count = std::min<std::size_t>(blocked_.size(), 16), row = blocked_.size() - count;
+    RayPacket16 rays;
+    read(blocked_, row, firstLanes(count), kLeave, kReach, rays);
+    for (std::uint32_t hits = scene_.world->intersect(rays); hits; hits &= hits - 1) {
+        const int lane = std::countr_zero(hits);
+        const std::size_t at = row + static_cast<std::size_t>(lane);
+        const Emitters::Emitter& target = (*scene_.emitters)[blocked_.bits(kEmitter, at)];
+        Vec3f left(1);
+        if (reachesEmitter(scene_, target, blocked_.vector(kOrigin, at) + blocked_.vector(kDirection, at),
+                           rays.ray(lane), scene_.world->hit(rays, lane), left))
+            sumOf(blocked_.bits(kAskedPixel, at)) += Vec4f(left * blocked_.vector(kLight, at), 0);
+    }
+    blocked_.drop(count);
+}
+
+void Wavefront::add(const V8& light, F8 alpha, const std::uint32_t* pixels, std::uint32_t lanes) {
+    float* places[8];
+    for (int lane = 0; lane < 8; ++lane) places[lane] = lanes >> lane & 1u ? &sumOf(pixels[lane]).x : nullptr;
+    addTo(places, lanes, {light.x, light.y, light.z, alpha});
+}
+
+}  // namespace rtsg::trace
