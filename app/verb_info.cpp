@@ -103,11 +103,12 @@ int describeLog(const InfoArguments& options) {
     if (options.json) {
         fmt::print(
             "{{\"frames\":{},\"keyframes\":{},\"inputs\":{},\"sessions\":{},\"first_state\":{},\"last_state\":{},"
-            "\"t\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"closed\":{},\"mode\":{},"
+            "\"t\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"closed\":{},\"being_"
+            "written\":{},\"mode\":{},"
             "\"coding\":{},\"creator\":{},\"nodes\":{},\"types\":{}}}\n",
             log->frames, log->keyframes, log->inputs, log->sessions, log->firstState, log->lastState, log->start,
-            duration, log->bytes, log->damaged, log->damagedBytes, log->closed, jsonString(log->mode),
-            jsonString(log->coding), jsonString(log->creator), log->nodes, asJson(log->types));
+            duration, log->bytes, log->damaged, log->damagedBytes, log->closed, log->beingWritten,
+            jsonString(log->mode), jsonString(log->coding), jsonString(log->creator), log->nodes, asJson(log->types));
     } else {
         fmt::print(
             "{}\n  frames     {}, states {} to {}\n  keyframes  {}\n  inputs     {}\n  sessions   {}\n"
@@ -115,8 +116,10 @@ int describeLog(const InfoArguments& options) {
             "  mode       {}, coding {}, written by {}\n  nodes      {} in the last state\n",
             terminalText(options.file), log->frames, log->firstState, log->lastState, log->keyframes, log->inputs,
             log->sessions, log->start, log->end, duration, log->bytes, log->damaged, log->damagedBytes,
-            log->closed ? "" : "; it was not closed in order", terminalText(log->mode), terminalText(log->coding),
-            terminalText(log->creator), log->nodes);
+            log->beingWritten ? "; it is still being written"
+            : log->closed     ? ""
+                              : "; it was not closed in order",
+            terminalText(log->mode), terminalText(log->coding), terminalText(log->creator), log->nodes);
         printCounts(log->types);
         tellOfEarlierPieces(options.file);
     }

@@ -120,7 +120,10 @@ class Check {
     void expectClosed() {
         if (replayer_.log().closed()) return;
         const std::uint64_t last = replayer_.scene().sequence();
-        note(last + 1, fmt::format("the log was not closed: nothing tells what came after state {}", last));
+        if (replayer_.log().beingWritten())
+            note(last + 1, fmt::format("the log is still being written: states after {} are yet to come", last));
+        else
+            note(last + 1, fmt::format("the log was not closed: nothing tells what came after state {}", last));
     }
     const std::optional<Divergence>& first() const { return first_; }
 
@@ -253,6 +256,14 @@ class Replaying {
         return version == kFormatVersion ? std::string()
                                          : fmt::format("; recorded in format {}, whose hashes were compared", version);
     }
+    /// Seconds from the session's start to the log's, if it is a later piece of a rotated one.
+    double before() const {
+        const std::optional<double> began = replayer_.head().start;
+        return began ? std::max(0.0, std::round((start_ - *began) * 1e6) / 1e6) : 0;
+    }
+    std::string piece() const {
+        return before() > 0 ? fmt::format("; a piece that begins {} s into its session", before()) : std::string();
+    }
     std::string leftOut() const {
         const std::uint64_t changes = replayer_.losses().changes;
         return changes ? fmt::format("; {} changes of fields that this program does not have left out", changes)
@@ -263,15 +274,16 @@ class Replaying {
         const LogReader& log = replayer_.log();
         const std::string hash = replayer_.scene().hash().hex();
         if (!options_.json)
-            fmt::print("{} frames to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}\n",
+            fmt::print("{} frames to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}{}\n",
                        replayer_.frames(), time(), replayer_.verified(), replayer_.gaps(), log.damage().size(), hash,
-                       format(), leftOut());
+                       piece(), format(), leftOut());
         else
             fmt::print(
-                "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"hash\":\"{}\",\"gaps\":{},"
-                "\"damaged\":{},\"bytes\":{},\"closed\":{},\"format\":{},\"left_out\":{}{}}}\n",
-                replayer_.frames(), replayer_.verified(), toJson(first()), time(), hash, replayer_.gaps(),
-                log.damage().size(), log.size(), log.closed(), replayer_.head().formatVersion,
+                "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"before_s\":{},\"hash\":\"{}\","
+                "\"gaps\":{},\"damaged\":{},\"bytes\":{},\"closed\":{},\"being_written\":{},\"format\":{},\"left_out\":"
+                "{}{}}}\n",
+                replayer_.frames(), replayer_.verified(), toJson(first()), time(), before(), hash, replayer_.gaps(),
+                log.damage().size(), log.size(), log.closed(), log.beingWritten(), replayer_.head().formatVersion,
                 replayer_.losses().changes, made_);
         if (first()) printError(first()->format());
     }

@@ -11,7 +11,6 @@
 #include <boost/beast/websocket/rfc6455.hpp>
 
 #include "browser.h"
-#include "pages.h"
 #include "visit.h"
 
 namespace rtsg::web {
@@ -23,6 +22,7 @@ constexpr auto kGatewayFarewell = std::chrono::milliseconds(500);
 constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor to give
 constexpr std::size_t kMostNews = 100;
 constexpr std::size_t kMostWishes = 64;  // files that wait for the scene
+constexpr std::size_t kWorthPacking = 1 << 10;
 
 /// Takes as long for the first wrong letter as for the last.
 bool sameToken(const std::string& given, const std::string& wanted) {
@@ -194,6 +194,16 @@ void Gateway::answer(std::uint64_t wish, std::string bytes, std::string type) {
         const std::shared_ptr<Visit> visit = found ? found.mapped().lock() : nullptr;
         if (visit) visit->show(std::move(bytes), type);
     });
+}
+
+std::string Gateway::packedPage(const PageFile& file, const std::string& text) {
+    if (settings_.loopback || text.size() < kWorthPacking || !isWorthPacking(file)) return {};
+    auto& [tag, bytes] = packed_[file.path];
+    if (tag != file.tag) {
+        bytes = packed(text);
+        tag = file.tag;
+    }
+    return bytes;
 }
 
 bool Gateway::knowsHost(const Request& request) const {

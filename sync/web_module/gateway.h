@@ -20,6 +20,7 @@
 #include <zmq.h>
 
 #include "mirror/web_module.h"
+#include "pages.h"
 
 namespace rtsg::web {
 
@@ -65,6 +66,8 @@ class Gateway : public WebModule {
     void visited(int change) { visits_ += change; }
     /// `visit` is answered by the scene's thread; false when too many wait.
     bool wish(FileWish wish, std::weak_ptr<Visit> visit);
+    /// The file as gzip, packed once for all who ask; empty where that is not worth it: on loopback, or small.
+    std::string packedPage(const PageFile& file, const std::string& text);
 
     std::atomic<std::uint64_t> requests{0}, refused{0};
 
@@ -94,6 +97,7 @@ class Gateway : public WebModule {
     std::vector<FileWish> wishes_;
     std::map<std::uint64_t, std::weak_ptr<Visit>> wishing_;  // the thread's own
     std::uint64_t wishNumber_ = 0;
+    std::map<std::string, std::pair<std::string, std::string>> packed_;  // by path: tag, and bytes
     std::unique_ptr<net::ssl::context> tls_;
     net::io_context io_{1};
     Tcp::acceptor acceptor_{io_};

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include <sys/stat.h>
+#include <zlib.h>
 
 namespace rtsg::web {
 
@@ -72,6 +73,25 @@ std::optional<std::string> readPage(const PageFile& file) {
     std::string text{std::istreambuf_iterator<char>(in), {}};
     if (in.bad()) return std::nullopt;
     return text;
+}
+
+bool isWorthPacking(const PageFile& file) {
+    return file.type.starts_with("text/") || file.type == "application/wasm" || file.type == "application/json";
+}
+
+std::string packed(const std::string& text) {
+    constexpr int kLevel = 6, kGzip = 15 + 16, kMemory = 8;
+    z_stream stream{};
+    if (deflateInit2(&stream, kLevel, Z_DEFLATED, kGzip, kMemory, Z_DEFAULT_STRATEGY) != Z_OK) return {};
+    std::string result(deflateBound(&stream, static_cast<uLong>(text.size())), '\0');
+    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(text.data()));
+    stream.avail_in = static_cast<uInt>(text.size());
+    stream.next_out = reinterpret_cast<Bytef*>(result.data());
+    stream.avail_out = static_cast<uInt>(result.size());
+    const bool whole = deflate(&stream, Z_FINISH) == Z_STREAM_END;
+    result.resize(whole ? stream.total_out : 0);
+    deflateEnd(&stream);
+    return result;
 }
 
 }  // namespace rtsg::web

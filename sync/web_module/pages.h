@@ -19,5 +19,9 @@ struct PageFile {
 /// `target`: of the request, as it came, without what follows '?'. Nothing for what is not served or not there.
 std::optional<PageFile> findPage(const std::string& folder, std::string_view target);
 std::optional<std::string> readPage(const PageFile& file);
+/// Text worth packing on its way; pictures and fonts are packed as they are.
+bool isWorthPacking(const PageFile& file);
+/// As gzip (RFC 1952); empty if that cannot be done.
+std::string packed(const std::string& text);
 
 }  // namespace rtsg::web

@@ -16,6 +16,7 @@ namespace rtsg::web {
 namespace {
 
 constexpr std::size_t kLongestHead = 8 << 10, kLongestBody = 1 << 10;
+constexpr std::size_t kSlowestReader = 4 << 10;  // bytes a second
 constexpr std::pair<std::string_view, FileWish::Kind> kNamed[] = {{"/picture/", FileWish::Kind::picture},
                                                                   {"/sound/", FileWish::Kind::sound}};
 
@@ -53,13 +54,24 @@ std::string policyWith(const std::string& nonce) {
            "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 }
 
-Response page(const Request& request, const std::string& folder) {
-    const std::string target = textOf(request.target());
-    const auto file = findPage(folder, std::string_view(target).substr(0, target.find('?')));
+bool takesGzip(const Request& request) {
+    const std::string coding = textOf(request[http::field::accept_encoding]);
+    const std::size_t at = coding.find("gzip");
+    return at != std::string::npos && coding.compare(at + 4, 4, ";q=0") != 0;
+}
+
+/// Of the same file as gzip, which is another representation.
+std::string tagOfPacked(const std::string& tag) {
+    return tag.substr(0, tag.size() - 1) + "-gzip\"";
+}
+
+Response page(const Request& request, Gateway& gateway) {
+    const std::string target = textOf(request.target()), known = textOf(request[http::field::if_none_match]);
+    const auto file = findPage(gateway.settings().folder, std::string_view(target).substr(0, target.find('?')));
     if (!file) return refused(request, http::status::not_found, "There is no such file.");
-    if (textOf(request[http::field::if_none_match]) == file->tag) {
+    if (known == file->tag || known == tagOfPacked(file->tag)) {
         Response same(http::status::not_modified, request.version());
-        same.set(http::field::etag, file->tag);
+        same.set(http::field::etag, known);
         return same;
     }
     auto text = readPage(*file);
@@ -75,6 +87,12 @@ Response page(const Request& request, const std::string& folder) {
     } else {
         response.set(http::field::cache_control, "no-cache");
         response.set(http::field::etag, file->tag);
+        if (std::string bytes = takesGzip(request) ? gateway.packedPage(*file, *text) : ""; !bytes.empty()) {
+            *text = std::move(bytes);
+            response.set(http::field::content_encoding, "gzip");
+            response.set(http::field::etag, tagOfPacked(file->tag));
+        }
+        response.set(http::field::vary, "Accept-Encoding");
     }
     if (file->type.starts_with("text/html")) response.set("Content-Security-Policy", policyWith(nonce));
     response.body() = std::move(*text);
@@ -168,7 +186,7 @@ void Visit::answer(Request request) {
         waiting_.async_wait([self = shared_from_this()](beast::error_code) {});
         return;
     }
-    Response response = page(request, gateway_.settings().folder);
+    Response response = page(request, gateway_);
     response.keep_alive(request.keep_alive());
     response.prepare_payload();
     if (request.method() == http::verb::head) response.body().clear();  // the length stays that of the file
@@ -181,6 +199,9 @@ void Visit::say(Response response) {
     response.set("Cross-Origin-Resource-Policy", "same-origin");
     if (!response.has_content_length()) response.prepare_payload();
     response_ = std::move(response);
+    // Whoever takes it slowly has the time that the slowest links need, and not for ever.
+    stream_.tcp().expires_after(gateway_.settings().requestTimeout +
+                                std::chrono::seconds(response_.body().size() / kSlowestReader));
     http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code error, std::size_t) {
         if (!error && self->response_.keep_alive()) return self->read();
         self->stream_.shutdown([self](beast::error_code) {});

@@ -3,7 +3,10 @@
 
 #include <sstream>
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
+#include <sys/file.h>
+#include <unistd.h>
 #include <nlohmann/json.hpp>
 
 namespace rtsg::test {
@@ -402,6 +405,9 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     // Who opens one of them is told of the others; in another order than they were written in they are no log.
     const Outcome last = rtsg({"replay", log});
     EXPECT_THAT(last.err, HasSubstr("turning.0001.rlog to "));
+    EXPECT_THAT(last.out, HasSubstr("a piece that begins "));
+    EXPECT_GE(json::parse(rtsg({"replay", log, "--json"}).out).at("before_s"), 1.4);
+    EXPECT_EQ(json::parse(rtsg({"replay", folder / "turning.0001.rlog", "--json"}).out).at("before_s"), 0);
     EXPECT_THAT(rtsg({"info", log}).err, HasSubstr("cat "));
     EXPECT_EQ(rtsg({"replay", folder / "turning.0001.rlog"}).err, "");
     const std::string first = readFile(folder / "turning.0001.rlog"), second = readFile(folder / "turning.0002.rlog");
@@ -518,6 +524,29 @@ TEST_F(Replay, ALogThatWasNotClosedDoesNotVerify) {
         EXPECT_FALSE(report.at("first_divergence").is_null());
         EXPECT_EQ(rtsg({"replay", folder / "cut.rlog"}).status, 0) << "only who asks for all of it misses something";
     }
+}
+
+/// Its writer is in the middle of a record: that is no damage, and all that is there is verified.
+TEST_F(Replay, ALogThatIsBeingWrittenIsVerifiedAsFarAsItGoes) {
+    record(log, scene());
+    std::filesystem::resize_file(log, std::filesystem::file_size(log) - 5);
+    const int writer = ::open(log.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+    ASSERT_EQ(::flock(writer, LOCK_EX | LOCK_NB), 0);
+    const Outcome outcome = rtsg({"replay", "--json", log, "--verify"});
+    EXPECT_EQ(outcome.status, 1) << "not all of it is there";
+    EXPECT_THAT(outcome.err, HasSubstr("the log is still being written"));
+    const json report = json::parse(outcome.out);
+    EXPECT_GT(report.at("frames"), 2);
+    EXPECT_EQ(report.at("frames"), report.at("verified"));
+    EXPECT_EQ(report.at("damaged"), 0);
+    EXPECT_EQ(report.at("being_written"), true);
+    EXPECT_EQ(rtsg({"replay", log}).status, 0);
+    const Outcome described = rtsg({"info", log});
+    EXPECT_EQ(described.status, 0) << described.err;
+    EXPECT_THAT(described.out, HasSubstr("it is still being written"));
+    ::close(writer);
+    EXPECT_THAT(rtsg({"replay", log, "--verify"}).err, HasSubstr("truncated"));
+    EXPECT_EQ(rtsg({"info", log}).status, 1);
 }
 
 TEST_F(Replay, KeyframesComeAsOftenAsAsked) {

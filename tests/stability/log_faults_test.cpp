@@ -155,6 +155,40 @@ TEST_F(LogFaults, AnotherWriterIsRefusedAndTheFirstOneGoesOn) {
     EXPECT_EQ(framesIn(file()), 11u);
 }
 
+/// What a writer is in the middle of is neither intact nor damaged; once it is gone, it is.
+TEST_F(LogFaults, TheRecordThatIsBeingWrittenIsNoDamage) {
+    auto log = LogWriter::create(file(), builtinTypes());
+    ASSERT_TRUE(log);
+    runUntilDetached(**log, 20);
+    const auto records = recordsOf(file());
+    const auto begin = static_cast<std::size_t>(records.back().first), end = readAll(file()).size();
+    const std::string last = readAll(file()).substr(begin);
+    const std::uint64_t frames = framesIn(file());
+    const auto cutTo = [&](std::size_t size) { std::filesystem::resize_file(file(), begin + size); };
+    for (const std::size_t size : {std::size_t{1}, std::size_t{63}, std::size_t{64}, last.size() - 1}) {
+        SCOPED_TRACE(size);
+        cutTo(size);
+        EXPECT_EQ(framesIn(file()), frames - 1);
+        auto reader = LogReader::open(file());
+        ASSERT_TRUE(reader);
+        EXPECT_TRUE(reader->beingWritten());
+        // What has come whole by the time that one gets there counts.
+        cutTo(0);
+        std::ofstream(file(), std::ios::app | std::ios::binary) << last << last;
+        std::uint64_t to = 0;
+        while (const auto record = reader->next()) to = record->offset + record->bytes.size();
+        EXPECT_EQ(to, end);
+        EXPECT_TRUE(reader->damage().empty());
+    }
+    cutTo(0);
+    std::ofstream(file(), std::ios::app | std::ios::binary) << "no record" << last;
+    EXPECT_EQ(framesIn(file(), 1), frames);  // damage is damage, whoever writes
+    cutTo(100);
+    (*log)->abandon();
+    EXPECT_EQ(framesIn(file(), 1), frames - 1);
+    EXPECT_FALSE(LogReader::open(file())->beingWritten());
+}
+
 /// A mapped file would end the reader with SIGBUS here.
 TEST_F(LogFaults, ALogThatShrinksWhileItIsReadEndsWithTheDamageReported) {
     {

@@ -85,6 +85,7 @@ Result<LogSummary> summariseLog(const std::filesystem::path& file) {
     summary.bytes = log->size();
     Counter counter(summary);
     while (const std::optional<LogReader::Record> record = log->next()) counter.take(*record);
+    summary.beingWritten = log->beingWritten();
     summary.damaged = log->damage().size();
     for (const LogDamage& damage : log->damage()) summary.damagedBytes += damage.length;
     auto replayer = Replayer::open(file);

@@ -6,6 +6,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -120,19 +121,52 @@ bool LogReader::read(std::uint64_t offset, std::size_t length, ByteBuffer& into)
     return length == 0;
 }
 
+/// Takes in what has come since the file was opened, if that completes a record which ends at `end`; the log ends
+/// there.
+void LogReader::growTo(std::uint64_t end) {
+    struct stat status{};
+    if (end > size_ && ::fstat(descriptor_, &status) == 0 && static_cast<std::uint64_t>(status.st_size) >= end)
+        size_ = end;
+}
+
+/// Writers hold an exclusive lock, which keeps a shared one out.
+bool LogReader::beingWritten() const {
+    if (::flock(descriptor_, LOCK_SH | LOCK_NB) != 0) return errno == EWOULDBLOCK;
+    ::flock(descriptor_, LOCK_UN);
+    return false;
+}
+
+/// The bytes from `offset` to the file's end are the beginning of a record that somebody is writing.
+bool LogReader::waitsForMore(std::uint64_t offset) {
+    ByteBuffer head;
+    read(offset, std::min<std::uint64_t>(size_ - offset, kRecordHeaderSize), head);
+    const std::size_t magic = std::min(head.size(), kRecordMagic.size());
+    if (std::memcmp(head.data(), kRecordMagic.data(), magic) != 0) return false;
+    if (head.size() == kRecordHeaderSize) {
+        const Result<RecordHeader> header = parseRecordHeader(head.bytes(), offset, maxPayload_);
+        if (!header || header->size() <= size_ - offset) return false;
+    }
+    return beingWritten();
+}
+
 /// Makes the window hold the whole record at `offset`, and checks it.
 Result<RecordHeader> LogReader::load(std::uint64_t offset) {
     const auto inWindow = [&](std::uint64_t length) {
         return offset >= windowAt_ && offset + length <= windowAt_ + window_.size();
     };
     const auto view = [&] { return window_.bytes().subspan(offset - windowAt_); };
-    const std::uint64_t left = size_ - std::min(size_, offset);
+    if (size_ - std::min(size_, offset) < kRecordHeaderSize) growTo(offset + kRecordHeaderSize);
+    std::uint64_t left = size_ - std::min(size_, offset);
     if (!inWindow(std::min<std::uint64_t>(left, kRecordHeaderSize))) {
         windowAt_ = offset;
         read(offset, std::min<std::uint64_t>(left, kWindow), window_);
     }
     Result<RecordHeader> header = parseRecordHeader(left ? view() : std::span<const std::byte>(), offset, maxPayload_);
     if (!header) return header;
+    if (header->size() > left) {
+        growTo(offset + header->size());
+        left = size_ - offset;
+    }
     if (header->size() > left)
         return fail(fmt::format("at byte {}: record truncated: {} of {} bytes", offset, left, header->size()));
     if (!inWindow(header->size())) {
@@ -193,7 +227,7 @@ std::optional<LogReader::Record> LogReader::next() {
     }
     if (!problem.empty()) {
         closed_ = false;
-        noteDamage(start, size_, std::move(problem));
+        if (!waitsForMore(start)) noteDamage(start, size_, std::move(problem));
     }
     return std::nullopt;
 }

@@ -47,6 +47,8 @@ Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& sc
     auto opened = Replayer::open(log);
     if (!opened) return std::unexpected(opened.error());
     Replayer& replayer = **opened;
+    // Two that go on with one session would both be it.
+    if (replayer.log().beingWritten()) return fail("another log writer has the file open", {}, log.string());
     // Every state, from the first: numbers of nodes that are gone must not be given again.
     Recent recent(options);
     ResumedSession session;

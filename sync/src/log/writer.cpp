@@ -2,8 +2,10 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <chrono>
 #include <cstring>
 #include <random>
+#include <thread>
 #include <utility>
 
 #include <fcntl.h>
@@ -40,6 +42,16 @@ void syncFolderOf(const std::filesystem::path& file) {
     ::close(descriptor);
 }
 
+/// False if another writer has it. Readers look for that with a lock of their own, for an instant: not given up at
+/// once.
+bool lockForWriting(int descriptor) {
+    for (int tries = 0; ::flock(descriptor, LOCK_EX | LOCK_NB) != 0; ++tries) {
+        if (tries == 10) return false;
+        std::this_thread::sleep_for(std::chrono::milliseconds(2));
+    }
+    return true;
+}
+
 }  // namespace
 
 LogWriter::LogWriter(std::filesystem::path file, TypeTable types, LogOptions options)
@@ -74,7 +86,7 @@ Result<> LogWriter::openFile() {
         // Whoever still writes the old one would go on with a file that nobody finds.
         const int old = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
         if (old < 0) return std::unexpected(failure("cannot write", errno));
-        const bool free = ::flock(old, LOCK_EX | LOCK_NB) == 0;
+        const bool free = lockForWriting(old);
         ::close(old);
         if (!free) return fail("another log writer has the file open", {}, file_.string());
         std::error_code error;
@@ -84,8 +96,7 @@ Result<> LogWriter::openFile() {
     }
     descriptor_ = ::open(fresh.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (descriptor_ < 0) return std::unexpected(failure("cannot write", errno));
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0)
-        return fail("another log writer has the file open", {}, file_.string());
+    if (!lockForWriting(descriptor_)) return fail("another log writer has the file open", {}, file_.string());
     if (there && ::rename(fresh.c_str(), target.c_str()) != 0) {
         const int error = errno;
         ::unlink(fresh.c_str());
@@ -99,8 +110,7 @@ Result<> LogWriter::openAppended() {
     struct stat status{};
     if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) return std::unexpected(failure("cannot write", errno));
     // Before anything of it is touched: two writers would destroy each other's log.
-    if (::flock(descriptor_, LOCK_EX | LOCK_NB) != 0)
-        return fail("another log writer has the file open", {}, file_.string());
+    if (!lockForWriting(descriptor_)) return fail("another log writer has the file open", {}, file_.string());
     if (status.st_size > 0) {
         Result<LogReader> old = LogReader::open(file_);
         if (!old) return std::unexpected(old.error());

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/record.h>

@@ -189,6 +189,22 @@ TEST_F(Sessions, WhatCannotGoOnIsRefused) {
     EXPECT_NE(session.error().text.find("hash"), std::string::npos) << session.error().text;
 }
 
+/// Two that go on with one session would both be it.
+TEST_F(Sessions, WhoseWriterIsStillAtItAreRefused) {
+    kill(20);
+    LogOptions options;
+    options.append = true;
+    auto writer = LogWriter::create(file(), builtinTypes(), options);
+    ASSERT_TRUE(writer);
+    Scene second;
+    const auto session = resumeSession(file(), second);
+    ASSERT_FALSE(session);
+    EXPECT_NE(session.error().text.find("another log writer"), std::string::npos) << session.error().text;
+    EXPECT_EQ(second.sequence(), 0u);
+    (*writer)->abandon();
+    EXPECT_TRUE(resumeSession(file(), second));
+}
+
 TEST_F(Sessions, OfALossyLogAreRefused) {
     LogOptions options;
     options.mode.mode = Mode::lossy;

@@ -9,6 +9,7 @@
 #include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
+#include <zlib.h>
 
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
@@ -117,6 +118,20 @@ struct WebSocketLine : Line {
         return std::pair(static_cast<int>(message[9]), message.substr(4 + first));
     }
 };
+
+std::string unpacked(std::string_view gzip) {
+    z_stream stream{};
+    EXPECT_EQ(inflateInit2(&stream, 15 + 16), Z_OK);
+    std::string text(1 << 20, '\0');
+    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(gzip.data()));
+    stream.avail_in = static_cast<uInt>(gzip.size());
+    stream.next_out = reinterpret_cast<Bytef*>(text.data());
+    stream.avail_out = static_cast<uInt>(text.size());
+    EXPECT_EQ(inflate(&stream, Z_FINISH), Z_STREAM_END);
+    text.resize(stream.total_out);
+    inflateEnd(&stream);
+    return text;
+}
 
 std::string helloOf(std::uint64_t session) {
     std::string text("RTSG\x01\x01\0\0", 8);
@@ -276,6 +291,51 @@ TEST(WebGateway, ARequestThatTakesTooLongEnds) {
     EXPECT_TRUE(picture.ended());  // the scene's thread never came
     EXPECT_EQ(half.heard + silent.heard + picture.heard, "");
     EXPECT_EQ(served.ask("/").status, 200);
+}
+
+// X_ITE has 1.4 MB, which take three minutes at 64 kbit/s.
+TEST(WebGateway, WhoReadsSlowlyGetsAllOfALongFile) {
+    WebGatewayOptions options;
+    options.requestTimeout = 200ms;
+    ServedPage served(options);
+    std::string text;
+    for (int i = 0; text.size() < (std::size_t{24} << 20); ++i) text += std::to_string(i);
+    served.write("src/long.js", text);
+    Line slow(served.port);
+    slow.say("GET /src/long.js HTTP/1.1\r\nHost: " + served.host + "\r\nConnection: close\r\n\r\n");
+    ASSERT_TRUE(slow.hear([&] { return slow.heard.size() > 1000; }));
+    std::this_thread::sleep_for(3 * options.requestTimeout);
+    EXPECT_TRUE(slow.ended());
+    EXPECT_EQ(slow.heard.size() - slow.heard.find("\r\n\r\n") - 4, text.size());
+    EXPECT_TRUE(slow.heard.ends_with(text.substr(text.size() - 1000)));
+}
+
+/// On loopback packing costs time and saves none.
+TEST(WebGateway, TextGoesPackedBeyondThisMachine) {
+    const std::string text(5000, 'x'), packs = "Accept-Encoding: br, gzip\r\n";
+    WebGatewayOptions options;
+    ServedPage here(options);
+    options.listen = "0.0.0.0:0";
+    ServedPage beyond(options);
+    for (ServedPage* served : {&here, &beyond})
+        for (const char* name : {"src/long.js", "page/sign.png"}) served->write(name, text);
+    EXPECT_EQ(here.ask("/src/long.js", "GET", packs).body, text);
+    const Answer packed = beyond.ask("/src/long.js", "GET", packs);
+    EXPECT_NE(packed.head.find("Content-Encoding: gzip\r\n"), std::string::npos) << packed.head;
+    EXPECT_NE(packed.head.find("Vary: Accept-Encoding\r\n"), std::string::npos) << packed.head;
+    EXPECT_LT(packed.body.size(), 500u);
+    EXPECT_EQ(unpacked(packed.body), text);
+    for (const char* takes : {"", "Accept-Encoding: br\r\n", "Accept-Encoding: gzip;q=0\r\n"})
+        EXPECT_EQ(beyond.ask("/src/long.js", "GET", takes).body, text) << takes;
+    EXPECT_EQ(beyond.ask("/page/sign.png", "GET", packs).body, text);
+    const std::size_t at = packed.head.find("ETag: ") + 6;
+    const std::string tag = packed.head.substr(at, packed.head.find("\r\n", at) - at);
+    EXPECT_EQ(beyond.ask("/src/long.js", "GET", packs + "If-None-Match: " + tag + "\r\n").status, 304);
+    EXPECT_EQ(beyond.ask("/src/long.js").head.find(tag), std::string::npos) << "another representation";
+    beyond.write("src/long.js", text + "y");
+    const Answer changed = beyond.ask("/src/long.js", "GET", packs + "If-None-Match: " + tag + "\r\n");
+    EXPECT_EQ(changed.status, 200);
+    EXPECT_NE(changed.body, packed.body);
 }
 
 TEST(WebGateway, ATokenIsAskedForWhereThereIsOne) {

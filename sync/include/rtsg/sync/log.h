@@ -5,8 +5,8 @@
 // returned, and a killed process loses none of those (the page cache outlives it; LogOptions::sync asks for more).
 // What a reader needs is repeated before every keyframe, so damage costs at most the frames up to the next keyframe.
 // A reader keeps every intact record, reports the bytes it had to skip, and rebuilds the index where it is missing.
-// Threading: one thread an object. A log may be read while it is written. Files are read, never mapped: one that
-// shrinks under its reader reads as cut short.
+// Threading: one thread an object. A log may be read while it is written: what its writer is at is no damage. Files are
+// read, never mapped: one that shrinks under its reader reads as cut short.
 
 // Example:
 //     #include <rtsg/core/node_type.h>
@@ -187,11 +187,16 @@ class LogReader {
     /// Whether that record was an index, as a log that was closed in order ends with: if not, its writer was killed or
     /// is still at it, or somebody cut it, and what came after is not known. Of use once next() has returned nothing.
     bool closed() const { return closed_; }
+    /// Whether a writer has the file open. The record that it was in the middle of when next() came there is neither
+    /// intact nor damaged: it is yet to come.
+    bool beingWritten() const;
 
   private:
     LogReader() = default;
     bool read(std::uint64_t offset, std::size_t length, ByteBuffer& into);
     Result<RecordHeader> load(std::uint64_t offset);
+    bool waitsForMore(std::uint64_t offset);
+    void growTo(std::uint64_t end);
     std::uint64_t findMagic(std::uint64_t from);
     void noteDamage(std::uint64_t from, std::uint64_t to, std::string text);
     bool readIndex();
