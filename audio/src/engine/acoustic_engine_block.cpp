@@ -52,6 +52,8 @@ void AcousticEngine::Impl::play(const SoundNode& sound, EmitterState& state, Blo
         return;
     }
     for (std::vector<float>& dry : block.dry) dry.assign(options.blockSize, 0.0f);
+    // Clocks go on: what it plays is elsewhere when it is heard again.
+    state.mix = {};
 }
 
 Result<> AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count) {
@@ -311,23 +313,26 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     delaysOf(state, to, block);
     // Without Doppler shift sound keeps its delay as long as there is any: it takes the new one while it is silent.
     const bool silent = state.quiet > static_cast<std::size_t>(state.level.delay) + options.blockSize;
-    const bool held = !sound.doppler && state.started && !silent;
+    const bool doppler = sound.doppler || (block.listener.doppler && sound.law != SoundNode::Law::none);
+    const bool held = !doppler && state.started && !silent;
     const glm::dvec3 apparent = apparentPosition(state, to.delay);
     if (held) {
         to.delay = state.level.delay;
         to.slope = 0;
     }
     if (sound.law == SoundNode::Law::none) to.delay = to.slope = 0;
-    if (!sound.doppler) std::fill(block.delays.begin(), block.delays.end(), to.delay);
+    if (!doppler) std::fill(block.delays.begin(), block.delays.end(), to.delay);
     bool audible = false;
     levelOf(emitter, state, apparent, block.listener, to, audible);
     if (!state.started) {
         state.level.directGain = to.directGain;
         state.level.lateGain = to.lateGain;
     }
-    const bool crossfade = state.started && state.jumped && !held;
+    // Nor is what was held back followed to where it is by now.
+    const bool crossfade = state.started && !held && (state.jumped || (state.held && doppler));
     state.started = true;
     state.jumped = false;
+    state.held = held;
     renderDirect(state, to, crossfade, block);
     spatialise(sound, state, apparent, block);
     if (options.reflections && sound.reflected) {

@@ -50,6 +50,7 @@ struct EmitterState {
     HeardLevel level;                   // at the end of the last block
     bool started = false;
     bool jumped = false;        // put somewhere else: what is under way is not followed
+    bool held = false;          // kept its delay in the last block, as it is not to be shifted
     std::size_t quiet = 0;      // samples since something was played
     glm::dvec3 spatialised{0};  // the direction of the last block, in the listener's frame
     bool spatialisedOnce = false;

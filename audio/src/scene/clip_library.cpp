@@ -142,13 +142,17 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
 
 void VoicePlayer::load(const SoundVoice& voice, ClipLibrary& clips) {
     if (voice.kind == SoundVoice::Kind::oscillator) return;
-    if ((clip_ || input_) && urls_ == voice.urls && folders_ == voice.folders && buffer_ == voice.buffer.data()) return;
+    const std::pair format(voice.bufferRate, voice.bufferChannels);
+    if ((clip_ || input_) && urls_ == voice.urls && folders_ == voice.folders &&
+        buffer_.data() == voice.buffer.data() && format_ == format)
+        return;
     given_ = clips.isGiven(voice);
     input_ = clips.inputOf(voice);
     clip_ = input_ ? nullptr : clips.get(voice);
     urls_ = voice.urls;
     folders_ = voice.folders;
-    buffer_ = voice.buffer.data();
+    buffer_ = voice.buffer;
+    format_ = format;
 }
 
 std::size_t VoicePlayer::channels(const SoundVoice& voice, ClipLibrary& clips) {
@@ -177,8 +181,20 @@ void VoicePlayer::playInput(const SoundVoice& voice, double rate, std::int64_t f
     }
 }
 
+VoicePlayer::Loop VoicePlayer::loopOf(const SoundVoice& voice, double rate) const {
+    const auto length = static_cast<double>(clip_->frames());
+    const bool region = voice.loopEnd > voice.loopStart && voice.loopStart >= 0 && voice.loopStart * rate < length;
+    if (!region) return {0, length};
+    // Seconds in single precision are whole samples where they nearly are.
+    const auto sample = [&](double seconds) {
+        const double at = seconds * rate, whole = std::round(at);
+        return std::abs(at - whole) < 1e-6 * (1 + whole) ? whole : at;
+    };
+    return {sample(voice.loopStart), std::min(length, sample(voice.loopEnd))};
+}
+
 /// Of the clip, where it has got to; between samples by the sinc.
-float VoicePlayer::sampleAt(const SoundVoice& voice, std::size_t channel) const {
+float VoicePlayer::sampleAt(const Loop* loop, std::size_t channel) const {
     static const SincTable sinc;
     const auto count = static_cast<std::size_t>(clip_->channels);
     const auto length = static_cast<double>(clip_->frames());
@@ -187,7 +203,11 @@ float VoicePlayer::sampleAt(const SoundVoice& voice, std::size_t channel) const 
     double sample = 0;
     for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
         double at = whole + k - (SincTable::kHalf - 1);
-        if (voice.loop) at -= std::floor(at / length) * length;
+        // After the end of a loop comes its beginning; before that its end, once it was there.
+        if (loop && (at >= loop->end || (at < loop->begin && repeated_))) {
+            const double span = loop->end - loop->begin;
+            at = std::round(at - std::floor((at - loop->begin) / span) * span);
+        }
         if (at < 0 || at >= length) continue;
         sample +=
             static_cast<double>(clip_->samples[static_cast<std::size_t>(at) * count + channel] * sinc.tap(fraction, k));
@@ -202,10 +222,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
     load(voice, clips);
     if (input_ && !oscillator) return playInput(voice, rate, first, out);
     const double length = oscillator ? 0 : static_cast<double>(clip_->frames());
-    // Where a loop begins and ends.
-    const bool region = voice.loopEnd > voice.loopStart && voice.loopStart >= 0 && voice.loopStart * rate < length;
-    const double begin = region ? voice.loopStart * rate : 0,
-                 end = region ? std::min(length, voice.loopEnd * rate) : length;
+    const Loop loop = oscillator ? Loop{} : loopOf(voice, rate);
     const std::size_t channels = oscillator ? 1 : static_cast<std::size_t>(clip_->channels);
     const double step = oscillator ? voice.frequency / rate : voice.pitch;
     // Below half the sample rate.
@@ -223,29 +240,32 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
             playing_ = true;
             finished_ = false;
             start_ = voice.startTime;
+            repeated_ = false;
             // Started in the past: it is in the middle by now.
-            const double since = std::round(static_cast<double>(first) + static_cast<double>(i) - start_ * rate);
+            const double since =
+                std::round(static_cast<double>(first) + static_cast<double>(i) - (start_ + voice.pausedTotal) * rate);
             phase_ = given_ ? 0 : std::max(0.0, since) * step;
         }
         if (!playing_) continue;
         if (!std::isfinite(phase_)) phase_ = 0;
-        if (!oscillator && phase_ >= (voice.loop ? end : length)) {
-            if (!voice.loop || end - begin < 1) {
+        if (!oscillator && phase_ >= (voice.loop ? loop.end : length)) {
+            if (!voice.loop || loop.end - loop.begin < 1) {
                 playing_ = false;
                 finished_ = true;
                 continue;
             }
-            phase_ = begin + std::fmod(phase_ - begin, end - begin);
+            phase_ = loop.begin + std::fmod(phase_ - loop.begin, loop.end - loop.begin);
+            repeated_ = true;
         }
         const auto gain = static_cast<float>(voice.gain);
-        const double tone = !oscillator  ? 0
-                            : voice.wave ? voice.wave->at(phase_, harmonics)
-                                         : std::sin(2 * std::numbers::pi * phase_);
+        const double tone = !oscillator || harmonics == 0 ? 0
+                            : voice.wave                  ? voice.wave->at(phase_, harmonics)
+                                                          : std::sin(2 * std::numbers::pi * phase_);
         for (std::size_t c = 0; c < out.size(); ++c) {
             if (oscillator)
                 out[c][i] += static_cast<float>(voice.gain * tone);
             else if (channels == 1 || c < channels)
-                out[c][i] += gain * sampleAt(voice, channels == 1 ? 0 : c);
+                out[c][i] += gain * sampleAt(voice.loop ? &loop : nullptr, channels == 1 ? 0 : c);
         }
         phase_ += step;
         if (oscillator) phase_ -= std::floor(phase_);

@@ -30,8 +30,17 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
                       const std::vector<std::shared_ptr<const AudioProcess>>& processes, ClipLibrary& clips,
                       std::int64_t first, std::size_t frames, AudioChannels& out) {
     std::size_t channels = std::max<std::size_t>(1, out.size());
-    for (const SoundVoice& voice : voices)
-        channels = std::max(channels, players_[voice.node.value].channels(voice, clips));
+    std::vector<VoicePlayer*> players;
+    std::map<std::uint32_t, unsigned> ways;
+    for (const SoundVoice& voice : voices) {
+        Playing& one = players_[{voice.node.value, ways[voice.node.value]++}];
+        one.heard = first;
+        players.push_back(&one.player);
+        channels = std::max(channels, one.player.channels(voice, clips));
+    }
+    // What is gone begins where its clock is if it comes back.
+    if (players_.size() > players.size())
+        std::erase_if(players_, [&](const auto& one) { return one.second.heard != first; });
     processes_.resize(processes.size());
     std::vector<AudioChannels> processed(processes.size());
     for (std::size_t i = 0; i < processes.size(); ++i) {
@@ -42,7 +51,7 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
     }
     out.resize(channels);
     for (std::vector<float>& channel : out) channel.assign(frames, 0.0f);
-    for (const SoundVoice& voice : voices) players_[voice.node.value].play(voice, clips, first, out);
+    for (std::size_t i = 0; i < voices.size(); ++i) players[i]->play(voices[i], clips, first, out);
     for (const AudioChannels& one : processed) addTo(out, one);
 }
 
@@ -73,12 +82,12 @@ void ProcessPlayer::convolve(const AudioProcess& process, double rate, AudioChan
         return;
     }
     const std::size_t frames = out[0].size();
-    const bool fresh = response_ != process.buffer.data() || normalized_ != process.normalize;
+    const bool fresh = response_.data() != process.buffer.data() || normalized_ != process.normalize;
     if (!convolvers_.empty() && convolvers_[0].blockSize() != frames) convolvers_.clear();
     const std::size_t known = fresh ? 0 : convolvers_.size();
     while (convolvers_.size() < out.size()) convolvers_.emplace_back(frames, 1);
     if (known < convolvers_.size()) {
-        response_ = process.buffer.data();
+        response_ = process.buffer;
         normalized_ = process.normalize;
         std::vector<float> response(process.buffer.begin(), process.buffer.end());
         const auto scale = static_cast<float>(process.normalize ? loudness(response, rate) : 1);

@@ -28,7 +28,12 @@ class AudioMix {
     void analyse(AudioFindings& found);
 
   private:
-    std::map<std::uint32_t, VoicePlayer> players_;  // by voice node
+    struct Playing {
+        VoicePlayer player;
+        std::int64_t heard = 0;  // the first sample of the block in which it was last
+    };
+    /// By node, and how many ways before this lead to it.
+    std::map<std::pair<std::uint32_t, unsigned>, Playing> players_;
     std::vector<std::unique_ptr<class ProcessPlayer>> processes_;
 };
 
@@ -64,7 +69,7 @@ class ProcessPlayer {
     std::optional<SpectrumAnalyser> analyser_;
     std::size_t fftSize_ = 0;
     double smoothing_ = 0;
-    const void* response_ = nullptr;
+    Array<float> response_;
     bool normalized_ = false;
 };
 

@@ -21,6 +21,8 @@ void readTimes(const Node& node, SoundVoice& voice) {
     voice.stopTime = number(node.get(N::stopTime).seconds, 0);
     voice.pauseTime = number(node.get(N::pauseTime).seconds, 0);
     voice.resumeTime = number(node.get(N::resumeTime).seconds, 0);
+    voice.pausedTotal = number(node.get(N::_pausedTotal).seconds, 0);
+    voice.paused = node.get(N::isPaused);
 }
 
 /// Of an OscillatorSource, where the tables know of one.

@@ -91,8 +91,10 @@ AcousticMaterial acousticMaterial(const Scene& scene, const Node& node, const Ac
 
 bool SoundVoice::active(double t) const {
     if (t < startTime || (stopTime > startTime && t >= stopTime)) return false;
-    const bool paused = pauseTime > startTime && t >= pauseTime && !(resumeTime > pauseTime && t >= resumeTime);
-    return !paused;
+    if (pauseTime < startTime || t < pauseTime) return true;
+    // 8.2.4.4: what resumes after its pause had to be paused by then, or it never was.
+    if (resumeTime > pauseTime) return t >= resumeTime || (!paused && pausedTotal == 0);
+    return pauseTime == resumeTime;
 }
 
 double SoundNode::level(const glm::dvec3& listener) const {
@@ -257,6 +259,7 @@ void SoundScene::chooseListener(const Scene& scene) {
     const Node& node = scene.node(listener->node);
     if (!fieldOr(node, "trackCurrentView", false)) listener_ = poseOf(scene, *listener);
     listener_.gain = number(fieldOr(node, "gain", 1.0f), 0);
+    listener_.doppler = fieldOr(node, "dopplerEnabled", false);
 }
 
 void SoundScene::readWalls(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {

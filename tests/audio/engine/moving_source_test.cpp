@@ -126,6 +126,25 @@ TEST(MovingSource, WithoutDopplerTheDelayIsTakenInSilence) {
     EXPECT_NEAR(peakAfter(.5, .9), .5 + .2, 1e-4);
 }
 
+TEST(MovingSource, AListenerThatWantsDopplerIsShiftedWhateverSourcesSay) {
+    // f (1 + v / c) of a listener that moves towards what rests, which is another number than that of a source.
+    AcousticOptions options;
+    options.reflections = false;
+    for (const bool wanted : {false, true})
+        for (const double speed : {5.0, 34.0, -20.0}) {
+            const std::string ears = std::string("DEF Car Transform { children ListenerPointSource { dopplerEnabled ") +
+                                     (wanted ? "TRUE" : "FALSE") +
+                                     " } }\nSpatialSound { location 0 0 -60 rolloffFactor 0 children OscillatorSource "
+                                     "{ frequency 1000 } }\n";
+            const SoundBuffer sound = render(ears, options, 60, 1.3, [&](double t) {
+                return glm::dvec3(0, 0, (speed > 0 ? 0.0 : -40.0) - speed * t);
+            });
+            const Line line = fit(sound, wanted ? kMovingTone * (1 + speed / 343) : kMovingTone, .4, 1.2);
+            EXPECT_LE(line.besideDb, -90) << speed << (wanted ? " with" : " without");
+            EXPECT_NEAR(line.amplitude, 1, 1e-3);
+        }
+}
+
 /// Share of the energy that lies farther than `hz` from the tone, by a window without sidelobes.
 double farFromTheTone(const SoundBuffer& sound, double from, double hz) {
     constexpr std::size_t kSize = 32768;
@@ -162,6 +181,21 @@ double farFromTheTone(const SoundBuffer& sound, double from, double hz) {
         if (std::abs(static_cast<double>(i) * kMovingRate / kSize - kMovingTone) > hz) far += energy;
     }
     return 10 * std::log10(far / all);
+}
+
+TEST(MovingSource, DopplerThatIsSwitchedOnFadesOverToWhereTheSourceIs) {
+    // By then the source is 20 m nearer than it was heard: sound that hurried there would sweep through all tones.
+    AcousticOptions options;
+    options.reflections = false;
+    const std::string car =
+        "DEF Car Transform { children DEF Horn SpatialSound { rolloffFactor 0 children OscillatorSource { "
+        "frequency 1000 } } }\nViewpoint { position 0 0 0 }\nDEF Clock TimeSensor { cycleInterval .6 }\n"
+        "DEF Over BooleanFilter { }\nROUTE Clock.isActive TO Over.set_boolean\n"
+        "ROUTE Over.inputNegate TO Horn.dopplerEnabled\n";
+    const SoundBuffer sound = render(car, options, 60, 1.3, [](double t) { return glm::dvec3(0, 0, -60 + 34 * t); });
+    EXPECT_LE(fit(sound, kMovingTone, .2, .55).besideDb, -90);
+    EXPECT_LE(fit(sound, kMovingTone / (1 - 34.0 / 343), .7, 1.2).besideDb, -90);
+    EXPECT_LE(farFromTheTone(sound, .3, 2000), -50);
 }
 
 TEST(MovingSource, NewResponsesDoNotTick) {

@@ -143,6 +143,28 @@ TEST_F(Listen, AMovingSourceIsShiftedByDoppler) {
     EXPECT_NEAR(frequency, 1000 / (1 - 20 / 343.0), 0.5);
 }
 
+TEST_F(Listen, WhatWasSwitchedOffIsByThenWhereItsClockIs) {
+    SoundBuffer ramp{kRate, 1, {}};
+    for (int i = 0; i < kRate; ++i) ramp.samples.push_back(static_cast<float>(i) / kRate);
+    ASSERT_TRUE(writeWav((folder_ / "ramp.wav").string(), ramp, WavFormat::float32));
+    for (const char* off : {"Voice.enabled", "Clip.enabled"}) {
+        Scene scene;
+        load(scene, std::string("DEF Voice Sound { location 0 0 -3.43 minBack 9 minFront 9 source DEF Clip AudioClip { "
+                                "url \"ramp.wav\" } }\nViewpoint { position 0 0 0 }\n"
+                                "DEF Off TimeSensor { startTime .1 cycleInterval .3 }\nDEF Not BooleanFilter { }\n"
+                                "ROUTE Off.isActive TO Not.set_boolean\nROUTE Not.inputNegate TO ") +
+                        off);
+        ListenOptions o = options();
+        o.seconds = .7;
+        const auto report = listen(scene, o);
+        ASSERT_TRUE(report) << report.error().text;
+        const auto at = [&](double t) { return report->sound.samples[2 * static_cast<std::size_t>(t * kRate)]; };
+        EXPECT_NEAR(at(.09), .08, 1e-3) << off;
+        EXPECT_EQ(at(.3), 0) << off;
+        EXPECT_NEAR(at(.6), .59, 1e-3) << off;
+    }
+}
+
 TEST_F(Listen, ClipsKeepTheirChannels) {
     SoundBuffer opposite{kRate, 2, {}}, same{kRate, 2, {}}, one{kRate, 1, {}};
     for (int i = 0; i < kRate / 2; ++i) {

@@ -1,10 +1,14 @@
 // Clips that are read once, within the limit on samples, and what stands in for those that cannot be.
+#include <algorithm>
+#include <cmath>
 #include <fstream>
+#include <numbers>
 
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/clip_library.h>
 
+#include "scene/process_player.h"
 #include "support/plain_film.h"
 #include "support/temp_folder.h"
 
@@ -101,6 +105,145 @@ TEST_F(Clips, CountAsTheyArePlayed) {
     EXPECT_EQ(clips.diagnostics().warnings(), 3U);
     ClipLibrary enough = library(500'000);
     EXPECT_NEAR(static_cast<double>(enough.get(buffer)->frames()), 480'000, 2);
+}
+
+SoundVoice bufferVoice(const std::vector<float>& samples) {
+    SoundVoice voice;
+    voice.kind = SoundVoice::Kind::buffer;
+    voice.node = NodeId{7};
+    voice.buffer = Array<float>(samples);
+    return voice;
+}
+SoundVoice rampVoice() {
+    std::vector<float> ramp(20 * kFileRate);
+    for (std::size_t i = 0; i < ramp.size(); ++i) ramp[i] = static_cast<float>(i) * 0x1p-20f;
+    return bufferVoice(ramp);
+}
+/// Which sample of the ramp is heard at each; -1: none.
+std::vector<double> heard(const SoundVoice& voice, VoicePlayer& player, ClipLibrary& clips, double from,
+                          std::size_t frames) {
+    std::vector<std::vector<float>> out(1, std::vector<float>(frames));
+    player.play(voice, clips, std::llround(from * kFileRate), out);
+    std::vector<double> result;
+    for (const float sample : out[0]) result.push_back(sample == 0 ? -1 : static_cast<double>(sample) * 0x1p20);
+    return result;
+}
+
+TEST_F(Clips, ThatWerePausedAreWhereTheyWentOn) {
+    ClipLibrary clips = library(1 << 24);
+    SoundVoice voice = rampVoice();
+    voice.pauseTime = 2;
+    voice.resumeTime = 3.5;
+    voice.pausedTotal = 1.5;
+    VoicePlayer joins;
+    EXPECT_EQ(heard(voice, joins, clips, 5, 4)[1], 3.5 * kFileRate + 1);
+    VoicePlayer waits;
+    voice.paused = true;
+    voice.pausedTotal = 0;
+    EXPECT_EQ(heard(voice, waits, clips, 3, 4)[1], -1);
+    voice.paused = false;
+    voice.pausedTotal = 1.5;
+    EXPECT_EQ(heard(voice, waits, clips, 3.5, 4)[1], 2 * kFileRate + 1);
+}
+
+/// 8.2.4.4: a node pauses when its pauseTime comes if that is later than its resumeTime.
+TEST(Voices, PauseAsTheirClocksDo) {
+    SoundVoice voice;
+    voice.startTime = 1;
+    EXPECT_TRUE(voice.active(5)) << "all times 0 but the start";
+    voice.pauseTime = 1;
+    EXPECT_FALSE(voice.active(1)) << "from the start on";
+    voice.pauseTime = 3;
+    EXPECT_TRUE(voice.active(2.9));
+    EXPECT_FALSE(voice.active(3));
+    voice.resumeTime = 4;
+    EXPECT_TRUE(voice.active(3.5)) << "that it resumes later was known before its pause";
+    voice.paused = true;
+    EXPECT_FALSE(voice.active(3.5));
+    EXPECT_TRUE(voice.active(4));
+    voice.paused = false;
+    voice.pausedTotal = 1;
+    EXPECT_FALSE(voice.active(3.5));
+    EXPECT_TRUE(voice.active(4));
+    voice.stopTime = 6;
+    EXPECT_FALSE(voice.active(6));
+}
+
+/// Between samples too the end of a loop leads to its beginning, whatever else the clip holds there.
+TEST_F(Clips, RepeatWithoutASeam) {
+    ClipLibrary clips = library(1 << 24);
+    std::vector<float> samples(4000, .9f);
+    for (std::size_t i = 0; i < 1000; ++i)
+        samples[1000 + i] = static_cast<float>(std::sin(2 * std::numbers::pi * static_cast<double>(i) / 100));
+    SoundVoice voice = bufferVoice(samples);
+    voice.loop = true;
+    voice.loopStart = 1000.0 / kFileRate;
+    voice.loopEnd = 2000.0 / kFileRate;
+    voice.pitch = .75;
+    VoicePlayer player;
+    std::vector<std::vector<float>> out(1, std::vector<float>(8000));
+    player.play(voice, clips, 0, out);
+    // When it has come round once nothing of what is beside the loop is heard any more.
+    for (std::size_t i = 2700; i < 8000; ++i)
+        ASSERT_NEAR(out[0][i], std::sin(2 * std::numbers::pi * .75 * static_cast<double>(i) / 100), 1e-4) << i;
+}
+
+TEST_F(Clips, HaveTheRateThatTheirNodeSaysByNow) {
+    ClipLibrary clips = library(1 << 24);
+    std::vector<float> samples(48000);
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        samples[i] = static_cast<float>(std::sin(2 * std::numbers::pi * 1000 * static_cast<double>(i) / kFileRate));
+    SoundVoice voice = bufferVoice(samples);
+    voice.loop = true;
+    const auto crossings = [](const std::vector<float>& x) {
+        int count = 0;
+        for (std::size_t i = 1; i < x.size(); ++i) count += x[i - 1] < 0 && x[i] >= 0 ? 1 : 0;
+        return count;
+    };
+    VoicePlayer player;
+    std::vector<std::vector<float>> out(1, std::vector<float>(9600));
+    player.play(voice, clips, 0, out);
+    EXPECT_NEAR(crossings(out[0]), 200, 1);
+    voice.bufferRate = 24000;
+    out.assign(1, std::vector<float>(9600));
+    player.play(voice, clips, 9600, out);
+    EXPECT_NEAR(crossings(out[0]), 100, 1);
+}
+
+TEST_F(Clips, OscillatorsBeyondHalfTheRateAreSilent) {
+    ClipLibrary clips = library(1 << 24);
+    SoundVoice voice;
+    voice.kind = SoundVoice::Kind::oscillator;
+    const auto peak = [&](double hz) {
+        voice.frequency = hz;
+        VoicePlayer player;
+        std::vector<std::vector<float>> out(1, std::vector<float>(4800));
+        player.play(voice, clips, 0, out);
+        return *std::max_element(out[0].begin(), out[0].end());
+    };
+    EXPECT_NEAR(peak(23'000), 1, .01);
+    for (const double hz : {24'001.0, 30'000.0, -30'000.0, 47'000.0}) EXPECT_EQ(peak(hz), 0) << hz;
+}
+
+/// Two ways to one clip are two sounds of it, each at its own pace.
+TEST_F(Clips, MayBeHeardByTwoWaysAtOnce) {
+    ClipLibrary clips = library(1 << 24);
+    SoundVoice once = rampVoice(), half = once;
+    half.gain = .5;
+    AudioMix mix;
+    AudioChannels out;
+    for (std::int64_t first = 0; first < 1024; first += 256) {
+        out.clear();
+        mix.render({once, half}, {}, clips, first, 256, out);
+        for (std::size_t i = 0; i < 256; ++i)
+            ASSERT_EQ(out[0][i], 1.5f * static_cast<float>(first + static_cast<std::int64_t>(i)) * 0x1p-20f);
+    }
+    // One that is gone for a while comes back where the clock is by then.
+    out.clear();
+    mix.render({once}, {}, clips, 1024, 256, out);
+    out.clear();
+    mix.render({once, half}, {}, clips, 48000, 256, out);
+    EXPECT_EQ(out[0][5], (1285 + .5f * 48005) * 0x1p-20f);
 }
 
 }  // namespace

@@ -77,17 +77,24 @@ class VoicePlayer {
   private:
     void load(const SoundVoice& voice, ClipLibrary& clips);
     void playInput(const SoundVoice& voice, double rate, std::int64_t first, std::span<std::vector<float>> out) const;
-    float sampleAt(const SoundVoice& voice, std::size_t channel) const;
+    /// Where it repeats, in samples; all of it unless the voice says otherwise.
+    struct Loop {
+        double begin, end;
+    };
+    Loop loopOf(const SoundVoice& voice, double rate) const;
+    float sampleAt(const Loop* loop, std::size_t channel) const;
 
     std::shared_ptr<const SoundBuffer> clip_;
     std::shared_ptr<SoundInput> input_;  // instead of a clip
     bool given_ = false;                 // by the user
     std::vector<std::string> urls_;
     std::vector<std::filesystem::path> folders_;
-    const void* buffer_ = nullptr;
-    double phase_ = 0;  // clip: samples; oscillator: turns
-    double start_ = 0;  // the startTime it plays from
+    Array<float> buffer_;
+    std::pair<double, int> format_;  // of the buffer: samples a second and channels
+    double phase_ = 0;               // clip: samples; oscillator: turns
+    double start_ = 0;               // the startTime it plays from
     bool playing_ = false, finished_ = false;
+    bool repeated_ = false;  // it has come to the beginning of its loop from the end
 };
 
 }  // namespace rtsg

@@ -50,6 +50,9 @@ struct SoundVoice {
     double frequency = 440;  // oscillator, Hz
     bool loop = false;
     double startTime = 0, stopTime = 0, pauseTime = 0, resumeTime = 0;
+    /// Seconds that it was paused for since its start, and whether it is: of the state that this was read from.
+    double pausedTotal = 0;
+    bool paused = false;
 
     /// Whether it sounds at scene time `t`, but for a clip's end.
     bool active(double t) const;
@@ -150,6 +153,7 @@ struct ListenerPose {
     glm::dvec3 position{0, 0, 10};
     glm::dvec3 right{1, 0, 0}, up{0, 1, 0}, back{0, 0, 1};  // orthonormal
     double gain = 1;
+    bool doppler = false;  // of all that it hears; else as each source says
     /// A world direction in the listener's frame.
     glm::dvec3 toLocal(const glm::dvec3& world) const {
         return {glm::dot(world, right), glm::dot(world, up), glm::dot(world, back)};
