@@ -22,7 +22,7 @@ function(rtsg_library name)
   endif()
   rtsg_precompile(rtsg_${name} ${headers})
   # Sources that are compiled together share their anonymous namespace: a helper that two of them have is an error, and wants one home.
-  set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_BATCH_SIZE 10)
+  set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_BATCH_SIZE 5)
 endfunction()
 
 # rtsg_module(NAME FOR LIBRARY SOURCES FILE... LIBRARIES LIBRARY...): librtsg_NAME.so, which LIBRARY loads when it is first needed
