@@ -251,6 +251,17 @@ Camera::WorldRay Camera::ray(double x, double y) const {
     return {position, glm::normalize(forward + u * right + v * up)};
 }
 
+Camera::Reach Camera::reach(const Vec3d& direction) const {
+    const double ahead = panorama ? 1 : glm::dot(direction, forward);
+    if (!(ahead > 0)) return {0, visibilityLimit};
+    return {nearDistance / ahead, std::min(visibilityLimit, farDistance / ahead)};
+}
+
+bool Camera::isBounded() const {
+    constexpr double kInfinite = std::numeric_limits<double>::infinity();
+    return nearDistance > 0 || visibilityLimit < kInfinite || farDistance < kInfinite;
+}
+
 bool Sky::uniform() const {
     for (const auto& side : panorama)
         if (side) return false;

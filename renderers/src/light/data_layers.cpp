@@ -206,9 +206,9 @@ class LayerTiles {
                     continue;
                 }
                 const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
-                const float left =
-                    static_cast<float>(camera_.visibilityLimit) - tasks[lane].travelled - s.distance[lane];
                 tasks[lane].travelled += s.distance[lane];
+                tasks[lane].line = tasks[lane].travelled, tasks[lane].direction = direction;
+                const float left = endOfSight(camera_, tasks[lane]);
                 rays.set(lane, {RayWorld::leave(s.point(lane), direction), kLeave, direction, left});
                 going |= 1u << lane;
             }

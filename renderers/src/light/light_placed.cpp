@@ -29,7 +29,7 @@ View readView(const Scene& scene, const Node& node) {
         view.orientation = node.get(V::orientation);
         view.bound = node.get(V::isBound);
         view.viewAll = node.get(V::viewAll);
-        view.farDistance = node.get(V::farDistance);
+        view.nearDistance = node.get(V::nearDistance), view.farDistance = node.get(V::farDistance);
         view.description = node.get(V::description).str();
         // A GeoViewpoint is where its coordinates are: the flattener places it.
         view.position = Vec3d(0);

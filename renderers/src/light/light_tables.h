@@ -40,7 +40,7 @@ struct View {
     double fieldOfView = 0.7854;
     std::array<double, 4> extent{-1, -1, 1, 1};
     bool orthographic = false, bound = false, viewAll = false;
-    float farDistance = -1;
+    float nearDistance = -1, farDistance = -1;
     std::string name, description;
     std::optional<Navigation> navigation;  // that it brings (23.3.1)
 };

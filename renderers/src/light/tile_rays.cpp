@@ -123,7 +123,22 @@ void raysThrough(const Camera& camera, const RenderSettings& settings, const Pix
     }
 }
 
+/// As far as the eye's planes and the limit of its sight allow.
+void bound(const Camera& camera, RayPacket16& rays) {
+    for (int lane = 0; lane < 16; ++lane) {
+        if (!rays.active[lane]) continue;
+        const Vec3d direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
+        const auto [from, to] = camera.reach(direction);
+        rays.tMin[lane] = static_cast<float>(from), rays.tMax[lane] = static_cast<float>(std::max(from, to));
+    }
+}
+
 }  // namespace
+
+float endOfSight(const Camera& camera, const PathTask& task) {
+    const auto [from, to] = camera.reach(Vec3d(task.direction));
+    return std::max(static_cast<float>(to) - task.line, 0.0f);
+}
 
 std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
                           std::uint64_t seed, int x0, int y0, int block, int sample, RayPacket16& rays,
@@ -134,6 +149,7 @@ std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const R
     const PixelBlock b = pixelBlock(camera, settings, scene.world->fromWorld(camera.position), x0 + bx, y0 + by);
     if (settings.samplesPerPixel == 1 && !camera.orthographic && !camera.panorama) {
         packetKernels().makeRays(b, active, rays);
+        if (camera.isBounded()) bound(camera, rays);
         return active;
     }
     alignas(32) float u[16], v[16];
@@ -146,6 +162,7 @@ std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const R
     raysThrough(camera, settings, b, u, v, rays);
     if (camera.lensRadius > 0 && settings.samplesPerPixel > 1)
         throughLens(scene, camera, seed, x0, y0, sample, pixels, rays);
+    if (camera.isBounded()) bound(camera, rays);
     return active;
 }
 

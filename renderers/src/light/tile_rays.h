@@ -20,6 +20,9 @@ std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const R
                           std::uint64_t seed, int x0, int y0, int block, int sample, RayPacket16& rays,
                           std::uint16_t* pixels);
 
+/// How far a ray that has come straight from the eye, through clear surfaces, is followed on.
+float endOfSight(const Camera& camera, const PathTask& task);
+
 /// Rays that are traced together, and what they are for.
 struct TilePacket {
     RayPacket16 rays;
@@ -36,7 +39,13 @@ class TileLoop {
     static constexpr std::size_t kTogether = 4;  // packets; they and what is made of them stay in the nearest cache
     TileLoop(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
              std::span<TileResult> groups)
-        : scene_(scene), camera_(camera), settings_(settings), x0_(x0), y0_(y0), groups_(groups) {
+        : scene_(scene),
+          camera_(camera),
+          settings_(settings),
+          isBounded_(camera.isBounded()),
+          x0_(x0),
+          y0_(y0),
+          groups_(groups) {
         swapQueues();
     }
     TileLoop(const TileLoop&) = delete;
@@ -128,7 +137,9 @@ class TileLoop {
             packet.rays.skip(lane);
             if (lane >= count) continue;
             const PathTask& task = now_[first + static_cast<std::size_t>(lane)];
-            packet.rays.set(lane, {task.origin, kLeave, task.direction, std::numeric_limits<float>::infinity()});
+            const bool ends = isBounded_ && task.depth == 0;
+            packet.rays.set(lane, {task.origin, kLeave, task.direction,
+                                   ends ? endOfSight(camera_, task) : std::numeric_limits<float>::infinity()});
             packet.pixels[lane] = task.pixel;
         }
         packet.active = (std::uint32_t{1} << count) - 1;
@@ -139,6 +150,7 @@ class TileLoop {
     const TraceScene& scene_;
     const Camera& camera_;
     const RenderSettings& settings_;
+    const bool isBounded_;
     int x0_, y0_;
     std::span<TileResult> groups_;
     std::vector<PathTask> now_, next_;

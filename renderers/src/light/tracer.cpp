@@ -88,8 +88,11 @@ Result<Pick> LightTracer::pick(const Picker& picker, const std::vector<LayerView
         const Camera& camera = view->camera;
         const Camera::WorldRay ray = camera.ray(across, down);
         const double height = camera.pixel(view->height);
-        auto found = picker.ray(ray.origin, ray.direction, camera.layer, camera.visibilityLimit,
+        const auto [from, to] = camera.reach(ray.direction);
+        if (!(to > from)) continue;
+        auto found = picker.ray(ray.origin + from * ray.direction, ray.direction, camera.layer, to - from,
                                 camera.orthographic ? Picker::kPixel : height);
+        if (found && *found) found->distance += from;
         if (!found || *found) return found;
     }
     return Pick();

@@ -29,7 +29,7 @@ std::vector<LayerSight> LightTracer::sights(const std::vector<LayerView>& views,
         LayerSight sight{.layer = camera.layer, .width = view.width, .height = view.height};
         const double w = width, h = height;
         sight.part = {view.left / w, (view.left + view.width) / w, view.top / h, (view.top + view.height) / h};
-        sight.eye = camera.position, sight.limit = camera.visibilityLimit;
+        sight.eye = camera.position, sight.limit = std::min(camera.visibilityLimit, camera.farDistance);
         sight.right = camera.right, sight.up = camera.up, sight.forward = camera.forward;
         sight.kind = camera.panorama       ? LayerSight::Kind::around
                      : camera.orthographic ? LayerSight::Kind::parallel
@@ -84,8 +84,9 @@ Camera trace::cameraOf(const LightState& state, const RayView& world, const Plac
     if (view.viewAll)
         if (const Bounds bounds = boundsOf(state, world, camera.layer); !bounds.empty())
             camera.viewAll(world.toWorld(bounds.min), world.toWorld(bounds.max), chosen->placed.worldFromLocal[1]);
+    if (view.nearDistance > 0) camera.nearDistance = view.nearDistance;
     if (view.farDistance > 0)
-        camera.visibilityLimit = view.farDistance;
+        camera.farDistance = view.farDistance;
     else if (const Navigation* navigation = activeNavigation(state, camera.layer))
         if (const float limit = navigation->visibilityLimit; limit > 0) camera.visibilityLimit = limit;
     return camera;

@@ -6,6 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/renderers/picking.h>
+
 #include "renderers/light/light_scene.h"
 
 namespace rtsg {
@@ -46,6 +48,48 @@ TEST(Eye, ViewpointsBelowUnevenScalesSeeTheirOwnSpace) {
             }
             EXPECT_GT(seen, 100) << eye << transform;
             EXPECT_LE(other, 20) << eye << transform << ": more than rays that graze an edge";
+        }
+}
+
+// 23.3.1: planes across the view, not balls around the eye; and what lies behind clear surfaces has the same end.
+TEST(Eye, NothingIsSeenBeforeTheNearPlaneOrBehindTheFarOne) {
+    const std::string red = "material UnlitMaterial { emissiveColor 1 0 0 }", blue = unlit("0 0 1");
+    const auto wall = [](double z, const std::string& look) {
+        return fmt::format("Transform {{ translation 0 0 {} children {} }}", z, square(50, look));
+    };
+    const std::string clear =
+        "material UnlitMaterial { emissiveColor 1 1 1 transparency 1 } texture PixelTexture { image 1 1 4 0 }";
+    const std::string walls = wall(6, red) + wall(0, blue);  // 4 and 10 m before the eye
+    for (const std::string eye :
+         {"Viewpoint { fieldOfView 1.5 ", "OrthoViewpoint { position 0 0 10 fieldOfView [-2 -2 2 2] "})
+        for (const bool path : {false, true}) {
+            const auto seen = [&](const std::string& limits, const std::string& scene, const Vec3f& color) {
+                LightScene s(eye + limits + " }" + scene);
+                if (path) s.options.settings.integrator = Integrator::path;
+                const Picture p = s.picture();
+                const Picker picker(s.world->rays(), s.world->flattener());
+                const auto camera = s.light->tracer().camera(s.world->rays(), 1);
+                ASSERT_TRUE(camera);
+                const auto views = s.light->tracer().layers(s.world->rays(), *camera, 33, 33);
+                for (const auto& [x, y] : {std::pair(0, 0), std::pair(16, 16), std::pair(32, 5)}) {
+                    EXPECT_EQ(Vec3f(p.at(x, y)), color)
+                        << eye << limits << " at " << x << ", " << y << (path ? ": path" : "");
+                    const auto pick = LightTracer::pick(picker, views, x + .5, y + .5);
+                    ASSERT_TRUE(pick);
+                    EXPECT_EQ(static_cast<bool>(*pick), color != Vec3f(0)) << limits;
+                    EXPECT_TRUE(!*pick || std::abs(pick->point.z - (color.r > 0 ? 6 : 0)) < 1e-6) << pick->point.z;
+                }
+            };
+            seen("", walls, {1, 0, 0});
+            seen("nearDistance 3.99", walls, {1, 0, 0});
+            seen("nearDistance 4.01", walls, {0, 0, 1});
+            seen("nearDistance 10.01", walls, {0, 0, 0});
+            seen("farDistance 10.01", wall(0, blue), {0, 0, 1});
+            seen("farDistance 9.99", wall(0, blue), {0, 0, 0});
+            if (!path) {
+                LightScene s(eye + "farDistance 9.99 }" + wall(6, clear) + wall(0, blue));
+                EXPECT_EQ(s.center(), Vec3f(0)) << "behind a clear surface, too";
+            }
         }
 }
 

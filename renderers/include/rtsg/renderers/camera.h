@@ -35,6 +35,9 @@ struct Camera {
     double left = -1, rightEdge = 1, bottom = -1, top = 1;
     /// Nothing beyond is seen (NavigationInfo.visibilityLimit); infinite unless given.
     double visibilityLimit = std::numeric_limits<double>::infinity();
+    /// Nothing nearer or farther along the view is seen (a viewpoint's nearDistance and farDistance); of panoramas,
+    /// along the ray.
+    double nearDistance = 0, farDistance = std::numeric_limits<double>::infinity();
     /// Of a thin lens around `position`, metres; 0: a pinhole, with which all is sharp. `focus`: what is this far along
     /// the view is sharp. Of perspectives alone.
     double lensRadius = 0, focus = 1;
@@ -87,6 +90,13 @@ struct Camera {
     };
     /// `x`, `y` from 0 (left, top) to 1 (right, bottom). Through a lens: that of its middle.
     WorldRay ray(double x, double y) const;
+    /// From where to where on a ray of this unit direction something is seen, metres.
+    struct Reach {
+        double from, to;
+    };
+    Reach reach(const Vec3d& direction) const;
+    /// Whether reach() is other than from 0 to infinity.
+    bool isBounded() const;
 };
 
 /// The bound Background or TextureBackground. Without colours: black.
