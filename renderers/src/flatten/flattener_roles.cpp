@@ -44,7 +44,8 @@ constexpr NamedRole kRoles[] = {
 };
 
 void takeRole(const NodeType& type, TypeRole& role) {
-    role.ofHumanoid = type.role == "humanoid" || type.role == "joint" || type.role == "displacer";
+    role.ofHumanoid = type.role == "humanoid" || type.role == "joint" || type.role == "displacer" ||
+                      (type.kind == NodeType::Kind::builtin && type.name == "HAnimSegment");
     const auto* named = std::ranges::find(kRoles, type.role, &NamedRole::name);
     if (named == std::end(kRoles)) return;
     role.role = named->role;

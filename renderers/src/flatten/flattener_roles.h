@@ -34,7 +34,7 @@ struct TypeRole {
     bool isParticles = false;  // a shape that is its own geometry
     bool isVolume = false;     // a shape that is its own geometry and appearance
     bool ownsGeometry() const { return isParticles || isVolume; }
-    bool ofHumanoid = false;  // what it holds may move a skin: a humanoid, joint or displacer
+    bool ofHumanoid = false;  // what it holds may move a skin: a humanoid, joint, segment or displacer
     std::uint8_t childFields = 0;
     std::array<FieldIndex, 3> children{kNoField, kNoField, kNoField};
     FieldIndex visible = kNoField, global = kNoField, choice = kNoField, range = kNoField, order = kNoField;

@@ -24,22 +24,40 @@ Array<Vec3f> pointsOf(const Scene& scene, NodeId coordinate) {
     return result;
 }
 
-/// Sums what the joints do to each point.
+Array<Vec3f> vectorsOf(const Scene& scene, NodeId normal) {
+    const Node* node = scene.find(normal);
+    return node && node->is(x3d::Normal::type) ? node->get(x3d::Normal::vector) : Array<Vec3f>();
+}
+
+/// How normals turn where points go by the linear part of `m`; of what flattens: as the points.
+glm::dmat3 normalMatrix(const WorldFromLocal& m) {
+    const glm::dmat3 linear(m[0], m[1], m[2]);
+    return determinantSign(m) == 0 ? linear : glm::transpose(glm::inverse(linear));
+}
+
+/// Sums what joints and displacers do to each point, and joints to each normal.
 class Blend {
   public:
-    explicit Blend(const Array<Vec3f>& rest) : rest_(rest), offset_(rest.size(), Vec3d(0)) {}
+    /// `normals` is as long as `rest`, or empty.
+    Blend(const Array<Vec3f>& rest, const Array<Vec3f>& normals)
+        : rest_(rest), normals_(normals), offset_(rest.size(), Vec3d(0)), turned_(normals.size(), Vec3d(0)) {}
 
     void add(const Scene& scene, const Node& joint, const WorldFromLocal& m) {
         const Array<std::int32_t>& index = joint.get(x3d::HAnimJoint::skinCoordIndex);
         const Array<float>& weight = joint.get(x3d::HAnimJoint::skinCoordWeight);
+        const glm::dmat3 turn = normalMatrix(m);
         for (std::size_t i = 0; i < index.size(); ++i) {
             const auto at = static_cast<std::uint32_t>(index[i]);
             const double w = i < weight.size() ? double{weight[i]} : 1.0;
             if (at >= rest_.size() || !std::isfinite(w)) continue;
             const Vec3d p(rest_[at]);
             offset_[at] += w * (m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3] - p);
+            if (at < normals_.size()) turned_[at] += w * (turn * Vec3d(normals_[at]) - Vec3d(normals_[at]));
         }
-        for (const NodeId id : joint.get(x3d::HAnimJoint::displacers)) {
+        displace(scene, joint.get(x3d::HAnimJoint::displacers), m);
+    }
+    void displace(const Scene& scene, const Array<NodeId>& displacers, const WorldFromLocal& m) {
+        for (const NodeId id : displacers) {
             const Node* displacer = scene.find(id);
             if (!displacer || !displacer->is(x3d::HAnimDisplacer::type)) continue;
             const auto w = double{displacer->get(x3d::HAnimDisplacer::weight)};
@@ -51,77 +69,29 @@ class Blend {
                     offset_[at] += w * (m[0] * double{by[i].x} + m[1] * double{by[i].y} + m[2] * double{by[i].z});
         }
     }
-    Array<Vec3f> result() const {
-        Array<Vec3f> points = Array<Vec3f>::ofSize(rest_.size());
-        Vec3f* out = points.mutableData();
-        for (std::size_t i = 0; i < rest_.size(); ++i) out[i] = Vec3f(Vec3d(rest_[i]) + offset_[i]);
-        return points;
-    }
+    Array<Vec3f> points() const { return sum(rest_, offset_); }
+    Array<Vec3f> normals() const { return sum(normals_, turned_); }
 
   private:
-    const Array<Vec3f>& rest_;
-    std::vector<Vec3d> offset_;
+    static Array<Vec3f> sum(const Array<Vec3f>& rest, const std::vector<Vec3d>& offset) {
+        Array<Vec3f> result = Array<Vec3f>::ofSize(rest.size());
+        Vec3f* out = result.mutableData();
+        for (std::size_t i = 0; i < rest.size(); ++i) out[i] = Vec3f(Vec3d(rest[i]) + offset[i]);
+        return result;
+    }
+
+    const Array<Vec3f>&rest_, &normals_;
+    std::vector<Vec3d> offset_, turned_;
 };
 
-}  // namespace
-
-void Skins::mark(const Scene& scene, NodeId node) {
-    climbing_.assign(1, node);
-    for (std::size_t steps = 0; !climbing_.empty() && steps < kMostJoints; ++steps) {
-        const NodeId id = climbing_.back();
-        climbing_.pop_back();
-        const Node* at = scene.find(id);
-        if (!at) continue;
-        if (at->is(x3d::HAnimHumanoid::type)) {
-            Humanoid& humanoid = humanoids_[id.value];
-            if (!std::exchange(humanoid.marked, true)) marked_.push_back(id.value);
-        } else if (id == node || at->is(x3d::HAnimJoint::type)) {
-            for (const ParentRef& parent : scene.parents(id)) climbing_.push_back(parent.node);
-        }
-    }
-}
-
-void Skins::startOver(const Scene& scene) {
-    humanoids_.clear();
-    points_.clear();
-    marked_.clear();
-    scene.forEachNode([&](const Node& node) {
-        if (node.is(x3d::HAnimHumanoid::type)) mark(scene, node.id());
-    });
-}
-
-void Skins::letGo(Humanoid& humanoid, std::vector<NodeId>& changed) {
-    if (humanoid.coordinate && points_.erase(humanoid.coordinate.value)) changed.push_back(humanoid.coordinate);
-    humanoid.coordinate = {};
-}
-
-void Skins::update(const Scene& scene, RoleTable& roles, std::vector<NodeId>& changed) {
-    if (marked_.empty()) return;
-    for (const std::uint32_t value : marked_) {
-        const auto found = humanoids_.find(value);
-        if (found == humanoids_.end()) continue;
-        found->second.marked = false;
-        compute(scene, roles, NodeId{value}, found->second, changed);
-        if (!scene.find(NodeId{value})) humanoids_.erase(found);
-    }
-    marked_.clear();
-}
-
-void Skins::compute(const Scene& scene, RoleTable& roles, NodeId id, Humanoid& humanoid, std::vector<NodeId>& changed) {
-    const Node* node = scene.find(id);
-    const NodeId coordinate = node ? node->get(x3d::HAnimHumanoid::skinCoord) : NodeId{};
-    if (coordinate != humanoid.coordinate) letGo(humanoid, changed);
-    if (!coordinate || !node) return;
-    const NodeId binding = node->get(x3d::HAnimHumanoid::skinBindingCoords);
-    const Array<Vec3f> rest = pointsOf(scene, binding ? binding : coordinate);
-    if (rest.empty()) return letGo(humanoid, changed);
-    Blend blend(rest);
+/// What all joints of the skeleton do.
+void addSkeleton(const Scene& scene, RoleTable& roles, const Node& humanoid, Blend& blend) {
     struct Visit {
         NodeId joint;
         WorldFromLocal above;
     };
     std::vector<Visit> stack;
-    for (const NodeId root : node->get(x3d::HAnimHumanoid::skeleton)) stack.push_back({root, identityTransform()});
+    for (const NodeId root : humanoid.get(x3d::HAnimHumanoid::skeleton)) stack.push_back({root, identityTransform()});
     for (std::size_t joints = 0; !stack.empty() && joints < kMostJoints; ++joints) {
         const Visit visit = stack.back();
         stack.pop_back();
@@ -133,9 +103,86 @@ void Skins::compute(const Scene& scene, RoleTable& roles, NodeId id, Humanoid& h
         blend.add(scene, *joint, m);
         for (const NodeId child : joint->get(x3d::HAnimJoint::children)) stack.push_back({child, m});
     }
-    humanoid.coordinate = coordinate;
-    points_[coordinate.value] = blend.result();
-    changed.push_back(coordinate);
+}
+
+bool isBody(const Node& node) {
+    return node.is(x3d::HAnimHumanoid::type) || node.is(x3d::HAnimSegment::type);
+}
+
+}  // namespace
+
+void Skins::mark(const Scene& scene, NodeId node) {
+    climbing_.assign(1, node);
+    for (std::size_t steps = 0; !climbing_.empty() && steps < kMostJoints; ++steps) {
+        const NodeId id = climbing_.back();
+        climbing_.pop_back();
+        const Node* at = scene.find(id);
+        if (!at) continue;
+        if (isBody(*at)) {
+            Body& body = bodies_[id.value];
+            if (!std::exchange(body.marked, true)) marked_.push_back(id.value);
+        } else if (id == node || at->is(x3d::HAnimJoint::type)) {
+            for (const ParentRef& parent : scene.parents(id)) climbing_.push_back(parent.node);
+        }
+    }
+}
+
+void Skins::startOver(const Scene& scene) {
+    bodies_.clear();
+    points_.clear();
+    marked_.clear();
+    scene.forEachNode([&](const Node& node) {
+        if (isBody(node)) mark(scene, node.id());
+    });
+}
+
+void Skins::letGo(NodeId& moved, std::vector<NodeId>& changed) {
+    if (moved && points_.erase(moved.value)) changed.push_back(moved);
+    moved = {};
+}
+
+void Skins::put(NodeId& moved, NodeId node, Array<Vec3f> values, std::vector<NodeId>& changed) {
+    if (node != moved) letGo(moved, changed);
+    if (values.empty()) return letGo(moved, changed);
+    moved = node;
+    points_[node.value] = std::move(values);
+    changed.push_back(node);
+}
+
+void Skins::update(const Scene& scene, RoleTable& roles, std::vector<NodeId>& changed) {
+    if (marked_.empty()) return;
+    for (const std::uint32_t value : marked_) {
+        const auto found = bodies_.find(value);
+        if (found == bodies_.end()) continue;
+        found->second.marked = false;
+        compute(scene, roles, NodeId{value}, found->second, changed);
+        if (!found->second.coordinate) bodies_.erase(found);
+    }
+    marked_.clear();
+}
+
+void Skins::compute(const Scene& scene, RoleTable& roles, NodeId id, Body& body, std::vector<NodeId>& changed) {
+    const Node* node = scene.find(id);
+    if (node && node->is(x3d::HAnimSegment::type)) {
+        const Array<NodeId>& displacers = node->get(x3d::HAnimSegment::displacers);
+        const NodeId coordinate = displacers.empty() ? NodeId{} : node->get(x3d::HAnimSegment::coord);
+        const Array<Vec3f> rest = pointsOf(scene, coordinate), none;
+        Blend blend(rest, none);
+        blend.displace(scene, displacers, identityTransform());
+        return put(body.coordinate, coordinate, blend.points(), changed);
+    }
+    using H = x3d::HAnimHumanoid;
+    const NodeId coordinate = node ? node->get(H::skinCoord) : NodeId{};
+    const NodeId binding = node ? node->get(H::skinBindingCoords) : NodeId{};
+    const Array<Vec3f> rest = coordinate ? pointsOf(scene, binding ? binding : coordinate) : Array<Vec3f>();
+    const NodeId normal = node && !rest.empty() ? node->get(H::skinNormal) : NodeId{};
+    const NodeId boundNormals = node ? node->get(H::skinBindingNormals) : NodeId{};
+    Array<Vec3f> normals = normal ? vectorsOf(scene, boundNormals ? boundNormals : normal) : Array<Vec3f>();
+    if (normals.size() != rest.size()) normals = {};
+    Blend blend(rest, normals);
+    if (!rest.empty()) addSkeleton(scene, roles, *node, blend);
+    put(body.coordinate, coordinate, blend.points(), changed);
+    put(body.normal, normal, blend.normals(), changed);
 }
 
 }  // namespace rtsg::flatten

@@ -27,12 +27,12 @@ bool isSame(const SurfaceParams& a, const SurfaceParams& b) {
     for (std::size_t i = 0; i < a.texCoord.size(); ++i)
         if (!isSame(a.texCoord[i], b.texCoord[i])) return false;
     return a.anchor == b.anchor && a.fogDepth.sameStorage(b.fogDepth) && a.color.sameStorage(b.color) &&
-           a.colorRGBA.sameStorage(b.colorRGBA) && a.normal.sameStorage(b.normal) && a.tangent.sameStorage(b.tangent) &&
-           a.ccw == b.ccw && a.solid == b.solid && a.colorPerVertex == b.colorPerVertex &&
-           a.normalPerVertex == b.normalPerVertex;
+           a.colorRGBA.sameStorage(b.colorRGBA) && a.normal.size() == b.normal.size() &&
+           a.tangent.sameStorage(b.tangent) && a.ccw == b.ccw && a.solid == b.solid &&
+           a.colorPerVertex == b.colorPerVertex && a.normalPerVertex == b.normalPerVertex;
 }
 
-/// But for the coordinates' values.
+/// But for the values of coordinates and normals.
 bool isSame(const ComposedParams& a, const ComposedParams& b) {
     if (a.index() != b.index() || !isSame(surfaceOf(a), surfaceOf(b))) return false;
     if (const auto* p = std::get_if<IndexedFaceSetParams>(&a)) {
@@ -149,6 +149,9 @@ std::shared_ptr<Mesh> DeformingSurface::deform(const ComposedParams& params) {
     next->positions = coord;
     next->bounds = bounds;
     if (generatesNormals_) next->normals = normals_.make(*next);
+    const Array<Vec3f>& normal = surfaceOf(params).normal;
+    if (const MeshAttribute& last = mesh_->normals; !normal.empty() && last.present())
+        next->normals = MeshAttribute(normal, last.binding(), last.indices(), last.triangleStep());
     const std::vector<TexCoordParams>& channels = surfaceOf(params).texCoord;
     for (std::size_t i = 0; i < next->texCoords.size(); ++i) {
         if (next->texCoords[i].values.present() || (i < channels.size() && channels[i].fromPosition)) continue;

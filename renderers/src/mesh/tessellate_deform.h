@@ -1,7 +1,7 @@
-// DeformingSurface: a composed geometry whose coordinates change while all else stays.
+// DeformingSurface: a composed geometry whose coordinates, and normals with them, change while all else stays.
 //
 // Invariant: what deform() gives equals what tessellating from scratch gives, triangle for triangle, at the cost of
-// what depends on the coordinates: bounds, generated normals, default texture coordinates. Triangles are the same array
+// what depends on the coordinates: bounds, normals, default texture coordinates. Triangles are the same array
 // as before, positions the scene's own. Polygons of more than three corners are cut by where their points are, so each
 // is looked at again; when one would be cut otherwise (a quad has become concave, say) deform() declines. Threading:
 // one thread.
@@ -20,7 +20,7 @@ class Scene;
 
 namespace rtsg::detail {
 
-/// Points that stand for those of a coordinate node, by its NodeId.
+/// Points and normals that stand for those of a coordinate or normal node, by its NodeId.
 using PointsOf = std::unordered_map<std::uint32_t, Array<Vec3f>>;
 using ComposedParams = std::variant<IndexedFaceSetParams, PrimitiveSetParams>;
 

@@ -27,8 +27,7 @@ class PropertyReader {
     Array<Vec3f> points(NodeId id) {
         const Node* node = scene_.effectiveNode(id);
         if (!node) return {};
-        if (points_)
-            if (const auto found = points_->find(node->id().value); found != points_->end()) return found->second;
+        if (const Array<Vec3f>* moved = movedOf(*node)) return *moved;
         if (node->is(x3d::Coordinate::type)) return node->get(x3d::Coordinate::point);
         if (node->is(x3d::CoordinateDouble::type)) {
             const Array<Vec3d>& source = node->get(x3d::CoordinateDouble::point);
@@ -69,7 +68,9 @@ class PropertyReader {
         params.normalPerVertex = node.get(T::normalPerVertex);
         colors(node.get(T::color), params);
         if (const Node* normal = scene_.effectiveNode(node.get(T::normal))) {
-            if (normal->is(x3d::Normal::type))
+            if (const Array<Vec3f>* moved = movedOf(*normal))
+                params.normal = *moved;
+            else if (normal->is(x3d::Normal::type))
                 params.normal = normal->get(x3d::Normal::vector);
             else
                 notUsed("normal", *normal);
@@ -89,6 +90,12 @@ class PropertyReader {
     }
 
   private:
+    /// What stands for the points or normals of a node, as joints move them; null: nothing does.
+    const Array<Vec3f>* movedOf(const Node& node) const {
+        if (!points_) return nullptr;
+        const auto found = points_->find(node.id().value);
+        return found == points_->end() ? nullptr : &found->second;
+    }
     void tangent(NodeId id, Array<Vec4f>& tangents) {
         const Node* node = scene_.effectiveNode(id);
         if (!node) return;

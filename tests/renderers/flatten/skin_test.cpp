@@ -1,7 +1,9 @@
 // Skinned humanoids against a closed form in double: an arm of two bones.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
@@ -171,6 +173,96 @@ TEST(Skin, FollowsRestPointsWeightsAndDisplacers) {
     ASSERT_TRUE(arm.scene.set(arm.fore, x3d::HAnimJoint::skinCoordWeight, Array<float>{1, 1, NAN}));
     arm.frame();
     EXPECT_EQ(findDefect(*arm.mesh), "");
+}
+
+// The normals of skinNormal turn as the joints turn the surface: by the transposed inverse, weighted as the points.
+TEST(Skin, NormalsFollowTheJoints) {
+    Arm arm;
+    Array<Vec3f> normals;
+    for (const Vec3f& p : arm.rest) normals.push_back(glm::normalize(Vec3f(p.x, .3f, p.z)));
+    const NodeId normal = arm.scene.createNode(x3d::Normal::type);
+    ASSERT_TRUE(arm.scene.set(normal, x3d::Normal::vector, normals));
+    ASSERT_TRUE(arm.scene.set(arm.faces, x3d::IndexedFaceSet::normal, normal));
+    ASSERT_TRUE(arm.scene.set(arm.humanoid, x3d::HAnimHumanoid::skinNormal, normal));
+    arm.frame();
+    const auto expectNormals = [&](double shoulder, double elbow, double scale) {
+        ASSERT_TRUE(arm.mesh && arm.mesh->normals.present());
+        for (std::uint32_t t = 0; t < arm.mesh->triangleCount; ++t)
+            for (std::uint32_t c = 0; c < 3; ++c) {
+                const auto i = arm.mesh->vertexIndex(t, c);
+                const Vec3d n(normals[i]), byUpper = turned(n, shoulder);
+                const Vec3d byFore = turned(turned(n / Vec3d(1, scale, 1), elbow), shoulder);
+                const Vec3d wanted = (1 - arm.foreWeight[i]) * byUpper + arm.foreWeight[i] * byFore;
+                EXPECT_LT(glm::length(Vec3d(arm.mesh->normals.value(t, c)) - wanted), 1e-6) << "point " << i;
+            }
+    };
+    expectNormals(0, 0, 1);
+    for (const float angle : {.5f, -1.1f}) {
+        const std::shared_ptr<const Mesh> before = arm.mesh;
+        arm.pose(angle, 2 * angle);
+        expectNormals(double{angle}, 2 * double{angle}, 1);
+        EXPECT_TRUE(arm.mesh->triangles.sameStorage(before->triangles)) << "bent, not made anew";
+    }
+    ASSERT_TRUE(arm.scene.set(arm.fore, x3d::HAnimJoint::scale, Vec3f(1, 2, 1)));
+    arm.pose(.4f, .2f);
+    expectNormals(double{.4f}, double{.2f}, 2);
+    // At rest they may be others; a list of another length turns nothing.
+    const NodeId binding = arm.scene.createNode(x3d::Normal::type);
+    for (std::size_t i = 0; i < normals.size(); ++i) normals.mutableData()[i] = {0, 0, 1};
+    ASSERT_TRUE(arm.scene.set(binding, x3d::Normal::vector, normals));
+    ASSERT_TRUE(arm.scene.set(arm.humanoid, x3d::HAnimHumanoid::skinBindingNormals, binding));
+    arm.frame();
+    expectNormals(double{.4f}, double{.2f}, 2);
+    ASSERT_TRUE(arm.scene.set(binding, x3d::Normal::vector, Array<Vec3f>{{1, 0, 0}}));
+    arm.frame();
+    EXPECT_EQ(Vec3f(arm.mesh->normals.value(0, 0)).y,
+              arm.scene.node(normal).get(x3d::Normal::vector)[arm.mesh->vertexIndex(0, 0)].y);
+}
+
+// 26.3.5: a segment's displacers move the points of its coord, by weight times displacement.
+TEST(Skin, DisplacersOfASegmentMoveItsPoints) {
+    Arm arm;
+    arm.frame();
+    const NodeId segment = arm.scene.createNode(x3d::HAnimSegment::type),
+                 shape = arm.scene.createNode(x3d::Shape::type);
+    const NodeId faces = arm.scene.createNode(x3d::IndexedFaceSet::type);
+    const NodeId coordinate = arm.scene.createNode(x3d::Coordinate::type);
+    const Array<Vec3f> points{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    ASSERT_TRUE(arm.scene.set(coordinate, x3d::Coordinate::point, points));
+    ASSERT_TRUE(arm.scene.set(faces, x3d::IndexedFaceSet::coord, coordinate));
+    ASSERT_TRUE(arm.scene.set(faces, x3d::IndexedFaceSet::coordIndex, Array<std::int32_t>{0, 1, 2, -1}));
+    ASSERT_TRUE(arm.scene.set(shape, x3d::Shape::geometry, faces));
+    ASSERT_TRUE(arm.scene.set(segment, x3d::HAnimSegment::coord, coordinate));
+    ASSERT_TRUE(arm.scene.insertChild(segment, x3d::HAnimSegment::children, shape));
+    ASSERT_TRUE(arm.scene.insertChild(arm.fore, x3d::HAnimJoint::children, segment));
+    NodeId displacers[2];
+    for (NodeId& displacer : displacers) {
+        displacer = arm.scene.createNode(x3d::HAnimDisplacer::type);
+        ASSERT_TRUE(arm.scene.insertChild(segment, x3d::HAnimSegment::displacers, displacer));
+    }
+    ASSERT_TRUE(arm.scene.set(displacers[0], x3d::HAnimDisplacer::coordIndex, Array<std::int32_t>{1, 2}));
+    ASSERT_TRUE(arm.scene.set(displacers[0], x3d::HAnimDisplacer::displacements, Array<Vec3f>{{2, 0, 0}, {0, 0, 1}}));
+    ASSERT_TRUE(arm.scene.set(displacers[1], x3d::HAnimDisplacer::coordIndex, Array<std::int32_t>{2, -1, 9}));
+    ASSERT_TRUE(arm.scene.set(displacers[1], x3d::HAnimDisplacer::displacements, Array<Vec3f>{{0, 4, 0}, {1, 1, 1}}));
+    arm.frame();
+    ASSERT_TRUE(arm.scene.set(displacers[0], x3d::HAnimDisplacer::weight, .5f));
+    ASSERT_TRUE(arm.scene.set(displacers[1], x3d::HAnimDisplacer::weight, -.25f));
+    arm.frame();
+    EXPECT_EQ(arm.mesh->positions, (Array<Vec3f>{{0, 0, 0}, {2, 0, 0}, {0, 0, .5f}}));
+    Flattener fresh;
+    std::vector<std::shared_ptr<const Mesh>> meshes;
+    for (const auto& geometry : fresh.apply(arm.scene, arm.scene.snapshot()).geometries)
+        meshes.push_back(geometry.mesh);
+    EXPECT_TRUE(std::ranges::any_of(meshes, [&](const auto& m) { return m->positions == arm.mesh->positions; }));
+    for (const float weight : {0.f, .5f}) {
+        for (const NodeId displacer : displacers)
+            ASSERT_TRUE(arm.scene.set(displacer, x3d::HAnimDisplacer::weight, weight));
+        arm.frame();
+        EXPECT_EQ(arm.mesh->positions == points, weight == 0);
+    }
+    ASSERT_TRUE(arm.scene.set(segment, x3d::HAnimSegment::displacers, Array<NodeId>{}));
+    arm.frame();
+    EXPECT_EQ(arm.mesh->positions, points);
 }
 
 TEST(Skin, WithoutJointsOrWithoutSkinItIsTheRestPose) {
