@@ -12,7 +12,12 @@ const settings = new URLSearchParams(location.hash.slice(1));
 const token = settings.get('token') ?? '';
 const url = `${location.protocol === 'https:' ? 'wss' : 'ws'}://${location.host}/mirror${token ? `?token=${encodeURIComponent(token)}` : ''}`;
 
+/** X_ITE takes the page's only thread for a while when it begins: the state, if it is near, is fetched before. ms. */
+const kStateWithin = 150;
+
 const arrivals = [];  // of the last states: when, and which
+let begin;
+const firstState = new Promise((done) => { begin = done; });
 let view = null, chosen = '', originsView = 0, first, reached = false, left = false;
 
 function connection(state, words) {
@@ -25,8 +30,26 @@ function notice(words) { text('notice', words); }
 function fileUrl(kind, id, index) {
   return `/${kind}/${id}/${index}?state=${mirror.scene.state}${token ? `&token=${encodeURIComponent(token)}` : ''}`;
 }
+/** Pictures that are on their way since the first state came, while X_ITE begins; each is asked for once. */
+const early = new Map();
+function askForPictures() {
+  for (const {id, type, values} of mirror.scene.nodes.values()) {
+    const url = type.name === 'ImageTexture' ? type.fields.findIndex((f) => f.name === 'url') : -1;
+    if (!values[url]?.length || values[url][0].startsWith('data:')) continue;
+    const href = fileUrl('picture', id, 0);
+    early.set(`${id}/0`, href);
+    document.head.append(Object.assign(document.createElement('link'), {rel: 'preload', as: 'image', crossOrigin: 'anonymous', href}));
+  }
+}
+function pictureUrl(id, index) {
+  const place = `${id}/${index}`, asked = early.get(place);
+  early.delete(place);
+  return asked ?? fileUrl('picture', id, index);
+}
 
 async function load(mirror) {
+  await Promise.race([firstState, new Promise((done) => setTimeout(done, kStateWithin))]);
+  if (mirror.hasState) askForPictures();
   let module;
   try {
     module = await import('/page/x3d_view.js');
@@ -36,7 +59,7 @@ async function load(mirror) {
     return;
   }
   view = new module.X3dView($('picture'), mirror.scene, {
-    pictureUrl: (id, index) => fileUrl('picture', id, index),
+    pictureUrl,
     quality: settings.get('quality'),
   });
   $('coarse').hidden = !(view.coarse && view.drawnByCpu);
@@ -46,9 +69,13 @@ async function load(mirror) {
 async function rebuild() {
   if (!view || !await view.rebuild()) return;
   notice('');
-  $('picture').dataset.ready = 'true';
   listViewpoints();
   followView(true);
+  // It has been drawn in this frame, and is shown when the next one begins.
+  requestAnimationFrame(() => {
+    $('picture').dataset.ready = 'true';
+    $('picture').dataset.after ??= `${Math.round(performance.now())}`;  // ms from the url, for who measures
+  });
 }
 
 // ---- viewpoints --------------------------------------------------------------------------------------------------------
@@ -89,6 +116,7 @@ function say(words) {
 // ---- what is said --------------------------------------------------------------------------------------------------------
 
 function onState(record, equal, afresh) {
+  begin();
   if (afresh) arrivals.length = 0;
   arrivals.push({at: performance.now(), state: record.to});
   text('state', `${record.to}`);
@@ -153,6 +181,7 @@ const sound = new SceneSound(mirror.scene, {
 });
 mirror.scene.listener = (changed) => {
   sound.change(changed);
+  for (let i = 0; early.size && i < changed.length; i += 2) early.delete(`${changed[i].id}/0`);
   if (!view || mirror.afresh) return;
   view.change(changed);
   followView(false);

@@ -25,6 +25,9 @@ const isKept = (def) => !def.hidden && (def.access === 'initializeOnly' || def.a
 
 /** Of pictures that shall come fast: a quarter of the pixels, and no shadows, which cost more than all the rest. */
 const kCoarse = {Antialiased: false, PrimitiveQuality: 'LOW', TextureQuality: 'LOW', ContentScale: 0.5};
+const kNoTangents = new Error('there are no maps of normals');
+/** How long the first picture waits for those in the scene, ms. */
+const kPicturesWithin = 700;
 /** What draws where there is no GPU. */
 const kSoftware = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
@@ -35,12 +38,15 @@ export class X3dView {
     this.pictureUrl = pictureUrl;
     this.nodes = new Map();  // of X_ITE, by the replica's numbers
     this.canvas = X3D.createBrowser();
-    element.append(this.canvas);
     this.browser = X3D.getBrowser(this.canvas);
-    // As attributes, which show what is below the splash screen as well.
+    // As attributes, which show what is below the splash screen as well; before anything of it is laid out.
     this.canvas.setAttribute('splashScreen', 'false');
     this.canvas.setAttribute('contextMenu', 'false');
     this.canvas.setAttribute('notifications', 'false');
+    this.canvas.style.visibility = 'hidden';  // until there is a picture: what is shown is composed, which takes its time without a GPU
+    element.append(this.canvas);
+    // Its own fonts are those of its menus and splash screen, of which nothing is shown.
+    for (const face of [...document.fonts]) if (face.family.includes('X_ITE')) document.fonts.delete(face);
     this.drawnByCpu = kSoftware.test(this.browser.getRenderer());
     this.coarse = quality === 'low' || (quality !== 'full' && this.drawnByCpu);
     if (this.coarse)
@@ -84,10 +90,37 @@ export class X3dView {
     this.building = null;
     this.nodes.clear();
     this.world = world;
+    this.chooseTangents();
     const roots = this.childrenOf(this.scene.root.get('children'));
     world.rootNodes = new X3D.MFNode(...roots);
-    await this.browser.replaceWorld(world);
-    return world === this.world;
+    await this.pictures();
+    if (world !== this.world) return false;
+    // X_ITE says that it is done when everything has come, on a slow link much later: the frame after the one that it waits for is
+    // the first of this world.
+    const replaced = this.browser.replaceWorld(world), drawn = this.browser.nextFrame().then(() => this.browser.nextFrame());
+    replaced.catch(() => {});  // by another one: so be it
+    await Promise.race([replaced, drawn]);
+    if (world !== this.world) return false;
+    this.canvas.style.visibility = '';
+    return true;
+  }
+  /** X_ITE makes tangents of every geometry, by a library that it fetches meanwhile: what was drawn before is then made again, with
+   * other shaders. Only maps of normals need any. */
+  chooseTangents() {
+    const maker = X3D.require('MikkTSpace'), kMap = 'normalTexture';
+    if (!maker) return;
+    delete maker.isInitialized;  // as its class has it
+    for (const {type, values} of this.scene.nodes.values())
+      if (values[type.fields.findIndex((f) => f.name === kMap)]) return;
+    maker.isInitialized = () => { throw kNoTangents; };  // caught where they would be made
+  }
+  /** Until the scene's pictures have come, or for a while: a first picture without them would take as long as the one with them,
+   * and shaders of its own. What changes meanwhile is followed. */
+  async pictures() {
+    const coming = [...this.nodes.values()].map((made) => made.getValue())
+      .filter((base) => base.checkLoadState?.() === X3D.X3DConstants.IN_PROGRESS_STATE);
+    const all = Promise.allSettled(coming.map((base) => base.loading()));
+    await Promise.race([all, new Promise((done) => setTimeout(done, kPicturesWithin))]);
   }
 
   childrenOf(ids) {
