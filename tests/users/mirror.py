@@ -173,6 +173,20 @@ def test_server_with_a_full_disk_goes_on(user):
         user.run("replay", disk / "s.rlog")
 
 
+def test_a_full_disk_keeps_the_log_that_was_there(user):
+    with small_disk(user.path("disk"), 8) as disk:
+        user.run("record", HALL.parent.parent / "door.x3dv", "-o", "door.rlog", "--for", "20ms")
+        old = user.path("door.rlog").read_bytes()[:4096]  # a page of this disk; the other one is full as well
+        (disk / "old.rlog").write_bytes(old)
+        (disk / "other").write_bytes(bytes(4096))
+        for more, name in ((["--force"], "old.rlog"), ([], "new.rlog")):
+            recorded = user.start("record", HALL, "-o", disk / name, "--for", "1s", *more)
+            recorded.done(status=1)
+            check("No space left" in recorded.err, f"the reason is said: {recorded.err!r}")
+        check((disk / "old.rlog").read_bytes() == old, "the log that was there is as it was")
+        equal(sorted(p.name for p in disk.iterdir()), ["old.rlog", "other"], "files")
+
+
 def test_wrong_files(user):
     server, endpoint = user.serve(HALL, "--for", "60s")
     user.path("old.rlog").write_bytes(b"a log of last week")

@@ -26,6 +26,7 @@ namespace {
 
 /// What keyframes that come for the time that has passed may take at most, bytes for each second of it.
 constexpr double kKeyframeRate = 1 << 20;
+constexpr off_t kRoomForHead = 1024;
 
 std::uint64_t freshEpoch() {
     std::random_device device;
@@ -96,6 +97,11 @@ Result<> LogWriter::openFile() {
     }
     descriptor_ = ::open(fresh.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (descriptor_ < 0) return std::unexpected(failure("cannot write", errno));
+    // Where there is no room for a head, no empty file shall stay, nor take the place of a log.
+    if (::fallocate(descriptor_, FALLOC_FL_KEEP_SIZE, 0, kRoomForHead) != 0 && errno == ENOSPC) {
+        ::unlink(fresh.c_str());
+        return std::unexpected(failure("cannot write", ENOSPC));
+    }
     if (!lockForWriting(descriptor_)) return fail("another log writer has the file open", {}, file_.string());
     if (there && ::rename(fresh.c_str(), target.c_str()) != 0) {
         const int error = errno;
