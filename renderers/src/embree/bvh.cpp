@@ -136,7 +136,7 @@ bool Group::settle(Entry& entry, std::uint32_t heldBits) {
         // Embree reads the mask while it traces, so no commit of the scene is needed.
         rtcSetGeometryMask(entry.geometry.get(), mask);
         rtcCommitGeometry(entry.geometry.get());
-        entry.mask = mask;
+        std::atomic_ref(entry.mask).store(mask, std::memory_order_relaxed);
     }
     return mask == all;
 }
@@ -185,10 +185,17 @@ void Group::hide(std::uint32_t local, std::uint32_t heldBits) {
     hiddenTriangles_ += entries_[local].triangles.mesh->triangleCount;
 }
 
+std::shared_ptr<const Clusters> Group::clusters() const {
+    const std::lock_guard lock(clustersMutex_);
+    if (!clusters_) clusters_ = std::make_shared<const Clusters>(*this);
+    return clusters_;
+}
+
 void Group::commit() {
     if (!dirty_) return;
     rtcCommitScene(scene_.get());
     retired_.clear();
+    clusters_.reset();
     box_ = {};
     if (live_ > 0) {
         RTCBounds b;

@@ -9,8 +9,10 @@
 // time.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -19,6 +21,7 @@
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/ray.h>
 
+#include "clusters.h"
 #include "embree.h"
 #include "instance_tree.h"
 #include "long_triangles.h"
@@ -109,12 +112,25 @@ class Group {
             if (entry.geometry) visit(entry.triangles);
     }
     const Triangles& triangles(std::uint32_t local) const { return entries_[local].triangles; }
+    /// Calls visit(local, Triangles) for everything attached.
+    template <class Visit>
+    void forEachAttached(Visit visit) const {
+        for (std::uint32_t i = 0; i < entries_.size(); ++i)
+            if (entries_[i].geometry) visit(i, entries_[i].triangles);
+    }
+    /// As Embree has it. Any thread may ask.
+    std::uint32_t mask(std::uint32_t local) const {
+        return std::atomic_ref(entries_[local].mask).load(std::memory_order_relaxed);
+    }
+    /// Of everything attached, made when it is first asked for. Any thread may ask.
+    std::shared_ptr<const Clusters> clusters() const;
 
   private:
     struct Entry {
         GeometryHandle geometry;
-        Triangles triangles;                // keeps the buffers alive
-        std::uint32_t kinds = 0, mask = 0;  // mask: what Embree has
+        Triangles triangles;  // keeps the buffers alive
+        std::uint32_t kinds = 0;
+        mutable std::uint32_t mask = 0;  // what Embree has; read by other threads
         bool isHidden = false, isUnsettled = false;
     };
     /// Returns whether the mask is what `kinds` say.
@@ -128,6 +144,8 @@ class Group {
     std::size_t live_ = 0, hidden_ = 0, triangles_ = 0, hiddenTriangles_ = 0, cutCount_ = 0;
     bool dirty_ = false;
     InstanceTree::Box box_;
+    mutable std::mutex clustersMutex_;
+    mutable std::shared_ptr<const Clusters> clusters_;
 };
 
 }  // namespace rtsg::bvh

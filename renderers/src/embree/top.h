@@ -12,6 +12,7 @@
 
 #include "bvh.h"
 #include "mesh_bvh.h"
+#include "primary_hits.h"
 
 namespace rtsg::bvh {
 
@@ -43,7 +44,16 @@ class TopView {
     bool occluded(const Ray& ray, RayKind kind) const;
     /// Lanes with all-ones in `valid` are traced; the packet's private members are set for all. Returns a bit per lane
     /// that hit something.
-    std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
+    std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
+        return intersect(rays, valid, coherent, kind, nullptr);
+    }
+    /// The same, where something else may know what they meet of the main group.
+    std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
+                            const PrimaryBlock* known) const;
+    /// Null: rays are quicker.
+    std::unique_ptr<const PrimaryHits> primaryHits(const PixelGrid& grid, RayKind kind) const {
+        return main_ ? PrimaryHits::make(*main_->resting, maskOf(kind), grid) : nullptr;
+    }
     /// Blocked lanes end with tMax -inf. Returns a bit for each.
     std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
 

@@ -198,11 +198,12 @@ inline void complete(RayPacket16& rays, std::uint32_t mask) {
 
 }  // namespace
 
-std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
+std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
+                                 const PrimaryBlock* known) const {
     complete(rays, maskOf(kind));
     RayCast cast(coherent);
     auto& packet = reinterpret_cast<RTCRayHit16&>(rays);
-    if (main_) cast.intersect(valid, main_->scene, packet);
+    if (main_ && !(known && known->meet(valid, rays))) cast.intersect(valid, main_->scene, packet);
     if (!tree_.empty()) {
         traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
             const TopObject& o = object(index);

@@ -14,6 +14,7 @@
 #include "mesh/simd8.h"
 #include "path_parts.h"
 #include "shutter.h"
+#include "tile_rays.h"
 
 namespace rtsg::trace {
 
@@ -191,6 +192,12 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
     drawCubes(state, world, camera, settings, part.hidden, scene);
     Sources sources;
     if (settings.integrator == Integrator::path) lookForLight(scene, sources);
+    std::optional<PrimaryRays> primary;
+    if (settings.integrator == Integrator::whitted && settings.samplesPerPixel == 1 && settings.error == 0 &&
+        !scene.shutter && !camera.orthographic && !camera.panorama && !(camera.nearDistance > 0)) {
+        withThreads(settings.threads, [&] { primary.emplace(*scene.world, pixelGrid(scene, camera, settings)); });
+        if (*primary) scene.primary = &*primary;
+    }
     Picture picture = drawPicture(scene, camera, settings, &stats);
     if (settings.layers != 0) {
         addLayers(world, settings, picture);

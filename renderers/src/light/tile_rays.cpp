@@ -140,6 +140,11 @@ float endOfSight(const Camera& camera, const PathTask& task) {
     return std::max(static_cast<float>(to) - task.line, 0.0f);
 }
 
+bvh::PixelGrid pixelGrid(const TraceScene& scene, const Camera& camera, const RenderSettings& settings) {
+    const PixelBlock b = pixelBlock(camera, settings, scene.world->fromWorld(camera.position), 0, 0);
+    return {b.eye, b.right, b.up, b.forward, b.middleX, b.across, b.middleY, b.down, settings.width, settings.height};
+}
+
 std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
                           std::uint64_t seed, int x0, int y0, int block, int sample, RayPacket16& rays,
                           std::uint16_t* pixels) {

@@ -23,12 +23,15 @@ std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const R
 /// How far a ray that has come straight from the eye, through clear surfaces, is followed on.
 float endOfSight(const Camera& camera, const PathTask& task);
 
+/// All of a picture's, through the middles of its pixels. Precondition: a perspective.
+bvh::PixelGrid pixelGrid(const TraceScene& scene, const Camera& camera, const RenderSettings& settings);
+
 /// Rays that are traced together, and what they are for.
 struct TilePacket {
     RayPacket16 rays;
     std::uint32_t active;      // a bit each, at least one
     std::uint16_t pixels[16];  // of primary rays those of a block
-    int sample;                // of primary rays
+    int block, sample;         // of primary rays
     std::uint64_t seed;        // of primary rays
     PathTask* tasks;           // one for each active lane; null: primary rays
 };
@@ -126,7 +129,7 @@ class TileLoop {
         if (!packet.active) return false;
         if (group > 0)
             for (std::uint16_t& pixel : packet.pixels) pixel += static_cast<std::uint16_t>(group * kTilePixels);
-        packet.sample = sample, packet.seed = seed, packet.tasks = nullptr;
+        packet.block = block, packet.sample = sample, packet.seed = seed, packet.tasks = nullptr;
         groups_[0].primaryRays += static_cast<std::uint64_t>(std::popcount(packet.active));
         return true;
     }
@@ -143,7 +146,7 @@ class TileLoop {
             packet.pixels[lane] = task.pixel;
         }
         packet.active = (std::uint32_t{1} << count) - 1;
-        packet.sample = 0, packet.tasks = &now_[first];
+        packet.block = 0, packet.sample = 0, packet.tasks = &now_[first];
         groups_[0].secondaryRays += static_cast<std::uint64_t>(count);
     }
 

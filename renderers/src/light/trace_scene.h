@@ -18,6 +18,8 @@
 #include <rtsg/renderers/paged_array.h>
 #include <rtsg/renderers/ray_world.h>
 
+#include "world/primary_rays.h"
+
 namespace rtsg::trace {
 
 class Environment;
@@ -186,6 +188,7 @@ struct TraceScene {
     const SkyLight* skyLight = nullptr;    // of paths, where the sky is so uneven that it must be looked for
     const PlainSurfaces* plain = nullptr;  // of paths
     const Shutter* shutter = nullptr;      // where something moves while it is open
+    const PrimaryRays* primary = nullptr;  // of the picture, where they find what they meet together
     MaterialList materials;
     SlotPages slots;
     LightGroups lightGroups;

@@ -20,9 +20,16 @@ class Tile {
   public:
     Tile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
          std::span<TileResult> groups)
-        : scene_(scene), settings_(settings), counts_(groups[0]), loop_(scene, camera, settings, x0, y0, groups) {}
+        : scene_(scene),
+          settings_(settings),
+          x0_(x0),
+          y0_(y0),
+          counts_(groups[0]),
+          loop_(scene, camera, settings, x0, y0, groups) {}
 
     void run() {
+        static_assert(kTileSide == bvh::kTilePixelsAside);
+        isKnown_ = scene_.primary && scene_.primary->find(x0_ / kTileSide, y0_ / kTileSide, known_);
         loop_.run([this](std::span<TilePacket> packets) { trace(packets); });
     }
 
@@ -46,7 +53,9 @@ class Tile {
     void trace(std::span<TilePacket> packets) {
         std::uint32_t hits[TileLoop::kTogether];
         for (std::size_t i = 0; i < packets.size(); ++i)
-            hits[i] = scene_.world->intersect(packets[i].rays, !packets[i].tasks);
+            hits[i] = isKnown_ && !packets[i].tasks
+                          ? scene_.primary->intersect(packets[i].rays, known_, packets[i].block)
+                          : scene_.world->intersect(packets[i].rays, !packets[i].tasks);
         for (std::size_t i = 0; i < packets.size(); ++i)
             if (hits[i]) fetchSurfaces(scene_, packets[i].rays, hits[i], packets[i].tasks, surfaces_[i]);
         for (std::size_t i = 0; i < packets.size(); ++i)
@@ -236,10 +245,13 @@ class Tile {
     const TraceScene& scene_;
     const RenderSettings& settings_;
     const float cutoff_ = std::max(settings_.cutoff, kLeastCutoff);
+    const int x0_, y0_;
     TileResult& counts_;  // of all groups
     TileLoop loop_;
     SurfacePacket surfaces_[TileLoop::kTogether]{};  // unused lanes stay finite
-    float left_[16] = {};                            // what volumes leave, where there are any
+    bool isKnown_ = false;
+    bvh::TileHits known_;  // what primary rays meet of what rests
+    float left_[16] = {};  // what volumes leave, where there are any
 };
 
 }  // namespace

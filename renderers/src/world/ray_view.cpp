@@ -289,6 +289,10 @@ bool RayView::occluded(const Ray& ray, RayKind kind) const {
 }
 
 std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind) const {
+    return intersect(rays, coherent, kind, nullptr);
+}
+
+std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind, const bvh::PrimaryBlock* known) const {
     kind = meant(kind);
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
@@ -296,12 +300,13 @@ std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind)
     const std::uint32_t asked = filter_ ? meetBox(rays, filter_->bounds()) & lanesOf(valid) : 0;
     float tMax[16];
     if (asked) std::memcpy(tMax, rays.tMax, sizeof tMax);
-    const std::uint32_t hits = intersectAll(rays, valid, coherent, kind);
+    const std::uint32_t hits = intersectAll(rays, valid, coherent, kind, known);
     return asked ? filterHits(rays, hits, asked, tMax, kind) : hits;
 }
 
-std::uint32_t RayView::intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
-    std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind);
+std::uint32_t RayView::intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
+                                    const bvh::PrimaryBlock* known) const {
+    std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind, known);
     if (seesStrokes(kind)) hits |= tables_->strokes.intersect(rays, valid, lens_, kind);
     return hits;
 }

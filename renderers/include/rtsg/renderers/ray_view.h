@@ -18,6 +18,10 @@
 
 namespace rtsg {
 
+namespace bvh {
+struct PrimaryBlock;
+}
+
 /// An instance as rays see it. Lives as long as the instance, at one slot; of a RayWorld, read it between two
 /// apply() calls.
 struct RayInstance {
@@ -146,13 +150,16 @@ class RayView {
     RayKind meant(RayKind kind) const { return kind == RayKind::view ? views_ : kind; }
     friend class Motions;
     friend class MovedView;
+    friend class PrimaryRays;
     Hit intersectAll(const Ray& ray, RayKind kind) const;
     Hit intersectFiltered(Ray ray, RayKind kind) const;
     Hit meetCaps(const Ray& ray, const Hit& hit, RayKind kind) const;
     std::uint32_t meetCaps(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
                            RayKind kind) const;
     std::uint32_t bodyAround(const Vec3f& place, const Vec3f& direction, std::uint32_t plane, RayKind kind) const;
-    std::uint32_t intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
+    std::uint32_t intersect(RayPacket16& rays, bool coherent, RayKind kind, const bvh::PrimaryBlock* known) const;
+    std::uint32_t intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
+                               const bvh::PrimaryBlock* known = nullptr) const;
     std::uint32_t occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
     std::uint32_t filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
                              RayKind kind) const;

@@ -1,0 +1,103 @@
+// PrimaryHits: what the rays of a pinhole's picture meet first of a group, tile by tile of the picture.
+//
+// They all start in one point, so the planes through it and a triangle's edges are the same for all of them, and all
+// that a ray does is tell on which side of three planes it runs; how near the triangle is (one over the depth) is one
+// more plane. So a tile goes through the clusters that it may see from near to far, sets up sixteen triangles at once
+// and asks of each which blocks of pixels it may be in and which pixels it is in, until nothing farther can be seen.
+// Invariant: the answer of a tile does not depend on others, on threads or on the processor. Triangles that share an
+// edge find the same number there with the other sign, and both take the pixels on it: nothing shows between them. What
+// is met, where on it and how far off is computed anew from its corners, as Embree's watertight rays are.
+// Threading: immutable once made; made by any thread, asked by any number.
+// Source: Olano, Greer 1997 (homogeneous edge functions); Greene 1996 (coverage by tiles); Woop, Benthin, Wald 2013
+// (watertightness).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include <rtsg/renderers/ray.h>
+
+#include "clusters.h"
+
+namespace rtsg::bvh {
+
+/// The rays of a picture: through the place (x, y), in pixels from its middle, rightwards and downwards, runs
+/// `forward + right * (middleX + across * x) + up * (middleY - down * y)`.
+struct PixelGrid {
+    Vec3f eye, right, up, forward;
+    float middleX, across, middleY, down;
+    int width, height;
+};
+
+constexpr int kTilePixelsAside = 16;  // of sixteen blocks of four by four pixels, row by row, as their pixels
+
+/// What the pixels of a tile see, by block and by pixel in the block.
+struct alignas(64) TileHits {
+    static constexpr std::uint32_t kNone = 0xFFFFFFFF;
+    float nearness[16][16];          // one over the depth; 0: nothing
+    std::uint32_t triangle[16][16];  // cluster * Cluster::kTriangles + place in it
+};
+
+/// A tile's rays: through the middle of the tile, and from a pixel to the next.
+struct TileFrame {
+    Vec3f eye, middle, toRight, downwards;
+};
+
+class PrimaryHits {
+  public:
+    /// Null: rays are quicker, as there are many triangles for so few pixels. `mask`: of the rays.
+    static std::unique_ptr<const PrimaryHits> make(const Group& group, std::uint32_t mask, const PixelGrid& grid);
+
+    /// False: so many clusters may be seen there that rays are quicker.
+    bool find(int tileX, int tileY, TileHits& hits) const;
+    /// Sets the hits of a block's rays that are `valid`, and returns false where that cannot be told well enough: rays
+    /// that run within a triangle's plane to the last bit. Precondition: they are those of the grid; tMax of none is
+    /// below what is not to be seen.
+    bool meet(const TileHits& hits, int block, const std::int32_t* valid, RayPacket16& rays) const;
+
+    /// A cluster that a tile may see, and how near it is at most.
+    struct Seen {
+        std::uint32_t cluster;
+        float nearness;
+    };
+
+  private:
+    PrimaryHits(std::shared_ptr<const Clusters> clusters, const PixelGrid& grid)
+        : clusters_(std::move(clusters)), grid_(grid) {}
+    struct Found;
+    std::vector<Found> project(const Group& group, std::uint32_t mask) const;
+    bool list(const std::vector<Found>& found);
+    int tilesX() const { return (grid_.width + kTilePixelsAside - 1) / kTilePixelsAside; }
+    int tilesY() const { return (grid_.height + kTilePixelsAside - 1) / kTilePixelsAside; }
+
+    std::shared_ptr<const Clusters> clusters_;
+    PixelGrid grid_;
+    struct List {
+        std::uint32_t first = 0, count = 0;  // of `seen_`; more than kMost: left to rays
+    };
+    static constexpr std::uint32_t kMost = 256;
+    std::vector<List> lists_;  // by tile
+    std::vector<Seen> seen_;
+};
+
+/// A block of a tile that is known.
+struct PrimaryBlock {
+    const PrimaryHits& picture;
+    const TileHits& tile;
+    int block;
+    bool meet(const std::int32_t* valid, RayPacket16& rays) const { return picture.meet(tile, block, valid, rays); }
+};
+
+/// What the machine's registers do for them.
+struct PrimaryKernels {
+    void (*find)(const TileFrame& frame, const PrimaryHits::Seen* seen, const PrimaryHits::Seen* end,
+                 const Cluster* clusters, const ClusteredMesh* meshes, TileHits& hits);
+    bool (*meet)(const TileHits& hits, int block, const std::int32_t* valid, const Cluster* clusters,
+                 const ClusteredMesh* meshes, RayPacket16& rays);
+};
+const PrimaryKernels& primaryKernels8();
+/// Null where this build or machine has none.
+const PrimaryKernels* primaryKernels16();
+
+}  // namespace rtsg::bvh

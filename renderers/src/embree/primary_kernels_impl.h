@@ -1,0 +1,284 @@
+// The template behind PrimaryKernels, for registers of eight and of sixteen lanes.
+//
+// W: as Lanes8 and Lanes16, a type of the unit's own. Nothing here calls functions that are not inlined by force or
+// part of a W. Invariant: bit for bit the same at either width. Threading: re-entrant.
+#pragma once
+
+#include "mesh/lane_math.h"
+#include "primary_hits.h"
+
+namespace rtsg::bvh {
+
+#define RTSG_INLINE __attribute__((always_inline)) static inline
+
+template <class W>
+struct PrimaryKernelsOf {
+    using F = typename W::F;
+    using M = typename W::M;
+    static constexpr int kLanes = W::kLanes;
+    static constexpr std::uint32_t kAll = (std::uint32_t{1} << kLanes) - 1;
+
+    struct V {
+        F x, y, z;
+    };
+    RTSG_INLINE F all(float x) { return simd::lanes::fill<F>(x); }
+    RTSG_INLINE V all(const Vec3f& v) { return {all(v.x), all(v.y), all(v.z)}; }
+    RTSG_INLINE F absolute(F x) { return W::most(x, -x); }
+    RTSG_INLINE F dot(const V& a, const V& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+    RTSG_INLINE F dot(const V& a, const Vec3f& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+    /// What a dot product is rounded by, in units of the last place.
+    RTSG_INLINE F sizes(const V& a, const Vec3f& b) {
+        return absolute(a.x) * __builtin_fabsf(b.x) + absolute(a.y) * __builtin_fabsf(b.y) +
+               absolute(a.z) * __builtin_fabsf(b.z);
+    }
+    RTSG_INLINE V plus(const V& a, const V& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+    RTSG_INLINE V minus(const V& a, const V& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+    RTSG_INLINE V cross(const V& a, const V& b) {
+        return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+    }
+    RTSG_INLINE V choose(M mask, const V& a, const V& b) {
+        return {W::choose(mask, a.x, b.x), W::choose(mask, a.y, b.y), W::choose(mask, a.z, b.z)};
+    }
+
+    // ---- triangles ----------------------------------------------------------------------------------------------
+
+    /// Seen from the eye: a corner, the normals of the planes through the edges opposite the second, third and first
+    /// corner, which the neighbour finds with the other sign, and the triangle's own.
+    struct Triangles {
+        V corner, edge[3], normal;
+    };
+    RTSG_INLINE Triangles around(const V& a, const V& b, const V& c) {
+        const V ca = minus(c, a), ab = minus(a, b), bc = minus(b, c);
+        Triangles t{a, {cross(ca, plus(c, a)), cross(ab, plus(a, b)), cross(bc, plus(b, c))}, {}};
+        // All pairs of edges give it; of a needle the two longest give little but roundings.
+        const F x = dot(ca, ca), y = dot(ab, ab), z = dot(bc, bc);
+        const M first = W::greater(x, W::most(y, z)), second = W::greater(y, W::most(x, z));
+        t.normal = cross(choose(first, ab, choose(second, bc, ca)), choose(first, bc, choose(second, ca, ab)));
+        return t;
+    }
+    /// Corners of the triangles `numbers` of a mesh, of as many as there are lanes.
+    struct Places {
+        const float* corner[3][kLanes];  // every fourth lane's next to each other
+        RTSG_INLINE int of(int lane) { return lane % 4 * (kLanes / 4) + lane / 4; }
+        __attribute__((always_inline)) void set(int lane, const ClusteredMesh& mesh, std::uint32_t triangle) {
+            const std::int32_t* index = mesh.triangles + std::size_t{triangle} * mesh.stride;
+            for (int c = 0; c < 3; ++c) corner[c][of(lane)] = &mesh.positions[index[c]].x;
+        }
+    };
+    RTSG_INLINE V gathered(const float* const* places, const V& eye) {
+        constexpr int kNext = kLanes / 4;
+        F q[4] = {W::quads(places), W::quads(places + kNext), W::quads(places + 2 * kNext),
+                  W::quads(places + 3 * kNext)};
+        W::transpose(q[0], q[1], q[2], q[3]);
+        return minus({q[0], q[1], q[2]}, eye);
+    }
+    RTSG_INLINE Triangles gathered(const Places& places, const V& eye) {
+        return around(gathered(places.corner[0], eye), gathered(places.corner[1], eye),
+                      gathered(places.corner[2], eye));
+    }
+
+    // ---- tiles --------------------------------------------------------------------------------------------------
+
+    /// Of a cluster's triangles: three edges and the nearness over a tile, each as `one + x * across + y * down` at so
+    /// many pixels from the tile's middle. Edges are positive within.
+    struct alignas(64) Planes {
+        float across[4][16], down[4][16], one[4][16];
+        float most[4][16];  // `one` and as much more as it may be anywhere in a block around its middle
+    };
+    // From the middle to that of the outermost pixels, and some roundings.
+    static constexpr float kBlockReach = 1.5f + 0x1p-14f, kTileReach = 7.5f + 0x1p-14f;
+    static constexpr float kRounding = 0x1p-21f;
+    static constexpr float kSlack = 0x1p-22f;
+
+    /// Returns a bit for each triangle that may be seen nearer than `farthest`.
+    RTSG_INLINE std::uint32_t setUp(const TileFrame& f, const ClusteredMesh& mesh, std::uint32_t first, float farthest,
+                                    Planes& p) {
+        const std::uint32_t there = mesh.count - first < 16 ? mesh.count - first : 16;
+        std::uint32_t seen = 0;
+        for (int at = 0; at < 16; at += kLanes) {
+            Places places;
+            for (int lane = 0; lane < kLanes; ++lane) {
+                const auto i = static_cast<std::uint32_t>(at + lane);
+                places.set(lane, mesh, first + (i < there ? i : there - 1));
+            }
+            const Triangles t = gathered(places, all(f.eye));
+            const F height = dot(t.corner, t.normal);
+            const F side = W::choose(W::greater(F{}, height), all(-1), all(1));
+            const F inverse = 1.0f / height;
+            F across[4], down[4], one[4];
+            for (int k = 0; k < 3; ++k) {
+                across[k] = dot(t.edge[k], f.toRight) * side;
+                down[k] = dot(t.edge[k], f.downwards) * side;
+                one[k] = dot(t.edge[k], f.middle) * side;
+            }
+            across[3] = dot(t.normal, f.toRight) * inverse, down[3] = dot(t.normal, f.downwards) * inverse;
+            one[3] = dot(t.normal, f.middle) * inverse;
+            // Beyond the edges by what is rounded, so that corners are closed, too.
+            M use = W::greater(absolute(height), F{});
+            std::uint32_t bits = W::bits(use) & kAll;
+            for (int k = 0; k < 4; ++k) {
+                if (k < 3) one[k] = one[k] + sizes(t.edge[k], f.middle) * kSlack;
+                const F reach = absolute(across[k]) + absolute(down[k]), rounding = absolute(one[k]) * kRounding;
+                const F most = one[k] + rounding;
+                W::store(p.across[k] + at, across[k]), W::store(p.down[k] + at, down[k]);
+                W::store(p.one[k] + at, one[k]);
+                W::store(p.most[k] + at, most + reach * kBlockReach);
+                bits &= W::bits(W::atLeast(most + reach * kTileReach, k < 3 ? F{} : all(farthest)));
+            }
+            seen |= bits << at;
+        }
+        return seen & ((std::uint32_t{1} << there) - 1);
+    }
+
+    /// Places of blocks' middles in the tile, and of pixels in a tile.
+    struct alignas(64) Grid {
+        float blockX[16], blockY[16], x[16][16], y[16][16];
+        constexpr Grid() : blockX(), blockY(), x(), y() {
+            for (int b = 0; b < 16; ++b) {
+                blockX[b] = static_cast<float>(b % 4) * 4 - 6, blockY[b] = static_cast<float>(b / 4) * 4 - 6;
+                for (int i = 0; i < 16; ++i) {
+                    x[b][i] = blockX[b] + static_cast<float>(i % 4) - 1.5f;
+                    y[b][i] = blockY[b] + static_cast<float>(i / 4) - 1.5f;
+                }
+            }
+        }
+    };
+    static constexpr Grid kGrid{};
+
+    /// One triangle of them, the same in all lanes.
+    struct Plane {
+        F across, down, one;
+        __attribute__((always_inline)) F at(F x, F y) const { return (one + across * x) + down * y; }
+    };
+
+    RTSG_INLINE void cover(const Planes& p, int i, std::uint32_t number, const float* farthest, std::uint32_t& touched,
+                           TileHits& hits) {
+        Plane plane[4];
+        for (int k = 0; k < 4; ++k) plane[k] = {all(p.across[k][i]), all(p.down[k][i]), all(p.one[k][i])};
+        std::uint32_t blocks = 0;
+        for (int at = 0; at < 16; at += kLanes) {
+            const F x = W::load(kGrid.blockX + at), y = W::load(kGrid.blockY + at);
+            F value[4];
+            for (int k = 0; k < 4; ++k) value[k] = Plane{plane[k].across, plane[k].down, all(p.most[k][i])}.at(x, y);
+            const F inside = W::least(W::least(value[0], value[1]), value[2]);
+            const std::uint32_t nearer = W::bits(W::greater(value[3], W::load(farthest + at)));
+            blocks |= (W::bits(W::atLeast(inside, F{})) & nearer) << at;
+        }
+        for (; blocks; blocks &= blocks - 1) {
+            const int block = __builtin_ctz(blocks);
+            std::uint32_t covered = 0;
+            for (int at = 0; at < 16; at += kLanes) {
+                const F x = W::load(kGrid.x[block] + at), y = W::load(kGrid.y[block] + at);
+                const F inside = W::least(W::least(plane[0].at(x, y), plane[1].at(x, y)), plane[2].at(x, y));
+                const F near = plane[3].at(x, y), old = W::load(hits.nearness[block] + at);
+                const M now = W::both(W::atLeast(inside, F{}), W::greater(near, old));
+                W::put(hits.nearness[block] + at, now, near);
+                W::put(hits.triangle[block] + at, now, number);
+                covered |= W::bits(now);
+            }
+            touched |= static_cast<std::uint32_t>(covered != 0) << block;
+        }
+    }
+
+    /// Asks for what the clusters that follow need, so that it is there when their turn comes.
+    RTSG_INLINE void prepare(const PrimaryHits::Seen* seen, const PrimaryHits::Seen* end, const Cluster* clusters,
+                             const ClusteredMesh* meshes) {
+        constexpr int kRecord = 8, kIndices = 4, kCorners = 2;  // so many clusters ahead
+        if (end - seen > kRecord) __builtin_prefetch(&clusters[seen[kRecord].cluster]);
+        if (end - seen > kIndices) {
+            const Cluster& c = clusters[seen[kIndices].cluster];
+            const ClusteredMesh& mesh = meshes[c.mesh];
+            const std::int32_t* const index = mesh.triangles + std::size_t{c.first} * mesh.stride;
+            for (int line = 0; line < 4; ++line) __builtin_prefetch(index + 16 * line);
+        }
+        if (end - seen > kCorners) {
+            const Cluster& c = clusters[seen[kCorners].cluster];
+            const ClusteredMesh& mesh = meshes[c.mesh];
+            const std::uint32_t last = mesh.count - c.first < 16 ? mesh.count - c.first - 1 : 15;
+            for (std::uint32_t part = 0; part < 3; ++part) {
+                const std::size_t t = c.first + last * part / 2;
+                const std::int32_t* const index = mesh.triangles + t * mesh.stride;
+                for (int k = 0; k < 3; ++k) __builtin_prefetch(&mesh.positions[index[k]]);
+            }
+        }
+    }
+
+    static void find(const TileFrame& frame, const PrimaryHits::Seen* seen, const PrimaryHits::Seen* end,
+                     const Cluster* clusters, const ClusteredMesh* meshes, TileHits& hits) {
+        for (int block = 0; block < 16; ++block)
+            for (int at = 0; at < 16; at += kLanes) {
+                W::store(hits.nearness[block] + at, F{});
+                W::put(hits.triangle[block] + at, W::maskOf(kAll), TileHits::kNone);
+            }
+        alignas(64) float farthest[16] = {};  // of the blocks
+        float limit = 0;
+        Planes planes;
+        for (; seen != end && seen->nearness > limit; ++seen) {
+            prepare(seen, end, clusters, meshes);
+            const Cluster& cluster = clusters[seen->cluster];
+            std::uint32_t rest = setUp(frame, meshes[cluster.mesh], cluster.first, limit, planes);
+            std::uint32_t touched = 0;
+            for (; rest; rest &= rest - 1) {
+                const int i = __builtin_ctz(rest);
+                cover(planes, i, seen->cluster * Cluster::kTriangles + static_cast<std::uint32_t>(i), farthest, touched,
+                      hits);
+            }
+            if (!touched) continue;
+            for (; touched; touched &= touched - 1) {
+                const int block = __builtin_ctz(touched);
+                farthest[block] = smallest(hits.nearness[block]);
+            }
+            limit = smallest(farthest);
+        }
+    }
+    RTSG_INLINE float smallest(const float* of16) {
+        F least = W::load(of16);
+        for (int at = kLanes; at < 16; at += kLanes) least = W::least(least, W::load(of16 + at));
+        return W::smallest(least);
+    }
+
+    // ---- rays ---------------------------------------------------------------------------------------------------
+
+    static bool meet(const TileHits& hits, int block, const std::int32_t* valid, const Cluster* clusters,
+                     const ClusteredMesh* meshes, RayPacket16& rays) {
+        for (int at = 0; at < 16; at += kLanes) {
+            const std::uint32_t* const numbers = hits.triangle[block] + at;
+            typename W::I own, isValid;
+            __builtin_memcpy(&own, numbers, sizeof own);
+            __builtin_memcpy(&isValid, valid + at, sizeof isValid);
+            const std::uint32_t met = W::bits((own != -1) & (isValid != 0));
+            if (!met) continue;
+            const int some = __builtin_ctz(met);
+            Places places;
+            alignas(64) std::uint32_t triangle[kLanes], mesh[kLanes];
+            for (int lane = 0; lane < kLanes; ++lane) {
+                const std::uint32_t number = numbers[met >> lane & 1u ? lane : some];
+                const Cluster& cluster = clusters[number / Cluster::kTriangles];
+                triangle[lane] = cluster.first + number % Cluster::kTriangles, mesh[lane] = cluster.mesh;
+                places.set(lane, meshes[cluster.mesh], triangle[lane]);
+            }
+            const V eye{W::load(rays.originX + at), W::load(rays.originY + at), W::load(rays.originZ + at)};
+            const V d{W::load(rays.directionX + at), W::load(rays.directionY + at), W::load(rays.directionZ + at)};
+            const Triangles t = gathered(places, eye);
+            const F u = dot(t.edge[0], d), v = dot(t.edge[1], d), whole = (u + v) + dot(t.edge[2], d);
+            const F distance = dot(t.corner, t.normal) / dot(d, t.normal), inverse = 1.0f / whole;
+            const F far = W::load(rays.tMax + at), most = all(__FLT_MAX__);
+            const M sound = W::both(W::greater(distance, F{}), W::atLeast(most, absolute(inverse)));
+            if (met & ~W::bits(sound)) return false;
+            const M use = W::both(W::maskOf(met), W::atLeast(far, distance));
+            W::put(rays.tMax + at, use, distance);
+            W::put(rays.normalX_ + at, use, t.normal.x), W::put(rays.normalY_ + at, use, t.normal.y);
+            W::put(rays.normalZ_ + at, use, t.normal.z);
+            W::put(rays.u_ + at, use, W::least(W::most(u * inverse, F{}), all(1)));
+            W::put(rays.v_ + at, use, W::least(W::most(v * inverse, F{}), all(1)));
+            W::put(rays.prim_ + at, use, triangle), W::put(rays.geom_ + at, use, mesh);
+        }
+        return true;
+    }
+
+    static constexpr PrimaryKernels kTable{&find, &meet};
+};
+
+#undef RTSG_INLINE
+
+}  // namespace rtsg::bvh

@@ -1,0 +1,11 @@
+// PrimaryRays: of what a view's rays meet, that which rests.
+#include "primary_rays.h"
+
+#include "ray_view_impl.h"
+
+namespace rtsg {
+
+PrimaryRays::PrimaryRays(const RayView& view, const bvh::PixelGrid& grid, RayKind kind)
+    : view_(view), kind_(kind), hits_(view.tables_->top.primaryHits(grid, view.meant(kind))) {}
+
+}  // namespace rtsg

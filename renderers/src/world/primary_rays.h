@@ -1,0 +1,36 @@
+// PrimaryRays: the rays of a pinhole's picture, which find what they meet together, tile by tile.
+//
+// What does not rest, lines, points and what filters say follow ray by ray, as for all others; so what is found is what
+// RayView::intersect finds, but for the last bits of numbers and of edges. Threading: made by one thread, asked by any
+// number. The view must outlive it and stay as it is.
+#pragma once
+
+#include <memory>
+
+#include <rtsg/renderers/ray_view.h>
+
+#include "embree/primary_hits.h"
+
+namespace rtsg {
+
+class PrimaryRays {
+  public:
+    PrimaryRays(const RayView& view, const bvh::PixelGrid& grid, RayKind kind = RayKind::view);
+
+    /// Whether tiles pay at all.
+    explicit operator bool() const { return hits_ != nullptr; }
+    /// What the tile's pixels see of what rests. False: ray by ray it is quicker. Precondition: they pay.
+    bool find(int tileX, int tileY, bvh::TileHits& tile) const { return hits_->find(tileX, tileY, tile); }
+    /// As RayView::intersect, of a block's rays.
+    std::uint32_t intersect(RayPacket16& rays, const bvh::TileHits& tile, int block) const {
+        const bvh::PrimaryBlock known{*hits_, tile, block};
+        return view_.intersect(rays, true, kind_, &known);
+    }
+
+  private:
+    const RayView& view_;
+    RayKind kind_;
+    std::unique_ptr<const bvh::PrimaryHits> hits_;
+};
+
+}  // namespace rtsg
