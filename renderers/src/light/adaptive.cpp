@@ -30,21 +30,22 @@ class Moments {
         return sum / (double(groups_) * samples);
     }
     /// The standard error of that.
-    Vec3d error(int pixel, int samples) const {
-        const Vec3d middle = mean(pixel, samples);
-        Vec3d squares(0);
-        for (int g = 0; g < groups_; ++g) {
-            const Vec3d off = sums_[index(g, pixel)] / double(samples) - middle;
-            squares += off * off;
-        }
-        return glm::sqrt(squares / (double(groups_) * (groups_ - 1)));
-    }
+    Vec3d error(int pixel, int samples) const { return error(pixel, samples, mean(pixel, samples)); }
     double relativeError(int pixel, int samples) const {
-        const Vec3d middle = mean(pixel, samples), e = error(pixel, samples);
+        const Vec3d middle = mean(pixel, samples), e = error(pixel, samples, middle);
         return std::max({e.x, e.y, e.z}) / (std::max({middle.x, middle.y, middle.z, 0.0}) + double{kErrorFloor});
     }
 
   private:
+    Vec3d error(int pixel, int samples, const Vec3d& middle) const {
+        const Vec3d expected = middle * double(samples);
+        Vec3d squares(0);
+        for (int g = 0; g < groups_; ++g) {
+            const Vec3d off = sums_[index(g, pixel)] - expected;
+            squares += off * off;
+        }
+        return glm::sqrt(squares / (double(groups_) * (groups_ - 1))) / double(samples);
+    }
     static std::size_t index(int group, int pixel) {
         return static_cast<std::size_t>(group) * kTilePixels + static_cast<std::size_t>(pixel);
     }

@@ -79,7 +79,7 @@ class LaneQueue {
         const std::size_t needed = size_ + more + kSlack;
         if (needed <= stride_) return;
         // A line of the cache more than a round number, or all columns would have the same few of its places.
-        const std::size_t stride = (std::max(needed, 2 * stride_) | 255u) + 1 + 16;
+        const std::size_t stride = (std::max(needed, 2 * stride_) | 63u) + 1 + 16;
         std::vector<float> data(columns_ * stride);
         for (std::size_t c = 0; c < columns_; ++c)
             for (std::size_t row = 0; row < size_; ++row) data[c * stride + row] = data_[c * stride_ + row];

@@ -144,7 +144,9 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
     const F8 perMetre = simd::sqrt(inverse), reach = c.radius * perMetre + kSlack;
     const F8 lit = dot(towards, normal) * perMetre + reach;
     const F8 cosAxis = dot(towards, c.axis) * -perMetre;
-    const F8 cosLeft = cosAxis * c.cosCone + sinOf(cosAxis) * c.sinCone;
+    // A triangle's cone, or all directions, has no sine.
+    F8 cosLeft = cosAxis * c.cosCone;
+    if (any(c.sinCone != 0.0f)) cosLeft += sinOf(cosAxis) * c.sinCone;
     const F8 shines = select(cosAxis >= c.cosCone - kSlack, all(1), cosLeft + reach);
     const auto cut = [](F8 cosine) { return min(max(cosine, all(0)), all(1)); };
     // From inside a cluster it seems as far as its edge is.
@@ -183,77 +185,98 @@ inline LightTree::Clusters LightTree::oneOf(const Node& node, std::size_t i) {
 
 namespace {
 
-/// In one order for one surface and for eight, so that both choose alike.
-template <class Float>
-Float sumOf(const Float* each) {
-    return ((each[0] + each[4]) + (each[2] + each[6])) + ((each[1] + each[5]) + (each[3] + each[7]));
+// Sums are made in one order for one surface and for eight, so that both choose alike.
+
+/// Of each of eight numbers and all before it.
+F8 sumsUpTo(F8 x) {
+    const F8 none{};
+    x += __builtin_shufflevector(none, x, 0, 8, 9, 10, 11, 12, 13, 14);
+    x += __builtin_shufflevector(none, x, 0, 1, 8, 9, 10, 11, 12, 13);
+    return x + __builtin_shufflevector(none, x, 0, 1, 2, 3, 8, 9, 10, 11);
+}
+/// The same of eight times `count` numbers.
+void sumsUpTo(F8* x, std::size_t count) {
+    for (std::size_t step = 1; step < count; step *= 2)
+        for (std::size_t i = count; i-- > step;) x[i] += x[i - step];
 }
 
 constexpr float kBelowOne = 0x1.fffffep-1f;
 
 }  // namespace
 
-/// `above`: a bit for each that is not 0.
-[[gnu::always_inline]] inline float LightTree::importance(const Node& node, const Vec3f& point, const Vec3f& normal,
-                                                          float* each, std::uint32_t& above) const {
+/// The importances of all eight, and in `before` the sums of those before each and of all; `above`: a bit for each that
+/// is not 0.
+struct LightTree::Shares {
+    alignas(32) float each[kWide], before[kWide + 8];
+    std::uint32_t above;
+    float sum() const { return before[kWide]; }
+};
+
+[[gnu::always_inline]] inline LightTree::Shares LightTree::shares(const Node& node, const Vec3f& point,
+                                                                  const Vec3f& normal) const {
     const F8 result = importance(allOf(node), {all(point.x), all(point.y), all(point.z)},
                                  {all(normal.x), all(normal.y), all(normal.z)});
-    store(each, result);
-    above = laneBits(result > 0.0f);
-    return sumOf(each);
+    Shares s;
+    store(s.each, result);
+    s.before[0] = 0;
+    store(s.before + 1, sumsUpTo(result));
+    s.above = laneBits(result > 0.0f);
+    return s;
 }
 
 LightTree::Choice LightTree::sample(const Vec3f& point, const Vec3f& normal, float u) const {
     if (nodes_.empty()) return {};
-    return sampleBelow(0, point, normal, u, 1);
-}
-
-LightTree::Choice LightTree::sampleBelow(std::uint32_t at, const Vec3f& point, const Vec3f& normal, float u,
-                                         float probability) const {
-    for (;;) {
-        const Node& node = nodes_[at];
-        alignas(32) float each[kWide];
-        std::uint32_t above = 0;
-        const float sum = importance(node, point, normal, each, above);
-        if (!(sum > 0)) return {};
-        float left = u * sum;
-        std::size_t child = 0;
-        const auto last = static_cast<std::size_t>(std::bit_width(above)) - 1;
-        while (child < last && !(left < each[child])) left -= each[child++];
-        u = std::min(std::max(left, 0.0f) / each[child], kBelowOne);
-        probability *= each[child] / sum;
-        if (node.leaves >> child & 1u) return {node.next[child], probability};
-        at = node.next[child];
+    Step step{0, u, 1};
+    while (!descend(step, point, normal)) {
     }
+    return {step.next, step.probability};
 }
 
-// The root is one for all: its clusters are looked at one after the other, by eight surfaces each. Below it they part.
+/// One node further down, without branches on where to, which nobody could foresee. Returns whether it ends there.
+bool LightTree::descend(Step& step, const Vec3f& point, const Vec3f& normal) const {
+    const Node& node = nodes_[step.next];
+    const Shares s = shares(node, point, normal);
+    if (!(s.sum() > 0)) {
+        step = {kNone, 0, 0};
+        return true;
+    }
+    const float at = step.u * s.sum();
+    const auto passed = static_cast<std::uint32_t>(std::popcount(laneBits(load(s.before + 1) <= at)));
+    const std::uint32_t child = std::min(passed, static_cast<std::uint32_t>(std::bit_width(s.above)) - 1);
+    step.u = std::min(std::max(at - s.before[child], 0.0f) / s.each[child], kBelowOne);
+    step.probability *= s.each[child] / s.sum();
+    step.next = node.next[child];
+    return (node.leaves >> child & 1u) != 0;
+}
+
+// The root is one for all: its clusters are looked at one after the other, by eight surfaces each. Below it they part,
+// and each goes a step in turn: none waits for the one before.
 LightTree::Choices LightTree::sample(const V8& point, const V8& normal, F8 u, std::uint32_t lanes) const {
     Choices result;
     std::fill(std::begin(result.thing), std::end(result.thing), kNone);
     store(result.probability, all(0));
     if (nodes_.empty() || !lanes) return result;
     const Node& root = nodes_[0];
-    F8 each[kWide];
-    for (std::size_t i = root.count; i < kWide; ++i) each[i] = all(0);
+    F8 each[kWide]{}, sums[kWide]{};
     I8 last{};
     for (std::size_t i = 0; i < root.count; ++i) {
-        each[i] = importance(oneOf(root, i), point, normal);
+        sums[i] = each[i] = importance(oneOf(root, i), point, normal);
         last = each[i] > 0.0f ? I8{} + static_cast<std::int32_t>(i) : last;
     }
-    const F8 sum = sumOf(each);
-    F8 left = u * sum, chosen = all(1);
-    I8 child{}, searching = ~I8{};
-    for (std::size_t i = 0; i < root.count; ++i) {
-        const I8 number = I8{} + static_cast<std::int32_t>(i), here = searching & ((left < each[i]) | (number == last));
-        chosen = select(here, each[i], chosen), child = here ? number : child;
-        searching &= ~here;
-        left = select(searching, left - each[i], left);
+    sumsUpTo(sums, root.count);
+    const F8 sum = sums[root.count - 1], at = u * sum;
+    I8 child{};
+    for (std::size_t i = 0; i < root.count; ++i) child -= sums[i] <= at;
+    child = child < last ? child : last;
+    F8 chosen = each[0], before = all(0);
+    for (std::size_t i = 1; i < root.count; ++i) {
+        const I8 here = child == static_cast<std::int32_t>(i);
+        chosen = select(here, each[i], chosen), before = select(here, sums[i - 1], before);
     }
-    alignas(32) float rest[8], x[8], y[8], z[8];
+    alignas(32) float rest[8];
     alignas(32) std::int32_t children[8];
-    store(rest, min(max(left, all(0)) / chosen, all(kBelowOne)));
-    store(result.probability, chosen / sum);
+    store(rest, min(max(at - before, all(0)) / chosen, all(kBelowOne)));
+    store(result.probability, select(sum > 0.0f, chosen / sum, all(0)));
     std::memcpy(children, &child, sizeof children);
     std::uint32_t below = lanes & laneBits(sum > 0.0f);
     for (std::uint32_t some = below; some; some &= some - 1) {
@@ -262,15 +285,22 @@ LightTree::Choices LightTree::sample(const V8& point, const V8& normal, F8 u, st
         if (root.leaves >> children[lane] & 1u) below &= ~(1u << lane);
     }
     if (!below) return result;
-    const V8& n = normal;
-    alignas(32) float nx[8], ny[8], nz[8];
-    store(x, point.x), store(y, point.y), store(z, point.z), store(nx, n.x), store(ny, n.y), store(nz, n.z);
-    for (; below; below &= below - 1) {
-        const int i = std::countr_zero(below);
-        const Choice choice =
-            sampleBelow(result.thing[i], {x[i], y[i], z[i]}, {nx[i], ny[i], nz[i]}, rest[i], result.probability[i]);
-        result.thing[i] = choice.thing, result.probability[i] = choice.probability;
+    alignas(32) float p[3][8], n[3][8];
+    store(p[0], point.x), store(p[1], point.y), store(p[2], point.z);
+    store(n[0], normal.x), store(n[1], normal.y), store(n[2], normal.z);
+    Step steps[8];
+    for (std::uint32_t some = below; some; some &= some - 1) {
+        const int lane = std::countr_zero(some);
+        steps[lane] = {result.thing[lane], rest[lane], result.probability[lane]};
     }
+    while (below)
+        for (std::uint32_t some = below; some; some &= some - 1) {
+            const int lane = std::countr_zero(some);
+            Step& step = steps[lane];
+            if (!descend(step, {p[0][lane], p[1][lane], p[2][lane]}, {n[0][lane], n[1][lane], n[2][lane]})) continue;
+            result.thing[lane] = step.next, result.probability[lane] = step.probability;
+            below &= ~(1u << lane);
+        }
     return result;
 }
 
@@ -279,12 +309,10 @@ float LightTree::probability(std::uint32_t thing, const Vec3f& point, const Vec3
     std::uint32_t at = 0;
     for (std::uint64_t way = ways_[thing];; way >>= 3) {
         const Node& node = nodes_[at];
-        alignas(32) float each[kWide];
-        std::uint32_t above = 0;
-        const float sum = importance(node, point, normal, each, above);
-        if (!(sum > 0)) return 0;
+        const Shares s = shares(node, point, normal);
+        if (!(s.sum() > 0)) return 0;
         const std::size_t child = way & 7u;
-        probability *= each[child] / sum;
+        probability *= s.each[child] / s.sum();
         if (node.leaves >> child & 1u) return node.next[child] == thing ? probability : 0.0f;
         at = node.next[child];
     }

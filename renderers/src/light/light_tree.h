@@ -66,9 +66,8 @@ class LightTree {
     std::size_t halve(std::span<const Cluster> things, std::size_t first, std::size_t last);
     Cluster build(std::span<const Cluster> things, std::size_t first, std::size_t last, std::uint32_t node,
                   std::uint32_t depth, std::uint64_t way);
-    /// Of all eight; returns their sum.
-    float importance(const Node& node, const Vec3f& point, const Vec3f& normal, float* each,
-                     std::uint32_t& above) const;
+    struct Shares;
+    Shares shares(const Node& node, const Vec3f& point, const Vec3f& normal) const;
 
     /// For one surface at each of the eight clusters, or for eight at one of them, whose numbers are given eight times.
     struct Clusters {
@@ -78,8 +77,12 @@ class LightTree {
     simd::F8 importance(const Clusters& clusters, const simd::V8& point, const simd::V8& normal) const;
     static Clusters allOf(const Node& node);
     static Clusters oneOf(const Node& node, std::size_t child);
-    /// From this node on.
-    Choice sampleBelow(std::uint32_t at, const Vec3f& point, const Vec3f& normal, float u, float probability) const;
+    /// Of a way down: the node where it is, or the thing where it ends; what is left of the number to choose by.
+    struct Step {
+        std::uint32_t next = kNone;
+        float u = 0, probability = 0;
+    };
+    bool descend(Step& step, const Vec3f& point, const Vec3f& normal) const;
 
     std::vector<std::uint64_t> ways_;   // by thing: three bits a node, from the root on: which child
     std::vector<std::uint32_t> order_;  // while building

@@ -265,6 +265,23 @@ void read(const LaneQueue& from, std::size_t row, std::uint32_t lanes, float tMi
 
 }  // namespace
 
+namespace {
+
+/// The lanes whose byte has this bit.
+std::uint32_t lanesOf(const std::uint8_t (&bytes)[16], std::uint8_t bit) {
+    std::uint32_t lanes = 0;
+    for (int half = 0; half < 2; ++half) {
+        std::uint64_t eight;
+        std::memcpy(&eight, bytes + 8 * half, sizeof eight);
+        // A bit of each byte to the highest one, side by side.
+        eight = (eight >> std::countr_zero(bit)) & 0x0101010101010101u;
+        lanes |= static_cast<std::uint32_t>(eight * 0x0102040810204080u >> 56) << (8 * half);
+    }
+    return lanes;
+}
+
+}  // namespace
+
 /// What must be done elsewhere whatever these sixteen rays meet.
 std::uint32_t Wavefront::laneOfOthers(std::size_t row) const {
     std::uint32_t result = 0;
@@ -287,17 +304,17 @@ void Wavefront::trace(std::size_t row, std::uint32_t lanes) {
     if (!hits) return;
     PacketHits16 met;
     const bool one = scene_.world->hits(rays, hits, met);
-    std::uint32_t matte = 0, glossy = 0, shines = 0, solid = 0, back = 0;
-    for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
-        const int lane = std::countr_zero(rest);
-        const std::uint8_t kind = plain_.kindOf(met.instance[lane]);
-        const std::uint32_t bit = one ? hits : 1u << lane;
-        if (kind & PlainSurfaces::matte) matte |= bit;
-        if (kind & PlainSurfaces::glossy) glossy |= bit;
-        if (kind & PlainSurfaces::kShines) shines |= bit;
-        if (kind & PlainSurfaces::kSolid) solid |= bit;
-        if (one) break;
-    }
+    std::uint8_t kinds[16]{};
+    if (one)
+        std::fill(kinds, kinds + 16, plain_.kindOf(met.instance[std::countr_zero(hits)]));
+    else
+        for (std::uint32_t rest = hits; rest; rest &= rest - 1)
+            kinds[std::countr_zero(rest)] = plain_.kindOf(met.instance[std::countr_zero(rest)]);
+    const std::uint32_t matte = hits & lanesOf(kinds, PlainSurfaces::matte),
+                        glossy = hits & lanesOf(kinds, PlainSurfaces::glossy),
+                        solid = lanesOf(kinds, PlainSurfaces::kSolid), black = lanesOf(kinds, PlainSurfaces::kBlack),
+                        shines = lanesOf(kinds, PlainSurfaces::kShines);
+    std::uint32_t back = 0;
     for (int at = 0; at < 16; at += 8) {
         const V8 d{load(rays.directionX + at), load(rays.directionY + at), load(rays.directionZ + at)},
             n{load(met.normalX + at), load(met.normalY + at), load(met.normalZ + at)};
@@ -309,7 +326,7 @@ void Wavefront::trace(std::size_t row, std::uint32_t lanes) {
     if (primary_)
         for (std::uint32_t rest = plain; rest; rest &= rest - 1)
             sumOf(now_.bits(kPixel, row + static_cast<std::size_t>(std::countr_zero(rest)))).a += 1;
-    if (matte & plain) keep(matte_, now_, row, rays, met, matte & plain);
+    if (matte & plain & ~black) keep(matte_, now_, row, rays, met, matte & plain & ~black);
     if (glossy & plain) keep(glossy_, now_, row, rays, met, glossy & plain);
     if (hits & ~plain) handOver(rays, row, hits & ~plain);
 }

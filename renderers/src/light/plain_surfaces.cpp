@@ -23,7 +23,8 @@ std::uint8_t kindOf(const MaterialEntry& entry) {
     if (m.refractiveIndex > 0 || m.reflectivity != Vec3f(0) || m.absorption != Vec3f(0) || m.opacity != 1) return 0;
     const bool isMatte = m.model == ShadingModel::phong && m.linear.specular == Vec3f(0);
     const std::uint8_t shines = m.linear.emissive != Vec3f(0) ? PlainSurfaces::kShines : 0;
-    return static_cast<std::uint8_t>((isMatte ? PlainSurfaces::matte : PlainSurfaces::glossy) | shines);
+    const std::uint8_t black = isMatte && m.linear.base == Vec3f(0) ? PlainSurfaces::kBlack : 0;
+    return static_cast<std::uint8_t>((isMatte ? PlainSurfaces::matte : PlainSurfaces::glossy) | shines | black);
 }
 
 }  // namespace
@@ -128,15 +129,15 @@ void PlainSurfaces::fetch(const Hits& hits, Surfaces& out) const {
     };
     out.exact = {row(0), row(1), row(2)};
     out.error = V8{bound(0), bound(1), bound(2)} + floor;
-    normals(hits, same, out);
+    normals(hits, each, same, out);
     const float* colors[8];
     for (int i = 0; i < 8; ++i) colors[i] = colors_[numbers_[hits.instance[i]]].base;
     out.base = gather3(colors);
 }
 
-void PlainSurfaces::normals(const Hits& hits, bool same, Surfaces& out) const {
+void PlainSurfaces::normals(const Hits& hits, const RayInstance* const* each, bool same, Surfaces& out) {
     V8 n = hits.outside;
-    const RayInstance& first = world_->instance(hits.instance[0]);
+    const RayInstance& first = *each[0];
     if (same && first.mesh->normals.present()) {
         const MeshAttribute& attribute = first.mesh->normals;
         const float* corner[3][8];
@@ -152,7 +153,7 @@ void PlainSurfaces::normals(const Hits& hits, bool same, Surfaces& out) const {
         n = {row(0), row(1), row(2)};
     } else if (!same) {
         for (int i = 0; i < 8; ++i) {
-            const RayInstance& instance = world_->instance(hits.instance[i]);
+            const RayInstance& instance = *each[i];
             const MeshAttribute& attribute = instance.mesh->normals;
             if (!attribute.present()) continue;
             const Vec3f own =

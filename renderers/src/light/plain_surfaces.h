@@ -21,7 +21,8 @@ class PlainSurfaces {
         matte = 1,   // scatters evenly
         glossy = 2,  // Phong's with a highlight, or physical
     };
-    static constexpr std::uint8_t kShines = 4, kSolid = 8;  // solid: plain from its front only
+    static constexpr std::uint8_t kShines = 4, kSolid = 8,  // solid: plain from its front only
+        kBlack = 16;                                        // sends nothing on
 
     explicit PlainSurfaces(const TraceScene& scene);
 
@@ -63,7 +64,7 @@ class PlainSurfaces {
         float physical, unused[3];
         explicit Colors(const Material& material);
     };
-    void normals(const Hits& hits, bool same, Surfaces& out) const;
+    static void normals(const Hits& hits, const RayInstance* const* each, bool same, Surfaces& out);
 
     const RayView* world_;
     std::vector<std::uint8_t> kinds_;     // by slot

@@ -48,6 +48,8 @@ TEST(PlainSurfaces, AreOpaqueAndOfOneMaterialWithoutTextures) {
     EXPECT_EQ(kind("material Material { specularColor 0 .1 0 }"), PlainSurfaces::glossy);
     EXPECT_EQ(kind("material PhysicalMaterial { }"), PlainSurfaces::glossy);
     EXPECT_EQ(kind("material Material { emissiveColor 0 .1 0 }"), PlainSurfaces::matte | PlainSurfaces::kShines);
+    EXPECT_EQ(kind("material Material { diffuseColor 0 0 0 emissiveColor 0 .1 0 }"),
+              PlainSurfaces::matte | PlainSurfaces::kShines | PlainSurfaces::kBlack);
     EXPECT_EQ(kind("material UnlitMaterial { }"), PlainSurfaces::other);
     EXPECT_EQ(kind("material Material { transparency .2 }"), PlainSurfaces::other);
     EXPECT_EQ(kind("material Material { } backMaterial Material { }"), PlainSurfaces::other);
