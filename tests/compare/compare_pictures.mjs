@@ -4,7 +4,7 @@
 // Both get the same document: the scene as `rtsg convert` writes it, with its TimeSensors switched off, so that nothing
 // moves between the pictures, with the standard's default Viewpoint where it has none but those of a humanoid (rtsg would
 // frame it, and binds a humanoid's), and without textures whose files are not there. rtsg draws no reflections, which a
-// browser has not. A silhouette is where a picture differs from that of the same scene with all its Shapes made
+// browser has not; X_ITE draws at its highest quality. A silhouette is where a picture differs from that of the same scene with all its Shapes made
 // invisible. Writes DIR/index.html with the pairs, DIR/results.json and a line a scene.
 // Exit status 0: compared, whatever came out; 77: skipped, with the reason, where Chromium or the packages of `./dev web`
 // are not there. Usage: compare_pictures.mjs --program build/rtsg [-o DIR] [--size 960x720] [--only TEXT] FOLDER|FILE...
@@ -186,6 +186,8 @@ async function drawInBrowser(page, url) {
     document.body.append(canvas);
     const browser = X3D.getBrowser(canvas);
     browser.setBrowserOption('StraightenHorizon', false);  // of viewpoints that lean: it is no part of the standard
+    // Both as well as they can: by default X_ITE takes single pixels of textures that are small on the screen.
+    for (const quality of ['TextureQuality', 'PrimitiveQuality']) browser.setBrowserOption(quality, 'HIGH');
     await browser.loadURL(new X3D.MFString(url));
   }, url);
   let before = null;
