@@ -30,7 +30,7 @@ Array<Vec3f> vectorsOf(const Scene& scene, NodeId normal) {
 }
 
 /// How normals turn where points go by the linear part of `m`; of what flattens: as the points.
-glm::dmat3 normalMatrix(const WorldFromLocal& m) {
+glm::dmat3 posedFromRestNormal(const WorldFromLocal& m) {
     const glm::dmat3 linear(m[0], m[1], m[2]);
     return determinantSign(m) == 0 ? linear : glm::transpose(glm::inverse(linear));
 }
@@ -45,7 +45,7 @@ class Blend {
     void add(const Scene& scene, const Node& joint, const WorldFromLocal& m) {
         const Array<std::int32_t>& index = joint.get(x3d::HAnimJoint::skinCoordIndex);
         const Array<float>& weight = joint.get(x3d::HAnimJoint::skinCoordWeight);
-        const glm::dmat3 turn = normalMatrix(m);
+        const glm::dmat3 turn = posedFromRestNormal(m);
         for (std::size_t i = 0; i < index.size(); ++i) {
             const auto at = static_cast<std::uint32_t>(index[i]);
             const double w = i < weight.size() ? double{weight[i]} : 1.0;
