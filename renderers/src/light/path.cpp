@@ -606,7 +606,7 @@ class Paths {
 void pathTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
               std::span<TileResult> groups) {
     Paths paths(scene, camera, settings, x0, y0, groups);
-    if (goesInWavefronts(scene))
+    if (goesInWavefronts(scene, camera))
         paths.runInWavefronts(camera, x0, y0, groups);
     else
         paths.run();

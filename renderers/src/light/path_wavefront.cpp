@@ -126,7 +126,8 @@ class Numbers {
 
 }  // namespace
 
-bool goesInWavefronts(const TraceScene& scene) {
+bool goesInWavefronts(const TraceScene& scene, const Camera& camera) {
+    if (camera.isBounded()) return false;  // each ray from the eye has ends of its own
     const bool clearAir = scene.volumes.empty() && !scene.fogs.any() && !scene.filter && !scene.shutter;
     const bool plainLight = !scene.lamps && !scene.skyLight && scene.lightGroups.lights.empty() &&
                             scene.environments.lights.empty() && (!scene.emitters || scene.emitters->even());

@@ -15,8 +15,8 @@
 
 namespace rtsg::trace {
 
-/// Whether this is the way for a scene's paths.
-bool goesInWavefronts(const TraceScene& scene);
+/// Whether this is the way for the paths of a scene's picture.
+bool goesInWavefronts(const TraceScene& scene, const Camera& camera);
 
 class Wavefront {
   public:

@@ -113,6 +113,18 @@ TEST(Wavefront, ShowsWhatPacketsShow) {
     }
 }
 
+TEST(Wavefront, LeavesOutWhatTheEyesPlanesCut) {
+    const auto seen = [](const std::string& planes) {
+        std::string body = room("");
+        const std::string eye = "Viewpoint { position 0 0 1.4";
+        body.replace(body.find(eye), eye.size(), eye + " " + planes);
+        return BothWays(body, 4);
+    };
+    const BothWays cut = seen("nearDistance 1.3"), whole = seen("");
+    EXPECT_EQ(cut.stages.pixels, cut.packets.pixels);
+    EXPECT_GT(std::abs(cut.mean(cut.stages) - whole.mean(whole.stages)), .01 * whole.mean(whole.stages));
+}
+
 TEST(Wavefront, StopsWherePacketsStop) {
     const BothWays both(room(""), 1 << 12, .1f);
     EXPECT_NEAR(both.stagesStats.samples, both.packetsStats.samples, .01 * both.packetsStats.samples);
