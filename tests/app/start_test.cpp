@@ -21,10 +21,17 @@ TEST(Start, ImageFilesComeAsAModuleWhenTheFirstIsAskedFor) {
     EXPECT_LT(libraries, 80) << listed.out;
 
     writeFile(folder / "s.x3dv", "#X3D V4.0 utf8\nPROFILE Interchange\nShape { geometry Box { } }\n");
-    const Outcome drawn =
-        Program({"render", folder / "s.x3dv", "-o", folder / "s.png", "--size", "16x16"}, folder / "render").wait();
-    EXPECT_EQ(drawn.status, 0) << drawn.err;
+    const auto draw = [&](const std::string& file) {
+        ::setenv("LD_DEBUG", "files", 1);  // the dynamic linker tells what it loads, on stderr
+        const Outcome drawn =
+            Program({"render", folder / "s.x3dv", "-o", folder / file, "--size", "16x16"}, folder / "render").wait();
+        ::unsetenv("LD_DEBUG");
+        EXPECT_EQ(drawn.status, 0) << drawn.err;
+        return drawn.err.find("OpenImageIO") != std::string::npos;
+    };
+    EXPECT_FALSE(draw("s.png"));
     EXPECT_TRUE(readFile(folder / "s.png").starts_with("\x89PNG"));
+    EXPECT_TRUE(draw("s.tif"));
 }
 
 }  // namespace

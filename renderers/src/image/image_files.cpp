@@ -1,4 +1,4 @@
-// Finds and loads the module that reads and writes image files.
+// Finds and loads the modules that read and write image files.
 #include "image_files.h"
 
 #include <rtsg/core/module.h>
@@ -9,6 +9,9 @@ namespace rtsg {
 
 Result<const ImageFiles*> imageFiles() {
     return fail("image files are neither read nor written: this build leaves them out (RTSG_IMAGES=OFF)");
+}
+Result<EncodePng> pngEncoder() {
+    return std::unexpected(imageFiles().error());
 }
 
 #else
@@ -24,7 +27,18 @@ Result<const ImageFiles*> load() {
     return reinterpret_cast<const ImageFiles* (*)()>(*symbol)();
 }
 
+Result<EncodePng> loadPngEncoder() {
+    const auto symbol = loadModule("rtsg_png", RTSG_TEXT(RTSG_ENCODE_PNG_SYMBOL), "PNG files need");
+    if (!symbol) return std::unexpected(symbol.error());
+    return reinterpret_cast<EncodePng>(*symbol);
+}
+
 }  // namespace
+
+Result<EncodePng> pngEncoder() {
+    static const Result<EncodePng> encoder = loadPngEncoder();
+    return encoder;
+}
 
 Result<const ImageFiles*> imageFiles() {
     static const Result<const ImageFiles*> files = load();

@@ -106,7 +106,13 @@ class ImageFiles {
 /// libraries (beside the program, ../lib/rtsg, LD_LIBRARY_PATH).
 Result<const ImageFiles*> imageFiles();
 
-/// What the module exports under this name, which changes whenever this header does.
+/// The whole PNG file of a sheet's bytes. Null: done; otherwise a sentence.
+using EncodePng = const char* (*)(const Sheet& sheet, std::vector<unsigned char>& file);
+/// Of a module of its own (librtsg_png.so), which needs none of those libraries: most pictures are written so.
+Result<EncodePng> pngEncoder();
+
+/// What the modules export under these names, which change whenever this header does.
 #define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles6
+#define RTSG_ENCODE_PNG_SYMBOL rtsgEncodePng1
 
 }  // namespace rtsg

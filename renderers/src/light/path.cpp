@@ -47,9 +47,6 @@ void basis(const Vec3f& n, Vec3f& s, Vec3f& t) {
     s = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
     t = {b, sign + n.y * n.y * a, -n.y};
 }
-F8 largest(const V8& v) {
-    return max(max(v.x, v.y), v.z);
-}
 
 /// What sixteen paths draw at a surface, beyond what looks for light.
 struct alignas(64) Draws {

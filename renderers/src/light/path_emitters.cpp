@@ -18,11 +18,6 @@ using namespace simd;
 
 namespace {
 
-// A ray reaches a little further than its target, so that rounding does not end it in front of it.
-constexpr float kReach = 1.001f;
-// What lies up to here is before the target: within some roundings of it, only the nearest hit tells which is first.
-constexpr float kBefore = 1 - 0x1p-19f;
-
 /// What a bounce meets at a hit that it goes straight on from: all of the light behind the back of a solid, which is
 /// not there; 0 at glass, which bends it.
 Vec3f passes(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {

@@ -9,6 +9,11 @@
 
 namespace rtsg::trace {
 
+// A ray reaches a little further than its target, so that rounding does not end it in front of it.
+constexpr float kReach = 1.001f;
+// What lies up to here is before the target: within some roundings of it, only the nearest hit tells which is first.
+constexpr float kBefore = 1 - 0x1p-19f;
+
 struct EmitterLight {
     std::uint32_t mask = 0;         // lanes that are reached
     Lanes3 direction;               // towards the light, unit

@@ -21,6 +21,10 @@ inline void basis(const simd::V8& n, simd::V8& s, simd::V8& t) {
     t = {b, sign + n.y * n.y * a, -n.y};
 }
 
+inline simd::F8 largest(const simd::V8& v) {
+    return simd::max(simd::max(v.x, v.y), v.z);
+}
+
 /// The directions around eight shading normals, and the views in them.
 struct Frame8 {
     simd::V8 x, y, z, facing, view;

@@ -53,8 +53,6 @@ enum AskedColumn : std::size_t { kLight = 6, kAskedPixel = 9, kEmitter, kAskedCo
 constexpr std::uint32_t kCallBits = 12, kMostCalls = (1u << kCallBits) - 16, kMostDepth = 9'999;
 constexpr std::size_t kTogether = 2048;  // primary rays; what is made of them stays in the second cache
 
-constexpr float kBefore = 1 - 0x1p-19f, kReach = 1.001f;  // as path_emitters.cpp has them
-
 using U8 = std::uint32_t __attribute__((vector_size(32)));
 
 U8 unsignedBits(F8 v) {
@@ -66,9 +64,6 @@ F8 asFloats(U8 v) {
     F8 r;
     std::memcpy(&r, &v, sizeof r);
     return r;
-}
-F8 largest(const V8& v) {
-    return max(max(v.x, v.y), v.z);
 }
 std::uint32_t firstLanes(std::size_t count) {
     return count >= 16 ? 0xFFFFu : (1u << count) - 1;

@@ -66,6 +66,20 @@ void addLayers(const Picture& picture, Sheet& sheet) {
     sheet.notes = picture.notes;
 }
 
+Result<> encodeSheet(const Sheet& sheet, const std::string& extension, const std::filesystem::path& file, Bytes& made) {
+    if (extension == ".png") {
+        const auto encode = pngEncoder();
+        if (!encode) return std::unexpected(encode.error());
+        if (const char* error = (*encode)(sheet, made)) return fail(error, {}, file.string());
+        return {};
+    }
+    const auto files = imageFiles();
+    if (!files) return std::unexpected(files.error());
+    if (const std::string error = (*files)->encode(file.string(), sheet, made); !error.empty())
+        return fail(error, {}, file.string());
+    return {};
+}
+
 }  // namespace
 
 std::string lowerExtension(const std::filesystem::path& file) {
@@ -131,8 +145,6 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
     if (isLinearFormat(extension) && picture.space != ColorSpace::linear)
         return writePicture(toLinear(picture), file, toneMap);
     if (extension == ".pfm") return writeBytes(pfm(picture), file);
-    const auto files = imageFiles();
-    if (!files) return std::unexpected(files.error());
     Sheet sheet{.width = picture.width, .height = picture.height, .bytes = nullptr, .values = nullptr};
     std::vector<std::uint8_t> encoded;
     if (isLinearFormat(extension)) {
@@ -144,8 +156,7 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
         sheet.opaque = std::ranges::all_of(picture.pixels, [](const Vec4f& p) { return p.a >= 1; });
     }
     Bytes made;
-    if (const std::string error = (*files)->encode(file.string(), sheet, made); !error.empty())
-        return fail(error, {}, file.string());
+    if (auto ok = encodeSheet(sheet, extension, file, made); !ok) return ok;
     return writeBytes(made, file);
 }
 
