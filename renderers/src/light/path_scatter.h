@@ -11,6 +11,14 @@
 #include "bsdf8.h"
 #include "mesh/simd8.h"
 
+namespace rtsg::simd {
+
+inline F8 largest(const V8& v) {
+    return max(max(v.x, v.y), v.z);
+}
+
+}  // namespace rtsg::simd
+
 namespace rtsg::trace {
 
 /// Two unit vectors square to a unit vector and each other (Duff et al. 2017).
@@ -19,10 +27,6 @@ inline void basis(const simd::V8& n, simd::V8& s, simd::V8& t) {
     const F8 sign = select(bits(n.z) < 0, all(-1), all(1)), a = -1 / (sign + n.z), b = n.x * n.y * a;
     s = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
     t = {b, sign + n.y * n.y * a, -n.y};
-}
-
-inline simd::F8 largest(const simd::V8& v) {
-    return simd::max(simd::max(v.x, v.y), v.z);
 }
 
 /// The directions around eight shading normals, and the views in them.
