@@ -20,7 +20,9 @@ TEST(LaneQueue, PacksEverySetOfLanesInItsOrder) {
         const F8 packed = Packing(lanes)(numbers);
         int to = 0;
         for (int lane = 0; lane < 8; ++lane)
-            if (lanes >> lane & 1u) EXPECT_EQ(packed[to++], numbers[lane]) << lanes;
+            if (lanes >> lane & 1u) {
+                EXPECT_EQ(packed[to++], numbers[lane]) << lanes;
+            }
     }
 }
 
