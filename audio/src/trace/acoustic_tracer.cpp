@@ -77,21 +77,17 @@ struct FadingRay {
     glm::dvec3 origin, direction, facing{0};
     Random random;
     std::uint32_t plane = kNoPlane;
-    double sent = 1;  // by the pattern of the source
-    Bands energy{};   // by class, without that and without what air takes
+    Bands energy{};  // by class: of the band from which air takes least, the lowest
     double metres = 0;
     int reflections = 0;
 
-    bool goesOn(double speedOfSound, const BandClasses& classes, const Bands& attenuation) const {
+    bool goesOn(double speedOfSound) const {
         // What is slow to fade in a small room would take rays without end.
-        if (reflections > kMostReflections && metres > kShort * speedOfSound) return false;
-        double most = 0;
-        // Of the band of each class from which air takes least, the lowest.
-        for (std::size_t c = 0; c < classes.count; ++c)
-            most = std::max(most, energy[c] * std::exp(-attenuation[classes.first[c]] * metres));
-        return most > kGone && metres < kMost * speedOfSound;
+        const bool tooSlow = reflections > kMostReflections && metres > kShort * speedOfSound;
+        return largest<kBandCount>(energy) > kGone && metres < kMost * speedOfSound && !tooSlow;
     }
-    void meet(const AcousticHit& hit, const AcousticMaterial& material, const BandClasses& classes) {
+    void meet(const AcousticHit& hit, const AcousticMaterial& material, const BandClasses& classes,
+              const Bands& attenuation) {
         double scattered = 0, mirrored = 0, through = 0;
         for (std::size_t c = 0; c < classes.count; ++c) {
             const std::size_t b = classes.first[c];
@@ -99,6 +95,7 @@ struct FadingRay {
             mirrored += energy[c] * material.mirrored(b);
             through += energy[c] * material.transmission[b];
             energy[c] *= 1 - material.absorption[b];
+            if (attenuation[b] > 0) energy[c] *= std::exp(-attenuation[b] * hit.distance);
         }
         ++reflections;
         metres += hit.distance;
@@ -116,31 +113,22 @@ struct FadingRay {
     }
 };
 
-/// What some rays that are followed until their energy is gone, for `mostSeconds` at most, tell.
-struct Fading {
-    double seconds = 0;  // the longest that any needs until 65 dB of what a source emits are gone in all bands
-    FadingEnergy energy;
-};
-Fading followSome(const AcousticGeometry& geometry, const glm::dvec3& source, const TraceOptions& options,
-                  double mostSeconds) {
+/// How long it takes until 65 dB of what a source emits are gone in all bands: the longest that any of some rays needs.
+double decaySeconds(const AcousticGeometry& geometry, const glm::dvec3& source, const TraceOptions& options) {
     constexpr int kRays = 64;
     const double speed = options.air.speedOfSound;
     const Bands attenuation = airAttenuation(options.air);
     const BandClasses classes = bandClasses(geometry.materials());
     Bands full{};
     std::fill_n(full.begin(), classes.count, 1.0);
-    Fading fading;
     double longest = 0;
     std::vector<FadingRay> lanes;
     for (int sent = 0; sent < kRays || !lanes.empty();) {
-        for (; lanes.size() < AcousticRays::kMost && sent < kRays; ++sent) {
-            const glm::dvec3 direction = evenDirection(sent, kRays);
+        for (; lanes.size() < AcousticRays::kMost && sent < kRays; ++sent)
             lanes.push_back({.origin = source,
-                             .direction = direction,
+                             .direction = evenDirection(sent, kRays),
                              .random = Random(Random::mix(options.seed, 0xDECA + static_cast<std::uint64_t>(sent))),
-                             .sent = options.pattern ? options.pattern(direction) : 1,
                              .energy = full});
-        }
         AcousticRays rays;
         for (const FadingRay& ray : lanes) rays.add(ray.origin, ray.facing, ray.direction, 1e6, ray.plane);
         AcousticHits hits;
@@ -149,19 +137,13 @@ Fading followSome(const AcousticGeometry& geometry, const glm::dvec3& source, co
         for (std::size_t i = 0; i < lanes.size(); ++i) {
             FadingRay& ray = lanes[i];
             const bool shut = (met >> i & 1) != 0;
-            if (shut) {
-                ray.meet(hits[i], geometry.materials()[hits[i].material], classes);
-                fading.energy.add(ray.metres, ray.sent * largest<kBandCount>(ray.energy));
-            }
+            if (shut) ray.meet(hits[i], geometry.materials()[hits[i].material], classes, attenuation);
             longest = std::max(longest, ray.metres);
-            if (shut && ray.metres < mostSeconds * speed && ray.goesOn(speed, classes, attenuation))
-                lanes[left++] = ray;
+            if (shut && ray.goesOn(speed)) lanes[left++] = ray;
         }
         lanes.erase(lanes.begin() + static_cast<std::ptrdiff_t>(left), lanes.end());
     }
-    fading.seconds = longest / speed;
-    fading.energy.settle();
-    return fading;
+    return longest / speed;
 }
 
 /// The ball around the listener in which rays are counted.
@@ -340,7 +322,7 @@ void refineAs(const AcousticGeometry& geometry, const BandClasses& classes, cons
     for (std::size_t k = 0; k < group.results.size(); ++k)
         ears.emplace_back(group.listeners[k], *group.results[k], options.air.speedOfSound);
     connect(geometry, options, ears);
-    const Task<N> task(geometry, classes, group.source, std::move(ears), options, first.seconds, *first.fading);
+    const Task<N> task(geometry, classes, group.source, std::move(ears), options, first.seconds);
     std::vector<Batch<N>> fresh(first.batches.size());
     const std::uint64_t before = first.rays;
     parallelFor(fresh.size(), [&](std::size_t i) {
@@ -404,17 +386,14 @@ std::vector<TraceResult> AcousticTracer::trace(const glm::dvec3& source, std::sp
         double farthest = 0;
         for (const glm::dvec3& listener : group.listeners)
             farthest = std::max(farthest, glm::distance(group.source, listener));
-        Fading fading =
-            followSome(*geometry_, group.source, options, options.maxSeconds > 0 ? options.maxSeconds : kMost);
-        const double seconds = options.maxSeconds > 0
-                                   ? options.maxSeconds
-                                   : std::clamp(fading.seconds + 2 * farthest / options.air.speedOfSound, 1.0, kMost);
-        const auto energy = std::make_shared<const FadingEnergy>(std::move(fading.energy));
+        const double seconds =
+            options.maxSeconds > 0
+                ? options.maxSeconds
+                : std::clamp(decaySeconds(*geometry_, group.source, options) + 2 * farthest / options.air.speedOfSound,
+                             1.0, kMost);
         const WorthyImages worth = imagesWorth(*geometry_, group.source, options, seconds);
-        for (std::size_t k = 0; k < group.results.size(); ++k) {
+        for (std::size_t k = 0; k < group.results.size(); ++k)
             startResult(*geometry_, group.source, group.listeners[k], options, worth, seconds, *group.results[k]);
-            group.results[k]->fading = energy;
-        }
         refineGroup(*geometry_, group, options, options.rays);
     }
     return results;

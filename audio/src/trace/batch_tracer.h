@@ -23,7 +23,6 @@
 #include <rtsg/audio/acoustic_tracer.h>
 
 #include "band_classes.h"
-#include "fading_energy.h"
 #include "listener_choice.h"
 #include "listener_images.h"
 #include "places.h"
@@ -142,19 +141,11 @@ struct Task {
     double seconds;
     std::vector<Shares<N>> walls;
     std::span<const ReflectingPlane> planes;
-    const FadingEnergy& fading;
     bool transmits;  // any of them
 
     Task(const AcousticGeometry& g, const BandClasses& apart, const glm::dvec3& s, std::vector<Ear> e,
-         const TraceOptions& o, double length, const FadingEnergy& f)
-        : geometry(g),
-          classes(apart),
-          source(s),
-          ears(std::move(e)),
-          options(o),
-          seconds(length),
-          planes(g.planes()),
-          fading(f) {
+         const TraceOptions& o, double length)
+        : geometry(g), classes(apart), source(s), ears(std::move(e)), options(o), seconds(length), planes(g.planes()) {
         for (const AcousticMaterial& material : g.materials()) walls.emplace_back(material, classes);
         transmits =
             std::any_of(walls.begin(), walls.end(), [](const Shares<N>& w) { return largest<N>(w.through) > 0; });
@@ -220,7 +211,7 @@ class BatchTracer {
           maxDistance_(task.seconds * task.options.air.speedOfSound),
           binsPerMetre_(task.options.binsPerSecond / task.options.air.speedOfSound),
           batch_(batch),
-          seed_(seed),
+          random_(seed),
           exitRandom_(Random::mix(seed, 0xE517)),
           looks_(ears_),
           choice_(task.planes.size()) {
@@ -238,17 +229,14 @@ class BatchTracer {
     /// Sixteen rays are under way at a time, so that they can be asked about together.
     void run(std::uint64_t rays) {
         // Evenly spread directions, shifted at random: unbiased, less noise, and batches stay independent.
-        Random shift(seed_);
-        shiftU_ = shift.uniform(), shiftV_ = shift.uniform();
+        shiftU_ = random_.uniform(), shiftV_ = random_.uniform();
         initial_ = 1 / static_cast<double>(rays);
-        mayBeSplit_ = static_cast<std::int64_t>(kMostSplits * static_cast<double>(rays));
         std::uint64_t sent = 0, asked = 0;
         for (int count = 0;;) {
             if (sent >= asked) {
                 asked = sent + kBetweenQuestions;
                 if (task_.options.goOn && !task_.options.goOn()) return;
             }
-            for (; count < AcousticRays::kMost && !split_.empty(); split_.pop_back()) lanes_[count++] = split_.back();
             while (count < AcousticRays::kMost && sent < rays) count += start(lanes_[count], sent++);
             if (count == 0) {
                 while (connections_.rays.count > 0) followConnections();
@@ -264,11 +252,8 @@ class BatchTracer {
     }
 
   private:
-    /// How much more than its target a ray has that is split.
-    static constexpr double kMuch = 3;
-    static constexpr double kMostParts = 8;
-    /// Rays that others are split into, for each that is sent, at most: should the table be wrong.
-    static constexpr double kMostSplits = 8;
+    /// Share of a ray's energy at which Russian roulette begins: T20 and T30 need little of what comes later.
+    static constexpr double kRouletteStart = 1e-4;
     /// Rays that are sent from one TraceOptions::goOn to the next: some milliseconds.
     static constexpr std::uint64_t kBetweenQuestions = 256;
     /// So many walls look for a listener or an image of it each time, those that a ray meets later less often: what
@@ -315,12 +300,10 @@ class BatchTracer {
         MirrorSequence mirrors;  // since the last reflection that was not mirror-like
         double mirrorShare = 1;  // at most, of energy that they left
         bool onlyMirrors = true;
-        glm::dvec3 facing{0};  // of the surface at `origin`, towards `direction`
-        int walls = 0;         // that it met, as far as they scatter
+        glm::dvec3 facing{0};              // of the surface at `origin`, towards `direction`
+        int walls = 0;                     // that it met, as far as they scatter
+        double roulette = kRouletteStart;  // share of what a ray starts with at which it is played next
         bool ended = false;
-        /// Each has chances of its own: what becomes of one moves no other, so that of two places near each other
-        /// nearly the same is heard.
-        Random random{0};
     };
 
     /// Ray number `i`; whether it carries anything.
@@ -329,7 +312,6 @@ class BatchTracer {
         const double n = static_cast<double>(i) + 1;
         ray = {};
         ray.origin = ray.before = task_.source;
-        ray.random = Random(Random::mix(seed_, i));
         const double u = n / kPlastic + shiftU_, v = n / (kPlastic * kPlastic) + shiftV_;
         ray.direction = directionFrom(u - std::floor(u), v - std::floor(v));
         const double each = task_.options.pattern ? initial_ * task_.options.pattern(ray.direction) : initial_;
@@ -408,7 +390,7 @@ class BatchTracer {
     }
 
     /// Mean intensity over the ball is energy times chord over volume.
-    void crossBall(Ray& ray, std::size_t who, double length) {
+    void crossBall(const Ray& ray, std::size_t who, double length) {
         const Ear& ear = ears_[who];
         add<N>(batch_.heard[who].tried, ray.energy);
         const glm::dvec3 toCenter = ear.position - ray.origin;
@@ -421,7 +403,7 @@ class BatchTracer {
         double at = (from + to) / 2;
         if (ear.cut) {
             // One point of the chord stands for all: it counts if it is seen from the listener.
-            at = from + (to - from) * ray.random.uniform();
+            at = from + (to - from) * random_.uniform();
             const glm::dvec3 toPoint = ray.origin + ray.direction * at - ear.position;
             const double distance = glm::length(toPoint);
             AcousticHit hit;
@@ -455,110 +437,60 @@ class BatchTracer {
         const double diffuseSum = sum<N>(diffuse), mirrorSum = sum<N>(mirror), throughSum = sum<N>(through);
         const double all = diffuseSum + mirrorSum + throughSum;
         if (!(all > 0)) return false;
-        if (diffuseSum > 0) lookForListeners(ray, point, facing, diffuse, hit);
+        if (diffuseSum > 0) lookForListeners(point, facing, diffuse, hit, ray.travelled, ray.walls++ < kEarly);
 
-        const double share = task_.fading.target(ray.travelled), target = initial_ * share,
-                     least = initial_ * task_.fading.least(share);
-        const Wall at{point, facing, hit};
-        if (diffuseSum > 0 && mayBeSplit_ > 0 && most(diffuse, mirror, through) > kMuch * target) {
-            split(ray, at, diffuse, mirror, through, target, least);
-            return false;
-        }
-        const double choice = ray.random.uniform() * all;
-        double chosen = 0;  // of `all`, and so the chance
+        const double choice = random_.uniform() * all;
+        double share = 0;  // of `all`, and so the chance
         // Rounding may put the choice past the last share; a share of nothing is never chosen.
         if (diffuseSum > 0 && (choice < diffuseSum || mirrorSum + throughSum <= 0)) {
             ray.energy = diffuse;
-            chosen = diffuseSum;
-            scatter(ray, at);
+            share = diffuseSum;
+            ray.direction = cosineDirection(facing, random_);
+            ray.last = LastEvent::diffuse;
+            ray.onlyMirrors = false;
+            ray.mirrors = {};
         } else if (mirrorSum > 0 && (choice < diffuseSum + mirrorSum || throughSum <= 0)) {
             ray.energy = mirror;
-            chosen = mirrorSum;
-            reflect(ray, at);
+            share = mirrorSum;
+            ray.direction -= hit.normal * (2 * cosine);
+            ray.last = LastEvent::mirror;
+            ++ray.mirrorOrder;
+            ray.mirrors.append(hit.plane);
+            if (hit.plane < task_.planes.size()) ray.mirrorShare *= task_.planes[hit.plane].mirrors;
         } else {
             ray.energy = through;
-            chosen = throughSum;
-            leave(ray, at);
+            share = throughSum;
         }
+        ray.origin = point;
+        ray.plane = hit.plane;
+        ray.facing = glm::dot(ray.direction, facing) < 0 ? -facing : facing;
         if constexpr (N == 1)
             ray.energy[0] = all;
         else
-            for (double& e : ray.energy) e *= all / chosen;
-        return survives(ray, least);
+            for (double& e : ray.energy) e *= all / share;
+        return largest<N>(ray.energy) >= ray.roulette * initial_ || survives(ray);
     }
 
-    /// Where a ray met one, and the normal on its side.
-    struct Wall {
-        const glm::dvec3& point;
-        const glm::dvec3& facing;
-        const AcousticHit& hit;
-    };
-    void scatter(Ray& ray, const Wall& at) {
-        ray.direction = cosineDirection(at.facing, ray.random);
-        ray.last = LastEvent::diffuse;
-        ray.onlyMirrors = false;
-        ray.mirrors = {};
-        leave(ray, at);
-    }
-    void reflect(Ray& ray, const Wall& at) {
-        ray.direction -= at.hit.normal * (2 * glm::dot(ray.direction, at.hit.normal));
-        ray.last = LastEvent::mirror;
-        ++ray.mirrorOrder;
-        ray.mirrors.append(at.hit.plane);
-        if (at.hit.plane < task_.planes.size()) ray.mirrorShare *= task_.planes[at.hit.plane].mirrors;
-        leave(ray, at);
-    }
-    static void leave(Ray& ray, const Wall& at) {
-        ray.origin = at.point;
-        ray.plane = at.hit.plane;
-        ray.facing = glm::dot(ray.direction, at.facing) < 0 ? -at.facing : at.facing;
-    }
-
-    /// In any band, of what goes on in all ways.
-    static double most(const Energy<N>& diffuse, const Energy<N>& mirror, const Energy<N>& through) {
-        double result = 0;
-        for (std::size_t b = 0; b < N; ++b) result = std::max(result, diffuse[b] + mirror[b] + through[b]);
-        return result;
-    }
-
-    /// Goes on in all ways at once instead of one of them, and where it is scattered as several rays.
-    void split(Ray& ray, const Wall& at, const Energy<N>& diffuse, const Energy<N>& mirror, const Energy<N>& through,
-               double target, double least) {
-        const std::size_t before = split_.size();
-        const auto add = [&](const Energy<N>& energy, double share, const auto& turn) {
-            Ray& part = split_.emplace_back(ray);
-            part.energy = energy;
-            for (double& e : part.energy) e *= share;
-            part.random = Random(Random::mix(ray.random.next(), 0x5911));
-            turn(part);
-            if (!survives(part, least)) split_.pop_back();
-        };
-        if (largest<N>(mirror) > 0) add(mirror, 1, [&](Ray& part) { reflect(part, at); });
-        if (largest<N>(through) > 0) add(through, 1, [&](Ray& part) { leave(part, at); });
-        const double parts = std::clamp(std::round(largest<N>(diffuse) / target), 1.0, kMostParts);
-        for (double i = 0; i < parts; ++i) add(diffuse, 1 / parts, [&](Ray& part) { scatter(part, at); });
-        mayBeSplit_ -= static_cast<std::int64_t>(split_.size() - before);
-    }
-
-    /// Russian roulette: of rays with less than `least` half go on with twice the energy, until that is enough.
-    static bool survives(Ray& ray, double least) {
-        while (largest<N>(ray.energy) < least) {
-            if (ray.random.uniform() >= 0.5) return false;
+    /// Russian roulette: half of the rays go on with twice the energy, each time that their own has fallen to a
+    /// quarter. So their number falls with the root of the energy that is left.
+    bool survives(Ray& ray) {
+        do {
+            if (random_.uniform() >= 0.5) return false;
             for (double& e : ray.energy) e *= 2;
-        }
+            ray.roulette /= 2;
+        } while (largest<N>(ray.energy) < ray.roulette * initial_);
         return true;
     }
 
     /// From a wall that scatters: some of the listeners and their images, or the one listener, or some of several.
-    void lookForListeners(Ray& ray, const glm::dvec3& point, const glm::dvec3& normal, const Energy<N>& energy,
-                          const AcousticHit& wall) {
+    void lookForListeners(const glm::dvec3& point, const glm::dvec3& normal, const Energy<N>& energy,
+                          const AcousticHit& wall, double travelled, bool early) {
         const std::size_t count = ears_.size();
-        if (choice_.size() > 0) return connectSome(ray, point, normal, energy, wall);
-        const double travelled = ray.travelled;
+        if (choice_.size() > 0) return connectSome(point, normal, energy, wall, travelled, early);
         if (count == 1) return nextEvent(0, 1, point, normal, energy, wall, travelled);
         looks_.weigh(point, normal);
         // Chances in a row, and a comb across them with teeth at distances of 1: each is met with its chance.
-        double comb = ray.random.uniform();
+        double comb = random_.uniform();
         for (std::size_t i = 0; i < count; ++i) {
             const double chance = looks_.chance(i);
             comb += chance;
@@ -600,13 +532,13 @@ class BatchTracer {
     }
 
     /// Looks for some of the listeners and their images, each by chance in proportion to what it might hear.
-    void connectSome(Ray& ray, const glm::dvec3& point, const glm::dvec3& normal, const Energy<N>& energy,
-                     const AcousticHit& wall) {
-        const double looks = ray.walls++ < kEarly ? earlyLooks_ : laterLooks_, travelled = ray.travelled;
+    void connectSome(const glm::dvec3& point, const glm::dvec3& normal, const Energy<N>& energy,
+                     const AcousticHit& wall, double travelled, bool early) {
+        const double looks = early ? earlyLooks_ : laterLooks_;
         const std::size_t side = 2 * std::size_t{wall.plane} + (glm::dot(normal, wall.normal) > 0 ? 1 : 0);
-        for (int left = static_cast<int>(looks + ray.random.uniform()); left > 0; --left) {
+        for (int left = static_cast<int>(looks + random_.uniform()); left > 0; --left) {
             std::size_t which = 0;
-            const double chance = choice_.choose(side, point, normal, ray.random.uniform(), which) * looks;
+            const double chance = choice_.choose(side, point, normal, random_.uniform(), which) * looks;
             if (!(chance > 0)) return;
             const ListenerChoice::Target& target = choice_.target(which);
             if (target.image == ListenerImages::kNone)
@@ -672,12 +604,9 @@ class BatchTracer {
     std::span<const Ear> ears_;
     double maxDistance_, binsPerMetre_;
     Batch<N>& batch_;
-    std::uint64_t seed_;
-    Random exitRandom_;  // changes nothing that is heard
+    Random random_, exitRandom_;  // the latter changes nothing that is heard
     double initial_ = 1, shiftU_ = 0, shiftV_ = 0;
     Ray lanes_[AcousticRays::kMost];
-    std::vector<Ray> split_;  // that have no lane yet
-    std::int64_t mayBeSplit_ = 0;
     AcousticRays asked_;  // of the lanes
     /// What is heard of the walls of one step if nothing is in between.
     struct {

@@ -43,6 +43,8 @@ void cover(const TriangleGeometry& room, std::uint64_t rays, int runs, double se
     }
 }
 
+/// Of few rays in rooms where hardly anything is scattered no more can be asked: most of what counts comes by chance to
+/// few of them.
 TEST(IntervalCoverage, IsWhatIntervalsSayInRoomsThatScatterLittleAndMuchByFewAndManyRays) {
     Shoebox uneven = Shoebox::uniform({6, 5, 3}, .1, .3);
     uneven.absorption[4] = uneven.absorption[5] = .5;
@@ -57,7 +59,8 @@ TEST(IntervalCoverage, IsWhatIntervalsSayInRoomsThatScatterLittleAndMuchByFewAnd
     take(Shoebox::uniform({6, 5, 3}, .3, 1), .6);
     take(uneven, .9);
     for (std::size_t f = 0; f < 8; ++f) {
-        // Binomial with p = .95: one standard deviation is .010 of few rays, .014 of many, .008 of all.
+        // Binomial with p = .95: one standard deviation is .010 of few rays, .014 of many, .008 of all. Of few
+        // rays most miss the lively axis of the uneven room, and hold its T30 .83 of the time.
         EXPECT_NEAR(few.times[f] / few.runs, .95, .03) << kNames[f];
         EXPECT_NEAR(many.times[f] / many.runs, .95, .035) << kNames[f];
         EXPECT_NEAR((few.times[f] + many.times[f]) / (few.runs + many.runs), .95, .025) << kNames[f];

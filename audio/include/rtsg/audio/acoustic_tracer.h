@@ -7,16 +7,15 @@
 //   the last reflection is diffuse, or some mirrors after it lead to a known image of the listener:
 //                                                           next-event estimation to the listener or its image, points
 //   all others (more mirrors, or ways to images that are not known):   track length in a ball around the listener
-// The ball yields the mean over what of it is seen from the listener. Rays are split where they have much more energy
-// left than others, and end by Russian roulette, never by a threshold (trace/fading_energy.h). Places on walls: see
-// trace/places.h. Energy that leaves the geometry is counted as escaped. Below its Schroeder frequency rays are no
-// model of a room: phase is not kept. Several listeners share the rays of a source: each is right, but chance does not
-// move them independently. Threading: const; batches run in parallel, results are the same for any number of threads.
+// The ball yields the mean over what of it is seen from the listener. Rays end by Russian roulette, never by a
+// threshold. Places on walls: see trace/places.h. Energy that leaves the geometry is counted as escaped. Below its
+// Schroeder frequency rays are no model of a room: phase is not kept. Several listeners share the rays of a source:
+// each result is right, but chance does not move them independently. Threading: const; batches run in parallel,
+// results are the same for any number of threads.
 #pragma once
 
 #include <cstdint>
 #include <functional>
-#include <memory>
 #include <span>
 #include <vector>
 
@@ -29,10 +28,6 @@
 #include <rtsg/audio/room_openings.h>
 
 namespace rtsg {
-
-namespace trace {
-class FadingEnergy;
-}
 
 struct TraceOptions {
     /// By default as high as the candidates allow and is worth it: images are exact where rays are noisy (flutter
@@ -87,8 +82,6 @@ struct TraceResult {
     Bands tried{};
     /// Shares of the emitted energy: absorbed by surfaces and air, gone to infinity, still on its way at maxSeconds.
     Bands absorbed{}, escaped{}, truncated{};
-    /// By which rays are split and played, for those to come.
-    std::shared_ptr<const trace::FadingEnergy> fading;
     /// Of the rays that escaped as many as were asked for, each with the same chance; some thousand at most.
     std::vector<EscapedRay> exits;
 
