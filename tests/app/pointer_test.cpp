@@ -129,7 +129,9 @@ TEST_F(PointedDoor, KeysAndTextsComeInToo) {
         const json event = json::parse(line);
         events.push_back(event.at("field").get<std::string>() + " " + event.at("value").dump());
     }
-    EXPECT_THAT(events, ElementsAre("isActive true", "enteredText \"a\"", "finalText \"a b\"", "enteredText \"c\""));
+    // Active while a text is being typed (21.4.2).
+    EXPECT_THAT(events, ElementsAre("isActive true", "enteredText \"a\"", "isActive false", "finalText \"a b\"",
+                                    "isActive true", "enteredText \"c\""));
 }
 
 TEST_F(PointedDoor, WhatNoDeviceDoesIsNamed) {
