@@ -7,6 +7,7 @@
 #include <optional>
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/renderers/picture.h>
@@ -18,14 +19,42 @@ namespace rtsg::app {
 
 namespace {
 
-/// Where what was made goes when it is not the reference itself: beside nothing of the user's, in the current folder.
+/// What the file is called that was made when it is not the reference itself: beside nothing of the user's, in the
+/// current folder.
 std::string actualName(const std::string& reference) {
     const std::filesystem::path path(reference);
     return path.stem().string() + ".actual" + path.extension().string();
 }
 
-Result<> comparePictures(const std::string& reference, const std::string& made, double tolerance) {
-    const auto a = readPicture(reference), b = readPicture(made);
+/// The picture or sound that is compared with a reference; none, if that is empty.
+///
+/// Tests run side by side, in one folder, on references of the same name. So each makes its file under a name of its
+/// own, which nobody else writes while it is compared, and renames it in the end.
+class MadeFile {
+  public:
+    explicit MadeFile(const std::string& reference) {
+        if (reference.empty()) return;
+        shown_ = actualName(reference);
+        const std::filesystem::path path(shown_);
+        file_ = fmt::format("{}.{}{}", path.stem().string(), ::getpid(), path.extension().string());
+    }
+    ~MadeFile() {
+        std::error_code ignored;  // None was made, and the reason has been told.
+        if (!file_.empty()) std::filesystem::rename(file_, shown_, ignored);
+    }
+    MadeFile(const MadeFile&) = delete;
+    MadeFile& operator=(const MadeFile&) = delete;
+
+    const std::string& file() const { return file_; }
+    const std::string& shown() const { return shown_; }
+
+  private:
+    std::string file_, shown_;
+};
+
+Result<> comparePictures(const std::string& reference, const MadeFile& actual, double tolerance) {
+    const std::string& made = actual.shown();
+    const auto a = readPicture(reference), b = readPicture(actual.file());
     for (const auto* picture : {&a, &b})
         if (!*picture) return std::unexpected(picture->error());
     const auto difference = compare(*a, *b);
@@ -36,8 +65,9 @@ Result<> comparePictures(const std::string& reference, const std::string& made, 
                             difference->maximum));
 }
 
-Result<> compareSounds(const std::string& reference, const std::string& made, double toleranceDb) {
-    const auto a = readSound(reference), b = readSound(made);
+Result<> compareSounds(const std::string& reference, const MadeFile& actual, double toleranceDb) {
+    const std::string& made = actual.shown();
+    const auto a = readSound(reference), b = readSound(actual.file());
     for (const auto* sound : {&a, &b})
         if (!*sound) return std::unexpected(sound->error());
     const auto level = differenceDb(*a, *b);
@@ -237,6 +267,10 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         sayHowToRecord(log, arguments.rerun);
         return reportFailure(arguments, log, log + ": there is no log yet");
     }
+    const MadeFile picture(arguments.update ? "" : arguments.expectPicture);
+    const MadeFile sound(arguments.update ? "" : arguments.expectSound);
+    if (!picture.file().empty()) outputs.render = picture.file();
+    if (!sound.file().empty()) outputs.listen = sound.file();
     const auto begun = std::chrono::steady_clock::now();
     const std::string& origin = arguments.rerun.empty() ? log : arguments.rerun;
     const Resources resources = outputs.resources.ofFile(origin);
@@ -289,12 +323,12 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         outcome.checks.push_back({name, ok ? "" : ok.error().format()});
     };
     expect("picture", arguments.expectPicture,
-           [&] { return comparePictures(arguments.expectPicture, outputs.render, arguments.pictureTolerance); });
+           [&] { return comparePictures(arguments.expectPicture, picture, arguments.pictureTolerance); });
     expect("sound", arguments.expectSound,
-           [&] { return compareSounds(arguments.expectSound, outputs.listen, arguments.soundTolerance); });
+           [&] { return compareSounds(arguments.expectSound, sound, arguments.soundTolerance); });
     if (!arguments.expectPicture.empty() && !arguments.update) {
         outcome.expectedPicture = arguments.expectPicture;
-        outcome.madePicture = outputs.render;
+        outcome.madePicture = picture.file();
     }
     outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
     printOutcome(outcome, json);

@@ -81,6 +81,24 @@ TEST_F(ReplayAsTest, PicturesAndSoundsAreComparedWithinTolerances) {
     EXPECT_EQ(rerun(both({"--picture-tolerance", "10"})).status, 0);
 }
 
+/// They all put what they made into the current folder, under the names of their references.
+TEST_F(ReplayAsTest, TestsSideBySideCompareTheirOwnPictures) {
+    const std::string other = folder / "other/a.png";
+    std::filesystem::create_directory(folder / "other");
+    ASSERT_EQ(rerun(withPicture({"--update"})).status, 0);
+    ASSERT_EQ(rtsg({"replay", log, "--seek", "0.1s", "--for", "0s", "--render", other, "--size", "48x32"}).status, 0);
+    const auto begin = [&](const std::string& reference) {
+        return Program({"replay", log, "--rerun", file, "--size", "48x32", "--spp", "1", "--expect-picture", reference},
+                       streams());
+    };
+    for (int round = 0; round < 10; ++round) {
+        Program right = begin(picture), wrong = begin(other);
+        const Outcome same = right.wait(), another = wrong.wait();
+        EXPECT_EQ(same.status, 0) << same.err;
+        EXPECT_EQ(another.status, 1) << another.err;
+    }
+}
+
 TEST_F(ReplayAsTest, ChosenFieldsOutliveEditsOfTheDocument) {
     writeFile(file, scene() + "WorldInfo { title \"more\" }\n");
     EXPECT_EQ(rerun().status, 1);
