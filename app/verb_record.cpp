@@ -76,8 +76,8 @@ void printSummary(const RecordArguments& options, RunningScene& running, std::ui
         fmt::print("{{\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n", frames,
                    running.time(), bytes, perFrame, running.scene().hash().hex());
     else
-        fmt::print("{} frames to t = {} s, {} bytes ({:.1f} a frame), state {}\n", frames, running.time(), bytes,
-                   perFrame, running.scene().hash().hex());
+        fmt::print("the first state and {} frames to t = {} s, {} bytes ({:.1f} a frame), state {}\n", frames,
+                   running.time(), bytes, perFrame, running.scene().hash().hex());
 }
 
 int record(const RecordArguments& options) {

@@ -274,7 +274,7 @@ class Replaying {
         const LogReader& log = replayer_.log();
         const std::string hash = replayer_.scene().hash().hex();
         if (!options_.json)
-            fmt::print("{} frames to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}{}\n",
+            fmt::print("{} states to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}{}\n",
                        replayer_.frames(), time(), replayer_.verified(), replayer_.gaps(), log.damage().size(), hash,
                        piece(), format(), leftOut());
         else

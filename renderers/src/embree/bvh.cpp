@@ -191,6 +191,12 @@ std::shared_ptr<const Clusters> Group::clusters() const {
     return clusters_;
 }
 
+std::size_t Group::clusterBytes() const {
+    const std::lock_guard lock(clustersMutex_);
+    if (!clusters_) return 0;
+    return clusters_->all.capacity() * sizeof(Cluster) + clusters_->meshes.capacity() * sizeof(ClusteredMesh);
+}
+
 void Group::commit() {
     if (!dirty_) return;
     rtcCommitScene(scene_.get());

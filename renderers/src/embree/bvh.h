@@ -124,6 +124,8 @@ class Group {
     }
     /// Of everything attached, made when it is first asked for. Any thread may ask.
     std::shared_ptr<const Clusters> clusters() const;
+    /// Of clusters, where somebody has asked for them.
+    std::size_t clusterBytes() const;
 
   private:
     struct Entry {

@@ -28,7 +28,7 @@ const PrimaryKernels& kernels() {
 }
 
 // A cluster costs a picture about as much as a ray saves it; a small share of that may be lost.
-constexpr std::size_t kPixelsPerCluster = 5;
+constexpr std::size_t kRaysPerCluster = 5;
 
 /// Points of the group to places in the picture, times the depth, and to the depth.
 struct Projection {
@@ -147,7 +147,7 @@ bool PrimaryHits::list(const std::vector<Found>& found) {
     std::size_t total = 0;
     for (const Found& f : found) total += f.tiles();
     // Where tiles see this many clusters on the average, nearly all of them are left to rays.
-    if (total > lists_.size() * kMost) return false;
+    if (total > lists_.size() * most_) return false;
     const auto forTiles = [&](const Found& f, const auto& visit) {
         for (std::size_t y = f.top; y < f.bottom; ++y)
             for (std::size_t x = f.left; x < f.right; ++x) visit(lists_[y * across + x]);
@@ -156,22 +156,23 @@ bool PrimaryHits::list(const std::vector<Found>& found) {
     std::size_t taken = 0;
     for (List& list : lists_) {
         list.first = static_cast<std::uint32_t>(taken);
-        if (list.count <= kMost) taken += std::exchange(list.count, 0);
+        if (list.count <= most_) taken += std::exchange(list.count, 0);
     }
     seen_.resize(taken);
     for (const Found& f : found)
         forTiles(f, [&](List& list) {
-            if (list.count <= kMost) seen_[list.first + list.count++] = {f.cluster, f.nearness};
+            if (list.count <= most_) seen_[list.first + list.count++] = {f.cluster, f.nearness};
         });
     return true;
 }
 
-std::unique_ptr<const PrimaryHits> PrimaryHits::make(const Group& group, std::uint32_t mask, const PixelGrid& grid) {
-    const std::size_t pixels =
-        std::size_t{1} * static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
-    if (group.triangles() / Cluster::kTriangles * kPixelsPerCluster > pixels) return nullptr;
-    std::unique_ptr<PrimaryHits> hits(new PrimaryHits(group.clusters(), grid));
-    if (hits->clusters_->all.size() * kPixelsPerCluster > pixels) return nullptr;
+std::unique_ptr<const PrimaryHits> PrimaryHits::make(const Group& group, std::uint32_t mask, const PixelGrid& grid,
+                                                     int samples) {
+    const std::size_t rays = static_cast<std::size_t>(samples) * static_cast<std::size_t>(grid.width) *
+                             static_cast<std::size_t>(grid.height);
+    if (group.triangles() / Cluster::kTriangles * kRaysPerCluster > rays) return nullptr;
+    std::unique_ptr<PrimaryHits> hits(new PrimaryHits(group.clusters(), grid, samples));
+    if (hits->clusters_->all.size() * kRaysPerCluster > rays) return nullptr;
     std::vector<Found> found = hits->project(group, mask);
     if (found.empty()) return nullptr;
     sortFromNear(found);
@@ -179,10 +180,10 @@ std::unique_ptr<const PrimaryHits> PrimaryHits::make(const Group& group, std::ui
     return hits;
 }
 
-bool PrimaryHits::find(int tileX, int tileY, TileHits& hits) const {
+bool PrimaryHits::find(int tileX, int tileY, std::span<TileHits> hits, const TilePlaces* places) const {
     const List& list =
         lists_[static_cast<std::size_t>(tileY) * static_cast<std::size_t>(tilesX()) + static_cast<std::size_t>(tileX)];
-    if (list.count > kMost) return false;
+    if (list.count > most_) return false;
     const PixelGrid& g = grid_;
     const auto middle = [](int tile, int size) {
         return static_cast<float>(tile * kTilePixelsAside + kTilePixelsAside / 2) - static_cast<float>(size) / 2;
@@ -190,7 +191,8 @@ bool PrimaryHits::find(int tileX, int tileY, TileHits& hits) const {
     const float x = g.middleX + g.across * middle(tileX, g.width), y = g.middleY - g.down * middle(tileY, g.height);
     const TileFrame frame{g.eye, g.forward + g.right * x + g.up * y, g.right * g.across, -g.up * g.down};
     const Seen* const first = seen_.data() + list.first;
-    kernels().find(frame, first, first + list.count, clusters_->all.data(), clusters_->meshes.data(), hits);
+    kernels().find(frame, first, first + list.count, clusters_->all.data(), clusters_->meshes.data(), places,
+                   hits.data(), hits.size());
     return true;
 }
 

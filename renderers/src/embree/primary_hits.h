@@ -12,8 +12,11 @@
 // (watertightness).
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include <rtsg/renderers/ray.h>
@@ -32,7 +35,12 @@ struct PixelGrid {
 
 constexpr int kTilePixelsAside = 16;  // of sixteen blocks of four by four pixels, row by row, as their pixels
 
-/// What the pixels of a tile see, by block and by pixel in the block.
+/// Where a sample of a tile's pixels lies, in pixels from the tile's middle, by block and by pixel in the block.
+struct alignas(64) TilePlaces {
+    float x[16][16], y[16][16];
+};
+
+/// What a sample of a tile's pixels sees, by block and by pixel in the block.
 struct alignas(64) TileHits {
     static constexpr std::uint32_t kNone = 0xFFFFFFFF;
     float nearness[16][16];          // one over the depth; 0: nothing
@@ -46,11 +54,14 @@ struct TileFrame {
 
 class PrimaryHits {
   public:
-    /// Null: rays are quicker, as there are many triangles for so few pixels. `mask`: of the rays.
-    static std::unique_ptr<const PrimaryHits> make(const Group& group, std::uint32_t mask, const PixelGrid& grid);
+    /// Null: rays are quicker, as there are many triangles for so few pixels. `mask`: of the rays; `samples`: of a
+    /// pixel, at least 1.
+    static std::unique_ptr<const PrimaryHits> make(const Group& group, std::uint32_t mask, const PixelGrid& grid,
+                                                   int samples = 1);
 
-    /// False: so many clusters may be seen there that rays are quicker.
-    bool find(int tileX, int tileY, TileHits& hits) const;
+    /// False: so many clusters may be seen there that rays are quicker. `places`: as many as `hits`, within the pixels;
+    /// null: of one sample, in the pixels' middles.
+    bool find(int tileX, int tileY, std::span<TileHits> hits, const TilePlaces* places = nullptr) const;
     /// Sets the hits of a block's rays that are `valid`, and returns false where that cannot be told well enough: rays
     /// that run within a triangle's plane to the last bit. Precondition: they are those of the grid; tMax of none is
     /// below what is not to be seen.
@@ -63,8 +74,10 @@ class PrimaryHits {
     };
 
   private:
-    PrimaryHits(std::shared_ptr<const Clusters> clusters, const PixelGrid& grid)
-        : clusters_(std::move(clusters)), grid_(grid) {}
+    PrimaryHits(std::shared_ptr<const Clusters> clusters, const PixelGrid& grid, int samples)
+        : clusters_(std::move(clusters)),
+          grid_(grid),
+          most_(kMost * static_cast<std::uint32_t>(std::min(samples, 4))) {}
     struct Found;
     std::vector<Found> project(const Group& group, std::uint32_t mask) const;
     bool list(const std::vector<Found>& found);
@@ -74,9 +87,10 @@ class PrimaryHits {
     std::shared_ptr<const Clusters> clusters_;
     PixelGrid grid_;
     struct List {
-        std::uint32_t first = 0, count = 0;  // of `seen_`; more than kMost: left to rays
+        std::uint32_t first = 0, count = 0;  // of `seen_`; more than `most_`: left to rays
     };
-    static constexpr std::uint32_t kMost = 256;
+    static constexpr std::uint32_t kMost = 256;  // for one sample
+    std::uint32_t most_;
     std::vector<List> lists_;  // by tile
     std::vector<Seen> seen_;
 };
@@ -92,7 +106,8 @@ struct PrimaryBlock {
 /// What the machine's registers do for them.
 struct PrimaryKernels {
     void (*find)(const TileFrame& frame, const PrimaryHits::Seen* seen, const PrimaryHits::Seen* end,
-                 const Cluster* clusters, const ClusteredMesh* meshes, TileHits& hits);
+                 const Cluster* clusters, const ClusteredMesh* meshes, const TilePlaces* places, TileHits* hits,
+                 std::size_t samples);
     bool (*meet)(const TileHits& hits, int block, const std::int32_t* valid, const Cluster* clusters,
                  const ClusteredMesh* meshes, RayPacket16& rays);
 };

@@ -85,14 +85,17 @@ struct PrimaryKernelsOf {
         float across[4][16], down[4][16], one[4][16];
         float most[4][16];  // `one` and as much more as it may be anywhere in a block around its middle
     };
-    // From the middle to that of the outermost pixels, and some roundings.
-    static constexpr float kBlockReach = 1.5f + 0x1p-14f, kTileReach = 7.5f + 0x1p-14f;
+    /// From the middle to the outermost places of pixels, and some roundings.
+    struct Reach {
+        float block, tile;
+    };
+    static constexpr Reach kMiddles{1.5f + 0x1p-14f, 7.5f + 0x1p-14f}, kAnywhere{2 + 0x1p-14f, 8 + 0x1p-14f};
     static constexpr float kRounding = 0x1p-21f;
     static constexpr float kSlack = 0x1p-22f;
 
     /// Returns a bit for each triangle that may be seen nearer than `farthest`.
     RTSG_INLINE std::uint32_t setUp(const TileFrame& f, const ClusteredMesh& mesh, std::uint32_t first, float farthest,
-                                    Planes& p) {
+                                    const Reach& within, Planes& p) {
         const std::uint32_t there = mesh.count - first < 16 ? mesh.count - first : 16;
         std::uint32_t seen = 0;
         for (int at = 0; at < 16; at += kLanes) {
@@ -122,23 +125,24 @@ struct PrimaryKernelsOf {
                 const F most = one[k] + rounding;
                 W::store(p.across[k] + at, across[k]), W::store(p.down[k] + at, down[k]);
                 W::store(p.one[k] + at, one[k]);
-                W::store(p.most[k] + at, most + reach * kBlockReach);
-                bits &= W::bits(W::atLeast(most + reach * kTileReach, k < 3 ? F{} : all(farthest)));
+                W::store(p.most[k] + at, most + reach * within.block);
+                bits &= W::bits(W::atLeast(most + reach * within.tile, k < 3 ? F{} : all(farthest)));
             }
             seen |= bits << at;
         }
         return seen & ((std::uint32_t{1} << there) - 1);
     }
 
-    /// Places of blocks' middles in the tile, and of pixels in a tile.
+    /// Places of blocks' middles in the tile, and of pixels' in a tile.
     struct alignas(64) Grid {
-        float blockX[16], blockY[16], x[16][16], y[16][16];
-        constexpr Grid() : blockX(), blockY(), x(), y() {
+        float blockX[16], blockY[16];
+        TilePlaces pixels;
+        constexpr Grid() : blockX(), blockY(), pixels() {
             for (int b = 0; b < 16; ++b) {
                 blockX[b] = static_cast<float>(b % 4) * 4 - 6, blockY[b] = static_cast<float>(b / 4) * 4 - 6;
                 for (int i = 0; i < 16; ++i) {
-                    x[b][i] = blockX[b] + static_cast<float>(i % 4) - 1.5f;
-                    y[b][i] = blockY[b] + static_cast<float>(i / 4) - 1.5f;
+                    pixels.x[b][i] = blockX[b] + static_cast<float>(i % 4) - 1.5f;
+                    pixels.y[b][i] = blockY[b] + static_cast<float>(i / 4) - 1.5f;
                 }
             }
         }
@@ -151,8 +155,14 @@ struct PrimaryKernelsOf {
         __attribute__((always_inline)) F at(F x, F y) const { return (one + across * x) + down * y; }
     };
 
+    /// What a tile is asked for.
+    struct Samples {
+        const TilePlaces* places;
+        TileHits* hits;
+        std::size_t count;
+    };
     RTSG_INLINE void cover(const Planes& p, int i, std::uint32_t number, const float* farthest, std::uint32_t& touched,
-                           TileHits& hits) {
+                           const Samples& samples) {
         Plane plane[4];
         for (int k = 0; k < 4; ++k) plane[k] = {all(p.across[k][i]), all(p.down[k][i]), all(p.one[k][i])};
         std::uint32_t blocks = 0;
@@ -167,14 +177,18 @@ struct PrimaryKernelsOf {
         for (; blocks; blocks &= blocks - 1) {
             const int block = __builtin_ctz(blocks);
             std::uint32_t covered = 0;
-            for (int at = 0; at < 16; at += kLanes) {
-                const F x = W::load(kGrid.x[block] + at), y = W::load(kGrid.y[block] + at);
-                const F inside = W::least(W::least(plane[0].at(x, y), plane[1].at(x, y)), plane[2].at(x, y));
-                const F near = plane[3].at(x, y), old = W::load(hits.nearness[block] + at);
-                const M now = W::both(W::atLeast(inside, F{}), W::greater(near, old));
-                W::put(hits.nearness[block] + at, now, near);
-                W::put(hits.triangle[block] + at, now, number);
-                covered |= W::bits(now);
+            for (std::size_t s = 0; s < samples.count; ++s) {
+                const TilePlaces& places = samples.places[s];
+                TileHits& hits = samples.hits[s];
+                for (int at = 0; at < 16; at += kLanes) {
+                    const F x = W::load(places.x[block] + at), y = W::load(places.y[block] + at);
+                    const F inside = W::least(W::least(plane[0].at(x, y), plane[1].at(x, y)), plane[2].at(x, y));
+                    const F near = plane[3].at(x, y), old = W::load(hits.nearness[block] + at);
+                    const M now = W::both(W::atLeast(inside, F{}), W::greater(near, old));
+                    W::put(hits.nearness[block] + at, now, near);
+                    W::put(hits.triangle[block] + at, now, number);
+                    covered |= W::bits(now);
+                }
             }
             touched |= static_cast<std::uint32_t>(covered != 0) << block;
         }
@@ -204,37 +218,43 @@ struct PrimaryKernelsOf {
     }
 
     static void find(const TileFrame& frame, const PrimaryHits::Seen* seen, const PrimaryHits::Seen* end,
-                     const Cluster* clusters, const ClusteredMesh* meshes, TileHits& hits) {
-        for (int block = 0; block < 16; ++block)
-            for (int at = 0; at < 16; at += kLanes) {
-                W::store(hits.nearness[block] + at, F{});
-                W::put(hits.triangle[block] + at, W::maskOf(kAll), TileHits::kNone);
-            }
-        alignas(64) float farthest[16] = {};  // of the blocks
+                     const Cluster* clusters, const ClusteredMesh* meshes, const TilePlaces* places, TileHits* hits,
+                     std::size_t count) {
+        const Samples samples{places ? places : &kGrid.pixels, hits, count};
+        const Reach& within = places ? kAnywhere : kMiddles;
+        for (std::size_t s = 0; s < count; ++s)
+            for (int block = 0; block < 16; ++block)
+                for (int at = 0; at < 16; at += kLanes) {
+                    W::store(hits[s].nearness[block] + at, F{});
+                    W::put(hits[s].triangle[block] + at, W::maskOf(kAll), TileHits::kNone);
+                }
+        alignas(64) float farthest[16] = {};  // of the blocks, in whichever of their samples
         float limit = 0;
         Planes planes;
         for (; seen != end && seen->nearness > limit; ++seen) {
             prepare(seen, end, clusters, meshes);
             const Cluster& cluster = clusters[seen->cluster];
-            std::uint32_t rest = setUp(frame, meshes[cluster.mesh], cluster.first, limit, planes);
+            std::uint32_t rest = setUp(frame, meshes[cluster.mesh], cluster.first, limit, within, planes);
             std::uint32_t touched = 0;
             for (; rest; rest &= rest - 1) {
                 const int i = __builtin_ctz(rest);
                 cover(planes, i, seen->cluster * Cluster::kTriangles + static_cast<std::uint32_t>(i), farthest, touched,
-                      hits);
+                      samples);
             }
             if (!touched) continue;
             for (; touched; touched &= touched - 1) {
                 const int block = __builtin_ctz(touched);
-                farthest[block] = smallest(hits.nearness[block]);
+                F least = smallestOf(hits[0].nearness[block]);
+                for (std::size_t s = 1; s < count; ++s) least = W::least(least, smallestOf(hits[s].nearness[block]));
+                farthest[block] = W::smallest(least);
             }
-            limit = smallest(farthest);
+            limit = W::smallest(smallestOf(farthest));
         }
     }
-    RTSG_INLINE float smallest(const float* of16) {
+    RTSG_INLINE F smallestOf(const float* of16) {
         F least = W::load(of16);
         for (int at = kLanes; at < 16; at += kLanes) least = W::least(least, W::load(of16 + at));
-        return W::smallest(least);
+        return least;
     }
 
     // ---- rays ---------------------------------------------------------------------------------------------------

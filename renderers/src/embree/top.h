@@ -51,8 +51,8 @@ class TopView {
     std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                             const PrimaryBlock* known) const;
     /// Null: rays are quicker.
-    std::unique_ptr<const PrimaryHits> primaryHits(const PixelGrid& grid, RayKind kind) const {
-        return main_ ? PrimaryHits::make(*main_->resting, maskOf(kind), grid) : nullptr;
+    std::unique_ptr<const PrimaryHits> primaryHits(const PixelGrid& grid, RayKind kind, int samples) const {
+        return main_ ? PrimaryHits::make(*main_->resting, maskOf(kind), grid, samples) : nullptr;
     }
     /// Blocked lanes end with tMax -inf. Returns a bit for each.
     std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;

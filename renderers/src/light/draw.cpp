@@ -23,6 +23,9 @@ namespace {
 /// Of a sky: from here on looking for it pays.
 constexpr float kUneven = 4;
 
+/// As many samples a pixel are found together by a tile: what is known of them stays in the second cache.
+constexpr int kFoundTogether = 64;
+
 /// Fields may hold numbers whose products leave the range of float; a picture never does.
 Vec4f finitePixel(Vec4f v) {
     for (int c = 0; c < 4; ++c) v[c] = v[c] > 0 ? std::min(v[c], std::numeric_limits<float>::max()) : 0.0f;  // NaN: 0
@@ -193,9 +196,12 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
     Sources sources;
     if (settings.integrator == Integrator::path) lookForLight(scene, sources);
     std::optional<PrimaryRays> primary;
-    if (settings.integrator == Integrator::whitted && settings.samplesPerPixel == 1 && settings.error == 0 &&
-        !scene.shutter && !camera.orthographic && !camera.panorama && !(camera.nearDistance > 0)) {
-        withThreads(settings.threads, [&] { primary.emplace(*scene.world, pixelGrid(scene, camera, settings)); });
+    const int samples = settings.samplesPerPixel;
+    const bool fromOnePoint = !camera.orthographic && !camera.panorama && !(camera.lensRadius > 0 && samples > 1);
+    if (settings.integrator == Integrator::whitted && samples <= kFoundTogether && settings.error == 0 &&
+        !scene.shutter && fromOnePoint && !(camera.nearDistance > 0)) {
+        withThreads(settings.threads,
+                    [&] { primary.emplace(*scene.world, pixelGrid(scene, camera, settings), RayKind::view, samples); });
         if (*primary) scene.primary = &*primary;
     }
     Picture picture = drawPicture(scene, camera, settings, &stats);

@@ -39,8 +39,8 @@ struct NormalSource {
 };
 
 struct PacketKernels {
-    /// Rays through the pixels' middles; those of `active` are.
-    void (*makeRays)(const PixelBlock& block, std::uint32_t active, RayPacket16& rays);
+    /// Rays through these places of the pixels, [0, 1)^2; those of `active` are. Null: their middles.
+    void (*makeRays)(const PixelBlock& block, std::uint32_t active, const float* u, const float* v, RayPacket16& rays);
     /// Sets `normal` to the true surfaces' normals.
     void (*useOutside)(SurfacePacket& surfaces);
     /// Into `normal`, in the frame and the order of mesh normals, of any length, in the lanes of `lanes`; the others

@@ -33,28 +33,39 @@ inline void randomOfPicture(std::uint64_t seed, const int* x, const int* y, int 
     }
 }
 
-/// The pairs that PathRandoms of sixteen sequences give next.
-inline void nextPairs(PathRandom* randoms, float* u, float* v) {
-    using U8 = std::uint32_t __attribute__((vector_size(32)));
-    for (int at = 0; at < 16; at += 8) {
-        U8 index, order, first, second;
-        for (int i = 0; i < 8; ++i) {
-            index[i] = randoms[at + i].index();
-            const std::uint64_t one = randoms[at + i].nextSeed(), other = mixBits(one);
-            order[i] = static_cast<std::uint32_t>(one), first[i] = static_cast<std::uint32_t>(one >> 32);
-            second[i] = static_cast<std::uint32_t>(other);
+/// The pairs that PathRandoms of sixteen sequences give next, for any of their samples.
+class PairsOfSamples {
+  public:
+    /// `randoms`: sixteen, of sample 0.
+    explicit PairsOfSamples(PathRandom* randoms) {
+        for (int lane = 0; lane < 16; ++lane) {
+            const int half = lane / 8, i = lane % 8;
+            index_[half][i] = randoms[lane].index();
+            const std::uint64_t one = randoms[lane].nextSeed(), other = mixBits(one);
+            order_[half][i] = static_cast<std::uint32_t>(one), first_[half][i] = static_cast<std::uint32_t>(one >> 32);
+            second_[half][i] = static_cast<std::uint32_t>(other);
         }
-        index = reverseBits(scrambleUpwards(reverseBits(index), order));
-        const auto fraction = [](U8 reversed) {
-            const U8 bits = reverseBits(reversed) >> 8;
-            simd::I8 whole;
-            std::memcpy(&whole, &bits, sizeof whole);
-            return __builtin_convertvector(whole, simd::F8) * 0x1p-24f;
-        };
-        simd::store(u + at, fraction(scrambleUpwards(index, first)));
-        simd::store(v + at, fraction(scrambleUpwards(sobolSecondReversed(index), second)));
     }
-}
+    /// `u`, `v`: sixteen numbers each.
+    void of(int sample, float* u, float* v) const {
+        for (int half = 0; half < 2; ++half) {
+            const U8 index = reverseBits(
+                scrambleUpwards(reverseBits(index_[half] | static_cast<std::uint32_t>(sample)), order_[half]));
+            simd::store(u + 8 * half, fraction(scrambleUpwards(index, first_[half])));
+            simd::store(v + 8 * half, fraction(scrambleUpwards(sobolSecondReversed(index), second_[half])));
+        }
+    }
+
+  private:
+    using U8 = std::uint32_t __attribute__((vector_size(32)));
+    static simd::F8 fraction(U8 reversed) {
+        const U8 bits = reverseBits(reversed) >> 8;
+        simd::I8 whole;
+        std::memcpy(&whole, &bits, sizeof whole);
+        return __builtin_convertvector(whole, simd::F8) * 0x1p-24f;
+    }
+    U8 index_[2], order_[2], first_[2], second_[2];
+};
 
 class PacketRandom {
   public:

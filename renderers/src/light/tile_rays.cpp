@@ -18,16 +18,12 @@ namespace {
 
 constexpr std::uint64_t kPlaces = 0xd1b54a32d192ed03, kLens = 0x8cb92ba72f3d8dd7;  // other numbers than a path's
 
-/// The places of a sample in sixteen pixels, [0, 1)^2; `x`, `y`: of the first, four by four.
-void samplePlaces(const RenderSettings& settings, std::uint64_t seed, int x, int y, int sample, float* u, float* v) {
-    if (settings.samplesPerPixel == 1) {
-        std::fill(u, u + 16, 0.5f), std::fill(v, v + 16, 0.5f);
-        return;
-    }
+/// The places of samples in sixteen pixels, four by four; `x`, `y`: of the first.
+PairsOfSamples placesInBlock(std::uint64_t seed, int x, int y) {
     PathRandom randoms[16];
     for (int lane = 0; lane < 16; ++lane)
-        randoms[lane] = PathRandom(seed ^ kPlaces, x + (lane & 3), y + (lane >> 2), sample);
-    nextPairs(randoms, u, v);
+        randoms[lane] = PathRandom(seed ^ kPlaces, x + (lane & 3), y + (lane >> 2), 0);
+    return PairsOfSamples(randoms);
 }
 
 /// Even points of the square to even points of the disk of radius 1 (Shirley & Chiu 1997): neighbours stay together.
@@ -100,21 +96,23 @@ PixelBlock pixelBlock(const Camera& camera, const RenderSettings& settings, cons
             static_cast<float>(camera.visibilityLimit)};
 }
 
-/// Through these places of the picture, in pixels from its middle.
-void raysThrough(const Camera& camera, const RenderSettings& settings, const PixelBlock& b, const float* u,
-                 const float* v, RayPacket16& rays) {
+/// Where rays do not start in one point: through these places of the pixels.
+void raysThrough(const Camera& camera, const RenderSettings& settings, const PixelBlock& b, const float* inX,
+                 const float* inY, RayPacket16& rays) {
+    alignas(32) float u[16], v[16];
+    for (int lane = 0; lane < 16; ++lane) {
+        u[lane] = inX[lane] + (b.x + static_cast<float>(lane & 3));
+        v[lane] = inY[lane] + (b.y + static_cast<float>(lane >> 2));
+    }
     for (int at = 0; at < 16; at += 8) {
         const F8 x = b.middleX + b.across * load(u + at), y = b.middleY - b.down * load(v + at);
         V8 d{b.right.x * x + b.up.x * y, b.right.y * x + b.up.y * y, b.right.z * x + b.up.z * y};
         V8 o{all(b.eye.x), all(b.eye.y), all(b.eye.z)};
-        if (camera.orthographic) {
-            o = o + d;
-            d = {all(b.forward.x), all(b.forward.y), all(b.forward.z)};
-        } else if (camera.panorama) {
+        if (camera.panorama) {
             d = aroundAt(camera, settings, u + at, v + at);
         } else {
-            d = d + V8{all(b.forward.x), all(b.forward.y), all(b.forward.z)};
-            d = d * (1.0f / sqrt(dot(d, d)));
+            o = o + d;
+            d = {all(b.forward.x), all(b.forward.y), all(b.forward.z)};
         }
         store(rays.originX + at, o.x), store(rays.originY + at, o.y), store(rays.originZ + at, o.z);
         store(rays.directionX + at, d.x), store(rays.directionY + at, d.y), store(rays.directionZ + at, d.z);
@@ -135,6 +133,14 @@ void bound(const Camera& camera, RayPacket16& rays) {
 
 }  // namespace
 
+void findPlaces(std::uint64_t seed, int x0, int y0, std::span<SamplePlaces> samples) {
+    for (int block = 0; block < kTilePixels / 16; ++block) {
+        const PairsOfSamples places = placesInBlock(seed, x0 + (block & 3) * 4, y0 + (block >> 2) * 4);
+        for (std::size_t s = 0; s < samples.size(); ++s)
+            places.of(static_cast<int>(s), samples[s].u[block], samples[s].v[block]);
+    }
+}
+
 float endOfSight(const Camera& camera, const PathTask& task) {
     const auto [from, to] = camera.reach(Vec3d(task.direction));
     return std::max(static_cast<float>(to) - task.line, 0.0f);
@@ -147,24 +153,25 @@ bvh::PixelGrid pixelGrid(const TraceScene& scene, const Camera& camera, const Re
 
 std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
                           std::uint64_t seed, int x0, int y0, int block, int sample, RayPacket16& rays,
-                          std::uint16_t* pixels) {
+                          std::uint16_t* pixels, const SamplePlaces* places) {
     const int bx = (block & 3) * 4, by = (block >> 2) * 4;
     const std::uint32_t active = blockPixels(settings, x0 + bx, y0 + by, bx, by, pixels);
     if (!active) return 0;
     const PixelBlock b = pixelBlock(camera, settings, scene.world->fromWorld(camera.position), x0 + bx, y0 + by);
-    if (settings.samplesPerPixel == 1 && !camera.orthographic && !camera.panorama) {
-        packetKernels().makeRays(b, active, rays);
-        if (camera.isBounded()) bound(camera, rays);
-        return active;
+    alignas(64) float ownU[16], ownV[16];
+    const float *u = ownU, *v = ownV;
+    if (places)
+        u = places->u[block], v = places->v[block];
+    else if (settings.samplesPerPixel == 1)
+        std::fill(ownU, ownU + 16, 0.5f), std::fill(ownV, ownV + 16, 0.5f);
+    else
+        placesInBlock(seed, x0 + bx, y0 + by).of(sample, ownU, ownV);
+    if (camera.orthographic || camera.panorama) {
+        raysThrough(camera, settings, b, u, v, rays);
+        for (int lane = 0; lane < 16; ++lane) rays.active[lane] = -static_cast<std::int32_t>(active >> lane & 1u);
+    } else {
+        packetKernels().makeRays(b, active, u, v, rays);
     }
-    alignas(32) float u[16], v[16];
-    samplePlaces(settings, seed, x0 + bx, y0 + by, sample, u, v);
-    for (int lane = 0; lane < 16; ++lane) {
-        rays.active[lane] = -static_cast<std::int32_t>(active >> lane & 1u);
-        u[lane] += b.x + static_cast<float>(lane & 3);
-        v[lane] += b.y + static_cast<float>(lane >> 2);
-    }
-    raysThrough(camera, settings, b, u, v, rays);
     if (camera.lensRadius > 0 && settings.samplesPerPixel > 1)
         throughLens(scene, camera, seed, x0, y0, sample, pixels, rays);
     if (camera.isBounded()) bound(camera, rays);

@@ -13,12 +13,19 @@
 
 namespace rtsg::trace {
 
+/// Where a sample lies in the pixels of a tile, [0, 1)^2, by block and by pixel in the block.
+struct alignas(64) SamplePlaces {
+    float u[16][16], v[16][16];
+};
+/// Of the first samples of the tile at (x0, y0). Precondition: a pixel has more than one.
+void findPlaces(std::uint64_t seed, int x0, int y0, std::span<SamplePlaces> samples);
+
 /// Sixteen neighbouring pixels' rays (`block` 0 to 15 of the tile, four by four pixels each), and which pixels of the
 /// tile they belong to. Returns a bit per ray; lanes outside the picture are inactive. `seed`: in place of the
-/// settings'.
+/// settings'. `places`: of the sample, where they are known.
 std::uint32_t primaryRays(const TraceScene& scene, const Camera& camera, const RenderSettings& settings,
                           std::uint64_t seed, int x0, int y0, int block, int sample, RayPacket16& rays,
-                          std::uint16_t* pixels);
+                          std::uint16_t* pixels, const SamplePlaces* places = nullptr);
 
 /// How far a ray that has come straight from the eye, through clear surfaces, is followed on.
 float endOfSight(const Camera& camera, const PathTask& task);
@@ -89,6 +96,8 @@ class TileLoop {
     void finish(const Trace& trace) {
         drain(trace);
     }
+    /// Where the samples lie, so that it is not found again. They must outlive run().
+    void usePlaces(std::span<const SamplePlaces> places) { places_ = places; }
     void push(const PathTask& task) { next_.push_back(task); }
     /// A new one, to be filled in.
     PathTask& push() { return next_.emplace_back(); }
@@ -125,7 +134,8 @@ class TileLoop {
     bool startPacket(std::size_t group, int block, int sample, TilePacket& packet) {
         const std::uint64_t seed = groups_[group].seed;
         packet.active =
-            primaryRays(scene_, camera_, settings_, seed, x0_, y0_, block, sample, packet.rays, packet.pixels);
+            primaryRays(scene_, camera_, settings_, seed, x0_, y0_, block, sample, packet.rays, packet.pixels,
+                        places_.empty() ? nullptr : &places_[static_cast<std::size_t>(sample)]);
         if (!packet.active) return false;
         if (group > 0)
             for (std::uint16_t& pixel : packet.pixels) pixel += static_cast<std::uint16_t>(group * kTilePixels);
@@ -156,6 +166,7 @@ class TileLoop {
     const bool isBounded_;
     int x0_, y0_;
     std::span<TileResult> groups_;
+    std::span<const SamplePlaces> places_;
     std::vector<PathTask> now_, next_;
     TilePacket packets_[kTogether];
 };

@@ -28,12 +28,33 @@ class Tile {
           loop_(scene, camera, settings, x0, y0, groups) {}
 
     void run() {
-        static_assert(kTileSide == bvh::kTilePixelsAside);
-        isKnown_ = scene_.primary && scene_.primary->find(x0_ / kTileSide, y0_ / kTileSide, known_);
+        if (scene_.primary) find();
         loop_.run([this](std::span<TilePacket> packets) { trace(packets); });
     }
 
   private:
+    /// What the tile's primary rays meet of what rests.
+    void find() {
+        static_assert(kTileSide == bvh::kTilePixelsAside);
+        const int samples = settings_.samplesPerPixel;
+        known_.resize(static_cast<std::size_t>(samples));
+        std::vector<bvh::TilePlaces> inTile;
+        if (samples > 1) {
+            places_.resize(known_.size()), inTile.resize(known_.size());
+            findPlaces(counts_.seed, x0_, y0_, places_);
+            for (std::size_t s = 0; s < known_.size(); ++s)
+                for (int block = 0; block < kTilePixels / 16; ++block)
+                    for (int i = 0; i < 16; ++i) {
+                        const int x = block % 4 * 4 + i % 4 - kTileSide / 2, y = block / 4 * 4 + i / 4 - kTileSide / 2;
+                        inTile[s].x[block][i] = places_[s].u[block][i] + static_cast<float>(x);
+                        inTile[s].y[block][i] = places_[s].v[block][i] + static_cast<float>(y);
+                    }
+            loop_.usePlaces(places_);
+        }
+        isKnown_ =
+            scene_.primary->find(x0_ / kTileSide, y0_ / kTileSide, known_, samples > 1 ? inTile.data() : nullptr);
+    }
+
     /// Where a colour that a ray finds goes. `linear`: it is light, otherwise display values; `whole`: what is light is
     /// not yet part of a share, so its weight counts as one.
     void add(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, Vec3f color, bool linear, float coverage,
@@ -54,7 +75,8 @@ class Tile {
         std::uint32_t hits[TileLoop::kTogether];
         for (std::size_t i = 0; i < packets.size(); ++i)
             hits[i] = isKnown_ && !packets[i].tasks
-                          ? scene_.primary->intersect(packets[i].rays, known_, packets[i].block)
+                          ? scene_.primary->intersect(
+                                packets[i].rays, known_[static_cast<std::size_t>(packets[i].sample)], packets[i].block)
                           : scene_.world->intersect(packets[i].rays, !packets[i].tasks);
         for (std::size_t i = 0; i < packets.size(); ++i)
             if (hits[i]) fetchSurfaces(scene_, packets[i].rays, hits[i], packets[i].tasks, surfaces_[i]);
@@ -250,8 +272,9 @@ class Tile {
     TileLoop loop_;
     SurfacePacket surfaces_[TileLoop::kTogether]{};  // unused lanes stay finite
     bool isKnown_ = false;
-    bvh::TileHits known_;  // what primary rays meet of what rests
-    float left_[16] = {};  // what volumes leave, where there are any
+    std::vector<bvh::TileHits> known_;  // by sample: what primary rays meet of what rests
+    std::vector<SamplePlaces> places_;  // of more than one
+    float left_[16] = {};               // what volumes leave, where there are any
 };
 
 }  // namespace

@@ -5,7 +5,7 @@
 
 namespace rtsg {
 
-PrimaryRays::PrimaryRays(const RayView& view, const bvh::PixelGrid& grid, RayKind kind)
-    : view_(view), kind_(kind), hits_(view.tables_->top.primaryHits(grid, view.meant(kind))) {}
+PrimaryRays::PrimaryRays(const RayView& view, const bvh::PixelGrid& grid, RayKind kind, int samples)
+    : view_(view), kind_(kind), hits_(view.tables_->top.primaryHits(grid, view.meant(kind), samples)) {}
 
 }  // namespace rtsg

@@ -15,12 +15,16 @@ namespace rtsg {
 
 class PrimaryRays {
   public:
-    PrimaryRays(const RayView& view, const bvh::PixelGrid& grid, RayKind kind = RayKind::view);
+    /// `samples`: of a pixel.
+    PrimaryRays(const RayView& view, const bvh::PixelGrid& grid, RayKind kind = RayKind::view, int samples = 1);
 
     /// Whether tiles pay at all.
     explicit operator bool() const { return hits_ != nullptr; }
     /// What the tile's pixels see of what rests. False: ray by ray it is quicker. Precondition: they pay.
-    bool find(int tileX, int tileY, bvh::TileHits& tile) const { return hits_->find(tileX, tileY, tile); }
+    /// `places`: as many as `samples`; null: of one, in the middles of pixels.
+    bool find(int tileX, int tileY, std::span<bvh::TileHits> samples, const bvh::TilePlaces* places = nullptr) const {
+        return hits_->find(tileX, tileY, samples, places);
+    }
     /// As RayView::intersect, of a block's rays.
     std::uint32_t intersect(RayPacket16& rays, const bvh::TileHits& tile, int block) const {
         const bvh::PrimaryBlock known{*hits_, tile, block};

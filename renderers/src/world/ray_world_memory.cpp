@@ -92,7 +92,8 @@ RayWorld::Memory RayWorld::memory() const {
         arrays.add(*entry.mesh);
     }
     for (const auto* clusters : {&impl_->resting, &impl_->bodies})
-        for (const auto& cluster : *clusters)
+        for (const auto& cluster : *clusters) {
+            memory.bvhBytes += cluster->group->clusterBytes();
             cluster->group->forEachArray([&](const bvh::Triangles& triangles) {
                 if (triangles.positions.sameStorage(triangles.mesh->positions))
                     arrays.add(triangles.positions);
@@ -100,6 +101,7 @@ RayWorld::Memory RayWorld::memory() const {
                     memory.copyBytes += triangles.positions.size() * sizeof(Vec3f);
                 if (triangles.cut) memory.copyBytes += triangles.cut->bytes();
             });
+        }
     for (const auto& [node, entry] : impl_->meshes)
         if (entry.bvh) arrays.add(entry.bvh->indexInUse());
     arrays.sum(memory.sceneBytes, memory.tessellatedBytes);
@@ -108,7 +110,7 @@ RayWorld::Memory RayWorld::memory() const {
         ++memory.instances;
         if (impl_->instances[slot].mesh) memory.instancedTriangles += impl_->instances[slot].mesh->triangleCount;
     }
-    memory.bvhBytes = impl_->device.bytes();
+    memory.bvhBytes += impl_->device.bytes();
     memory.instanceBytes = impl_->top.bytes() + impl_->strokes.bytes() + impl_->instances.bytes() +
                            impl_->places.capacity() * sizeof(Impl::Place);
     return memory;

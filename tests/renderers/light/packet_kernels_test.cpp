@@ -63,7 +63,8 @@ constexpr Light::Kind kKinds[] = {Light::Kind::directional, Light::Kind::point, 
 
 /// Everything that is done to a packet, one after the other; what pixels get in the end.
 void runAll(const PacketKernels& k, Inputs& in, RayPacket16& made, RayPacket16& shadow, float* pixels) {
-    k.makeRays({32, 48, -.7f, .01f, .4f, .012f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 100}, 0xFF7F, made);
+    k.makeRays({32, 48, -.7f, .01f, .4f, .012f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 100}, 0xFF7F, nullptr,
+               nullptr, made);
     k.fetchNormals(in.normals, 0x0F3C, in.s);
     k.finishGeometry(in.rays, in.s);
     k.findPoints(in.instance, in.values, in.index, 3, 0xFF0F, in.s);
@@ -122,7 +123,7 @@ TEST(PacketKernels, RaysGoThroughPixelsMiddles) {
     for (const PacketKernels* k : widths()) {
         RayPacket16 rays{};
         const PixelBlock block{8, 4, -.8f, .05f, .6f, .04f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 77};
-        k->makeRays(block, 0x8001, rays);
+        k->makeRays(block, 0x8001, nullptr, nullptr, rays);
         for (int lane = 0; lane < 16; ++lane) {
             const Vec3d d = glm::normalize(Vec3d(-.8 + .05 * (8 + lane % 4 + .5), .6 - .04 * (4 + lane / 4 + .5), -1));
             EXPECT_NEAR(rays.directionX[lane], d.x, 2e-7) << lane;
@@ -131,8 +132,20 @@ TEST(PacketKernels, RaysGoThroughPixelsMiddles) {
             EXPECT_EQ(rays.tMax[lane], 77);
             EXPECT_EQ(rays.active[lane], lane == 0 || lane == 15 ? -1 : 0);
         }
+        // And through other places than the middles.
+        alignas(64) float u[16], v[16];
+        for (int lane = 0; lane < 16; ++lane)
+            u[lane] = static_cast<float>(lane) / 16, v[lane] = static_cast<float>(15 - lane) / 16;
+        k->makeRays(block, 0xFFFF, u, v, rays);
+        for (int lane = 0; lane < 16; ++lane) {
+            const Vec3d d = glm::normalize(
+                Vec3d(-.8 + .05 * (8 + lane % 4 + double{u[lane]}), .6 - .04 * (4 + lane / 4 + double{v[lane]}), -1));
+            EXPECT_NEAR(rays.directionX[lane], d.x, 2e-7) << lane;
+            EXPECT_NEAR(rays.directionY[lane], d.y, 2e-7) << lane;
+        }
         // The middle of an odd number of pixels is the middle, to the last bit.
-        k->makeRays({-.5f, -2.5f, 0, .01f, 0, .01f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 77}, 0xFFFF, rays);
+        k->makeRays({-.5f, -2.5f, 0, .01f, 0, .01f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 77}, 0xFFFF, nullptr,
+                    nullptr, rays);
         EXPECT_EQ(Vec3f(rays.directionX[8], rays.directionY[8], rays.directionZ[8]), Vec3f(0, 0, -1));
     }
 }

@@ -110,16 +110,18 @@ TEST(PacketRandom, BeginsSixteenPixelsAsPathRandomBeginsEach) {
                 PathRandom randoms[16];
                 for (int lane = 0; lane < 16; ++lane) {
                     x[lane] = x0 + lane % 4, y[lane] = y0 + lane / 4;
-                    randoms[lane] = PathRandom(9, x[lane], y[lane], samples - 1);
+                    randoms[lane] = PathRandom(9, x[lane], y[lane], 0);
                 }
                 trace::randomOfPicture(9, x, y, samples - 1, samples, states);
                 alignas(64) float u[16], v[16];
-                trace::nextPairs(randoms, u, v);
+                trace::PairsOfSamples(randoms).of(samples - 1, u, v);
                 for (int lane = 0; lane < 16; ++lane) {
                     EXPECT_EQ(states[lane], PathRandom::ofPicture(9, x[lane], y[lane], samples - 1, samples).state());
                     PathRandom alone(9, x[lane], y[lane], samples - 1);
                     EXPECT_EQ(Vec2f(u[lane], v[lane]), alone.nextPair());
-                    EXPECT_EQ(randoms[lane].state(), alone.state());
+                    PathRandom first(9, x[lane], y[lane], 0);
+                    (void)first.nextPair();
+                    EXPECT_EQ(randoms[lane].state(), first.state());
                 }
             }
 }

@@ -25,14 +25,30 @@ Vec3f directionAt(const bvh::PixelGrid& g, float x, float y) {
     return g.forward + g.right * (g.middleX + g.across * x) + g.up * (g.middleY - g.down * y);
 }
 
-/// A block's rays as pictures make them; those outside are inactive.
-RayPacket16 raysOf(const bvh::PixelGrid& g, int tileX, int tileY, int block, float tMax = HUGE_VALF) {
+/// A sample anywhere in each pixel, also at its very borders.
+bvh::TilePlaces anywhere(std::mt19937& random) {
+    std::uniform_real_distribution<float> unit(-.01f, 1.01f);
+    bvh::TilePlaces places;
+    for (int block = 0; block < 16; ++block)
+        for (int i = 0; i < 16; ++i) {
+            const auto place = [&] { return std::clamp(unit(random), 0.0f, 0x1.fffffep-1f); };
+            places.x[block][i] = static_cast<float>(block % 4 * 4 + i % 4 - 8) + place();
+            places.y[block][i] = static_cast<float>(block / 4 * 4 + i / 4 - 8) + place();
+        }
+    return places;
+}
+
+/// A block's rays as pictures make them; those outside are inactive. `places`: null: in the pixels' middles.
+RayPacket16 raysOf(const bvh::PixelGrid& g, int tileX, int tileY, int block, float tMax = HUGE_VALF,
+                   const bvh::TilePlaces* places = nullptr) {
     RayPacket16 rays;
     std::memset(&rays, 0x7f, sizeof rays);
     for (int lane = 0; lane < 16; ++lane) {
         const int x = tileX * 16 + block % 4 * 4 + lane % 4, y = tileY * 16 + block / 4 * 4 + lane / 4;
-        const Vec3f d = directionAt(g, static_cast<float>(x) + .5f - static_cast<float>(g.width) / 2,
-                                    static_cast<float>(y) + .5f - static_cast<float>(g.height) / 2);
+        const float inX = places ? places->x[block][lane] + 8 : static_cast<float>(x - tileX * 16) + .5f,
+                    inY = places ? places->y[block][lane] + 8 : static_cast<float>(y - tileY * 16) + .5f;
+        const Vec3f d = directionAt(g, inX + static_cast<float>(tileX * 16) - static_cast<float>(g.width) / 2,
+                                    inY + static_cast<float>(tileY * 16) - static_cast<float>(g.height) / 2);
         rays.set(lane, {g.eye, 0, glm::normalize(d), tMax});
         if (x >= g.width || y >= g.height) rays.skip(lane);
     }
@@ -43,23 +59,28 @@ RayPacket16 raysOf(const bvh::PixelGrid& g, int tileX, int tileY, int block, flo
 /// Returns the number of tiles that are not.
 template <class Visit>
 int forBlocks(const RayView& world, const bvh::PixelGrid& grid, const Visit& visit, float tMax = HUGE_VALF,
-              RayKind kind = RayKind::view) {
-    const PrimaryRays primary(world, grid, kind);
+              RayKind kind = RayKind::view, std::size_t samples = 1) {
+    const PrimaryRays primary(world, grid, kind, static_cast<int>(samples));
     EXPECT_TRUE(primary);
     if (!primary) return -1;
     int left = 0;
-    bvh::TileHits tile;
+    std::mt19937 random(kPrimarySeed);
+    std::vector<bvh::TileHits> tile(samples);
+    std::vector<bvh::TilePlaces> places(samples);
     for (int y = 0; y * 16 < grid.height; ++y)
         for (int x = 0; x * 16 < grid.width; ++x) {
-            if (!primary.find(x, y, tile)) {
+            for (bvh::TilePlaces& sample : places) sample = anywhere(random);
+            const bool inMiddles = samples == 1;
+            if (!primary.find(x, y, tile, inMiddles ? nullptr : places.data())) {
                 ++left;
                 continue;
             }
-            for (int block = 0; block < 16; ++block) {
-                const RayPacket16 before = raysOf(grid, x, y, block, tMax);
-                RayPacket16 rays = before;
-                visit(before, rays, primary.intersect(rays, tile, block));
-            }
+            for (std::size_t s = 0; s < samples; ++s)
+                for (int block = 0; block < 16; ++block) {
+                    const RayPacket16 before = raysOf(grid, x, y, block, tMax, inMiddles ? nullptr : &places[s]);
+                    RayPacket16 rays = before;
+                    visit(before, rays, primary.intersect(rays, tile[s], block));
+                }
         }
     return left;
 }
@@ -95,40 +116,43 @@ struct SeenRoom {
 };
 
 TEST(PrimaryRays, FindWhatALoopOverAllTrianglesFinds) {
-    for (const bool moving : {false, true}) {
+    for (const auto& [moving, samples] : {std::pair(false, 1), {true, 1}, {false, 3}}) {
         SeenRoom room(moving);
         std::uniform_real_distribution<float> unit(-1, 1);
         int compared = 0, hits = 0;
         for (int camera = 0; camera < 6; ++camera) {
-            SCOPED_TRACE(testing::Message() << "seed " << kPrimarySeed << ", " << moving << ", camera " << camera);
+            SCOPED_TRACE(testing::Message() << "seed " << kPrimarySeed << ", " << moving << ", " << samples
+                                            << " samples, camera " << camera);
             const Vec3f eye(3 * unit(room.random), 2 * unit(room.random), 3 + 3 * unit(room.random));
             bvh::PixelGrid grid =
                 gridAt(eye, {unit(room.random), .5f * unit(room.random), -1.3f}, 61, 35, camera == 5 ? 1.4f : .4f);
             if (camera == 3) grid.up = grid.up * 1.5f + grid.right * .3f;  // a viewpoint that is scaled and sheared
             if (camera == 4) grid.middleX = .2f, grid.middleY = -.1f;
-            (void)forBlocks(room.world, grid,
-                            [&](const RayPacket16& before, const RayPacket16& rays, std::uint32_t met) {
-                                for (int lane = 0; lane < 16; ++lane) {
-                                    if (!before.active[lane]) {
-                                        EXPECT_FALSE(met >> lane & 1u);
-                                        continue;
-                                    }
-                                    const BruteForce::Answer expected = room.truth.intersect(before.ray(lane));
-                                    if (expected.margin < 1e-4) continue;
-                                    ++compared;
-                                    const Hit hit = room.world.hit(rays, lane);
-                                    ASSERT_EQ(bool(hit), expected.instance != kNoInstance);
-                                    EXPECT_EQ(bool(hit), (met >> lane & 1u) != 0);
-                                    if (!hit) continue;
-                                    ++hits;
-                                    EXPECT_EQ(hit.instance, expected.instance);
-                                    EXPECT_EQ(hit.triangle, expected.triangle);
-                                    EXPECT_NEAR(hit.t, expected.t, 1e-5 * expected.t);
-                                    EXPECT_NEAR(hit.u, expected.u, 1e-3);
-                                    EXPECT_NEAR(hit.v, expected.v, 1e-3);
-                                    EXPECT_GT(glm::dot(Vec3d(hit.normal), expected.normal), .9999);
-                                }
-                            });
+            (void)forBlocks(
+                room.world, grid,
+                [&](const RayPacket16& before, const RayPacket16& rays, std::uint32_t met) {
+                    for (int lane = 0; lane < 16; ++lane) {
+                        if (!before.active[lane]) {
+                            EXPECT_FALSE(met >> lane & 1u);
+                            continue;
+                        }
+                        const BruteForce::Answer expected = room.truth.intersect(before.ray(lane));
+                        if (expected.margin < 1e-4) continue;
+                        ++compared;
+                        const Hit hit = room.world.hit(rays, lane);
+                        ASSERT_EQ(bool(hit), expected.instance != kNoInstance);
+                        EXPECT_EQ(bool(hit), (met >> lane & 1u) != 0);
+                        if (!hit) continue;
+                        ++hits;
+                        EXPECT_EQ(hit.instance, expected.instance);
+                        EXPECT_EQ(hit.triangle, expected.triangle);
+                        EXPECT_NEAR(hit.t, expected.t, 1e-5 * expected.t);
+                        EXPECT_NEAR(hit.u, expected.u, 1e-3);
+                        EXPECT_NEAR(hit.v, expected.v, 1e-3);
+                        EXPECT_GT(glm::dot(Vec3d(hit.normal), expected.normal), .9999);
+                    }
+                },
+                HUGE_VALF, RayKind::view, static_cast<std::size_t>(samples));
         }
         EXPECT_GT(compared, 9000);
         EXPECT_GT(hits, 9000);
@@ -175,8 +199,9 @@ TEST(PrimaryRays, NothingShowsBetweenTriangles) {
             bvh::PixelGrid turned = gridAt(grid.eye, {0, 0, -1}, width, height, .2f);
             turned.right = {c, s, 0}, turned.up = {-s, c, 0};
             EXPECT_EQ(forBlocks(world, turned, count), 0);
+            EXPECT_EQ(forBlocks(world, turned, count, HUGE_VALF, RayKind::view, 4), 0);
         }
-        EXPECT_EQ(rays, 4 * width * height);
+        EXPECT_EQ(rays, (4 + 3 * 4) * width * height);
         EXPECT_EQ(leaks, 0);
     }
 }
@@ -186,9 +211,10 @@ TEST(PrimaryRays, DifferFromRaysOneByOneInNothingButRoundings) {
     std::uniform_real_distribution<float> unit(-1, 1);
     int rays = 0, others = 0;
     for (int camera = 0; camera < 8; ++camera) {
+        const std::size_t samples = camera % 4 == 3 ? 2 : 1;
         const Vec3f eye(3 * unit(room.random), 2 * unit(room.random), 3 + 3 * unit(room.random));
         const bvh::PixelGrid grid = gridAt(eye, {unit(room.random), .5f * unit(room.random), -1}, 400, 300, .6f);
-        (void)forBlocks(room.world, grid, [&](const RayPacket16& before, const RayPacket16& together, std::uint32_t) {
+        const auto visit = [&](const RayPacket16& before, const RayPacket16& together, std::uint32_t) {
             RayPacket16 alone = before;
             (void)room.world.intersect(alone, true);
             for (int lane = 0; lane < 16; ++lane) {
@@ -202,10 +228,11 @@ TEST(PrimaryRays, DifferFromRaysOneByOneInNothingButRoundings) {
                     EXPECT_NEAR(a.v, b.v, 2e-3f);
                 }
             }
-        });
+        };
+        (void)forBlocks(room.world, grid, visit, HUGE_VALF, RayKind::view, samples);
     }
     EXPECT_GT(rays, 900'000);
-    EXPECT_LE(others, 5);
+    EXPECT_LE(others * 150'000, rays);
 }
 
 TEST(PrimaryRays, KnowEndsKindsAndWhatIsTakenAway) {
@@ -255,10 +282,19 @@ TEST(PrimaryRays, LeaveTilesOfManyTrianglesToRays) {
     const PrimaryRays many(world, gridAt({0, 0, 30}, {0, 0, -1}, 320, 240));
     ASSERT_TRUE(many) << "all in a few tiles";
     bvh::TileHits tile;
-    EXPECT_FALSE(many.find(10, 7, tile));
-    EXPECT_TRUE(many.find(1, 1, tile));
+    EXPECT_FALSE(many.find(10, 7, {&tile, 1}));
+    EXPECT_TRUE(many.find(1, 1, {&tile, 1}));
     EXPECT_FALSE(PrimaryRays(world, gridAt({0, 0, .5f}, {0, 0, -1}, 320, 240))) << "every box in every tile";
     EXPECT_FALSE(PrimaryRays(RayWorld(), gridAt({0, 0, 4}, {0, 0, -1}, 640, 480)));
+}
+
+TEST(PrimaryRays, CountTheMemoryOfTheirClusters) {
+    SeenRoom room(false);
+    const RayWorld::Memory before = room.world.memory();
+    ASSERT_TRUE(PrimaryRays(room.world, gridAt({0, 0, 4}, {0, 0, -1}, 320, 240)));
+    const std::size_t more = room.world.memory().bvhBytes - before.bvhBytes;
+    EXPECT_GE(more, before.triangles / bvh::Cluster::kTriangles * sizeof(bvh::Cluster));
+    EXPECT_LE(more, before.triangles * 4 + 4096);
 }
 
 /// Whatever numbers a camera holds.
@@ -271,7 +307,7 @@ TEST(PrimaryRays, TakeNoCameraWithoutASpaceToLookInto) {
     grid.eye.x = std::numeric_limits<float>::quiet_NaN();
     const PrimaryRays nowhere(room.world, grid);
     bvh::TileHits tile;
-    if (nowhere && nowhere.find(0, 0, tile)) {
+    if (nowhere && nowhere.find(0, 0, {&tile, 1})) {
         RayPacket16 rays = raysOf(grid, 0, 0, 0);
         EXPECT_EQ(nowhere.intersect(rays, tile, 0), 0u);
     }
@@ -295,11 +331,17 @@ TEST(PrimaryRays, AreTheSameAtEveryWidth) {
         const bvh::PixelGrid grid = gridAt({3 * std::sin(angle), .3f, 3 * std::cos(angle)},
                                            {-std::sin(angle), 0, -std::cos(angle)}, 16, 16, .3f);
         const bvh::TileFrame frame{grid.eye, directionAt(grid, 0, 0), grid.right * grid.across, -grid.up * grid.down};
-        bvh::TileHits tiles[2];
+        bvh::TileHits tiles[2], more[2][3];
         const bvh::PrimaryKernels* kernels[] = {&bvh::primaryKernels8(), bvh::primaryKernels16()};
         for (int k = 0; k < 2; ++k)
-            kernels[k]->find(frame, seen.data(), seen.data() + seen.size(), clusters.data(), &where, tiles[k]);
+            kernels[k]->find(frame, seen.data(), seen.data() + seen.size(), clusters.data(), &where, nullptr, &tiles[k],
+                             1);
         ASSERT_EQ(std::memcmp(&tiles[0], &tiles[1], sizeof tiles[0]), 0);
+        const bvh::TilePlaces places[3] = {anywhere(random), anywhere(random), anywhere(random)};
+        for (int k = 0; k < 2; ++k)
+            kernels[k]->find(frame, seen.data(), seen.data() + seen.size(), clusters.data(), &where, places, more[k],
+                             3);
+        ASSERT_EQ(std::memcmp(more[0], more[1], sizeof more[0]), 0);
         for (int block = 0; block < 16; ++block) {
             RayPacket16 rays[2] = {raysOf(grid, 0, 0, block), raysOf(grid, 0, 0, block)};
             for (int k = 0; k < 2; ++k) {

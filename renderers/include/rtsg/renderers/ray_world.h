@@ -78,7 +78,7 @@ class RayWorld : public RayView {
         std::size_t sceneBytes = 0;        // arrays that scene and tracer share
         std::size_t tessellatedBytes = 0;  // arrays that the tessellation made (primitives, polygons, normals)
         std::size_t copyBytes = 0;         // positions of merged triangles that had to leave their own frame
-        std::size_t bvhBytes = 0;          // Embree's, by its memory monitor
+        std::size_t bvhBytes = 0;          // Embree's, by its memory monitor, and clusters of triangles for pictures
         std::size_t instanceBytes = 0;     // records per instance and the tree over them
         std::size_t total() const { return sceneBytes + tessellatedBytes + copyBytes + bvhBytes + instanceBytes; }
         double sceneBytesPerTriangle() const;  // scene and tessellation
