@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "embree/packet_avx512.h"
+#include "mesh/exact_meeting.h"
 #include "mesh/simd8.h"
 #include "ray_boxes.h"
 #include "ray_view_impl.h"
@@ -169,6 +170,21 @@ bool isLeftOut(const RayFilter& filter, const Hit& hit, const Ray& ray) {
     return filter.leavesOut(hit.instance, ray.origin + way, 0x1p-21f * std::max({sizes.x, sizes.y, sizes.z}));
 }
 
+exact::Triangle inRaySpace(const RayInstance& instance, std::uint32_t triangle) {
+    const glm::dmat4x3 m(instance.rayFromLocal);
+    const auto corner = [&](std::uint32_t i) { return m * glm::dvec4(Vec3d(instance.mesh->vertex(triangle, i)), 1); };
+    return {corner(0), corner(1), corner(2)};
+}
+
+/// As Hit::normal.
+Vec3f outwards(const RayInstance& instance, std::uint32_t triangle) {
+    const Vec3d a(instance.mesh->vertex(triangle, 0)), b(instance.mesh->vertex(triangle, 1)),
+        c(instance.mesh->vertex(triangle, 2));
+    const Vec3d normal = glm::dmat3(instance.normalFromLocal) * glm::cross(b - a, c - a);
+    const double length = glm::length(normal);
+    return length > 0 ? Vec3f(normal / length) : Vec3f(0, 0, 1);
+}
+
 }  // namespace
 
 Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
@@ -178,10 +194,55 @@ Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
     for (int i = 0; i < kMost; ++i) {
         const Hit hit = intersectAll(ray, kind);
         if (!hit || !filter_->concerns(hit.instance) || !isLeftOut(*filter_, hit, ray)) return hit;
+        if (const Hit other = meetInPlace(ray, hit, kind)) return other;
         ray.tMin = std::nextafter(hit.t * (1 + 0x1p-22f), HUGE_VALF);
         if (!(ray.tMin < ray.tMax) || !std::isfinite(ray.tMin)) return {};
     }
     return {};
+}
+
+Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const {
+    // Of surfaces that coincide a ray tells one, and which one is a matter of roundings. What is left out hides
+    // nothing, so those around its place are met one by one, in double precision.
+    const Vec3d from(ray.origin), along(ray.direction);
+    const double length = glm::length(along);
+    const Vec3f at = ray.origin + leftOut.t * ray.direction, sizes = glm::max(glm::abs(ray.origin), glm::abs(at));
+    float radius = 0x1p-20f * std::max({sizes.x, sizes.y, sizes.z}) + 1e-30f;
+    const Mesh& mesh = *instances_[leftOut.instance].mesh;
+    if (!leftOut.isCap() && mesh.strokeCount == 0) radius += 2 * glm::length(point(leftOut).error);
+
+    Hit best;
+    const auto take = [&](const Hit& found) {
+        const bool hidden = filter_->concerns(found.instance) && isLeftOut(*filter_, found, ray);
+        if (!hidden && found.t >= ray.tMin && found.t <= ray.tMax && found.t < best.t) best = found;
+    };
+    tables_->top.visitNear(at, radius, [&](std::uint32_t slot, std::uint32_t triangle) {
+        const RayInstance& instance = instances_[slot];
+        if (!(kindsOf(instance.info) & static_cast<std::uint32_t>(kind))) return radius;
+        const exact::Triangle t = inRaySpace(instance, triangle);
+        const auto m = exact::meet(t, from, along / length);
+        constexpr double kEdge = 1e-9;  // so that no ray slips between two triangles
+        if (!m || !m->isInside(kEdge)) return radius;
+        // Planes that lie as close as `radius` are farther apart along a ray that grazes them.
+        const Vec3d normal = glm::cross(t.b - t.a, t.c - t.a);
+        const double steep = std::abs(glm::dot(normal, along)) / (glm::length(normal) * length);
+        if (std::abs(m->distance - leftOut.t * length) * std::max(steep, 0x1p-10) > radius) return radius;
+        Hit found{static_cast<float>(m->distance / length), slot, triangle, static_cast<float>(m->where.u),
+                  static_cast<float>(m->where.v)};
+        found.u = std::clamp(found.u, 0.0f, 1.0f), found.v = std::clamp(found.v, 0.0f, 1 - found.u);
+        found.normal = outwards(instance, triangle);
+        take(found);
+        return radius;
+    });
+    if (seesStrokes(kind)) {
+        Ray near = ray;
+        const float reach = radius / static_cast<float>(length);
+        near.tMin = std::max(ray.tMin, leftOut.t - reach), near.tMax = std::min(ray.tMax, leftOut.t + reach);
+        Hit stroke;
+        meetStrokes(near, kind, stroke);
+        if (stroke) take(stroke);
+    }
+    return best;
 }
 
 std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
