@@ -146,7 +146,7 @@ TEST(Layers, WhatIsSeenIsPicked) {
 }
 
 /// A square of five metres that is turned and, in a mesh of as many triangles as there are parts, cut another way.
-std::string turned(const std::string& turn, int parts, const char* color) {
+std::string turnedSquare(const std::string& turn, int parts, const char* color) {
     std::string points, faces;
     for (int i = 0; i <= parts; ++i)
         for (int k = 0; k <= parts; ++k)
@@ -177,8 +177,8 @@ TEST(Layers, HideNothingOfEachOtherWhereTheyCoincide) {
     // 35.4.2: each layer is drawn for itself, and then over those before it.
     for (const char* turn : kTurns)
         for (const int parts : {1, 3, 7}) {
-            const std::string scene = turned(turn, 2, "0 1 0"),
-                              layer = "children [ " + turned(turn, parts, "1 0 0") + " ]";
+            const std::string scene = turnedSquare(turn, 2, "0 1 0"),
+                              layer = "children [ " + turnedSquare(turn, parts, "1 0 0") + " ]";
             const auto drawn = [&](const char* order) {
                 return LightScene(scene + "LayerSet { order [ " + order + " ] layers [ Layer { " + layer + " } ] }", 64,
                                   64)
@@ -192,7 +192,7 @@ TEST(Layers, HideNothingOfEachOtherWhereTheyCoincide) {
 TEST(Layers, CastNoShadowsAndTakeNoneWhereTheyCoincide) {
     const std::string lamp = "NavigationInfo { headlight FALSE } DirectionalLight { direction 0 0 -1 shadows TRUE }";
     const auto lit = [&](const char* turn, int parts) {
-        std::string square = turned(turn, parts, "1 1 1");
+        std::string square = turnedSquare(turn, parts, "1 1 1");
         square.replace(square.find("UnlitMaterial { emissiveColor"), 29, "Material { diffuseColor");
         return square;
     };
@@ -210,18 +210,18 @@ TEST(Layers, CastNoShadowsAndTakeNoneWhereTheyCoincide) {
 TEST(Layers, WhatAClipPlaneCutsHidesNothingThatCoincides) {
     // 11.4.1: of the red square all is cut away, and so it is not there.
     for (const char* turn : kTurns) {
-        const std::string body = turned(turn, 2, "0 1 0") +
+        const std::string body = turnedSquare(turn, 2, "0 1 0") +
                                  "Transform { translation 0 0 16 children [ ClipPlane { "
                                  "plane 0 0 1 0 } Transform { translation 0 0 -16 children " +
-                                 turned(turn, 5, "1 0 0") + " } ] }";
+                                 turnedSquare(turn, 5, "1 0 0") + " } ] }";
         EXPECT_EQ(others(LightScene(body, 64, 64).picture(), {0, 1, 0}), 0) << turn;
     }
 }
 
 TEST(Layers, ArePickedWhereTheyCoincide) {
     for (const char* turn : kTurns) {
-        LightScene s(turned(turn, 2, "0 1 0") + "LayerSet { order [ 0 1 ] layers [ Layer { children [ " +
-                         turned(turn, 5, "1 0 0") + " ] } ] }",
+        LightScene s(turnedSquare(turn, 2, "0 1 0") + "LayerSet { order [ 0 1 ] layers [ Layer { children [ " +
+                         turnedSquare(turn, 5, "1 0 0") + " ] } ] }",
                      64, 64);
         (void)s.picture();
         const Picker picker(s.world->rays(), s.world->flattener());
