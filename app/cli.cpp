@@ -171,6 +171,16 @@ Resources ResourceArguments::ofReplica() const {
     return {base, std::move(all)};
 }
 
+namespace {
+
+/// The first scene that had errors, and how many: what load() read is known nowhere else when the process ends.
+struct Damage {
+    std::string file;
+    std::size_t errors = 0;
+} damage;
+
+}  // namespace
+
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
     if (file != "-" && isSceneFile(file)) {
         if (const auto read = readSceneFile(scene, file); !read) diagnostics.add(read.error());
@@ -184,7 +194,15 @@ bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const
     if (options.progress) options.progress(1, 1);
     print(diagnostics);
     if (!ok && diagnostics.errors() == 0) printError("nothing usable in " + file);
+    if (diagnostics.errors() > 0 && damage.errors == 0) damage = {file, diagnostics.errors()};
     return ok;
+}
+
+int statusOf(int status) {
+    if (status != kDone || damage.errors == 0) return status;
+    printError(fmt::format("{} had {} error{}: this was made of the rest of it",
+                           damage.file == "-" ? "<stdin>" : damage.file, damage.errors, damage.errors == 1 ? "" : "s"));
+    return kBad;
 }
 
 void setClock(Scene& scene, double secondsSince1970) {

@@ -78,8 +78,13 @@ struct NetworkArguments {
     void addTo(Command& command);
 };
 
-/// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it.
+/// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it. What is made of
+/// one with errors is made of the rest of it: see statusOf().
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources);
+
+/// The exit status of a verb that would end with `status`: kBad instead of kDone, and a line on standard error, if what
+/// it was made of had errors when it was loaded.
+int statusOf(int status);
 
 /// The time of a scene that is still empty: what is loaded into it is there from then on.
 void setClock(Scene& scene, double secondsSince1970);

@@ -91,7 +91,7 @@ int main(int argc, char** argv) {
     // A file that may not grow any more is an error of that write, not the end of the process.
     std::signal(SIGXFSZ, SIG_IGN);
     try {
-        const int status = run(argc, argv);
+        const int status = statusOf(run(argc, argv));
         return wroteOutput() ? status : status == kDone ? kBad : status;
     } catch (const std::bad_alloc&) {
         printError("there is not enough memory for what was asked");

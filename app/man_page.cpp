@@ -71,7 +71,8 @@ std::string manPage(const Command& program, const std::string& version) {
     out +=
         ".SH EXIT STATUS\n"
         ".TP\n0\nDone: what was asked for is there, all of it.\n"
-        ".TP\n1\nThe input is bad, a check failed, or the result is not complete; standard error says which.\n"
+        ".TP\n1\nThe input is bad, a check failed, or the result is not complete, as of a scene with errors, the rest "
+        "of which is drawn, heard or run all the same; standard error says which.\n"
         ".TP\n2\nWrong usage.\n"
         ".SH OUTPUT\nReports are text, or one line of JSON with \\fB\\-\\-json\\fR. Streams of events are lines of "
         "JSON "

@@ -137,7 +137,7 @@ Verb addInfo(Command& program) {
     command->footer(
         "Example: rtsg info --json hall.x3dv\n"
         "Example: rtsg info hall.rlog\n"
-        "Exit status 1 for a scene without anything usable, or a log with damage.");
+        "Exit status 1 for a scene with errors, or a log with damage.");
     return {command, [options] { return isLog(options->file) ? describeLog(*options) : describeScene(*options); }};
 }
 

@@ -53,6 +53,38 @@ class Manners : public CommandLine {
     }
 };
 
+TEST_F(Manners, WhatIsMadeOfADamagedSceneIsThereAndSaidToBeOfTheRest) {
+    writeFile(
+        folder / "d.x3dv",
+        "#X3D V4.0 utf8\nPROFILE Immersive\nShape { geometry Box { size 1 2 } }\nDEF S Sound { source AudioClip { "
+        "} }\nShape { geometry Sphere { } }\n");
+    const std::string scene = folder / "d.x3dv", picture = folder / "d.png", log = folder / "d.rlog";
+    const std::vector<std::vector<std::string>> verbs{{"info", scene},
+                                                      {"run", scene, "--for", ".1s"},
+                                                      {"render", scene, "-o", picture, "--size", "16x16"},
+                                                      {"record", scene, "-o", log, "--for", ".1s"},
+                                                      {"measure", scene, "--irradiance", "0,0,2,0,0,1"},
+                                                      {"pick", scene, "--ray", "0", "0", "9", "0", "0", "-1"},
+                                                      {"diff", scene, scene},
+                                                      {"validate", scene}};
+    for (const auto& verb : verbs) {
+        const Outcome outcome = rtsg(verb);
+        EXPECT_EQ(outcome.status, 1) << verb.front() << outcome.out << outcome.err;
+        EXPECT_THAT(outcome.err, HasSubstr("d.x3dv:3:33: error: expected 3 numbers")) << verb.front();
+        const auto ofTheRest = HasSubstr("d.x3dv had 1 error: this was made of the rest of it");
+        if (verb.front() != "validate") {
+            EXPECT_THAT(outcome.err, ofTheRest) << verb.front();
+        }
+    }
+    EXPECT_TRUE(std::filesystem::exists(picture));
+    EXPECT_EQ(rtsg({"replay", log, "--verify"}).status, 0) << "the log itself is whole";
+    // Warnings are none: a picture that is not there is shown by its Material alone.
+    writeFile(folder / "w.x3dv",
+              "#X3D V4.0 utf8\nPROFILE Immersive\nShape { appearance Appearance { texture "
+              "ImageTexture { url \"no.png\" } } geometry Sphere { } }\n");
+    EXPECT_EQ(rtsg({"render", folder / "w.x3dv", "-o", picture, "--size", "16x16"}).status, 0);
+}
+
 TEST_F(Manners, ReportsShowControlCharactersOfAScene) {
     // A name may hold U+009B, with which some terminals begin an order as with ESC and a bracket.
     writeFile(

@@ -36,7 +36,7 @@ class ResourceOptions : public CommandLine {
 TEST_F(ResourceOptions, AnInlineOutsideIsRefusedUnlessAllowed) {
     const std::string given = document("Inline { url \"../other/group.x3dv\" }");
     const Outcome refused = rtsg({"info", "--json", given});
-    EXPECT_EQ(refused.status, 0);
+    EXPECT_EQ(refused.status, 1) << "what it names is an error, as for validate";
     EXPECT_THAT(refused.out, HasSubstr("\"nodes\":1,"));
     EXPECT_THAT(refused.err, HasSubstr("main.x3dv:3:1: error: Inline: '../other/group.x3dv' is outside"));
     EXPECT_THAT(refused.err, HasSubstr("--allow " + folder / "other"));
@@ -62,7 +62,7 @@ TEST_F(ResourceOptions, DevicesAndPipesEndNothing) {
     const std::string given =
         document("Script { url \"/dev/zero\" }\nScript { url \"pipe\" }\nInline { url \"pipe\" }");
     const Outcome outcome = rtsg({"run", given, "--for", "0.1s", "--allow", "/dev"});
-    EXPECT_EQ(outcome.status, 0);
+    EXPECT_EQ(outcome.status, 1) << "the Inline is an error, as for validate";
     EXPECT_THAT(outcome.err, HasSubstr("'/dev/zero' is a device, not a file"));
     EXPECT_THAT(outcome.err, HasSubstr("'pipe' is a pipe, not a file"));
 }

@@ -123,6 +123,17 @@ class HidingFilter final : public RayFilter {
     bool isCapped(std::uint32_t slot, std::uint32_t plane, const Vec3f& at) const override {
         return !isHidden(slot) && other_->isCapped(slot, plane, at);
     }
+    void findKept(const RayView& world) {
+        Bounds around;
+        for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot) {
+            const RayInstance& instance = world.instances()[slot];
+            if (!instance.info.id || !instance.mesh || isHidden(slot)) continue;
+            if (instance.mesh->strokeCount > 0) return;  // as wide as pixels make them
+            const Bounds box = boxAround(instance);
+            around.extend(box.min), around.extend(box.max);
+        }
+        kept_ = around;
+    }
 
   private:
     bool isHidden(std::uint32_t slot) const { return slot < hidden_.size() && hidden_[slot]; }
@@ -137,8 +148,12 @@ std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayVi
     return ClipFilter::of(state, world, settings);
 }
 
-std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other) {
-    return std::make_shared<const HidingFilter>(std::move(hidden), std::move(other));
+std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other,
+                                              const RayView& world, const RenderSettings& settings) {
+    auto filter = std::make_shared<HidingFilter>(std::move(hidden), std::move(other));
+    // While a shutter is open things are elsewhere, too.
+    if (settings.shutter == 0) filter->findKept(world);
+    return filter;
 }
 
 }  // namespace rtsg::trace

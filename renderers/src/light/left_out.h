@@ -15,6 +15,7 @@ std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayVi
                                             const RenderSettings& settings);
 
 /// The slots that `hidden` says besides what another filter leaves out, which may be null.
-std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other);
+std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other,
+                                              const RayView& world, const RenderSettings& settings);
 
 }  // namespace rtsg::trace

@@ -167,7 +167,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
             scene.volumeBounds.extend(box.min), scene.volumeBounds.extend(box.max);
         }
     }
-    if (!part.hidden.empty()) scene.filter = hidingFilter(std::move(part.hidden), scene.filter);
+    if (!part.hidden.empty()) scene.filter = hidingFilter(std::move(part.hidden), scene.filter, world, settings);
     scene.lensed = std::make_shared<const LensedView>(world, lens, scene.filter.get(), RayKind::eye);
     scene.eye = lens.eye, scene.forward = lens.forward;
     scene.placeInPicture(camera);

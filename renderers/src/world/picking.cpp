@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "mesh/triangle_distance.h"
+#include "mesh/exact_meeting.h"
 #include "ray_view_impl.h"
 
 namespace rtsg {
@@ -78,22 +78,6 @@ Pick Picker::finish(const Candidate& candidate) const {
 
 namespace {
 
-/// Where a line through `from` meets a triangle's plane; nothing where it runs along it.
-struct Meeting {
-    exact::Weights where;
-    double distance = 0;
-    /// Inside, or outside by no more than `slack` of an edge.
-    bool isInside(double slack) const {
-        return where.u >= -slack && where.v >= -slack && where.u + where.v <= 1 + slack;
-    }
-};
-std::optional<Meeting> meet(const exact::Triangle& t, const Vec3d& from, const Vec3d& unit) {
-    const Vec3d ab = t.b - t.a, ac = t.c - t.a, h = glm::cross(unit, ac), s = from - t.a, q = glm::cross(s, ab);
-    const double det = glm::dot(ab, h);
-    if (det == 0) return std::nullopt;
-    return Meeting{{glm::dot(s, h) / det, glm::dot(unit, q) / det}, glm::dot(ac, q) / det};
-}
-
 /// Leaves out all but one layer.
 class LayerFilter final : public RayFilter {
   public:
@@ -125,7 +109,7 @@ class VolumeBoxes final : public RayView {
     void cross(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Tell& tell) const {
         visit([&](std::uint32_t slot, std::uint32_t i) {
             constexpr double kEdge = 1e-12;  // so that no ray slips between two triangles
-            const std::optional<Meeting> m = meet(triangleOf(instances_[slot], i), from, unit);
+            const std::optional<exact::Meeting> m = exact::meet(triangleOf(instances_[slot], i), from, unit);
             if (!m || !m->isInside(kEdge) || !(m->distance >= 0)) return;
             const Vec3f at = fromWorld(from + m->distance * unit);
             if (filter && filter->concerns(slot) && filter->leavesOut(slot, at, 0)) return;
@@ -165,7 +149,7 @@ Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double ma
         if (stroke) candidate.normal = -unit;
         // The BVH's answer is one of floats: it says which triangle. Of one that the ray grazes it has to do.
         constexpr double kNear = 1e-4;
-        if (const auto exactly = meet(t, origin, unit); !stroke && exactly && exactly->isInside(kNear)) {
+        if (const auto exactly = exact::meet(t, origin, unit); !stroke && exactly && exactly->isInside(kNear)) {
             candidate.where = exactly->where;
             candidate.point = t.at(exactly->where.u, exactly->where.v);
         }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "embree/packet_avx512.h"
+#include "mesh/exact_meeting.h"
 #include "mesh/simd8.h"
 #include "ray_boxes.h"
 #include "ray_view_impl.h"
@@ -169,6 +170,51 @@ bool isLeftOut(const RayFilter& filter, const Hit& hit, const Ray& ray) {
     return filter.leavesOut(hit.instance, ray.origin + way, 0x1p-21f * std::max({sizes.x, sizes.y, sizes.z}));
 }
 
+exact::Triangle inRaySpace(const RayInstance& instance, std::uint32_t triangle) {
+    const glm::dmat4x3 m(instance.rayFromLocal);
+    const auto corner = [&](std::uint32_t i) { return m * glm::dvec4(Vec3d(instance.mesh->vertex(triangle, i)), 1); };
+    return {corner(0), corner(1), corner(2)};
+}
+
+/// As Hit::normal.
+Vec3f outwards(const RayInstance& instance, std::uint32_t triangle) {
+    const Vec3d a(instance.mesh->vertex(triangle, 0)), b(instance.mesh->vertex(triangle, 1)),
+        c(instance.mesh->vertex(triangle, 2));
+    const Vec3d normal = glm::dmat3(instance.normalFromLocal) * glm::cross(b - a, c - a);
+    const double length = glm::length(normal);
+    return length > 0 ? Vec3f(normal / length) : Vec3f(0, 0, 1);
+}
+
+/// How far from a place rounded numbers may put what is there, of a ray that comes from `from`.
+float roundingAt(const Vec3f& from, const Vec3f& at) {
+    const Vec3f sizes = glm::max(glm::abs(from), glm::abs(at));
+    return 0x1p-20f * std::max({sizes.x, sizes.y, sizes.z}) + 1e-30f;
+}
+
+/// Calls `tell(hit)` for all triangles that the ray meets at `t`, give or take `radius` from their planes.
+template <class Tell>
+void visitPlace(const RayView& view, const bvh::TopView& top, const Ray& ray, float t, float radius, RayKind kind,
+                const Tell& tell) {
+    const Vec3d from(ray.origin), along(ray.direction);
+    const double length = glm::length(along);
+    top.visitNear(ray.origin + t * ray.direction, radius, [&](std::uint32_t slot, std::uint32_t triangle) {
+        const RayInstance& instance = view.instance(slot);
+        if (!(kindsOf(instance.info) & static_cast<std::uint32_t>(kind))) return radius;
+        const exact::Triangle corners = inRaySpace(instance, triangle);
+        const auto m = exact::meet(corners, from, along / length);
+        constexpr double kEdge = 1e-9;  // so that no ray slips between two triangles
+        if (!m || !m->isInside(kEdge)) return radius;
+        // Planes that lie as close as `radius` are farther apart along a ray that grazes them.
+        const Vec3d normal = glm::cross(corners.b - corners.a, corners.c - corners.a);
+        const double steep = std::abs(glm::dot(normal, along)) / (glm::length(normal) * length);
+        if (std::abs(m->distance - t * length) * std::max(steep, 0x1p-10) > radius) return radius;
+        const float u = std::clamp(static_cast<float>(m->where.u), 0.0f, 1.0f);
+        const float v = std::clamp(static_cast<float>(m->where.v), 0.0f, 1 - u);
+        tell(Hit{static_cast<float>(m->distance / length), slot, triangle, u, v, outwards(instance, triangle)});
+        return radius;
+    });
+}
+
 }  // namespace
 
 Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
@@ -178,10 +224,39 @@ Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
     for (int i = 0; i < kMost; ++i) {
         const Hit hit = intersectAll(ray, kind);
         if (!hit || !filter_->concerns(hit.instance) || !isLeftOut(*filter_, hit, ray)) return hit;
+        if (const Hit other = meetInPlace(ray, hit, kind)) return other;
         ray.tMin = std::nextafter(hit.t * (1 + 0x1p-22f), HUGE_VALF);
         if (!(ray.tMin < ray.tMax) || !std::isfinite(ray.tMin)) return {};
     }
     return {};
+}
+
+Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const {
+    // Of surfaces that coincide a ray tells one, and which one is a matter of roundings. What is left out hides
+    // nothing, so those around its place are met one by one, in double precision.
+    const Vec3f at = ray.origin + leftOut.t * ray.direction;
+    float radius = roundingAt(ray.origin, at);
+    const Mesh& mesh = *instances_[leftOut.instance].mesh;
+    if (!leftOut.isCap() && mesh.strokeCount == 0) radius += 2 * glm::length(point(leftOut).error);
+
+    Hit best;
+    const Bounds& kept = filter_->keptBounds();
+    if (glm::any(glm::lessThan(at + radius, kept.min)) || glm::any(glm::greaterThan(at - radius, kept.max)))
+        return best;
+    const auto take = [&](const Hit& found) {
+        const bool hidden = filter_->concerns(found.instance) && isLeftOut(*filter_, found, ray);
+        if (!hidden && found.t >= ray.tMin && found.t <= ray.tMax && found.t < best.t) best = found;
+    };
+    visitPlace(*this, tables_->top, ray, leftOut.t, radius, kind, take);
+    if (seesStrokes(kind)) {
+        Ray near = ray;
+        const float reach = radius / glm::length(ray.direction);
+        near.tMin = std::max(ray.tMin, leftOut.t - reach), near.tMax = std::min(ray.tMax, leftOut.t + reach);
+        Hit stroke;
+        meetStrokes(near, kind, stroke);
+        if (stroke) take(stroke);
+    }
+    return best;
 }
 
 std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
@@ -221,16 +296,30 @@ std::uint32_t RayView::bodyAround(const Vec3f& place, const Vec3f& direction, st
     // Of a closed body whose inside the place is in, a ray from there meets the back first.
     constexpr int kMost = 10'000;
     std::vector<std::uint32_t> outside;
+    const auto isBody = [&](const Hit& hit) {
+        return filter_->isCapped(hit.instance, plane, place) &&
+               std::ranges::find(outside, hit.instance) == outside.end() && instances_[hit.instance].mesh->isClosed();
+    };
     Ray ray{place, 0, direction};
     for (int i = 0; i < kMost; ++i) {
-        const Hit hit = resolve(tables_->top.intersect(ray, kind), tables_->top, instances_);
-        if (!hit) return kNoInstance;
-        if (filter_->isCapped(hit.instance, plane, place) &&
-            std::ranges::find(outside, hit.instance) == outside.end() && instances_[hit.instance].mesh->isClosed()) {
-            if (glm::dot(hit.normal, direction) > 0) return hit.instance;
-            outside.push_back(hit.instance);
-        }
-        ray.tMin = std::nextafter(hit.t * (1 + 0x1p-22f), HUGE_VALF);
+        const Hit first = resolve(tables_->top.intersect(ray, kind), tables_->top, instances_);
+        if (!first) return kNoInstance;
+        if (isBody(first) && glm::dot(first.normal, direction) > 0) return first.instance;
+        // The back of one body may lie on the front of another, and it is chance which of them a ray tells.
+        const float radius = roundingAt(place, place + first.t * direction) + 2 * glm::length(point(first).error);
+        Hit back;
+        std::vector<std::uint32_t> fronts;
+        if (isBody(first)) fronts.push_back(first.instance);
+        visitPlace(*this, tables_->top, ray, first.t, radius, kind, [&](const Hit& hit) {
+            if (hit.t < 0 || !isBody(hit)) return;
+            if (glm::dot(hit.normal, direction) <= 0)
+                fronts.push_back(hit.instance);
+            else if (hit.t < back.t)
+                back = hit;
+        });
+        if (back) return back.instance;
+        outside.insert(outside.end(), fronts.begin(), fronts.end());
+        ray.tMin = std::nextafter(first.t * (1 + 0x1p-22f), HUGE_VALF);
         if (!std::isfinite(ray.tMin)) return kNoInstance;
     }
     return kNoInstance;

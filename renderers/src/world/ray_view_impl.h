@@ -21,4 +21,7 @@ struct RayView::Tables {
     mutable std::atomic<std::uint64_t> badRays{0};
 };
 
+/// The kinds of rays that meet an instance, a bit each.
+std::uint32_t kindsOf(const Instance& info);
+
 }  // namespace rtsg

@@ -135,7 +135,6 @@ struct RayWorld::Impl {
     void makeWritable(Cluster& cluster);
 
     // ray_world_place.cpp: what goes where
-    static std::uint32_t kindsOf(const Instance& info);
     void chooseOrigin();
     bool isBackHome(std::uint32_t slot) const;
     void leaveFarOrigin();

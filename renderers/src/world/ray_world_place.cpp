@@ -35,7 +35,7 @@ bvh::InstanceTree::Box floatBox(const DoubleBox& box) {
     return {Vec3f(box.center - box.half - slack), Vec3f(box.center + box.half + slack)};
 }
 
-std::uint32_t RayWorld::Impl::kindsOf(const Instance& info) {
+std::uint32_t kindsOf(const Instance& info) {
     constexpr auto view = static_cast<std::uint32_t>(RayKind::view),
                    shadow = static_cast<std::uint32_t>(RayKind::shadow),
                    sound = static_cast<std::uint32_t>(RayKind::sound), eye = static_cast<std::uint32_t>(RayKind::eye);

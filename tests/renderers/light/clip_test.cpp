@@ -225,6 +225,30 @@ TEST_P(ClipCaps, ThrowShadowsAndLetLightThrough) {
     EXPECT_EQ(below(true, matte("1 1 1")), 0);
 }
 
+TEST_P(ClipCaps, AreThoseOfTheirBodiesWhateverTouchesThemBehind) {
+    // Behind the two that are cut lies a third, back to back, so that a ray from a cap leaves one body where it comes
+    // into another.
+    const auto at = [](const char* place, const char* color) {
+        return fmt::format("Transform {{ translation {} children {} }} ", place, boxOf(2, unlit(color)));
+    };
+    for (const char* turn : {"0", ".4", "1.1", "2.3"}) {
+        LightScene s(fmt::format("OrthoViewpoint {{ fieldOfView [ -2 -2 2 2 ] }} ClipPlane {{ plane 0 0 -1 0 }} "
+                                 "Transform {{ rotation 0 0 1 {} children [ {} {} {} ] }}",
+                                 turn, at("-1 0 0", "1 0 0"), at("1 0 0", "0 1 0"), at("0 0 -2", "0 0 1")),
+                     64, 64);
+        s.options.settings.integrator = GetParam();
+        s.options.settings.caps = true;
+        const Picture p = s.picture();
+        int others = 0;
+        for (int y = 22; y < 42; ++y)
+            for (int x = 22; x < 42; ++x) {
+                const Vec3f color(p.at(x, y));
+                others += color != Vec3f(1, 0, 0) && color != Vec3f(0, 1, 0);
+            }
+        EXPECT_EQ(others, 0) << turn;
+    }
+}
+
 TEST_P(ClipCaps, StayInPlaceFarFromTheOrigin) {
     const auto there = [&](double far, const std::string& what) {
         return fmt::format(

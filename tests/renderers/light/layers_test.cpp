@@ -145,6 +145,96 @@ TEST(Layers, WhatIsSeenIsPicked) {
     EXPECT_TRUE(outside && !*outside);
 }
 
+/// A square of five metres that is turned and, in a mesh of as many triangles as there are parts, cut another way.
+std::string turnedSquare(const std::string& turn, int parts, const char* color) {
+    std::string points, faces;
+    for (int i = 0; i <= parts; ++i)
+        for (int k = 0; k <= parts; ++k)
+            points += fmt::format("{} {} 0 ", -2.5 + 5. * i / parts, -2.5 + 5. * k / parts);
+    for (int i = 0; i < parts; ++i)
+        for (int k = 0; k < parts; ++k) {
+            const int at = i * (parts + 1) + k;
+            faces +=
+                fmt::format("{} {} {} -1 {} {} {} -1 ", at, at + parts + 1, at + parts + 2, at, at + parts + 2, at + 1);
+        }
+    return fmt::format(
+        "Transform {{ rotation {} children Shape {{ appearance Appearance {{ {} }} geometry "
+        "IndexedFaceSet {{ solid FALSE coordIndex [ {} ] coord Coordinate {{ point [ {} ] }} }} }} }} ",
+        turn, unlit(color), faces, points);
+}
+
+/// Pixels that are not of a color, of those before the square's middle.
+int others(const Picture& p, const Vec3f& color) {
+    int count = 0;
+    for (int y = 27; y < 37; ++y)
+        for (int x = 27; x < 37; ++x) count += Vec3f(p.at(x, y)) != color;
+    return count;
+}
+
+const char* const kTurns[] = {"0 0 1 0", "1 0 0 .3", "0 1 0 1.1", ".6 .8 0 .7", "-.6 .8 0 1.1"};
+
+TEST(Layers, HideNothingOfEachOtherWhereTheyCoincide) {
+    // 35.4.2: each layer is drawn for itself, and then over those before it.
+    for (const char* turn : kTurns)
+        for (const int parts : {1, 3, 7}) {
+            const std::string scene = turnedSquare(turn, 2, "0 1 0"),
+                              layer = "children [ " + turnedSquare(turn, parts, "1 0 0") + " ]";
+            const auto drawn = [&](const char* order) {
+                return LightScene(scene + "LayerSet { order [ " + order + " ] layers [ Layer { " + layer + " } ] }", 64,
+                                  64)
+                    .picture();
+            };
+            EXPECT_EQ(others(drawn("0 1"), {1, 0, 0}), 0) << turn << ", " << parts;
+            EXPECT_EQ(others(drawn("1 0"), {0, 1, 0}), 0) << turn << ", " << parts;
+        }
+}
+
+TEST(Layers, CastNoShadowsAndTakeNoneWhereTheyCoincide) {
+    const std::string lamp = "NavigationInfo { headlight FALSE } DirectionalLight { direction 0 0 -1 shadows TRUE }";
+    const auto lit = [&](const char* turn, int parts) {
+        std::string square = turnedSquare(turn, parts, "1 1 1");
+        square.replace(square.find("UnlitMaterial { emissiveColor"), 29, "Material { diffuseColor");
+        return square;
+    };
+    for (const char* turn : kTurns) {
+        LightScene alone(lamp + lit(turn, 2), 64, 64);
+        LightScene both(
+            lamp + lit(turn, 2) + "LayerSet { order [ 1 0 ] layers [ Layer { children [ " + lit(turn, 5) + " ] } ] }",
+            64, 64);
+        const Picture a = alone.picture(), b = both.picture();
+        for (int y = 27; y < 37; ++y)
+            for (int x = 27; x < 37; ++x) expectColor(Vec3f(b.at(x, y)), Vec3f(a.at(x, y)), 1e-5);
+    }
+}
+
+TEST(Layers, WhatAClipPlaneCutsHidesNothingThatCoincides) {
+    // 11.4.1: of the red square all is cut away, and so it is not there.
+    for (const char* turn : kTurns) {
+        const std::string body = turnedSquare(turn, 2, "0 1 0") +
+                                 "Transform { translation 0 0 16 children [ ClipPlane { "
+                                 "plane 0 0 1 0 } Transform { translation 0 0 -16 children " +
+                                 turnedSquare(turn, 5, "1 0 0") + " } ] }";
+        EXPECT_EQ(others(LightScene(body, 64, 64).picture(), {0, 1, 0}), 0) << turn;
+    }
+}
+
+TEST(Layers, ArePickedWhereTheyCoincide) {
+    for (const char* turn : kTurns) {
+        LightScene s(turnedSquare(turn, 2, "0 1 0") + "LayerSet { order [ 0 1 ] layers [ Layer { children [ " +
+                         turnedSquare(turn, 5, "1 0 0") + " ] } ] }",
+                     64, 64);
+        (void)s.picture();
+        const Picker picker(s.world->rays(), s.world->flattener());
+        for (const std::uint16_t layer : {0, 1})
+            for (int i = 0; i < 500; ++i) {
+                const Vec3d from(-.6 + .0024 * i, .5 - .0021 * i, 10);
+                const auto pick = picker.ray(from, {0, 0, -1}, layer, 100, 0);
+                ASSERT_TRUE(pick && *pick) << turn << " " << i;
+                EXPECT_EQ(s.world->rays().instance(pick->instance.slot).info.layer, layer);
+            }
+    }
+}
+
 TEST(Layers, AViewpointThatViewsAllViewsAllOfItsLayer) {
     // 35.4.2, 23.3.1: a head-up display is no part of what is looked at.
     const auto eye = [](const std::string& display) {

@@ -49,6 +49,8 @@ class RayFilter {
     virtual bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const = 0;
     /// Ray space; around all that it concerns, so that rays elsewhere need not ask.
     const Bounds& bounds() const { return bounds_; }
+    /// Ray space; around all surfaces that it may keep, so that elsewhere nobody need look for one.
+    const Bounds& keptBounds() const { return kept_; }
 
     /// Where a ray goes through a plane that bodies have caps on.
     struct Crossing {
@@ -65,7 +67,8 @@ class RayFilter {
     virtual bool isCapped(std::uint32_t, std::uint32_t /*plane*/, const Vec3f& /*at*/) const { return false; }
 
   protected:
-    Bounds bounds_{Vec3f(-std::numeric_limits<float>::infinity()), Vec3f(std::numeric_limits<float>::infinity())};
+    static constexpr float kFar = std::numeric_limits<float>::infinity();
+    Bounds bounds_{Vec3f(-kFar), Vec3f(kFar)}, kept_ = bounds_;
 };
 
 /// In place of a triangle, of a hit on a cap: where a plane cuts a closed body. It has no colours or textures of its

@@ -153,6 +153,8 @@ class RayView {
     friend class PrimaryRays;
     Hit intersectAll(const Ray& ray, RayKind kind) const;
     Hit intersectFiltered(Ray ray, RayKind kind) const;
+    /// The nearest of what is not left out where `leftOut` was met, up to roundings; no instance if there is none.
+    Hit meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const;
     Hit meetCaps(const Ray& ray, const Hit& hit, RayKind kind) const;
     std::uint32_t meetCaps(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
                            RayKind kind) const;
