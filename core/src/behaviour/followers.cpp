@@ -133,6 +133,15 @@ std::vector<typename Elements<T>::Element> elements(const T& value) {
     for (std::size_t i = 0; i < out.size(); ++i) out[i] = Elements<T>::at(value, i);
     return out;
 }
+/// 39.3.3: set_value says what the output is at once, its length too: what the destination lacks is there already, and
+/// what it has beyond is gone.
+template <class E>
+std::vector<E> asLongAs(const std::vector<E>& value, std::vector<E> destination) {
+    const std::size_t had = std::min(destination.size(), value.size());
+    destination.resize(had);
+    destination.insert(destination.end(), value.begin() + static_cast<std::ptrdiff_t>(had), value.end());
+    return destination;
+}
 template <class E>
 Array<E> listOf(const std::vector<E>& elements) {
     return Elements<Array<E>>::make(elements);
@@ -187,6 +196,7 @@ struct Chaser {
     /// More than this many steps on the way are not told apart.
     static constexpr double kMostSteps = 256;
 
+    /// 39.3.1: from 0 on, and finite; what is none of these is no delay.
     static double duration(const Node& node) {
         const double d = node.get(N::duration).seconds;
         return d > 0 && std::isfinite(d) ? d : 0;
@@ -283,11 +293,11 @@ struct Chaser {
         const auto given = elements(event.as<T>());
         if (!isValue) return approach(cascade, node, given);
         // From here the way to the destination begins anew.
-        const auto goal = destination(node);
+        const auto goal = asLongAs(given, destination(node));
         cascade.store(node, N::_base, listOf(given));
         cascade.store(node, N::_destinations, Array<E>());
         cascade.store(node, N::_times, Array<Time>());
-        if (given.size() == goal.size()) approach(cascade, node, goal);
+        approach(cascade, node, goal);
     }
     static double onTime(Cascade& cascade, const Node& node) {
         begin(cascade, node);
@@ -414,7 +424,11 @@ struct Damper {
         const bool isGoal = field == N::set_destination.index;
         if (!isGoal && field != N::set_value.index && field != N::tau.index) return;
         begin(cascade, node);
-        if (field == N::set_value.index) return reset(cascade, node, elements(event.as<T>()));
+        if (field == N::set_value.index) {
+            const auto given = elements(event.as<T>());
+            cascade.store(node, N::_destination, listOf(asLongAs(given, elements(node.get(N::_destination)))));
+            return reset(cascade, node, given);
+        }
         const double s = elapsed(node, cascade.now());
         std::vector<E> goal = elements(node.get(N::_destination));
         const std::size_t had = goal.size();

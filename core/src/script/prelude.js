@@ -167,6 +167,14 @@
         }
         multVecMatrix(v) { return this.times(v, (m, i, j, n) => m[i * n + j]); }
         multMatrixVec(v) { return this.times(v, (m, i, j, n) => m[j * n + i]); }
+        // A direction: turned and scaled, but not moved.
+        direction(v, entry) {
+            const n = this.order, from = v.components(), m = this.components();
+            if (from.length !== n - 1) fail("TypeError", `a direction of ${from.length} does not fit this matrix`);
+            return new v.constructor(...from.map((_, j) => from.reduce((sum, c, i) => sum + c * entry(m, i, j, n), 0)));
+        }
+        multDirMatrix(v) { return this.direction(v, (m, i, j, n) => m[i * n + j]); }
+        multMatrixDir(v) { return this.direction(v, (m, i, j, n) => m[j * n + i]); }
         determinant() { return Matrix.solve(this.components(), this.order).determinant; }
     }
     class Matrix3 extends Matrix {

@@ -24,6 +24,7 @@ constexpr FileCode kFileCodes[] = {
     {"/core/src/value/dead_reckoning", DiagnosticCode("geography")},
     {"/core/src/document/reader", DiagnosticCode("parse")},
     {"/core/src/document/json_outline", DiagnosticCode("parse")},
+    {"/core/src/document/imported_nodes", DiagnosticCode("edit")},
     {"/core/src/document/import", DiagnosticCode("parse")},
     {"/core/src/document/gltf", DiagnosticCode("parse")},
     {"/core/src/document/gzip", DiagnosticCode("gzip")},

@@ -1,5 +1,6 @@
 // Followers against closed forms, against a chain of filters integrated numerically, and at other frame rates.
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 
@@ -213,6 +214,26 @@ TEST(Followers, BadParametersMeanAtOnce) {
         EXPECT_EQ(f.node().value(type.find("value_changed")), Value(4.0f)) << node;
         EXPECT_EQ(f.node().value(type.find("isActive")), Value(false)) << node;
     }
+}
+
+TEST(Followers, TimesThatAreNoneMeanAtOnce) {
+    for (const double none : {std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity(), -1.0,
+                              std::numeric_limits<double>::quiet_NaN()})
+        for (const char* node : {"ScalarChaser { }", "ScalarDamper { }", "OrientationChaser { }", "ColorDamper { }"}) {
+            FollowerScene f(node);
+            const NodeType& type = f.node().type();
+            const FieldIndex time = type.find(type.find("tau") != kNoField ? "tau" : "duration");
+            ASSERT_TRUE(f.scene.setField(f.node().id(), time, Value(Time{none})));
+            f.scene.newFrame(0);
+            const FieldType what = type.fields[type.find("value_changed")].type;
+            const Value goal = what == FieldType::SFFloat   ? Value(4.0f)
+                               : what == FieldType::SFColor ? Value(Color{.5f, .25f, 1})
+                                                            : Value(Rotation{0, 1, 0, 1});
+            f.send(type.find("set_destination"), goal);
+            f.scene.newFrame(1);
+            EXPECT_EQ(f.node().value(type.find("value_changed")), goal) << node << none;
+            EXPECT_EQ(f.node().value(type.find("isActive")), Value(false)) << node << none;
+        }
 }
 
 TEST(Followers, ADamperArrivesWithinItsToleranceAndThenRests) {

@@ -532,6 +532,12 @@ TEST(Script, MatricesHaveTheirMethods) {
     // A point is a row from the left: scaled, turned about z, moved.
     EXPECT_EQ(evaluated(made + ".multVecMatrix(SFVec3d(1, 1, 1))" + rounded), "-2 4 7");
     EXPECT_EQ(evaluated(made + ".multVecMatrix(SFVec3f(0, 0, 0))" + rounded), "1 2 3");
+    // A direction is turned and scaled, and stays where it is.
+    EXPECT_EQ(evaluated(made + ".multDirMatrix(SFVec3d(1, 1, 1))" + rounded), "-3 2 4");
+    EXPECT_EQ(evaluated(made + ".multMatrixDir(SFVec3f(1, 1, 1))" + rounded), "2 -3 4");
+    EXPECT_EQ(evaluated("(m => { try { return m.multDirMatrix(SFVec2f(1, 1)); } catch (e) { return e.name; } })"
+                        "(SFMatrix4f())"),
+              "TypeError");
     EXPECT_EQ(evaluated(made + ".det4().toFixed(6)"), "24.000000");
     EXPECT_EQ(evaluated("(m => m.multRight(m.inverse()))(" + made + ")" + rounded), "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
     EXPECT_EQ(evaluated(made + ".transpose()" + rounded), "0 -3 0 1 2 0 0 2 0 0 4 3 0 0 0 1");
@@ -543,6 +549,7 @@ TEST(Script, MatricesHaveTheirMethods) {
         "(m => { m.setTransform(SFVec2f(1, 2), Math.PI / 2, SFVec2f(2, 3)); return m; })"
         "(new SFMatrix3d())";
     EXPECT_EQ(evaluated(plane + ".multVecMatrix(SFVec2d(1, 1))" + rounded), "-2 4");
+    EXPECT_EQ(evaluated(plane + ".multDirMatrix(SFVec2d(1, 1))" + rounded), "-3 2");
     EXPECT_EQ(evaluated("((m, t, r, s) => { m.getTransform(t, r, s); return [t, r.z.toFixed(6), s" + rounded +
                         "].join(', '); })(" + plane + ", SFVec2d(), SFVec3d(), SFVec2d())"),
               "1 2, 1.570796, 2 3");

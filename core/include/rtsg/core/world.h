@@ -65,6 +65,40 @@ struct DocumentInfo : DocumentHead {
 };
 DocumentInfo documentInfo(const Scene& scene);
 
+// ---- imports and exports -------------------------------------------------------------------------------------------
+// Of the document itself, or, with `scope`, of what an Inline has loaded. Editing them is an edit like any other.
+
+/// What an IMPORT statement makes known under `localName`. No node: its Inline is not loaded, or exports no such name.
+struct ImportedNode {
+    std::string localName;
+    NodeId inlineNode;  // none: no node has the name that the statement gives
+    std::string exportedName;
+    NodeId node;
+};
+/// What an EXPORT statement offers to documents that inline this one. No node: none has the name.
+struct ExportedNode {
+    std::string exportedName, localName;
+    NodeId node;
+};
+/// In the order of the statements.
+std::vector<ImportedNode> importedNodes(const Scene& scene, NodeId scope = {});
+std::vector<ExportedNode> exportedNodes(const Scene& scene, NodeId scope = {});
+/// The node that is imported, or exported, under this name; none if there is none.
+NodeId findImported(const Scene& scene, std::string_view localName, NodeId scope = {});
+NodeId findExported(const Scene& scene, std::string_view exportedName, NodeId scope = {});
+/// Makes a name known in the document to which the Inline belongs, also in the place of an import that had it; without
+/// `localName` it is the exported one. The Inline need not be loaded yet. Errors: no Inline, or one without a name; a
+/// node there has the name.
+Result<> updateImportedNode(Scene& scene, NodeId inlineNode, std::string_view exportedName,
+                            std::string_view localName = {});
+/// Routes to the node stay. Errors: nothing was imported under this name.
+Result<> removeImportedNode(Scene& scene, std::string_view localName, NodeId scope = {});
+/// Offers a node of the document, or one that it imports, also in the place of another one. Errors: a node without a
+/// name there.
+Result<> updateExportedNode(Scene& scene, std::string_view exportedName, NodeId node, NodeId scope = {});
+/// Errors: nothing is exported under this name.
+Result<> removeExportedNode(Scene& scene, std::string_view exportedName, NodeId scope = {});
+
 /// What this build knows: a component with the highest level of any node in it; a profile with its components.
 struct Profile {
     std::string name;
