@@ -54,9 +54,8 @@ struct KernelsOf {
 
     static void makeRays(const PixelBlock& b, std::uint32_t active, const float* u, const float* v, RayPacket16& rays) {
         for (int at = 0; at < 16; at += kLanes) {
-            const F inX = u ? W::load(u + at) : all(0.5f), inY = v ? W::load(v + at) : all(0.5f);
-            const F x = b.middleX + b.across * (b.x + W::columns() + inX),
-                    y = b.middleY - b.down * (b.y + W::rows(at) + inY);
+            const F x = b.middleX + b.across * (b.x + W::columns() + W::load(u + at)),
+                    y = b.middleY - b.down * (b.y + W::rows(at) + W::load(v + at));
             V d{b.right.x * x + b.up.x * y, b.right.y * x + b.up.y * y, b.right.z * x + b.up.z * y};
             d = plus(d, all(b.forward));
             d = times(d, 1.0f / W::root(dot(d, d)));
@@ -234,9 +233,8 @@ struct KernelsOf {
         }
         if (light.radius >= 0) r.factor = local > light.radius ? F{} : r.factor;
         if (light.kind == Light::Kind::spot) {
-            const F angle = simd::lanes::acosOf(
-                more(less(-dot(r.towards, all(light.direction)), all(1)), all(-1)),
-                [](F x) __attribute__((always_inline)) { return W::root(x); });
+            const F angle = simd::lanes::acosOf(more(less(-dot(r.towards, all(light.direction)), all(1)), all(-1)),
+                                                [](F x) __attribute__((always_inline)) { return W::root(x); });
             const float width = light.beamWidth - light.cutOffAngle;
             F spot = width < 0 ? (angle - light.cutOffAngle) / width : all(1);
             spot = angle <= light.beamWidth ? all(1) : spot;

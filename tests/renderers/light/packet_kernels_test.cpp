@@ -59,12 +59,14 @@ class Inputs {
     std::mt19937 random_;
 };
 
+alignas(64) constexpr float kMiddles[16] = {.5f, .5f, .5f, .5f, .5f, .5f, .5f, .5f,
+                                            .5f, .5f, .5f, .5f, .5f, .5f, .5f, .5f};
 constexpr Light::Kind kKinds[] = {Light::Kind::directional, Light::Kind::point, Light::Kind::spot};
 
 /// Everything that is done to a packet, one after the other; what pixels get in the end.
 void runAll(const PacketKernels& k, Inputs& in, RayPacket16& made, RayPacket16& shadow, float* pixels) {
-    k.makeRays({32, 48, -.7f, .01f, .4f, .012f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 100}, 0xFF7F, nullptr,
-               nullptr, made);
+    k.makeRays({32, 48, -.7f, .01f, .4f, .012f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 100}, 0xFF7F, kMiddles,
+               kMiddles, made);
     k.fetchNormals(in.normals, 0x0F3C, in.s);
     k.finishGeometry(in.rays, in.s);
     k.findPoints(in.instance, in.values, in.index, 3, 0xFF0F, in.s);
@@ -123,7 +125,7 @@ TEST(PacketKernels, RaysGoThroughPixelsMiddles) {
     for (const PacketKernels* k : widths()) {
         RayPacket16 rays{};
         const PixelBlock block{8, 4, -.8f, .05f, .6f, .04f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 77};
-        k->makeRays(block, 0x8001, nullptr, nullptr, rays);
+        k->makeRays(block, 0x8001, kMiddles, kMiddles, rays);
         for (int lane = 0; lane < 16; ++lane) {
             const Vec3d d = glm::normalize(Vec3d(-.8 + .05 * (8 + lane % 4 + .5), .6 - .04 * (4 + lane / 4 + .5), -1));
             EXPECT_NEAR(rays.directionX[lane], d.x, 2e-7) << lane;
@@ -144,8 +146,8 @@ TEST(PacketKernels, RaysGoThroughPixelsMiddles) {
             EXPECT_NEAR(rays.directionY[lane], d.y, 2e-7) << lane;
         }
         // The middle of an odd number of pixels is the middle, to the last bit.
-        k->makeRays({-.5f, -2.5f, 0, .01f, 0, .01f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 77}, 0xFFFF, nullptr,
-                    nullptr, rays);
+        k->makeRays({-.5f, -2.5f, 0, .01f, 0, .01f, {1, 2, 3}, {1, 0, 0}, {0, 1, 0}, {0, 0, -1}, 77}, 0xFFFF, kMiddles,
+                    kMiddles, rays);
         EXPECT_EQ(Vec3f(rays.directionX[8], rays.directionY[8], rays.directionZ[8]), Vec3f(0, 0, -1));
     }
 }
