@@ -70,6 +70,7 @@ Vec3f mixNormal(const Vec3f& a, const Vec3f& b, float w) {
 template <class N>
 std::optional<Span> spanOf(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     if (field != N::set_fraction.index) return std::nullopt;
+    noteInput<N>(cascade, node);
     const float fraction = value.as<float>();
     const auto& key = node.get(N::key);
     const auto& values = node.get(N::keyValue);
@@ -105,6 +106,7 @@ void interpolateGeo(Cascade& cascade, const Node& node, FieldIndex field, EventV
 template <class N, auto Mix>
 void interpolateMany(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     if (field != N::set_fraction.index) return;
+    noteInput<N>(cascade, node);
     const float fraction = value.as<float>();
     const auto& key = node.get(N::key);
     const auto& values = node.get(N::keyValue);

@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include <rtsg/core/array.h>
+#include <rtsg/core/behaviour.h>
 
 namespace rtsg::behaviours {
 
@@ -29,6 +30,12 @@ inline Span locate(const Array<float>& key, std::size_t count, float fraction) {
     const std::size_t from = after - 1;
     const float width = keys[after] - keys[from];
     return {from, after, width > 0 ? (fraction - keys[from]) / width : 0};
+}
+
+/// 19.2.2: from its first input on, an interpolator's output reads as what it sent last.
+template <class N>
+void noteInput(Cascade& cascade, const Node& node) {
+    if (!node.get(N::_begun)) cascade.store(node, N::_begun, true);
 }
 
 }  // namespace rtsg::behaviours

@@ -92,6 +92,7 @@ struct Spline {
 template <class N>
 void spline(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     if (field != N::set_fraction.index) return;
+    noteInput<N>(cascade, node);
     const float fraction = event.as<float>();
     const std::size_t keys = node.get(N::key).size(), values = node.get(N::keyValue).size();
     const std::size_t velocities = node.get(N::keyVelocity).size();
@@ -149,6 +150,7 @@ Quaternion slerp(const Quaternion& a, const Quaternion& b, double w) {
 void squad(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     using N = x3d::SquadOrientationInterpolator;
     if (field != N::set_fraction.index) return;
+    noteInput<N>(cascade, node);
     const float fraction = event.as<float>();
     const auto& key = node.get(N::key);
     const auto& value = node.get(N::keyValue);

@@ -136,12 +136,17 @@ struct TypeEntry {
     std::vector<std::pair<FieldIndex, FieldIndex>> inputs;
     bool takesInputs = false;  // of these, or addChildren or removeChildren
     bool isScript = false;
+    /// Of an interpolator: see showFirst().
+    FieldIndex key = kNoField, keyValue = kNoField, interpolated = kNoField, begun = kNoField;
     bool keepsLists = false;  // what its behaviour remembers is in arrays
 };
 
 struct Scene::State : Scene::Lane {
     explicit State(Scene& scene);
     ~State();
+
+    /// 19.2.2: an interpolator's output reads as its first key's value until it has had an input.
+    void showFirst(Lane& lane, Node& node, FieldIndex field);
 
     /// What an edit gives a PROTO instance, its body has, through all levels of IS.
     Result<> passToBody(NodeId id, FieldIndex field);

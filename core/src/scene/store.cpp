@@ -97,6 +97,15 @@ void Scene::State::addTypeEntry(const NodeType& type) {
             type.fields[stored].type == def.type)
             entry.inputs.emplace_back(static_cast<FieldIndex>(i), stored);
     }
+    if (type.kind == NodeType::Kind::builtin && types.size() < builtinTypes().size() &&
+        type.isA("X3DInterpolatorNode")) {
+        entry.key = type.findExact("key");
+        entry.keyValue = type.findExact("keyValue");
+        // Of a GeoPositionInterpolator, in the numbers of its keys.
+        entry.interpolated = type.findExact("geovalue_changed");
+        if (entry.interpolated == kNoField) entry.interpolated = type.findExact("value_changed");
+        entry.begun = type.findExact("_begun");
+    }
     entry.takesInputs = !entry.inputs.empty() || entry.addChildren != kNoField || entry.removeChildren != kNoField;
     // A type of the same name that came first stays: built-in types are never shadowed (4.4.4.2).
     entry.isScript = (type.kind == NodeType::Kind::script || type.name == "Script") && type.isA("X3DScriptNode");
