@@ -32,6 +32,9 @@ class LateQueries final : public SpaceQueries {
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override {
         return queries().crossings(origin, direction, length);
     }
+    std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) override {
+        return queries().obstacles(origin, direction, length);
+    }
     std::vector<ShapeBox> boxes() override { return queries().boxes(); }
     std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) override {
         return queries().meetings(center, radius, test);

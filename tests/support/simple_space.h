@@ -38,6 +38,7 @@ class SimpleSpace final : public SpaceQueries {
 
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override {
         std::vector<std::vector<NodeId>> paths;
+        proxies_ = true;
         visitShapes([&](const std::vector<NodeId>& path, const glm::dmat4& world, const Node& geometry) {
             // Transforms without scale only.
             const glm::dvec3 at = glm::inverse(world) * glm::dvec4(center, 1);
@@ -50,6 +51,7 @@ class SimpleSpace final : public SpaceQueries {
             }
             if (distance <= radius) paths.push_back(path);
         });
+        proxies_ = false;
         return paths;
     }
 
@@ -73,6 +75,13 @@ class SimpleSpace final : public SpaceQueries {
         std::vector<Crossing> crossings;
         for (auto& [t, one] : found) crossings.push_back(std::move(one));
         return crossings;
+    }
+
+    std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) override {
+        proxies_ = true;
+        auto found = crossings(origin, direction, length);
+        proxies_ = false;
+        return found;
     }
 
     std::vector<ShapeBox> boxes() override {
@@ -195,6 +204,7 @@ class SimpleSpace final : public SpaceQueries {
         } else if (const FieldIndex field = node->type().findExact("children"); field != kNoField) {
             for (const NodeId child : node->get(Field<Array<NodeId>>{field})) walk(child, path, world, visit);
         }
+        if (proxies_ && node->is(x3d::Collision::type)) walk(node->get(x3d::Collision::proxy), path, world, visit);
         path.pop_back();
     }
 
@@ -251,6 +261,7 @@ class SimpleSpace final : public SpaceQueries {
     }
 
     const Scene& scene_;
+    bool proxies_ = false;  // whether Collisions' are visited too
 };
 
 }  // namespace rtsg::test

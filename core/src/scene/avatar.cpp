@@ -5,6 +5,9 @@
 #include <cmath>
 #include <vector>
 
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+
 namespace rtsg {
 
 namespace {
@@ -73,6 +76,18 @@ glm::dvec3 slideBy(glm::dvec3 eye, glm::dvec3 motion, const Avatar& avatar, bool
         motion = rest - wall * glm::dot(rest, wall);
     }
     return eye;
+}
+
+bool stopsAvatars(const Scene& scene, std::span<const NodeId> path) {
+    using N = x3d::Collision;
+    for (std::size_t i = 0; i < path.size(); ++i) {
+        const Node* node = scene.find(path[i]);
+        if (!node || !node->is(N::type)) continue;
+        if (!node->get(N::enabled)) return false;
+        const NodeId proxy = node->get(N::proxy);
+        if (proxy && i + 1 < path.size() && path[i + 1] != proxy) return false;
+    }
+    return true;
 }
 
 Stand standOrFall(glm::dvec3 eye, double fallSpeed, double seconds, const Avatar& avatar, const CastRay& cast) {

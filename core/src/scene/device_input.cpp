@@ -11,6 +11,7 @@
 
 #include <rtsg/core/x3d.h>
 
+#include "avatar.h"
 #include "state.h"
 #include "view_pose.h"
 
@@ -391,16 +392,10 @@ void Scene::State::feelContacts() {
     Places fresh(owner);
     std::vector<NodeId> touchedNodes;
     for (const std::vector<NodeId>& path : queries->within(fresh.viewer(owner.root()).position, radius)) {
-        std::vector<NodeId> on;
-        for (const NodeId id : path) {
-            const Node* node = find(id);
-            if (!node || !node->is(x3d::Collision::type)) continue;
-            on.push_back(id);
-            if (node->get(x3d::Collision::enabled)) continue;
-            on.clear();  // nothing below collides, and those above do not feel it
-            break;
-        }
-        touchedNodes.insert(touchedNodes.end(), on.begin(), on.end());
+        // Of what does not collide those above a Collision that says so feel nothing either.
+        if (!stopsAvatars(owner, path)) continue;
+        for (const NodeId id : path)
+            if (const Node* node = find(id); node && node->is(x3d::Collision::type)) touchedNodes.push_back(id);
     }
     std::ranges::sort(touchedNodes);
     touchedNodes.erase(std::unique(touchedNodes.begin(), touchedNodes.end()), touchedNodes.end());

@@ -30,7 +30,7 @@ bool showAs(const Node& node, const TypeEntry& entry, const Show& show) {
 
 void Scene::State::showFirst(Lane& lane, Node& node, FieldIndex field) {
     const TypeEntry& entry = types[node.typeIndex_.value];
-    if (entry.begun == kNoField || (field != entry.keyValue && field != entry.key)) return;
+    if (field != entry.keyValue && field != entry.key) return;
     if (node.get(Field<bool>{entry.begun})) return;
     const FieldSlot& out = node.type_->slot(entry.interpolated);
     const auto show = [&](const void* first) {

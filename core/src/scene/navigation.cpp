@@ -264,12 +264,8 @@ class Navigator {
         const double stretch = glm::length(along);
         if (!(stretch > 0) || !std::isfinite(stretch) || !std::isfinite(origin.x + origin.y + origin.z))
             return std::nullopt;
-        for (const Crossing& crossing : queries_->crossings(origin, along / stretch, length * stretch)) {
-            const bool collides = std::ranges::none_of(crossing.path, [&](NodeId id) {
-                const Node* node = scene_.find(id);
-                return node && node->is(x3d::Collision::type) && !node->get(x3d::Collision::enabled);
-            });
-            if (!collides) continue;
+        for (const Crossing& crossing : queries_->obstacles(origin, along / stretch, length * stretch)) {
+            if (!stopsAvatars(scene_, crossing.path)) continue;
             Met met{glm::length(crossing.point - origin) / stretch, worldNormal_ * crossing.normal};
             if (!(glm::length(met.normal) > 0)) continue;
             met.normal = glm::normalize(met.normal);

@@ -188,7 +188,7 @@ void Scene::State::warn(const Node& node, const std::string& text) {
         if (behavioursEnabled && entry.behaviour.accepts && !accepts(entry.behaviour, node, field, value)) return;
         write(lane, node, field, value);
         lane.writingExternally = false;  // what follows from it is derived
-        showFirst(lane, node, field);
+        if (entry.begun != kNoField) showFirst(lane, node, field);
         send(lane, node, field);
         if (entry.behaviour.onTime) wake(lane, node);
         if (behavioursEnabled && entry.behaviour.onEvent) onEvent(entry.behaviour, cascade, node, field, value);

@@ -301,7 +301,7 @@ Result<> Scene::setField(NodeId id, FieldIndex field, Value value) {
         if (!ok) return ok;
     }
     s.write(*node, field, value.storage());
-    s.showFirst(s, *node, field);
+    if (s.types[node->typeIndex_.value].begun != kNoField) s.showFirst(s, *node, field);
     s.wake(*node);
     return s.passToBody(id, field);
 }

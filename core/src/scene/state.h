@@ -145,7 +145,8 @@ struct Scene::State : Scene::Lane {
     explicit State(Scene& scene);
     ~State();
 
-    /// 19.2.2: an interpolator's output reads as its first key's value until it has had an input.
+    /// 19.2.2: an interpolator's output reads as its first key's value until it has had an input. Precondition: one of
+    /// those types (TypeEntry::begun).
     void showFirst(Lane& lane, Node& node, FieldIndex field);
 
     /// What an edit gives a PROTO instance, its body has, through all levels of IS.

@@ -132,8 +132,10 @@
                 return nodeOf(id);
             },
             updateExportedNode(name, node) {
-                const local = native.nodeName(idOf(node));
-                if (!local) fail("Error", "a node without a name cannot be exported");
+                // As it is named here: what is imported may be passed on.
+                const id = idOf(node), names = [native.nodeName(id), ...info(kImports, 3).map(one => one[2])];
+                const local = names.find(one => one && native.localNode(self, one) === id);
+                if (!local) fail("Error", "a node that has no name in the document cannot be exported");
                 setInfo("exports", [...info(kExports, 2).filter(one => one[1] !== String(name)), [local, String(name)]]);
             },
             removeExportedNode: name => setInfo("exports", info(kExports, 2).filter(one => one[1] !== String(name))),

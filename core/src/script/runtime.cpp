@@ -93,6 +93,8 @@ bool Runtime::start(std::size_t heapLimit) {
     if (!context_) return false;
     ++contexts;
     heapLimit_ = heapLimit;
+    // What calls make and forget goes round in this: of the library's own 16 MiB every line would come from far away.
+    JS_SetGCParameter(context_, JSGC_MAX_NURSERY_BYTES, 4 << 20);
     JS_SetContextPrivate(context_, this);
     JS_SetNativeStackQuota(context_, kStackBytes);
     // What the language takes from the machine's locale comes from here.

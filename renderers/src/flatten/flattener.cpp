@@ -124,7 +124,7 @@ void Flattener::Impl::sortOut(const Change& change) {
     if (node->is(x3d::Viewport::type) && state(node->id()).firstOccurrence != kNone)
         report(node->id(), delta.placedChanged);
     if (role.isChildField(change.field)) {
-        if (role.role == Role::all && change.kind != ChangeKind::setField)
+        if (role.role == Role::all && role.proxy == kNoField && change.kind != ChangeKind::setField)
             childOps.push_back({node->id(), change.other, change.kind == ChangeKind::insertChild ? 1 : -1});
         else
             reconciled.push_back(node->id());
@@ -133,7 +133,7 @@ void Flattener::Impl::sortOut(const Change& change) {
             contents.push_back({node->id(), true});
             if (!regions.empty()) layoutsChanged.push_back(node->id());
         }
-    } else if (change.field == role.visible || change.field == role.choice || change.field == role.order ||
+    } else if (change.field == role.visible || change.field == role.proxy || change.field == role.choice || change.field == role.order ||
                (role.role == Role::level && (change.field == role.range || change.field == role.center))) {
         reconciled.push_back(node->id());
     } else if ((role.hasTransform && aspect == Aspect::transform) ||

@@ -46,7 +46,8 @@ struct Occurrence {
     std::uint32_t rigid = 0;  // innermost one around its content that is a mover or has been seen to move; 0: none
     Role role = Role::none;
     bool ownsFrame = false, hidden = false, isLocal = false;
-    bool seen = true, heard = true;  // as Instance has them
+    bool seen = true, heard = true, felt = true;  // as Instance has them
+    bool hasProxy = false, isProxy = false;       // a Collision with such a field; what is in it
     bool isMover = false;            // its transform or choice may change by itself
     bool wasSeen = false;            // its transform has changed though that was not foreseen
     bool moving = false;             // it or one around it is a mover
@@ -286,7 +287,8 @@ struct Flattener::Impl {
         NodeId seen, heard;
     };
     Levels levelsOf(std::uint32_t occurrence);
-    /// Whether eyes or ears meet the child, as a child of this parent.
+    /// Whether eyes, ears or avatars meet the child, as a child of this parent; of an LOD: that shows these levels.
+    static void setSenses(Occurrence& child, const Occurrence& parent);
     static void setSenses(Occurrence& child, const Occurrence& parent, const Levels& levels);
     /// To those of the children of an LOD that were there before, and all below them; tells of those that differ.
     void spreadSenses(std::uint32_t level);
@@ -295,6 +297,11 @@ struct Flattener::Impl {
     void dropPlaced(std::uint32_t occurrence);
     /// The children that there are occurrences of, into `wanted`.
     void chooseChildren(std::uint32_t occurrence, const Node& node, const TypeRole& role);
+    /// See flatten::proxyOf().
+    NodeId proxyBelow(std::uint32_t occurrence) {
+        const Node& node = scene->node(tree[occurrence].node);
+        return flatten::proxyOf(node, roles.of(node));
+    }
     /// Those of the node that were there before this apply(), into `found`.
     void oldOccurrences(NodeId node, std::vector<std::uint32_t>& found) const;
     void makeInstance(std::uint32_t occurrence, const Node& node, const TypeRole& role);

@@ -15,20 +15,29 @@ Flattener::Impl::Levels Flattener::Impl::levelsOf(std::uint32_t index) {
     return {seen, tree[index].level == 0 ? seen : child(0)};
 }
 
+void Flattener::Impl::setSenses(Occurrence& child, const Occurrence& parent) {
+    child.seen = parent.seen && !child.isProxy;
+    child.heard = parent.heard && !child.isProxy;
+    child.felt = parent.felt;
+}
+
 void Flattener::Impl::setSenses(Occurrence& child, const Occurrence& parent, const Levels& shown) {
     child.seen = parent.seen && child.node == shown.seen;
     child.heard = parent.heard && child.node == shown.heard;
+    child.felt = parent.felt && child.node == shown.seen;
 }
 
 void Flattener::Impl::chooseChildren(std::uint32_t index, const Node& node, const TypeRole& role) {
     wanted.clear();
     if (role.role != Role::level) {
         flatten::desiredChildren(node, role, tree[index].level, wanted);
+        if (tree[index].hasProxy)
+            if (const NodeId proxy = flatten::proxyOf(node, role)) wanted.push_back(proxy);
         return;
     }
     const Levels shown = levelsOf(index);
-    if (shown.seen && tree[index].seen) wanted.push_back(shown.seen);
-    if (shown.heard && tree[index].heard && (shown.heard != shown.seen || !tree[index].seen))
+    if (shown.seen && tree[index].felt) wanted.push_back(shown.seen);
+    if (shown.heard && tree[index].heard && (shown.heard != shown.seen || !tree[index].felt))
         wanted.push_back(shown.heard);
 }
 
@@ -47,13 +56,13 @@ void Flattener::Impl::spreadSenses(std::uint32_t level) {
         const std::uint32_t index = way.back();
         way.pop_back();
         Occurrence& o = tree[index];
-        const bool seen = o.seen, heard = o.heard;
+        const bool seen = o.seen, heard = o.heard, felt = o.felt;
         const Occurrence& parent = tree[o.parent];
         if (o.parent == level)
             setSenses(o, parent, shown);
         else
-            o.seen = parent.seen, o.heard = parent.heard;
-        if (o.seen == seen && o.heard == heard) continue;
+            setSenses(o, parent);
+        if (o.seen == seen && o.heard == heard && o.felt == felt) continue;
         touchBoxes(index);
         if (o.role == Role::level) {
             reconciling.push_back(index);
@@ -62,7 +71,7 @@ void Flattener::Impl::spreadSenses(std::uint32_t level) {
         const Node& node = scene->node(o.node);
         if (o.role == Role::shape && o.slot != kNone) {
             Instance& instance = instances.records[o.slot];
-            instance.seen = o.seen, instance.heard = isHeard(o);
+            instance.seen = o.seen, instance.heard = isHeard(o), instance.felt = o.felt;
             instances.markRebound(o.slot, stamp);
         } else if (o.role == Role::placed && isSensed(o, roles.of(node).kind) != (o.slot != kNone)) {
             dropPlaced(index);

@@ -118,6 +118,8 @@ TypeRole RoleTable::work(const NodeType& type) {
         if (role.viewport != kNoField && role.childFields < role.children.size())
             role.children[role.childFields++] = role.viewport;
     }
+    if (type.kind == NodeType::Kind::builtin && type.name == "Collision")
+        role.proxy = findTyped(type, "proxy", FieldType::SFNode);
     if (role.childFields == 0 && role.role != Role::shape && role.role != Role::placed) role.role = Role::none;
     if (role.role != Role::none && role.role != Role::placed && role.role != Role::first) {
         role.bboxDisplay = findTyped(type, "bboxDisplay", FieldType::SFBool);
@@ -188,6 +190,15 @@ void desiredChildren(const Node& node, const TypeRole& role, std::uint32_t level
         }
         if (only < children.size() && children[only]) out.push_back(children[only]);
     }
+}
+
+NodeId proxyOf(const Node& node, const TypeRole& role) {
+    if (role.proxy == kNoField) return {};
+    const NodeId proxy = read<NodeId>(node, role.proxy);
+    if (!proxy) return {};
+    std::vector<NodeId> children;
+    desiredChildren(node, role, 0, children);
+    return std::ranges::find(children, proxy) == children.end() ? proxy : NodeId{};
 }
 
 NodeId resolve(const Scene& scene, RoleTable& roles, NodeId id) {

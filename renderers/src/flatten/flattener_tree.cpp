@@ -39,10 +39,11 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
         o.layer = p.layer;
         o.hidden = p.hidden;
         o.turned = p.turned;
+        o.isProxy = p.hasProxy && node.id() == proxyBelow(parent);
         if (p.role == Role::level)
             setSenses(o, p, levelsOf(parent));
         else
-            o.seen = p.seen, o.heard = p.heard;
+            setSenses(o, p);
         if (p.role == Role::layers) {
             const Node& set = scene->node(p.node);
             const auto& layers = flatten::read<Array<NodeId>>(set, roles.of(set).children[0]);
@@ -51,6 +52,7 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
         }
     }
     if (role.visible != kNoField && !flatten::read<bool>(node, role.visible)) o.hidden = true;
+    o.hasProxy = role.proxy != kNoField;
     NodeState& s = state(node.id());
     o.nextOfNode = s.firstOccurrence;
     if (o.nextOfNode != kNone) tree[o.nextOfNode].previousOfNode = index;
@@ -159,7 +161,7 @@ void Flattener::Impl::makeInstance(std::uint32_t index, const Node& node, const 
     instance.layer = o.layer;
     instance.volume = role.isVolume;
     instance.worldFromLocal = frames[o.frame];
-    instance.seen = o.seen, instance.heard = isHeard(o);
+    instance.seen = o.seen, instance.heard = isHeard(o), instance.felt = o.felt;
     bind(instance, node, role, o);
     if (!screenTexts.empty() || !anchors.empty()) followScreened(index);
 }
@@ -427,10 +429,12 @@ void Flattener::Impl::reconcileChildren(std::uint32_t index) {
     for (std::uint32_t c = tree[index].firstChild; c != kNone; c = tree[c].next) have.emplace_back(tree[c].node, c);
     std::sort(have.begin(), have.end());
     std::vector<NodeId> missing;
+    const NodeId proxy = role.proxy == kNoField ? NodeId{} : proxyBelow(index);
     std::size_t w = 0;
     for (const auto& [child, occurrence] : have) {
         while (w < wanted.size() && wanted[w] < child) missing.push_back(wanted[w++]);
-        if (w < wanted.size() && wanted[w] == child)
+        // What was the proxy, and is among the children now, comes anew.
+        if (w < wanted.size() && wanted[w] == child && tree[occurrence].isProxy == (child == proxy))
             ++w;
         else
             prune(occurrence);

@@ -121,6 +121,7 @@ Motions::Motions(const RayView& before, const RayView& now) {
 MovedView::MovedView(const RayView& now, const Motions& motions, double t) : RayView(now) {
     ownTables_.strokes = now.tables_->strokes;
     ownTables_.volumes = now.tables_->volumes;
+    ownTables_.proxies = now.tables_->proxies;
     constexpr std::size_t kPerPage = RayInstances::kPerPage;
     for (std::size_t first = 0; first < instances_.size(); first += kPerPage) pages_.push_back(&instances_[first]);
     std::map<std::size_t, RayInstance*> written;

@@ -90,31 +90,64 @@ class LayerFilter final : public RayFilter {
     std::uint16_t layer_;
 };
 
-/// The boxes of volumes, which are pointed at though rays pass them.
-class VolumeBoxes final : public RayView {
-  public:
-    explicit VolumeBoxes(const RayView& view) : RayView(view) {}
-
-    /// Calls `visit(slot, triangle)` for each of their triangles.
-    template <class Visit>
-    void visit(const Visit& visit) const {
-        for (const std::uint32_t slot : tables_->volumes) {
-            const RayInstance& box = instances_[slot];
-            if (!box.mesh || !box.info.seen || box.sign == 0 || !rtsg::isFinite(box.info.worldFromLocal)) continue;
-            for (std::uint32_t i = 0; i < box.mesh->triangleCount; ++i) visit(slot, i);
+/// Whether a ray may meet the box around a mesh as it stands in the world; a little too often.
+bool mayMeet(const RayInstance& instance, const Vec3d& from, const Vec3d& unit) {
+    const WorldFromLocal& m = instance.info.worldFromLocal;
+    const Vec3d low(instance.mesh->bounds.min), high(instance.mesh->bounds.max);
+    const Vec3d middle = (low + high) * .5, half = (high - low) * .5;
+    const Vec3d center = m[0] * middle.x + m[1] * middle.y + m[2] * middle.z + m[3];
+    Vec3d reach = glm::abs(m[0]) * half.x + glm::abs(m[1]) * half.y + glm::abs(m[2]) * half.z;
+    reach += (glm::abs(center) + reach + glm::abs(from)) * 1e-12;
+    double enter = 0, leave = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 3; ++i) {
+        const double a = center[i] - reach[i] - from[i], b = center[i] + reach[i] - from[i];
+        if (unit[i] == 0) {
+            if (a > 0 || b < 0) return false;
+            continue;
         }
+        enter = std::max(enter, std::min(a / unit[i], b / unit[i]));
+        leave = std::min(leave, std::max(a / unit[i], b / unit[i]));
     }
-    /// Calls `tell(slot, triangle, weights, distance)` for each of their triangles that the ray meets.
+    return enter <= leave;
+}
+
+/// What the BVH's rays pass: the boxes of volumes, which are pointed at, and the proxies of Collisions, which are felt.
+class UnmetByRays final : public RayView {
+  public:
+    explicit UnmetByRays(const RayView& view) : RayView(view) {}
+
+    /// Calls `visit(slot, triangle)` for each triangle of the volumes' boxes.
+    template <class Visit>
+    void visitVolumes(const Visit& visit) const {
+        for (const std::uint32_t slot : tables_->volumes)
+            if (const RayInstance& box = instances_[slot]; box.info.seen && isThere(box))
+                for (std::uint32_t i = 0; i < box.mesh->triangleCount; ++i) visit(slot, i);
+    }
+    /// Calls `tell(slot, triangle, weights, distance)` for each of their triangles that the ray meets; or of proxies.
     template <class Tell>
-    void cross(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Tell& tell) const {
-        visit([&](std::uint32_t slot, std::uint32_t i) {
-            constexpr double kEdge = 1e-12;  // so that no ray slips between two triangles
-            const std::optional<exact::Meeting> m = exact::meet(triangleOf(instances_[slot], i), from, unit);
-            if (!m || !m->isInside(kEdge) || !(m->distance >= 0)) return;
-            const Vec3f at = fromWorld(from + m->distance * unit);
-            if (filter && filter->concerns(slot) && filter->leavesOut(slot, at, 0)) return;
-            tell(slot, i, m->where, m->distance);
-        });
+    void crossVolumes(const Vec3d& from, const Vec3d& unit, const RayFilter* filter, const Tell& tell) const {
+        visitVolumes([&](std::uint32_t slot, std::uint32_t i) { cross(slot, i, from, unit, filter, tell); });
+    }
+    template <class Tell>
+    void crossProxies(const Vec3d& from, const Vec3d& unit, const Tell& tell) const {
+        for (const std::uint32_t slot : tables_->proxies)
+            if (const RayInstance& proxy = instances_[slot]; isThere(proxy) && mayMeet(proxy, from, unit))
+                for (std::uint32_t i = 0; i < proxy.mesh->triangleCount; ++i) cross(slot, i, from, unit, nullptr, tell);
+    }
+
+  private:
+    static bool isThere(const RayInstance& instance) {
+        return instance.mesh && instance.sign != 0 && rtsg::isFinite(instance.info.worldFromLocal);
+    }
+    template <class Tell>
+    void cross(std::uint32_t slot, std::uint32_t triangle, const Vec3d& from, const Vec3d& unit,
+               const RayFilter* filter, const Tell& tell) const {
+        constexpr double kEdge = 1e-12;  // so that no ray slips between two triangles
+        const std::optional<exact::Meeting> m = exact::meet(triangleOf(instances_[slot], triangle), from, unit);
+        if (!m || !m->isInside(kEdge) || !(m->distance >= 0)) return;
+        const Vec3f at = fromWorld(from + m->distance * unit);
+        if (filter && filter->concerns(slot) && filter->leavesOut(slot, at, 0)) return;
+        tell(slot, triangle, m->where, m->distance);
     }
 };
 
@@ -156,7 +189,7 @@ Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double ma
         candidate.distance = std::max(0.0, glm::dot(candidate.point - origin, unit));
         if (candidate.distance > maximum) candidate = {};
     }
-    VolumeBoxes(*world_).cross(
+    UnmetByRays(*world_).crossVolumes(
         origin, unit, filter,
         [&](std::uint32_t slot, std::uint32_t triangle, const exact::Weights& where, double distance) {
             if (distance > maximum || distance >= candidate.distance) return;
@@ -190,7 +223,8 @@ class BeyondFilter final : public RayFilter {
 
 }  // namespace
 
-Result<std::vector<Pick>> Picker::crossings(const Vec3d& origin, const Vec3d& direction, double maximum) const {
+Result<std::vector<Pick>> Picker::crossings(const Vec3d& origin, const Vec3d& direction, double maximum,
+                                            Surfaces surfaces) const {
     constexpr std::size_t kMost = 10'000;
     if (auto ok = checkPoint(*world_, origin, "the ray's origin"); !ok) return std::unexpected(ok.error());
     const double largest = std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});
@@ -217,16 +251,17 @@ Result<std::vector<Pick>> Picker::crossings(const Vec3d& origin, const Vec3d& di
         picks.push_back(
             finish({hit.instance, hit.triangle, {hit.u, hit.v}, distance, origin + distance * unit, {}, true}));
     }
-    std::map<std::uint32_t, double> last;  // of each volume: where two triangles touch, a side counts once
-    VolumeBoxes(*world_).cross(
-        origin, unit, nullptr,
-        [&](std::uint32_t slot, std::uint32_t triangle, const exact::Weights& where, double distance) {
-            const auto [known, isNew] = last.try_emplace(slot, distance);
-            if (distance > maximum || picks.size() >= kMost) return;
-            if (!isNew && std::abs(known->second - distance) <= 1e-9 * (1 + distance)) return;
-            known->second = distance;
-            picks.push_back(finish({slot, triangle, where, distance, origin + distance * unit, {}, true}));
-        });
+    std::map<std::uint32_t, double> last;  // of each of those: where two triangles touch, a side counts once
+    const auto tell = [&](std::uint32_t slot, std::uint32_t triangle, const exact::Weights& where, double distance) {
+        const auto [known, isNew] = last.try_emplace(slot, distance);
+        if (distance > maximum || picks.size() >= kMost) return;
+        if (!isNew && std::abs(known->second - distance) <= 1e-9 * (1 + distance)) return;
+        known->second = distance;
+        picks.push_back(finish({slot, triangle, where, distance, origin + distance * unit, {}, true}));
+    };
+    const UnmetByRays unmet(*world_);
+    unmet.crossVolumes(origin, unit, nullptr, tell);
+    if (surfaces == Surfaces::felt) unmet.crossProxies(origin, unit, tell);
     std::ranges::stable_sort(picks, {}, &Pick::distance);
     return picks;
 }
@@ -249,7 +284,7 @@ Result<Pick> Picker::closest(const Vec3d& point, double maximum) const {
     return finish(best);
 }
 
-Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius) const {
+Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius, Surfaces surfaces) const {
     if (auto ok = checkPoint(*world_, center, "the centre"); !ok) return std::unexpected(ok.error());
     if (!(radius >= 0) || !std::isfinite(radius)) return fail("the radius is negative or not finite");
     std::map<std::uint32_t, Candidate> bySlot;
@@ -264,7 +299,10 @@ Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius) c
         if (distance < best.distance) best = {slot, triangle, w, distance, at, center - at, false};
         return search;
     };
-    world_->visitNear(world_->fromWorld(center), search, std::ref(visit));
+    if (surfaces == Surfaces::felt)
+        world_->visitFelt(world_->fromWorld(center), search, std::ref(visit));
+    else
+        world_->visitNear(world_->fromWorld(center), search, std::ref(visit));
     std::vector<Pick> picks;
     for (const auto& [slot, candidate] : bySlot) picks.push_back(finish(candidate));
     std::ranges::stable_sort(picks, {}, &Pick::distance);
@@ -297,7 +335,7 @@ Result<std::vector<Pick>> Picker::overlaps(const Vec3d& center, double radius,
         return search;
     };
     world_->visitNear(world_->fromWorld(center), search, std::ref(visit));
-    VolumeBoxes(*world_).visit(visit);
+    UnmetByRays(*world_).visitVolumes(visit);
     std::vector<Pick> picks;
     for (const auto& [slot, found] : bySlot)
         if (found.met) picks.push_back(finish(found.nearest));

@@ -493,6 +493,14 @@ void RayView::visitNear(const Vec3f& center, float radius, const NearVisitor& vi
     });
 }
 
+void RayView::visitFelt(const Vec3f& center, float radius, const NearVisitor& visit) const {
+    float reach = radius;
+    tables_->top.visitNear(center, radius, [&](std::uint32_t slot, std::uint32_t triangle) {
+        if (instances_[slot].info.felt) reach = visit(slot, triangle);
+        return reach;
+    });
+}
+
 HitPoint RayView::point(const Hit& hit) const {
     HitPoint result;
     result.normal = hit.normal;

@@ -18,6 +18,7 @@ struct RayView::Tables {
     bvh::TopView top;
     bvh::StrokeView strokes;
     std::vector<std::uint32_t> volumes;  // slots of boxes that no ray meets, and pointers do
+    std::vector<std::uint32_t> proxies;  // of what no ray meets, and avatars do
     mutable std::atomic<std::uint64_t> badRays{0};
 };
 

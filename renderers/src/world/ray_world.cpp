@@ -261,6 +261,14 @@ void RayWorld::Impl::makeRoom(const std::vector<Instance>& added) {
     places.resize(size);
 }
 
+namespace {
+
+bool isProxy(const Instance& info) {
+    return info.felt && !info.seen;
+}
+
+}  // namespace
+
 void RayWorld::Impl::add(const Instance& info) {
     const std::uint32_t slot = info.id.slot;
     RayInstance& instance = instances.write(slot);
@@ -271,6 +279,7 @@ void RayWorld::Impl::add(const Instance& info) {
     link(slot, info.geometry);
     setPending(slot);
     if (info.volume) tables.volumes.push_back(slot);
+    if (isProxy(info)) tables.proxies.push_back(slot);
 }
 
 void RayWorld::Impl::remove(InstanceId id) {
@@ -278,6 +287,7 @@ void RayWorld::Impl::remove(InstanceId id) {
     lift(id.slot);
     unlink(id.slot);
     if (instances[id.slot].info.volume) std::erase(tables.volumes, id.slot);
+    if (isProxy(instances[id.slot].info)) std::erase(tables.proxies, id.slot);
     places[id.slot] = Place{.pending = places[id.slot].pending};
     instances.write(id.slot) = RayInstance{};
 }
@@ -298,6 +308,8 @@ void RayWorld::Impl::rebind(const Instance& info) {
     const bool moved = instance.info.worldFromLocal != info.worldFromLocal;
     const bool replace = instance.info.geometry != info.geometry;
     const bool masked = kindsOf(instance.info) != kindsOf(info);
+    if (isProxy(instance.info) && !isProxy(info)) std::erase(tables.proxies, slot);
+    if (isProxy(info) && !isProxy(instance.info)) tables.proxies.push_back(slot);
     const bool restyled = !sameStyle(instance.info, info);
     const bool elsewhere = instance.info.rigid != info.rigid, otherwise = instance.info.motion != info.motion;
     Place& place = places[slot];

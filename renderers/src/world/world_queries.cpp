@@ -55,16 +55,25 @@ std::optional<PictureHit> WorldQueries::throughPicture(double x, double y, std::
 std::vector<std::vector<NodeId>> WorldQueries::within(const Vec3d& center, double radius) {
     std::vector<std::vector<NodeId>> paths;
     if (!follow()) return paths;
-    const auto picks = Picker(world_.rays(), world_.flattener()).overlaps(center, radius);
+    const auto picks = Picker(world_.rays(), world_.flattener()).overlaps(center, radius, Surfaces::felt);
     if (!picks) return paths;
     for (const Pick& pick : *picks) paths.push_back(pick.path);
     return paths;
 }
 
 std::vector<Crossing> WorldQueries::crossings(const Vec3d& origin, const Vec3d& direction, double length) {
+    return crossings(origin, direction, length, Surfaces::seen);
+}
+
+std::vector<Crossing> WorldQueries::obstacles(const Vec3d& origin, const Vec3d& direction, double length) {
+    return crossings(origin, direction, length, Surfaces::felt);
+}
+
+std::vector<Crossing> WorldQueries::crossings(const Vec3d& origin, const Vec3d& direction, double length,
+                                              Surfaces surfaces) {
     std::vector<Crossing> all;
     if (!follow()) return all;
-    const auto picks = Picker(world_.rays(), world_.flattener()).crossings(origin, direction, length);
+    const auto picks = Picker(world_.rays(), world_.flattener()).crossings(origin, direction, length, surfaces);
     if (!picks) return all;
     for (const Pick& pick : *picks) all.push_back({pick.point, pick.normal, Vec3d(pick.texCoord), pick.path});
     return all;

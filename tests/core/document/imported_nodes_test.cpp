@@ -74,6 +74,22 @@ TEST_F(ImportedNodesTest, AreReadWithTheirNodes) {
     EXPECT_TRUE(exportedNodes(scene_, scene_.findName("T")).empty());
 }
 
+/// Under the name that it has here, and not under that of the document it came from.
+TEST_F(ImportedNodesTest, AScriptPassesOnWhatIsImported) {
+    Scene scene;
+    load(scene, file("script.x3dv",
+                     "DEF ROOM Inline { url \"room.x3dv\" } IMPORT ROOM.SUN AS S Script { url \"ecmascript: function "
+                     "initialize() { const here = Browser.currentScene; here.updateExportedNode('PASSED', "
+                     "here.getImportedNode('S')); if (here.getExportedNode('PASSED') !== here.getImportedNode('S')) "
+                     "throw 'another node'; }\" }"));
+    for (const Diagnostic& d : scene.diagnostics().all()) ADD_FAILURE() << d.format();
+    const auto exports = exportedNodes(scene);
+    ASSERT_EQ(exports.size(), 1U);
+    EXPECT_EQ(exports[0].exportedName + ' ' + exports[0].localName, "PASSED S");
+    EXPECT_TRUE(exports[0].node);
+    EXPECT_EQ(exports[0].node, findImported(scene, "S"));
+}
+
 TEST_F(ImportedNodesTest, AreChangedFollowedAndSaved) {
     Scene replica;
     replica.setBehavioursEnabled(false);

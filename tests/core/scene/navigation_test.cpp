@@ -52,6 +52,26 @@ struct NavigatedScene {
     }
 };
 
+/// 23.4.2: the wall at -2 is none where it has a proxy, which is a wall at -4; switched off, there is neither.
+TEST(Navigation, MeetsTheProxyInPlaceOfTheChildren) {
+    NavigatedScene s(
+        "NavigationInfo { type \"FLY\" speed 1 avatarSize [ .25 1.6 .75 ] } Viewpoint { position 0 0 0 }\n"
+        "DEF C Collision { children Transform { translation 0 0 -3 children Shape { geometry Box { } } }\n"
+        "proxy Transform { translation 0 0 -5 children Shape { geometry Box { } } } }");
+    const NodeId collision = s.scene.findName("C");
+    const auto fly = [&](double seconds) {
+        s.press("UP", true);
+        for (int i = 0; i < 10 * seconds; ++i) s.scene.newFrame(s.scene.now() + .1);
+        s.press("UP", false);
+        s.scene.newFrame(s.scene.now());
+    };
+    fly(9);
+    s.expect({0, 0, -3.75}, {0, 0, -1}, 1e-3);
+    ASSERT_TRUE(s.scene.set(collision, x3d::Collision::enabled, false));
+    fly(6);
+    EXPECT_LT(viewerPose(s.scene).position.z, -9);
+}
+
 TEST(Navigation, GoesAsFarHoweverTimeIsCut) {
     for (const double rate : {1.0, 7.0, 60.0}) {
         NavigatedScene s("NavigationInfo { type \"FLY\" speed 3 } Viewpoint { }");

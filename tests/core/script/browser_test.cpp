@@ -258,8 +258,8 @@ TEST(ScriptBrowser, NamesImportsAndExports) {
             " try { scene.updateExportedNode('X', A); } catch (e) { print(e.message); }"
             " try { scene.getImportedNode('X'); } catch (e) { print(e.message); }",
             "DEF A Group { }"),
-        "true\ntrue\nnothing is exported as OUT\nno node is named B\na node without a name cannot be exported\n"
-        "nothing was imported as X\n");
+        "true\ntrue\nnothing is exported as OUT\nno node is named B\n"
+        "a node that has no name in the document cannot be exported\nnothing was imported as X\n");
 }
 
 TEST(ScriptBrowser, WhatTheDocumentSays) {

@@ -92,6 +92,75 @@ TEST(WorldQueries, CollisionIsFeltWhereTheAvatarStands) {
     EXPECT_FALSE(touches(-1.7f));
 }
 
+/// Of the surfaces on the line x = 0, y = 0 the places on z that avatars meet, and those that everybody else meets.
+struct Met {
+    std::vector<double> felt, seen;
+    friend bool operator==(const Met&, const Met&) = default;
+};
+std::ostream& operator<<(std::ostream& out, const Met& met) {
+    return out << testing::PrintToString(met.felt) << " felt, " << testing::PrintToString(met.seen) << " seen";
+}
+Met metAlong(PointedWorld& w) {
+    Met met;
+    const auto places = [](const std::vector<Crossing>& crossings) {
+        std::vector<double> all;
+        for (const Crossing& crossing : crossings) all.push_back(std::round(crossing.point.z * 1e6) / 1e6);
+        return all;
+    };
+    met.felt = places(w.queries.obstacles({0, 0, 100}, {0, 0, -2}, INFINITY));
+    met.seen = places(w.queries.crossings({0, 0, 100}, {0, 0, -2}, INFINITY));
+    const auto first = w.queries.firstHit({0, 0, 100}, {0, 0, -2});
+    EXPECT_EQ(first.has_value(), !met.seen.empty());
+    if (first && !met.seen.empty()) {
+        EXPECT_NEAR(first->point.z, met.seen[0], 1e-6);
+    }
+    EXPECT_EQ(w.queries.boxes().size(), met.seen.size() / 2);
+    return met;
+}
+
+TEST(WorldQueries, ProxiesAreFeltAndNotSeen) {
+    PointedWorld w(
+        "DEF C Collision { children DEF M Transform { children Shape { geometry Box { } } }\n"
+        "proxy DEF P Transform { translation 0 0 9 children [ DEF L LOD { range 5 children [ Shape { geometry Box { } } "
+        "Shape { geometry Box { size 2 2 4 } } ] } PointLight { } Viewpoint { } ] } }\n"
+        "DEF E Collision { proxy Transform { translation 0 0 20 rotation 0 1 0 1.5707963 scale 3 1 1 children Shape { "
+        "geometry Box { } } } }");
+    const NodeId collision = w.scene.findName("C"), proxy = w.scene.findName("P"), model = w.scene.findName("M");
+    EXPECT_EQ(metAlong(w), (Met{{23, 17, 10, 8, 1, -1}, {1, -1}}));
+    for (const auto& entry : w.world.flattener().placed())
+        EXPECT_NE(entry.kind, PlacedKind::light) << "a light in a proxy";
+    EXPECT_EQ(w.queries.within({0, 0, 10.2}, .3).size(), 1u);
+    EXPECT_EQ(w.queries.within({0, 0, 10.2}, .1).size(), 0u);
+    ASSERT_TRUE(w.scene.set(proxy, x3d::Transform::translation, Vec3f(0, 0, 12)));
+    EXPECT_EQ(metAlong(w), (Met{{23, 17, 13, 11, 1, -1}, {1, -1}}));
+    // One of the children, too: it is seen there.
+    ASSERT_TRUE(w.scene.insertChild(collision, x3d::Collision::children, proxy));
+    EXPECT_EQ(metAlong(w), (Met{{23, 17, 13, 11, 1, -1}, {13, 11, 1, -1}}));
+    ASSERT_TRUE(w.scene.removeChild(collision, x3d::Collision::children.index, 1));
+    EXPECT_EQ(metAlong(w), (Met{{23, 17, 13, 11, 1, -1}, {1, -1}}));
+    ASSERT_TRUE(w.scene.set(collision, x3d::Collision::proxy, model));
+    EXPECT_EQ(metAlong(w), (Met{{23, 17, 1, -1}, {1, -1}}));
+    ASSERT_TRUE(w.scene.set(collision, x3d::Collision::proxy, proxy));
+    EXPECT_EQ(metAlong(w), (Met{{23, 17, 13, 11, 1, -1}, {1, -1}}));
+    ASSERT_TRUE(w.scene.set(collision, x3d::Collision::proxy, NodeId{}));
+    EXPECT_EQ(metAlong(w), (Met{{23, 17, 1, -1}, {1, -1}}));
+}
+
+/// A proxy in a level of detail is felt where that level is the one that is seen, and one with levels by the same rule.
+TEST(WorldQueries, ProxiesHaveLevelsOfDetail) {
+    PointedWorld w(
+        "LOD { range 50 children [ Collision { proxy LOD { range 30 children [ Shape { geometry Box { } } Shape { "
+        "geometry Box { size 2 2 4 } } ] } } Collision { proxy Shape { geometry Box { size 2 2 6 } } } ] }");
+    const auto from = [&](double z) {
+        EXPECT_TRUE(w.world.setViewer(EyePlace{{0, 0, z}}));
+        return metAlong(w);
+    };
+    EXPECT_EQ(from(10), (Met{{1, -1}, {}}));
+    EXPECT_EQ(from(40), (Met{{2, -2}, {}}));
+    EXPECT_EQ(from(60), (Met{{3, -3}, {}}));
+    EXPECT_EQ(from(10), (Met{{1, -1}, {}}));
+}
+
 /// Boxes as triangles are what they are as closed forms; what lies on both sides of an edge counts once.
 TEST(WorldQueries, CrossingsAreThoseOfDoubleCode) {
     std::mt19937 random(9);

@@ -152,11 +152,16 @@ class SpaceQueries {
         (void)x, (void)y, (void)layer;
         return std::nullopt;
     }
-    /// The paths to all Shapes within `radius` metres.
+    /// The paths to all Shapes within `radius` metres that stop avatars, as obstacles().
     virtual std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) = 0;
     /// All surfaces that a ray meets within `length` metres (infinity: without end), from either side, the nearest
     /// first. `direction` as above.
     virtual std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) = 0;
+    /// The same of what avatars meet: with the proxies of Collision nodes (23.4.2), which are not seen. Those that
+    /// a proxy stands for are among them: who asks goes by the paths.
+    virtual std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) {
+        return crossings(origin, direction, length);
+    }
     /// Of all Shapes, in no order.
     virtual std::vector<ShapeBox> boxes() = 0;
     /// The Shapes that `test` concerns and that have a triangle within `radius` metres of `center` which it meets, in

@@ -3,9 +3,9 @@
 // Invariant: after apply() the occurrences are those that building from the scene anew would give; the work follows
 // the changes and what lies below the changed nodes, never the scene. Nothing recurses: nesting may be of any depth.
 // What is rendered: Shapes below groups, the chosen child of Switch and LOD, the first node of a PROTO's or the whole
-// of an Inline's body, Collision's children without the proxy; boxes that bboxDisplay shows. Billboards turn to the
-// viewer if there is one, and shapes below them are not heard; LayoutLayers, LayoutGroups, ScreenGroups and text in
-// points likewise follow the picture.
+// of an Inline's body, Collision's children and, for avatars alone, its proxy; boxes that bboxDisplay shows. Billboards
+// turn to the viewer if there is one, and shapes below them are not heard; LayoutLayers, LayoutGroups, ScreenGroups and
+// text in points likewise follow the picture.
 // Threading: one thread, the scene's; the deltas may go to any other.
 // Source: ISO/IEC 19775-1 V4.0 4.3.5, 10.4 (grouping), 10.4.4 (Transform), 10.4.3 (Switch), 23.4.3 (LOD), 35 (layers),
 // 36 (layouts).

@@ -78,8 +78,11 @@ struct Instance {
     /// Nothing of it is to be seen, whatever the light: its material is wholly transparent. Pointers and sound meet it.
     bool clear = false;
     /// Whether eyes see it, and whether sound meets it. Both, unless a level of detail is chosen for an eye: sound
-    /// meets the first level, whatever is seen. One of the two is true.
+    /// meets the first level, whatever is seen. One of the two is true, but of a Collision's proxy.
     bool seen = true, heard = true;
+    /// Whether it stops avatars, but for what Collision nodes say (23.4.2): what is seen does, and a Collision's proxy,
+    /// which nothing else meets.
+    bool felt = true;
     /// Other than 0: those with the same number hang below the same thing that moves, and as a rule move together,
     /// rigidly. A hint that no result depends on.
     std::uint32_t rigid = 0;

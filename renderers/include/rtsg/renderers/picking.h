@@ -5,10 +5,11 @@
 // instances' transforms (unequal scaling and mirroring included); the BVH only proposes candidates, with a margin.
 // Threading: const; from any number of threads, while others trace, between two apply() of world and flattener.
 // Source: Ericson, Real-Time Collision Detection (2005), 5.1.5 (closest point) and 5.5.6 (moving sphere and triangle);
-// ISO/IEC 19775-1 V4.0 20.2 (what picking tells), 23.4.2 (Collision's proxies are not asked: the geometry is).
+// ISO/IEC 19775-1 V4.0 20.2 (what picking tells), 23.4.2 (Collision's proxies, which stop avatars and are not picked).
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <functional>
 #include <limits>
 #include <vector>
@@ -36,6 +37,10 @@ struct Pick {
     explicit operator bool() const { return static_cast<bool>(instance); }
 };
 
+/// Which surfaces are asked: those that are seen, or with them those that an avatar feels alone, as a Collision's proxy
+/// (Instance::felt).
+enum class Surfaces : std::uint8_t { seen, felt };
+
 class Picker {
   public:
     /// Both must outlive the picker and have applied the same states.
@@ -55,12 +60,13 @@ class Picker {
     /// each other than a millionth of the way there count as one: the triangles beside an edge, but also faces of two
     /// shapes that coincide. Lines and points are not met. Error: as of ray().
     Result<std::vector<Pick>> crossings(const Vec3d& origin, const Vec3d& direction,
-                                        double maximum = std::numeric_limits<double>::infinity()) const;
+                                        double maximum = std::numeric_limits<double>::infinity(),
+                                        Surfaces surfaces = Surfaces::seen) const;
     /// The point of any surface nearest to `point` within `maximum` metres. Error: as above.
     Result<Pick> closest(const Vec3d& point, double maximum = std::numeric_limits<double>::infinity()) const;
     /// Every instance that comes within `radius` of `center`, each with its nearest point, nearest first.
     /// Error: as above, or the radius is negative or not finite.
-    Result<std::vector<Pick>> overlaps(const Vec3d& center, double radius) const;
+    Result<std::vector<Pick>> overlaps(const Vec3d& center, double radius, Surfaces surfaces = Surfaces::seen) const;
     /// Of those that `concerns` says yes to, asked once each, the ones of which `meets` says yes to a triangle within
     /// `radius` (corners in world space), asked until it does; boxes of volumes are among them. As overlaps().
     Result<std::vector<Pick>> overlaps(const Vec3d& center, double radius,

@@ -100,6 +100,8 @@ class RayView {
     /// tends to come first. Of what rays of this kind may meet; of shadows: as of views.
     using NearVisitor = rtsg::NearVisitor;
     void visitNear(const Vec3f& center, float radius, const NearVisitor& visit, RayKind kind = RayKind::view) const;
+    /// The same of what stops avatars (Instance::felt).
+    void visitFelt(const Vec3f& center, float radius, const NearVisitor& visit) const;
 
     /// Precondition: the slot of a hit or of a live instance.
     const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }

@@ -27,6 +27,7 @@
 namespace rtsg {
 
 struct Pick;
+enum class Surfaces : std::uint8_t;
 
 class WorldQueries final : public SpaceQueries {
   public:
@@ -36,6 +37,7 @@ class WorldQueries final : public SpaceQueries {
     std::optional<PictureHit> throughPicture(double x, double y, std::optional<NodeId> layer) override;
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override;
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override;
+    std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) override;
     std::vector<ShapeBox> boxes() override;
     /// Triangles as they stand in the world, in double precision; a level of detail is the one that was seen last.
     std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) override;
@@ -43,6 +45,7 @@ class WorldQueries final : public SpaceQueries {
 
   private:
     bool follow();
+    std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length, Surfaces surfaces);
     std::optional<PointerHit> hitOf(const Pick& pick) const;
     SharedWorld& world_;
     bool told_ = false;
