@@ -685,7 +685,16 @@
         function publish(name, value) {
             Object.defineProperty(global, name, {value, writable: true, configurable: true, enumerable: false});
         }
-        publish("Browser", library.makeBrowser({self, nodeOf, idOf, flush: () => flush(false), fail, flatten, revive, ownArray, print, println}));
+        // Made when it is first asked for: it is more than all the rest of a program that never does.
+        Object.defineProperty(global, "Browser", {
+            get() {
+                const made = library.makeBrowser({self, nodeOf, idOf, flush: () => flush(false), fail, flatten, revive, ownArray, print, println});
+                publish("Browser", made);
+                return made;
+            },
+            set(value) { publish("Browser", value); },
+            enumerable: false, configurable: true,
+        });
 
         // ---- the Script's own fields are variables of its program; a function of that name takes the place of one ----
         for (const name of native.fieldNames(self)) {

@@ -158,7 +158,7 @@ TEST(Bus, CoalescesToTheLastValueAndMarksTheCause) {
         }
     }
     EXPECT_EQ(external, 1);
-    EXPECT_EQ(derived, 2);  // value_changed and translation
+    EXPECT_EQ(derived, 3);  // value_changed, translation, and that the interpolator has had an input
     EXPECT_EQ(events, 1);
 }
 
