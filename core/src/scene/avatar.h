@@ -30,8 +30,8 @@ using CastRay = std::function<std::optional<Met>(const glm::dvec3& origin, const
 /// who walks what is lower than a step, and slopes up to 60 degrees, are ground and not in the way.
 glm::dvec3 slideBy(glm::dvec3 eye, glm::dvec3 motion, const Avatar& avatar, bool walks, const CastRay& cast);
 
-/// Whether what lies at the end of a path from a root node stops avatars: no Collision on it is switched off, and of one
-/// that has a proxy it is the proxy (23.4.2).
+/// Whether what lies at the end of a path from a root node stops avatars: no Collision on it is switched off, and of
+/// one that has a proxy it is the proxy (23.4.2).
 bool stopsAvatars(const Scene& scene, std::span<const NodeId> path);
 
 struct Stand {

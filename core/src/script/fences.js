@@ -199,7 +199,7 @@
 
     // ---- `instanceof`: objects and errors that come out of the prelude are of its realm ------------------------------
     const isMade = Function.prototype[Symbol.hasInstance];
-    const kin = {Object, Error, TypeError, RangeError, ReferenceError, SyntaxError};
+    const kin = {Object, Error, TypeError, RangeError, ReferenceError, SyntaxError, InternalError};
     function kinship(global, name) {
         const own = global[name];
         publish(own, Symbol.hasInstance, function (value) {

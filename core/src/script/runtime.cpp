@@ -48,9 +48,10 @@ constexpr std::size_t kStackBytes = std::size_t{512} << 10;
 bool resolveForLibrary(JSContext* cx, JS::HandleObject global, JS::HandleId id, bool* resolved) {
     if (!id.isString()) return true;
     for (const char* name :
-         {"Array",  "Error",  "Float64Array", "Function",   "Infinity",       "Map",     "Math",       "NaN",
-          "Number", "Object", "Proxy",        "RangeError", "ReferenceError", "Reflect", "RegExp",     "Set",
-          "String", "Symbol", "SyntaxError",  "TypeError",  "WeakMap",        "WeakRef", "globalThis", "undefined"})
+         {"Array",   "Error",   "Float64Array", "Function", "Infinity", "InternalError", "Map",
+          "Math",    "NaN",     "Number",       "Object",   "Proxy",    "RangeError",    "ReferenceError",
+          "Reflect", "RegExp",  "Set",          "String",   "Symbol",   "SyntaxError",   "TypeError",
+          "WeakMap", "WeakRef", "globalThis",   "undefined"})
         if (JS_LinearStringEqualsAscii(id.toLinearString(), name))
             return JS_ResolveStandardClass(cx, global, id, resolved);
     return true;

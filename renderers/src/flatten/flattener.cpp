@@ -133,7 +133,8 @@ void Flattener::Impl::sortOut(const Change& change) {
             contents.push_back({node->id(), true});
             if (!regions.empty()) layoutsChanged.push_back(node->id());
         }
-    } else if (change.field == role.visible || change.field == role.proxy || change.field == role.choice || change.field == role.order ||
+    } else if (change.field == role.visible || change.field == role.proxy || change.field == role.choice ||
+               change.field == role.order ||
                (role.role == Role::level && (change.field == role.range || change.field == role.center))) {
         reconciled.push_back(node->id());
     } else if ((role.hasTransform && aspect == Aspect::transform) ||

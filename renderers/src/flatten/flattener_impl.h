@@ -48,10 +48,10 @@ struct Occurrence {
     bool ownsFrame = false, hidden = false, isLocal = false;
     bool seen = true, heard = true, felt = true;  // as Instance has them
     bool hasProxy = false, isProxy = false;       // a Collision with such a field; what is in it
-    bool isMover = false;            // its transform or choice may change by itself
-    bool wasSeen = false;            // its transform has changed though that was not foreseen
-    bool moving = false;             // it or one around it is a mover
-    bool turned = false;             // it or one around it follows the picture: a Billboard, a layout ...
+    bool isMover = false;                         // its transform or choice may change by itself
+    bool wasSeen = false;                         // its transform has changed though that was not foreseen
+    bool moving = false;                          // it or one around it is a mover
+    bool turned = false;                          // it or one around it follows the picture: a Billboard, a layout ...
     std::uint16_t layer = 0;
 };
 

@@ -39,8 +39,7 @@ struct TypeRole {
     std::array<FieldIndex, 3> children{kNoField, kNoField, kNoField};
     FieldIndex visible = kNoField, global = kNoField, choice = kNoField, range = kNoField, order = kNoField;
     FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
-               center = kNoField, axis = kNoField, layout = kNoField, viewport = kNoField,
-               proxy = kNoField;
+               center = kNoField, axis = kNoField, layout = kNoField, viewport = kNoField, proxy = kNoField;
     FieldIndex geometry = kNoField, appearance = kNoField, castShadow = kNoField;
     FieldIndex bboxDisplay = kNoField, bboxCenter = kNoField, bboxSize = kNoField;  // of what can show its box
 
@@ -94,8 +93,8 @@ bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& w
 /// Appends the nodes below it that count, those without a role included.
 void desiredChildren(const Node& node, const TypeRole& role, std::uint32_t level, std::vector<NodeId>& out);
 
-/// A Collision's proxy (23.4.2), which avatars meet in place of the children and nothing else meets; none if it has none,
-/// or if that is one of the children too: then it is seen there.
+/// A Collision's proxy (23.4.2), which avatars meet in place of the children and nothing else meets; none if it has
+/// none, or if that is one of the children too: then it is seen there.
 NodeId proxyOf(const Node& node, const TypeRole& role);
 
 /// Follows PROTO instances to the node that stands for them; `id` itself if it is none. None for an empty body.

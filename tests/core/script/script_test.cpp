@@ -459,6 +459,12 @@ TEST(Script, ObjectsAndErrorsOfThePreludeAreInstancesOfTheProgramsOwn) {
     EXPECT_EQ(evaluated("(() => { try { Browser.currentScene.getNamedNode('?'); } catch (e) { return [e instanceof "
                         "ReferenceError, e instanceof Error, e instanceof TypeError]; } })()"),
               "true,true,false");
+    // Whoever is on the stack when it is full: what the program calls here mostly is.
+    EXPECT_EQ(
+        evaluated("(() => { let known = 0; const deep = () => { [1].map(x => SFVec3f(x, x, x).add(SFVec3f(1, 1, 1))); "
+                  "deep(); }; for (let i = 0; i < 20; ++i) try { deep(); } catch (e) { known += e instanceof "
+                  "InternalError && e instanceof Error && !(e instanceof TypeError); } return known; })()"),
+        "20");
     EXPECT_EQ(evaluated("(() => { try { new SFVec3f().add(undefined); } catch (e) { return [e instanceof TypeError, e "
                         "instanceof Error]; } })()"),
               "true,true");

@@ -121,7 +121,8 @@ Met metAlong(PointedWorld& w) {
 TEST(WorldQueries, ProxiesAreFeltAndNotSeen) {
     PointedWorld w(
         "DEF C Collision { children DEF M Transform { children Shape { geometry Box { } } }\n"
-        "proxy DEF P Transform { translation 0 0 9 children [ DEF L LOD { range 5 children [ Shape { geometry Box { } } "
+        "proxy DEF P Transform { translation 0 0 9 children [ DEF L LOD { range 5 children [ Shape { geometry Box { } "
+        "} "
         "Shape { geometry Box { size 2 2 4 } } ] } PointLight { } Viewpoint { } ] } }\n"
         "DEF E Collision { proxy Transform { translation 0 0 20 rotation 0 1 0 1.5707963 scale 3 1 1 children Shape { "
         "geometry Box { } } } }");
