@@ -1,6 +1,7 @@
 // Keeps the tree over the boxes of instances in step with them.
 #include "instance_tree.h"
 
+#include <cmath>
 #include <limits>
 
 namespace rtsg::bvh {
@@ -258,10 +259,10 @@ void InstanceTree::split(const Part& part, std::size_t level, Part& a, Part& b) 
     int bestAxis = -1, bestBin = 0;
     float bestCost = HUGE_VALF;
     for (int axis = 0; axis < 3 && level < kMostLevels / 2; ++axis) {
-        if (!(size[axis] > 0)) continue;
+        const float scale = kBins * (1 - 1e-5f) / size[axis];
+        if (!(size[axis] > 0) || !std::isfinite(scale)) continue;  // hardly any size: no bins
         std::array<Box, kBins> boxes;
         std::array<std::uint32_t, kBins> counts{};
-        const float scale = kBins * (1 - 1e-5f) / size[axis];
         for (std::uint32_t i = part.begin; i < part.end; ++i) {
             const auto bin = static_cast<std::size_t>((center(order_[i])[axis] - lower[axis]) * scale);
             boxes[bin].extend(objects_[order_[i]].box);

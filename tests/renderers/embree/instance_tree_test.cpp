@@ -151,6 +151,22 @@ TEST(InstanceTree, StandsManyAtOnePlaceAndOneThatTravels) {
     EXPECT_EQ(tree.bounds().upper.x, truth[7].upper.x);
 }
 
+/// What lies apart by less than numbers can be divided by has no bins to be sorted into; sanitizers see if it gets
+/// some.
+TEST(InstanceTree, StandsThoseThatAreHardlyApart) {
+    std::mt19937 random(kTreeSeed);
+    for (const float step : {1e-45f, 1e-40f, 1e-38f, 1e-37f, 1e-30f}) {
+        InstanceTree tree;
+        std::map<std::uint32_t, Box> truth;
+        for (std::uint32_t i = 0; i < 100; ++i) {
+            const Vec3f at(static_cast<float>(i % 7) * step, static_cast<float>(i % 3) * step, 0);
+            tree.set(i, truth[i] = {at, at});
+        }
+        tree.commit();
+        expectComplete(tree, truth, random, 2, 5);
+    }
+}
+
 // Work follows the changes: a few moved do not have the tree built anew.
 TEST(InstanceTree, FewChangesDoNotRebuild) {
     std::mt19937 random(kTreeSeed);
