@@ -2,7 +2,9 @@
 #include <rtsg/audio/acoustic_engine.h>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
+#include <utility>
 
 #include "acoustic_engine_impl.h"
 #include "trace/reach.h"
@@ -131,29 +133,43 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
     }
 }
 
-/// Where the emitters are on their way to; those that are no longer there begin to fade.
+/// Where the emitters are on their way to; those that jump, come or go do so when the frame ends.
 void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double poseSeconds) {
     const double time = poseSeconds * options.sampleRate, seconds = std::max(0.0, poseSeconds - posedAt);
     for (const SoundEmitter& emitter : *sounds.emitters) stateOf(emitter, time);
     for (auto& [id, state] : states) {
-        if (state.gone) continue;
-        const SoundEmitter* emitter = sounds.find(id);
-        if (!emitter) {
-            state.gone = true;
-            state.fading = static_cast<std::size_t>(state.level.delay) + state.responseFrames + options.blockSize;
-            continue;
-        }
+        const SoundEmitter* emitter = state.gone ? nullptr : sounds.find(id);
+        if (!emitter) continue;
         const glm::dvec3 to = emitter->position();
         if (to != state.to) state.around = geometry.instancesAround(to, options.bodySize);
         // Faster than sound is not moving but being put somewhere else.
-        const bool jump = !(glm::distance(state.to, to) <= air.speedOfSound * std::max(1e-3, seconds));
-        state.jumped = state.jumped || jump;
+        state.jumps = state.jumps || !(glm::distance(state.to, to) <= air.speedOfSound * std::max(1e-3, seconds));
         state.to = to;
-        state.motion.put(time, to, jump);
+        if (!state.jumps) state.motion.put(time, to, false);
         const auto body = bodyOf(state.around, now.position);
         state.stale = state.stale || body != state.body;
         state.body = body;
     }
+}
+
+/// Those that are no longer there begin to fade.
+void AcousticEngine::Impl::takeOver(const SoundVersion& sounds, double poseSeconds) {
+    const double time = poseSeconds * options.sampleRate;
+    const bool all = std::exchange(listenerJumps, false);
+    if (all) listenerMotion.put(time, now.position, true);
+    for (auto& [id, state] : states) {
+        if (state.gone) continue;
+        if (!sounds.find(id)) {
+            state.gone = true;
+            state.fading = static_cast<std::size_t>(state.level.delay) + state.responseFrames + options.blockSize;
+            continue;
+        }
+        const bool jumps = std::exchange(state.jumps, false);
+        if (jumps) state.motion.put(time, state.to, true);
+        state.jumped = state.jumped || jumps || all;
+    }
+    followAir(sounds);
+    playing = sounds;
 }
 
 void AcousticEngine::Impl::followListener(const ListenerPose& listener, double poseSeconds) {
@@ -165,10 +181,9 @@ void AcousticEngine::Impl::followListener(const ListenerPose& listener, double p
         toSkip = channels * latency();
         listenerMotion.put(posedAt * options.sampleRate, now.position, true);
     }
-    const bool jump = !(glm::distance(before.position, now.position) <= air.speedOfSound * std::max(1e-3, seconds));
-    listenerMotion.put(poseSeconds * options.sampleRate, now.position, jump);
-    if (!jump) return;
-    for (auto& [id, state] : states) state.jumped = true;
+    listenerJumps =
+        listenerJumps || !(glm::distance(before.position, now.position) <= air.speedOfSound * std::max(1e-3, seconds));
+    if (!listenerJumps) listenerMotion.put(poseSeconds * options.sampleRate, now.position, false);
 }
 
 /// What the air of the scene changes concerns every response.
@@ -193,11 +208,32 @@ EmitterState& AcousticEngine::Impl::stateOf(const SoundEmitter& emitter, double 
 }
 
 void AcousticEngine::Impl::followState(const AcousticState& state, const RayView& rays, double poseSeconds) {
-    followAir(state.sounds);
     followListener(state.sounds.listener, poseSeconds);
     follow(state, rays);
     followEmitters(state.sounds, poseSeconds);
     posedAt = std::max(posedAt, poseSeconds);
+}
+
+/// As a log that is played again does. Sound goes on where it is, with what plays, moves and is measured begun anew.
+void AcousticEngine::Impl::goBack(double seconds) {
+    const double rate = options.sampleRate;
+    const std::int64_t back = std::llround(renderedUntil * rate) - std::llround(seconds * rate);
+    samples -= back;
+    firstSample -= back;
+    renderedUntil = posedAt = seconds;
+    const auto restart = [&](Trajectory& motion, const glm::dvec3& position) {
+        motion = Trajectory(options.blockSize);
+        motion.put(seconds * rate, position, true);
+    };
+    restart(listenerMotion, now.position);
+    for (auto& [id, state] : states) {
+        if (state.gone) continue;
+        state.mix = {};
+        restart(state.motion, state.to);
+        state.jumped = true;
+        state.tracedAt = -std::numeric_limits<double>::infinity();
+        state.wallsChanged.reset();
+    }
 }
 
 Result<> AcousticEngine::Impl::renderTo(const SoundVersion& sounds, double untilSeconds, SoundBuffer& sound) {
@@ -212,9 +248,12 @@ Result<> AcousticEngine::Impl::renderTo(const SoundVersion& sounds, double until
     const std::size_t wanted = channels * static_cast<std::size_t>(std::max(
                                               0.0, std::round(untilSeconds * rate) - std::round(renderedUntil * rate)));
     while (ready.size() < wanted) {
+        const double begin = static_cast<double>(samples) / rate;
         const double end = static_cast<double>(samples + static_cast<std::int64_t>(options.blockSize)) / rate;
-        const double alpha = span > 0 ? std::clamp((end - renderedUntil) / span, 0.0, 1.0) : 1;
-        if (auto done = block(sounds, alpha); !done) return done;
+        // The blocks ahead of the sound, by the latency of the mixer.
+        if (begin >= untilSeconds && playing.emitters != sounds.emitters) takeOver(sounds, untilSeconds);
+        const double alpha = listenerJumps ? 0 : span > 0 ? std::clamp((end - renderedUntil) / span, 0.0, 1.0) : 1;
+        if (auto done = block(alpha); !done) return done;
     }
     sound.samples.insert(sound.samples.end(), ready.begin(), ready.begin() + static_cast<std::ptrdiff_t>(wanted));
     ready.erase(ready.begin(), ready.begin() + static_cast<std::ptrdiff_t>(wanted));
@@ -225,8 +264,15 @@ Result<> AcousticEngine::Impl::renderTo(const SoundVersion& sounds, double until
 
 Result<> AcousticEngine::render(const AcousticState& state, const RayView& rays, double untilSeconds,
                                 SoundBuffer& sound) {
-    impl_->followState(state, rays, std::max(untilSeconds, impl_->renderedUntil));
-    return impl_->renderTo(state.sounds, untilSeconds, sound);
+    constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter of that
+    Impl& s = *impl_;
+    if (untilSeconds < s.renderedUntil - kRounding) s.goBack(untilSeconds);
+    const double end = std::max(untilSeconds, s.renderedUntil);
+    s.followState(state, rays, end);
+    if (!s.playing.emitters) s.takeOver(state.sounds, end);
+    if (auto done = s.renderTo(state.sounds, end, sound); !done) return done;
+    s.takeOver(state.sounds, end);
+    return {};
 }
 
 Result<> AcousticEngine::renderLive(std::shared_ptr<const AcousticState> state, std::shared_ptr<const RayView> rays,
@@ -239,6 +285,7 @@ Result<> AcousticEngine::renderLive(std::shared_ptr<const AcousticState> state, 
         s.liveState = std::move(state);
         s.liveRays = std::move(rays);
         s.followState(*s.liveState, *s.liveRays, poseSeconds);
+        s.takeOver(s.liveState->sounds, poseSeconds);
     }
     return s.renderTo(s.liveState->sounds, untilSeconds, sound);
 }

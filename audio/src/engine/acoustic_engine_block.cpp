@@ -337,7 +337,9 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     spatialise(sound, state, apparent, block);
     if (options.reflections && sound.reflected) {
         // Source, listener and walls of one instant, that of the scene, which the block is on its way to.
-        if (audible && mustTrace(emitter, state, state.to, now)) trace(state, emitter, state.to, now);
+        // Who will be somewhere else when the frame ends is not there yet.
+        const bool there = !state.hasResponse || !(state.jumps || listenerJumps);
+        if (audible && there && mustTrace(emitter, state, state.to, now)) trace(state, emitter, state.to, now);
         renderLate(state, to, block);
     }
     noteSilence(state, block);
@@ -427,16 +429,18 @@ Result<> AcousticEngine::Impl::mixDown(const Block& block) {
     return {};
 }
 
-Result<> AcousticEngine::Impl::block(const SoundVersion& sounds, double alpha) {
+Result<> AcousticEngine::Impl::block(double alpha) {
     const std::size_t size = options.blockSize;
     listenerMotion.advance(static_cast<double>(samples) + static_cast<double>(size));
     ListenerPose listener = mixedPose(before, now, alpha);
     listener.position = listenerMotion.at(static_cast<double>(samples) + static_cast<double>(size)).position;
+    listener.gain = playing.listener.gain;
+    listener.doppler = playing.listener.doppler;
     const std::vector<std::vector<float>> silent(channels, std::vector<float>(size));
     Block block{listener, {}, {}, std::vector<float>(size), {}, silent, {}};
     if (head()) block.ears = silent;
     for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
-    for (const SoundEmitter& emitter : *sounds.emitters)
+    for (const SoundEmitter& emitter : *playing.emitters)
         if (auto done = renderEmitter(emitter, states.at(emitter.id), block); !done) return done;
     fadeOut(block);
     endStreams();

@@ -35,6 +35,7 @@ struct AcousticEngine::Impl {
           renderedUntil(o.startTime),
           posedAt(o.startTime),
           samples(std::llround(o.startTime * o.sampleRate)),
+          firstSample(samples),
           lateQueue(channels * latency()) {}
 
     /// What one block sounds like while it is made.
@@ -54,6 +55,9 @@ struct AcousticEngine::Impl {
     void follow(const AcousticState& state, const RayView& rays);
     /// Everything but the sound: what is where at `poseSeconds`.
     void followState(const AcousticState& state, const RayView& rays, double poseSeconds);
+    /// From here on `sounds` is what plays: what changed with it is heard.
+    void takeOver(const SoundVersion& sounds, double poseSeconds);
+    void goBack(double seconds);
     Result<> renderTo(const SoundVersion& sounds, double untilSeconds, SoundBuffer& sound);
     void followEmitters(const SoundVersion& sounds, double poseSeconds);
     void followListener(const ListenerPose& listener, double poseSeconds);
@@ -61,7 +65,7 @@ struct AcousticEngine::Impl {
     std::vector<std::uint32_t> bodyOf(std::vector<std::uint32_t> around, const glm::dvec3& listener) const;
     EmitterState& stateOf(const SoundEmitter& emitter, double time);
 
-    Result<> block(const SoundVersion& sounds, double alpha);
+    Result<> block(double alpha);
     Result<> renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block);
     void play(const SoundNode& sound, EmitterState& state, Block& block);
     void streamOut(const SoundNode& sound, EmitterState& state, Block& block);
@@ -111,10 +115,12 @@ struct AcousticEngine::Impl {
     std::vector<std::vector<float>> blocks;  // by mixer source
     ListenerPose before, now;                // at the ends of the frame being rendered
     Trajectory listenerMotion;
-    bool posed = false;
+    bool posed = false, listenerJumps = false;
+    SoundVersion playing;  // what is heard; what the next one changes is heard from its time on
     double renderedUntil;
     double posedAt = 0;           // the scene time of the last poses
     std::int64_t samples;         // consumed from the voices
+    std::int64_t firstSample;     // what `samples` began with, less what time went back by
     std::deque<float> lateQueue;  // interleaved; delays reflections by the mixer's latency
     std::size_t toSkip = 0;       // of the mixer's latency, still to be dropped
     std::vector<float> ready;     // interleaved, rendered but not yet asked for

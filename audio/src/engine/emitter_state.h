@@ -49,6 +49,7 @@ struct EmitterState {
     std::vector<std::uint32_t> body;    // of those, the ones that the listener is not in
     HeardLevel level;                   // at the end of the last block
     bool started = false;
+    bool jumps = false;         // will be put somewhere else when this frame ends
     bool jumped = false;        // put somewhere else: what is under way is not followed
     bool held = false;          // kept its delay in the last block, as it is not to be shifted
     std::size_t quiet = 0;      // samples since something was played

@@ -7,7 +7,7 @@ namespace rtsg {
 
 void AcousticEngine::Impl::streamOut(const SoundNode& sound, EmitterState& state, Block& block) {
     const std::size_t size = options.blockSize;
-    const auto since = static_cast<std::size_t>(samples - std::llround(options.startTime * options.sampleRate));
+    const auto since = static_cast<std::size_t>(samples - firstSample);
     auto found = std::ranges::find(streams, sound.node, &StreamedSound::node);
     if (found == streams.end()) {
         streams.push_back({sound.node, sound.name, {}, SoundBuffer{options.sampleRate, 1, std::vector<float>(since)}});
@@ -30,8 +30,7 @@ void AcousticEngine::Impl::streamOut(const SoundNode& sound, EmitterState& state
 
 /// Those whose node is gone go on in silence.
 void AcousticEngine::Impl::endStreams() {
-    const auto until =
-        static_cast<std::size_t>(samples - std::llround(options.startTime * options.sampleRate)) + options.blockSize;
+    const auto until = static_cast<std::size_t>(samples - firstSample) + options.blockSize;
     for (StreamedSound& stream : streams)
         stream.sound.samples.resize(
             std::max(stream.sound.samples.size(), until * static_cast<std::size_t>(stream.sound.channels)));

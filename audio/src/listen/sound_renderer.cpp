@@ -76,6 +76,7 @@ struct SoundRenderer::Impl {
     std::size_t blockAt = 0;  // of report.sound.samples
     double start = 0;
     std::size_t toldSealed = 0, toldLeaks = 0;
+    bool hadSounds = false;
     double measured = 0;  // share of a survey
 
     /// What was found since this was last called.
@@ -113,7 +114,9 @@ std::string SoundRenderer::failure() const {
 }
 
 Result<> SoundRenderer::follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {
-    return impl_->renderer->apply(scene, changes, delta);
+    const Result<> applied = impl_->renderer->apply(scene, changes, delta);
+    impl_->hadSounds = impl_->hadSounds || !impl_->renderer->scene().emitters().empty();
+    return applied;
 }
 
 std::shared_ptr<const void> SoundRenderer::freezeTables() {
@@ -333,7 +336,7 @@ ListenReport SoundRenderer::finish() {
         stream.sound.samples.resize(s.report.sound.frames() * static_cast<std::size_t>(stream.sound.channels));
     s.report.diagnostics.append(s.renderer->diagnostics());
     s.tell(world().scene(), s.report.diagnostics);
-    if (s.renderer->scene().emitters().empty()) s.report.diagnostics.warning({}, "the scene has no sounds");
+    if (!s.hadSounds) s.report.diagnostics.warning({}, "the scene has no sounds");
     return std::exchange(s.report, ListenReport());
 }
 

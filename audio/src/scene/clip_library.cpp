@@ -9,22 +9,18 @@
 #include <rtsg/renderers/movie.h>
 
 #include "signal/fractional_delay.h"
-#include "signal/random.h"
 
 namespace rtsg {
 
-std::shared_ptr<const SoundBuffer> ClipLibrary::testSignal() {
-    if (test_) return test_;
-    auto sound = std::make_shared<SoundBuffer>(SoundBuffer{sampleRate_, 1, {}});
-    sound->samples.resize(static_cast<std::size_t>(sampleRate_));
-    Random random(42);
-    for (std::size_t i = 0; i < sound->samples.size(); ++i)
-        sound->samples[i] =
-            static_cast<float>((random.uniform() - 0.5) * std::exp(-static_cast<double>(i) * 25 / sampleRate_));
-    return test_ = std::move(sound);
+std::shared_ptr<const SoundBuffer> ClipLibrary::silence() {
+    if (!silence_) silence_ = std::make_shared<const SoundBuffer>(SoundBuffer{sampleRate_, 1, {0}});
+    return silence_;
 }
 
 namespace {
+
+/// Times that a clip is played faster than it was made and nothing of it aliases: work and reach grow with it.
+constexpr double kFastest = 16;
 
 /// Sound files by their own library; films, and what else is packed as films are, by that of films.
 Result<SoundBuffer> readResource(Resource& file, std::uint64_t room) {
@@ -74,7 +70,7 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
         if (sound) return std::make_shared<const SoundBuffer>(std::move(*sound));
         reasons += "; " + sound.error().text;
     }
-    diagnostics_.warning({}, fmt::format("{}: no sound that can be read, a test signal takes its place{}", voice.name,
+    diagnostics_.warning({}, fmt::format("{} is silent: no sound that can be read{}", voice.name,
                                          voice.urls.empty() ? "; url is empty" : reasons));
     return nullptr;
 }
@@ -109,7 +105,7 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::heardBy(const SoundVoice& voice)
         why = sound ? "it is empty" : sound.error().text;
     }
     diagnostics_.warning({}, fmt::format("{} is silent: {}", voice.name, why));
-    return at->second = std::make_shared<const SoundBuffer>(SoundBuffer{sampleRate_, 1, {0}});
+    return at->second = silence();
 }
 
 std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
@@ -128,14 +124,13 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
         if (sound.samples.empty()) sound.samples.resize(static_cast<std::size_t>(sound.channels));
         auto fitting = converted(sound, resources_.policy().maximumSamples - samplesRead_);
         if (fitting) return std::make_shared<const SoundBuffer>(std::move(*fitting));
-        diagnostics_.warning({},
-                             fmt::format("{}: a test signal takes its place; {}", voice.name, fitting.error().text));
-        return testSignal();
+        diagnostics_.warning({}, fmt::format("{} is silent: {}", voice.name, fitting.error().text));
+        return silence();
     }
     const auto [at, fresh] = clips_.try_emplace(Key(voice.urls, voice.folders));
     if (fresh) {
         at->second = read(voice);
-        if (!at->second) at->second = testSignal();
+        if (!at->second) at->second = silence();
     }
     return at->second;
 }
@@ -193,25 +188,38 @@ VoicePlayer::Loop VoicePlayer::loopOf(const SoundVoice& voice, double rate) cons
     return {sample(voice.loopStart), std::min(length, sample(voice.loopEnd))};
 }
 
-/// Of the clip, where it has got to; between samples by the sinc.
-float VoicePlayer::sampleAt(const Loop* loop, std::size_t channel) const {
+/// After the end of a loop comes its beginning; before that its end, once it was there.
+double VoicePlayer::inLoop(const Loop* loop, double at) const {
+    if (!loop || (at < loop->end && (at >= loop->begin || !repeated_))) return at;
+    const double span = loop->end - loop->begin;
+    return std::round(at - std::floor((at - loop->begin) / span) * span);
+}
+
+/// Of the clip, where it has got to; between samples by the sinc. Faster than it was made what lies above half the
+/// sample rate by then is left out: the sinc is as much wider as it is played faster.
+float VoicePlayer::sampleAt(const Loop* loop, std::size_t channel, double faster) const {
     static const SincTable sinc;
+    constexpr int kTaps = 2 * SincTable::kHalf;
     const auto count = static_cast<std::size_t>(clip_->channels);
     const auto length = static_cast<double>(clip_->frames());
+    const auto clip = [&](double place) {
+        const double at = inLoop(loop, place);
+        return at < 0 || at >= length ? 0.0f : clip_->samples[static_cast<std::size_t>(at) * count + channel];
+    };
     const double whole = std::floor(phase_), fraction = phase_ - whole;
-    if (fraction == 0) return clip_->samples[static_cast<std::size_t>(whole) * count + channel];
     double sample = 0;
-    for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
-        double at = whole + k - (SincTable::kHalf - 1);
-        // After the end of a loop comes its beginning; before that its end, once it was there.
-        if (loop && (at >= loop->end || (at < loop->begin && repeated_))) {
-            const double span = loop->end - loop->begin;
-            at = std::round(at - std::floor((at - loop->begin) / span) * span);
+    if (faster > 1) {
+        const double reach = SincTable::kHalf * faster;
+        for (double at = std::ceil(phase_ - reach); at <= phase_ + reach; ++at) {
+            const double x = (at - phase_) / faster, above = std::ceil(x);
+            const int k = static_cast<int>(above) + SincTable::kHalf - 1;
+            if (k >= 0 && k < kTaps) sample += static_cast<double>(clip(at) * sinc.tap(above - x, k));
         }
-        if (at < 0 || at >= length) continue;
-        sample +=
-            static_cast<double>(clip_->samples[static_cast<std::size_t>(at) * count + channel] * sinc.tap(fraction, k));
+        return static_cast<float>(sample / faster);
     }
+    if (fraction == 0) return clip_->samples[static_cast<std::size_t>(whole) * count + channel];
+    for (int k = 0; k < kTaps; ++k)
+        sample += static_cast<double>(clip(whole + k - (SincTable::kHalf - 1)) * sinc.tap(fraction, k));
     return static_cast<float>(sample);
 }
 
@@ -225,6 +233,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
     const Loop loop = oscillator ? Loop{} : loopOf(voice, rate);
     const std::size_t channels = oscillator ? 1 : static_cast<std::size_t>(clip_->channels);
     const double step = oscillator ? voice.frequency / rate : voice.pitch;
+    const double faster = std::clamp(step, 1.0, kFastest);
     // Below half the sample rate.
     const auto harmonics =
         static_cast<std::size_t>(std::min(1e6, step != 0 ? std::max(0.0, std::ceil(0.5 / std::abs(step)) - 1) : 1e6));
@@ -265,7 +274,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
             if (oscillator)
                 out[c][i] += static_cast<float>(voice.gain * tone);
             else if (channels == 1 || c < channels)
-                out[c][i] += gain * sampleAt(voice.loop ? &loop : nullptr, channels == 1 ? 0 : c);
+                out[c][i] += gain * sampleAt(voice.loop ? &loop : nullptr, channels == 1 ? 0 : c, faster);
         }
         phase_ += step;
         if (oscillator) phase_ -= std::floor(phase_);

@@ -67,6 +67,23 @@ AcousticOptions few() {
     return options;
 }
 
+TEST(AcousticEngine, GoesOnWhereTimeGoesBack) {
+    Stage stage(
+        "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { gain .5 children BufferAudioSource { startTime 1 sampleRate "
+        "48000 loop TRUE buffer [ .5 ] } }\nViewpoint { }\n");
+    auto engine = *AcousticEngine::create(few());
+    SoundBuffer sound;
+    const auto state = stage.tables.latest();
+    for (const double t : {.9, 1.5, .5, 1.25, 2.}) ASSERT_TRUE(engine->render(*state, stage.world.rays(), t, sound));
+    // From 0 to 1.5 and from .5 to 2.
+    ASSERT_EQ(sound.frames(), 3 * 48000U);
+    const auto at = [&](double seconds) { return sound.samples[2 * static_cast<std::size_t>(seconds * 48000)]; };
+    EXPECT_EQ(at(.99), 0);
+    for (const double t : {1.01, 1.49, 2.01, 2.99}) EXPECT_NEAR(at(t), .25, 1e-6) << t;
+    EXPECT_EQ(at(1.52), 0) << "it starts at 1 again";
+    EXPECT_EQ(at(1.99), 0);
+}
+
 TEST(AcousticEngine, TracesAgainOnlyWhatAChangeCanReach) {
     const auto traces = [](const auto& edit) {
         Stage stage;

@@ -73,20 +73,57 @@ TEST_F(Listen, FollowsEditsOfTheScene) {
     scene.newFrame(0.3);
     ASSERT_TRUE(listening.renderFrame());
     ASSERT_TRUE(scene.destroyNode(voice));
-    scene.newFrame(0.4);
-    ASSERT_TRUE(listening.renderFrame());
+    for (const double t : {0.4, 0.5}) {
+        scene.newFrame(t);
+        ASSERT_TRUE(listening.renderFrame());
+    }
     const SoundBuffer sound = listening.finish().sound;
-    ASSERT_EQ(sound.frames(), static_cast<std::size_t>(0.4 * kRate));
+    ASSERT_EQ(sound.frames(), static_cast<std::size_t>(0.5 * kRate));
     const auto energy = [&](double from, double to, std::size_t channel) {
         double sum = 0;
         for (auto i = static_cast<std::size_t>(from * kRate); i < static_cast<std::size_t>(to * kRate); ++i)
             sum += sound.samples[2 * i + channel] * sound.samples[2 * i + channel];
         return sum;
     };
-    EXPECT_GT(energy(.02, .1, 1), 4 * energy(.02, .1, 0));
-    EXPECT_NEAR(energy(.12, .2, 0) + energy(.12, .2, 1), 0, 1e-6);
-    EXPECT_GT(energy(.28, .3, 0), 4 * energy(.28, .3, 1));
-    EXPECT_NEAR(energy(.33, .4, 0) + energy(.33, .4, 1), 0, 1e-6);
+    EXPECT_GT(energy(.02, .2, 1), 4 * energy(.02, .2, 0)) << "until the frame that disables it";
+    EXPECT_NEAR(energy(.22, .3, 0) + energy(.22, .3, 1), 0, 1e-6);
+    EXPECT_GT(energy(.38, .4, 0), 4 * energy(.38, .4, 1));
+    EXPECT_NEAR(energy(.43, .5, 0) + energy(.43, .5, 1), 0, 1e-6);
+}
+
+/// However few frames there are, nothing is heard before it happens, nor later than a block.
+TEST_F(Listen, WhatIsEditedIsHeardFromThenOn) {
+    for (const double fps : {60., 10., 2.}) {
+        Scene scene;
+        load(scene,
+             "DEF Out AudioDestination { gain 0 children OscillatorSource { frequency 480 } }\nDEF Held Group { "
+             "children DEF Own AudioDestination { children OscillatorSource { frequency 960 } } }\nViewpoint { }\n");
+        const NodeId out = scene.findName("Out"), held = scene.findName("Held");
+        ListenOptions o = options();
+        o.seconds = 2;
+        o.framesPerSecond = fps;
+        o.runTo = [&](double t) {
+            const bool done = t == .5  ? scene.destroyNode(held).has_value()
+                              : t == 1 ? scene.set(out, x3d::AudioDestination::gain, .5f).has_value()
+                                       : t != 1.5 || scene.set(out, x3d::AudioDestination::enabled, false).has_value();
+            EXPECT_TRUE(done) << t;
+            scene.newFrame(t);
+        };
+        const auto report = listen(scene, o);
+        ASSERT_TRUE(report) << report.error().text;
+        const auto loudest = [&](double from, double to) {
+            float most = 0;
+            for (auto i = std::lround(from * kRate); i < std::lround(to * kRate); ++i)
+                most = std::max(most, std::abs(report->sound.samples[2 * static_cast<std::size_t>(i)]));
+            return most / report->gain;
+        };
+        const double block = 256. / kRate;
+        EXPECT_NEAR(loudest(.49, .5), 1, .01) << fps;
+        EXPECT_EQ(loudest(.5 + 2 * block, 1), 0) << fps;
+        EXPECT_NEAR(loudest(1 + 2 * block, 1.5), .5, .01) << fps;
+        EXPECT_NEAR(loudest(1.49, 1.5), .5, .01) << fps;
+        EXPECT_EQ(loudest(1.5 + 2 * block, 2), 0) << fps;
+    }
 }
 
 TEST_F(Listen, AClipBesideAnInlinedFileIsFound) {
@@ -131,8 +168,10 @@ TEST_F(Listen, AnAudioDestinationAtTheRootIsHeard) {
             ASSERT_NEAR(sound.block()[2 * i + c], .5 * std::sin(2 * M_PI * 480 * static_cast<double>(i) / kRate), 1e-5)
                 << i;
     ASSERT_TRUE(scene.set(scene.findName("Out"), x3d::AudioDestination::gain, .25f));
-    scene.newFrame(.2);
-    ASSERT_TRUE(sound.renderFrame());
+    for (const double t : {.2, .3}) {
+        scene.newFrame(t);
+        ASSERT_TRUE(sound.renderFrame());
+    }
     EXPECT_NEAR(*std::max_element(sound.block().begin() + 4000, sound.block().end()), .25f, 1e-3);
     EXPECT_TRUE(sound.finish().diagnostics.all().empty());
 }
@@ -155,10 +194,17 @@ TEST_F(Listen, WhatLeadsIntoAStreamDestinationIsKeptAndNotHeard) {
     scene.newFrame(.1);
     ASSERT_TRUE(sound.renderFrame());
     for (const float sample : sound.block()) ASSERT_EQ(sample, 0);
+    // What is edited is heard from its frame on, which therefore ends no sound.
+    const auto now = [&] {
+        scene.seal();
+        ASSERT_TRUE(sound.renderFrame());
+    };
     ASSERT_TRUE(scene.set(scene.findName("Late"), x3d::StreamAudioDestination::enabled, true));
+    now();
     scene.newFrame(.2);
     ASSERT_TRUE(sound.renderFrame());
     ASSERT_TRUE(scene.destroyNode(scene.findName("Held")));
+    now();
     scene.newFrame(.3);
     ASSERT_TRUE(sound.renderFrame());
     const ListenReport report = sound.finish();
@@ -381,15 +427,29 @@ TEST_F(Listen, WhatIsMissingIsSaid) {
     EXPECT_EQ(nothing->sound.frames(), 9600u);
     EXPECT_EQ(nothing->sound.peak(), 0.0f);
 
+    // What was heard for a while is no scene without sounds.
+    Scene passing;
+    load(passing, "DEF Out AudioDestination { children OscillatorSource { } }\nViewpoint { }");
+    ListenOptions ends = options();
+    ends.runTo = [&](double t) {
+        const NodeId out = passing.findName("Out");
+        EXPECT_TRUE(t < .1 || !out || passing.destroyNode(out));
+        passing.newFrame(t);
+    };
+    const auto passed = listen(passing, ends);
+    ASSERT_TRUE(passed);
+    EXPECT_EQ(passed->diagnostics.warnings(), 0u);
+    EXPECT_TRUE(passed->diagnostics.all().empty());
+
     Scene missing;
     load(missing,
          "Sound { source AudioClip { description \"none\" url [ \"no.wav\" \"http://example.org/x.wav\" ] } "
          "}\nViewpoint { position 0 0 1 }");
-    const auto replaced = listen(missing, options());
-    ASSERT_TRUE(replaced);
-    ASSERT_EQ(replaced->diagnostics.warnings(), 1u);
-    EXPECT_NE(replaced->diagnostics.all()[0].text.find("no.wav"), std::string::npos);
-    EXPECT_GT(replaced->sound.peak(), 0.1f);
+    const auto unheard = listen(missing, options());
+    ASSERT_TRUE(unheard);
+    ASSERT_EQ(unheard->diagnostics.warnings(), 1u);
+    EXPECT_NE(unheard->diagnostics.all()[0].text.find("no.wav"), std::string::npos);
+    EXPECT_EQ(unheard->sound.peak(), 0);
 
     ListenOptions bad = options();
     bad.seconds = -1;

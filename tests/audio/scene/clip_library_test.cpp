@@ -1,4 +1,4 @@
-// Clips that are read once, within the limit on samples, and what stands in for those that cannot be.
+// Clips that are read once, within the limit on samples, silent where they cannot be, and played at any rate.
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -36,8 +36,9 @@ class Clips : public testing::Test {
         policy.maximumSamples = maximumSamples;
         return {kFileRate, Resources(folder_.path(), policy)};
     }
-    /// The second that a test signal takes.
-    static bool standsIn(const SoundBuffer& sound) { return sound.frames() == kFileRate && sound.samples[100] != .25f; }
+    static bool isSilent(const SoundBuffer& sound) {
+        return std::ranges::all_of(sound.samples, [](float sample) { return sample == 0; });
+    }
 
     const test::TempFolder folder_;
 };
@@ -63,13 +64,13 @@ TEST_F(Clips, MayBeWhatAFilmIsHeardBy) {
     EXPECT_EQ(sound->samples[2 * 1000 + 1], -1000 / 32768.0f);
     EXPECT_EQ(clips.diagnostics().warnings(), 0U);
     ClipLibrary few = library(20'000);
-    EXPECT_TRUE(standsIn(*few.get(voice({"film.avi"}))));
+    EXPECT_TRUE(isSilent(*few.get(voice({"film.avi"}))));
 }
 
-TEST_F(Clips, WhatCannotBeReadIsATestSignalAndIsNamed) {
+TEST_F(Clips, WhatCannotBeReadIsSilentAndIsNamed) {
     ClipLibrary clips = library(1 << 20);
-    EXPECT_TRUE(standsIn(*clips.get(voice({"nowhere.wav"}))));
-    EXPECT_TRUE(standsIn(*clips.get(voice({}))));
+    EXPECT_TRUE(isSilent(*clips.get(voice({"nowhere.wav"}))));
+    EXPECT_TRUE(isSilent(*clips.get(voice({}))));
     ASSERT_EQ(clips.diagnostics().warnings(), 2U);
     EXPECT_NE(clips.diagnostics().all()[0].text.find("nowhere.wav"), std::string::npos);
 }
@@ -80,7 +81,7 @@ TEST_F(Clips, TogetherHaveNoMoreSamplesThanThePolicyLets) {
     write("c.wav", 40'000, kFileRate);
     ClipLibrary clips = library(100'000);
     EXPECT_EQ(clips.get(voice({"a.wav"}))->samples.size(), 60'000U);
-    EXPECT_TRUE(standsIn(*clips.get(voice({"b.wav"}))));
+    EXPECT_TRUE(isSilent(*clips.get(voice({"b.wav"}))));
     ASSERT_EQ(clips.diagnostics().warnings(), 1U);
     EXPECT_NE(clips.diagnostics().all()[0].text.find("--limit samples=N"), std::string::npos);
     EXPECT_EQ(clips.get(voice({"c.wav"}))->samples.size(), 40'000U) << "it fits exactly";
@@ -91,7 +92,7 @@ TEST_F(Clips, CountAsTheyArePlayed) {
     write("slow.wav", 1000, 200);
     write("slower.wav", 1000, 1);
     ClipLibrary clips = library(100'000);
-    for (const char* name : {"slow.wav", "slower.wav"}) EXPECT_TRUE(standsIn(*clips.get(voice({name})))) << name;
+    for (const char* name : {"slow.wav", "slower.wav"}) EXPECT_TRUE(isSilent(*clips.get(voice({name})))) << name;
     EXPECT_EQ(clips.diagnostics().warnings(), 2U);
     EXPECT_FALSE(resample(SoundBuffer{1, 1, std::vector<float>(10)}, kFileRate)) << "too far apart";
     ClipLibrary more = library(300'000);
@@ -101,7 +102,7 @@ TEST_F(Clips, CountAsTheyArePlayed) {
     buffer.kind = SoundVoice::Kind::buffer;
     buffer.buffer = Array<float>::ofSize(10'000);
     buffer.bufferRate = 1000;
-    EXPECT_TRUE(standsIn(*clips.get(buffer)));
+    EXPECT_TRUE(isSilent(*clips.get(buffer)));
     EXPECT_EQ(clips.diagnostics().warnings(), 3U);
     ClipLibrary enough = library(500'000);
     EXPECT_NEAR(static_cast<double>(enough.get(buffer)->frames()), 480'000, 2);
@@ -208,6 +209,33 @@ TEST_F(Clips, HaveTheRateThatTheirNodeSaysByNow) {
     out.assign(1, std::vector<float>(9600));
     player.play(voice, clips, 9600, out);
     EXPECT_NEAR(crossings(out[0]), 100, 1);
+}
+
+/// Amplitude of what is heard of a sine of `hz` that is played `pitch` times as fast, away from its ends.
+double heardOfSine(ClipLibrary& clips, double hz, double pitch) {
+    std::vector<float> samples(2 * kFileRate);
+    for (std::size_t i = 0; i < samples.size(); ++i)
+        samples[i] = static_cast<float>(std::sin(2 * std::numbers::pi * hz * static_cast<double>(i) / kFileRate));
+    SoundVoice voice = bufferVoice(samples);
+    voice.pitch = pitch;
+    VoicePlayer player;
+    std::vector<std::vector<float>> out(1, std::vector<float>(9600));
+    player.play(voice, clips, 0, out);
+    double energy = 0;
+    for (std::size_t i = 2400; i < 4800; ++i) energy += static_cast<double>(out[0][i]) * static_cast<double>(out[0][i]);
+    return std::sqrt(2 * energy / 2400);
+}
+
+TEST_F(Clips, ThatPlayFasterLoseWhatWouldBeAboveHalfTheRate) {
+    ClipLibrary clips = library(1 << 24);
+    const auto level = [&](double hz, double pitch) { return 20 * std::log10(heardOfSine(clips, hz, pitch)); };
+    EXPECT_LT(level(10'000, 4), -60);
+    EXPECT_LT(level(15'000, 2.5), -60);
+    EXPECT_LT(level(2'400, 16), -60);
+    EXPECT_NEAR(level(1'000, 2), 0, .1);
+    EXPECT_NEAR(level(1'000, 7.5), 0, .1);
+    EXPECT_NEAR(level(10'000, 1), 0, .001);
+    EXPECT_NEAR(level(10'000, .7), 0, .01);
 }
 
 TEST_F(Clips, OscillatorsBeyondHalfTheRateAreSilent) {

@@ -128,9 +128,12 @@ class AcousticEngine {
     ~AcousticEngine();
 
     /// Renders the scene time from the end of the last call (at first the start time) to `untilSeconds`, in whole
-    /// blocks, and appends it to `sound`. The latency of OpenAL is taken out. The poses of `state` are those at
-    /// `untilSeconds`; states may be skipped, but never go back. `rays` are of the same state and used in the call
-    /// only.
+    /// blocks, and appends it to `sound`. The latency of OpenAL is taken out. The state is that of `untilSeconds`:
+    /// places are on their way there, smoothly, from those of the call before; what else changed (fields, what comes
+    /// and goes, who is put somewhere else) is heard from the first block that begins then or later, and until then
+    /// what the call before was given; at the first call it is so from the start. Walls, and with them reflections,
+    /// are those of `state` all the way. States may be skipped. Where time goes back, nothing is made, and the next
+    /// call goes on from there. `rays` are of the same state and used in the call only.
     Result<> render(const AcousticState& state, const RayView& rays, double untilSeconds, SoundBuffer& sound);
 
     /// The same for sound that does not wait: the poses are those at `poseSeconds`, which may lie before or after

@@ -1,8 +1,9 @@
 // ClipLibrary: the sounds of AudioClips, read once and converted to one rate; and playing voices from them.
 //
-// A clip that cannot be read is replaced by a test signal (a decaying noise burst each second), with a warning, so that
-// one hears where it would be. What urls may open says core/resource.h; all clips together have as many samples,
-// converted, as its policy lets, and each of them before it is. Threading: one thread.
+// A clip that cannot be read is silent, with a warning. What urls may open says core/resource.h; all clips together
+// have as many samples, converted, as its policy lets, and each of them before it is. A clip that plays faster than it
+// was made loses what would lie above half the sample rate; beyond 16 times as fast some of that is heard, folded down.
+// Threading: one thread.
 #pragma once
 
 #include <cstdint>
@@ -51,7 +52,7 @@ class ClipLibrary {
     const Given* given(const SoundVoice& voice) const;
     std::shared_ptr<const SoundBuffer> heardBy(const SoundVoice& voice);
     Result<SoundBuffer> converted(const SoundBuffer& sound, std::uint64_t room) const;
-    std::shared_ptr<const SoundBuffer> testSignal();
+    std::shared_ptr<const SoundBuffer> silence();
 
     int sampleRate_;
     Resources resources_;
@@ -61,7 +62,7 @@ class ClipLibrary {
     using Key = std::pair<std::vector<std::string>, std::vector<std::filesystem::path>>;
     std::map<Key, std::shared_ptr<const SoundBuffer>> clips_;
     std::uint64_t samplesRead_ = 0;
-    std::shared_ptr<const SoundBuffer> test_;
+    std::shared_ptr<const SoundBuffer> silence_;
     Diagnostics diagnostics_;
 };
 
@@ -82,7 +83,8 @@ class VoicePlayer {
         double begin, end;
     };
     Loop loopOf(const SoundVoice& voice, double rate) const;
-    float sampleAt(const Loop* loop, std::size_t channel) const;
+    double inLoop(const Loop* loop, double at) const;
+    float sampleAt(const Loop* loop, std::size_t channel, double faster) const;
 
     std::shared_ptr<const SoundBuffer> clip_;
     std::shared_ptr<SoundInput> input_;  // instead of a clip

@@ -43,6 +43,8 @@ class SoundRenderer final : public WorldRenderer {
     ~SoundRenderer() override;
 
     /// Makes the sound from the end of the last frame to the scene's time; nothing where the options ask for no sound.
+    /// What this frame changed is heard from its time on, to the block, what moves smoothly on its way there; but walls
+    /// count from the end of the last frame on. See AcousticEngine::render().
     Result<> renderFrame() override;
     /// The same up to the state's time, with what the state has. Errors: node renderers are registered here, which
     /// voice on the scene's thread only.
