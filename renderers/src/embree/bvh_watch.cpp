@@ -19,13 +19,13 @@ constexpr double kNoArea = 1e-34;
 // Four lanes, the last of which is ignored: arrays are padded, so a wide read of the last element is safe.
 using Lanes = float __attribute__((vector_size(16)));
 
-struct Box {
+struct BinBox {
     Lanes low{HUGE_VALF, HUGE_VALF, HUGE_VALF, HUGE_VALF}, high = -low;
     void extend(Lanes p) {
         low = p < low ? p : low;
         high = p > high ? p : high;
     }
-    void extend(const Box& b) {
+    void extend(const BinBox& b) {
         low = b.low < low ? b.low : low;
         high = b.high > high ? b.high : high;
     }
@@ -35,7 +35,7 @@ struct Box {
     }
 };
 
-Lanes load(const Vec3f* point) {
+Lanes loadPoint(const Vec3f* point) {
     Lanes lanes;
     std::memcpy(&lanes, point, sizeof lanes);
     return lanes;
@@ -75,8 +75,8 @@ void* createLeaf(RTCThreadLocalAllocator allocator, const RTCBuildPrimitive* pri
 BvhWatch::BvhWatch(RTCDevice device, const Mesh& mesh) {
     std::vector<RTCBuildPrimitive> primitives(mesh.triangleCount);
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
-        Box box;
-        for (std::uint32_t c = 0; c < 3; ++c) box.extend(load(&mesh.positions[mesh.vertexIndex(t, c)]));
+        BinBox box;
+        for (std::uint32_t c = 0; c < 3; ++c) box.extend(loadPoint(&mesh.positions[mesh.vertexIndex(t, c)]));
         primitives[t] = {box.low[0], box.low[1], box.low[2], 0, box.high[0], box.high[1], box.high[2], t};
     }
     RTCBVH bvh = rtcNewBVH(device);
@@ -137,15 +137,15 @@ BvhWatch::BvhWatch(RTCDevice device, const Mesh& mesh) {
 
 double BvhWatch::findAreas(const Array<Vec3f>& positions) const {
     if (children_.empty()) return 0;
-    std::vector<Box> stack;
+    std::vector<BinBox> stack;
     stack.reserve(512);
     std::size_t leaf = 0, vertex = 0;
     const Vec3f* points = positions.data();
     for (std::size_t i = 0; i < children_.size(); ++i) {
-        Box box;
+        BinBox box;
         if (children_[i] == 0) {
             for (const std::size_t end = leafEnd_[leaf++]; vertex < end; ++vertex)
-                box.extend(load(points + vertices_[vertex]));
+                box.extend(loadPoint(points + vertices_[vertex]));
         } else {
             for (int k = children_[i]; k > 0; --k) {
                 box.extend(stack.back());

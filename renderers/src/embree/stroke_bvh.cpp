@@ -10,8 +10,9 @@ namespace rtsg::bvh {
 namespace {
 
 using Box = TreeView::Box;
-constexpr std::size_t kBins = 16;
-constexpr double kSpoilt = 1.5;  // a refitted tree's cost over that of the built one, from which on it is built anew
+constexpr std::size_t kStrokeBins = 16;
+constexpr double kSpoiltStrokes =
+    1.5;  // a refitted tree's cost over that of the built one, from which on it is built anew
 
 Box boxOf(const StrokeBvh::Stroke& s) {
     return {glm::min(s.a, s.b), glm::max(s.a, s.b)};
@@ -51,24 +52,24 @@ struct StrokeBvh::Builder {
         std::uint32_t middle = part.begin + part.size() / 2;
         const auto first = order.begin() + part.begin, last = order.begin() + part.end;
         std::size_t bestBin = 0;
-        const float scale = kBins * (1 - 1e-5f) / size[axis];
+        const float scale = kStrokeBins * (1 - 1e-5f) / size[axis];
         const auto binOf = [&](std::uint32_t i) {
             return static_cast<std::size_t>((centers[i][axis] - lower[axis]) * scale);
         };
         if (size[axis] > 0 && std::isfinite(scale) && level < TreeView::kMostLevels / 2) {
-            std::array<Box, kBins> bins;
-            std::array<std::uint32_t, kBins> counts{};
+            std::array<Box, kStrokeBins> bins;
+            std::array<std::uint32_t, kStrokeBins> counts{};
             for (auto i = first; i != last; ++i) bins[binOf(*i)].extend(boxes[*i]), ++counts[binOf(*i)];
-            std::array<double, kBins> right{};
+            std::array<double, kStrokeBins> right{};
             Box sum;
             std::uint32_t n = 0;
-            for (std::size_t k = kBins - 1; k > 0; --k) {
+            for (std::size_t k = kStrokeBins - 1; k > 0; --k) {
                 sum.extend(bins[k]), n += counts[k];
                 right[k] = n > 0 ? weightOf(sum) * n : 0;
             }
             sum = {}, n = 0;
             double best = HUGE_VAL;
-            for (std::size_t k = 1; k < kBins; ++k) {
+            for (std::size_t k = 1; k < kStrokeBins; ++k) {
                 sum.extend(bins[k - 1]), n += counts[k - 1];
                 if (n == 0 || n == part.size()) continue;
                 if (const double total = weightOf(sum) * n + right[k]; total < best) best = total, bestBin = k;
@@ -125,7 +126,7 @@ std::shared_ptr<const StrokeBvh> StrokeBvh::of(const Mesh& mesh, const StrokeBvh
         refitted->read(mesh, placed);
         refitted->refit();
         refitted->refitted_ = true;
-        if (refitted->cost() <= kSpoilt * before->builtCost_) return refitted;
+        if (refitted->cost() <= kSpoiltStrokes * before->builtCost_) return refitted;
     }
     auto made = std::make_shared<StrokeBvh>();
     StrokeBvh& bvh = *made;

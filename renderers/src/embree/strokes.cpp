@@ -112,9 +112,9 @@ struct Cone {
     float start, end;
 };
 
-constexpr float kSmall = 1e-18f;
+constexpr float kSmallDirection = 1e-18f;
 float safeReciprocal(float d) {
-    return 1 / (std::abs(d) < kSmall ? std::copysign(kSmall, d) : d);
+    return 1 / (std::abs(d) < kSmallDirection ? std::copysign(kSmallDirection, d) : d);
 }
 
 /// A box's planes, each moved outwards as fast as the cone grows; met at t = (plane - offset) * inverse. What a ray
@@ -367,7 +367,7 @@ struct Reach {
     /// Lanes that may come into it within their segments.
     I8 mayMeet(const V8& o, const V8& d, F8 tMin, F8 tMax) const {
         const auto slab = [](F8 from, F8 along, float low, float high, F8& near, F8& far) {
-            const F8 small = all(kSmall), zero{};
+            const F8 small = all(kSmallDirection), zero{};
             const F8 inverse =
                 1.0f / select((along < small) & (along > -small), select(along < zero, -small, small), along);
             const F8 a = (low - from) * inverse, b = (high - from) * inverse;

@@ -117,11 +117,18 @@ struct TextureLookup {
     }
 };
 
-/// What a MultiTexture makes of a colour; its alpha is the textures' own.
+/// What a file's number does as a share: the colours of a mesh and what stages of textures make of them may be any.
+/// More than one, or less than nothing, would let rays multiply without end; what is no number is opaque.
+float share(float number) {
+    return number < 1 ? std::max(number, 0.0f) : 1;
+}
+
+/// What a MultiTexture makes of a colour and of the material's alpha, `opacity`, with which its first stage begins
+/// (18.4.3).
 Vec4f applyStages(const TextureLookup& look, const Material& material, const Vec3f& base, const Vec3f& specular,
                   float opacity) {
     using S = TextureStage::Source;
-    const Vec4f diffuse(base, 1);
+    const Vec4f diffuse(base, opacity);
     Vec4f current = diffuse, factor = material.factor;
     if (look.space == ColorSpace::linear) factor = Vec4f(linearFromSrgb(Vec3f(factor)), factor.a);
     const std::vector<TexCoords>& channels = look.instance.mesh->texCoords;
@@ -130,7 +137,7 @@ Vec4f applyStages(const TextureLookup& look, const Material& material, const Vec
         const std::size_t channel = channels.empty() ? i : std::min(i, channels.size() - 1);
         const Vec4f texel = look.sample(stage.use, channel, 0);
         const Vec4f with = stage.source == S::diffuse    ? diffuse
-                           : stage.source == S::specular ? Vec4f(specular, 1)
+                           : stage.source == S::specular ? Vec4f(specular, opacity)
                            : stage.source == S::factor   ? factor
                                                          : current;
         current = combine(stage, texel, with, current, opacity, material.factor.a);
@@ -177,18 +184,24 @@ Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Ve
     return mapped(t / tl, b / bl);
 }
 
-/// What a file's number does as a share: the colours of a mesh and what stages of textures make of them may be any.
-/// More than one, or less than nothing, would let rays multiply without end; what is no number is opaque.
-float share(float number) {
-    return number < 1 ? std::max(number, 0.0f) : 1;
+/// The whole alpha that a MultiTexture made, as a share that the textures cover of the material's opacity: what is less
+/// than that was cut out by textures, what is more is the opacity itself.
+void splitAlpha(float made, float& coverage, float& opacity) {
+    if (made < opacity) {
+        coverage = made / opacity;
+    } else {
+        coverage = 1;
+        opacity = made;
+    }
 }
 
-float coverageOf(const Material& material, float textureAlpha) {
+/// `opacity`: the material's, or what the colours of a mesh have in its place (11.2.2).
+float coverageOf(const Material& material, float textureAlpha, float opacity) {
     switch (material.alphaMode) {
         case AlphaMode::opaque:
             return 1;
         case AlphaMode::mask:
-            return textureAlpha * material.opacity < material.alphaCutoff ? 0.0f : 1.0f;
+            return textureAlpha * opacity < material.alphaCutoff ? 0.0f : 1.0f;
         case AlphaMode::automatic:
         case AlphaMode::blend:
             break;
@@ -243,9 +256,10 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
         ambientBase = base;
     }
     if (!material.stages.empty()) {
+        opacity = share(opacity);
         const Vec4f made = applyStages(look, material, base, specular, opacity);
         base = ambientBase = Vec3f(made);
-        alpha = made.a;
+        splitAlpha(made.a, alpha, opacity);
     }
     if (material.texture(TextureRole::emissive)) emissive *= Vec3f(look.sample(material, TextureRole::emissive));
     if (material.texture(TextureRole::specular)) specular *= Vec3f(look.sample(material, TextureRole::specular));
@@ -266,7 +280,7 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
     out.specular.set(lane, specular);
     out.emissive.set(lane, emissive);
     out.ambient.set(lane, ambientBase * ambient);
-    out.coverage[lane] = coverageOf(material, alpha);
+    out.coverage[lane] = coverageOf(material, alpha, opacity);
     out.opacity[lane] = opacityOf(material, opacity);
     if (material.hatching.present) hatch(look, material, out, lane);
 }
@@ -362,7 +376,7 @@ void addLanes(const Material& material, bool linear, std::uint32_t lanes, Surfac
 void fillAll(const Material& material, ColorSpace space, SurfacePacket& out) {
     const bool linear = isLinear(space, material);
     if (out.filled != &material || out.filledLinear != linear)
-        packetKernels().fillAll(material, colorsOf(material, linear), coverageOf(material, 1),
+        packetKernels().fillAll(material, colorsOf(material, linear), coverageOf(material, 1, material.opacity),
                                 opacityOf(material, material.opacity), out);
     out.filled = &material, out.filledLinear = linear;
     addLanes(material, linear, out.mask, out);
@@ -392,11 +406,11 @@ void fetchStrokes(const TraceScene& scene, const Common& common, std::uint32_t l
         out.base.set(lane, base);
         out.specular.set(lane, Vec3f(0)), out.emissive.set(lane, Vec3f(0)), out.ambient.set(lane, Vec3f(0));
         out.exponent[lane] = 0, out.metallic[lane] = 0, out.roughness[lane] = 1;
-        out.coverage[lane] = 1;
+        out.coverage[lane] = coverageOf(material, 1, opacity);
         out.opacity[lane] = opacityOf(material, opacity);
         out.material[lane] = &plain;
         out.lights[lane] = common.slot->lights;
-        if (out.opacity[lane] < 1) out.special |= 1u << lane;
+        if (out.opacity[lane] < 1 || out.coverage[lane] < 1) out.special |= 1u << lane;
     }
 }
 
@@ -411,7 +425,7 @@ void fillLane(const Material& material, ColorSpace space, int lane, SurfacePacke
     out.exponent[lane] = material.exponent;
     out.metallic[lane] = material.metallic;
     out.roughness[lane] = material.roughness;
-    out.coverage[lane] = coverageOf(material, 1);
+    out.coverage[lane] = coverageOf(material, 1, material.opacity);
     out.opacity[lane] = opacityOf(material, material.opacity);
     out.occlusion[lane] = 1;
     out.material[lane] = &material;
@@ -555,7 +569,7 @@ namespace {
 
 /// `alpha`: of textures.
 Vec3f throughPlain(const Material& material, float alpha, float opacity) {
-    const float coverage = coverageOf(material, alpha);
+    const float coverage = coverageOf(material, alpha, opacity);
     Vec3f through = coverage * (1 - opacityOf(material, opacity)) * (Vec3f(1) - material.reflectivity);
     // Two boundaries of a dielectric reflect some of what passes; the bending is not followed.
     if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, material.refractiveIndex).mean();
@@ -573,8 +587,10 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
     if (!letsThrough(scene, hit.instance)) return Vec3f(0);
     const Material& material = entry.material;
     if (hit.isCap()) return throughPlain(material, 1, material.opacity);
-    if (mesh.strokeCount > 0)
-        return Vec3f(1 - opacityOf(material, colored ? mesh.color(hit.triangle, hit.u, 0).a : material.opacity));
+    if (mesh.strokeCount > 0) {
+        const float opacity = colored ? mesh.color(hit.triangle, hit.u, 0).a : material.opacity;
+        return Vec3f(1 - coverageOf(material, 1, opacity) * opacityOf(material, opacity));
+    }
     float opacity = colored ? mesh.color(hit.triangle, hit.u, hit.v).a : material.opacity, alpha = 1;
     if (material.hatching.present) {
         if (material.hatching.isLine(pixelOf(scene, scene.world->point(hit).position))) return Vec3f(0);
@@ -585,11 +601,13 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
                               hit.normal}
                     .sample(material, TextureRole::base)
                     .a;
-    if (!material.stages.empty())
-        alpha = applyStages(
-                    {instance, slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position, hit.normal},
-                    material, material.linear.base, material.linear.specular, opacity)
-                    .a;
+    if (!material.stages.empty()) {
+        opacity = share(opacity);
+        const TextureLookup look{instance,  slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position,
+                                 hit.normal};
+        const float made = applyStages(look, material, material.linear.base, material.linear.specular, opacity).a;
+        splitAlpha(made, alpha, opacity);
+    }
     return throughPlain(material, alpha, opacity);
 }
 

@@ -16,13 +16,14 @@ using namespace simd;
 
 namespace {
 
-constexpr std::uint64_t kPlaces = 0xd1b54a32d192ed03, kLens = 0x8cb92ba72f3d8dd7;  // other numbers than a path's
+constexpr std::uint64_t kPlacesSeed = 0xd1b54a32d192ed03,
+                        kLensSeed = 0x8cb92ba72f3d8dd7;  // other numbers than a path's
 
 /// The places of samples in sixteen pixels, four by four; `x`, `y`: of the first.
 PairsOfSamples placesInBlock(std::uint64_t seed, int x, int y) {
     PathRandom randoms[16];
     for (int lane = 0; lane < 16; ++lane)
-        randoms[lane] = PathRandom(seed ^ kPlaces, x + (lane & 3), y + (lane >> 2), 0);
+        randoms[lane] = PathRandom(seed ^ kPlacesSeed, x + (lane & 3), y + (lane >> 2), 0);
     return PairsOfSamples(randoms);
 }
 
@@ -45,7 +46,7 @@ void throughLens(const TraceScene& scene, const Camera& camera, std::uint64_t se
     const auto focus = static_cast<float>(camera.focus), radius = static_cast<float>(camera.lensRadius);
     for (int lane = 0; lane < 16; ++lane) {
         if (!rays.active[lane]) continue;
-        PathRandom random(seed ^ kLens, x0 + pixels[lane] % kTileSide, y0 + pixels[lane] / kTileSide, sample);
+        PathRandom random(seed ^ kLensSeed, x0 + pixels[lane] % kTileSide, y0 + pixels[lane] / kTileSide, sample);
         const Vec2f place = radius * onDisk(random.nextPair());
         const Vec3f offset = place.x * right + place.y * up;
         const Vec3f straight(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);

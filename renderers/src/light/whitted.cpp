@@ -201,7 +201,10 @@ class Tile {
         const PathTask* task = tasks ? tasks + lane : nullptr;
         const bool linear = s.linear >> lane & 1u;
         const Vec3f own = weight * coverage * body * opacity;
-        add(pixel, task, own * fog, s.radiance.get(lane), linear, 1, false);
+        add(pixel, task, own * fog, s.radiance.get(lane), linear, 0, false);
+        // What is mirrored covers by what its ray meets, also where `body` is whole.
+        const Vec3f covered = weight * coverage * (Vec3f(1) - mirror) * opacity * fog;
+        loop_.sumOf(pixel).a += (covered.x + covered.y + covered.z) / 3;
         addFog(pixel, task, weight * coverage * whole, fog, s.lights[lane]);
         // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
         // its own colour. What it lets pass straight goes on as the ray came.

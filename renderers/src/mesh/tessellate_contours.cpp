@@ -41,22 +41,22 @@ struct Cut {
 
 using Callback = void (*)();
 
-void onVertex(void* vertex, void* user) {
+void onGlyphVertex(void* vertex, void* user) {
     auto& cut = *static_cast<Cut*>(user);
     const auto* point = static_cast<const Vec2d*>(vertex);
     const auto [found, isNew] = cut.numbers.try_emplace(point, static_cast<std::int32_t>(cut.mesh.points.size()));
     if (isNew) cut.mesh.points.emplace_back(*point);
     cut.mesh.triangles.push_back(found->second);
 }
-void onCombine(GLdouble at[3], void* /*corners*/[4], GLfloat*, void** out, void* user) {
+void onGlyphCombine(GLdouble at[3], void* /*corners*/[4], GLfloat*, void** out, void* user) {
     auto& cut = *static_cast<Cut*>(user);
     cut.points.emplace_back(at[0], at[1]);
     *out = &cut.points.back();
 }
-void onError(GLenum, void* user) {
+void onGlyphError(GLenum, void* user) {
     static_cast<Cut*>(user)->failed = true;
 }
-void onEdgeFlag(GLboolean, void*) {}  // its presence makes the library emit separate triangles only
+void onGlyphEdgeFlag(GLboolean, void*) {}  // its presence makes the library emit separate triangles only
 
 }  // namespace
 
@@ -64,10 +64,10 @@ GlyphMesh cutGlyph(const std::vector<GlyphContour>& contours, float tolerance) {
     Cut cut;
     GLUtesselator* tessellator = gluNewTess();
     if (!tessellator) return {};
-    gluTessCallback(tessellator, GLU_TESS_VERTEX_DATA, reinterpret_cast<Callback>(onVertex));
-    gluTessCallback(tessellator, GLU_TESS_COMBINE_DATA, reinterpret_cast<Callback>(onCombine));
-    gluTessCallback(tessellator, GLU_TESS_ERROR_DATA, reinterpret_cast<Callback>(onError));
-    gluTessCallback(tessellator, GLU_TESS_EDGE_FLAG_DATA, reinterpret_cast<Callback>(onEdgeFlag));
+    gluTessCallback(tessellator, GLU_TESS_VERTEX_DATA, reinterpret_cast<Callback>(onGlyphVertex));
+    gluTessCallback(tessellator, GLU_TESS_COMBINE_DATA, reinterpret_cast<Callback>(onGlyphCombine));
+    gluTessCallback(tessellator, GLU_TESS_ERROR_DATA, reinterpret_cast<Callback>(onGlyphError));
+    gluTessCallback(tessellator, GLU_TESS_EDGE_FLAG_DATA, reinterpret_cast<Callback>(onGlyphEdgeFlag));
     gluTessProperty(tessellator, GLU_TESS_WINDING_RULE, GLU_TESS_WINDING_NONZERO);
     gluTessNormal(tessellator, 0, 0, 1);
     gluTessBeginPolygon(tessellator, &cut);

@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include <fmt/format.h>
+
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/tessellate.h>
 
@@ -41,6 +43,12 @@ Array<T> toArray(const std::vector<T>& elements) {
 
 inline void warn(Mesh& mesh, std::string text) {
     mesh.diagnostics.warning({}, std::move(text));
+}
+/// Whether a size can be drawn; warns of one that cannot.
+inline bool isPositive(Mesh& mesh, const char* field, float value) {
+    if (value > 0.0f && usable(value)) return true;
+    warn(mesh, fmt::format("{} {} is not above 0 and up to {:g}: nothing is drawn", field, value, kLargestCoordinate));
+    return false;
 }
 
 struct Topology {

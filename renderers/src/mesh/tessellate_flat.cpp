@@ -13,13 +13,6 @@ using detail::warn;
 
 namespace {
 
-bool positive(Mesh& mesh, const char* field, float value) {
-    if (value > 0.0f && detail::usable(value)) return true;
-    warn(mesh, fmt::format("{} {} is not above 0 and up to {:g}: nothing is drawn", field, value,
-                           detail::kLargestCoordinate));
-    return false;
-}
-
 Vec2f onCircle(double angle) {
     return {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
 }
@@ -29,7 +22,7 @@ Vec2f onCircle(double angle) {
 Mesh tessellate(const Disk2DParams& params, const TessellationOptions& options) {
     Mesh mesh;
     mesh.solid = params.solid;
-    if (!positive(mesh, "outerRadius", params.outerRadius)) return mesh;
+    if (!detail::isPositive(mesh, "outerRadius", params.outerRadius)) return mesh;
     if (!(params.innerRadius >= 0) || !(params.innerRadius <= params.outerRadius)) {
         warn(mesh, fmt::format("innerRadius {} is not between 0 and outerRadius {}: nothing is drawn",
                                params.innerRadius, params.outerRadius));
@@ -63,7 +56,8 @@ Mesh tessellate(const Disk2DParams& params, const TessellationOptions& options) 
 Mesh tessellate(const Rectangle2DParams& params) {
     Mesh mesh;
     mesh.solid = params.solid;
-    if (!positive(mesh, "size", params.size.x) || !positive(mesh, "size", params.size.y)) return mesh;
+    if (!detail::isPositive(mesh, "size", params.size.x) || !detail::isPositive(mesh, "size", params.size.y))
+        return mesh;
     CornerMesh out;
     for (const Vec2f st : {Vec2f(0, 0), Vec2f(1, 0), Vec2f(1, 1), Vec2f(0, 1)}) {
         out.addPosition(Vec3f((st - Vec2f(0.5f)) * params.size, 0));
@@ -93,7 +87,7 @@ Mesh tessellate(const TriangleSet2DParams& params) {
 Mesh tessellate(const ArcClose2DParams& params, const TessellationOptions& options) {
     Mesh mesh;
     mesh.solid = params.solid;
-    if (!positive(mesh, "radius", params.radius)) return mesh;
+    if (!detail::isPositive(mesh, "radius", params.radius)) return mesh;
     mesh.curveSize = params.radius;
     if (!std::isfinite(params.startAngle) || !std::isfinite(params.endAngle)) {
         warn(mesh, "startAngle and endAngle are not finite: nothing is drawn");

@@ -39,13 +39,6 @@ std::vector<Turn> turns(int n) {
     return result;
 }
 
-bool positive(Mesh& mesh, const char* field, float value) {
-    if (value > 0.0f && detail::usable(value)) return true;
-    warn(mesh, fmt::format("{} {} is not above 0 and up to {:g}: nothing is drawn", field, value,
-                           detail::kLargestCoordinate));
-    return false;
-}
-
 /// A cap at height y, facing +Y or -Y, over ring positions ringStart ... ringStart + n - 1.
 /// Upright when the top is tilted towards +Z (top cap) or -Z (bottom cap), 13.3.2 and 13.3.3.
 void addCap(CornerMesh& out, const std::vector<Turn>& ring, int ringStart, float y, bool top) {
@@ -107,7 +100,7 @@ Mesh tessellate(const BoxParams& params) {
 Mesh tessellate(const SphereParams& params, const TessellationOptions& options) {
     Mesh mesh;
     mesh.solid = params.solid;
-    if (!positive(mesh, "radius", params.radius)) return mesh;
+    if (!detail::isPositive(mesh, "radius", params.radius)) return mesh;
     mesh.curveSize = 2 * params.radius;  // across the diagonal of two triangles both directions' errors add up
     const int n = options.segmentsAround();
     const int rings = std::max(n / 2, 2);
@@ -159,7 +152,9 @@ Mesh tessellate(const SphereParams& params, const TessellationOptions& options) 
 Mesh tessellate(const ConeParams& params, const TessellationOptions& options) {
     Mesh mesh;
     mesh.solid = params.solid;
-    if (!positive(mesh, "bottomRadius", params.bottomRadius) || !positive(mesh, "height", params.height)) return mesh;
+    if (!detail::isPositive(mesh, "bottomRadius", params.bottomRadius) ||
+        !detail::isPositive(mesh, "height", params.height))
+        return mesh;
     mesh.curveSize = params.bottomRadius;
     const int n = options.segmentsAround();
     const std::vector<Turn> turn = turns(n), between = turns(2 * n);
@@ -186,7 +181,8 @@ Mesh tessellate(const ConeParams& params, const TessellationOptions& options) {
 Mesh tessellate(const CylinderParams& params, const TessellationOptions& options) {
     Mesh mesh;
     mesh.solid = params.solid;
-    if (!positive(mesh, "radius", params.radius) || !positive(mesh, "height", params.height)) return mesh;
+    if (!detail::isPositive(mesh, "radius", params.radius) || !detail::isPositive(mesh, "height", params.height))
+        return mesh;
     mesh.curveSize = params.radius;
     const int n = options.segmentsAround();
     const std::vector<Turn> turn = turns(n);

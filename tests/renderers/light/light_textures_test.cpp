@@ -55,6 +55,40 @@ TEST(LightTracer, TextureAlphaIsCoverage) {
     expectColor(opaque.center(), {1, 0, 0}, 1e-5);
 }
 
+TEST(LightTracer, MaskCutsByTheAlphaOfColours) {
+    // 11.2.2: the alpha of a ColorRGBA stands in for the transparency, and 12.2.3 cuts by it.
+    const auto seen = [](const char* material, const char* alpha) {
+        LightScene s(
+            fmt::format("Shape {{ appearance Appearance {{ alphaMode \"MASK\" alphaCutoff .5 material {} }} geometry "
+                        "IndexedFaceSet {{ "
+                        "coord Coordinate {{ point [ -5 -5 0, 5 -5 0, 5 5 0, -5 5 0 ] }} coordIndex [ 0 1 2 3 ] color "
+                        "ColorRGBA {{ color "
+                        "[ 1 0 0 {} ] }} colorIndex [ 0 0 0 0 ] }} }} Transform {{ translation 0 0 -1 children {} }}",
+                        material, alpha, square(100, unlit("0 0 1"))));
+        return s.center();
+    };
+    expectColor(seen("UnlitMaterial { transparency .8 }", ".9"), {1, 0, 0}, 1e-5);
+    expectColor(seen("UnlitMaterial { }", ".2"), {0, 0, 1}, 1e-5);
+    expectColor(seen("UnlitMaterial { }", ".5"), {1, 0, 0}, 1e-5);
+}
+
+TEST(LightTracer, MaskCutsLinesByTheirAlpha) {
+    const auto seen = [](const char* alpha) {
+        LightScene s(
+            fmt::format("Viewpoint {{ position 0 0 1 }} Shape {{ appearance Appearance {{ alphaMode \"MASK\" "
+                        "alphaCutoff .5 material "
+                        "UnlitMaterial {{ }} lineProperties LineProperties {{ applied TRUE linewidthScaleFactor 20 }} "
+                        "}} geometry LineSet {{ "
+                        "vertexCount 2 coord Coordinate {{ point [ -1 0 0, 1 0 0 ] }} color ColorRGBA {{ color [ 1 0 0 "
+                        "{0}, 1 0 0 {0} ] }} }} }} "
+                        "Transform {{ translation 0 0 -1 children {1} }}",
+                        alpha, square(100, unlit("0 0 1"))));
+        return s.center();
+    };
+    expectColor(seen(".9"), {1, 0, 0}, 1e-5);
+    expectColor(seen(".2"), {0, 0, 1}, 1e-5);
+}
+
 TEST(LightTracer, MissingTextureIsReportedAndLeftOut) {
     LightScene s(square(5,
                         "material UnlitMaterial { emissiveColor 0 0.5 0 } texture ImageTexture { url "

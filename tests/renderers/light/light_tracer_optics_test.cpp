@@ -157,6 +157,26 @@ TEST(LightTracer, PolishedMetalMirrorsBySchlick) {
     expectColor(s.center(), Vec3d(0.45, 0.3, 0.15), 1e-5);
 }
 
+TEST(LightTracer, WhatMirrorsIsCoveredOnce) {
+    // A picture of display values is decoded by its alpha (.exr, GeneratedCubeMapTexture, RenderedTexture): with more
+    // than one of it, colours would be others.
+    for (const char* material :
+         {"PhysicalMaterial { metallic 1 roughness 0 }",
+          "PhysicalMaterial { metallic 1 roughness .4 baseColor .9 .5 .2 }",
+          "PhysicalMaterial { metallic 0 roughness .5 baseColor .6 .6 .6 }",
+          "PhysicalMaterial { metallic 1 roughness .3 transparency .5 }",
+          "Material { metadata MetadataFloat { name \"reflectivity\" reference \"RTSG\" value .5 } }"}) {
+        LightScene s(std::string("Background { skyColor .5 .2 .8 } ") +
+                     square(10, std::string("material ") + material));
+        const Picture p = s.picture();
+        EXPECT_NEAR(p.at(p.width / 2, p.height / 2).a, 1, 1e-5) << material;
+    }
+    LightScene s("Background { skyColor .5 .2 .8 } " +
+                 square(10, "material PhysicalMaterial { metallic 1 roughness 0 }"));
+    const Picture p = toLinear(s.picture());
+    expectColor(Vec3f(p.at(p.width / 2, p.height / 2)), {.214041, .033105, .603827}, 1e-5);
+}
+
 // ---- transparency ------------------------------------------------------------------------------------------------
 
 TEST(LightTracer, TransparencyBlendsStraightThrough) {

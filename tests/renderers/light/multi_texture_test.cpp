@@ -90,6 +90,51 @@ TEST(MultiTexture, LetsThroughWhatItsAlphaLeaves) {
     expectColor(s.center(), {1, .2, .2}, 1e-5);
 }
 
+/// What is seen of white over black is the alpha that the stages made of a material half clear (18.4.3: the first stage
+/// begins with the material's colour and alpha).
+double alphaMade(const std::string& multi, const char* transparency) {
+    return seenTexture(multi, fmt::format("UnlitMaterial {{ transparency {} }}", transparency).c_str()).x;
+}
+
+TEST(MultiTexture, BeginsWithTheMaterialsAlpha) {
+    const auto made = [](const char* mode, int a, const char* more = "") {
+        return alphaMade(fmt::format("mode \"SELECTARG2, {}\" texture {} {}", mode, texel(9, 9, 9, a), more), ".2");
+    };
+    const double alpha = 178 / 255., own = .8;
+    EXPECT_NEAR(made("REPLACE", 178), alpha, 1e-5);
+    EXPECT_NEAR(made("REPLACE", 255), 1, 1e-5);
+    EXPECT_NEAR(made("MODULATE", 178), alpha * own, 1e-5);
+    EXPECT_NEAR(made("MODULATE2X", 178), 1, 1e-5);
+    EXPECT_NEAR(made("ADDSIGNED", 178), alpha + own - .5, 1e-5);
+    EXPECT_NEAR(made("ADDSMOOTH", 178), alpha + (1 - alpha) * own, 1e-5);
+    EXPECT_NEAR(made("SELECTARG2", 178), own, 1e-5);
+    EXPECT_NEAR(made("BLENDDIFFUSEALPHA", 178), alpha * own + own * (1 - own), 1e-5);
+    EXPECT_NEAR(made("BLENDCURRENTALPHA", 178), alpha * own + own * (1 - own), 1e-5);
+    EXPECT_NEAR(made("BLENDTEXTUREALPHA", 178), alpha * alpha + own * (1 - alpha), 1e-5);
+    EXPECT_NEAR(made("BLENDFACTORALPHA", 178, "alpha .25"), alpha * .25 + own * .75, 1e-5);
+    EXPECT_NEAR(alphaMade("mode \"REPLACE, MODULATE\" source \"SPECULAR\" texture " + texel(255, 255, 255, 178), ".2"),
+                alpha * own, 1e-5);
+    // All of a material that is not there at all.
+    EXPECT_NEAR(alphaMade("mode \"SELECTARG2, REPLACE\" texture " + texel(9, 9, 9, 178), "1"), alpha, 1e-5);
+}
+
+TEST(MultiTexture, ShadowsHaveTheAlphaThatItMade) {
+    // A lamp above, a sheet between it and a floor: as much light is left as the sheet's alpha leaves.
+    const auto floor = [](const char* multi) {
+        LightScene s(
+            "DirectionalLight { direction 0 -1 0 shadows TRUE } Viewpoint { position 0 2 8 orientation 1 0 0 -.25 } "
+            "Transform { rotation 1 0 0 -1.5707963 children " +
+            square(100, "material Material { diffuseColor 1 1 1 ambientIntensity 0 }") +
+            " } Transform { translation 0 4 0 rotation 1 0 0 1.5707963 children " +
+            square(20, std::string("material UnlitMaterial { transparency .5 } ") + multi) + " }");
+        s.options.settings.colorSpace = ColorSpace::display;
+        return s.center().x;
+    };
+    const std::string sheet = "texture MultiTexture { mode \"REPLACE\" texture " + texel(0, 0, 0, 204) + " }";
+    EXPECT_NEAR(floor(""), .5, 1e-4);
+    EXPECT_NEAR(floor(sheet.c_str()), .2, 1e-4);
+}
+
 // ---- generators ---------------------------------------------------------------------------------------------------
 
 /// What a plane of 2 x 2 texels shows at its middle: 0 0 red, 1 0 green, 0 1 blue, 1 1 white.
