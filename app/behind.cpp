@@ -43,10 +43,10 @@ Result<> OutputsBehind::follow() {
         if (!taken) return std::unexpected(taken.error());
         if (*taken == FrameQueue::Taken::ended || (interrupted() && outputs_)) break;
         if (*taken == FrameQueue::Taken::nothingYet) continue;
-        if (set->isSnapshot() && copy.sequence() != 0)
-            if (auto ok = copy.reset(); !ok) return ok;
         // What belongs to the instant before has come: an Inline that it loaded is a set of its own.
         if (outputs_ && set->time != copy.now() && !outputs_->frame()) break;  // finish() says why
+        if (set->isSnapshot() && copy.sequence() != 0)
+            if (auto ok = copy.reset(); !ok) return ok;
         const Hash128 origin = set->hash;
         if (auto ok = copy.apply(set); !ok) return ok;
         if (copy.hash() != origin) return fail(fmt::format("the copy differs in state {}", copy.sequence()));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include <fmt/format.h>
@@ -48,29 +49,35 @@ void printTable(const std::vector<FieldStep>& steps, const std::string& path, do
     }
 }
 
-void printJson(const std::vector<FieldStep>& steps, const std::string& path, double start) {
+void printJson(const std::vector<FieldStep>& steps, const std::string& path, double start, bool complete) {
     std::string text = fmt::format("{{\"field\":{},\"steps\":[", jsonString(path));
     for (const FieldStep& s : steps)
         text += fmt::format("{}{{\"state\":{},\"t\":{},\"value\":{},\"author\":{},\"cause\":{}}}",
                             &s == steps.data() ? "" : ",", s.state, std::round((s.time - start) * 1e6) / 1e6,
                             jsonString(s.value), jsonString(s.author), jsonString(s.cause));
-    fmt::print("{}]}}\n", text);
+    fmt::print("{}],\"complete\":{}}}\n", text, complete);
 }
 
 }  // namespace
 
 int blame(const std::string& log, const std::string& path, bool json) {
     const Progress bar = progressBar("reading " + log);
-    const auto steps = rtsg::blame(log, path, [&](std::uint64_t done, std::uint64_t total) {
-        if (bar) bar(done, total);
-        return !interrupted();
-    });
+    std::optional<Divergence> lacks;
+    const auto steps = rtsg::blame(
+        log, path,
+        [&](std::uint64_t done, std::uint64_t total) {
+            if (bar) bar(done, total);
+            return !interrupted();
+        },
+        &lacks);
     if (bar) bar(1, 1);
     if (!steps) return printError(steps.error()), kBad;
     if (interrupted()) return printError("interrupted: this is not all of it"), kBad;
     const double start = logStart(log);
-    json ? printJson(*steps, path, start) : printTable(*steps, path, start);
-    return kDone;
+    json ? printJson(*steps, path, start, !lacks) : printTable(*steps, path, start);
+    if (!lacks) return kDone;
+    printError(fmt::format("{}: this is not all of it: {}", log, fromStart(lacks, start)->format()));
+    return kBad;
 }
 
 }  // namespace rtsg::app

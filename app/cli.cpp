@@ -194,8 +194,13 @@ bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const
     if (options.progress) options.progress(1, 1);
     print(diagnostics);
     if (!ok && diagnostics.errors() == 0) printError("nothing usable in " + file);
-    if (diagnostics.errors() > 0 && damage.errors == 0) damage = {file, diagnostics.errors()};
+    if (damage.errors == 0) noteDamage(file, diagnostics.errors());
     return ok;
+}
+
+void noteDamage(const std::string& file, std::size_t errors) {
+    if (damage.errors == 0) damage.file = file;
+    if (damage.file == file) damage.errors += errors;
 }
 
 int statusOf(int status) {

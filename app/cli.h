@@ -82,8 +82,11 @@ struct NetworkArguments {
 /// one with errors is made of the rest of it: see statusOf().
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources);
 
+/// Errors of what a running scene loaded later count like those of load(). `file`: the scene's.
+void noteDamage(const std::string& file, std::size_t errors);
+
 /// The exit status of a verb that would end with `status`: kBad instead of kDone, and a line on standard error, if what
-/// it was made of had errors when it was loaded.
+/// it was made of had errors when it was loaded, then or while it ran.
 int statusOf(int status);
 
 /// The time of a scene that is still empty: what is loaded into it is there from then on.

@@ -19,6 +19,11 @@ CLI::Option* finite(CLI::Option* option) {
     });
 }
 
+/// An empty value, a variable of a shell that is not set say, would count as an option that was not given.
+CLI::Option* notEmpty(CLI::Option* option) {
+    return option->check([](const std::string& text) { return text.empty() ? "a value is empty" : std::string(); });
+}
+
 /// -1 is no large number.
 CLI::Option* notNegative(CLI::Option* option) {
     return option->check([](const std::string& text) {
@@ -105,7 +110,7 @@ Option* Command::add(CLI::Option* option) {
     return options_.back().get();
 }
 Option* Command::addOption(const std::string& names, std::string& into, const std::string& description) {
-    return add(parser_->add_option(names, into, description));
+    return add(notEmpty(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, int& into, const std::string& description) {
     return add(parser_->add_option(names, into, description));
@@ -123,7 +128,7 @@ Option* Command::addOption(const std::string& names, std::optional<double>& into
     return add(finite(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, std::vector<std::string>& into, const std::string& description) {
-    return add(parser_->add_option(names, into, description));
+    return add(notEmpty(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, std::vector<double>& into, const std::string& description) {
     return add(finite(parser_->add_option(names, into, description)));
@@ -154,6 +159,13 @@ const Command* Command::parsedVerb() const {
     for (const auto& verb : verbs_)
         if (verb->parsed()) return verb.get();
     return nullptr;
+}
+
+std::vector<std::string> Command::given() const {
+    std::vector<std::string> names;
+    for (const CLI::Option* option : parser_->get_options())
+        if (option->count() > 0) names.push_back(option->get_name());
+    return names;
 }
 
 std::string Command::name() const {

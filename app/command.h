@@ -78,6 +78,8 @@ class Command {
     bool parsed() const;
     /// Of the program: the verb that was typed; null before it.
     const Command* parsedVerb() const;
+    /// The options that were typed, by their long names: "--output"; arguments by theirs.
+    std::vector<std::string> given() const;
     std::string name() const;
     std::string description() const;
     /// Of the program: what `rtsg --help` or `rtsg VERB --help` says.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <charconv>
 #include <filesystem>
+#include <fstream>
+#include <initializer_list>
 
 #include <fmt/format.h>
 
@@ -78,6 +80,20 @@ void checkName(const OutputName& output) {
     }
 }
 
+/// By its name or by how it begins: a name that was meant for another option.
+bool isSceneOrLog(const std::string& file) {
+    Encoding encoding{};
+    bool gzip = false;
+    if (encodingFromName(file, encoding, gzip) && fs::path(file).extension() != ".json") return true;
+    std::ifstream in(file, std::ios::binary);
+    std::string begin(4096, '\0');
+    in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+    begin.resize(static_cast<std::size_t>(in.gcount()));
+    if (begin.starts_with(kRecordMagic) || begin.starts_with("glTF")) return true;
+    return std::ranges::any_of(std::initializer_list<std::string_view>{"#X3D", "#VRML", "<X3D", "\"X3D\""},
+                               [&](std::string_view sign) { return begin.contains(sign); });
+}
+
 }  // namespace
 
 void addForce(Command& command, bool& force) {
@@ -101,9 +117,11 @@ Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<Ou
     }
     for (const OutputName& output : outputs) {
         std::error_code error;
-        const bool kept = output.kind == OutputKind::scene || output.kind == OutputKind::log;
-        if (!force && kept && isFile(output.file) && fs::exists(output.file, error))
+        if (force || !isFile(output.file) || !fs::exists(output.file, error)) continue;
+        if (output.kind == OutputKind::scene || output.kind == OutputKind::log)
             return fail("there is a file already; --force replaces it", {}, output.file);
+        if (output.kind == OutputKind::report && isSceneOrLog(output.file))
+            return fail(output.option + " takes the place of no scene or log", {}, output.file);
     }
     return {};
 }

@@ -1,7 +1,8 @@
 // What a verb reads and writes, looked at before any work: nothing that was not meant to go is overwritten.
 //
 // Inputs and outputs are told apart by the files that their names lead to, through whatever links. Pictures, sounds and
-// reports are replaced; logs and scenes only with --force. What is no regular file (a pipe, /dev/null) is let be.
+// reports are replaced, reports in the place of a log or scene, as all logs and scenes, only with --force. What is no
+// regular file (a pipe, /dev/null) is let be.
 #pragma once
 
 #include <string>

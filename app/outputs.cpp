@@ -290,12 +290,19 @@ std::string OutputReport::text() const {
     return text;
 }
 
+void tellGain(const ListenReport& report) {
+    if (report.gain < 1)
+        fmt::print(stderr, "note: the sound exceeded -1 dBFS: all of it is {:.1f} dB softer\n",
+                   -20 * std::log10(static_cast<double>(report.gain)));
+}
+
 Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments) {
     ListenReport report = sound.finish();
     const double most = std::round(arguments.seconds * report.sound.sampleRate);
     if (most < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
         report.sound.samples.resize(static_cast<std::size_t>(most) * static_cast<std::size_t>(report.sound.channels));
     print(report.diagnostics);
+    tellGain(report);
     if (auto ok = writeWav(arguments.listen, report.sound); !ok) return std::unexpected(ok.error());
     return report.sound.seconds();
 }
@@ -323,7 +330,7 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     keepResources(world.scene(), resources, arguments.names());
     if (auto ok = world.cut(arguments.picture.tessellationError()); !ok) return std::unexpected(ok.error());
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
-    outputs->start_ = world.scene().now();
+    outputs->start_ = outputs->last_ = world.scene().now();
     if (!arguments.render.empty()) {
         ImageOptions image = arguments.picture.parse();
         image.settings.progress = [o = outputs.get()](double) {
@@ -415,10 +422,18 @@ Result<> Outputs::next(bool picture, double until) {
     return {};
 }
 
+/// Seconds from the start, without what time went back by.
+double Outputs::elapsed() {
+    const double now = scene_.now();
+    if (now < last_) start_ -= last_ - now;
+    last_ = now;
+    return now - start_;
+}
+
 Result<> Outputs::frame() {
     if (!light_ && !sound_) return {};
     if (auto ok = ready(); !ok) return ok;
-    const double t = scene_.now() - start_;
+    const double t = elapsed();
     const bool picture = pictureIsDue(t);
     if (!picture && !sound_) return {};
     return next(picture, t);
@@ -444,7 +459,7 @@ Result<> Outputs::finish() {
 Result<> Outputs::finishPictures() {
     if (!light_) return {};
     if (!arguments_.animated() && result_) {
-        if (auto ok = next(true, scene_.now() - start_); !ok) return ok;
+        if (auto ok = next(true, elapsed()); !ok) return ok;
         if (auto ok = ready(); !ok) return ok;
     }
     if (auto ok = files_.finish(); !ok) return ok;

@@ -4,7 +4,8 @@
 // same on a thread of its own, however late; LiveOutputs (live_outputs.h) of the newest state, at the machine's own
 // pace. Invariant: pictures are taken at even distances of scene time if the file's name holds a place for a number
 // (%04d) or is a .mp4 or .gif; else one is taken at the end. Of T seconds at F pictures a second these are the ones at
-// k / F < T, and sound is T long to the sample; OutputReport says what is not. Threading: the scene's thread.
+// k / F < T, and sound is T long to the sample; OutputReport says what is not. Where the scene's time goes back (a log
+// that is played again) they go on from there, as if that took no time. Threading: the scene's thread.
 #pragma once
 
 #include <atomic>
@@ -128,6 +129,9 @@ inline std::unexpected<Diagnostic> notWritten(const std::string& file) {
     return fail("interrupted: the picture was not written", {}, file);
 }
 
+/// A line on standard error if the sound had to be made softer.
+void tellGain(const ListenReport& report);
+
 /// Writes what was heard, as long as was asked for. Returns its length in seconds.
 Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments);
 
@@ -210,6 +214,7 @@ class Outputs final : public OutputMaker {
     Result<> make(const Job& job);
     Result<> finishPictures();
     bool pictureIsDue(double t) const;
+    double elapsed();
     /// Seconds from the start to the next picture.
     double nextPicture() const {
         return static_cast<double>(report_.pictureStates.size()) / arguments_.picturesPerSecond;
@@ -220,7 +225,7 @@ class Outputs final : public OutputMaker {
     OutputArguments arguments_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;
-    double start_ = 0;
+    double start_ = 0, last_ = 0;  // scene time, of the last frame
     std::atomic<bool> failed_{false}, afterInterruption_{false}, abandoned_{false};
 
     // The worker's while it has a job, else the scene's thread's.

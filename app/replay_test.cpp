@@ -11,6 +11,7 @@
 
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/renderers/picture.h>
+#include <rtsg/sync/log_check.h>
 #include <rtsg/sync/replay_test.h>
 
 #include "replay_page.h"
@@ -108,6 +109,10 @@ std::string toJson(const std::optional<Divergence>& d) {
     if (!d) return "null";
     return fmt::format("{{\"frame\":{},\"t\":{},\"node\":{},\"field\":{},\"text\":{}}}", d->frame, d->time,
                        orNull(d->node), orNull(d->field), jsonString(d->text));
+}
+
+std::string toJson(const ComparedStates& states) {
+    return fmt::format("\"compared\":{},\"in_one_alone\":{}", states.both, states.one);
 }
 
 void addFieldSelection(Command& command, FieldSelection& selection) {
@@ -246,6 +251,16 @@ void askForWhatIsExpected(const ReplayTestArguments& arguments, OutputArguments&
     }
 }
 
+/// Empty if the log was closed in order.
+std::string howItEnds(const std::string& log) {
+    auto opened = Replayer::open(log);
+    if (!opened) return opened.error().format();
+    LogCheck check(**opened);
+    while (check.step().value_or(true)) continue;
+    check.expectClosed();
+    return check.first() ? log + ": " + check.first()->format() : "";
+}
+
 /// A test that could not even run has failed, for whoever reads the reports too.
 int reportFailure(const ReplayTestArguments& arguments, const std::string& log, const std::string& why) {
     const ReplayOutcome outcome{nameOfTest(arguments, log), log, arguments.rerun, {}, {{"states", why}}, {}, {}, 0};
@@ -272,8 +287,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     if (!picture.file().empty()) outputs.render = picture.file();
     if (!sound.file().empty()) outputs.listen = sound.file();
     const auto begun = std::chrono::steady_clock::now();
-    const std::string& origin = arguments.rerun.empty() ? log : arguments.rerun;
-    const Resources resources = outputs.resources.ofFile(origin);
+    const Resources resources = outputs.resources.ofFile(arguments.rerun.empty() ? log : arguments.rerun);
 
     const double start = logStart(log);
     ReplayTest test;
@@ -315,6 +329,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     countFromStart(outcome.report, start);
     outcome.checks.push_back(
         {"states", outcome.report.divergence ? log + ": " + outcome.report.divergence->format() : ""});
+    if (arguments.closed && !arguments.update) outcome.checks.push_back({"end", howItEnds(log)});
     const auto expect = [&](const std::string& name, const std::string& reference, const auto& comparison) {
         // A run that ended at a difference has not come to the state that they are of.
         const bool cut = outcome.report.divergence && outcome.report.differences.empty();

@@ -16,6 +16,7 @@ struct ReplayTestArguments {
     FieldSelection compared;
     double pictureTolerance = 0.01, soundTolerance = -40;
     bool update = false;
+    bool closed = false;  // the log has to be, too: --verify
 
     void addTo(Command& command);
     bool any() const {
@@ -39,5 +40,7 @@ std::optional<Divergence> fromStart(std::optional<Divergence> divergence, double
 
 /// {"frame":…,"t":…,"node":…,"field":…,"text":…} or null.
 std::string toJson(const std::optional<Divergence>& divergence);
+/// "compared":…,"in_one_alone":…: members of an object.
+std::string toJson(const ComparedStates& states);
 
 }  // namespace rtsg::app

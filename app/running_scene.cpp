@@ -156,6 +156,7 @@ std::uint64_t RunningScene::run(const Pace& pace, const std::string& label,
 
 void RunningScene::printDiagnostics(std::string_view said) {
     print(inlineDiagnostics_);
+    noteDamage(file_, inlineDiagnostics_.errors());
     print(scene_.diagnostics(), said);
 }
 

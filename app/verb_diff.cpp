@@ -23,13 +23,14 @@ struct DiffArguments {
     bool json = false;
 };
 
-/// One line for each difference, or one object.
-int report(const DiffArguments& options, const std::vector<Divergence>& found, const std::string& compared) {
+/// One line for each difference, or one object, with `counts` as its last members.
+int report(const DiffArguments& options, const std::vector<Divergence>& found, const std::string& compared,
+           const std::string& counts = {}) {
     const std::size_t shown = std::min<std::size_t>(found.size(), options.most);
     if (options.json) {
         std::string list;
         for (std::size_t i = 0; i < shown; ++i) list += (i ? "," : "") + toJson(std::optional(found[i]));
-        fmt::print("{{\"equal\":{},\"count\":{},\"differences\":[{}]}}\n", found.empty(), found.size(), list);
+        fmt::print("{{\"equal\":{},\"count\":{},\"differences\":[{}]{}}}\n", found.empty(), found.size(), list, counts);
         return found.empty() ? kDone : kBad;
     }
     for (std::size_t i = 0; i < shown; ++i) {
@@ -57,7 +58,7 @@ int diffLogs(const DiffArguments& options) {
         if (progress) progress(1, 1);
         if (!first) return printError(first.error()), kBad;
         if (*first) found.push_back(*fromStart(*first, logStart(options.a)));
-        return report(options, found, " " + states.format());
+        return report(options, found, " " + states.format(), "," + toJson(states));
     }
     const auto fields = diffLogFields(options.a, options.b, options.selection);
     if (!fields) return printError(fields.error()), kBad;

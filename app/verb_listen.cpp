@@ -159,6 +159,7 @@ int listenTo(const ListenArguments& options) {
     if (!report) return printError(report.error()), kBad;
     running.printDiagnostics();
     print(report->diagnostics);
+    tellGain(*report);
     print(world.diagnostics());
     if (!options.out.empty())
         if (auto ok = writeWav(options.out, report->sound); !ok) return printError(ok.error()), kBad;

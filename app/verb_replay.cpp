@@ -5,13 +5,17 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <rtsg/sync/log_check.h>
 #include <rtsg/sync/log_compact.h>
 #include <rtsg/sync/log_summary.h>
-#include <rtsg/sync/replay.h>
 
 #include "blame.h"
 #include "cli.h"
@@ -40,7 +44,7 @@ int diff(const ReplayArguments& options) {
     if (!result) return printError(result.error()), kBad;
     const std::optional<Divergence> first = fromStart(*result, logStart(options.log));
     if (options.json)
-        fmt::print("{{\"equal\":{},\"first_divergence\":{}}}\n", !first, toJson(first));
+        fmt::print("{{\"equal\":{},\"first_divergence\":{},{}}}\n", !first, toJson(first), toJson(states));
     else if (!first)
         fmt::print("{} and {} are equal {}\n", options.log, options.diff, states.format());
     if (first) printError(first->format());
@@ -80,63 +84,15 @@ int compact(const ReplayArguments& options) {
                    report->bytesWritten, report->bytesRead,
                    report->damaged ? fmt::format("; {} places were damaged", report->damaged) : "");
     else
-        fmt::print("{{\"states\":{},\"states_before\":{},\"bytes\":{},\"bytes_before\":{},\"damaged\":{}}}\n",
-                   report->statesWritten, report->statesRead, report->bytesWritten, report->bytesRead, report->damaged);
-    return kDone;
+        fmt::print(
+            "{{\"states\":{},\"states_before\":{},\"bytes\":{},\"bytes_before\":{},\"damaged\":{},\"gaps\":{},"
+            "\"complete\":{}}}\n",
+            report->statesWritten, report->statesRead, report->bytesWritten, report->bytesRead, report->damaged,
+            report->gaps, report->lacks.empty());
+    if (report->lacks.empty()) return kDone;
+    printError(fmt::format("{} is not complete: {}: {}", options.compact, options.log, report->lacks));
+    return kBad;
 }
-
-/// Steps to the log's end or `until`, and notes where it first was not what the origin had.
-class Check {
-  public:
-    explicit Check(Replayer& replayer) : replayer_(replayer) {}
-
-    /// False at the end.
-    bool step() {
-        const std::uint64_t before = replayer_.scene().sequence();
-        const auto more = replayer_.step();
-        if (!more) {
-            note(before + 1, more.error().text);
-            return true;  // it goes on with the next keyframe
-        }
-        const LogReader& log = replayer_.log();
-        if (log.damage().size() > damage_) {
-            damage_ = log.damage().size();
-            const LogDamage& d = log.damage().back();
-            note(before + 1,
-                 fmt::format("bytes {} to {} of the log are damaged: {}", d.offset, d.offset + d.length, d.text));
-        }
-        if (replayer_.gaps() > gaps_) {
-            gaps_ = replayer_.gaps();
-            note(before + 1, fmt::format("frames {} to {} are missing", before + 1, replayer_.scene().sequence()));
-        }
-        if (replayer_.framesBehind() > 0)
-            note(before + 1, fmt::format("{} frames of earlier states stand after state {}, and were not played: the "
-                                         "pieces of the log are in another order than they were written in",
-                                         replayer_.framesBehind(), before));
-        if (!first_ && replayer_.divergence()) first_ = replayer_.divergence();
-        return *more;
-    }
-    /// At the log's end, for those who ask for all of it.
-    void expectClosed() {
-        if (replayer_.log().closed()) return;
-        const std::uint64_t last = replayer_.scene().sequence();
-        if (replayer_.log().beingWritten())
-            note(last + 1, fmt::format("the log is still being written: states after {} are yet to come", last));
-        else
-            note(last + 1, fmt::format("the log was not closed: nothing tells what came after state {}", last));
-    }
-    const std::optional<Divergence>& first() const { return first_; }
-
-  private:
-    void note(std::uint64_t frame, std::string text) {
-        if (!first_) first_ = Divergence{frame, replayer_.scene().now(), {}, {}, std::move(text)};
-    }
-
-    Replayer& replayer_;
-    std::size_t damage_ = 0;
-    std::uint64_t gaps_ = 0;
-    std::optional<Divergence> first_;
-};
 
 /// A log played from its start, or from --seek on, with what is made of it.
 class Replaying {
@@ -170,7 +126,7 @@ class Replaying {
 
     Result<> begin() {
         if (!seeks()) {
-            more_ = check_.step();
+            more_ = check_.step().value_or(true);
             return {};
         }
         const double from = parseSeconds(options_.seek);
@@ -233,7 +189,7 @@ class Replaying {
                 if (next && options_.outputs.isLive())
                     wait(outputs, begun + std::chrono::duration<double>(*next - start_));
             }
-            more_ = check_.step();
+            more_ = check_.step().value_or(true);  // it goes on with the next keyframe
             if (progress) progress(replayer_.log().position(), replayer_.log().size());
         }
         if (progress) progress(1, 1);
@@ -290,14 +246,86 @@ class Replaying {
 
     const ReplayArguments& options_;
     Replayer& replayer_;
-    Check check_;
+    LogCheck check_;
     const double start_, length_;
     const Resources resources_;
     bool more_ = false, cut_ = false;
     std::string made_;
 };
 
-int replay(const ReplayArguments& options) {
+using OptionNames = std::vector<std::string_view>;
+
+bool holds(const OptionNames& names, std::string_view option) {
+    return std::ranges::find(names, option) != names.end();
+}
+
+/// What `replay` does with a log, and the options that have a meaning then.
+struct ReplayMode {
+    OptionNames asks;  // any of these asks for it
+    OptionNames takes;
+    bool makesOutputs = false;  // --render, --listen, --save and what they take
+};
+
+/// The first that is asked for holds; the last one needs not be.
+const std::vector<ReplayMode>& replayModes() {
+    static const std::vector<ReplayMode> modes = {
+        {{"--diff"}, {}},
+        {{"--compact"}, {"--seek", "--for", "--every", "--interval"}},
+        {{"--blame"}, {}},
+        {{"--rerun", "--update", "--expect-picture", "--expect-sound", "--field", "--ignore", "--tolerance", "--junit",
+          "--page"},
+         {"--verify", "--picture-tolerance", "--sound-tolerance", "--name"},
+         true},
+        {{}, {"--verify", "--seek", "--for", "--export", "--export-plain", "--live", "--device", "--denoise"}, true}};
+    return modes;
+}
+
+/// What asks for the mode, as it was typed; empty for one that nothing asks for.
+std::string_view askingFor(const ReplayMode& mode, const OptionNames& given) {
+    const auto found = std::ranges::find_if(given, [&](std::string_view option) { return holds(mode.asks, option); });
+    return found == given.end() ? std::string_view() : *found;
+}
+
+const ReplayMode& modeOf(const OptionNames& given) {
+    for (const ReplayMode& mode : replayModes())
+        if (!askingFor(mode, given).empty()) return mode;
+    return replayModes().back();
+}
+
+/// Throws UsageError for an option that goes with others alone.
+void checkNeeded(const OptionNames& given) {
+    static const std::pair<std::string_view, OptionNames> needed[] = {{"--every", {"--compact"}},
+                                                                      {"--interval", {"--compact"}},
+                                                                      {"--export-plain", {"--export"}},
+                                                                      {"--picture-tolerance", {"--expect-picture"}},
+                                                                      {"--sound-tolerance", {"--expect-sound"}},
+                                                                      {"--name", {"--junit", "--page"}}};
+    for (const auto& [option, others] : needed)
+        if (holds(given, option) && std::ranges::none_of(others, [&](auto other) { return holds(given, other); }))
+            throw UsageError(std::string(option), fmt::format("goes with {}", fmt::join(others, " or ")));
+}
+
+/// Throws UsageError for what was asked for and would not be done.
+void checkTogether(const std::vector<std::string>& typed) {
+    const OptionNames given(typed.begin(), typed.end());
+    checkNeeded(given);
+    const ReplayMode& mode = modeOf(given);
+    // These say what may be done, not what is to be.
+    static const OptionNames always = {"LOG", "--json", "--force", "--base", "--allow", "--limit"};
+    for (const std::string_view option : given) {
+        if (holds(mode.asks, option) || holds(mode.takes, option) || holds(always, option)) continue;
+        // What no mode names is of outputs.
+        const bool named = std::ranges::any_of(
+            replayModes(), [&](const ReplayMode& m) { return holds(m.asks, option) || holds(m.takes, option); });
+        if (mode.makesOutputs && !named) continue;
+        const std::string_view asking = askingFor(mode, given);
+        throw UsageError(std::string(option),
+                         asking.empty() ? "has no meaning here" : fmt::format("goes not together with {}", asking));
+    }
+}
+
+int replay(const Command& command, const ReplayArguments& options) {
+    checkTogether(command.given());
     if (auto ok = options.outputs.check(
             {options.log, options.diff, options.test.rerun},
             {{"--export", options.exported, OutputKind::log}, {"--compact", options.compact, OutputKind::log}});
@@ -307,7 +335,11 @@ int replay(const ReplayArguments& options) {
     (void)interrupted();  // from here on an interruption ends in order: no half file stays
     if (!options.compact.empty()) return compact(options);
     if (!options.blamed.empty()) return blame(options.log, options.blamed, options.json);
-    if (options.test.any()) return runReplayTest(options.log, options.test, options.outputs, options.json);
+    if (options.test.any()) {
+        ReplayTestArguments test = options.test;
+        test.closed = options.verify;
+        return runReplayTest(options.log, test, options.outputs, options.json);
+    }
     if (!options.seek.empty()) parseSeconds(options.seek);  // before anything is opened
     auto opened = Replayer::open(options.log);
     if (!opened) return printError(opened.error()), kBad;
@@ -347,7 +379,7 @@ Verb addReplay(Command& program) {
         "Example: rtsg replay hall.rlog --compact short.rlog --seek 60s --for 10s --every 6\n"
         "Example: rtsg replay door.rlog --rerun door.x3dv --expect-picture door.png --size 160x120\n"
         "Exit status 1, naming frame, node and field, where a state is not the one recorded.");
-    return {command, [options] { return replay(*options); }};
+    return {command, [command, options] { return replay(*command, *options); }};
 }
 
 }  // namespace rtsg::app

@@ -87,6 +87,21 @@ TEST_F(Usage, WrongUsageIsStatusTwo) {
     }
 }
 
+/// A variable of a shell that is not set: as if the option had not been given, which nobody meant.
+TEST_F(Usage, EmptyValuesAreRefusedByName) {
+    const std::string log = folder / "a.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "100ms"}).status, 0);
+    for (const char* option : {"--rerun", "--diff", "--blame", "--compact", "--expect-picture", "--expect-sound",
+                               "--save", "--seek", "--field"}) {
+        const Outcome outcome = rtsg({"replay", log, option, ""});
+        EXPECT_EQ(outcome.status, 2) << option;
+        EXPECT_THAT(outcome.err, HasSubstr(option));
+        EXPECT_THAT(outcome.err, HasSubstr("is empty"));
+    }
+    EXPECT_EQ(rtsg({"render", file, "-o", ""}).status, 2);
+    EXPECT_EQ(rtsg({"info", ""}).status, 2);
+}
+
 // Each by name, as somebody who typed five options wants to know which was meant.
 TEST_F(Usage, ValuesOutsideAnOptionsRangeAreRefusedByItsName) {
     const std::string png = folder / "a.png", wav = folder / "a.wav", log = folder / "a.rlog";
@@ -383,6 +398,11 @@ TEST_F(Render, UnknownViewpointIsStatusOne) {
 using Listen = CommandLine;
 
 TEST_F(Listen, ReportsAndWritesSound) {
+    // Of a clip that is not there nothing is heard.
+    std::string text = readFile(file);
+    const std::string clip = "AudioClip { url \"none.wav\" loop TRUE }";
+    ASSERT_NE(text.find(clip), std::string::npos);
+    writeFile(file, text.replace(text.find(clip), clip.size(), "OscillatorSource { }"));
     const std::string wav = folder / "a.wav", ir = folder / "ir.wav";
     const Outcome outcome =
         rtsg({"listen", file, "-o", wav, "--ir", ir, "--for", "0.25s", "--metrics", "--rays", "300"});

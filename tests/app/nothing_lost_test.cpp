@@ -407,5 +407,24 @@ TEST_F(Ends, APartThatDoesNotExistIsStatusOne) {
     EXPECT_EQ(there.status, 0) << there.err;
 }
 
+/// A name that was meant for another option.
+TEST_F(NothingIsLost, AReportReplacesNoSceneOrLog) {
+    const std::string scene = readFile(file), kept = folder / "kept.rlog", report = folder / "old.xml";
+    fs::copy_file(log, kept);
+    fs::copy_file(file, folder / "other.x3dv");
+    writeFile(folder / "named.txt", scene);
+    writeFile(report, "<?xml version='1.0'?><testsuites></testsuites>");
+    for (const std::string& there : {kept, folder / "other.x3dv", folder / "named.txt"}) {
+        const std::string before = readFile(there);
+        const Outcome outcome = rtsg({"replay", log, "--rerun", file, "--junit", there});
+        EXPECT_EQ(outcome.status, 1) << there;
+        EXPECT_THAT(outcome.err, HasSubstr("no scene or log"));
+        EXPECT_EQ(readFile(there), before);
+    }
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--junit", report}).status, 0);
+    EXPECT_THAT(readFile(report), HasSubstr("states"));
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--junit", kept, "--force"}).status, 0);
+}
+
 }  // namespace
 }  // namespace rtsg::test

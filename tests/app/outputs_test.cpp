@@ -151,6 +151,15 @@ TEST_F(MadeOutputs, OfOneFrameAreMadeWhileTheNextRuns) {
     EXPECT_GE(slow({"replay", folder / "s.rlog"}).at("overlapped"), 5);
 }
 
+TEST_F(MadeOutputs, SayBySoMuchThatLoudSoundIsSofter) {
+    writeFile(file,
+              "#X3D V4.0 utf8\nPROFILE Full\nDEF OUT AudioDestination { gain 2 children OscillatorSource { } }\n");
+    const std::string wav = folder / "loud.wav", said = "note: the sound exceeded -1 dBFS: all of it is 7.0 dB softer";
+    EXPECT_THAT(rtsg({"listen", file, "-o", wav, "--for", ".1s"}).err, HasSubstr(said));
+    EXPECT_THAT(rtsg({"run", file, "--listen", wav, "--for", ".1s"}).err, HasSubstr(said));
+    EXPECT_EQ(rtsg({"run", file, "--listen", wav, "--for", ".1s", "--set", "OUT.gain=.8@0"}).err, "");
+}
+
 TEST_F(MadeOutputs, WithoutSoundNameNoStateOfIt) {
     const Outcome outcome =
         rtsg({"run", file, "--for", "0.2s", "--fps", "10", "--render", folder / "p%d.png", "--size", "8x8", "--json"});

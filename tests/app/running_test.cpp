@@ -24,7 +24,7 @@ class LateInline : public CommandLine {
     static constexpr const char* kPart =
         "#X3D V4.0 utf8\nPROFILE Immersive\n"
         "DEF THING Shape { appearance Appearance { material Material { emissiveColor 1 1 0 } } geometry Box { } }\n"
-        "DEF TONE Sound { location 0 3 0 maxFront 50 maxBack 50 source AudioClip { url \"none.wav\" loop TRUE } }\n";
+        "DEF TONE Sound { location 0 3 0 maxFront 50 maxBack 50 source OscillatorSource { frequency 440 } }\n";
     void SetUp() override {
         writeFile(folder / "part.x3dv", kPart);
         writeFile(file, head() + R"(
@@ -132,8 +132,12 @@ TEST_F(LateInline, ThatIsNotThereIsReportedOnce) {
              {"listen", file, "-o", out + ".wav", "--for", "1s", "--rays", "10"},
              {"pick", file, "--point", "0", "0", "0", "--time", "1"},
              {"serve", file, "--for", "700ms", "--linger", "0"},
-         })
-        EXPECT_EQ(count(rtsg(arguments).err, said), 1u) << arguments.front();
+         }) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(count(outcome.err, said), 1u) << arguments.front();
+        EXPECT_EQ(count(outcome.err, "had 1 error: this was made of the rest of it"), 1u) << arguments.front();
+        EXPECT_EQ(outcome.status, 1) << arguments.front() << ": as where it is not there from the start";
+    }
 }
 
 class RunOutputs : public CommandLine {

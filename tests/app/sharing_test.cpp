@@ -355,6 +355,22 @@ TEST_F(Mirror, ALogIsPlayedToMirrorsAndDoesWhatTheySay) {
     EXPECT_EQ(json::parse(lastLine(ended.out)).at("player").at("t"), 2.0);
 }
 
+/// What is made of a log that is played again and again goes on over its end.
+TEST_F(Mirror, PicturesAndSoundGoOnWhereALogBeginsAgain) {
+    const std::string log = folder / "again.rlog";
+    endpoint = "ipc://" + folder / "again";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms", "--fps", "20"}).status, 0);
+    Program player({"serve", log, "--loop", "--for", "6s", "--bind", endpoint, "--linger", "2s"}, streams());
+    ASSERT_NE(player.firstLine(), "");
+    const Outcome mirrored = rtsg({"mirror", endpoint, "--listen", folder / "again.wav", "--render",
+                                   folder / "again%d.png", "--fps", "10", "--size", "16x9", "--rays", "10", "--json"});
+    ASSERT_EQ(mirrored.status, 0) << mirrored.err;
+    EXPECT_EQ(player.wait().status, 0);
+    const json report = json::parse(lastLine(mirrored.out));
+    EXPECT_GT(report.at("sound_seconds"), 1) << mirrored.out;
+    EXPECT_GE(report.at("pictures"), 10) << mirrored.out;
+}
+
 TEST_F(Mirror, ARelayPassesASessionOn) {
     serve({"--for", "20s", "--upstream", "events"}, "tcp://127.0.0.1:*");
     Program relay({"relay", endpoint, "--for", "20s", "--upstream", "events", "--json"}, streams());
@@ -595,6 +611,68 @@ TEST_F(Replay, SeeksAndSaves) {
     // The same picture as of the scene itself at that time.
     ASSERT_EQ(rtsg({"render", file, "-o", folder / "direct.png", "--time", "0.5", "--size", "24x16"}).status, 0);
     EXPECT_EQ(readFile(folder / "half.png"), readFile(folder / "direct.png"));
+}
+
+/// What one use of it would not do is refused, before anything is opened or made.
+TEST_F(Replay, OptionsThatGoNotTogetherAreWrongUsage) {
+    record(log, scene());
+    const std::string made = folder / "made.x3dv", other = folder / "b.rlog";
+    const std::vector<std::vector<std::string>> wrong = {
+        {"--rerun", file, "--compact", other},
+        {"--rerun", file, "--seek", "1s"},
+        {"--rerun", file, "--live"},
+        {"--compact", other, "--save", made},
+        {"--compact", other, "--export", folder / "a.mcap"},
+        {"--compact", other, "--verify"},
+        {"--compact", other, "--size", "8x8"},
+        {"--diff", log, "--save", made},
+        {"--diff", log, "--field", "BOX.*"},
+        {"--diff", log, "--tolerance", "1"},
+        {"--diff", log, "--for", "1s"},
+        {"--diff", log, "--blame", "BOX.translation"},
+        {"--blame", "BOX.translation", "--render", folder / "a.png"},
+        {"--every", "3"},
+        {"--interval", "1s", "--verify"},
+        {"--export-plain"},
+        {"--sound-tolerance", "-20"},
+        {"--rerun", file, "--picture-tolerance", ".1"},
+        {"--rerun", file, "--name", "one"},
+    };
+    for (std::vector<std::string> arguments : wrong) {
+        arguments.insert(arguments.begin(), {"replay", log});
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, testing::ContainsRegex("goes (not together )?with --"));
+    }
+    for (const std::string& none : {made, other}) EXPECT_FALSE(std::filesystem::exists(none)) << none;
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--verify", "--save", made}).status, 0);
+    EXPECT_TRUE(std::filesystem::exists(made));
+}
+
+/// A frame in its middle is gone: every use of the log says so, and makes what can be made.
+TEST_F(Replay, WhatALogLacksIsSaidByEveryUseOfIt) {
+    record(log, scene());
+    const std::string gap = folder / "gap.rlog", shorter = folder / "short.rlog";
+    std::string bytes = readFile(log);
+    std::vector<std::size_t> records;
+    for (std::size_t at = bytes.find("RTSGrec1"); at != std::string::npos; at = bytes.find("RTSGrec1", at + 1))
+        records.push_back(at);
+    bytes.erase(records[12], records[13] - records[12]);
+    writeFile(gap, bytes + readFile(log));  // its own keyframes are those of the same states again
+    const Outcome compacted = rtsg({"replay", gap, "--compact", shorter, "--json"});
+    EXPECT_EQ(compacted.status, 1) << compacted.err;
+    EXPECT_THAT(compacted.err, HasSubstr("is not complete"));
+    EXPECT_EQ(json::parse(compacted.out).at("complete"), false);
+    EXPECT_TRUE(std::filesystem::exists(shorter));
+    const Outcome blamed = rtsg({"replay", gap, "--blame", "BOX.translation", "--json"});
+    EXPECT_EQ(blamed.status, 1) << blamed.out;
+    EXPECT_EQ(json::parse(blamed.out).at("complete"), false);
+    const Outcome compared = rtsg({"diff", log, log, "--json"});
+    EXPECT_EQ(compared.status, 0);
+    EXPECT_GT(json::parse(compared.out).at("compared"), 10);
+    EXPECT_EQ(json::parse(compared.out).at("in_one_alone"), 0);
+    const Outcome replayed = rtsg({"replay", log, "--diff", log, "--json"});
+    EXPECT_EQ(json::parse(replayed.out).at("compared"), json::parse(compared.out).at("compared"));
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 // The nodes of a scene on a network that is in memory.
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>

@@ -155,9 +155,9 @@ void writeEdits(const fs::path& file, std::uint64_t epoch, bool append = false) 
 }
 
 /// Things that move smoothly, jump, rest, and go through what is no number.
-class Motion {
+class MovingThings {
   public:
-    explicit Motion(Scene& scene) : scene_(scene) {
+    explicit MovingThings(Scene& scene) : scene_(scene) {
         for (int i = 0; i < 10; ++i) {
             things_.push_back(scene.createNode(x3d::Transform::type));
             EXPECT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, things_.back()));
@@ -212,7 +212,7 @@ void writeMotion(const fs::path& file, std::uint64_t epoch, Coding coding, bool 
     auto log = LogWriter::create(file, builtinTypes(), options);
     ASSERT_TRUE(log);
     const Attachment attachment = (followed ? followed->scene() : scene).bus().attach(**log);
-    Motion motion(scene);
+    MovingThings motion(scene);
     for (int k = 0; k < 36; ++k) {
         motion.frame(k, !lossy);
         scene.newFrame(k / 20.0);
@@ -225,7 +225,7 @@ void writeMerged(const fs::path& file) {
     Scene scene;
     auto log = LogWriter::create(file, builtinTypes(), optionsOf(0x4001, Coding::smallest));
     ASSERT_TRUE(log);
-    Motion motion(scene);
+    MovingThings motion(scene);
     scene.newFrame(0);
     ASSERT_TRUE((*log)->write(scene.snapshot()));
     ChangeComposer composer;

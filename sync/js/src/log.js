@@ -38,6 +38,7 @@ export class Replay {
     this.damage = [];
     this.closed = false;
     this.lost = true;  // waiting for a keyframe
+    this.told = false;  // that frames are missing until then
     this.source = records(bytes, (place) => this.damage.push(place));
   }
   /** The record that led to the next state; null at the end. */
@@ -59,6 +60,7 @@ export class Replay {
     this.scene.countsFields = head.version < 3;
     this.decoder.restart();
     this.lost = true;
+    this.told = false;
   }
   /** All of a scene file. */
   takeScene(record) {
@@ -73,14 +75,20 @@ export class Replay {
     if (!this.lost) {
       if (record.from === this.scene.state && !(record.kind === 'keyframe' && record.to === 0)) return true;
       if (record.to <= this.scene.state) return false;
-      this.lost = true;
-      ++this.gaps;
+      this.missFrames();
     }
+    if (record.kind === 'frame') this.missFrames();
     return record.kind === 'keyframe';
+  }
+  /** A frame that nothing leads to: counted once until the next keyframe. */
+  missFrames() {
+    this.lost = true;
+    if (!this.told) ++this.gaps;
+    this.told = true;
   }
   take(record) {
     this.equal = this.scene.apply(record, this.decoder);
-    this.lost = false;
+    this.lost = this.told = false;
     ++this.states;
     if (this.equal) ++this.verified;
     return record;

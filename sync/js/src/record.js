@@ -19,6 +19,7 @@ export function readRecord(bytes, at = 0, mostPayload = 2 ** 30) {
   if (length > mostPayload) fail(`a payload of ${length} bytes`);
   if (length > bytes.length - at - HEADER) fail('a record cut short');
   if (xxh64(bytes.subarray(at + 16, at + HEADER + length)) !== view.getBigUint64(8, true)) fail('a wrong checksum');
+  if (!Number.isFinite(view.getFloat64(40, true))) fail('no time');
   const hex = (from) => view.getBigUint64(from, true).toString(16).padStart(16, '0');
   return {
     kind: KINDS[bytes[at + 16]] ?? 'other', flags: bytes[at + 17], from: Number(view.getBigUint64(24, true)),

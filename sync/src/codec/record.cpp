@@ -1,6 +1,7 @@
 // Seals and checks records: header and checksum.
 #include <rtsg/sync/record.h>
 
+#include <cmath>
 #include <cstring>
 
 #include <fmt/format.h>
@@ -62,6 +63,7 @@ Result<RecordHeader> parseRecordHeader(std::span<const std::byte> bytes, std::ui
     if (header.length > maxPayload)
         return fail(fmt::format("at byte {}: record of {} bytes exceeds the limit of {}", offset + 18, header.length,
                                 maxPayload));
+    if (!std::isfinite(header.time)) return fail(fmt::format("at byte {}: {} is no time", offset + 40, header.time));
     return header;
 }
 

@@ -7,23 +7,25 @@
 
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/world.h>
-#include <rtsg/sync/replay.h>
+#include <rtsg/sync/log_check.h>
 
 #include "cause.h"
 
 namespace rtsg {
 
 Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::string_view path,
-                                     const std::function<bool(std::uint64_t, std::uint64_t)>& progress) {
+                                     const std::function<bool(std::uint64_t, std::uint64_t)>& progress,
+                                     std::optional<Divergence>* lacks) {
     auto opened = Replayer::open(log);
     if (!opened) return std::unexpected(opened.error());
     Replayer& replayer = **opened;
+    LogCheck check(replayer);
     std::vector<FieldStep> steps;
     Diagnostic why;
     bool known = false;
     std::optional<Value> before;
     while (true) {
-        const auto more = replayer.step();
+        const auto more = check.step();
         if (!more) continue;  // it goes on with the next keyframe
         if (!*more) break;
         if (progress && !progress(replayer.log().position(), replayer.log().size())) return steps;
@@ -56,6 +58,7 @@ Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::stri
         }
         steps.push_back(std::move(step));
     }
+    if (lacks) *lacks = check.first();
     if (!known) return std::unexpected(std::move(why));
     return steps;
 }

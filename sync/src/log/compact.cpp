@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/sync/replay.h>
+#include <rtsg/sync/log_check.h>
 
 namespace rtsg {
 
@@ -54,13 +54,15 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
     } else if (const Result<bool> first = from.step(); !first || !*first) {
         return first ? fail("no intact state", {}, from.log().file().string()) : std::unexpected(first.error());
     }
+    LogCheck check(from);
+    const std::uint64_t gaps = from.gaps();
     CompactReport report;
     report.bytesRead = from.log().size();
     report.statesRead = 1;
     if (auto ok = merger.take(from.scene(), from.scene().snapshot()); !ok) return std::unexpected(ok.error());
     while (true) {
         const std::uint64_t epoch = from.head().epoch;
-        const Result<bool> more = from.step();
+        const Result<bool> more = check.step();
         if (more && !*more) break;
         if (!more) continue;  // goes on at the next keyframe
         if (options.progress && !options.progress(from.log().position(), from.log().size())) return fail("cancelled");
@@ -77,6 +79,8 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
     report.statesWritten = merger.written();
     report.bytesWritten = to.bytes();
     report.damaged = from.log().damage().size();
+    report.gaps = from.gaps() - gaps;
+    if (check.first()) report.lacks = check.first()->text;
     return report;
 }
 

@@ -67,6 +67,7 @@ Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::
     while (true) {
         // In step; and whichever is behind in time catches up.
         const double tx = x.time(), ty = y.time();
+        if (std::isnan(tx) || std::isnan(ty)) return fail("a state has no time", {}, a.string());
         if (tx <= ty + kSameTime)
             if (auto ok = x.step(changedA); !ok) return std::unexpected(ok.error());
         if (ty <= tx + kSameTime)

@@ -2,6 +2,7 @@
 #include <rtsg/sync/replay.h>
 
 #include <algorithm>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -69,6 +70,7 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
         head->formatVersion == head_.formatVersion)
         return {};
     lost_ = true;
+    told_ = false;
     headed_ = false;
     head_ = std::move(*head);
     if (auto ok = decoder_.setHead(head_); !ok) return failed(ok.error());
@@ -90,6 +92,19 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
     return {};
 }
 
+/// A frame that nothing leads to: counted once until the next keyframe.
+void Replayer::missFrames() {
+    lost_ = true;
+    if (!std::exchange(told_, true)) ++gaps_;
+}
+
+/// Time never goes back within a session: a record that says so is not what its writer wrote.
+Result<> Replayer::goesOn(const LogReader::Record& record, double from) {
+    if (record.header.time >= from) return {};
+    return lose(record.offset, record.header.to,
+                fmt::format("its time goes back from {} to {} s", from, record.header.time));
+}
+
 /// Whether the record is to be applied; notes gaps. A keyframe that repeats the state one is in is not.
 bool Replayer::leadsOn(const RecordHeader& header) {
     const bool keyframe = header.kind == RecordKind::keyframe;
@@ -99,19 +114,21 @@ bool Replayer::leadsOn(const RecordHeader& header) {
         if (header.from == scene_->sequence() && !(keyframe && header.to == 0)) return true;
         if (header.to < scene_->sequence() && !keyframe) ++behind_;
         if (header.to <= scene_->sequence()) return false;
-        lost_ = true;
-        ++gaps_;
+        missFrames();
     }
+    if (!keyframe) missFrames();
     return keyframe;
 }
 
 Result<> Replayer::lose(std::uint64_t offset, std::uint64_t state, std::string_view why) {
-    lost_ = true;
+    lost_ = told_ = true;
     return fail(fmt::format("at byte {}: state {}: {}", offset, state, why), {}, log_.file().string());
 }
 
 Result<> Replayer::apply(const LogReader::Record& record) {
     const RecordHeader& header = record.header;
+    if (!lost_)
+        if (auto ok = goesOn(record, scene_->now()); !ok) return ok;
     if (lost_ && (scene_->sequence() != 0 || frames_ != 0))
         if (auto ok = scene_->reset(); !ok) return ok;
     // Subscribers may still hold the last one.
@@ -126,7 +143,7 @@ Result<> Replayer::apply(const LogReader::Record& record) {
         ok = scene_->apply(set_);
     }
     if (!ok) return lose(record.offset, header.to, ok.error().text);
-    lost_ = false;
+    lost_ = told_ = false;
     ++frames_;
     if (decoder_.originHash()) set_->hash = scene_->hash();
     check(header, *set_);
@@ -147,11 +164,12 @@ Result<bool> Replayer::take(const LogReader::Record& record) {
 Result<bool> Replayer::takeInput(const LogReader::Record& record) {
     const RecordHeader& header = record.header;
     const bool isRunState = header.from == header.to;
+    if (headed_ && lost_ && runner_ && !isRunState) missFrames();
     if (!headed_ || lost_ || !inputsFit_ ||
         (isRunState ? !runner_ || header.to != scene_->sequence() : header.to <= scene_->sequence()))
         return false;
     if (header.from != scene_->sequence()) {
-        if (runner_) lost_ = true, ++gaps_;
+        if (runner_) missFrames();
         return false;
     }
     auto input = std::make_shared<ChangeSet>();
@@ -339,6 +357,7 @@ Result<> Replayer::composeUntil(double time) {
             log_.seek(record->offset);
             break;
         } else if (frame && !lost_ && header.from == (last ? last->to : scene_->sequence())) {
+            if (auto ok = goesOn(*record, last ? last->time : scene_->now()); !ok) return ok;
             if (auto ok = decoder_.decode(record->bytes, set); !ok)
                 return lose(record->offset, header.to, ok.error().text);
             composer.add(set);
@@ -375,48 +394,120 @@ std::string ComparedStates::format() const {
                     : fmt::format("in all states that both hold ({}); {} more are in one of them", both, one);
 }
 
+namespace {
+
+/// One of two logs that are compared.
+class ComparedLog {
+  public:
+    explicit ComparedLog(Replayer& replayer) : replayer_(replayer) {}
+
+    Result<> step() {
+        const std::uint64_t gaps = replayer_.gaps(), epoch = replayer_.head().epoch, frames = replayer_.frames();
+        const Result<bool> more = replayer_.step();
+        if (!more) return std::unexpected(more.error());
+        more_ = *more;
+        jumped_ = frames > 0 && (replayer_.gaps() > gaps || replayer_.head().epoch != epoch);
+        return {};
+    }
+    bool more() const { return more_; }
+    const Scene& scene() const { return replayer_.scene(); }
+    std::uint64_t state() const { return scene().sequence(); }
+    const Replayer& replayer() const { return replayer_; }
+    std::string name() const { return replayer_.log().file().string(); }
+    /// The last step went over a hole: what is in the other log alone before it is missing here. Frames that were
+    /// merged are not, nor is what a log does not begin with.
+    bool jumped() const { return jumped_; }
+
+  private:
+    Replayer& replayer_;
+    bool more_ = true, jumped_ = false;
+};
+
+std::optional<Divergence> differenceOfStates(const Scene& s, const Scene& t) {
+    if (s.hash() != t.hash()) {
+        if (auto difference = firstDifference(s, t)) return difference;
+        return Divergence{s.sequence(), s.now(), {}, {}, "other hash"};
+    }
+    if (s.now() != t.now())
+        return Divergence{s.sequence(), s.now(), {}, "time", fmt::format("{} s and {} s", s.now(), t.now())};
+    return std::nullopt;
+}
+
+/// Holes and other orders, which leave the states that both hold alike.
+class HolesOfLogs {
+  public:
+    /// `ahead` has gone past the state that `behind` is in.
+    void pass(const ComparedLog& behind, const ComparedLog& ahead) {
+        if (!first_ && ahead.jumped())
+            first_ = Divergence{behind.state(), behind.scene().now(), {}, {}, ahead.name() + " lacks this state"};
+    }
+    void end(const ComparedLog& log) {
+        if (!first_ && log.replayer().framesBehind() > 0)
+            first_ = Divergence{log.state(),
+                                log.scene().now(),
+                                {},
+                                {},
+                                fmt::format("the pieces of {} are in another order than they were written in: {} "
+                                            "frames were not compared",
+                                            log.name(), log.replayer().framesBehind())};
+    }
+    const std::optional<Divergence>& first() const { return first_; }
+
+  private:
+    std::optional<Divergence> first_;
+};
+
+Result<std::optional<Divergence>> compareStates(ComparedLog& x, ComparedLog& y,
+                                                const std::function<void(std::uint64_t, std::uint64_t)>& progress,
+                                                ComparedStates& states) {
+    HolesOfLogs holes;
+    for (ComparedLog* log : {&x, &y})
+        if (auto ok = log->step(); !ok) return std::unexpected(ok.error());
+    while (x.more() && y.more()) {
+        if (progress) progress(x.replayer().log().position(), x.replayer().log().size());
+        const bool both = x.state() == y.state();
+        ++(both ? states.both : states.one);
+        if (both) {
+            if (auto difference = differenceOfStates(x.scene(), y.scene()))
+                return holes.first() ? holes.first() : difference;
+        } else {
+            x.state() < y.state() ? holes.pass(x, y) : holes.pass(y, x);
+        }
+        const bool stepX = x.state() <= y.state(), stepY = both || !stepX;
+        if (stepX)
+            if (auto ok = x.step(); !ok) return std::unexpected(ok.error());
+        if (stepY)
+            if (auto ok = y.step(); !ok) return std::unexpected(ok.error());
+    }
+    ComparedLog &longer = x.more() ? x : y, &shorter = x.more() ? y : x;
+    const bool unequal = longer.more();
+    const Divergence end{longer.state(),
+                         longer.scene().now(),
+                         {},
+                         {},
+                         fmt::format("{} ends before {} does", shorter.name(), longer.name())};
+    for (; longer.more(); ++states.one)
+        if (auto ok = longer.step(); !ok) return std::unexpected(ok.error());
+    if (states.both == 0) return Divergence{0, 0, {}, {}, "no state is in both logs"};
+    holes.end(x);
+    holes.end(y);
+    if (holes.first()) return holes.first();
+    return unequal ? std::optional(end) : std::nullopt;
+}
+
+}  // namespace
+
 Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b,
                                            const std::function<void(std::uint64_t, std::uint64_t)>& progress,
                                            ComparedStates* compared) {
-    ComparedStates states;
     Result<std::unique_ptr<Replayer>> opened[] = {Replayer::open(a), Replayer::open(b)};
     for (const auto& log : opened)
         if (!log) return std::unexpected(log.error());
-    Replayer &x = **opened[0], &y = **opened[1];
-    Result<bool> moreX = x.step(), moreY = y.step();
-    while (true) {
-        for (const Result<bool>* more : {&moreX, &moreY})
-            if (!*more) return std::unexpected(more->error());
-        if (!*moreX || !*moreY) break;
-        if (progress) progress(x.log().position(), x.log().size());
-        const Scene &s = x.scene(), &t = y.scene();
-        ++(s.sequence() == t.sequence() ? states.both : states.one);
-        if (s.sequence() == t.sequence()) {
-            if (s.hash() != t.hash()) {
-                if (auto difference = firstDifference(s, t)) return difference;
-                return Divergence{s.sequence(), s.now(), {}, {}, "other hash"};
-            }
-            if (s.now() != t.now())
-                return Divergence{s.sequence(), s.now(), {}, "time", fmt::format("{} s and {} s", s.now(), t.now())};
-            moreX = x.step();
-            moreY = y.step();
-        } else if (s.sequence() < t.sequence()) {
-            moreX = x.step();
-        } else {
-            moreY = y.step();
-        }
-    }
+    ComparedLog x(**opened[0]), y(**opened[1]);
+    ComparedStates states;
+    auto result = compareStates(x, y, progress, states);
     if (compared) *compared = states;
-    if (*moreX == *moreY && states.both > 0) return std::nullopt;
-    if (states.both == 0) return Divergence{0, 0, {}, {}, "no state is in both logs"};
-    const Replayer& longer = *moreX ? x : y;
-    const Replayer& shorter = *moreX ? y : x;
-    return Divergence{
-        (*moreX ? x : y).scene().sequence(),
-        (*moreX ? x : y).scene().now(),
-        {},
-        {},
-        fmt::format("{} ends before {} does", shorter.log().file().string(), longer.log().file().string())};
+    return result;
 }
 
 }  // namespace rtsg

@@ -267,7 +267,10 @@ bool LogWriter::rotationDue(double now) const {
            (options_.rotateSeconds > 0 && pieceStart_ && now - *pieceStart_ >= options_.rotateSeconds);
 }
 
-std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file) {
+namespace {
+
+/// By their numbers.
+std::vector<std::pair<std::uint64_t, std::filesystem::path>> numberedPieces(const std::filesystem::path& file) {
     const std::string before = file.stem().string() + ".", after = file.extension().string();
     std::vector<std::pair<std::uint64_t, std::filesystem::path>> found;
     std::error_code error;
@@ -283,14 +286,23 @@ std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& fi
         found.emplace_back(number, file.has_parent_path() ? entry.path() : entry.path().filename());
     }
     std::ranges::sort(found);
+    return found;
+}
+
+}  // namespace
+
+std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file) {
     std::vector<std::filesystem::path> pieces;
-    for (auto& [number, piece] : found) pieces.push_back(std::move(piece));
+    for (auto& [number, piece] : numberedPieces(file)) pieces.push_back(std::move(piece));
     return pieces;
 }
 
-/// The next number that no file has: one of an earlier session is not overwritten.
+/// The next number above all that files have: those of an earlier session are not overwritten, and come before.
 Result<std::filesystem::path> LogWriter::freePieceName() {
     constexpr std::uint64_t kMost = 1'000'000;
+    if (pieceNumber_ == 0)
+        for (const auto& [number, piece] : numberedPieces(file_))
+            if (number + 1 < kMost) pieceNumber_ = number;
     while (++pieceNumber_ < kMost) {
         std::filesystem::path name = file_;
         name.replace_filename(

@@ -15,15 +15,15 @@ namespace {
 
 constexpr int kDeepestUnit = 500;  // levels of nodes; what is deeper counts as unbounded
 
-ShapeBox aboutOrigin(const Vec3d& half) {
-    ShapeBox box;
+ShapeBounds aboutOrigin(const Vec3d& half) {
+    ShapeBounds box;
     box.add(-half);
     box.add(half);
     return box;
 }
 
-ShapeBox aboutPoints(const Node& node, FieldIndex field) {
-    ShapeBox box;
+ShapeBounds aboutPoints(const Node& node, FieldIndex field) {
+    ShapeBounds box;
     switch (node.type().fields[field].type) {
         case FieldType::MFVec3f:
             for (const Vec3f& p : node.get(Field<Array<Vec3f>>{field})) box.add(Vec3d(p));
@@ -41,26 +41,26 @@ ShapeBox aboutPoints(const Node& node, FieldIndex field) {
 }
 
 /// Of a geometry that has its points in another node. Nothing: the points are in coordinates of the ground.
-std::optional<ShapeBox> aboutCoordinates(const Scene& scene, const Node& geometry, FieldIndex field) {
+std::optional<ShapeBounds> aboutCoordinates(const Scene& scene, const Node& geometry, FieldIndex field) {
     const Node* points = scene.effectiveNode(geometry.get(Field<NodeId>{field}));
-    if (!points) return ShapeBox{};
+    if (!points) return ShapeBounds{};
     if (points->is(x3d::Coordinate::type)) return aboutPoints(*points, x3d::Coordinate::point.index);
     if (points->is(x3d::CoordinateDouble::type)) return aboutPoints(*points, x3d::CoordinateDouble::point.index);
     return std::nullopt;
 }
 
-ShapeBox aboutExtrusion(const Node& node) {
+ShapeBounds aboutExtrusion(const Node& node) {
     using E = x3d::Extrusion;
     double reach = 0, scale = node.get(E::scale).empty() ? 1 : 0;
     for (const Vec2f& p : node.get(E::crossSection)) reach = std::max(reach, glm::length(Vec2d(p)));
     for (const Vec2f& s : node.get(E::scale)) scale = std::max(scale, double(std::max(std::abs(s.x), std::abs(s.y))));
-    const ShapeBox around = aboutOrigin(Vec3d(reach * scale)), spine = aboutPoints(node, E::spine.index);
-    return spine.empty() ? ShapeBox{} : ShapeBox{spine.low + around.low, spine.high + around.high};
+    const ShapeBounds around = aboutOrigin(Vec3d(reach * scale)), spine = aboutPoints(node, E::spine.index);
+    return spine.empty() ? ShapeBounds{} : ShapeBounds{spine.low + around.low, spine.high + around.high};
 }
 
-ShapeBox aboutElevations(const Node& node) {
+ShapeBounds aboutElevations(const Node& node) {
     using E = x3d::ElevationGrid;
-    ShapeBox box;
+    ShapeBounds box;
     for (const float height : node.get(E::height)) {
         box.add(Vec3d(0, height, 0));
         box.add(Vec3d((node.get(E::xDimension) - 1.) * node.get(E::xSpacing), height,
@@ -70,19 +70,19 @@ ShapeBox aboutElevations(const Node& node) {
 }
 
 /// However it is justified, it lies within its size of its origin. Nothing while nobody has measured it.
-std::optional<ShapeBox> aboutText(const Node& node) {
+std::optional<ShapeBounds> aboutText(const Node& node) {
     using T = x3d::Text;
-    if (node.get(T::string).empty()) return ShapeBox{};
+    if (node.get(T::string).empty()) return ShapeBounds{};
     const Vec2d size(node.get(T::textBounds));
     if (!(size.x > 0 && size.y > 0)) return std::nullopt;
     return aboutOrigin(glm::abs(Vec3d(node.get(T::origin))) + Vec3d(size.x + size.y, size.x + size.y, 0));
 }
 
 /// Nothing where the fields do not tell.
-std::optional<ShapeBox> aboutGeometry(const Scene& scene, NodeId id) {
-    if (!id) return ShapeBox{};
+std::optional<ShapeBounds> aboutGeometry(const Scene& scene, NodeId id) {
+    if (!id) return ShapeBounds{};
     const Node* geometry = scene.effectiveNode(id);
-    if (!geometry) return ShapeBox{};
+    if (!geometry) return ShapeBounds{};
     const Node& g = *geometry;
     const auto round = [](float radius) { return aboutOrigin(Vec3d(radius, radius, 0)); };
     if (g.is(x3d::Box::type)) return aboutOrigin(Vec3d(g.get(x3d::Box::size)) * .5);
@@ -114,16 +114,16 @@ std::optional<ShapeBox> aboutGeometry(const Scene& scene, NodeId id) {
 }
 
 /// Of a node and all below it, in the coordinates around it. Nothing: unbounded.
-std::optional<ShapeBox> aboutNode(const Scene& scene, NodeId id, int depth) {
+std::optional<ShapeBounds> aboutNode(const Scene& scene, NodeId id, int depth) {
     const Node* found = scene.find(id);
-    if (!found) return ShapeBox{};
+    if (!found) return ShapeBounds{};
     const Node& node = *found;
     const NodeType& type = node.type();
     if (depth > kDeepestUnit) return std::nullopt;
     if (node.is(x3d::Shape::type)) return aboutGeometry(scene, node.get(x3d::Shape::geometry));
     if (type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto) {
         const Node* first = scene.effectiveNode(id);
-        return first && first != found ? aboutNode(scene, first->id(), depth + 1) : ShapeBox{};
+        return first && first != found ? aboutNode(scene, first->id(), depth + 1) : ShapeBounds{};
     }
     if (type.isA("X3DVolumeDataNode")) {
         const FieldIndex size = type.findExact("dimensions");
@@ -131,7 +131,7 @@ std::optional<ShapeBox> aboutNode(const Scene& scene, NodeId id, int depth) {
         return aboutOrigin(Vec3d(node.get(Field<Vec3f>{size})) * .5);
     }
     if (type.role == "shape") return std::nullopt;
-    ShapeBox box;
+    ShapeBounds box;
     for (const FieldIndex field : type.below) {
         std::vector<NodeId> children;
         if (type.fields[field].type == FieldType::SFNode)
@@ -139,7 +139,7 @@ std::optional<ShapeBox> aboutNode(const Scene& scene, NodeId id, int depth) {
         else
             append(children, node.get(Field<Array<NodeId>>{field}));
         for (const NodeId child : children) {
-            const std::optional<ShapeBox> one = aboutNode(scene, child, depth + 1);
+            const std::optional<ShapeBounds> one = aboutNode(scene, child, depth + 1);
             if (!one) return std::nullopt;
             box.add(*one);
         }
@@ -158,7 +158,7 @@ bool hasEffectAnywhere(const NodeType& type) {
 
 }  // namespace
 
-ShapeBox ShapeBox::through(const glm::dmat4& matrix) const {
+ShapeBounds ShapeBounds::through(const glm::dmat4& matrix) const {
     if (empty()) return {};
     const Vec3d center = (low + high) * .5, half = (high - low) * .5;
     const Vec3d at(matrix * glm::dvec4(center, 1));
@@ -167,7 +167,7 @@ ShapeBox ShapeBox::through(const glm::dmat4& matrix) const {
     return {at - reach, at + reach};
 }
 
-double ShapeBox::distance(const Vec3d& point) const {
+double ShapeBounds::distance(const Vec3d& point) const {
     if (empty()) return std::numeric_limits<double>::infinity();
     return glm::length(glm::max(glm::max(low - point, point - high), Vec3d(0)));
 }
@@ -208,7 +208,7 @@ ShapeUnit shapeUnit(const Scene& scene, NodeId top) {
     unit.isUnbounded =
         std::ranges::any_of(unit.nodes, [&](NodeId id) { return hasEffectAnywhere(scene.node(id).type()); });
     if (unit.isUnbounded) return unit;
-    const std::optional<ShapeBox> box = aboutNode(scene, top, 0);
+    const std::optional<ShapeBounds> box = aboutNode(scene, top, 0);
     const auto finite = [](const Vec3d& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); };
     unit.isUnbounded = !box || (!box->empty() && !(finite(box->low) && finite(box->high)));
     if (!unit.isUnbounded) unit.box = *box;

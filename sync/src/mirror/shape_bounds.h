@@ -13,7 +13,7 @@
 
 namespace rtsg {
 
-struct ShapeBox {
+struct ShapeBounds {
     Vec3d low{std::numeric_limits<double>::infinity()}, high{-std::numeric_limits<double>::infinity()};
 
     bool empty() const { return !(low.x <= high.x && low.y <= high.y && low.z <= high.z); }
@@ -21,20 +21,20 @@ struct ShapeBox {
         low = glm::min(low, point);
         high = glm::max(high, point);
     }
-    void add(const ShapeBox& other) {
+    void add(const ShapeBounds& other) {
         low = glm::min(low, other.low);
         high = glm::max(high, other.high);
     }
     /// The box along the axes about this one, moved.
-    ShapeBox through(const glm::dmat4& matrix) const;
+    ShapeBounds through(const glm::dmat4& matrix) const;
     /// From a point to the nearest of the box; infinite if it is empty.
     double distance(const Vec3d& point) const;
-    friend bool operator==(const ShapeBox&, const ShapeBox&) = default;
+    friend bool operator==(const ShapeBounds&, const ShapeBounds&) = default;
 };
 
 /// A node with all that is below it, which comes and goes as a whole.
 struct ShapeUnit {
-    ShapeBox box;               // around the node; empty: it draws nothing
+    ShapeBounds box;            // around the node; empty: it draws nothing
     bool isUnbounded = false;   // it has, or may have, an effect anywhere
     std::vector<NodeId> nodes;  // itself and all below it, each once, in order
     friend bool operator==(const ShapeUnit&, const ShapeUnit&) = default;

@@ -205,7 +205,7 @@ void ShapePlaces::removePlaces(PlaceId top) {
 
 // ---- the grid ----------------------------------------------------------------------------------------------------
 
-ShapePlaces::Cell ShapePlaces::cellOf(const ShapeBox& box) const {
+ShapePlaces::Cell ShapePlaces::cellOf(const ShapeBounds& box) const {
     const Vec3d size = box.high - box.low, at = (box.low + box.high) * .5;
     const int level = levelFor(std::max({size.x, size.y, size.z}), smallestLevel_);
     const double edge = std::ldexp(1., level);
@@ -216,7 +216,7 @@ ShapePlaces::Cell ShapePlaces::cellOf(const ShapeBox& box) const {
 void ShapePlaces::placeUnit(PlaceId id) {
     Place& p = places_[id];
     const ShapeUnit& unit = p.top->unit;
-    ShapeBox box = unit.box.through(places_[p.parent].worldFromLocal);
+    ShapeBounds box = unit.box.through(places_[p.parent].worldFromLocal);
     const bool lost = !unit.box.empty() && (box.empty() || !std::isfinite(glm::length(box.high - box.low)) ||
                                             !std::isfinite(glm::length(box.high + box.low)));
     const bool isUnbounded = unit.isUnbounded || lost;

@@ -36,7 +36,7 @@ class ShapePlaces {
         std::uint32_t depth = 0;
         std::uint64_t born = 0, moved = 0;  // in which step
         glm::dmat4 worldFromLocal{1};       // of a group
-        ShapeBox box;                       // of a unit, in the world
+        ShapeBounds box;                    // of a unit, in the world
         std::vector<PlaceId> below;         // of a group
         std::uint32_t slot = 0;             // in the parent's `below`
         std::uint64_t cell = 0;             // of a unit with a box: which one, on which level, and where in it
@@ -105,7 +105,7 @@ class ShapePlaces {
         int level = 0;
         std::uint64_t key = 0;
     };
-    Cell cellOf(const ShapeBox& box) const;
+    Cell cellOf(const ShapeBounds& box) const;
     void putInCell(PlaceId id, const Cell& cell);
     void takeOutOfCell(PlaceId id);
     void placeUnit(PlaceId id);

@@ -1,6 +1,8 @@
 // Compacting logs: what is kept, what is merged.
 #include <rtsg/sync/log_compact.h>
 
+#include <algorithm>
+
 #include "support/log_support.h"
 
 namespace rtsg {
@@ -98,6 +100,29 @@ TEST_F(Compaction, FilesThatCannotBeAreErrorsAndNothingIsLost) {
     EXPECT_FALSE(std::filesystem::exists(file("b.rlog")));
     EXPECT_FALSE(std::filesystem::exists(file("b.rlog.new")));
     EXPECT_EQ(replay(file(), recorded).states.size(), recorded.dumps.size());
+}
+
+TEST_F(Compaction, WhatTheOldLogLacksIsNamed) {
+    record(file(), 60, 11, denseKeyframes());
+    const auto records = recordsOf(file());
+    const std::string bytes = readAll(file());
+    const auto frame = std::ranges::find_if(records.begin() + 20, records.end(),
+                                            [](const auto& r) { return r.second.kind == RecordKind::frame; });
+    writeAll(file("gap.rlog"), bytes.substr(0, frame->first) + bytes.substr(frame->first + frame->second.size()));
+    const auto whole = compactLog(file(), file("b.rlog"));
+    ASSERT_TRUE(whole);
+    EXPECT_EQ(whole->lacks, "");
+    EXPECT_EQ(whole->gaps, 0u);
+    const auto partial = compactLog(file("gap.rlog"), file("c.rlog"));
+    ASSERT_TRUE(partial) << partial.error().text;
+    EXPECT_EQ(partial->gaps, 1u);
+    EXPECT_TRUE(partial->lacks.contains("are missing")) << partial->lacks;
+    // Before the part that is kept it does not matter.
+    CompactOptions later;
+    later.from = 5;
+    const auto part = compactLog(file("gap.rlog"), file("d.rlog"), later);
+    ASSERT_TRUE(part) << part.error().text;
+    EXPECT_EQ(part->lacks, "");
 }
 
 }  // namespace

@@ -106,5 +106,19 @@ TEST_F(Rotation, PiecesOfAnEarlierSessionStay) {
     EXPECT_EQ(files().size(), 2 * before - 1);  // a.rlog itself was replaced
 }
 
+/// The pieces in the order of their numbers are in the order of their writing, though old ones were let go.
+TEST_F(Rotation, PiecesOfALaterWriterComeBehindThoseThatAreThere) {
+    LogOptions options;
+    options.rotateSeconds = 1;
+    record(file(), 30, 6, options);
+    const std::size_t before = files().size();
+    ASSERT_TRUE(std::filesystem::exists(file("a.0002.rlog")));
+    std::filesystem::remove(file("a.0001.rlog"));
+    writeAll(file("a.20260101.rlog"), "a date is no number of a piece");
+    record(file(), 30, 8, options);
+    EXPECT_FALSE(std::filesystem::exists(file("a.0001.rlog")));
+    EXPECT_EQ(files().size(), 2 * before - 1);
+}
+
 }  // namespace
 }  // namespace rtsg

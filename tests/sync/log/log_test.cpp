@@ -4,8 +4,12 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <algorithm>
+#include <cstring>
+#include <limits>
 
 #include <rtsg/core/x3d.h>
+#include <rtsg/sync/field_comparison.h>
+#include <rtsg/sync/log_check.h>
 #include <rtsg/sync/log_compact.h>
 #include <rtsg/sync/replay.h>
 
@@ -411,6 +415,98 @@ TEST_F(Log, AnExistingLogIsReplacedOrKeptButNeverCut) {
     EXPECT_FALSE(write(Existing::replace)) << "two would write";
     EXPECT_TRUE((*replaced)->close()) << "it is where its name says";
     EXPECT_TRUE(write(Existing::replace));
+}
+
+/// Without one frame in its middle; the next keyframe goes on.
+TEST_F(Log, DiffFindsAHoleInTheMiddle) {
+    record(file("a.rlog"), 60, 5, denseKeyframes());
+    const auto records = recordsOf(file("a.rlog"));
+    const std::string bytes = readAll(file("a.rlog"));
+    const auto frame = std::ranges::find_if(records.begin() + 20, records.end(),
+                                            [](const auto& r) { return r.second.kind == RecordKind::frame; });
+    writeAll(file("b.rlog"), bytes.substr(0, frame->first) + bytes.substr(frame->first + frame->second.size()));
+    for (const auto& [one, other] : {std::pair("a.rlog", "b.rlog"), std::pair("b.rlog", "a.rlog")}) {
+        ComparedStates states;
+        const auto found = diffLogs(file(one), file(other), {}, &states);
+        ASSERT_TRUE(found) << found.error().text;
+        ASSERT_TRUE(*found);
+        EXPECT_EQ((*found)->frame, frame->second.to);
+        EXPECT_TRUE((*found)->text.contains("b.rlog lacks this state")) << (*found)->text;
+        EXPECT_GT(states.one, 0u);
+        EXPECT_GT(states.both, 40u);
+    }
+    // The same hole in both is none between them.
+    const auto same = diffLogs(file("b.rlog"), file("b.rlog"));
+    ASSERT_TRUE(same);
+    EXPECT_FALSE(*same) << (*same)->format();
+}
+
+/// Record `index` with another time, its checksum made right again.
+std::string withTime(std::string bytes, const std::pair<std::uint64_t, RecordHeader>& record, double time) {
+    RecordHeader header = record.second;
+    header.time = time;
+    ByteBuffer forged;
+    forged.append(asBytes(bytes).subspan(record.first, header.size()));
+    sealRecord(forged, header);
+    std::memcpy(bytes.data() + record.first, forged.data(), forged.size());
+    return bytes;
+}
+
+TEST_F(Log, TimesThatAreNoneOrGoBackAreRefused) {
+    record(file(), 30, 5);
+    const std::string bytes = readAll(file());
+    const auto records = recordsOf(file());
+    const auto frame = std::ranges::find_if(records.begin() + 15, records.end(),
+                                            [](const auto& r) { return r.second.kind == RecordKind::frame; });
+    for (const double time : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(), .05}) {
+        writeAll(file("b.rlog"), withTime(bytes, *frame, time));
+        auto replayer = Replayer::open(file("b.rlog"));
+        ASSERT_TRUE(replayer);
+        LogCheck check(**replayer);
+        while (check.step().value_or(true)) continue;
+        ASSERT_TRUE(check.first()) << time;
+        EXPECT_EQ(check.first()->frame, frame->second.to);
+        EXPECT_TRUE(check.first()->text.contains(fmt::format("at byte {}", frame->first + (time == .05 ? 0 : 40))))
+            << check.first()->text;
+        FieldSelection all;
+        all.tolerance = 1;
+        EXPECT_FALSE(diffLogFields(file(), file("b.rlog"), all));  // and comes to an end
+    }
+}
+
+/// The head of another session, and frames, but no keyframe that these start from.
+TEST_F(Log, FramesWithoutTheirKeyframeAreAGap) {
+    record(file(), 30, 5);
+    record(file("other.rlog"), 1, 5);
+    const auto records = recordsOf(file());
+    const std::string bytes = readAll(file()), other = readAll(file("other.rlog"));
+    const auto frame = std::ranges::find_if(records.begin() + 15, records.end(),
+                                            [](const auto& r) { return r.second.kind == RecordKind::frame; });
+    const std::string head = other.substr(0, recordsOf(file("other.rlog")).front().second.size());
+    writeAll(file("b.rlog"), bytes.substr(0, frame->first) + head + bytes.substr(frame->first));
+    auto replayer = Replayer::open(file("b.rlog"));
+    ASSERT_TRUE(replayer);
+    LogCheck check(**replayer);
+    while (check.step().value_or(true)) continue;
+    EXPECT_EQ((*replayer)->gaps(), 1u);
+    ASSERT_TRUE(check.first());
+    EXPECT_EQ(check.first()->frame, frame->second.to);
+    EXPECT_TRUE(check.first()->text.contains("no keyframe")) << check.first()->text;
+}
+
+/// Without an index all damage is found at the start; it is named where it lies.
+TEST_F(Log, DamageIsNamedBehindTheStateBeforeIt) {
+    const Recorded recorded = record(file(), 30, 5);
+    const std::string bytes = readAll(file());
+    writeAll(file("b.rlog"), bytes.substr(0, recordsOf(file()).back().first) + "a torn record");
+    auto replayer = Replayer::open(file("b.rlog"));
+    ASSERT_TRUE(replayer);
+    (void)(*replayer)->keyframes();
+    LogCheck check(**replayer);
+    while (check.step().value_or(true)) continue;
+    ASSERT_TRUE(check.first());
+    EXPECT_EQ(check.first()->frame, recorded.last + 1);
+    EXPECT_DOUBLE_EQ(check.first()->time, recorded.times.at(recorded.last));
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Parts by region: what is near is in them and what is far is not, through random walks, and as peers get them.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <map>
 #include <random>
 #include <set>

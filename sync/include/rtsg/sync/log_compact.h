@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <string>
 
 #include <rtsg/sync/log.h>
 
@@ -29,6 +30,9 @@ struct CompactReport {
     std::uint64_t statesRead = 0, statesWritten = 0;
     std::uint64_t bytesRead = 0, bytesWritten = 0;
     std::uint64_t damaged = 0;  // places in the old log that could not be read
+    std::uint64_t gaps = 0;     // times that frames were missing in the part of it that was kept
+    /// What the old log lacked first, in that part, and the new one does too; empty: nothing, it is complete.
+    std::string lacks{};
 };
 
 /// Writes `out` in one step, at the end. Errors: `out` is there and to be kept, `out` is `in`, files that cannot be

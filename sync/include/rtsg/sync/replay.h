@@ -90,6 +90,8 @@ class Replayer {
     Result<bool> take(const LogReader::Record& record);
     Result<bool> takeInput(const LogReader::Record& record);
     bool leadsOn(const RecordHeader& header);
+    void missFrames();
+    Result<> goesOn(const LogReader::Record& record, double from);
     Result<> apply(const LogReader::Record& record);
     Result<> adoptHead(std::span<const std::byte> record);
     bool startAt(const LogKeyframe& keyframe);
@@ -109,6 +111,7 @@ class Replayer {
     bool inputsFit_ = false;                // they are of this program's node types
     bool headed_ = false;                   // head_ is of this epoch
     bool lost_ = true;                      // waiting for a keyframe
+    bool told_ = false;                     // that frames are missing until then
     std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0, behind_ = 0;
     std::optional<Divergence> divergence_;
     std::shared_ptr<ChangeSet> set_ = std::make_shared<ChangeSet>();
@@ -120,7 +123,8 @@ struct ComparedStates {
     std::string format() const;
 };
 /// Compares two logs state by state. Nothing when all their common state numbers agree, of which there is at least one,
-/// and both end with the same. `progress` is told the bytes read of `a` and all there are.
+/// both end with the same, and neither has a hole where the other has states: one may begin later, or have frames
+/// merged. `progress` is told the bytes read of `a` and all there are.
 Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const std::filesystem::path& b,
                                            const std::function<void(std::uint64_t, std::uint64_t)>& progress = {},
                                            ComparedStates* compared = nullptr);

@@ -1,0 +1,37 @@
+// Log check: steps a replay, and notes where the log first was not whole, or a state not the one recorded.
+//
+// Invariant: what is noted lies between the state that a step began with and the one that it led to; nothing that the
+// replay jumped over before (Replayer::seek) is. Threading: the replayer's thread; the replayer must outlive this.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include <rtsg/sync/replay.h>
+
+namespace rtsg {
+
+class LogCheck {
+  public:
+    explicit LogCheck(Replayer& replayer) : replayer_(replayer), gaps_(replayer.gaps()) {}
+
+    /// As Replayer::step().
+    Result<bool> step();
+    /// At the log's end, for those who ask for all of it.
+    void expectClosed();
+    /// Frames that are missing, bytes that are damaged, pieces in another order, a record that could not be applied, a
+    /// state with another hash: whatever came first.
+    const std::optional<Divergence>& first() const { return first_; }
+
+  private:
+    void note(std::uint64_t frame, std::string text);
+    void noteGap(std::uint64_t before, bool arrived);
+
+    Replayer& replayer_;
+    std::uint64_t gaps_ = 0;
+    std::optional<Divergence> first_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,60 @@
+// Steps a replay and says what of its log is missing, damaged or out of order.
+#include <rtsg/sync/log_check.h>
+
+#include <algorithm>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace rtsg {
+
+void LogCheck::note(std::uint64_t frame, std::string text) {
+    if (!first_) first_ = Divergence{frame, replayer_.scene().now(), {}, {}, std::move(text)};
+}
+
+/// `arrived`: the step has led to a state.
+void LogCheck::noteGap(std::uint64_t before, bool arrived) {
+    const std::uint64_t now = replayer_.scene().sequence();
+    if (arrived && now > before)
+        note(before + 1, fmt::format("frames {} to {} are missing", before + 1, now));
+    else
+        note(before + 1, fmt::format("frames stand behind state {} that do not lead on from it, and no keyframe that "
+                                     "they start from: they were not played",
+                                     before));
+}
+
+Result<bool> LogCheck::step() {
+    const std::uint64_t before = replayer_.scene().sequence();
+    // Opening it has read on to the first intact head.
+    const std::uint64_t from = replayer_.frames() == 0 ? 0 : replayer_.log().position();
+    const Result<bool> more = replayer_.step();
+    const LogReader& log = replayer_.log();
+    // Where there is no index, the search for keyframes has found all damage already: what counts is its place.
+    const auto damaged = std::ranges::find_if(
+        log.damage(), [&](const LogDamage& d) { return d.offset >= from && d.offset < log.position(); });
+    if (damaged != log.damage().end())
+        note(before + 1, fmt::format("bytes {} to {} of the log are damaged: {}", damaged->offset,
+                                     damaged->offset + damaged->length, damaged->text));
+    if (!more) {
+        note(before + 1, more.error().text);
+        return more;
+    }
+    if (std::exchange(gaps_, replayer_.gaps()) < replayer_.gaps()) noteGap(before, *more);
+    if (replayer_.framesBehind() > 0)
+        note(before + 1, fmt::format("{} frames of earlier states stand after state {}, and were not played: the "
+                                     "pieces of the log are in another order than they were written in",
+                                     replayer_.framesBehind(), before));
+    if (!first_ && replayer_.divergence()) first_ = replayer_.divergence();
+    return more;
+}
+
+void LogCheck::expectClosed() {
+    if (replayer_.log().closed()) return;
+    const std::uint64_t last = replayer_.scene().sequence();
+    if (replayer_.log().beingWritten())
+        note(last + 1, fmt::format("the log is still being written: states after {} are yet to come", last));
+    else
+        note(last + 1, fmt::format("the log was not closed: nothing tells what came after state {}", last));
+}
+
+}  // namespace rtsg
