@@ -37,6 +37,31 @@ std::string inertiaOf(double x, double y, double z) {
 
 }  // namespace
 
+TEST(Joints, StopsWithoutBounceKeepNoSpeed) {
+    // The body that moves is the first or the second of its joint; a rate counts as the first one's or the second's.
+    for (const bool isFirst : {true, false})
+        for (const double bounce : {0.0, 1.0}) {
+            SCOPED_TRACE(fmt::format("first {} bounce {}", isFirst, bounce));
+            const std::string limits = fmt::format("stopBounce {} forceOutput \"ALL\"", bounce);
+            JointStage stage(fmt::format(
+                "RigidBodyCollection {{ gravity 0 0 0 preferAccuracy TRUE bodies [ DEF F RigidBody {{ fixed TRUE }}\n"
+                "  DEF S RigidBody {{ position 1 0 0 linearVelocity 1 0 0 }}\n"
+                "  DEF H RigidBody {{ position 0 9 0 angularVelocity 0 0 1 inertia 1 0 0 0 1 0 0 0 1 }} ]\n"
+                "joints [ DEF J SliderJoint {{ axis 1 0 0 {0} minSeparation -.3 maxSeparation .3 {2} }}\n"
+                "  DEF K SingleAxisHingeJoint {{ axis 0 0 1 anchorPoint 0 9 0 {1} minAngle -.3 maxAngle .3 {2} }} ] }}",
+                isFirst ? "body1 USE S body2 USE F" : "body1 USE F body2 USE S",
+                isFirst ? "body1 USE H body2 USE F" : "body1 USE F body2 USE H", limits));
+            stage.runTo(.6);
+            const double speed = Vec3d(stage.node("S").get(RigidBody::linearVelocity)).x;
+            EXPECT_NEAR(speed, -bounce, 1e-3);
+            EXPECT_NEAR(stage.spin("H").z, -bounce, 1e-3);
+            if (bounce > 0) continue;
+            EXPECT_NEAR(std::abs(stage.node("J").get(x3d::SliderJoint::separation)), .3, 1e-4);
+            EXPECT_NEAR(std::abs(stage.node("K").get(x3d::SingleAxisHingeJoint::angle)), .3, 1e-4);
+            EXPECT_NEAR(stage.node("J").get(x3d::SliderJoint::separationRate), 0, 1e-3);
+        }
+}
+
 TEST(Joints, AUniversalJointTurnsItsShaftsAsHookeHasIt) {
     // Two shafts that bearings hold, at an angle b, and the joint between them: tan of the second's turn is cos b times
     // tan of the first's, counted from where the first one's fork stands upright on their plane.

@@ -14,6 +14,7 @@
 #include "behaviours.h"
 #include "scene/places.h"
 #include "transitions.h"
+#include "words.h"
 
 namespace rtsg::behaviours {
 
@@ -133,6 +134,12 @@ struct Bindable {
     /// The first one found is bound when nothing is; one that has come to the top because others were deleted hears it,
     /// and so does one whose layer was deleted with its stacks.
     static double onTime(Cascade& cascade, const Node& node) {
+        if constexpr (kind == Kind::navigation) {
+            warnOfWords(cascade, node, "type", node.get(N::type_),
+                        {"EXAMINE", "ANY", "WALK", "FLY", "LOOKAT", "NONE", "EXPLORE"});
+            warnOfWords(cascade, node, "transitionType", node.get(N::transitionType),
+                        {"LINEAR", "TELEPORT", "ANIMATE"});
+        }
         const Node& holder = holderOf(cascade, node.id());
         Array<NodeId> stack = holder.get(stackOf(holder, kind));
         if (node.get(N::isBound) && (stack.empty() || stack[0] != node.id())) {

@@ -1,7 +1,10 @@
 // The linear interpolators: ISO/IEC 19775-1 V4.0, 19.2.2, 19.3.1 and 19.4. One template for all of them.
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <optional>
+#include <type_traits>
 
 #include <rtsg/core/color_blend.h>
 #include <rtsg/core/geospatial.h>
@@ -14,9 +17,41 @@ namespace rtsg::behaviours {
 
 namespace {
 
+/// Numbers further apart than the largest float are blended in double precision.
+[[gnu::cold, gnu::noinline]] void blendAgain(const float* a, const float* b, float w, float* out, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i)
+        if (!std::isfinite(out[i])) out[i] = static_cast<float>(double(a[i]) + (double(b[i]) - double(a[i])) * w);
+}
+
+/// Of a few: what is not finite leaves no 0 when it is multiplied by it.
+template <std::size_t count>
+bool areFinite(const float* values) {
+    float none = 0;
+    for (std::size_t i = 0; i < count; ++i) none += values[i] * 0.0f;
+    return none == 0;
+}
+
+/// Of long lists, many at a time.
+bool areFinite(const float* values, std::size_t count) {
+    constexpr std::uint32_t kExponent = 0x7f800000;
+    unsigned bad = 0;
+    for (std::size_t i = 0; i < count; ++i)
+        bad |= (std::bit_cast<std::uint32_t>(values[i]) & kExponent) == kExponent ? 1u : 0u;
+    return bad == 0;
+}
+
+template <class T>
+const float* numbersOf(const T& value) {
+    return reinterpret_cast<const float*>(&value);
+}
+
 template <class T>
 T blend(const T& a, const T& b, float w) {
-    return a + (b - a) * w;
+    constexpr std::size_t kCount = sizeof(T) / sizeof(float);
+    T result = a + (b - a) * w;
+    if (!areFinite<kCount>(numbersOf(result))) [[unlikely]]
+        blendAgain(numbersOf(a), numbersOf(b), w, const_cast<float*>(numbersOf(result)), kCount);
+    return result;
 }
 
 /// Shortest arc (19.4.6). At exactly half a turn, which the standard leaves open, the second quaternion is taken as
@@ -122,11 +157,15 @@ void interpolateMany(Cascade& cascade, const Node& node, FieldIndex field, Event
     Element* out = result.mutableData();
     const Element *from = values.data() + s.from * each, *to = values.data() + s.to * each;
     for (std::size_t i = 0; i < each; ++i) out[i] = Mix(from[i], to[i], s.weight);
+    if constexpr (!std::is_same_v<N, x3d::NormalInterpolator>)
+        if (const std::size_t count = each * sizeof(Element) / sizeof(float); !areFinite(numbersOf(*out), count))
+            [[unlikely]]
+            blendAgain(numbersOf(*from), numbersOf(*to), s.weight, const_cast<float*>(numbersOf(*out)), count);
     cascade.emit(node, N::value_changed, result);
 }
 
-constexpr auto kMix2 = [](const Vec2f& a, const Vec2f& b, float w) { return blend(a, b, w); };
-constexpr auto kMix3 = [](const Vec3f& a, const Vec3f& b, float w) { return blend(a, b, w); };
+constexpr auto kMix2 = [](const Vec2f& a, const Vec2f& b, float w) { return a + (b - a) * w; };
+constexpr auto kMix3 = [](const Vec3f& a, const Vec3f& b, float w) { return a + (b - a) * w; };
 constexpr auto kMixNormal = [](const Vec3f& a, const Vec3f& b, float w) { return mixNormal(a, b, w); };
 
 }  // namespace

@@ -1,7 +1,9 @@
 // Where among its keys an interpolator's fraction lies. ISO/IEC 19775-1 V4.0, 19.3.1.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
+#include <limits>
 
 #include <rtsg/core/array.h>
 #include <rtsg/core/behaviour.h>
@@ -29,6 +31,11 @@ inline Span locate(const Array<float>& key, std::size_t count, float fraction) {
     if (after == count) return {count - 1, count - 1, 0};
     const std::size_t from = after - 1;
     const float width = keys[after] - keys[from];
+    if (width > std::numeric_limits<float>::max()) [[unlikely]] {  // further apart than the largest float
+        const double first = keys[from];
+        const double weight = (double(fraction) - first) / (double(keys[after]) - first);
+        return {from, after, std::isfinite(weight) ? static_cast<float>(weight) : 0};
+    }
     return {from, after, width > 0 ? (fraction - keys[from]) / width : 0};
 }
 

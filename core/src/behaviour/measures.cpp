@@ -20,9 +20,10 @@ double tellTextSizes(Cascade& cascade, const Node& node) {
     using T = x3d::Text;
     constexpr std::size_t kHead = 5;  // textBounds and origin
     const Array<float> sizes = node.get(T::_measured);
-    if (sizes.size() < kHead) return kNever;
-    const Vec2f bounds(sizes[0], sizes[1]);
-    const Vec3f origin(sizes[2], sizes[3], sizes[4]);
+    // Nothing is known of one without glyphs, or that nobody has measured: it has no lines and no size.
+    const bool isKnown = sizes.size() >= kHead;
+    const Vec2f bounds = isKnown ? Vec2f(sizes[0], sizes[1]) : Vec2f(0);
+    const Vec3f origin = isKnown ? Vec3f(sizes[2], sizes[3], sizes[4]) : Vec3f(0);
     Array<Vec2f> lines;
     for (std::size_t i = kHead; i + 1 < sizes.size(); i += 2) lines.push_back(Vec2f(sizes[i], sizes[i + 1]));
     if (lines != node.get(T::lineBounds)) cascade.emit(node, T::lineBounds, lines);

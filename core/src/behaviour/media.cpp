@@ -69,9 +69,10 @@ double stop(Cascade& cascade, const Node& node) {
 
 template <class N>
 bool accepts(const Node& node, FieldIndex field, EventValue value) {
-    // 18.4.2: the speed of a film that runs stays.
+    // The speed of a film that runs stays (18.4.2), and so does the pitch of a clip (16.4.1 of X3D V3.3).
     if (field == x3d::MovieTexture::speed.index && node.is(x3d::MovieTexture::type) && node.get(N::isActive))
         return false;
+    if (field == x3d::AudioClip::pitch.index && node.is(x3d::AudioClip::type) && node.get(N::isActive)) return false;
     return acceptsTime<N>(node, field, value);
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <optional>
 #include <span>
+#include <string>
 
 #include <rtsg/core/nurbs.h>
 #include <rtsg/core/x3d.h>
@@ -29,6 +30,17 @@ std::span<const double> spanOf(const Array<double>& values) {
     return {values.data(), values.size()};
 }
 
+/// Precondition: the order fits. `name`: which knots.
+NurbsBasis basisOf(Cascade& cascade, const Node& node, int order, std::size_t count, const Array<double>& knots,
+                   const char* name) {
+    bool replaced = false;
+    NurbsBasis basis(order, count, spanOf(knots), &replaced);
+    if (replaced && !knots.empty())
+        cascade.warn(node, std::string("the knots") + name + " do not fit " + std::to_string(count) +
+                               " control points of order " + std::to_string(order) + ": taken as even");
+    return basis;
+}
+
 template <class N>
 std::optional<NurbsCurve> curveOf(Cascade& cascade, const Node& node) {
     const std::vector<Vec3d> points = pointsOf(cascade.scene(), node.get(N::controlPoint));
@@ -39,7 +51,7 @@ std::optional<NurbsCurve> curveOf(Cascade& cascade, const Node& node) {
                                ", and there are as many points at least");
         return std::nullopt;
     }
-    return NurbsCurve{NurbsBasis(order, points.size(), spanOf(node.get(N::knot))),
+    return NurbsCurve{basisOf(cascade, node, order, points.size(), node.get(N::knot), ""),
                       nurbsPoints(points, spanOf(node.get(N::weight)))};
 }
 
@@ -92,8 +104,8 @@ void surface(Cascade& cascade, const Node& node, FieldIndex field, EventValue ev
                                std::to_string(orderV));
         return;
     }
-    const NurbsSurface made{NurbsBasis(orderU, nu, spanOf(node.get(N::uKnot))),
-                            NurbsBasis(orderV, nv, spanOf(node.get(N::vKnot))),
+    const NurbsSurface made{basisOf(cascade, node, orderU, nu, node.get(N::uKnot), " along u"),
+                            basisOf(cascade, node, orderV, nv, node.get(N::vKnot), " along v"),
                             nurbsPoints(points, spanOf(node.get(N::weight)))};
     const double u = within(made.u, fraction.x), v = within(made.v, fraction.y);
     cascade.emit(node, N::position_changed, Vec3f(made.at(u, v)));

@@ -6,6 +6,7 @@
 
 #include "behaviours.h"
 #include "scene/pick_report.h"
+#include "words.h"
 
 namespace rtsg::behaviours {
 
@@ -43,6 +44,8 @@ void tellAny(Cascade& cascade, const Node& node, const PickReport& report) {
 /// What has been switched off is active no longer.
 template <class N>
 double onTime(Cascade& cascade, const Node& node) {
+    warnOfWords(cascade, node, "sortOrder", {node.get(N::sortOrder)}, {"CLOSEST", "ANY", "ALL", "ALL_SORTED"});
+    warnOfWords(cascade, node, "intersectionType", {node.get(N::intersectionType)}, {"BOUNDS", "GEOMETRY"});
     if (!node.get(N::enabled) && node.get(N::isActive)) cascade.emit(node, N::isActive, false);
     return kNever;
 }

@@ -441,6 +441,10 @@ class PointerEvent {
             if (bind != kNoField) (void)cascade_.deliver(view->id(), bind, Value(true));
             return;
         }
+        // Of those that lead nowhere an Anchor tells only where none of its urls is for the application to load.
+        const Array<String>& urls = anchor.get(x3d::Anchor::url);
+        if (!urls.empty() && std::ranges::all_of(urls, [](const String& url) { return url.view().starts_with('#'); }))
+            cascade_.warn(anchor, "there is no viewpoint '" + urls[0].str().substr(1) + "' to bind");
     }
 
     Cascade& cascade_;

@@ -1,6 +1,7 @@
 // Event utilities: ISO/IEC 19775-1 V4.0, clause 30.
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include <rtsg/core/x3d.h>
 
@@ -62,6 +63,8 @@ void sequencer(Cascade& cascade, const Node& node, FieldIndex field, EventValue 
     const Place before = Place::of(node.get(N::_index));
     if (field == N::key.index || field == N::keyValue.index)
         return cascade.store(node, N::_index, Place{before.index, false}.stored());
+    if (key.size() != values.size())
+        cascade.warn(node, std::to_string(values.size()) + " key values for " + std::to_string(key.size()) + " keys");
     if (count == 0) return;
     Place now{std::clamp(before.index, 0, count - 1), false};
     if (field == N::set_fraction.index) {

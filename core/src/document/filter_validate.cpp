@@ -2,6 +2,8 @@
 #include <algorithm>
 #include <unordered_map>
 
+#include <rtsg/core/nurbs.h>
+
 #include "document_check.h"
 #include "filter_parts.h"
 #include "script/syntax.h"
@@ -48,7 +50,8 @@ class Validate final : public Filter {
         if (known && open_.empty() && scopes_.size() == 1)
             if (const std::string why = notAtTheTop(*known); !why.empty())
                 diagnostics_.warning(where, why, DiagnosticCode("build"));
-        open_.push_back({known, std::string(def), std::string(field), {}, {}});
+        open_.push_back(
+            {.type = known, .def = std::string(def), .field = std::string(field), .given = {}, .children = {}});
         Filter::beginNode(type, def, field, where);
     }
     void endNode(SourceLocation where) override {
@@ -75,7 +78,7 @@ class Validate final : public Filter {
         Filter::setField(name, std::move(value), where);
     }
     void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) override {
-        if (!open_.empty()) open_.back().given.erase(std::string(nodeField));
+        if (!open_.empty()) open_.back().given.erase(std::string(nodeField)), open_.back().isConnected = true;
         Filter::isConnection(nodeField, protoField, where);
     }
     void beginProto(std::string_view name, SourceLocation where) override {
@@ -107,7 +110,13 @@ class Validate final : public Filter {
         std::string def, field;
         std::unordered_map<std::string, Given> given;
         std::unordered_map<std::string, std::size_t> children;  // by field: how many points or the like
+        bool isConnected = false;                               // so that instances may have other values
 
+        std::int32_t number(const char* name, std::int32_t otherwise) const {
+            const auto found = given.find(name);
+            const bool isOne = found != given.end() && found->second.value.holds<std::int32_t>();
+            return isOne ? found->second.value.as<std::int32_t>() : otherwise;
+        }
         template <class... Names>
         std::size_t values(Names... names) const {
             std::size_t result = kNone;
@@ -124,6 +133,30 @@ class Validate final : public Filter {
         checkTangents(node, where);
         if (node.type->name == "ElevationGrid" || node.type->name == "GeoElevationGrid") checkHeights(node);
         if (node.type->name == "Script") checkScript(node);
+        if (node.type->name == "NurbsPositionInterpolator" || node.type->name == "NurbsOrientationInterpolator") {
+            const auto points = node.children.find("controlPoint");
+            if (points != node.children.end())
+                checkKnots(node, "knot", node.number("order", 3), static_cast<std::int64_t>(points->second), "");
+        } else if (node.type->name == "NurbsSurfaceInterpolator") {
+            checkKnots(node, "uKnot", node.number("uOrder", 3), node.number("uDimension", 0), " along u");
+            checkKnots(node, "vKnot", node.number("vOrder", 3), node.number("vDimension", 0), " along v");
+        }
+    }
+    /// What an interpolator says of them when it runs.
+    void checkKnots(const Open& node, const char* field, int order, std::int64_t points, const char* name) {
+        const auto given = node.given.find(field);
+        if (given == node.given.end() || !given->second.value.holds<Array<double>>()) return;
+        const Array<double>& knots = given->second.value.as<Array<double>>();
+        const auto count = static_cast<std::size_t>(std::max<std::int64_t>(points, 0));
+        bool replaced = false;
+        if (node.isConnected || knots.empty() || !NurbsBasis::fits(order, count)) return;
+        (void)NurbsBasis(order, count, {knots.data(), knots.size()}, &replaced);
+        if (replaced)
+            diagnostics_.warning(given->second.where,
+                                 "the knots" + std::string(name) + " of " + node.type->name + " do not fit " +
+                                     std::to_string(count) + " control points of order " + std::to_string(order) +
+                                     ": taken as even",
+                                 DiagnosticCode("behaviour"));
     }
     void checkIndices(const Open& node, const Indices& names) {
         const auto given = node.given.find(names.indices);

@@ -163,6 +163,7 @@ struct InlineLoader::State final : Subscriber {
         scene.seal();  // what the caller loaded is not news
         attachment = scene.bus().attach(*this);
         changed.clear();
+        fonts = FontReports(target);
         scene.forEachNode([&](const Node& node) {
             if (!isInline(node) || contentOf(node).empty()) return;
             loaded[node.id().value] = urlsOf(node);

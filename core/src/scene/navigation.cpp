@@ -93,6 +93,19 @@ std::optional<ViewpointChoice> choiceOf(ActionKey key) {
     }
 }
 
+/// 23.4.7: whether what is in a ViewpointGroup is to be chosen from where the viewer is.
+bool isOffered(const Scene& scene, const Node& group) {
+    using G = x3d::ViewpointGroup;
+    if (!group.get(G::displayed)) return false;
+    const Vec3f size = group.get(G::size);
+    if (size == Vec3f(0) || size.x < 0 || size.y < 0 || size.z < 0) return true;  // no box
+    const auto world = worldAround(scene, group.id());
+    if (!world) return false;
+    const glm::dvec3 viewer = glm::inverse(*world) * glm::dvec4(viewerPose(scene).position, 1);
+    const glm::dvec3 away = glm::abs(viewer - glm::dvec3(group.get(G::center)));
+    return glm::all(glm::lessThanEqual(away * 2.0, glm::dvec3(size)));
+}
+
 /// None if there is none; `current` counts as before the first if it is none of them.
 NodeId chosenViewpoint(const Scene& scene, NodeId current, ViewpointChoice choice) {
     const std::vector<NodeId> all = viewpoints(scene);
@@ -488,6 +501,7 @@ std::vector<NodeId> viewpoints(const Scene& scene) {
             continue;
         }
         if (isLayer(*node) && node != layer) continue;  // it has a viewer of its own
+        if (node->is(x3d::ViewpointGroup::type) && !isOffered(scene, *node)) continue;
         std::vector<NodeId> below;
         for (FieldIndex i = 0; i < node->type().fieldCount(); ++i) {
             const FieldDef& field = node->type().fields[i];

@@ -179,28 +179,65 @@ void Scene::State::warn(const Node& node, const std::string& text) {
 
 // ---- propagation ---------------------------------------------------------------------------------------------
 
-/// An event arrives at an input field. `value` is in block representation and outlives the call.
-[[gnu::aligned(64)]] void Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
+/// An event arrives at an input field. `value` is in block representation and outlives the call. False: it is refused.
+[[gnu::aligned(64)]] bool Scene::State::deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
     Lane& lane = cascade.lane_;
     const FieldDef& def = node.type_->fields[field];
     const TypeEntry& entry = types[node.typeIndex_.value];
     if (def.access == Access::inputOutput) {
-        if (behavioursEnabled && entry.behaviour.accepts && !accepts(entry.behaviour, node, field, value)) return;
+        if (behavioursEnabled && entry.behaviour.accepts && !accepts(entry.behaviour, node, field, value)) return false;
+        if (entry.isInstance && !bodyTakes(cascade, node, field, value)) return false;
         write(lane, node, field, value);
         lane.writingExternally = false;  // what follows from it is derived
         if (entry.begun != kNoField) showFirst(lane, node, field);
         send(lane, node, field);
         if (entry.behaviour.onTime) wake(lane, node);
         if (behavioursEnabled && entry.behaviour.onEvent) onEvent(entry.behaviour, cascade, node, field, value);
-        return;
+        return true;
     }
     lane.writingExternally = false;
-    if (!listener) return deliverInput(cascade, node, field, value);
+    if (!listener) {
+        deliverInput(cascade, node, field, value);
+        return true;
+    }
     // Who listens may edit: afterwards the node may be gone, and the value with the one that it came from.
     const NodeId id = node.id_;
     const Value kept = Value::fromStorage(def.type, value);
     listener(now, node, field, kept);
     if (Node* left = find(id)) deliverInput(cascade, *left, field, kept.storage());
+    return true;
+}
+
+/// Whether a node's inputOutput field has a behaviour that may refuse events, at whatever depth of IS.
+bool Scene::State::mayRefuse(Node& node, FieldIndex field) const {
+    const TypeEntry& entry = types[node.typeIndex_.value];
+    if (entry.behaviour.accepts) return true;
+    const RouteGroup* group = entry.isInstance ? groupOf(node, field) : nullptr;
+    return group && std::ranges::any_of(group->targets.items(), [&](const OutgoingRoute& r) {
+               Node* inner = r.to.isConnection ? find(r.to.node) : nullptr;
+               return inner && inner->scope_ == node.id_ && mayRefuse(*inner, r.to.field);
+           });
+}
+
+/// 4.4.4.3: a PROTO instance's field is those of its body that IS connects with it; so what all of them refuse does not
+/// change it. Those that may refuse have the event at once, as whether they do depends on the events before it. False:
+/// they refuse it, or what they did has destroyed the instance.
+bool Scene::State::bodyTakes(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
+    if (!behavioursEnabled || !mayRefuse(node, field)) return true;
+    const NodeId id = node.id_;
+    const bool external = std::exchange(cascade.lane_.writingExternally, false);  // the body's events are derived
+    bool refused = false, taken = false;
+    const auto items = groupOf(node, field)->targets.items();
+    for (const OutgoingRoute& r : std::vector<OutgoingRoute>(items.begin(), items.end())) {
+        Node* inner = r.to.isConnection ? find(r.to.node) : nullptr;
+        if (!inner || inner->scope_ != id) continue;
+        // One that has sent in this timestamp is where the event comes from.
+        const bool decides = inner->type_->fields[r.to.field].access == Access::inputOutput &&
+                             mayRefuse(*inner, r.to.field) && !hasGone(*inner, r.to.field);
+        (decides && !deliver(cascade, *inner, r.to.field, value) ? refused : taken) = true;
+    }
+    cascade.lane_.writingExternally = external;
+    return find(id) == &node && (taken || !refused);
 }
 
 /// Of an inputOnly field.

@@ -136,6 +136,7 @@ struct TypeEntry {
     std::vector<std::pair<FieldIndex, FieldIndex>> inputs;
     bool takesInputs = false;  // of these, or addChildren or removeChildren
     bool isScript = false;
+    bool isInstance = false;  // of a PROTO
     /// Of an interpolator: see showFirst().
     FieldIndex key = kNoField, keyValue = kNoField, interpolated = kNoField, begun = kNoField;
     bool keepsLists = false;  // what its behaviour remembers is in arrays
@@ -482,7 +483,9 @@ struct Scene::State : Scene::Lane {
     }
     void send(Lane& lane, Node& node, FieldIndex field);
     [[gnu::noinline]] void sendUnusual(Lane& lane, Node& node, FieldIndex field) { send(lane, node, field); }
-    void deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value);
+    bool deliver(Cascade& cascade, Node& node, FieldIndex field, const void* value);
+    bool mayRefuse(Node& node, FieldIndex field) const;
+    bool bodyTakes(Cascade& cascade, Node& node, FieldIndex field, const void* value);
     void deliverInput(Cascade& cascade, Node& node, FieldIndex field, const void* value);
     bool deliverAtOnce(Cascade& cascade, Node& node, FieldIndex field, const FieldDef& def, const void* value);
     void deliverChildren(Cascade& cascade, Node& node, FieldIndex field, const void* value, const TypeEntry& entry);

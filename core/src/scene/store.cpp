@@ -110,6 +110,7 @@ void Scene::State::addTypeEntry(const NodeType& type) {
     // A type of the same name that came first stays: built-in types are never shadowed (4.4.4.2).
     entry.isScript = (type.kind == NodeType::Kind::script || type.name == "Script") && type.isA("X3DScriptNode");
     if (entry.isScript) entry.behaviour = ScriptPrograms::behaviour();
+    entry.isInstance = type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
     if (type.kind != NodeType::Kind::script) typeByName.emplace(type.name, static_cast<std::uint16_t>(types.size()));
     static_assert(std::is_nothrow_move_constructible_v<TypeEntry>, "or `keys` would point to what is gone");
     types.push_back(std::move(entry));

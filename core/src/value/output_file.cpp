@@ -138,9 +138,14 @@ bool sameFile(const fs::path& a, const fs::path& b) {
     struct stat first{}, second{};
     const bool one = ::stat(a.c_str(), &first) == 0, other = ::stat(b.c_str(), &second) == 0;
     if (one || other) return one && other && first.st_dev == second.st_dev && first.st_ino == second.st_ino;
-    std::error_code error;
-    const fs::path x = fs::weakly_canonical(followLinks(a), error), y = fs::weakly_canonical(followLinks(b), error);
-    return !error && x == y;
+    // Of a relative name of nothing it would tell no more than the name.
+    const auto place = [](const fs::path& file) {
+        std::error_code error;
+        const fs::path whole = fs::weakly_canonical(fs::absolute(followLinks(file), error), error);
+        return error ? fs::path() : whole;
+    };
+    const fs::path x = place(a);
+    return !x.empty() && x == place(b);
 }
 
 }  // namespace rtsg

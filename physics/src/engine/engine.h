@@ -180,6 +180,7 @@ class RigidBodyPhysics::Engine final : public Subscriber {
     void solve(physics::World& world);
     void settle(physics::World& world);
     void send(physics::Body& body, const Node& node);
+    static void driveToStops(const physics::Joint& joint);
     void sendJoint(const physics::Joint& joint, const Node& node);
     void warn(NodeId id, const std::string& text);
     dBodyID bodyOf(std::size_t body, std::size_t world) const;

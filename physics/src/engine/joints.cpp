@@ -235,6 +235,24 @@ void RigidBodyPhysics::Engine::setJoint(const Joint& joint, const Node& node) {
     }
 }
 
+/// A stop that does not bounce takes all speed. But the engine sees it only when it is passed, and the speed that
+/// brings a body back from there stays: so what would pass a stop within the step is driven just to it.
+void RigidBodyPhysics::Engine::driveToStops(const Joint& joint) {
+    const dJointID j = joint.joint;
+    const bool slides = dJointGetType(j) == dJointTypeSlider;
+    if (!slides && dJointGetType(j) != dJointTypeHinge) return;
+    const auto get = slides ? dJointGetSliderParam : dJointGetHingeParam;
+    const auto set = slides ? dJointSetSliderParam : dJointSetHingeParam;
+    const dReal at = slides ? dJointGetSliderPosition(j) : dJointGetHingeAngle(j);
+    const dReal there = at + kStep * (slides ? dJointGetSliderPositionRate(j) : dJointGetHingeAngleRate(j));
+    dReal low = get(j, dParamLoStop), high = get(j, dParamHiStop);
+    if (!slides && low < -M_PI) low = -dInfinity;  // beyond a half turn it is none
+    if (!slides && high > M_PI) high = dInfinity;
+    const bool passes = get(j, dParamBounce) == 0 && ((at < high && there > high) || (at > low && there < low));
+    set(j, dParamFMax, passes ? dInfinity : 0);
+    if (passes) set(j, dParamVel, ((there > high ? high : low) - at) / kStep);
+}
+
 void RigidBodyPhysics::Engine::sendJoint(const Joint& joint, const Node& node) {
     using namespace x3d;
     const dJointID j = joint.joint;

@@ -315,6 +315,7 @@ void RigidBodyPhysics::Engine::solve(World& world) {
              fmt::format("has more than {} rows to solve: preferAccuracy is left out then", kMostAccurateRows));
         accurate = false;
     }
+    for (const Joint& joint : world.joints) driveToStops(joint);
     const int done = accurate ? dWorldStep(world.world, kStep) : dWorldQuickStep(world.world, kStep);
     if (!done) warn(world.id, "takes more memory for a step than there is: it stands");
     settle(world);

@@ -95,6 +95,19 @@ TEST_F(FontLibraries, WhatCannotBeHadIsAnErrorAtItsPlace) {
     EXPECT_THAT(problems(), HasSubstr("https://example.org/box.ttf"));
 }
 
+TEST_F(FontLibraries, TellOnceWhatIsNotThere) {
+    load(R"(DEF LIB FontLibrary { family "Boxes" url "gone.ttf" })");
+    EXPECT_EQ(diagnostics.errors(), 1u) << problems();
+    BuildOptions options;
+    options.file = folder / "main.x3dv";
+    InlineLoader loader(scene, diagnostics, options);
+    for (const double t : {1, 2}) scene.newFrame(t), loader.update();
+    EXPECT_EQ(diagnostics.errors(), 1u) << problems();
+    ASSERT_TRUE(scene.set(node("LIB"), L::url, Array<String>{"lost.ttf"}));
+    for (const double t : {3, 4}) scene.newFrame(t), loader.update();
+    EXPECT_EQ(diagnostics.errors(), 2u) << problems();
+}
+
 TEST_F(FontLibraries, FollowARun) {
     write("box.ttf", font);
     test::MadeFont wider;

@@ -189,6 +189,33 @@ TEST(TextSizes, AreAskedOfWhoKnowsFontsWhenTheyMayBeOthers) {
     EXPECT_EQ(asked, "ABAB");
 }
 
+TEST(TextSizes, AreNoneOfATextThatHasBeenEmptied) {
+    Scene scene;
+    Diagnostics diagnostics("test");
+    ASSERT_TRUE(
+        loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\nShape { geometry DEF A Text { string \"a\" } }", diagnostics));
+    InlineLoader loader(scene, diagnostics);
+    using T = x3d::Text;
+    loader.measureTexts([](const Scene&, const Node& text) {
+        return text.get(T::string).empty() ? Array<float>() : Array<float>{3, 2, -1, 5, 0, 3, 2};
+    });
+    const Node& a = scene.node(scene.findName("A"));
+    double now = 0;
+    const auto show = [&](Array<String> lines) {
+        ASSERT_TRUE(scene.set(a.id(), T::string, lines));
+        for (int i = 0; i < 2; ++i) scene.newFrame(++now), loader.update();
+        scene.newFrame(++now);
+    };
+    show({String("b")});
+    EXPECT_EQ(a.get(T::textBounds), Vec2f(3, 2));
+    show({});
+    EXPECT_EQ(a.get(T::textBounds), Vec2f(0));
+    EXPECT_EQ(a.get(T::origin), Vec3f(0));
+    EXPECT_TRUE(a.get(T::lineBounds).empty());
+    show({String("c")});
+    EXPECT_EQ(a.get(T::lineBounds), (Array<Vec2f>{{3, 2}}));
+}
+
 TEST(TextSizes, AreAskedOnlyWhereSomebodyMayHear) {
     Scene scene;
     Diagnostics diagnostics("test");

@@ -94,6 +94,33 @@ TEST(ValidateFilter, KeysAndValues) {
                 HasSubstr("has 3 heights for 6 points"));
 }
 
+TEST(ValidateFilter, KnotsOfInterpolators) {
+    const std::string points = " controlPoint Coordinate { point [ 0 0 0, 1 0 0, 2 0 0 ] } ";
+    const auto curve = [&](const std::string& fields) {
+        return problems("NurbsPositionInterpolator {" + points + fields + " }");
+    };
+    EXPECT_EQ(curve(""), "");
+    EXPECT_EQ(curve("knot [ 0 0 0 1 1 1 ]"), "") << "the order is 3 where none is given";
+    EXPECT_THAT(
+        curve("knot [ 0 1 ]"),
+        HasSubstr("the knots of NurbsPositionInterpolator do not fit 3 control points of order 3: taken as even "
+                  "[behaviour]"));
+    EXPECT_THAT(curve("order 2 knot [ 0 0 0 1 1 1 ]"), HasSubstr("of order 2"));
+    EXPECT_EQ(curve("order 2 knot [ 0 0 1 2 2 ]"), "");
+    EXPECT_EQ(curve("order 4 knot [ 0 1 ]"), "") << "that there are too few points is told when it runs";
+    EXPECT_EQ(problems("PROTO P [ initializeOnly SFInt32 o 2 ] { NurbsPositionInterpolator { order IS o" + points +
+                       "knot [ 0 0 1 2 2 ] } }"),
+              "");
+    EXPECT_EQ(problems("NurbsPositionInterpolator { knot [ 0 1 ] }"), "") << "points may come later";
+    EXPECT_THAT(problems("NurbsOrientationInterpolator {" + points + "knot [ 0 1 ] }"), HasSubstr("the knots of"));
+    const auto surface = [](const std::string& knots) {
+        return problems("NurbsSurfaceInterpolator { uDimension 3 vDimension 2 vOrder 2 " + knots + " }");
+    };
+    EXPECT_EQ(surface("uKnot [ 0 0 0 1 1 1 ] vKnot [ 0 0 1 1 ]"), "");
+    EXPECT_THAT(surface("uKnot [ 0 0 1 1 ]"), HasSubstr("the knots along u of NurbsSurfaceInterpolator do not fit 3"));
+    EXPECT_THAT(surface("vKnot [ 0 0 1 0 ]"), HasSubstr("the knots along v of NurbsSurfaceInterpolator do not fit 2"));
+}
+
 TEST(ValidateFilter, PlacesAtTheTop) {
     EXPECT_THAT(
         problems("Material { }"),

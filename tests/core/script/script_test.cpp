@@ -616,14 +616,14 @@ TEST(Script, NewOptionsStartProgramsAnew) {
         s.frame();
     }
     EXPECT_EQ(s.get<std::int32_t>("n"), 3) << s.problems();
-    std::string elsewhere;
+    std::string printed;
     ScriptOptions options;
-    options.print = [&](std::string_view text) { elsewhere += text; };
+    options.print = [&](std::string_view text) { printed += text; };
     s.scene.setScriptOptions(options);
     s.send("go", true);
     s.frame();
     EXPECT_EQ(s.get<std::int32_t>("n"), 1) << s.problems();
-    EXPECT_NE(elsewhere.find("begins"), std::string::npos);
+    EXPECT_NE(printed.find("begins"), std::string::npos);
 }
 
 TEST(Script, OneThatSetsItsOwnUrlIsRestarted) {

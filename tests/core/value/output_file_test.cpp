@@ -139,6 +139,9 @@ TEST_F(Writing, NamesOfOneFileAreFound) {
     EXPECT_FALSE(sameFile(file, folder / "none"));
     EXPECT_TRUE(sameFile(folder / "none", folder / "./none")) << "neither is there yet";
     EXPECT_FALSE(sameFile(folder / "none", folder / "nothing"));
+    EXPECT_TRUE(sameFile("no-such-file.wav", "./no-such-file.wav")) << "below the folder that one is in";
+    EXPECT_TRUE(sameFile("no-such-file.wav", fs::current_path() / "no-such-file.wav"));
+    EXPECT_FALSE(sameFile("no-such-file.wav", "./another.wav"));
 }
 
 TEST_F(Writing, NamesBesideFitAndKeepTheirExtension) {

@@ -67,7 +67,8 @@ Rotation orientationOf(const ViewerPose& pose);
 /// In world coordinates; of the default viewpoint if none is bound.
 ViewerPose viewerPose(const Scene& scene);
 
-/// The viewpoints of the active layer that can be bound, in document order.
+/// The viewpoints of the active layer that are for choosing, in document order: all but those in a ViewpointGroup that
+/// is not displayed, or in whose box the viewer is not.
 std::vector<NodeId> viewpoints(const Scene& scene);
 enum class ViewpointChoice : std::uint8_t { first, previous, next, last };
 /// Queues a set_bind for the next frame; next and previous go round. Error: there is no viewpoint.
