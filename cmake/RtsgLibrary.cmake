@@ -3,6 +3,13 @@
 function(rtsg_library name)
   cmake_parse_arguments(ARG "" "" "DEPENDS;LIBRARIES;PRIVATE_LIBRARIES;LEAVE_OUT" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS src/*.cpp)
+  # Which sources are compiled together hangs on no option: what one configuration builds, others do.
+  set(place 0)
+  foreach(source IN LISTS sources)
+    math(EXPR group "${place} / 12")
+    math(EXPR place "${place} + 1")
+    set_source_files_properties("${source}" PROPERTIES UNITY_GROUP "group_${group}")
+  endforeach()
   foreach(source IN LISTS ARG_LEAVE_OUT)
     list(REMOVE_ITEM sources "${CMAKE_CURRENT_SOURCE_DIR}/${source}")
   endforeach()
@@ -22,7 +29,7 @@ function(rtsg_library name)
   endif()
   rtsg_precompile(rtsg_${name} ${headers})
   # Sources that are compiled together share their anonymous namespace: a helper that two of them have is an error, and wants one home.
-  set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_BATCH_SIZE 5)
+  set_target_properties(rtsg_${name} PROPERTIES UNITY_BUILD ${RTSG_PCH} UNITY_BUILD_MODE GROUP)
 endfunction()
 
 # rtsg_module(NAME FOR LIBRARY SOURCES FILE... LIBRARIES LIBRARY...): librtsg_NAME.so, which LIBRARY loads when it is first needed

@@ -139,7 +139,7 @@ void update(const Report& report, const std::string& name, const KnotOptions& op
 
 // ---- quality ------------------------------------------------------------------------------------------------------
 
-struct Motion {
+struct Deformation {
     const char* name;
     /// Where a point is at `phase`, 0 ... 1 over the round.
     Vec3f (*move)(Vec3f p, float phase, std::mt19937& random);
@@ -148,7 +148,7 @@ struct Motion {
 float wave(float phase) {
     return std::sin(6.2831853f * phase);
 }
-constexpr Motion kMotions[] = {
+constexpr Deformation kDeformations[] = {
     {"twist to 4 rad/m and back",
      [](Vec3f p, float phase, std::mt19937&) {
          const float a = 4 * wave(phase / 2) * p.z, c = std::cos(a), s = std::sin(a);
@@ -190,7 +190,7 @@ double raySpeed(const RayWorld& world, int count) {
 }
 
 /// Speed of rays through what was followed, in parts of their speed through what is built from scratch, per frame.
-std::vector<double> speedRatios(const Motion& motion, int triangles, int frames, int rays, std::size_t& rebuilds) {
+std::vector<double> speedRatios(const Deformation& motion, int triangles, int frames, int rays, std::size_t& rebuilds) {
     const KnotOptions options{.triangles = triangles, .creaseAngle = 0};
     Scene scene;
     const Knot knot = addKnot(scene, options);
@@ -230,7 +230,7 @@ void deform(const Report& report, bool quick) {
     update(report, "knot, faceted", {.creaseAngle = 0}, frames);
     update(report, "knot of quads, rounded", {.quads = true}, frames);
     if (!quick) update(report, "knot, rounded", {.triangles = 100'000}, 120);
-    for (const Motion& motion : kMotions)
+    for (const Deformation& motion : kDeformations)
         for (const int triangles : {4600, 100'000}) {
             if (quick && triangles > 4600) break;
             std::size_t rebuilds = 0;
@@ -251,7 +251,7 @@ bool chartDeform(const ChartSink& sink, bool quick) {
     chart.x = {.label = "frame"};
     chart.y = {.label = "speed of single rays, of rebuilt"};
     const int frames = quick ? 20 : 120;
-    for (const Motion& motion : kMotions) {
+    for (const Deformation& motion : kDeformations) {
         std::size_t rebuilds = 0;
         Series series;
         const std::vector<double> ratios = speedRatios(motion, 4600, frames, 20'000, rebuilds);

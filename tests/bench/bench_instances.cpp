@@ -21,7 +21,7 @@ Instance sphereAt(std::uint32_t slot, Vec3d place, double radius, bool moving) {
     instance.id = {slot, 1};
     instance.shape = NodeId{slot + 10};
     instance.geometry = NodeId{moving ? 1u : 2u};
-    instance.motion = moving ? Motion::moving : Motion::unknown;
+    instance.motion = moving ? rtsg::Motion::moving : rtsg::Motion::unknown;
     for (int i = 0; i < 3; ++i) instance.worldFromLocal[i][i] = radius;
     instance.worldFromLocal[3] = place;
     return instance;
