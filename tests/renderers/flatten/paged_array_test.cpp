@@ -11,9 +11,9 @@ namespace rtsg {
 namespace {
 
 TEST(PagedArray, VersionsStayWhatTheyWere) {
-    constexpr std::uint64_t kSeed = 3;
-    SCOPED_TRACE(kSeed);
-    std::mt19937_64 random(kSeed);
+    constexpr std::uint64_t kArraySeed = 3;
+    SCOPED_TRACE(kArraySeed);
+    std::mt19937_64 random(kArraySeed);
     PagedArrayWriter<int> writer;
     std::vector<int> truth;
     std::vector<std::pair<PagedArray<int>, std::vector<int>>> versions;

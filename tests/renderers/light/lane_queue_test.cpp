@@ -27,15 +27,15 @@ TEST(LaneQueue, PacksEverySetOfLanesInItsOrder) {
 }
 
 TEST(LaneQueue, KeepsRowsWhileItGrowsAndGivesThemBack) {
-    constexpr std::size_t kColumns = 5;
-    LaneQueue queue(kColumns);
-    std::vector<std::vector<float>> expected(kColumns);
+    constexpr std::size_t kQueueColumns = 5;
+    LaneQueue queue(kQueueColumns);
+    std::vector<std::vector<float>> expected(kQueueColumns);
     std::mt19937 random(3);
     for (int round = 0; round < 4000; ++round) {
         const std::uint32_t lanes = random() & 0xFFu;
         queue.reserve(8);
         const auto rows = queue.add(lanes);
-        for (std::size_t c = 0; c < kColumns; ++c) {
+        for (std::size_t c = 0; c < kQueueColumns; ++c) {
             F8 numbers;
             for (int lane = 0; lane < 8; ++lane) {
                 numbers[lane] = static_cast<float>(random() % 100'000);
@@ -46,7 +46,7 @@ TEST(LaneQueue, KeepsRowsWhileItGrowsAndGivesThemBack) {
         if (round % 3 == 0) {
             queue.reserve(1);
             const std::size_t row = queue.addOne();
-            for (std::size_t c = 0; c < kColumns; ++c) {
+            for (std::size_t c = 0; c < kQueueColumns; ++c) {
                 expected[c].push_back(static_cast<float>(round));
                 queue.set(c, row, static_cast<float>(round));
             }
@@ -58,7 +58,7 @@ TEST(LaneQueue, KeepsRowsWhileItGrowsAndGivesThemBack) {
         ASSERT_EQ(queue.size(), expected[0].size());
     }
     ASSERT_GT(queue.size(), 10'000u);
-    for (std::size_t c = 0; c < kColumns; ++c)
+    for (std::size_t c = 0; c < kQueueColumns; ++c)
         for (std::size_t row = 0; row < queue.size(); ++row) ASSERT_EQ(queue.number(c, row), expected[c][row]);
 }
 
