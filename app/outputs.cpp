@@ -330,7 +330,7 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     keepResources(world.scene(), resources, arguments.names());
     if (auto ok = world.cut(arguments.picture.tessellationError()); !ok) return std::unexpected(ok.error());
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
-    outputs->start_ = outputs->last_ = world.scene().now();
+    outputs->elapsed_ = ElapsedTime(world.scene().now());
     if (!arguments.render.empty()) {
         ImageOptions image = arguments.picture.parse();
         image.settings.progress = [o = outputs.get()](double) {
@@ -420,14 +420,6 @@ Result<> Outputs::next(bool picture, double until) {
     job_ = Job{std::move(*state), picture, until};
     changed_.notify_all();
     return {};
-}
-
-/// Seconds from the start, without what time went back by.
-double Outputs::elapsed() {
-    const double now = scene_.now();
-    if (now < last_) start_ -= last_ - now;
-    last_ = now;
-    return now - start_;
 }
 
 Result<> Outputs::frame() {

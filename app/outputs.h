@@ -98,6 +98,23 @@ std::string tessellationJson(const Flattener::Cuts& cuts);
 /// The present state as a document.
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing);
 
+/// Scene time from a start on. Where it goes back (a log that is played again), that takes no time.
+class ElapsedTime {
+  public:
+    explicit ElapsedTime(double start = 0) : start_(start), last_(start) {}
+    /// Seconds, now that the scene's time is `now`.
+    double at(double now) {
+        if (now < last_) start_ -= last_ - now;
+        last_ = now;
+        return now - start_;
+    }
+    /// What a time is counted from now.
+    double start() const { return start_; }
+
+  private:
+    double start_, last_;
+};
+
 /// What was made, for the reports of verbs.
 struct OutputReport {
     /// The scene's number of the state that each picture shows; of the one that the sound up to the same instant was
@@ -214,7 +231,7 @@ class Outputs final : public OutputMaker {
     Result<> make(const Job& job);
     Result<> finishPictures();
     bool pictureIsDue(double t) const;
-    double elapsed();
+    double elapsed() { return elapsed_.at(scene_.now()); }
     /// Seconds from the start to the next picture.
     double nextPicture() const {
         return static_cast<double>(report_.pictureStates.size()) / arguments_.picturesPerSecond;
@@ -225,7 +242,7 @@ class Outputs final : public OutputMaker {
     OutputArguments arguments_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;
-    double start_ = 0, last_ = 0;  // scene time, of the last frame
+    ElapsedTime elapsed_;
     std::atomic<bool> failed_{false}, afterInterruption_{false}, abandoned_{false};
 
     // The worker's while it has a job, else the scene's thread's.

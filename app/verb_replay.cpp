@@ -102,6 +102,7 @@ class Replaying {
           replayer_(replayer),
           check_(replayer),
           start_(replayer.keyframes().empty() ? 0 : replayer.keyframes().front().time),
+          elapsed_(start_),
           length_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
           resources_(options.outputs.resources.ofFile(options.log)) {}
 
@@ -121,16 +122,20 @@ class Replaying {
   private:
     bool seeks() const { return !options_.seek.empty(); }
     /// Since the log's start, to a microsecond: times since 1970 are exact to a quarter of that.
-    double time() const { return std::round((replayer_.scene().now() - start_) * 1e6) / 1e6; }
+    double time() const { return std::round(time_ * 1e6) / 1e6; }
+    /// After a step or a seek. Another session within the log may begin with an earlier time.
+    void noteTime() { time_ = elapsed_.at(replayer_.scene().now()); }
     std::optional<Divergence> first() const { return fromStart(check_.first(), start_); }
 
     Result<> begin() {
         if (!seeks()) {
             more_ = check_.step().value_or(true);
+            noteTime();
             return {};
         }
         const double from = parseSeconds(options_.seek);
         if (auto ok = replayer_.seek(start_ + from); !ok) return ok;
+        noteTime();
         more_ = true;
         if (time() < from && replayer_.atEnd())
             return fail(fmt::format("--seek {}: the log ends at {} s", options_.seek, time()), {}, options_.log);
@@ -187,9 +192,11 @@ class Replaying {
             if (!next || *next != replayer_.scene().now()) {
                 if (!outputs.frame() || time() >= until) break;
                 if (next && options_.outputs.isLive())
-                    wait(outputs, begun + std::chrono::duration<double>(*next - start_));
+                    wait(outputs,
+                         begun + std::chrono::duration<double>(time_ + std::max(0.0, *next - replayer_.scene().now())));
             }
             more_ = check_.step().value_or(true);  // it goes on with the next keyframe
+            noteTime();
             if (progress) progress(replayer_.log().position(), replayer_.log().size());
         }
         if (progress) progress(1, 1);
@@ -220,6 +227,11 @@ class Replaying {
     std::string piece() const {
         return before() > 0 ? fmt::format("; a piece that begins {} s into its session", before()) : std::string();
     }
+    /// Another session follows, and what came between is nowhere.
+    std::string unclosed() const {
+        const std::uint64_t ends = replayer_.unclosedSessions();
+        return ends ? fmt::format("; {} session{} within it not closed", ends, ends == 1 ? "" : "s") : std::string();
+    }
     std::string leftOut() const {
         const std::uint64_t changes = replayer_.losses().changes;
         return changes ? fmt::format("; {} changes of fields that this program does not have left out", changes)
@@ -230,24 +242,27 @@ class Replaying {
         const LogReader& log = replayer_.log();
         const std::string hash = replayer_.scene().hash().hex();
         if (!options_.json)
-            fmt::print("{} states to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}{}\n",
+            fmt::print("{} states to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}{}{}\n",
                        replayer_.frames(), time(), replayer_.verified(), replayer_.gaps(), log.damage().size(), hash,
-                       piece(), format(), leftOut());
+                       unclosed(), piece(), format(), leftOut());
         else
             fmt::print(
                 "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"before_s\":{},\"hash\":\"{}\","
-                "\"gaps\":{},\"damaged\":{},\"bytes\":{},\"closed\":{},\"being_written\":{},\"format\":{},\"left_out\":"
-                "{}{}}}\n",
+                "\"gaps\":{},\"damaged\":{},\"unclosed_sessions\":{},\"bytes\":{},\"closed\":{},\"being_written\":{},"
+                "\"format\":{},\"left_out\":{}{}}}\n",
                 replayer_.frames(), replayer_.verified(), toJson(first()), time(), before(), hash, replayer_.gaps(),
-                log.damage().size(), log.size(), log.closed(), log.beingWritten(), replayer_.head().formatVersion,
-                replayer_.losses().changes, made_);
+                log.damage().size(), replayer_.unclosedSessions(), log.size(), log.closed(), log.beingWritten(),
+                replayer_.head().formatVersion, replayer_.losses().changes, made_);
         if (first()) printError(first()->format());
     }
 
     const ReplayArguments& options_;
     Replayer& replayer_;
     LogCheck check_;
-    const double start_, length_;
+    const double start_;
+    ElapsedTime elapsed_;
+    double time_ = 0;
+    const double length_;
     const Resources resources_;
     bool more_ = false, cut_ = false;
     std::string made_;
@@ -354,7 +369,7 @@ Verb addReplay(Command& program) {
     Command* command = program.addVerb("replay", "Play a log back; verify it; picture, hear and save it");
     command->addOption("LOG", options->log, "log to read (.rlog)")->required();
     command->addFlag("--verify", options->verify,
-                     "all of it, to the index that a log ends with; states are checked in any case");
+                     "all of it, to the index that a session ends with; states are checked in any case");
     command->addOption("--seek", options->seek, "begin with the state so long after the log's start");
     command->addOption("--for", options->duration, "how much to play");
     command->addOption("--diff", options->diff, "compare with another log, state by state");

@@ -30,6 +30,11 @@ class Merger {
         waiting_ = 0;
         return write(scene, composer_.take(&scene));
     }
+    /// As flush(), and the session that is written is whole.
+    Result<> endSession(const Scene& scene) {
+        if (auto ok = flush(scene); !ok) return ok;
+        return log_.endSession();
+    }
     std::uint64_t waiting() const { return waiting_; }
     std::uint64_t written() const { return written_; }
     double lastTime() const { return lastTime_; }
@@ -61,7 +66,7 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
     report.statesRead = 1;
     if (auto ok = merger.take(from.scene(), from.scene().snapshot()); !ok) return std::unexpected(ok.error());
     while (true) {
-        const std::uint64_t epoch = from.head().epoch;
+        const std::uint64_t epoch = from.head().epoch, unclosed = from.unclosedSessions();
         const Result<bool> more = check.step();
         if (more && !*more) break;
         if (!more) continue;  // goes on at the next keyframe
@@ -69,6 +74,8 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
         const Scene& scene = from.scene();
         if (scene.now() > options.to && from.head().epoch == epoch) break;
         ++report.statesRead;
+        if (from.head().epoch != epoch && from.unclosedSessions() == unclosed)
+            if (auto ok = merger.endSession(scene); !ok) return std::unexpected(ok.error());
         if (auto ok = merger.take(scene, from.lastSet()); !ok) return std::unexpected(ok.error());
         if (merger.waiting() >= options.every && scene.now() - merger.lastTime() >= options.interval)
             if (auto ok = merger.flush(scene); !ok) return std::unexpected(ok.error());

@@ -25,6 +25,7 @@ void LogCheck::noteGap(std::uint64_t before, bool arrived) {
 
 Result<bool> LogCheck::step() {
     const std::uint64_t before = replayer_.scene().sequence();
+    const double endedAt = replayer_.scene().now();
     // Opening it has read on to the first intact head.
     const std::uint64_t from = replayer_.frames() == 0 ? 0 : replayer_.log().position();
     const Result<bool> more = replayer_.step();
@@ -39,6 +40,14 @@ Result<bool> LogCheck::step() {
         note(before + 1, more.error().text);
         return more;
     }
+    if (std::exchange(unclosed_, replayer_.unclosedSessions()) < replayer_.unclosedSessions() && !first_ && !openEnd_)
+        openEnd_ = Divergence{before + 1,
+                              endedAt,
+                              {},
+                              {},
+                              fmt::format("the session was not closed: nothing tells what came after state {} and "
+                                          "before state {} of the session that follows it in the log",
+                                          before, replayer_.scene().sequence())};
     if (std::exchange(gaps_, replayer_.gaps()) < replayer_.gaps()) noteGap(before, *more);
     if (replayer_.framesBehind() > 0)
         note(before + 1, fmt::format("{} frames of earlier states stand after state {}, and were not played: the "
@@ -49,6 +58,7 @@ Result<bool> LogCheck::step() {
 }
 
 void LogCheck::expectClosed() {
+    if (openEnd_) first_ = openEnd_;  // it was first: noted only while nothing else was
     if (replayer_.log().closed()) return;
     const std::uint64_t last = replayer_.scene().sequence();
     if (replayer_.log().beingWritten())

@@ -152,8 +152,13 @@ Result<> Replayer::apply(const LogReader::Record& record) {
 
 /// True when the record brought the scene to a further state.
 Result<bool> Replayer::take(const LogReader::Record& record) {
-    if (record.header.kind == RecordKind::head)
+    if (record.header.kind == RecordKind::head) {
+        const std::uint64_t epoch = head_.epoch;
         if (auto ok = adoptHead(record.bytes); !ok) return std::unexpected(ok.error());
+        unclosed_ += head_.epoch != epoch && frames_ > 0 && !closed_;
+        return false;
+    }
+    closed_ = record.header.kind == RecordKind::index;
     if (record.header.kind == RecordKind::input) return takeInput(record);
     if (!leadsOn(record.header)) return false;
     if (auto ok = apply(record); !ok) return std::unexpected(ok.error());

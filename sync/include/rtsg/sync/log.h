@@ -100,6 +100,8 @@ class LogWriter : public Subscriber {
     /// file was deleted or cut by someone else, which is noticed at the next keyframe or at close) nothing more is
     /// written; what was is left ending with the last whole record.
     Result<> write(const ChangeSet& changes);
+    /// Nothing is missing between the last state and the first of a session that is to follow in the same file.
+    Result<> endSession() { return writeIndex(); }
     /// Writes the index, flushes, closes. Errors of this last step are only seen here; the destructor does the same.
     Result<> close();
     /// Closes without the index, as if killed: who reads it can tell that it ended before its time.

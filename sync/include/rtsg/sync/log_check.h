@@ -15,11 +15,12 @@ namespace rtsg {
 
 class LogCheck {
   public:
-    explicit LogCheck(Replayer& replayer) : replayer_(replayer), gaps_(replayer.gaps()) {}
+    explicit LogCheck(Replayer& replayer)
+        : replayer_(replayer), gaps_(replayer.gaps()), unclosed_(replayer.unclosedSessions()) {}
 
     /// As Replayer::step().
     Result<bool> step();
-    /// At the log's end, for those who ask for all of it.
+    /// At the log's end, for those who ask for all of it: whether each of its sessions was closed in order.
     void expectClosed();
     /// Frames that are missing, bytes that are damaged, pieces in another order, a record that could not be applied, a
     /// state with another hash: whatever came first.
@@ -30,8 +31,9 @@ class LogCheck {
     void noteGap(std::uint64_t before, bool arrived);
 
     Replayer& replayer_;
-    std::uint64_t gaps_ = 0;
+    std::uint64_t gaps_ = 0, unclosed_ = 0;
     std::optional<Divergence> first_;
+    std::optional<Divergence> openEnd_;  // the first session that another follows without its having been closed
 };
 
 }  // namespace rtsg

@@ -73,6 +73,9 @@ class Replayer {
     std::uint64_t gaps() const { return gaps_; }          // times that frames were missing
     /// Frames of states before the one that the scene was in: pieces of a log that stand in another order.
     std::uint64_t framesBehind() const { return behind_; }
+    /// Times that step() came to another session though nothing closed the one before: a replica that joined anew has
+    /// none, or several states that it did not get, and its log cannot tell.
+    std::uint64_t unclosedSessions() const { return unclosed_; }
     /// The last set applied: what led to the state the scene is in. After seek() it may be several in one. Has its
     /// `input` where the log has it; in input mode, that only.
     const ChangeSet& lastSet() const { return *set_; }
@@ -112,7 +115,8 @@ class Replayer {
     bool headed_ = false;                   // head_ is of this epoch
     bool lost_ = true;                      // waiting for a keyframe
     bool told_ = false;                     // that frames are missing until then
-    std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0, behind_ = 0;
+    bool closed_ = false;                   // an index was the last record, but for heads
+    std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0, behind_ = 0, unclosed_ = 0;
     std::optional<Divergence> divergence_;
     std::shared_ptr<ChangeSet> set_ = std::make_shared<ChangeSet>();
 };
