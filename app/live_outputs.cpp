@@ -23,10 +23,13 @@ constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter o
 LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments)
     : scene_(world.scene()),
       arguments_(arguments),
-      start_(scene_.now()),
-      firstState_(scene_.sequence()),
       world_(world.get()),
-      files_(arguments_.render, arguments_.picturesPerSecond, arguments_.picture.toneMap()) {}
+      files_(arguments_.render, arguments_.picturesPerSecond, arguments_.picture.toneMap()),
+      soundAt_(scene_.now()),
+      time_(scene_.now()),
+      starts_{scene_.now()},
+      firstState_(scene_.sequence()),
+      stateNow_(firstState_) {}
 
 Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                          const Resources& resources) {
@@ -93,7 +96,7 @@ void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldStat
         const bool ending = ending_;
         const auto state = world_.latest(milliseconds(20));
         if (!state) continue;  // if there will never be one, frame() finds out
-        const bool last = ending && (*state)->sequence >= lastState_;
+        const bool last = ending && (*state)->moment >= lastMoment_;
         if ((*state)->moment == moment && !last) {
             std::this_thread::sleep_for(milliseconds(1));
             continue;
@@ -104,20 +107,41 @@ void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldStat
     }
 }
 
+/// On the scene's thread: time may have gone on, or back.
+void LiveOutputs::noteTime() {
+    const std::lock_guard lock(mutex_);
+    elapsed_ = time_.at(scene_.now());
+    if (time_.start() != starts_.back()) {
+        starts_.push_back(time_.start());
+        statesBefore_ += stateNow_ - firstState_ + 1;
+        firstState_ = scene_.sequence();
+    }
+    stateNow_ = scene_.sequence();
+}
+
+/// Seconds from the start. A state may be of before the scene's time went back, and cannot be later than the scene is;
+/// `stretch` is how often time had gone back in the state before, which was an earlier one.
+double LiveOutputs::elapsedAt(const WorldState& state, std::size_t& stretch) const {
+    const std::lock_guard lock(mutex_);
+    for (std::size_t i = starts_.size() - 1; i > stretch; --i)
+        if (state.time - starts_[i] <= elapsed_ + kRounding) stretch = i;
+    return state.time - starts_[stretch];
+}
+
 /// The last k with k / F not after this time.
-double LiveOutputs::dueAt(double time) const {
-    return std::floor((time - start_) * arguments_.picturesPerSecond + kRounding);
+double LiveOutputs::dueAt(double elapsed) const {
+    return std::floor(elapsed * arguments_.picturesPerSecond + kRounding);
 }
 /// Of those that are asked for.
-double LiveOutputs::lastDueAt(double time) const {
-    return std::min(dueAt(time), std::ceil(arguments_.seconds * arguments_.picturesPerSecond - kRounding) - 1);
+double LiveOutputs::lastDueAt(double elapsed) const {
+    return std::min(dueAt(elapsed), std::ceil(arguments_.seconds * arguments_.picturesPerSecond - kRounding) - 1);
 }
 
 Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
     // One is made however late this comes to it: who asked for pictures gets one, or the reason why not.
     const bool none = report_.pictureStates.empty();
-    const double k = lastDueAt(state.time);
-    if (arguments_.animated() ? k < nextPicture_ || (k != dueAt(state.time) && !none) : !last) return {};
+    const double elapsed = elapsedAt(state, stretchPictured_), k = lastDueAt(elapsed);
+    if (arguments_.animated() ? k < nextPicture_ || (k != dueAt(elapsed) && !none) : !last) return {};
     if (auto ok = light_->renderFrame(state); !ok) return ok;
     if (light_->stats().cancelled) return last && !arguments_.animated() ? notWritten(arguments_.render) : Result<>();
     Picture picture = std::exchange(light_->frame(), Picture());
@@ -130,17 +154,31 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
     live_.picturesSkipped += static_cast<std::uint64_t>(skipped);
     ++live_.statesPictured;
     report_.pictureStates.push_back(light_->presented());
-    report_.pictureTimes.push_back(std::round((state.time - start_) * 1e6) / 1e6);
+    report_.pictureTimes.push_back(std::round(elapsed * 1e6) / 1e6);
     return files_.add(std::move(picture), static_cast<std::uint64_t>(skipped));
 }
 
 Result<> LiveOutputs::hear(const WorldState& state) {
-    if (!heard_.empty() &&
-        (heard_.back().second == state.sequence || heard_.back().first - start_ >= arguments_.seconds))
-        return {};
-    if (auto ok = sound_->renderFrame(state); !ok) return ok;
+    const bool again = !heard_.empty() && heard_.back().second == state.sequence && soundAt_ == state.time;
+    if (again || soundMade_ >= arguments_.seconds) return {};
+    const std::size_t before = stretchHeard_;
+    const double elapsed = elapsedAt(state, stretchHeard_);
+    if (stretchHeard_ != before && elapsed > soundMade_) {
+        // What came between the last state that was heard and the time to which the scene went back: or sound would be
+        // short of it.
+        WorldState late = state;
+        late.time = soundAt_ + (elapsed - soundMade_);
+        if (auto ok = hearTo(late); !ok) return ok;
+    }
+    if (auto ok = hearTo(state); !ok) return ok;
     ++live_.statesHeard;
-    heard_.emplace_back(state.time, sound_->presented());
+    heard_.emplace_back(elapsed, sound_->presented());
+    return {};
+}
+
+Result<> LiveOutputs::hearTo(const WorldState& state) {
+    if (auto ok = sound_->renderFrame(state); !ok) return ok;
+    soundMade_ += std::max(0.0, state.time - std::exchange(soundAt_, state.time));
     return {};
 }
 
@@ -149,6 +187,7 @@ Result<> LiveOutputs::frame() {
         fail(ok);
         abandoned_ = true;
     }
+    noteTime();
     if (device_) {
         device_->sendEvents();
         if (const std::string why = device_->report().failure; !why.empty()) fail(rtsg::fail(why));
@@ -159,7 +198,11 @@ Result<> LiveOutputs::frame() {
 }
 
 Result<> LiveOutputs::finish() {
-    lastState_ = scene_.sequence();
+    if (running_ > 0) {
+        const auto last = world_.present();
+        if (!last) fail(std::unexpected(last.error()));
+        lastMoment_ = last ? (*last)->moment : 0;
+    }
     afterInterruption_ = interrupted();  // what ended the run does not end what is made of its end
     ending_ = true;
     const Progress progress = running_ > 0 ? progressBar("completing pictures and sound") : Progress{};
@@ -175,7 +218,8 @@ Result<> LiveOutputs::finish() {
         print(live_.device->diagnostics);
         if (const std::string& why = live_.device->failure; !why.empty()) fail(rtsg::fail(why));
     }
-    live_.states = scene_.sequence() - firstState_ + 1;
+    noteTime();
+    live_.states = statesBefore_ + stateNow_ - firstState_ + 1;
     return write();
 }
 
@@ -183,7 +227,7 @@ Result<> LiveOutputs::write() {
     return allOf({[&] { return problem_; },
                   [&]() -> Result<> {
                       if (!light_) return {};
-                      const double skipped = arguments_.animated() ? lastDueAt(scene_.now()) + 1 - nextPicture_ : 0;
+                      const double skipped = arguments_.animated() ? lastDueAt(elapsed_) + 1 - nextPicture_ : 0;
                       live_.picturesSkipped += static_cast<std::uint64_t>(std::max(0.0, skipped));
                       const Result<> written = files_.finish(static_cast<std::uint64_t>(std::max(0.0, skipped)));
                       print(light_->diagnostics());
@@ -203,8 +247,8 @@ Result<> LiveOutputs::write() {
 }
 
 /// The state that the sound at this time was made from: the last of those that are of one time.
-std::uint64_t LiveOutputs::heardAt(double time) const {
-    auto heard = std::ranges::lower_bound(heard_, time, {}, &std::pair<double, std::uint64_t>::first);
+std::uint64_t LiveOutputs::heardAt(double elapsed) const {
+    auto heard = std::ranges::lower_bound(heard_, elapsed, {}, &std::pair<double, std::uint64_t>::first);
     if (heard == heard_.end()) return 0;
     while (std::next(heard) != heard_.end() && std::next(heard)->first == heard->first) ++heard;
     return heard->second;
@@ -212,7 +256,7 @@ std::uint64_t LiveOutputs::heardAt(double time) const {
 
 OutputReport LiveOutputs::report() const {
     OutputReport report = report_;
-    for (const double t : report.pictureTimes) report.soundStates.push_back(heardAt(start_ + t - kRounding));
+    for (const double t : report.pictureTimes) report.soundStates.push_back(heardAt(t - kRounding));
     if (sound_ && std::isfinite(arguments_.seconds))
         report.missing = missingSound(report.soundSeconds, arguments_.seconds, true);
     report.world = world_.counts();

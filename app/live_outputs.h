@@ -3,6 +3,7 @@
 //
 // Invariant: a picture is of one whole state, taken at times k / F if the one before is made by then, else skipped and
 // counted; files are numbered without holes. Sound is as long as the scene's time: places follow the newest state.
+// Where that time goes back (a log that is played again) they go on, as if that took no time.
 // With --listen device it is played instead. One flattening and one BVH serve all.
 // Threading: all calls on the scene's thread, which must call frame() now and then for states to be handed over.
 #pragma once
@@ -37,18 +38,19 @@ class LiveOutputs final : public OutputMaker {
     Result<> start(const Resources& resources);
     void follow(const std::function<Result<>(const WorldState&, bool)>& present);
     void followUntilTheEnd(const std::function<Result<>(const WorldState&, bool)>& present);
-    double dueAt(double time) const;
-    double lastDueAt(double time) const;
+    void noteTime();
+    double elapsedAt(const WorldState& state, std::size_t& stretch) const;
+    double dueAt(double elapsed) const;
+    double lastDueAt(double elapsed) const;
     Result<> takePicture(const WorldState& state, bool last);
     Result<> hear(const WorldState& state);
+    Result<> hearTo(const WorldState& state);
     void fail(const Result<>& why);
     Result<> write();
-    std::uint64_t heardAt(double time) const;
+    std::uint64_t heardAt(double elapsed) const;
 
     Scene& scene_;
     const OutputArguments arguments_;
-    const double start_;
-    const std::uint64_t firstState_;
     SharedWorld& world_;
     std::unique_ptr<LightRenderer> light_;
     std::unique_ptr<SoundRenderer> sound_;
@@ -58,15 +60,24 @@ class LiveOutputs final : public OutputMaker {
     // The threads' own until they have ended.
     OutputReport report_;
     OutputReport::Live live_;
-    double nextPicture_ = 0;                               // k of the next time k / F
-    std::vector<std::pair<double, std::uint64_t>> heard_;  // until when sound was made, from which state
+    double nextPicture_ = 0;  // k of the next time k / F
+    std::size_t stretchPictured_ = 0, stretchHeard_ = 0;
+    std::vector<std::pair<double, std::uint64_t>> heard_;  // how long sound was then, and of which state it was made
+    double soundAt_, soundMade_ = 0;                       // the scene time it has come to; its seconds
 
     std::atomic<bool> failed_{false}, ending_{false}, abandoned_{false};
     std::atomic<bool> afterInterruption_{false};  // set before ending_
-    std::atomic<std::uint64_t> lastState_{0};     // once ending_
+    std::atomic<std::uint64_t> lastMoment_{0};    // once ending_
     std::atomic<int> running_{0};
-    std::mutex mutex_;
+    mutable std::mutex mutex_;
     Result<> problem_;  // the first
+    ElapsedTime time_;
+    double elapsed_ = 0;  // of time_, when it was last looked at
+    /// What times are counted from, before they went back for the first time, the second, and so on.
+    std::vector<double> starts_;
+
+    // The scene's thread's: of this stretch, and how many there were before it.
+    std::uint64_t firstState_, stateNow_, statesBefore_ = 0;
     std::vector<std::jthread> threads_;
 };
 

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -197,8 +198,18 @@ class Mirroring {
     int run();
 
   private:
-    /// Rounded to a microsecond: times since 1970 are exact to a quarter of that.
-    double since() const { return std::round((replica_.now() - firstTime_) * 1e6) / 1e6; }
+    /// Scene time since it joined, rounded to a microsecond: times since 1970 are exact to a quarter of that.
+    double since() const { return std::round(since_ * 1e6) / 1e6; }
+    /// The replica may have gone on, or back.
+    void noteTime() {
+        if (std::exchange(time_, replica_.now()) != replica_.now()) movedAt_ = Clock::now();
+        since_ = elapsed_.at(replica_.now());
+    }
+    /// What is made is as long as the scene's time that goes by.
+    bool hasLength() const {
+        const OutputArguments& outputs = options_.outputs;
+        return !outputs.listen.empty() || !outputs.record.empty() || outputs.animated();
+    }
     bool joined() const { return made_ != nullptr; }
     /// The replica is in the state that the origin was in when we came, or as near to it as it will be. Before, what
     /// the server had kept goes by in no time. False ends it with status_.
@@ -237,16 +248,18 @@ class Mirroring {
     std::unique_ptr<MirrorClient> client_;
     std::unique_ptr<Made> made_;
     std::optional<std::uint64_t> firstState_;  // that counts as joined
-    double firstTime_ = 0, seconds_ = 0;
-    Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now();
-    bool good_ = true, equal_ = false;
+    ElapsedTime elapsed_;
+    double since_ = 0, time_ = 0, seconds_ = 0;
+    Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now(), movedAt_ = Clock::now();
+    bool good_ = true, equal_ = false, stoodStill_ = false;
     int status_ = kDone;
     OutputReport report_;  // of the outputs, in the end
 };
 
 bool Mirroring::join() {
-    joinedAt_ = Clock::now();
-    firstTime_ = replica_.now();
+    joinedAt_ = movedAt_ = Clock::now();
+    time_ = replica_.now();
+    elapsed_ = ElapsedTime(time_);
     OutputArguments arguments = options_.outputs;
     if (!options_.duration.empty()) arguments.seconds = duration_;
     made_ = std::make_unique<Made>(replica_, arguments, resources_);
@@ -273,6 +286,9 @@ bool Mirroring::isOver(std::size_t applied) {
     // What is made has a length in scene time; who only follows need not wait for a scene that stands still.
     const bool byClock = !options_.outputs.any() && secondsSince(joinedAt_) >= duration_ && client.inStep();
     if (joined() && (since() >= duration_ || byClock)) return true;
+    // A log that is paused, or at its end, may do so for good; a scene that is held up for a moment goes on.
+    stoodStill_ = joined() && client.inStep() && secondsSince(movedAt_) >= std::max(duration_, patience_) + latency_;
+    if (stoodStill_) return true;
     if (secondsSince(heard_) < patience_ + latency_) return false;
     // A server that ends in order says goodbye; a relay that has lost its origin says so.
     fail(fmt::format("{}: {} for {} s", options_.endpoint, joined() ? "the server has been silent" : "no server",
@@ -294,6 +310,7 @@ void Mirroring::follow() {
             break;
         }
         if (mayJoin() && !join()) return;
+        if (joined()) noteTime();
         if (joined() && progress)
             progress(static_cast<std::uint64_t>(1e3 * std::clamp(since(), 0., duration_)),
                      static_cast<std::uint64_t>(1e3 * duration_) + 1);
@@ -337,6 +354,8 @@ void Mirroring::sayWhatIsMissing() {
     else if (client_->serverLeft() && !options_.duration.empty() && since() < duration_ &&
              (options_.outputs.any() || secondsSince(joinedAt_) < duration_))
         fail(fmt::format("{} left after {} of {} s", options_.endpoint, since(), duration_));
+    if (stoodStill_ && hasLength())
+        fail(fmt::format("{} stands still after {} of {} s", options_.endpoint, since(), duration_));
     if (statistics.sequence < statistics.originSequence)
         fail(fmt::format("the replica is in state {}, the origin was in state {}", statistics.sequence,
                          statistics.originSequence));
@@ -405,6 +424,7 @@ int Mirroring::run() {
     if (status_ != kDone) return status_;
     catchUp();
     awaitAnswers();
+    if (joined()) noteTime();
     sayWhatIsMissing();
     finish();
     options_.json ? printJson() : print();
@@ -421,8 +441,14 @@ Verb addMirror(Command& program) {
     auto options = std::make_shared<MirrorArguments>();
     Command* command = program.addVerb("mirror", "Follow a served scene; picture, hear, log and save the replica");
     command->addOption("ENDPOINT", options->endpoint, "ZeroMQ endpoint that rtsg serve named")->required();
-    command->addOption("--for", options->duration, "how long, in scene time; else until the server leaves or Ctrl-C");
-    command->addOption("--wait", options->patience, "give up after so long without a server")->preset();
+    command->addOption("--for", options->duration,
+                       "how long, in scene time, or by the clock where the scene stands still; else until the server "
+                       "leaves or Ctrl-C. Where a log is played again, time goes on");
+    command
+        ->addOption("--wait", options->patience,
+                    "give up after so long without a server, and not before with --for of a scene that stands "
+                    "still")
+        ->preset();
     command->addOption("--name", options->name,
                        "whose wish it is that --set asks for, in logs and for undo; a key file may say another");
     command->addOption("--key", options->key, "key file, the server's or one with its public key and a pair");

@@ -1,6 +1,7 @@
 // Mirrors, logs and replays as a script uses them: two processes, and what must be the same in both.
 #include "program.h"
 
+#include <algorithm>
 #include <sstream>
 
 #include <fcntl.h>
@@ -293,9 +294,10 @@ TEST_F(Mirror, AServerThatWasKilledGoesOnFromItsLog) {
 /// Another server at the same place, without the session of the first: pictures and sound go on, in the new states.
 TEST_F(Mirror, PicturesGoOnWithTheStatesOfAServerThatBeganAnew) {
     serve({}, "tcp://127.0.0.1:*");
-    Program mirror({"mirror", endpoint, "--for", "3s", "--fps", "10", "--render", folder / "p%02d.png", "--size",
-                    "16x9", "--listen", folder / "p.wav", "--rays", "50", "--wait", "60s", "--json"},
-                   streams());
+    Program mirror(
+        {"mirror", endpoint, "--for", "3s", "--fps", "10", "--render", folder / "p%02d.png", "--size", "16x9",
+         "--listen", folder / "p.wav", "--rays", "50", "--wait", "60s", "--record", folder / "p.rlog", "--json"},
+        streams());
     // Early: on a busy machine pictures lag behind the states, of which none may be left to come.
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
     while (!std::filesystem::exists(folder / "p01.png") && std::chrono::steady_clock::now() < end)
@@ -314,6 +316,17 @@ TEST_F(Mirror, PicturesGoOnWithTheStatesOfAServerThatBeganAnew) {
     EXPECT_EQ(report.at("picture_states"), report.at("sound_states"));
     server->signal(SIGTERM);
     server->wait();
+    // Its log holds both sessions, and cannot know how far the first went on.
+    const Outcome whole = rtsg({"replay", folder / "p.rlog", "--verify", "--json"});
+    EXPECT_EQ(whole.status, 1) << whole.out;
+    EXPECT_THAT(whole.err, HasSubstr("the session was not closed: nothing tells what came after state "));
+    const json replayed = json::parse(whole.out);
+    EXPECT_EQ(replayed.at("gaps"), 0);
+    EXPECT_EQ(replayed.at("unclosed_sessions"), 1);
+    EXPECT_EQ(replayed.at("t"), report.at("t"));
+    const Outcome shown = rtsg({"replay", folder / "p.rlog"});
+    EXPECT_EQ(shown.status, 0) << shown.err;
+    EXPECT_THAT(shown.out, HasSubstr("; 1 session within it not closed"));
 }
 
 /// A log as a session: played, and played again, by commands of a mirror and of standard input.
@@ -369,6 +382,65 @@ TEST_F(Mirror, PicturesAndSoundGoOnWhereALogBeginsAgain) {
     const json report = json::parse(lastLine(mirrored.out));
     EXPECT_GT(report.at("sound_seconds"), 1) << mirrored.out;
     EXPECT_GE(report.at("pictures"), 10) << mirrored.out;
+}
+
+/// --for counts on over its end too, with every state and with --live.
+TEST_F(Mirror, ALengthIsReachedWhereALogBeginsAgain) {
+    const std::string log = folder / "short.rlog";
+    endpoint = "ipc://" + folder / "short";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms", "--fps", "20"}).status, 0);
+    Program player({"serve", log, "--loop", "--bind", endpoint}, streams());
+    ASSERT_NE(player.firstLine(), "");
+    for (const bool live : {false, true}) {
+        std::vector<std::string> arguments{"mirror",   endpoint,
+                                           "--for",    "1.5s",
+                                           "--listen", folder / "short.wav",
+                                           "--render", folder / "short%d.png",
+                                           "--fps",    "10",
+                                           "--size",   "16x9",
+                                           "--rays",   "10",
+                                           "--json",   "--force"};
+        if (live) arguments.push_back("--live");
+        const Outcome mirrored = rtsg(arguments);
+        ASSERT_EQ(mirrored.status, 0) << mirrored.err;
+        const json report = json::parse(lastLine(mirrored.out));
+        EXPECT_GE(report.at("t"), 1.5);
+        EXPECT_DOUBLE_EQ(report.at("sound_seconds").get<double>(), 1.5) << report;
+        EXPECT_EQ(report.at("restarts"), report.at("snapshots").get<int>() - 1) << report;
+        EXPECT_GE(report.at("restarts"), 2) << report;
+        const int skipped = live ? report.at("live").at("pictures_skipped").get<int>() : 0;
+        EXPECT_EQ(report.at("pictures").get<int>() + skipped, 15) << report;
+        if (live) {
+            EXPECT_LE(report.at("live").at("states"), report.at("frames")) << report;
+        }
+        const std::vector<double> times = report.at("picture_times");
+        EXPECT_GT(times.size(), 3U);
+        EXPECT_TRUE(std::ranges::is_sorted(times)) << report;
+    }
+    player.signal(SIGTERM);
+    EXPECT_EQ(player.wait().status, 0);
+}
+
+/// As a log that is paused does, or one at its end.
+TEST_F(Mirror, OfASceneThatStandsStillTheClockCounts) {
+    const std::string log = folder / "still.rlog";
+    endpoint = "ipc://" + folder / "still";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms", "--fps", "20"}).status, 0);
+    Program player({"serve", log, "--paused", "--bind", endpoint}, streams());
+    ASSERT_NE(player.firstLine(), "");
+    const auto follow = [&](const std::string& option, const std::string& made) {
+        return rtsg({"mirror", endpoint, "--for", "200ms", "--wait", "300ms", option, folder / made, "--size", "16x9"});
+    };
+    const Outcome one = follow("--render", "still.png");
+    EXPECT_EQ(one.status, 0) << one.err;
+    EXPECT_TRUE(std::filesystem::exists(folder / "still.png"));
+    for (const auto& [option, made] : {std::pair("--render", "still%d.png"), std::pair("--record", "other.rlog")}) {
+        const Outcome many = follow(option, made);
+        EXPECT_EQ(many.status, 1);
+        EXPECT_THAT(many.err, HasSubstr("stands still after 0 of 0.2 s"));
+    }
+    player.signal(SIGTERM);
+    EXPECT_EQ(player.wait().status, 0);
 }
 
 TEST_F(Mirror, ARelayPassesASessionOn) {
