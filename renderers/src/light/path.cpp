@@ -444,7 +444,7 @@ class Paths {
         const Material& material = *s.material[lane];
         const bool back = s.back >> lane & 1u;
         const Vec3f normal = s.normal.get(lane), facing = back ? -s.outside(lane) : s.outside(lane);
-        const float t = s.distance[lane], coverage = s.coverage[lane];
+        const float t = s.distance[lane];
         if (task.absorption != Vec3f(0)) task.weight *= glm::exp(-task.absorption * t);
         const float cosine = std::clamp(glm::dot(normal, -direction), 1e-4f, 1.0f);
         const Bsdf own = bsdf(lane);
@@ -453,15 +453,16 @@ class Paths {
             const float left = largest(w.share[straight]);
             cover(task, left > 0 ? 1 - left * backgroundBehind(direction, lane) : 1);
         }
-        if (scene_.fogs.any() && coverage > 0 && t + task.line > 0) {
-            const float fog = s.fogLeft(scene_, lane, t + task.line);
+        // What goes straight on is fogged where it ends, by its whole line.
+        float fog = 1;
+        if (scene_.fogs.any() && t + task.line > 0) {
+            fog = s.fogLeft(scene_, lane, t + task.line);
             PathTask hazy = task;
-            hazy.weight *= coverage * (1 - fog);
+            hazy.weight *= (Vec3f(1) - w.share[straight]) * (1 - fog);
             add(hazy, scene_.fogs.of(s.lights[lane]).linear);
-            if (coverage >= 1) task.weight *= fog;
         }
         PathTask lit = task;
-        lit.weight *= w.solid;
+        lit.weight *= fog * w.solid;
         add(lit, radiance(lane, task));
 
         if (!(w.total > 0)) return;
@@ -491,7 +492,7 @@ class Paths {
             task.normal = normal, task.density = chance * sample.density;
         }
         if (way == mirror || way == enter) task.density = 0;
-        task.weight *= share;
+        task.weight *= way == straight ? share : fog * share;
         follow(task, way == straight, t, out, lane);
     }
 

@@ -184,6 +184,46 @@ TEST_F(CubeFiles, ShapesOfPicturesSayWhereSidesLie) {
     EXPECT_NE(s.light->diagnostics().all()[0].text.find("5 x 3"), std::string::npos);
 }
 
+// Every layout shows every side upright and not mirrored: sides of 4 pixels whose red is s, green is t, and blue is
+// the side's number; looked up in the middle of each pixel, in directions that are written out.
+TEST_F(CubeFiles, EveryLayoutShowsSidesUpright) {
+    enum Side { front, back, left, right, top, bottom, none };
+    struct Layout {
+        int columns, rows;
+        std::vector<Side> sides;  // row by row, from the top
+        int turned = -1;          // the one that hangs upside down
+    };
+    for (const Layout& layout :
+         {Layout{4, 3, {none, top, none, none, left, front, right, back, none, bottom, none, none}},
+          Layout{3, 4, {none, top, none, left, front, right, none, bottom, none, none, back, none}, back},
+          Layout{6, 1, {right, left, top, bottom, front, back}}, Layout{1, 6, {right, left, top, bottom, front, back}},
+          Layout{3, 2, {right, top, front, left, bottom, back}}}) {
+        constexpr int n = 4;
+        std::string ppm = fmt::format("P6\n{} {}\n255\n", n * layout.columns, n * layout.rows);
+        for (int y = 0; y < n * layout.rows; ++y)
+            for (int x = 0; x < n * layout.columns; ++x) {
+                const Side side = layout.sides[static_cast<std::size_t>(y / n * layout.columns + x / n)];
+                const int column = side == layout.turned ? n - 1 - x % n : x % n;
+                const int row = side == layout.turned ? y % n : n - 1 - y % n;
+                for (const int value : {20 + 50 * column, 20 + 50 * row, 40 * side}) ppm += static_cast<char>(value);
+            }
+        write("sides.ppm", ppm);
+        const auto texture = Texture::fromFile(folder.path() / "sides.ppm", Texture::Content::color);
+        ASSERT_TRUE(texture);
+        const auto cube = SpaceTexture::ofPicture(std::make_shared<const Texture>(*texture));
+        ASSERT_TRUE(cube);
+        for (int side = 0; side < 6; ++side)
+            for (int j = 0; j < n; ++j)
+                for (int i = 0; i < n; ++i) {
+                    const float x = (2 * i + 1.f) / n - 1, y = (2 * j + 1.f) / n - 1;  // to the right and up
+                    const Vec3f towards[] = {{x, y, -1}, {-x, y, 1}, {-1, y, -x}, {1, y, x}, {x, 1, y}, {x, -1, -y}};
+                    const Vec4f seen = cube->sample(towards[side], 0, {}, ColorSpace::display) * 255.f;
+                    EXPECT_LT(glm::distance(Vec3f(seen), Vec3f(20 + 50 * i, 20 + 50 * j, 40 * side)), .01f)
+                        << layout.columns << ":" << layout.rows << " " << kSideNames[side] << " " << i << " " << j;
+                }
+    }
+}
+
 // ---- three dimensions ---------------------------------------------------------------------------------------------
 
 /// A plane z = 0 of two metres with coordinates (s, t, r) = (x, y, r) from 0 to 1.

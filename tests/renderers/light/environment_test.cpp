@@ -233,6 +233,52 @@ TEST(EnvironmentLight, IsWhatMirrorsShow) {
     }
 }
 
+/// By Rodrigues' formula.
+Vec3d turnedAbout(const Vec3d& axis, double angle, const Vec3d& v) {
+    return std::cos(angle) * v + std::sin(angle) * glm::cross(axis, v) +
+           (1 - std::cos(angle)) * glm::dot(axis, v) * axis;
+}
+
+// `rotation`, and then the transforms around the light, turn its pictures: each mirrored direction shows the side that
+// it meets when turned back.
+TEST(EnvironmentLight, ItsRotationTurnsItsPictures) {
+    const char* const colors[] = {"0xFF0000", "0x00FF00", "0x0000FF", "0xFFFF00", "0xFF00FF", "0x00FFFF"};
+    const char* const names[] = {"left", "right", "bottom", "top", "front", "back"};
+    const Vec3f shown[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 0}, {1, 0, 1}, {0, 1, 1}};
+    std::string sides;
+    for (int i = 0; i < 6; ++i)
+        sides += fmt::format("{}Texture PixelTexture {{ image 1 1 3 {} }} ", names[i], colors[i]);
+    std::array<int, 6> met{};
+    unsigned seed = 10;
+    for (const double angle : {.4, 1.3, 2.2, -.9, -2.7, 3., -1.6, .9, -2.1, 1.8}) {
+        const auto axes = somewhere(2, seed++);
+        const Vec3d own(axes[0]), around(axes[1]);
+        const double turn = 1.1 - angle;
+        LightScene s(kBackground +
+                     fmt::format("Transform {{ rotation {} {} {} {} children EnvironmentLight {{ rotation {} {} {} {} "
+                                 "specularTexture ComposedCubeMapTexture {{ {} }} }} }}",
+                                 around.x, around.y, around.z, turn, own.x, own.y, own.z, angle, sides) +
+                     kMirror);
+        for (const auto integrator : kBoth) {
+            (void)centerOf(s, integrator);
+            const Picture picture = s.picture();
+            for (int y = 0; y < 33; y += 4)
+                for (int x = 0; x < 33; x += 4) {
+                    Vec3d d = pixelDirection(x, y, 33, 33, .7854);
+                    d = turnedAbout(own, -angle, turnedAbout(around, -turn, Vec3d(d.x, d.y, -d.z)));
+                    const Vec3d a = glm::abs(d);
+                    const int axis = a.x > a.y && a.x > a.z ? 0 : a.y > a.z ? 1 : 2;
+                    if (a[axis] - std::max(a[(axis + 1) % 3], a[(axis + 2) % 3]) < .03) continue;
+                    const int side = 2 * axis + (d[axis] > 0);
+                    ++met[static_cast<std::size_t>(side)];
+                    EXPECT_LT(glm::distance(Vec3f(picture.at(x, y)), shown[side]), 1e-4f)
+                        << names[side] << " " << x << " " << y;
+                }
+        }
+    }
+    for (const int count : met) EXPECT_GT(count, 10);
+}
+
 // A light that is not global lights its group, and mirrors of others show the Background.
 TEST(EnvironmentLight, ThatIsNotGlobalIsForItsGroup) {
     const auto scene = [](const std::string& inGroup, const std::string& beside, const char* more) {

@@ -58,6 +58,30 @@ TEST(LocalFog, PathsSeeTheSame) {
     expectColor(direct, {.75, 0, .25 * linearFromSrgb(.5f)}, 1e-6);
 }
 
+// Of what covers a part, that part is fogged by its own distance; what is seen through it by its own, once.
+TEST(Fog, HidesClearSurfacesByWhatTheyCover) {
+    const std::string behind = "Fog { color 0 0 1 visibilityRange 40 } " + square(5, unlit("1 0 0"));
+    const auto before = [](const std::string& appearance) {
+        return "Transform { translation 0 0 5 children " + square(2, appearance) + " }";
+    };
+    const Vec3d far(.75, 0, .25), near(0, .875, .125);
+    const std::string halfClear = "texture PixelTexture { image 1 1 4 0x00FF0066 } ";
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        const auto shown = [&](const std::string& body) { return seen(body, integrator, ColorSpace::linear); };
+        expectColor(shown(behind + before("material UnlitMaterial { emissiveColor 0 1 0 transparency .4 }")),
+                    .6 * near + .4 * far, 1e-4);
+        expectColor(shown(behind + before(halfClear + "material UnlitMaterial { }")), .4 * near + .6 * far, 1e-4);
+        expectColor(shown(behind + before("material UnlitMaterial { emissiveColor 0 1 0 transparency 1 }")), far, 1e-4);
+        expectColor(
+            shown(behind + before("material Material { diffuseColor 0 0 0 emissiveColor 0 1 0 transparency .5 }")),
+            .5 * near + .5 * far, 1e-4);
+        // A mirror is fogged as a whole, and what it shows by the way from it on.
+        expectColor(shown("Fog { color 0 0 1 visibilityRange 40 } " + square(5, mirror("1")) +
+                          "Transform { translation 0 0 15 children " + square(50, unlit("1 0 0")) + " }"),
+                    .75 * Vec3d(.625, 0, .375) + Vec3d(0, 0, .25), 1e-4);
+    }
+}
+
 TEST(LocalFog, FollowsTheScene) {
     LightScene s("DEF A Group { children [ DEF F LocalFog { color 0 0 1 visibilityRange 40 } " +
                  square(5, unlit("1 0 0")) + " ] }");

@@ -209,6 +209,37 @@ TEST(TessellateText, StylesAreOtherFaces) {
     EXPECT_GT(made(p).bounds.max.x, upright.max.x);
 }
 
+// Each family and style is the face of DejaVu that its name says, none of the condensed ones: the advance and the box
+// of an H, in the units of the files, to the two by which the italic ones are shifted against their boxes.
+TEST(TessellateText, FamiliesAndStylesAreTheirOwnFaces) {
+    struct Face {
+        const char* family;
+        bool bold, italic;
+        int advance, left, right;
+    };
+    for (const Face& face : {Face{"SERIF", false, false, 1786, 113, 1673},
+                             {"SERIF", true, false, 1935, 96, 1843},
+                             {"SERIF", false, true, 1786, -33, 1819},
+                             {"SERIF", true, true, 1935, -50, 1989},
+                             {"SANS", false, false, 1540, 201, 1339},
+                             {"SANS", true, false, 1714, 188, 1526},
+                             {"SANS", false, true, 1540, 55, 1485},
+                             {"SANS", true, true, 1714, 43, 1671},
+                             {"TYPEWRITER", true, false, 1233, 137, 1096},
+                             {"TYPEWRITER", false, true, 1233, -8, 1241}}) {
+        SCOPED_TRACE(face.family + std::string(face.bold ? " bold" : "") + (face.italic ? " italic" : ""));
+        TextParams p;
+        p.strings = {"HHH"};
+        p.family = {face.family};
+        p.bold = face.bold, p.italic = face.italic;
+        const Bounds bounds = made(p).bounds;
+        EXPECT_NEAR(bounds.min.x, face.left / 2048.0, .0015);
+        EXPECT_NEAR(bounds.max.x, (2 * face.advance + face.right) / 2048.0, .0015);
+        EXPECT_NEAR(bounds.min.y, 0, 1e-6);
+        EXPECT_NEAR(bounds.max.y, 1493 / 2048.0, 1e-6);
+    }
+}
+
 TEST(TessellateText, LettersOfRightToLeftScriptsRunToTheLeft) {
     if (!(*fonts())->shapes()) GTEST_SKIP() << "built without HarfBuzz";
     const Fonts& from = **fonts();
