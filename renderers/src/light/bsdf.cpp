@@ -159,43 +159,75 @@ struct Albedos {
     static float cosineOf(int i) { return std::max(static_cast<float>(i) / (kSteps - 1), 0.01f); }
 
     Albedos() {
+        const Disk disk;
         for (int i = 0; i < kSteps; ++i) {
             const float c = cosineOf(i);
             const Vec3f view(std::sqrt(1 - c * c), 0, c);
             for (int j = 0; j < kSteps; ++j)
-                facets(view, alphaOf(static_cast<float>(j) / (kSteps - 1)), mirrored[i][j], grazing[i][j]);
-            lost[i] = halfwayLoss(view);
+                facets(disk, view, alphaOf(static_cast<float>(j) / (kSteps - 1)), mirrored[i][j], grazing[i][j]);
+            lost[i] = halfwayLoss(disk, view);
         }
     }
 
-    static void facets(const Vec3f& view, float alpha, float& mirrored, float& grazing) {
-        constexpr int kSide = 16;
-        mirrored = grazing = 0;
-        for (int i = 0; i < kSide * kSide; ++i) {
-            const int row = i / kSide, column = i % kSide;
-            const Vec3f h = visibleNormal(view, alpha, (static_cast<float>(row) + 0.5f) / kSide,
-                                          (static_cast<float>(column) + 0.5f) / kSide);
-            const float cosine = glm::dot(view, h), light = 2 * cosine * h.z - view.z;
-            if (!(light > 0)) continue;
+    /// Places spread evenly over the unit disk, the same for all angles of view: a program's first picture waits for
+    /// the table.
+    struct Disk {
+        static constexpr int kCount = 256, kCosines = 1024;
+        float x[kCount], y[kCount], left[kCount];  // left: 1 - x^2, not below 0
+        Vec3f cosine[kCosines];                    // of cosineSample()
+        Disk() {
+            spread<16>([this](int i, float u, float v) {
+                const float r = std::sqrt(u), phi = 2 * kPi * v;
+                x[i] = r * std::cos(phi), y[i] = r * std::sin(phi);
+                left[i] = std::max(1 - x[i] * x[i], 0.0f);
+            });
+            spread<32>([this](int i, float u, float v) { cosine[i] = cosineSample(u, v); });
+        }
+        template <int kSide, class Visit>
+        static void spread(const Visit& visit) {
+            for (int i = 0; i < kSide * kSide; ++i)
+                visit(i, (static_cast<float>(i / kSide) + 0.5f) / kSide,
+                      (static_cast<float>(i % kSide) + 0.5f) / kSide);
+        }
+    };
+
+    /// By visibleNormal(), eight at a time.
+    static void facets(const Disk& disk, const Vec3f& view, float alpha, float& mirrored, float& grazing) {
+        using namespace simd;
+        const Vec3f stretched = glm::normalize(Vec3f(alpha * view.x, alpha * view.y, view.z));
+        const float blend = 0.5f * (1 + stretched.z);
+        const Vec3f across =
+            stretched.z < 0.9999f ? glm::normalize(glm::cross(Vec3f(0, 0, 1), stretched)) : Vec3f(1, 0, 0);
+        const Vec3f along = glm::cross(stretched, across);
+        const float gv = masking(view.z, alpha);
+        F8 mirror{}, graze{};
+        for (int i = 0; i < Disk::kCount; i += 8) {
+            const F8 x = load(disk.x + i), left = load(disk.left + i);
+            const F8 y = (1 - blend) * simd::sqrt(left) + blend * load(disk.y + i),
+                     z = simd::sqrt(max(left - y * y, all(0)));
+            const auto part = [&](int k) { return x * across[k] + y * along[k] + z * stretched[k]; };
+            V8 h{alpha * part(0), alpha * part(1), max(part(2), all(1e-6f))};
+            h = h * (1 / simd::sqrt(dot(h, h)));
+            const F8 cosine = view.x * h.x + view.y * h.y + view.z * h.z, light = 2 * cosine * h.z - view.z;
             // The weight of a visible normal is G2 / G1, with correlated heights.
-            const float gv = masking(view.z, alpha), gl = masking(light, alpha);
-            const float weight = gl / (gv + gl - gv * gl), m = std::max(1 - cosine, 0.0f), m5 = m * m * m * m * m;
-            mirrored += weight * (1 - m5), grazing += weight * m5;
+            const F8 l2 = max(light * light, all(1e-12f)),
+                     gl = 2 / (1 + simd::sqrt(1 + alpha * alpha * max(1 - l2, all(0)) / l2));
+            const F8 weight = select(light > 0.0f, gl / (gv + gl - gv * gl), all(0)), m = max(1 - cosine, all(0)),
+                     m5 = m * m * m * m * m;
+            mirror += weight * (1 - m5), graze += weight * m5;
         }
-        mirrored /= kSide * kSide, grazing /= kSide * kSide;
+        mirrored = grazing = 0;
+        for (int lane = 0; lane < 8; ++lane) mirrored += mirror[lane], grazing += graze[lane];
+        mirrored /= Disk::kCount, grazing /= Disk::kCount;
     }
 
-    static float halfwayLoss(const Vec3f& view) {
-        constexpr int kSide = 32;
+    static float halfwayLoss(const Disk& disk, const Vec3f& view) {
         float sum = 0;
-        for (int i = 0; i < kSide * kSide; ++i) {
-            const int row = i / kSide, column = i % kSide;
-            const Vec3f light =
-                cosineSample((static_cast<float>(row) + 0.5f) / kSide, (static_cast<float>(column) + 0.5f) / kSide);
+        for (const Vec3f& light : disk.cosine) {
             const float m = std::max(1 - glm::dot(light, halfway(view, light)), 0.0f);
             sum += m * m * m * m * m;
         }
-        return sum / (kSide * kSide);
+        return sum / Disk::kCosines;
     }
 };
 
