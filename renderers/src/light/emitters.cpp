@@ -94,6 +94,9 @@ Emitters::Emitters(const TraceScene& scene) {
     tree_ = LightTree(clusters, kLeast);
     for (const Emitter& e : emitters_) even_ = even_ && e.even && !e.contested;
     if (tree_.empty()) emitters_.clear();
+    if (!even_) return;
+    packed_.reserve(emitters_.size());
+    for (const Emitter& e : emitters_) packed_.emplace_back(e);
 }
 
 void Emitters::add(const TraceScene& scene, std::uint32_t slot, std::vector<LightTree::Cluster>& clusters) {
@@ -178,30 +181,33 @@ Emitters::Choice Emitters::sample(const Vec3f& point, const Vec3f& normal, float
     return {choice.thing, choice.probability};
 }
 
+Emitters::Packed::Packed(const Emitter& e) {
+    const auto put = [this](int at, const Vec3f& v) {
+        numbers[at] = v.x, numbers[at + 1] = v.y, numbers[at + 2] = v.z;
+    };
+    put(0, e.corner), put(4, e.ab), put(8, e.ac), put(12, e.normal), put(16, e.behind);
+    numbers[3] = e.area, numbers[7] = e.front.x, numbers[11] = e.front.y, numbers[15] = e.front.z;
+    numbers[19] = e.bothSides ? -1.0f : 0.0f;
+}
+
 Emitters::Eight Emitters::eight(const std::uint32_t* numbers) const {
     using namespace simd;
-    // Four numbers at a time, as they follow each other.
-    static_assert(offsetof(Emitter, normal) == 36 && offsetof(Emitter, area) == 48 && offsetof(Emitter, front) == 64 &&
-                  offsetof(Emitter, behind) == 76 && sizeof(Emitter) == 88);
-    const auto four = [&](int from) {
-        const float* places[8];
-        for (int i = 0; i < 8; ++i) places[i] = &emitters_[numbers[i]].corner.x + from;
-        return gather4(places);
+    const float* places[8];
+    for (int i = 0; i < 8; ++i) places[i] = packed_[numbers[i]].numbers;
+    const auto four = [&places](int from) {
+        const float* some[8];
+        for (int i = 0; i < 8; ++i) some[i] = places[i] + from;
+        return gather4(some);
     };
-    const Q8 a = four(0), b = four(4), c = four(8), light = four(16), rest = four(18);
-    Eight result{{a.x, a.y, a.z},
-                 {a.w, b.x, b.y},
-                 {b.z, b.w, c.x},
-                 {c.y, c.z, c.w},
-                 {light.x, light.y, light.z},
-                 {light.w, rest.z, rest.w},
-                 {},
-                 {}};
-    for (int i = 0; i < 8; ++i) {
-        const Emitter& e = emitters_[numbers[i]];
-        result.area[i] = e.area, result.bothSides[i] = e.bothSides ? -1 : 0;
-    }
-    return result;
+    const Q8 corner = four(0), ab = four(4), ac = four(8), normal = four(12), behind = four(16);
+    return {{corner.x, corner.y, corner.z},
+            {ab.x, ab.y, ab.z},
+            {ac.x, ac.y, ac.z},
+            {normal.x, normal.y, normal.z},
+            {ab.w, ac.w, normal.w},
+            {behind.x, behind.y, behind.z},
+            corner.w,
+            behind.w < 0.0f};
 }
 
 float Emitters::density(std::uint32_t emitter, const Vec3f& point, const Vec3f& normal) const {

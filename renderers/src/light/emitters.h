@@ -69,7 +69,14 @@ class Emitters {
     void add(const TraceScene& scene, std::uint32_t slot, std::vector<LightTree::Cluster>& clusters);
     void findContested();
 
+    /// What eight() tells, four numbers at a time.
+    struct alignas(16) Packed {
+        float numbers[20];
+        explicit Packed(const Emitter& emitter);
+    };
+
     std::vector<Emitter> emitters_;
+    std::vector<Packed> packed_;  // the same
     LightTree tree_;
     bool even_ = true;
     std::vector<std::uint32_t> firstOf_;  // by instance slot: its first emitter or kNone; triangles follow each other

@@ -202,6 +202,22 @@ void sumsUpTo(F8* x, std::size_t count) {
 
 constexpr float kBelowOne = 0x1.fffffep-1f;
 
+I8 lanesOf8(std::uint32_t bits) {
+    return ((I8{} + static_cast<std::int32_t>(bits)) & I8{1, 2, 4, 8, 16, 32, 64, 128}) != 0;
+}
+/// Of eight numbers the one that each lane says.
+I8 oneEach(const std::uint32_t* numbers, I8 which) {
+#ifdef __AVX2__
+    __m256i from, order;
+    std::memcpy(&from, numbers, sizeof from), std::memcpy(&order, &which, sizeof order);
+    from = _mm256_permutevar8x32_epi32(from, order);
+    std::memcpy(&which, &from, sizeof which);
+#else
+    for (int lane = 0; lane < 8; ++lane) which[lane] = static_cast<std::int32_t>(numbers[which[lane]]);
+#endif
+    return which;
+}
+
 }  // namespace
 
 /// The importances of all eight, and in `before` the sums of those before each and of all; `above`: a bit for each that
@@ -257,34 +273,32 @@ LightTree::Choices LightTree::sample(const V8& point, const V8& normal, F8 u, st
     store(result.probability, all(0));
     if (nodes_.empty() || !lanes) return result;
     const Node& root = nodes_[0];
-    F8 each[kWide]{}, sums[kWide]{};
+    F8 each[kWide], sums[kWide];
     I8 last{};
-    for (std::size_t i = 0; i < root.count; ++i) {
+    std::size_t i = 0;
+    do {  // there is one at least
         sums[i] = each[i] = importance(oneOf(root, i), point, normal);
         last = each[i] > 0.0f ? I8{} + static_cast<std::int32_t>(i) : last;
-    }
+    } while (++i < root.count);
     sumsUpTo(sums, root.count);
     const F8 sum = sums[root.count - 1], at = u * sum;
     I8 child{};
-    for (std::size_t i = 0; i < root.count; ++i) child -= sums[i] <= at;
+    for (i = 0; i < root.count; ++i) child -= sums[i] <= at;
     child = child < last ? child : last;
     F8 chosen = each[0], before = all(0);
-    for (std::size_t i = 1; i < root.count; ++i) {
+    for (i = 1; i < root.count; ++i) {
         const I8 here = child == static_cast<std::int32_t>(i);
         chosen = select(here, each[i], chosen), before = select(here, sums[i - 1], before);
     }
-    alignas(32) float rest[8];
-    alignas(32) std::int32_t children[8];
-    store(rest, min(max(at - before, all(0)) / chosen, all(kBelowOne)));
+    const I8 found = (sum > 0.0f) & lanesOf8(lanes);
+    const I8 next = found ? oneEach(root.next, child) : I8{} + static_cast<std::int32_t>(kNone);
+    std::memcpy(result.thing, &next, sizeof next);
     store(result.probability, select(sum > 0.0f, chosen / sum, all(0)));
-    std::memcpy(children, &child, sizeof children);
-    std::uint32_t below = lanes & laneBits(sum > 0.0f);
-    for (std::uint32_t some = below; some; some &= some - 1) {
-        const int lane = std::countr_zero(some);
-        result.thing[lane] = root.next[children[lane]];
-        if (root.leaves >> children[lane] & 1u) below &= ~(1u << lane);
-    }
+    const I8 isNode = (((I8{} + root.leaves) >> child) & 1) == 0;
+    std::uint32_t below = laneBits(found & isNode);
     if (!below) return result;
+    alignas(32) float rest[8];
+    store(rest, min(max(at - before, all(0)) / chosen, all(kBelowOne)));
     alignas(32) float p[3][8], n[3][8];
     store(p[0], point.x), store(p[1], point.y), store(p[2], point.z);
     store(n[0], normal.x), store(n[1], normal.y), store(n[2], normal.z);

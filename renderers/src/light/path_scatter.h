@@ -59,7 +59,9 @@ inline simd::F8 shownMatte(const simd::V8& direction, simd::F8 density, const si
         return shows / (1 + ratio * ratio);
     };
     const F8 sum = share(straight);
-    return sum + select(density < std::numeric_limits<float>::infinity(), share(mirrored), all(0));
+    // Nothing comes from below a flat surface, and most are.
+    const I8 fromBelow = (density < std::numeric_limits<float>::infinity()) & (mirrored > 0.0f);
+    return any(fromBelow) ? sum + select(fromBelow, share(mirrored), all(0)) : sum;
 }
 
 /// The same of any surface's own colours.

@@ -73,6 +73,19 @@ bool areSame(const std::uint32_t* eight) {
     return !any(all != first);
 }
 
+/// Where a mesh's triangles have their corners.
+struct Corners {
+    const std::int32_t* triangles;
+    const Vec3f* positions;
+    std::size_t stride;
+    explicit Corners(const Mesh& mesh)
+        : triangles(mesh.triangles.data()), positions(mesh.positions.data()), stride(mesh.triangleStride) {}
+    void find(std::uint32_t triangle, const float* (&corner)[3][8], int lane) const {
+        const std::int32_t* const numbers = triangles + triangle * stride;
+        for (int c = 0; c < 3; ++c) corner[c][lane] = &positions[numbers[c]].x;
+    }
+};
+
 /// Of a matrix of twelve numbers, one for all lanes or one for each.
 struct Matrix8 {
     F8 m[12];
@@ -97,11 +110,18 @@ void PlainSurfaces::fetch(const Hits& hits, Surfaces& out) const {
     const RayInstance* each[8];
     const float* corner[3][8];
     each[0] = &world_->instance(hits.instance[0]);
-    for (int i = 0; i < 8; ++i) {
-        each[i] = same ? each[0] : &world_->instance(hits.instance[i]);
-        const Mesh& mesh = *each[i]->mesh;
-        const std::int32_t* triangle = mesh.triangles.data() + std::size_t{hits.triangle[i]} * mesh.triangleStride;
-        for (int c = 0; c < 3; ++c) corner[c][i] = &mesh.positions.data()[triangle[c]].x;
+    if (same) {
+        const Corners corners(*each[0]->mesh);
+        for (int i = 0; i < 8; ++i) corners.find(hits.triangle[i], corner, i);
+        out.base = broadcast(baseOf(hits.instance[0]));
+    } else {
+        const float* colors[8];
+        for (int i = 0; i < 8; ++i) {
+            each[i] = &world_->instance(hits.instance[i]);
+            Corners(*each[i]->mesh).find(hits.triangle[i], corner, i);
+            colors[i] = colors_[numbers_[hits.instance[i]]].base;
+        }
+        out.base = gather3(colors);
     }
     const F8 w = 1 - hits.u - hits.v;
     const V8 a = gather3(corner[0]) * w, b = gather3(corner[1]) * hits.u, c = gather3(corner[2]) * hits.v;
@@ -130,9 +150,6 @@ void PlainSurfaces::fetch(const Hits& hits, Surfaces& out) const {
     out.exact = {row(0), row(1), row(2)};
     out.error = V8{bound(0), bound(1), bound(2)} + floor;
     normals(hits, each, same, out);
-    const float* colors[8];
-    for (int i = 0; i < 8; ++i) colors[i] = colors_[numbers_[hits.instance[i]]].base;
-    out.base = gather3(colors);
 }
 
 void PlainSurfaces::normals(const Hits& hits, const RayInstance* const* each, bool same, Surfaces& out) {

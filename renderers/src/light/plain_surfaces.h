@@ -64,6 +64,10 @@ class PlainSurfaces {
         float physical, unused[3];
         explicit Colors(const Material& material);
     };
+    Vec3f baseOf(std::uint32_t instance) const {
+        const Colors& c = colors_[numbers_[instance]];
+        return {c.base[0], c.base[1], c.base[2]};
+    }
     static void normals(const Hits& hits, const RayInstance* const* each, bool same, Surfaces& out);
 
     const RayView* world_;

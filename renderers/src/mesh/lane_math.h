@@ -87,8 +87,7 @@ __attribute__((always_inline)) inline F acosOf(F x, const Root& root) {
 RTSG_LANES F beyond(F x, F step) {
     const I i = reinterpret<I>(x);
     // Away from zero counts up, towards zero down; zero itself goes to the least number of the step's sign.
-    const I outwards = ((x > 0.0f) & (step > 0.0f)) | ((x < 0.0f) & (step < 0.0f));
-    I moved = i + (outwards ? I{} + 1 : I{} - 1);
+    I moved = i + (((i ^ reinterpret<I>(step)) >> 31) | 1);
     const I smallest =
         (reinterpret<I>(step) & (I{} + std::int32_t(0x80000000))) | 0x00800000;  // not denormal: Embree flushes those
     moved = x == 0.0f ? smallest : moved;
