@@ -68,7 +68,10 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
     while (true) {
         const std::uint64_t epoch = from.head().epoch, unclosed = from.unclosedSessions();
         const Result<bool> more = check.step();
-        if (more && !*more) break;
+        if (more && !*more) {
+            check.expectClosed();
+            break;
+        }
         if (!more) continue;  // goes on at the next keyframe
         if (options.progress && !options.progress(from.log().position(), from.log().size())) return fail("cancelled");
         const Scene& scene = from.scene();

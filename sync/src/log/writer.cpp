@@ -3,6 +3,7 @@
 #include <cerrno>
 #include <charconv>
 #include <chrono>
+#include <cstdio>
 #include <cstring>
 #include <random>
 #include <thread>
@@ -328,6 +329,15 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
     pieceStart_.reset();
     options_.append = false;
     options_.existing = Existing::keep;  // nothing is there: if something is, somebody else has put it there
+    if (auto ok = beginPiece(state); !ok) {
+        takeBack(*piece);
+        return ok;
+    }
+    dropOldPieces(state.time);
+    return {};
+}
+
+Result<> LogWriter::beginPiece(const ChangeSet& state) {
     if (auto ok = openFile(); !ok) return ok;
     // Its own first state says no longer when the session began.
     encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_, sessionStart_);
@@ -335,8 +345,15 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
     firstOfEpoch_ = true;
     if (auto ok = write(state); !ok) return ok;
     --frames_;
-    dropOldPieces(state.time);
     return {};
+}
+
+/// The next file could not be begun (the disk is full): who goes on with the session finds it under the log's own name,
+/// whole as far as it goes, and not an empty one.
+void LogWriter::takeBack(const std::filesystem::path& piece) {
+    broken_ = true;
+    if (descriptor_ >= 0) ::unlink(file_.c_str());  // else what is there, if anything, is somebody else's
+    if (::renameat2(AT_FDCWD, piece.c_str(), AT_FDCWD, file_.c_str(), RENAME_NOREPLACE) == 0) pieces_.pop_back();
 }
 
 void LogWriter::dropOldPieces(double now) {

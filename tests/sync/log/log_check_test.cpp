@@ -106,6 +106,12 @@ TEST_F(LogChecks, AnOpenEndDoesNotHideWhatCameBeforeIt) {
     const Checked torn = check(file("c.rlog"), true);
     ASSERT_TRUE(torn.first);
     EXPECT_TRUE(torn.first->text.contains("the session was not closed")) << torn.first->text;
+    // Of several the first.
+    writeAll(file("d.rlog"), bytesOf(file(), 0, recordsOf(file()).size() - 1) + readAll(file()));
+    const Checked several = check(file("d.rlog"), true);
+    EXPECT_EQ(several.unclosed, 3U);
+    ASSERT_TRUE(several.first);
+    EXPECT_EQ(several.first->time, 12.);
 }
 
 /// Frames without their keyframe, and behind them a keyframe of a session that counts from 1 again.
@@ -269,6 +275,13 @@ TEST_F(LogChecks, InputsBehindAGapAreOneGap) {
     ASSERT_TRUE(found.first);
     EXPECT_EQ(found.first->frame, 5U);
     EXPECT_TRUE(found.first->text.contains("no keyframe")) << found.first->text;
+    // Without the input of one frame, those of all others behind it.
+    writeAll(file("c.rlog"), bytesOf(file(), 0, fifth) + bytesOf(file(), fifth + 1, 1000));
+    const Checked hole = check(file("c.rlog"));
+    EXPECT_EQ(hole.gaps, 1U);
+    EXPECT_EQ(hole.last, 4U);
+    ASSERT_TRUE(hole.first);
+    EXPECT_EQ(hole.first->frame, 5U);
 }
 
 }  // namespace

@@ -125,5 +125,20 @@ TEST_F(Compaction, WhatTheOldLogLacksIsNamed) {
     EXPECT_EQ(part->lacks, "");
 }
 
+/// What comes after the part that is kept does not matter; nobody knows what came after a log that was not closed.
+TEST_F(Compaction, AnEndThatIsOpenIsNamed) {
+    record(file(), 60, 11);
+    const auto records = recordsOf(file());
+    writeAll(file("open.rlog"), readAll(file()).substr(0, records.back().first));
+    const auto whole = compactLog(file("open.rlog"), file("b.rlog"));
+    ASSERT_TRUE(whole) << whole.error().text;
+    EXPECT_TRUE(whole->lacks.contains("was not closed")) << whole->lacks;
+    CompactOptions before;
+    before.to = 3;
+    const auto part = compactLog(file("open.rlog"), file("c.rlog"), before);
+    ASSERT_TRUE(part) << part.error().text;
+    EXPECT_EQ(part->lacks, "");
+}
+
 }  // namespace
 }  // namespace rtsg

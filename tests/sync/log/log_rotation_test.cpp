@@ -1,7 +1,11 @@
 // Logs in pieces: each a whole log of the same session, together every state once; and those that are too old let go.
 #include <algorithm>
+#include <csignal>
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <rtsg/core/x3d.h>
 
 #include "support/log_support.h"
 
@@ -9,6 +13,26 @@ namespace rtsg {
 namespace {
 
 using namespace test;
+
+/// No file may become longer, as on a disk that is full.
+class FileSizeLimit {
+  public:
+    explicit FileSizeLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
+        ::getrlimit(RLIMIT_FSIZE, &before_);
+        const rlimit limit{bytes, before_.rlim_max};
+        ::setrlimit(RLIMIT_FSIZE, &limit);
+    }
+    ~FileSizeLimit() {
+        ::setrlimit(RLIMIT_FSIZE, &before_);
+        std::signal(SIGXFSZ, handler_);
+    }
+    FileSizeLimit(const FileSizeLimit&) = delete;
+    FileSizeLimit& operator=(const FileSizeLimit&) = delete;
+
+  private:
+    rlimit before_{};
+    void (*handler_)(int);
+};
 
 class Rotation : public LogFolder {
   protected:
@@ -104,6 +128,34 @@ TEST_F(Rotation, PiecesOfAnEarlierSessionStay) {
     record(file(), 30, 8, options);
     EXPECT_EQ(readAll(file("a.0001.rlog")), first);
     EXPECT_EQ(files().size(), 2 * before - 1);  // a.rlog itself was replaced
+}
+
+/// The next file has no room for its first state (which is there twice): the session keeps its name, closed in order.
+TEST_F(Rotation, WhereTheNextFileHasNoRoomTheSessionKeepsItsName) {
+    Scene scene;
+    const NodeId text = scene.createNode(x3d::MetadataString::type);
+    scene.newFrame(0);
+    LogOptions options;
+    options.rotateSeconds = 1;
+    auto log = LogWriter::create(file(), builtinTypes(), options);
+    ASSERT_TRUE(log);
+    const Attachment attachment = scene.bus().attach(**log);
+    constexpr std::size_t kLetters = 300'000;
+    ASSERT_TRUE(scene.set(text, x3d::MetadataString::value, Array<String>{String(std::string(kLetters, 'x'))}));
+    scene.newFrame(.5);
+    {
+        const FileSizeLimit limit(kLetters * 3 / 2);
+        scene.newFrame(2);
+    }
+    EXPECT_FALSE(attachment.attached());
+    EXPECT_NE(attachment.failure().find("cannot write"), std::string::npos) << attachment.failure();
+    (void)(*log)->close();
+    ASSERT_EQ(files(), std::vector{file()});
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer);
+    while (*(*replayer)->step()) continue;
+    EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
+    EXPECT_TRUE((*replayer)->log().closed());
 }
 
 /// The pieces in the order of their numbers are in the order of their writing, though old ones were let go.

@@ -126,6 +126,8 @@ class LogWriter : public Subscriber {
     bool keyframeDue(double now) const;
     bool rotationDue(double now) const;
     Result<> rotate(const ChangeSet& state);
+    Result<> beginPiece(const ChangeSet& state);
+    void takeBack(const std::filesystem::path& piece);
     Result<std::filesystem::path> freePieceName();
     void dropOldPieces(double now);
     Diagnostic failure(std::string_view what, int error) const;
