@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <functional>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -65,13 +67,16 @@ class Playing {
             server_.service();
             service();
             const auto now = Clock::now();
-            if (auto ok = player_.advance(std::chrono::duration<double>(now - last).count()); !ok)
-                fmt::print(stderr, "{}\n", terminalText(ok.error().format()));
+            if (auto ok = player_.advance(std::chrono::duration<double>(now - last).count()); !ok && !lacks_)
+                tellOfLack(ok.error());
+            tellOfLacks();
             last = now;
             for (const Diagnostic& d : server_.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
             std::this_thread::sleep_for(std::chrono::milliseconds(2));
         }
     }
+    /// Something of the log could not be played.
+    bool lacks() const { return lacks_; }
     void print() const {
         const MirrorServerStatistics statistics = server_.statistics();
         if (json_)
@@ -83,6 +88,24 @@ class Playing {
     }
 
   private:
+    void tellOfLack(const Diagnostic& what) {
+        fmt::print(stderr, "{}\n", terminalText(what.format()));
+        lacks_ = true;
+    }
+    /// Each place once, however often the log goes round; of frames that are missing, the first.
+    void tellOfLacks() {
+        const Replayer& replayer = player_.replayer();
+        const std::string file = replayer.log().file().string();
+        const std::vector<LogDamage>& damage = replayer.log().damage();
+        for (; damageTold_ < damage.size(); ++damageTold_) {
+            const LogDamage& d = damage[damageTold_];
+            tellOfLack(
+                fail(fmt::format("bytes {} to {} are damaged: {}", d.offset, d.offset + d.length, d.text), {}, file)
+                    .error());
+        }
+        if (replayer.gaps() > 0 && !std::exchange(gapsTold_, true))
+            tellOfLack(fail("frames are missing: rtsg replay --verify names them", {}, file).error());
+    }
     std::string obey(std::string_view text) {
         ++commands_;
         const auto status = player_.command(text);
@@ -92,7 +115,8 @@ class Playing {
     LogPlayer& player_;
     MirrorServer& server_;
     std::uint64_t commands_ = 0;
-    bool json_;
+    std::size_t damageTold_ = 0;
+    bool json_, gapsTold_ = false, lacks_ = false;
 };
 
 }  // namespace
@@ -128,7 +152,7 @@ int serveLog(const ServedLog& log, const MirrorServerOptions& options) {
     if (!interrupted() && !(*server)->drain(grace)) fmt::print(stderr, "not all mirrors have caught up\n");
     playing.print();
     server->reset();
-    return kDone;
+    return playing.lacks() ? kBad : kDone;
 }
 
 }  // namespace rtsg::app

@@ -1,4 +1,5 @@
 // rtsg serve: a scene in real time, mirrored and recorded.
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -6,6 +7,7 @@
 #include <memory>
 #include <optional>
 #include <thread>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -118,12 +120,16 @@ Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
     return result;
 }
 
-int play(const ServeArguments& options) {
+int play(const ServeArguments& options, const std::vector<std::string>& given) {
     if (!options.record.empty()) throw UsageError("--record", "a log is played: it is there already");
     if (options.mode != "state") throw UsageError("--mode", "a log is played as it was recorded");
     if (!options.start.at.empty())
         throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
+    for (const char* option :
+         {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--dis"})
+        if (std::ranges::find(given, option) != given.end())
+            throw UsageError(option, "is of a scene, and a log is played");
     const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
     const auto serverOptions = serverOptionsOf(options);
     if (!serverOptions) return printError(serverOptions.error()), kBad;
@@ -303,8 +309,10 @@ int Session::close() {
     return failed_ ? kBad : kDone;
 }
 
-int serve(const ServeArguments& options) {
-    if (options.resume.empty() && isLog(options.scene)) return play(options);
+int serve(const ServeArguments& options, const std::vector<std::string>& given) {
+    // One that is named so and is none, an empty one say, is told as a log.
+    const bool log = isLog(options.scene) || std::filesystem::path(options.scene).extension() == ".rlog";
+    if (options.resume.empty() && log) return play(options, given);
     checkResume(options);
     LogOptions ignored;
     options.rotate.setIn(ignored, !options.record.empty() || !options.resume.empty());  // throws before anything runs
@@ -374,7 +382,7 @@ Verb addServe(Command& program) {
         "Example: rtsg serve hall.rlog --loop --rate 0.5 --upstream events --for 5s\n"
         "Example: rtsg serve hall.x3dv --web 8080 --upstream events --for 20s\n"
         "The first line on standard output names the endpoint, the port filled in.");
-    return {command, [options] { return serve(*options); }};
+    return {command, [command, options] { return serve(*options, command->given()); }};
 }
 
 }  // namespace rtsg::app

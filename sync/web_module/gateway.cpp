@@ -1,6 +1,7 @@
 // Listens for browsers, and says who may follow.
 #include "gateway.h"
 
+#include <bit>
 #include <cerrno>
 #include <chrono>
 #include <cstring>
@@ -163,8 +164,13 @@ WebCounts Gateway::counts() const {
     return {connections_, opened_, requests, refused};
 }
 
+/// Who is refused may ask again for as long as it is left to: of many only each that doubles their number is told.
 void Gateway::news(std::string text) {
+    constexpr std::uint64_t kAllTold = 8;
     const std::scoped_lock lock(mutex_);
+    const std::uint64_t by = ++newsCount_;
+    if (by > kAllTold && !std::has_single_bit(by)) return;
+    if (by > kAllTold) text += "; " + std::to_string(by) + " such things by now";
     if (news_.size() < kMostNews) news_.push_back(std::move(text));
 }
 

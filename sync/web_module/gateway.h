@@ -94,6 +94,7 @@ class Gateway : public WebModule {
     bool stopping_ = false;
     mutable std::mutex mutex_;
     std::vector<std::string> news_;
+    std::uint64_t newsCount_ = 0;
     std::vector<FileWish> wishes_;
     std::map<std::uint64_t, std::weak_ptr<Visit>> wishing_;  // the thread's own
     std::uint64_t wishNumber_ = 0;

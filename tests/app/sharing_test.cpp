@@ -368,6 +368,39 @@ TEST_F(Mirror, ALogIsPlayedToMirrorsAndDoesWhatTheySay) {
     EXPECT_EQ(json::parse(lastLine(ended.out)).at("player").at("t"), 2.0);
 }
 
+/// Served as far as it goes, and said; what has no meaning then is wrong usage.
+TEST_F(Mirror, ALogThatIsDamagedIsPlayedAsFarAsItGoes) {
+    const std::string log = folder / "hurt.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "20"}).status, 0);
+    const auto played = [&](std::vector<std::string> more) {
+        std::vector<std::string> arguments{"serve", log,     "--bind",   "ipc://" + folder / "hurt",
+                                           "--for", "300ms", "--linger", "0"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return rtsg(arguments);
+    };
+    EXPECT_EQ(played({"--rate", "10"}).status, 0);
+    for (const std::string option : {"--fps", "--error", "--keyframe-seconds", "--rotate"}) {
+        const Outcome useless = played({option, "30"});
+        EXPECT_EQ(useless.status, 2) << option;
+        EXPECT_THAT(useless.err, HasSubstr(option + ": is of a scene"));
+    }
+    const std::string bytes = readFile(log);
+    std::string hurt = bytes;
+    hurt[hurt.size() * 3 / 4] = static_cast<char>(hurt[hurt.size() * 3 / 4] ^ 1);
+    writeFile(log, hurt);
+    const Outcome damaged = played({"--rate", "10", "--loop"});
+    EXPECT_EQ(damaged.status, 1);
+    EXPECT_THAT(damaged.err, HasSubstr("are damaged: "));
+    EXPECT_EQ(damaged.err.find("are damaged"), damaged.err.rfind("are damaged")) << "each place once: " << damaged.err;
+    // What does not begin as a log does is one by its name.
+    writeFile(log, "rubbish" + bytes);
+    const Outcome behind = played({"--rate", "10"});
+    EXPECT_EQ(behind.status, 1);
+    EXPECT_THAT(behind.err, HasSubstr("bytes 0 to 7 are damaged"));
+    writeFile(log, "");
+    EXPECT_THAT(played({}).err, HasSubstr("not a log"));
+}
+
 /// What is made of a log that is played again and again goes on over its end.
 TEST_F(Mirror, PicturesAndSoundGoOnWhereALogBeginsAgain) {
     const std::string log = folder / "again.rlog";

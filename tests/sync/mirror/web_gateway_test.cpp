@@ -276,6 +276,15 @@ TEST(WebGateway, OnLoopbackOtherNamesAndOtherSitesAreRefused) {
     EXPECT_FALSE(served.gateway->takeDiagnostics().empty());
 }
 
+TEST(WebGateway, ManyRefusalsAreToldByTheirNumber) {
+    ServedPage served;
+    for (int i = 0; i < 70; ++i) EXPECT_EQ(served.ask("/", "GET", {}, "evil.example").status, 403);
+    EXPECT_EQ(served.gateway->statistics().refused, 70u);
+    const std::vector<Diagnostic> told = served.gateway->takeDiagnostics();
+    ASSERT_EQ(told.size(), 8u + 3u);  // all of the first, then the 16th, 32nd and 64th
+    EXPECT_TRUE(told.back().text.ends_with("; 64 such things by now")) << told.back().text;
+}
+
 // Who does not finish a request, and a browser whose picture nobody looks for, give their place to others.
 TEST(WebGateway, ARequestThatTakesTooLongEnds) {
     WebGatewayOptions options;

@@ -28,6 +28,8 @@ class LogPlayer {
     static Result<std::unique_ptr<LogPlayer>> open(const std::filesystem::path& file);
 
     Scene& scene() { return replayer_->scene(); }
+    /// Says what of the log was found to be damaged or missing.
+    const Replayer& replayer() const { return *replayer_; }
     /// Seconds since the log's start: of the playback, and of the last state.
     double time() const { return clock_; }
     double length() const { return length_; }
