@@ -121,7 +121,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     Vec3f through[16];
     for (std::uint32_t rest = behind; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        through[lane] = scene.anyTransmits ? straightTransmittance(scene, s.hit(lane)) : Vec3f(0);
+        through[lane] = scene.anyTransmits ? straightTransmittance(scene, s.hit(lane), -s.view.get(lane)) : Vec3f(0);
         if (through[lane] == Vec3f(0)) rays.active[lane] = 0;
     }
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
@@ -142,6 +142,13 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     }
 }
 
+/// Whether an eye sees through it because it is the back of a solid.
+bool isNoBack(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
+    const Material& material = scene.materials[scene.slots[hit.instance].material].material;
+    return scene.world->instance(hit.instance).mesh->solid && material.refractiveIndex == 0 && !hit.isCap() &&
+           glm::dot(direction, hit.normal) > 0;
+}
+
 }  // namespace
 
 Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind) {
@@ -149,7 +156,8 @@ Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind) {
     for (int step = 0; step < 64; ++step) {
         const Hit hit = scene.world->intersect(ray, kind);
         if (!hit) return left;
-        left *= straightTransmittance(scene, hit);
+        if (kind != RayKind::eye || !isNoBack(scene, hit, ray.direction))
+            left *= straightTransmittance(scene, hit, ray.direction);
         if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) return Vec3f(0);
         const Vec3f next = RayView::leave(scene.world->point(hit, ray.origin + hit.t * ray.direction), ray.direction);
         // For a light at a place, t counts in shares of the way that is left.

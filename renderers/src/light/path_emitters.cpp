@@ -25,7 +25,7 @@ Vec3f passes(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
     const RayInstance& instance = scene.world->instance(hit.instance);
     if (index > 0) return Vec3f(0);
     if (instance.mesh->solid && glm::dot(direction, hit.normal) > 0) return Vec3f(1);
-    return straightTransmittance(scene, hit);
+    return straightTransmittance(scene, hit, direction);
 }
 
 /// Where the ray that made a hit goes on.

@@ -578,15 +578,16 @@ Vec3f throughPlain(const Material& material, float alpha, float opacity) {
 
 }  // namespace
 
-Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit) {
+Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
     const SlotShading& slot = slotOf(scene, hit.instance);
     const MaterialEntry& entry = scene.materials[slot.material];
     const RayInstance& instance = scene.world->instance(hit.instance);
     const Mesh& mesh = *instance.mesh;
     const bool colored = mesh.colors.present() && mesh.colors.components() == 4;
     if (!letsThrough(scene, hit.instance)) return Vec3f(0);
-    const Material& material = entry.material;
-    if (hit.isCap()) return throughPlain(material, 1, material.opacity);
+    if (hit.isCap()) return throughPlain(entry.material, 1, entry.material.opacity);
+    const bool behind = mesh.strokeCount == 0 && glm::dot(direction, hit.normal) > 0;
+    const Material& material = behind && entry.material.back ? *entry.material.back : entry.material;
     if (mesh.strokeCount > 0) {
         const float opacity = colored ? mesh.color(hit.triangle, hit.u, 0).a : material.opacity;
         return Vec3f(1 - coverageOf(material, 1, opacity) * opacityOf(material, opacity));

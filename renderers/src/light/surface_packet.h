@@ -73,8 +73,9 @@ void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
 /// Whether light may pass straight through an instance.
 bool letsThrough(const TraceScene& scene, std::uint32_t instance);
 
-/// What part of light a surface lets through straight at a hit: 0 if opaque there. For shadow rays.
-Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit);
+/// What part of light a surface lets through straight at a hit of a ray of this direction: 0 if opaque there. The side
+/// that the ray meets decides, as it does for what an eye there sees.
+Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
 
 /// What is left of light along a ray, which ends at tMax or goes on for ever.
 Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind = RayKind::shadow);

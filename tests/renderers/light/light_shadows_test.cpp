@@ -169,6 +169,29 @@ TEST(LightTracer, InsideOfARoomIsLitOnItsInnerSide) {
     EXPECT_NEAR(s.center().r, 0.5, 1e-6);
 }
 
+// A sheet with another material behind lets through as it is seen from where the shadow would fall.
+TEST(LightTracer, BackMaterialsLetLightThroughAsTheyAreSeenThrough) {
+    const char* const opaqueBehind =
+        "material Material { transparency 1 } backMaterial Material { diffuseColor 0 0 0 }";
+    const char* const clearBehind =
+        "material Material { diffuseColor 0 0 0 } backMaterial Material { transparency .75 diffuseColor 0 0 0 }";
+    const auto lit = [](const char* material, double turn, Integrator integrator) {
+        LightScene s(
+            "Viewpoint { position 3 0 6 orientation 0 1 0 .4636476 } DirectionalLight { direction 0 0 -1 }" +
+            square(100, matte("1 1 1")) +
+            fmt::format("Transform {{ translation 0 0 2 rotation 0 1 0 {} children {} }}", turn, square(.5, material)));
+        s.options.settings.integrator = integrator;
+        s.options.settings.colorSpace = ColorSpace::linear;
+        return s.center().r;
+    };
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        EXPECT_NEAR(lit(opaqueBehind, 0, integrator), 0, 1e-5);
+        EXPECT_NEAR(lit(opaqueBehind, kPi, integrator), 1, 1e-5);
+        EXPECT_NEAR(lit(clearBehind, 0, integrator), .75, 1e-5);
+        EXPECT_NEAR(lit(clearBehind, kPi, integrator), 0, 1e-5);
+    }
+}
+
 TEST(LightTracer, BackMaterialShowsBehind) {
     const std::string two =
         "material UnlitMaterial { emissiveColor 1 0 0 } backMaterial UnlitMaterial { emissiveColor 0 0 1 }";

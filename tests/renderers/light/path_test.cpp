@@ -383,6 +383,20 @@ TEST(PathTracer, TransparencyLeavesCoverageOver) {
     EXPECT_NEAR(m.color.r, 0.75, 1e-5);
 }
 
+// The back of a solid is not there, neither for colours nor for what covers.
+TEST(PathTracer, BacksOfClearSolidsCoverNothing) {
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        LightScene s(
+            "Background { transparency 1 } Shape { appearance Appearance { material UnlitMaterial { transparency .5 } "
+            "} geometry Sphere { radius 2 } }");
+        s.options.settings.integrator = integrator;
+        s.options.settings.colorSpace = ColorSpace::linear;
+        const Vec4f seen = s.picture().at(16, 16);
+        EXPECT_NEAR(seen.r, .5, 1e-5);
+        EXPECT_NEAR(seen.a, .5, 1e-5);
+    }
+}
+
 /// Two panes that leave .5 and .8 over, before `behind`.
 std::string panesBefore(const std::string& behind) {
     const auto wall = [](double z, const char* material) {
