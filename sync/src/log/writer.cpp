@@ -126,6 +126,7 @@ Result<> LogWriter::openAppended() {
     }
     if (::ftruncate(descriptor_, static_cast<off_t>(size_)) != 0)
         return std::unexpected(failure("cannot append", errno));
+    if (options_.keepSeconds > 0 && options_.epoch != 0) adoptPieces();
     return {};
 }
 
@@ -296,6 +297,22 @@ std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& fi
     std::vector<std::filesystem::path> pieces;
     for (auto& [number, piece] : numberedPieces(file)) pieces.push_back(std::move(piece));
     return pieces;
+}
+
+/// Pieces that the same session wrote before it was resumed grow old as its own do; or a ring would keep them for good,
+/// with a hole behind them. Each ends where the next begins.
+void LogWriter::adoptPieces() {
+    if (keyframes_.empty()) return;
+    double end = keyframes_.front().time;
+    const auto before = numberedPieces(file_);
+    for (auto piece = before.rbegin(); piece != before.rend(); ++piece) {
+        auto log = LogReader::open(piece->second);
+        const auto record = log ? log->next() : std::nullopt;
+        if (!record || record->header.kind != RecordKind::head) return;
+        const auto head = decodeHead(record->bytes);
+        if (!head || head->epoch != options_.epoch || log->keyframes().empty()) return;
+        pieces_.insert(pieces_.begin(), {piece->second, std::exchange(end, log->keyframes().front().time)});
+    }
 }
 
 /// The next number above all that files have: those of an earlier session are not overwritten, and come before.

@@ -119,6 +119,52 @@ TEST_F(Rotation, OldPiecesAreLetGo) {
     EXPECT_EQ(check(all.back(), recorded).last, recorded.last);
 }
 
+/// As after a kill: what the session wrote before grows old too, and what is kept has no hole.
+TEST_F(Rotation, ASessionThatGoesOnLetsItsOldPiecesGo) {
+    LogOptions other;
+    other.rotateSeconds = 1;
+    record(file(), 30, 4, other);  // a session of before, which is none of ours
+    const std::size_t strange = files().size() - 1;
+    Scene scene;
+    test::RandomEdits edits(scene, 5);
+    int frame = 0;
+    std::uint64_t epoch = 0;
+    for (const int until : {60, 110}) {
+        LogOptions options;
+        options.rotateSeconds = .5;
+        options.keepSeconds = 2;
+        options.epoch = epoch;
+        options.append = epoch != 0;
+        options.existing = Existing::replace;
+        auto log = LogWriter::create(file(), builtinTypes(), options);
+        ASSERT_TRUE(log) << log.error().format();
+        epoch = (*log)->epoch();
+        const Attachment attachment = scene.bus().attach(**log);
+        for (; frame < until; ++frame) {
+            edits.step();
+            scene.newFrame(frame * .1);
+        }
+        EXPECT_EQ(attachment.failure(), "");
+        (*log)->abandon();
+    }
+    auto all = files();
+    ASSERT_GT(all.size(), strange + 3);
+    all.erase(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(strange));
+    std::string together;
+    for (const auto& path : all) together += readAll(path);
+    writeAll(file("together"), together);
+    auto replayer = Replayer::open(file("together"));
+    ASSERT_TRUE(replayer);
+    ASSERT_TRUE(*(*replayer)->step());
+    EXPECT_LE((*replayer)->scene().now(), 10.9 - 2);
+    EXPECT_GE((*replayer)->scene().now(), 10.9 - 2 - 1.2);
+    EXPECT_EQ((*replayer)->head().epoch, epoch);
+    while (*(*replayer)->step()) continue;
+    EXPECT_EQ((*replayer)->gaps(), 0U);
+    EXPECT_EQ((*replayer)->unclosedSessions(), 0U);
+    EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
+}
+
 TEST_F(Rotation, PiecesOfAnEarlierSessionStay) {
     LogOptions options;
     options.rotateSeconds = 1;

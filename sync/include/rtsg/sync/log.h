@@ -129,6 +129,7 @@ class LogWriter : public Subscriber {
     Result<> beginPiece(const ChangeSet& state);
     void takeBack(const std::filesystem::path& piece);
     Result<std::filesystem::path> freePieceName();
+    void adoptPieces();
     void dropOldPieces(double now);
     Diagnostic failure(std::string_view what, int error) const;
 
