@@ -1,6 +1,9 @@
 // What lights do to the lanes of a packet, and their shadows: ISO/IEC 19775-1 V4.0 17.2.2.
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "bsdf.h"
 #include "lanes.h"
@@ -85,9 +88,52 @@ std::uint32_t nearClear(const TraceScene& scene, const RayPacket16& rays, std::u
     return met & most;
 }
 
-/// Which rays are blocked, and in `clear` which of them by something that may let light through. What an opaque thing
-/// blocks needs no closer look, whatever else the scene holds.
-std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint32_t tested, std::uint32_t& clear) {
+constexpr int kMostClear = 64;  // surfaces that a ray towards a light passes
+
+/// Takes from `left` what a ray, which ends at `tMax`, loses at its hit, of which `through` passes, and has it go on
+/// from there; false: nothing more is in its way, or nothing is left.
+bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float tMax, Ray& ray, Vec3f& left) {
+    left *= through;
+    if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) {
+        left = Vec3f(0);
+        return false;
+    }
+    const Vec3f next = RayView::leave(scene.world->point(hit, ray.origin + hit.t * ray.direction), ray.direction);
+    // For a light at a place, t counts in shares of the way that is left.
+    if (std::isfinite(tMax)) {
+        ray.direction = ray.origin + ray.direction - next;
+        if (!(glm::dot(ray.direction, ray.direction) > 1e-20f)) return false;
+    }
+    ray.origin = next, ray.tMax = tMax;
+    return true;
+}
+
+/// leftOnTheWay() side by side of those rays of a packet that have met something clear.
+void passClear(const TraceScene& scene, RayPacket16& rays, std::uint32_t met, float tMax, Vec3f* left) {
+    for (int step = 0; met; ++step) {
+        std::uint32_t on = 0;
+        for (int lane = 0; lane < 16; ++lane) {
+            if (met >> lane & 1u) {
+                Ray ray = rays.ray(lane);
+                const Hit hit = scene.world->hit(rays, lane);
+                if (passOn(scene, hit, straightTransmittance(scene, hit, ray.direction), tMax, ray, left[lane])) {
+                    rays.set(lane, ray);
+                    on |= 1u << lane;
+                    continue;
+                }
+            }
+            rays.skip(lane);
+        }
+        if (step + 1 == kMostClear)
+            for (; on; on &= on - 1) left[std::countr_zero(on)] = Vec3f(0);
+        met = on ? scene.world->intersect(rays, kCoherentShadows, RayKind::shadow) & on : 0;
+    }
+}
+
+/// Which rays, to a light at `tMax`, are blocked, and in `clear` which of them by something that may let light through:
+/// `left` tells how much. What an opaque thing blocks needs no closer look, whatever else the scene holds.
+std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint32_t tested, float tMax,
+                          std::uint32_t& clear, Vec3f* left) {
     clear = 0;
     const std::uint32_t near = nearClear(scene, rays, tested);
     if (!near) return scene.world->occluded(rays, kCoherentShadows) & tested;
@@ -104,8 +150,11 @@ std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint3
     const std::uint32_t met = scene.world->intersect(closer, kCoherentShadows, RayKind::shadow) & near;
     for (std::uint32_t rest = met; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        if (letsThrough(scene, scene.world->hit(closer, lane).instance)) clear |= 1u << lane;
+        if (!letsThrough(scene, scene.world->hit(closer, lane).instance)) continue;
+        clear |= 1u << lane;
+        left[lane] = Vec3f(1);
     }
+    passClear(scene, closer, clear, tMax, left);
     std::memcpy(rays.active, active, sizeof active);  // who asked looks at them
     return blocked | met;
 }
@@ -118,7 +167,8 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     const bool directional = light.kind == Light::Kind::directional;
     const std::uint32_t tested = packetKernels().shadowRays(light, s, in, mask, rays, behind);
     if (!tested) return;
-    Vec3f through[16];
+    const float tMax = directional ? std::numeric_limits<float>::infinity() : 1;
+    Vec3f through[16], leftBehind[16];
     for (std::uint32_t rest = behind; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         through[lane] = scene.anyTransmits ? straightTransmittance(scene, s.hit(lane), -s.view.get(lane)) : Vec3f(0);
@@ -126,7 +176,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     }
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
     std::uint32_t clear = 0;
-    const std::uint32_t blocked = findBlocked(scene, rays, tested, clear);
+    const std::uint32_t blocked = findBlocked(scene, rays, tested, tMax, clear, leftBehind);
     const std::uint32_t hazy =
         scene.volumes.empty() ? 0 : meetBox(rays, scene.volumeBounds) & tested & ~(blocked & ~clear);
     for (std::uint32_t rest = blocked | behind | hazy; rest; rest &= rest - 1) {
@@ -134,8 +184,8 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
         const bool free = !(blocked >> lane & 1u) && rays.active[lane];
         Vec3f left(free ? 1.0f : 0.0f);
         Ray ray = rays.ray(lane);
-        ray.tMax = directional ? std::numeric_limits<float>::infinity() : 1;
-        if (clear >> lane & 1u) left = leftOnTheWay(scene, ray);
+        ray.tMax = tMax;
+        if (clear >> lane & 1u) left = leftBehind[lane];
         if ((hazy >> lane & 1u) && left != Vec3f(0)) left *= volumesLeft(scene, ray);
         if (behind >> lane & 1u) left *= through[lane];
         in.visible.set(lane, Vec3f(1) - light.shadowIntensity * (Vec3f(1) - left));
@@ -153,19 +203,13 @@ bool isNoBack(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
 
 Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind) {
     Vec3f left(1);
-    for (int step = 0; step < 64; ++step) {
+    const float tMax = ray.tMax;
+    for (int step = 0; step < kMostClear; ++step) {
         const Hit hit = scene.world->intersect(ray, kind);
         if (!hit) return left;
-        if (kind != RayKind::eye || !isNoBack(scene, hit, ray.direction))
-            left *= straightTransmittance(scene, hit, ray.direction);
-        if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) return Vec3f(0);
-        const Vec3f next = RayView::leave(scene.world->point(hit, ray.origin + hit.t * ray.direction), ray.direction);
-        // For a light at a place, t counts in shares of the way that is left.
-        if (std::isfinite(ray.tMax)) {
-            ray.direction = ray.origin + ray.direction - next;
-            if (!(glm::dot(ray.direction, ray.direction) > 1e-20f)) return left;
-        }
-        ray.origin = next;
+        const bool isNone = kind == RayKind::eye && isNoBack(scene, hit, ray.direction);
+        const Vec3f through = isNone ? Vec3f(1) : straightTransmittance(scene, hit, ray.direction);
+        if (!passOn(scene, hit, through, tMax, ray, left)) return left;
     }
     return Vec3f(0);
 }

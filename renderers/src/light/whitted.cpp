@@ -211,25 +211,26 @@ class Tile {
         const bool root = scene_.space == ColorSpace::automatic && linear && !(task && task->linear);
         if (root) loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0), weight * fog * coverage * whole);
 
-        PathTask base;
-        if (tasks) base = tasks[lane];
-        base.travelled += s.distance[lane];
-        base.pixel = pixel;
+        // Rays are filled in where they wait: to copy what was just written in parts takes as long as many sums.
+        const PathTask& from = task ? *task : kFromEye;
         const HitPoint point = s.point(lane);
-        const auto queue = [&](PathTask& next, const Vec3f& share, const Vec3f& towards) {
-            next.weight = share;
+        const auto queue = [&](const Vec3f& share, const Vec3f& towards, const auto& fill) {
             if (!(std::max({share.x, share.y, share.z}) >= cutoff_)) return;
-            next.direction = towards;
-            next.origin = RayWorld::leave(point, towards);
-            loop_.push(next);
+            PathTask& next = loop_.push();
+            next = from;
+            next.origin = RayWorld::leave(point, towards), next.direction = towards, next.weight = share;
+            next.travelled = from.travelled + s.distance[lane];
+            next.pixel = pixel;
+            fill(next);
         };
-        PathTask turned = base;
-        ++turned.depth;
-        turned.line = 0;
-        turned.lights = s.lights[lane];
-        turned.linear = base.linear || root;
+        const auto turn = [&](PathTask& next) {
+            next.depth = static_cast<std::uint16_t>(from.depth + 1);
+            next.line = 0;
+            next.lights = s.lights[lane];
+            next.linear = from.linear || root;
+        };
 
-        const bool deeper = base.depth < settings_.maxDepth;
+        const bool deeper = from.depth < settings_.maxDepth;
         const auto cut = [&](const Vec3f& share) {
             const float most = std::max({share.x, share.y, share.z});
             if (most >= cutoff_) loop_.resultOf(pixel).addMissing(pixel % kTilePixels, most);
@@ -242,7 +243,7 @@ class Tile {
                 Vec3f out = reflectDirection(direction, normal);
                 // A shading normal may mirror into the surface; the true one never does.
                 if (glm::dot(out, facing) <= 0) out = reflectDirection(direction, facing);
-                queue(turned, mirrored * fog, out);
+                queue(mirrored * fog, out, turn);
             }
         }
         const Vec3f entering = weight * coverage * passing * (1 - opacity);
@@ -253,20 +254,24 @@ class Tile {
             } else if (bent) {
                 Vec3f out = *bent;
                 if (glm::dot(out, facing) >= 0) out = refractDirection(direction, facing, eta).value_or(direction);
-                turned.absorption = back ? Vec3f(0) : material.absorption;
-                queue(turned, entering * fog, out);
+                queue(entering * fog, out, [&](PathTask& next) {
+                    turn(next);
+                    next.absorption = back ? Vec3f(0) : material.absorption;
+                });
             }
         }
         const Vec3f straight = weight * (1 - coverage) + (glass ? Vec3f(0) : entering);
-        if (straight != Vec3f(0) && base.passes >= kMaxPasses) {
+        if (straight != Vec3f(0) && from.passes >= kMaxPasses) {
             cut(straight);
         } else if (straight != Vec3f(0)) {
-            ++base.passes;
-            base.line += s.distance[lane];
-            queue(base, straight, direction);
+            queue(straight, direction, [&](PathTask& next) {
+                next.passes = static_cast<std::uint16_t>(from.passes + 1);
+                next.line = from.line + s.distance[lane];
+            });
         }
     }
 
+    inline static const PathTask kFromEye{};
     const TraceScene& scene_;
     const RenderSettings& settings_;
     const float cutoff_ = std::max(settings_.cutoff, kLeastCutoff);
