@@ -33,7 +33,12 @@ set(RTSG_ARCH "x86-64-v3" CACHE STRING "Value of -march; empty for the compiler'
 set(RTSG_SANITIZE "" CACHE STRING "Value of -fsanitize for every target")
 
 add_library(rtsg_options INTERFACE)
-target_compile_options(rtsg_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Wold-style-cast)
+# Of sources that are compiled together a local name shadows nothing that a neighbour has at its top level.
+set(shadow -Wshadow)
+if(RTSG_PCH)
+  set(shadow "$<$<CXX_COMPILER_ID:GNU>:-Wshadow=local>")
+endif()
+target_compile_options(rtsg_options INTERFACE -Wall -Wextra -Wpedantic ${shadow} -Wnon-virtual-dtor -Wold-style-cast)
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
   target_compile_options(rtsg_options INTERFACE -Wno-restrict)  # false alarms on std::string + (GCC bug 105651)
 endif()

@@ -136,10 +136,12 @@ bool read(JSContext* cx, unsigned count, JS::Value* vp) {
     return toScript(cx, node->type().fields[index].type, node->storage(index), args.rval());
 }
 
-constexpr std::size_t kPlaceInReader = 0, kReadInCall = 1;  // what a reader keeps
+/// What a reader keeps: its Script's number, place and field as (number << 5 | place) << 16 | field, which a double
+/// holds.
+constexpr std::size_t kPlaceInReader = 0, kReadInCall = 1;
 
 /// Whether the program whose global object this is has touched the field in its call, or one that shares its bit.
-bool isTouched(JSObject* global, std::int32_t place) {
+bool isTouched(JSObject* global, unsigned place) {
     const JS::AutoCheckCannotGC noCollection;
     bool shared = false;
     const double* bits =
@@ -152,11 +154,11 @@ bool isTouched(JSObject* global, std::int32_t place) {
 bool readOwn(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     JSObject* reader = &args.callee();
-    JSObject* global = JS::GetNonCCWObjectGlobal(reader);
-    const NodeId self{static_cast<std::uint32_t>(JS::GetReservedSlot(global, Runtime::kSelfSlot).toNumber())};
-    const std::int32_t packed = js::GetFunctionNativeReserved(reader, kPlaceInReader).toInt32();
-    const Node* node = currentCall(cx).scene.find(self);
-    if (!node || isTouched(global, packed >> 16)) {
+    const Call& call = currentCall(cx);
+    const auto packed = static_cast<std::uint64_t>(js::GetFunctionNativeReserved(reader, kPlaceInReader).toNumber());
+    const NodeId self{static_cast<std::uint32_t>(packed >> 21)};
+    const Node* node = call.scene.find(self);
+    if (!node || self != call.self || isTouched(call.global, packed >> 16 & 0x1F)) {
         const JS::RootedValue inCall(cx, js::GetFunctionNativeReserved(reader, kReadInCall));
         return JS::Call(cx, JS::UndefinedHandleValue, inCall, JS::HandleValueArray::empty(), args.rval());
     }
@@ -175,8 +177,10 @@ bool reader(JSContext* cx, unsigned count, JS::Value* vp) {
     JSFunction* made = js::NewFunctionWithReserved(cx, readOwn, 0, 0, "");
     if (!made) return false;
     JSObject* object = JS_GetFunctionObject(made);
-    js::SetFunctionNativeReserved(object, kPlaceInReader,
-                                  JS::Int32Value(args.get(0).toInt32() | args.get(1).toInt32() << 16));
+    const std::uint64_t packed = static_cast<std::uint64_t>(currentCall(cx).self.value) << 21 |
+                                 static_cast<std::uint64_t>(args.get(1).toInt32()) << 16 |
+                                 static_cast<std::uint64_t>(args.get(0).toInt32());
+    js::SetFunctionNativeReserved(object, kPlaceInReader, JS::NumberValue(static_cast<double>(packed)));
     js::SetFunctionNativeReserved(object, kReadInCall, args.get(3));
     JS::SetReservedSlot(currentCall(cx).global, Runtime::kTouchedSlot, args.get(2));
     args.rval().setObject(*object);

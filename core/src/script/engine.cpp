@@ -2,6 +2,7 @@
 #include "engine.h"
 
 #include <algorithm>
+#include <bit>
 #include <unordered_map>
 
 #include <fmt/format.h>
@@ -54,20 +55,46 @@ std::string_view textOf(const Name& name) {
 
 struct ScriptEngine::State {
     struct Program {
-        std::unique_ptr<JS::PersistentRootedObject> global;  // all else of it hangs from there
-        bool canRun = false;                                 // has a controller, and has not been ended
+        /// Its global object, from which all else of it hangs, and the controller's function for events.
+        struct Roots {
+            JS::PersistentRootedObject global;
+            JS::PersistentRootedValue event;
+        };
+        std::unique_ptr<Roots> roots;
+        bool canRun = false;  // has a controller, and has not been ended
         bool eventsPending = false;
         double preparedAt = -kNever;
         bool stale = false;  // its url has changed
         Array<String> url;   // which it came from
         bool hasInitialize = false, hasPrepareEvents = false, hasEventsProcessed = false;
-        std::vector<std::int32_t> handlers;  // by field: what the controller calls the function by, or -1
+        /// Which fields have a function that takes their events; of those from 64 on, sorted. The controller calls
+        /// each by its place among them.
+        std::uint64_t handled = 0;
+        std::vector<FieldIndex> handledToo;
+
+        void addHandler(FieldIndex field) {
+            if (field < 64)
+                handled |= std::uint64_t{1} << field;
+            else
+                handledToo.push_back(field);
+        }
+        /// What the controller calls the field's function by, or -1.
+        std::int32_t handlerOf(FieldIndex field) const {
+            if (field < 64) {
+                const std::uint64_t own = std::uint64_t{1} << field;
+                return handled & own ? std::popcount(handled & (own - 1)) : -1;
+            }
+            const auto found = std::ranges::lower_bound(handledToo, field);
+            if (found == handledToo.end() || *found != field) return -1;
+            return std::popcount(handled) + static_cast<std::int32_t>(found - handledToo.begin());
+        }
 
         /// It never runs again; what it holds goes with the next collection.
         void end() {
             canRun = false;
-            handlers.clear();
-            global.reset();
+            handled = 0;
+            handledToo.clear();
+            roots.reset();
         }
     };
 
@@ -183,20 +210,21 @@ struct ScriptEngine::State {
             program.end();
             return false;
         }
-        JS::RootedObject global(context(), *program.global);
-        Call call{scene, cascade, options, scene.now(), global};
+        JS::RootedObject global(context(), program.roots->global);
+        Call call{scene, cascade, options, scene.now(), global, id};
         Call* outer = std::exchange(runtime->current, &call);
         if (++runtime->depth == 1) runtime->startWatch(options.timeLimit);
         const JSAutoRealm realm(context(), place == Place::program ? global.get() : runtime->library());
         const Jobs::Mark mark = runtime->jobs().mark();
         const bool ok = body();
-        const bool goesOn = (ok || report(cascade, id)) && runJobs(cascade, id, global, mark) &&
-                            (runtime->withinMemory() || report(cascade, id));
+        bool goesOn = (ok || report(cascade, id)) && runJobs(cascade, id, global, mark);
+        const std::int64_t end = steadyNow();
+        goesOn = goesOn && (runtime->withinMemory(end) || report(cascade, id));
         reportRejections(cascade, id, mark);
         runtime->jobs().endCall(mark);
         // One that runs over its limit is ended itself: the others are not to pay for the rest of it.
         if (--runtime->depth == 0)
-            spent.calls += std::min(runtime->stopWatch(), static_cast<std::int64_t>(options.timeLimit * 1e9));
+            spent.calls += std::min(runtime->stopWatch(end), static_cast<std::int64_t>(options.timeLimit * 1e9));
         runtime->current = outer;
         return ok && goesOn;
     }
@@ -250,7 +278,7 @@ struct ScriptEngine::State {
     bool call(const Program& program, const char* function, JS::HandleValueArray arguments,
               JS::MutableHandleValue result) const {
         JS::RootedObject controller(context(),
-                                    &JS::GetReservedSlot(*program.global, Runtime::kControllerSlot).toObject());
+                                    &JS::GetReservedSlot(program.roots->global, Runtime::kControllerSlot).toObject());
         return JS_CallFunctionName(context(), controller, function, arguments, result);
     }
 
@@ -268,19 +296,19 @@ struct ScriptEngine::State {
         JS::RootedValue result(context());
         return ask(program, "has", name, &result) && result.isBoolean() && result.toBoolean();
     }
-    /// What event() calls the function of that name by, or -1.
-    std::int32_t handler(const Program& program, const std::string& name) const {
+    /// Whether there is a function of that name, which event() calls from now on by the next number.
+    bool isHandler(const Program& program, const std::string& name) const {
         JS::RootedValue result(context());
-        return ask(program, "handler", name, &result) && result.isInt32() ? result.toInt32() : -1;
+        return ask(program, "handler", name, &result) && result.isInt32() && result.toInt32() >= 0;
     }
 
     /// The program's controller, then the program itself.
     bool load(Program& program, const std::string& source) const {
         JSContext* cx = context();
-        JS::RootedObject global(cx, *program.global), controller(cx, runtime->newController(global));
+        JS::RootedObject global(cx, program.roots->global), controller(cx, runtime->newController(global));
         JS::RootedValue event(cx), ignored(cx);
         if (!controller || !JS_GetProperty(cx, controller, "event", &event)) return false;
-        JS::SetReservedSlot(global, Runtime::kEventSlot, event);
+        program.roots->event = event;
         program.canRun = true;
         if (!runtime->run(source)) return false;
         // Top-level statements may have assigned to fields.
@@ -341,16 +369,19 @@ struct ScriptEngine::State {
         }
         JS::RootedObject global(context(), runtime->newGlobal(node.id()));
         if (!global) return cascade.warn(node, "out of memory for scripts");
-        program.global = std::make_unique<JS::PersistentRootedObject>(context(), global);
+        program.roots.reset(new Program::Roots{{context(), global}, JS::PersistentRootedValue(context())});
         const bool loaded = enter(&cascade, node, program, [&] { return load(program, source); });
         if (!loaded) return program.end();
         enter(&cascade, node, program, [&] {
             program.hasPrepareEvents = has(program, "prepareEvents");
             program.hasEventsProcessed = has(program, "eventsProcessed");
-            for (const FieldDef& def : node.type().fields) {
+            const std::vector<FieldDef>& fields = node.type().fields;
+            for (std::size_t i = 0; i < fields.size(); ++i) {
+                const FieldDef& def = fields[i];
                 std::string name = def.name;
                 if (def.access == Access::inputOutput && has(program, "set_" + def.name)) name = "set_" + def.name;
-                program.handlers.push_back(def.hidden || !def.writable() ? -1 : handler(program, name));
+                if (!def.hidden && def.writable() && isHandler(program, name))
+                    program.addHandler(static_cast<FieldIndex>(i));
             }
             program.hasInitialize = has(program, "initialize");
             return true;
@@ -379,7 +410,7 @@ ScriptEngine::ScriptEngine(Scene& scene, const ScriptOptions& options)
 ScriptEngine::~ScriptEngine() {
     // On a foreign thread the roots cannot be given back: they stay with the context, which is left alone too.
     if (state_->runtime && !state_->runtime->onOwnThread())
-        for (auto& [id, program] : state_->programs) (void)program.global.release();
+        for (auto& [id, program] : state_->programs) (void)program.roots.release();
 }
 
 void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
@@ -393,7 +424,7 @@ void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field,
     if (!program) return;
     program->eventsPending = true;
     // One that is being loaded, and has had another write to it meanwhile, handles nothing yet.
-    const std::int32_t handler = field < program->handlers.size() ? program->handlers[field] : -1;
+    const std::int32_t handler = program->handlerOf(field);
     if (handler < 0) return;
     const auto call = [&] {
         JSContext* cx = s.context();
@@ -401,7 +432,7 @@ void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field,
         arguments[0].setInt32(handler);
         arguments[1].setInt32(static_cast<int>(value.type()));
         arguments[3].setNumber(cascade.now());
-        JS::RootedValue event(cx, JS::GetReservedSlot(*program->global, Runtime::kEventSlot)), ignored(cx);
+        JS::RootedValue event(cx, program->roots->event), ignored(cx);
         return toScript(cx, value.type(), value.storage(), arguments[2]) &&
                JS::Call(cx, JS::UndefinedHandleValue, event, arguments, &ignored);
     };
@@ -450,8 +481,8 @@ void ScriptEngine::findHeld(const std::vector<NodeId>& nodes,
     std::ranges::sort(asked);
     const auto ask = [&](NodeId script, const char* function, JS::MutableHandleValue answer) {
         const State::Program& program = s.programs.at(script.value);
-        JS::RootedObject global(s.context(), *program.global);
-        Call call{s.scene, nullptr, s.options, s.scene.now(), global, &nodes};
+        JS::RootedObject global(s.context(), program.roots->global);
+        Call call{s.scene, nullptr, s.options, s.scene.now(), global, script, &nodes};
         Call* outer = std::exchange(s.runtime->current, &call);
         const JSAutoRealm realm(s.context(), global);
         const bool ok = s.call(program, function, JS::HandleValueArray::empty(), answer);

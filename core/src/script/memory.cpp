@@ -74,8 +74,8 @@ bool Memory::within(std::size_t limit) {
     return counted_ <= limit;
 }
 
-bool Memory::withinForNow(std::size_t limit) {
-    return steadyNow() - lookedAt_ <= kLookNanoseconds || within(limit);
+bool Memory::withinForNow(std::size_t limit, std::int64_t now) {
+    return now - lookedAt_ <= kLookNanoseconds || within(limit);
 }
 
 }  // namespace rtsg::script

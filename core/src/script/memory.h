@@ -34,8 +34,8 @@ class Memory {
     explicit Memory(JSContext* cx);
     /// Whether what is held stays within `limit` bytes.
     bool within(std::size_t limit);
-    /// As within(), but looks only if the last look is some milliseconds ago: for the end of short calls.
-    bool withinForNow(std::size_t limit);
+    /// As within(), but looks only if at `now` the last look is some milliseconds ago: for the end of short calls.
+    bool withinForNow(std::size_t limit, std::int64_t now);
 
   private:
     std::size_t gauged();

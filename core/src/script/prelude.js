@@ -470,7 +470,7 @@
     }
 
     // ---- nodes, and what prints ----------------------------------------------------------------------------------
-    const inputOnly = 1, mostSpare = 64, touchedBits = 24, ids = new WeakMap();
+    const inputOnly = 1, mostSpare = 64, mostFields = 4096, touchedBits = 24, ids = new WeakMap(), fields = new Map();
     class SFNode_ {
         /// As in VRML97: the first node of a text.
         constructor(text = "") { return native.global().Browser.createVrmlFromString(String(text))[0] ?? fail("TypeError", "SFNode: the text has no node"); }
@@ -495,6 +495,19 @@
         console: {log: println, info: println, debug: println, warn: println, error: println},
     });
 
+    /// A field as its type has it. Of those that are alike there is one for all programs: a thousand of them, each called
+    /// once a frame, wait for memory more than they compute.
+    function sharedField(packed, name) {
+        const key = `${packed} ${name}`, known = fields.get(key);
+        if (known !== undefined) return known;
+        if (fields.size >= mostFields) fields.clear();
+        const code = packed >> 16 & 0xFF;
+        const field = {index: packed & 0xFFFF, place: (packed & 0xFFFF) % touchedBits, code, access: packed >> 24, name,
+                       tuple: tuples.get(code), spare: spares.get(code), changes: changesInPlace(code)};
+        fields.set(key, field);
+        return field;
+    }
+
     // ---- a program: its nodes and their fields ---------------------------------------------------------------------
     /// `self`: the Script's number; `global`: the program's global object.
     function program(self, global) {
@@ -517,10 +530,8 @@
             if (!table) fieldTables.set(type, table = new Map());
             let field = table.get(name);
             if (field === undefined) {
-                const packed = native.field(id, name), code = packed >> 16 & 0xFF;
-                field = packed < 0 ? null : {index: packed & 0xFFFF, place: (packed & 0xFFFF) % touchedBits, code, access: packed >> 24, name,
-                                               tuple: tuples.get(code), spare: spares.get(code), changes: changesInPlace(code)};
-                table.set(name, field);
+                const packed = native.field(id, name);
+                table.set(name, field = packed < 0 ? null : sharedField(packed, name));
             }
             return field;
         }
@@ -702,7 +713,21 @@
             if (!field || field.access === inputOnly) continue;
             const cell = cellOf(self, field), get = () => valueOf(cell);
             Object.defineProperty(global, name, {
-                get: isNumber(field.code) ? native.reader(field.index, field.place, touched, get) : get, set: value => assignTo(cell, value), enumerable: true, configurable: true,
+                get: isNumber(field.code) ? native.reader(field.index, field.place, touched, get) : get,
+                /// assignTo() and line() in one, as event() has flush().
+                set(value) {
+                    const kept = copied(field, value, nodeOf);
+                    if (cell.at >= 0) order[cell.at] = null;
+                    cell.value = kept;
+                    cell.base = undefined;
+                    cell.assigned = true;
+                    cell.given = false;
+                    cell.age = age;
+                    cell.at = count;
+                    order[count++] = cell;
+                    touched[0] |= 1 << field.place;
+                },
+                enumerable: true, configurable: true,
             });
         }
 
@@ -753,7 +778,23 @@
                 try {
                     global[handlers[handler]](revive(code, flat, nodeOf), time);
                 } finally {
-                    flush(--depth === 0);
+                    if (--depth > 0 || count !== 1 || hasOthers) flush(depth === 0); else {
+                        // flush(true) of one cell, as most calls leave it, written out: each function on the way is one
+                        // more object of this program that comes from far away.
+                        touched[0] = 0;
+                        const cell = order[0];
+                        count = 0;
+                        const {field, value, base, assigned} = cell;
+                        cell.at = -1;
+                        cell.value = cell.base = undefined;
+                        if (assigned || field.changes) {
+                            const left = plainOr(field, value, why => tell(self, field, why));
+                            if (left !== undefined && (assigned || !isAlike(left, base))) {
+                                const flaw = native.write(self, self, field.index, left, assigned);
+                                if (flaw) tell(self, field, flaw);
+                            }
+                        }
+                    }
                 }
             },
             flush() { flush(depth === 0); },

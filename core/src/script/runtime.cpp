@@ -137,8 +137,8 @@ void Runtime::startWatch(double seconds) {
     wakeUp_.notify_one();
 }
 
-std::int64_t Runtime::stopWatch() {
-    return steadyNow() - (deadline_.exchange(0, std::memory_order_relaxed) - limit_);
+std::int64_t Runtime::stopWatch(std::int64_t now) {
+    return now - (deadline_.exchange(0, std::memory_order_relaxed) - limit_);
 }
 
 void Runtime::watch(const std::stop_token& stop) {
@@ -295,8 +295,8 @@ void Runtime::collect() {
     JS::NonIncrementalGC(context_, JS::GCOptions::Shrink, JS::GCReason::API);
 }
 
-bool Runtime::withinMemory() {
-    if (!memory_->withinForNow(heapLimit_)) excess_ = Excess::memory;
+bool Runtime::withinMemory(std::int64_t now) {
+    if (!memory_->withinForNow(heapLimit_, now)) excess_ = Excess::memory;
     return excess_ == Excess::none;
 }
 

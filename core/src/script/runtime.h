@@ -24,6 +24,7 @@ struct Call {
     const ScriptOptions& options;
     double now;
     JS::HandleObject global;
+    NodeId self;                                 // the Script
     const std::vector<NodeId>* loose = nullptr;  // while what variables hold is looked for: of these, sorted
 };
 
@@ -42,15 +43,15 @@ class Runtime {
 
     /// From here on the running program has `seconds`.
     void startWatch(double seconds);
-    /// Nanoseconds since then, by the wall's clock.
-    std::int64_t stopWatch();
+    /// Nanoseconds since then, by the wall's clock, at `now` of steadyNow().
+    std::int64_t stopWatch(std::int64_t now);
     enum class Excess { none, time, memory };
     /// Why the watch had to stop the last program; asking forgets it.
     Excess takeExcess() { return std::exchange(excess_, Excess::none); }
     /// Whether programs that take `more` bytes stay within the limit, if need be after a collection.
     bool hasRoomFor(std::size_t more);
-    /// False, with the excess noted, if they are beyond it now.
-    bool withinMemory();
+    /// False, with the excess noted, if they are beyond it at `now`, or were a little before.
+    bool withinMemory(std::int64_t now);
 
     /// A global object for a program, with the prelude's names in it; `self` is its Script. Null without memory.
     JSObject* newGlobal(NodeId self);
@@ -64,9 +65,9 @@ class Runtime {
     JSObject* library() const { return *library_; }
     /// The name of something in a program's global object: defined if it is the prelude's, fenced in if need be.
     static bool onResolve(JSContext* cx, JS::HandleObject global, JS::HandleId id, bool* resolved);
-    /// Of a program's global object: its controller, the Script's number, the controller's function `event`, and which
-    /// of its fields the call has touched (prelude.js).
-    static constexpr std::uint32_t kControllerSlot = 0, kSelfSlot = 1, kEventSlot = 2, kTouchedSlot = 3;
+    /// Of a program's global object: its controller, the Script's number, and which of its fields the call has touched
+    /// (prelude.js).
+    static constexpr std::uint32_t kControllerSlot = 0, kSelfSlot = 1, kTouchedSlot = 2;
 
     /// A whole collection, after which only what programs can still get at is there. Precondition: none runs.
     void collect();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <set>
 #include <thread>
 
 #include <gtest/gtest.h>
@@ -624,6 +625,46 @@ TEST(Script, NewOptionsStartProgramsAnew) {
     s.frame();
     EXPECT_EQ(s.get<std::int32_t>("n"), 1) << s.problems();
     EXPECT_NE(printed.find("begins"), std::string::npos);
+}
+
+/// Fields are told apart beyond the 64th, whichever of them have a function.
+TEST(Script, ManyFieldsEachReachTheirFunction) {
+    std::string fields = "outputOnly SFInt32 n", program;
+    const std::set<int> handled{0, 1, 40, 52, 53, 54, 55, 56, 57, 98, 99};
+    for (int i = 0; i < 100; ++i) fields += fmt::format(" inputOnly SFInt32 go{}", i);
+    for (const int i : handled) program += fmt::format("function go{}(v) {{ n = {} + v; }} ", i, 1000 * i);
+    ScriptScene s(fields, program);
+    std::int32_t expected = 0;
+    for (std::int32_t i = 0; i < 100; ++i) {
+        if (handled.contains(i)) expected = 1000 * i + i % 7;
+        s.send(fmt::format("go{}", i), i % 7);
+        s.frame();
+        EXPECT_EQ(s.get<std::int32_t>("n"), expected) << i << s.problems();
+    }
+}
+
+/// A call that touches one field leaves nothing to the next one, which touches it among others, or otherwise.
+TEST(Script, CallsThatTouchOneFieldLeaveNothingToTheNext) {
+    ScriptScene s(
+        "inputOnly SFBool first inputOnly SFBool second inputOnly SFBool grow inputOnly SFBool spoil "
+        "outputOnly SFInt32 a outputOnly SFInt32 b inputOutput MFInt32 m [] inputOutput MFNode nodes []",
+        "function first() { a = 1; } function second() { b = 5; a = a + 1; } "
+        "function grow() { m.push(m.length); } function spoil() { nodes[0] = 7; }");
+    s.send("first", true);
+    s.frame();
+    s.send("second", true);
+    s.frame();
+    EXPECT_EQ(s.get<std::int32_t>("a"), 2);
+    EXPECT_EQ(s.get<std::int32_t>("b"), 5);
+    for (std::int32_t i = 0; i < 3; ++i) {
+        s.send("grow", true);
+        s.frame();
+        EXPECT_EQ(s.get<Array<std::int32_t>>("m").size(), static_cast<std::size_t>(i + 1));
+    }
+    EXPECT_EQ(s.problems(), "");
+    s.send("spoil", true);
+    s.frame();
+    EXPECT_NE(s.problems().find("nodes: SFNode cannot hold number"), std::string::npos) << s.problems();
 }
 
 TEST(Script, OneThatSetsItsOwnUrlIsRestarted) {
