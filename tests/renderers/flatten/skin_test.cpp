@@ -265,6 +265,45 @@ TEST(Skin, DisplacersOfASegmentMoveItsPoints) {
     EXPECT_EQ(arm.mesh->positions, points);
 }
 
+// Weights need not sum to 1: each joint moves a point by its weight times the way it would go, and what no joint lists
+// stays where it is. A joint's displacers turn with it, whatever the weights of the points.
+TEST(Skin, WeightsThatDoNotSumToOneMoveBySharesOfTheWay) {
+    Arm arm;
+    ASSERT_TRUE(arm.scene.set(arm.upper, x3d::HAnimJoint::skinCoordIndex, Array<std::int32_t>{0, 1, 2}));
+    ASSERT_TRUE(arm.scene.set(arm.upper, x3d::HAnimJoint::skinCoordWeight, Array<float>{.5f, 1.f, -.25f}));
+    ASSERT_TRUE(arm.scene.set(arm.fore, x3d::HAnimJoint::skinCoordIndex, Array<std::int32_t>{1, 3}));
+    ASSERT_TRUE(arm.scene.set(arm.fore, x3d::HAnimJoint::skinCoordWeight, Array<float>{.75f}));
+    NodeId displacers[2];
+    for (int i = 0; i < 2; ++i) {
+        displacers[i] = arm.scene.createNode(x3d::HAnimDisplacer::type);
+        ASSERT_TRUE(arm.scene.set(displacers[i], x3d::HAnimDisplacer::coordIndex, Array<std::int32_t>{0, 5}));
+        ASSERT_TRUE(
+            arm.scene.set(displacers[i], x3d::HAnimDisplacer::displacements, Array<Vec3f>{{1, 2, 3}, {0, 1, 0}}));
+        ASSERT_TRUE(arm.scene.set(displacers[i], x3d::HAnimDisplacer::weight, i == 0 ? .5f : -1.5f));
+        ASSERT_TRUE(arm.scene.insertChild(i == 0 ? arm.upper : arm.fore, x3d::HAnimJoint::displacers, displacers[i]));
+    }
+    arm.pose(.7f, -.4f);
+    const double shoulder = double{.7f}, elbow = double{-.4f};
+    const auto byUpper = [&](const Vec3d& p) { return turned(p, shoulder) - p; };
+    const auto byFore = [&](const Vec3d& p) {
+        const Vec3d joint(0, 1, 0);
+        return turned(joint + turned(p - joint, elbow), shoulder) - p;
+    };
+    const auto displaced = [&](const Vec3d& by) {
+        return .5 * turned(by, shoulder) - 1.5 * turned(by, shoulder + elbow);
+    };
+    const Vec3d p[] = {Vec3d(arm.rest[0]), Vec3d(arm.rest[1]), Vec3d(arm.rest[2]),
+                       Vec3d(arm.rest[3]), Vec3d(arm.rest[4]), Vec3d(arm.rest[5])};
+    const Vec3d wanted[] = {p[0] + .5 * byUpper(p[0]) + displaced({1, 2, 3}),
+                            p[1] + byUpper(p[1]) + .75 * byFore(p[1]),
+                            p[2] - .25 * byUpper(p[2]),
+                            p[3] + byFore(p[3]),
+                            p[4],
+                            p[5] + displaced({0, 1, 0})};
+    for (std::size_t i = 0; i < 6; ++i)
+        EXPECT_LT(glm::length(Vec3d(arm.mesh->positions[i]) - wanted[i]), 1e-6) << "point " << i;
+}
+
 TEST(Skin, WithoutJointsOrWithoutSkinItIsTheRestPose) {
     Arm arm;
     arm.frame();

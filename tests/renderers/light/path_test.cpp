@@ -1,5 +1,6 @@
 // Path tracing against closed forms: furnaces, form factors, and Whitted's method where both must agree.
 #include <cmath>
+#include <random>
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -394,6 +395,52 @@ TEST(PathTracer, BacksOfClearSolidsCoverNothing) {
         const Vec4f seen = s.picture().at(16, 16);
         EXPECT_NEAR(seen.r, .5, 1e-5);
         EXPECT_NEAR(seen.a, .5, 1e-5);
+    }
+}
+
+/// Some dim or unlit things, opaque and clear, with what fogs, cuts and lights them.
+std::string thingsInFog(unsigned seed) {
+    std::mt19937 random(seed);
+    const auto between = [&](double low, double high) { return low + (high - low) * (random() / 4294967296.0); };
+    const auto one = [&](std::initializer_list<const char*> list) { return *(list.begin() + random() % list.size()); };
+    std::string text = one({"Fog { color .9 1 1 visibilityRange 25 } ", "",
+                            "Fog { color 1 .8 .9 visibilityRange 30 fogType \"EXPONENTIAL\" } "});
+    text += fmt::format("DirectionalLight {{ direction {} {} -1 shadows TRUE shadowIntensity {} }} ", between(-1, 1),
+                        between(-1, 1), between(.3, 1));
+    for (int i = 0; i < 6; ++i) {
+        const std::string color = fmt::format("{} {} {}", between(0, .3), between(0, .3), between(0, .3));
+        const std::string clear = one({"", "transparency .4", "transparency .8"});
+        const std::string texture =
+            one({"", "", "texture PixelTexture { image 2 2 4 0xFF0000FF 0x00FF0080 0x0000FF40 0xFFFFFFFF }"});
+        text += fmt::format(
+            "Transform {{ translation {} {} {} rotation .6 .8 0 {} children [ {} Shape {{ appearance Appearance {{ "
+            "material {} {} }} geometry {} }} ] }} ",
+            between(-2, 2), between(-2, 2), between(-4, 3), between(-3, 3),
+            one({"", "", "ClipPlane { plane .6 0 .8 .1 }", "LocalFog { color .2 .8 .3 visibilityRange 16 }"}),
+            fmt::format("{} {} {} }}",
+                        one({"UnlitMaterial { emissiveColor", "Material { ambientIntensity 0 diffuseColor"}), color,
+                        clear),
+            texture, one({"Box { }", "Sphere { }", "Cone { }", "Rectangle2D { size 3 2 solid FALSE }"}));
+    }
+    return text;
+}
+
+// What no bounce adds to is the same in both integrators: fog, clear surfaces, shadows, what is cut away.
+TEST(PathTracer, AgreesWithWhittedWhereLittleIsReflected) {
+    for (unsigned seed = 1; seed <= 16; ++seed) {
+        LightScene s(thingsInFog(seed), 32, 32);
+        s.options.settings.colorSpace = ColorSpace::linear;
+        s.options.settings.samplesPerPixel = 64;
+        const Picture direct = s.picture();
+        s.options.settings.integrator = Integrator::path;
+        s.options.settings.samplesPerPixel = 128;
+        const Picture paths = s.picture();
+        int others = 0;
+        for (std::size_t i = 0; i < direct.pixels.size(); ++i) {
+            const Vec4f apart = glm::abs(direct.pixels[i] - paths.pixels[i]);
+            others += std::max({apart.r, apart.g, apart.b, apart.a}) > .05f;
+        }
+        EXPECT_LT(others, 10) << "seed " << seed;  // at silhouettes
     }
 }
 
