@@ -21,15 +21,10 @@ class Lamps {
     explicit Lamps(LightGroups& groups);
 
     bool empty() const { return tree_.empty(); }
-    struct Choice {
-        const TraceLight* light = nullptr;  // null: none can shine there
-        float probability = 0;
-    };
+    const TraceLight& operator[](std::uint32_t lamp) const { return lights_[lamp]; }
     /// As LightTree::sample().
-    Choice sample(const Vec3f& point, const Vec3f& normal, float u) const {
-        const LightTree::Choice choice = tree_.sample(point, normal, u);
-        if (choice.thing == LightTree::kNone) return {};
-        return {&lights_[choice.thing], choice.probability};
+    LightTree::Choices sample(const simd::V8& point, const simd::V8& normal, simd::F8 u, std::uint32_t lanes) const {
+        return tree_.sample(point, normal, u, lanes);
     }
 
   private:

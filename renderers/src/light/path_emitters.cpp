@@ -274,45 +274,84 @@ void lookForSky(const TraceScene& scene, const SurfacePacket& s, PacketRandom& r
     }
 }
 
+namespace {
+
+/// The lamp that each lane asks, and what it sends there where nothing is in the way.
+struct AskedLamps {
+    const TraceLight* lamp[16];
+    float sent[16];
+    std::uint32_t shadowed = 0;  // lanes whose rays tell whether something is
+    RayPacket16 rays;
+};
+
+/// What a light sends to a place so far away from it, by the direction towards it; 0: nothing.
+float factorOf(const TraceLight& light, float distance, const Vec3f& direction) {
+    const float local = distance * light.localFromWorld;
+    if (!(distance > 1e-12f) || (light.radius >= 0 && local > light.radius)) return 0;
+    const float factor = attenuationAt(light.attenuation, local);
+    if (light.kind != Light::Kind::spot) return factor;
+    const float angle = std::acos(std::clamp(-glm::dot(direction, light.direction), -1.0f, 1.0f));
+    return factor * spotFactor(angle, light.beamWidth, light.cutOffAngle);
+}
+
+/// Has a lane ask a lamp that was chosen with a probability.
+void askLamp(const SurfacePacket& s, int lane, const TraceLight& light, float probability, AskedLamps& asked,
+             EmitterLight& out) {
+    const Vec3f way = light.position - s.position.get(lane);
+    const float distance = glm::length(way);
+    const Vec3f direction = way / distance;
+    const float factor = factorOf(light, distance, direction);
+    if (!(factor > 0) || !isAbove(s, lane, direction)) return;
+    out.direction.set(lane, direction);
+    out.density[lane] = std::numeric_limits<float>::infinity();
+    out.mask |= 1u << lane;
+    // Units: a light of intensity 1 head-on shows a white surface's 1, radiance over a density 1 / pi.
+    asked.lamp[lane] = &light, asked.sent[lane] = std::numbers::pi_v<float> * factor / probability;
+    if (!light.shadows) return;
+    const Vec3f start = RayView::leave(s.point(lane), direction);
+    asked.rays.set(lane, {start, kLeave, light.position - start, 1});
+    asked.shadowed |= 1u << lane;
+}
+
+}  // namespace
+
 void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom& random, EmitterLight& out,
                   std::uint64_t& shadowRays) {
     out.mask = 0;
     alignas(64) float which[16]{};
     random.next(which);
-    for (int lane = 0; lane < 16; ++lane) {
-        if (!isLit(s, lane)) continue;
-        const Vec3f from = s.position.get(lane);
-        const Lamps::Choice choice = scene.lamps->sample(from, s.normal.get(lane), which[lane]);
-        if (!choice.light) continue;
-        const TraceLight& light = *choice.light;
-        const float distance = glm::length(light.position - from), local = distance * light.localFromWorld;
-        if (!(distance > 1e-12f) || (light.radius >= 0 && local > light.radius)) continue;
-        const Vec3f direction = (light.position - from) / distance;
-        float factor = attenuationAt(light.attenuation, local);
-        if (light.kind == Light::Kind::spot) {
-            const float angle = std::acos(std::clamp(-glm::dot(direction, light.direction), -1.0f, 1.0f));
-            factor *= spotFactor(angle, light.beamWidth, light.cutOffAngle);
+    AskedLamps asked;
+    for (int lane = 0; lane < 16; ++lane) asked.rays.skip(lane);
+    const std::uint32_t lit = litLanes(s);
+    for (int at = 0; at < 16; at += 8) {
+        const std::uint32_t lanes = lit >> at & 0xFFu;
+        const LightTree::Choices choices =
+            scene.lamps->sample(loadV(s.position, at), loadV(s.normal, at), load(which + at), lanes);
+        for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            if (choices.thing[lane] != LightTree::kNone)
+                askLamp(s, at + lane, (*scene.lamps)[choices.thing[lane]], choices.probability[lane], asked, out);
         }
-        if (!(factor > 0) || !isAbove(s, lane, direction)) continue;
+    }
+    if (!out.mask) return;
+    shadowRays += static_cast<std::uint64_t>(std::popcount(asked.shadowed));
+    std::uint32_t blocked = 0;
+    if (asked.shadowed) {
+        RayPacket16 rays = asked.rays;
+        blocked = scene.world->occluded(rays) & asked.shadowed;
+    }
+    for (std::uint32_t rest = out.mask; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const TraceLight& light = *asked.lamp[lane];
         Vec3f visible(1);
-        if (light.shadows) {
-            Ray ray;
-            ray.tMin = kLeave, ray.tMax = 1;
-            ray.origin = RayView::leave(s.point(lane), direction), ray.direction = light.position - ray.origin;
-            ++shadowRays;
-            Vec3f left(0);
-            if (scene.anyTransmits)
-                left = leftOnTheWay(scene, ray);
-            else if (!scene.world->occluded(ray))
-                left = Vec3f(1);
+        if (asked.shadowed >> lane & 1u) {
+            const Ray ray = asked.rays.ray(lane);
+            Vec3f left(blocked >> lane & 1u ? 0.0f : 1.0f);
+            if ((blocked >> lane & 1u) && scene.anyTransmits) left = leftOnTheWay(scene, ray);
             left *= volumesLeft(scene, ray);
             visible -= light.shadowIntensity * (Vec3f(1) - left);
         }
-        out.direction.set(lane, direction);
-        out.density[lane] = std::numeric_limits<float>::infinity();
-        // Units: a light of intensity 1 head-on shows a white surface's 1, radiance over a density 1 / pi.
-        out.light.set(lane, std::numbers::pi_v<float> * factor / choice.probability * light.color * visible);
-        out.mask |= 1u << lane;
+        out.light.set(lane, asked.sent[lane] * light.color * visible);
     }
 }
 
