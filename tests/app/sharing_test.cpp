@@ -459,11 +459,14 @@ TEST_F(Mirror, OfASceneThatStandsStillTheClockCounts) {
     const std::string log = folder / "still.rlog";
     endpoint = "ipc://" + folder / "still";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms", "--fps", "20"}).status, 0);
-    Program player({"serve", log, "--paused", "--bind", endpoint}, streams());
+    Program player({"serve", log, "--paused", "--bind", endpoint, "--upstream", "events"}, streams());
     ASSERT_NE(player.firstLine(), "");
     const auto follow = [&](const std::string& option, const std::string& made) {
         return rtsg({"mirror", endpoint, "--for", "200ms", "--wait", "300ms", option, folder / made, "--size", "16x9"});
     };
+    const Outcome asked = rtsg({"mirror", endpoint, "--for", "200ms", "--set", "FLAG.set_boolean=TRUE@0"});
+    EXPECT_EQ(asked.status, 1);
+    EXPECT_THAT(asked.err, HasSubstr("refused: a log is played"));
     const Outcome one = follow("--render", "still.png");
     EXPECT_EQ(one.status, 0) << one.err;
     EXPECT_TRUE(std::filesystem::exists(folder / "still.png"));

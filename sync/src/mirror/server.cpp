@@ -215,6 +215,15 @@ void MirrorServer::service() {
     }
     if (forward_) {
         pass(submissions);
+    } else if (controller_) {
+        // Its states are the recorded ones: what is done to them would be gone with the next.
+        for (const mirror::Submission& submission : submissions)
+            shared_->answer({submission.client,
+                             submission.request,
+                             scene_.sequence(),
+                             "a log is played: what happened in it stays as it was",
+                             {},
+                             {}});
     } else {
         for (const mirror::Submission& submission : submissions)
             shared_->answer(mirror::carryOut(scene_, submission, *writers_));

@@ -122,6 +122,11 @@ TEST(MirrorControl, IsAnsweredOnceInOrderAndNeverCut) {
         EXPECT_EQ(asked, (std::vector<std::string>{longest, "play"}));
         EXPECT_EQ(replies[3], "done: play");
         EXPECT_EQ(replies.size(), 4U);
+        // What happened in the log stays as it was, and that is said.
+        ASSERT_TRUE(replica.client->submitEvent(origin.toggle, x3d::BooleanToggle::set_boolean.index, true));
+        ASSERT_TRUE(replica.settle(origin, 1));
+        EXPECT_TRUE(replica.verdicts[0].refusal.contains("a log is played")) << replica.verdicts[0].refusal;
+        EXPECT_FALSE(origin.scene.node(origin.toggle).get(x3d::BooleanToggle::toggle));
     }
 }
 

@@ -125,7 +125,8 @@ class MirrorServer : public Subscriber {
     void service();
 
     /// service() asks it what peers that may send events have asked a player of a log for, as LogPlayer::command(); its
-    /// text goes back to them. Without one they are told that there is nothing to be played.
+    /// text goes back to them. Without one they are told that there is nothing to be played; with one, edits and events
+    /// are refused, as the log's states are what they were.
     using Controller = std::function<std::string(std::string_view)>;
     void onControl(Controller controller);
 
