@@ -158,31 +158,33 @@ class Tile {
     }
 
     /// What becomes of the light that a surface sends along a ray: shares of the mirror, of its own colours if it is
-    /// opaque, of what passes if it is clear, and of what does not pass straight. Mirror and what passes are never more
-    /// than 1, or rays would multiply.
+    /// opaque, of what passes if it is clear, of what does not pass straight, and of what hides what is behind it by
+    /// itself if it is opaque. Mirror and what passes are never more than 1, or rays would multiply.
     struct Shares {
-        Vec3f mirror, body, passing, whole;
+        Vec3f mirror, body, passing, whole, covering;
         float eta = 1;
     };
     static Shares shares(const SurfacePacket& s, int lane, float cosine, bool back) {
         const Material& material = *s.material[lane];
         const float opacity = s.opacity[lane];
         const Vec3f rest = Vec3f(1) - material.reflectivity;
-        Shares result{material.reflectivity, rest, rest, Vec3f(1)};
+        Shares result{material.reflectivity, rest, rest, Vec3f(1), rest};
         if (material.refractiveIndex > 0) {
             result.eta = back ? 1 / material.refractiveIndex : material.refractiveIndex;
             const float reflectance = fresnelDielectric(cosine, result.eta).mean();
             result.mirror += result.body * reflectance;
             result.body *= 1 - reflectance;
-            result.passing = result.body;
+            result.passing = result.covering = result.body;
             return result;
         }
         if (material.model == ShadingModel::physical) {
-            // The diffuse part already is what Fresnel leaves, so `body` stays whole.
-            result.mirror = glm::min(result.mirror + result.body * s.gloss(lane, cosine), Vec3f(1));
-            result.passing = Vec3f(1) - result.mirror;
+            // The diffuse part already is what Fresnel leaves, so `body` stays whole. Of a clear one the gloss is as
+            // clear as the rest (glTF 2.0, 3.9.4: alpha is coverage).
+            const Vec3f gloss = glm::min(s.gloss(lane, cosine), Vec3f(1));
+            result.mirror += rest * gloss * opacity;
+            result.covering = rest * (Vec3f(1) - gloss);
         }
-        result.whole = opacity + (1 - opacity) * result.mirror;
+        result.whole = opacity + (1 - opacity) * material.reflectivity;
         return result;
     }
 
@@ -197,13 +199,13 @@ class Tile {
         const float cosine = std::clamp(glm::dot(normal, -direction), 0.0f, 1.0f);
         const float coverage = s.coverage[lane], opacity = s.opacity[lane];
         const bool glass = material.refractiveIndex > 0;
-        const auto [mirror, body, passing, whole, eta] = shares(s, lane, cosine, back);
+        const auto [mirror, body, passing, whole, covering, eta] = shares(s, lane, cosine, back);
         const PathTask* task = tasks ? tasks + lane : nullptr;
         const bool linear = s.linear >> lane & 1u;
         const Vec3f own = weight * coverage * body * opacity;
         add(pixel, task, own * fog, s.radiance.get(lane), linear, 0, false);
         // What is mirrored covers by what its ray meets, also where `body` is whole.
-        const Vec3f covered = weight * coverage * (Vec3f(1) - mirror) * opacity * fog;
+        const Vec3f covered = weight * coverage * covering * opacity * fog;
         loop_.sumOf(pixel).a += (covered.x + covered.y + covered.z) / 3;
         addFog(pixel, task, weight * coverage * whole, fog, s.lights[lane]);
         // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with

@@ -395,6 +395,26 @@ TEST(EnvironmentLight, IsLeftByOcclusionMaps) {
     EXPECT_NEAR(centerOf(s, Integrator::whitted).x, specular + (diffuseAndSpecular - specular) * 64 / 255, .01);
 }
 
+// glTF 2.0, 3.9.4: alpha is coverage, of what a PhysicalMaterial mirrors as of the rest. Metal that is half clear has
+// half of the light of an opaque one, and half of its alpha.
+TEST(EnvironmentLight, ClearPhysicalMaterialsMirrorByTheirOpacity) {
+    for (const auto integrator : kBoth)
+        for (const double transparency : {0., .5, .75, 1.}) {
+            LightScene s(
+                "Background { transparency 1 } EnvironmentLight { color .8 .6 .4 }" +
+                square(50, fmt::format("material PhysicalMaterial {{ metallic 1 roughness 0 transparency {} }}",
+                                       transparency)));
+            s.options.settings.width = s.options.settings.height = 5;
+            const int samples = integrator == Integrator::path ? 512 : 1;
+            const double share = 1 - transparency, noise = integrator == Integrator::path ? .06 : 1e-5;
+            expectColor(centerOf(s, integrator, samples), Vec3d(.8, .6, .4) * share, noise);
+            // Where mirrored rays end in light from far away, that covers as the Background does in whitted.
+            if (integrator == Integrator::path) {
+                EXPECT_NEAR(s.picture().at(2, 2).a, share, 1e-4);
+            }
+        }
+}
+
 // A page of numbers that no file should have.
 TEST(EnvironmentLight, SurvivesNumbersThatAreNone) {
     const float wild[] = {NAN, INFINITY, -INFINITY, 3e38f, -1};
