@@ -188,6 +188,17 @@ class Tile {
         return result;
     }
 
+    /// Adds what a surface sends itself, and the fog before it.
+    void addOwn(std::uint16_t pixel, const PathTask* task, const SurfacePacket& s, int lane, const Vec3f& weight,
+                float fog, const Shares& w) {
+        const Vec3f shown = weight * s.coverage[lane], solid = shown * s.opacity[lane] * fog;
+        add(pixel, task, solid * w.body, s.radiance.get(lane), s.linear >> lane & 1u, 0, false);
+        // What is mirrored covers by what its ray meets, also where `body` is whole.
+        const Vec3f covered = solid * w.covering;
+        loop_.sumOf(pixel).a += (covered.x + covered.y + covered.z) / 3;
+        addFog(pixel, task, shown * w.whole, fog, s.lights[lane]);
+    }
+
     void branch(const TilePacket& packet, const SurfacePacket& s, int lane, const Vec3f& weight, float fog) {
         const RayPacket16& rays = packet.rays;
         const PathTask* tasks = packet.tasks;
@@ -199,19 +210,14 @@ class Tile {
         const float cosine = std::clamp(glm::dot(normal, -direction), 0.0f, 1.0f);
         const float coverage = s.coverage[lane], opacity = s.opacity[lane];
         const bool glass = material.refractiveIndex > 0;
-        const auto [mirror, body, passing, whole, covering, eta] = shares(s, lane, cosine, back);
+        const Shares w = shares(s, lane, cosine, back);
         const PathTask* task = tasks ? tasks + lane : nullptr;
         const bool linear = s.linear >> lane & 1u;
-        const Vec3f own = weight * coverage * body * opacity;
-        add(pixel, task, own * fog, s.radiance.get(lane), linear, 0, false);
-        // What is mirrored covers by what its ray meets, also where `body` is whole.
-        const Vec3f covered = weight * coverage * covering * opacity * fog;
-        loop_.sumOf(pixel).a += (covered.x + covered.y + covered.z) / 3;
-        addFog(pixel, task, weight * coverage * whole, fog, s.lights[lane]);
+        addOwn(pixel, task, s, lane, weight, fog, w);
         // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
         // its own colour. What it lets pass straight goes on as the ray came.
         const bool root = scene_.space == ColorSpace::automatic && linear && !(task && task->linear);
-        if (root) loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0), weight * fog * coverage * whole);
+        if (root) loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0), weight * fog * coverage * w.whole);
 
         // Rays are filled in where they wait: to copy what was just written in parts takes as long as many sums.
         const PathTask& from = task ? *task : kFromEye;
@@ -237,7 +243,7 @@ class Tile {
             const float most = std::max({share.x, share.y, share.z});
             if (most >= cutoff_) loop_.resultOf(pixel).addMissing(pixel % kTilePixels, most);
         };
-        const Vec3f mirrored = weight * coverage * mirror;
+        const Vec3f mirrored = weight * coverage * w.mirror;
         if (mirrored != Vec3f(0)) {
             if (!deeper) {
                 cut(mirrored * fog);
@@ -248,14 +254,14 @@ class Tile {
                 queue(mirrored * fog, out, turn);
             }
         }
-        const Vec3f entering = weight * coverage * passing * (1 - opacity);
+        const Vec3f entering = weight * coverage * w.passing * (1 - opacity);
         if (glass && entering != Vec3f(0)) {
-            const auto bent = refractDirection(direction, normal, eta);
+            const auto bent = refractDirection(direction, normal, w.eta);
             if (!deeper) {
                 cut(entering * fog);
             } else if (bent) {
                 Vec3f out = *bent;
-                if (glm::dot(out, facing) >= 0) out = refractDirection(direction, facing, eta).value_or(direction);
+                if (glm::dot(out, facing) >= 0) out = refractDirection(direction, facing, w.eta).value_or(direction);
                 queue(entering * fog, out, [&](PathTask& next) {
                     turn(next);
                     next.absorption = back ? Vec3f(0) : material.absorption;

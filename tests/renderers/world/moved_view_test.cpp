@@ -13,7 +13,7 @@ namespace {
 using namespace test;
 
 /// Rodrigues' formula: about a unit axis.
-glm::dmat3 turnedAbout(const Vec3d& axis, double angle) {
+glm::dmat3 rotationAbout(const Vec3d& axis, double angle) {
     const double c = std::cos(angle), s = std::sin(angle);
     glm::dmat3 m;
     for (int i = 0; i < 3; ++i) {
@@ -29,7 +29,7 @@ struct RigidCourse {
     Vec3d axis{0, 0, 1}, pivot{0}, way{0};
     double angle = 0;
     WorldFromLocal at(double t, const WorldFromLocal& from) const {
-        const glm::dmat3 turn = turnedAbout(axis, t * angle);
+        const glm::dmat3 turn = rotationAbout(axis, t * angle);
         return {turn * from[0], turn * from[1], turn * from[2], pivot + t * way + turn * (from[3] - pivot)};
     }
 };
