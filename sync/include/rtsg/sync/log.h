@@ -126,8 +126,9 @@ class LogWriter : public Subscriber {
     bool keyframeDue(double now) const;
     bool rotationDue(double now) const;
     Result<> rotate(const ChangeSet& state);
-    Result<> beginPiece(const ChangeSet& state);
-    void takeBack(const std::filesystem::path& piece);
+    Result<> beginPiece(const std::filesystem::path& fresh, const ChangeSet& state);
+    Result<> putInPlace(const std::filesystem::path& fresh, const std::filesystem::path& piece);
+    void dropSecondName();
     Result<std::filesystem::path> freePieceName();
     void adoptPieces();
     void dropOldPieces(double now);
