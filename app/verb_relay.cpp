@@ -47,7 +47,9 @@ class Relaying {
     int run() {
         if (auto ok = connect(); !ok) return printError(ok.error()), kBad;
         while (!interrupted() && seconds(start_) < duration_ && !over_) turn();
-        if (good_ && !relay_->server())
+        if (good_ && interrupted() && !over_ && !options_.duration.empty())
+            fail(fmt::format("interrupted after {:.1f} of {} s", seconds(start_), duration_));
+        else if (good_ && !relay_->server())
             fail(fmt::format("{}: no origin", options_.origin));
         else if (good_ && over_ && !options_.duration.empty())
             fail(fmt::format("{} left after {:.1f} of {} s", options_.origin, seconds(start_), duration_));

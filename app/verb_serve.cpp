@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -130,7 +131,8 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
          {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--dis"})
         if (std::ranges::find(given, option) != given.end())
             throw UsageError(option, "is of a scene, and a log is played");
-    const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
+    const double duration =
+        options.duration.empty() ? std::numeric_limits<double>::infinity() : parseSeconds(options.duration);
     const auto serverOptions = serverOptionsOf(options);
     if (!serverOptions) return printError(serverOptions.error()), kBad;
     return serveLog({options.scene, options.endpoint, options.log, options.web, options.resources.ofFile(options.scene),

@@ -249,6 +249,13 @@ TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
     EXPECT_EQ(a.status, 0) << a.err;
     EXPECT_EQ(b.status, 1) << b.out;
     EXPECT_EQ(json::parse(b.out).at("frames"), 0);
+    EXPECT_THAT(b.err, HasSubstr("does not answer without --key"));
+    // Nor has it those whose key is another's.
+    const std::string others = folder / "others";
+    EXPECT_EQ(rtsg({"serve", file, "--key", others, "--for", "0s", "--bind", "ipc://" + folder / "alone"}).status, 0);
+    const Outcome c = rtsg({"mirror", endpoint, "--key", others, "--wait", "500ms"});
+    EXPECT_EQ(c.status, 1);
+    EXPECT_THAT(c.err, HasSubstr("whose list lacks the key"));
     EXPECT_EQ(server->wait().status, 0);
 }
 
@@ -501,6 +508,35 @@ TEST_F(Mirror, ARelayPassesASessionOn) {
     EXPECT_EQ(ended.status, 1);
     EXPECT_THAT(ended.err, HasSubstr("no origin for 5"));
     EXPECT_EQ(json::parse(lastLine(ended.out)).at("requests"), 1);
+}
+
+/// As a scene that is served, or mirrored.
+TEST_F(Mirror, ALogOrARelayThatIsInterruptedBeforeItsTimeIsStatusOne) {
+    const std::string log = folder / "cut.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms"}).status, 0);
+    serve({"--for", "60s"}, "ipc://" + folder / "socket");
+    for (const std::vector<std::string>& verb : {std::vector<std::string>{"serve", log}, {"relay", endpoint}}) {
+        for (const bool limited : {false, true}) {
+            std::vector<std::string> arguments = verb;
+            if (limited) arguments.insert(arguments.end(), {"--for", "60s"});
+            Program program(arguments, streams());
+            ASSERT_NE(program.firstLine(), "");
+            program.signal(SIGINT);
+            const Outcome ended = program.wait();
+            EXPECT_EQ(ended.status, limited ? 1 : 0) << verb[0] << ": " << ended.err;
+            EXPECT_EQ(ended.err.contains("of 60 s"), limited) << ended.err;
+        }
+    }
+}
+
+/// What a server had kept comes at once, and is no rate.
+TEST_F(Mirror, FramesASecondAreThoseSinceItJoined) {
+    serve({"--for", "60s"}, "ipc://" + folder / "socket");
+    const Outcome first = rtsg({"mirror", endpoint, "--for", "500ms"});
+    EXPECT_EQ(first.status, 0) << first.err;
+    const json report = json::parse(rtsg({"mirror", endpoint, "--for", "0s", "--json"}).out);
+    EXPECT_GT(report.at("frames"), 0);
+    EXPECT_EQ(report.at("fps"), 0) << report;
 }
 
 TEST_F(Mirror, ALongestRecordIsKept) {
