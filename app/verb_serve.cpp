@@ -233,8 +233,9 @@ int Session::startLog() {
 void Session::lookAtLog() {
     if (!log_ || failed_ || log_->failure().empty()) return;
     printError(log_->failure());
-    printError(
-        fmt::format("the recording has ended; {} holds the session to state {}", logFile(), log_->acknowledged()));
+    printError(log_->acknowledged() > 0 ? fmt::format("the recording has ended; {} holds the session to state {}",
+                                                      logFile(), log_->acknowledged())
+                                        : "nothing was recorded");
     failed_ = true;
 }
 

@@ -86,11 +86,9 @@ Result<> LogWriter::openFile() {
     std::filesystem::path target = file_, fresh = file_;
     if (there) {
         // Whoever still writes the old one would go on with a file that nobody finds.
-        const int old = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
-        if (old < 0) return std::unexpected(failure("cannot write", errno));
-        const bool free = lockForWriting(old);
-        ::close(old);
-        if (!free) return fail("another log writer has the file open", {}, file_.string());
+        replaced_ = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
+        if (replaced_ < 0) return std::unexpected(failure("cannot write", errno));
+        if (!lockForWriting(replaced_)) return fail("another log writer has the file open", {}, file_.string());
         std::error_code error;
         target = std::filesystem::canonical(file_, error);
         if (error) return fail("cannot write: " + error.message(), {}, file_.string());
@@ -104,12 +102,31 @@ Result<> LogWriter::openFile() {
         return std::unexpected(failure("cannot write", ENOSPC));
     }
     if (!lockForWriting(descriptor_)) return fail("another log writer has the file open", {}, file_.string());
-    if (there && ::rename(fresh.c_str(), target.c_str()) != 0) {
-        const int error = errno;
-        ::unlink(fresh.c_str());
-        return std::unexpected(failure("cannot replace", error));
-    }
+    made_ = fresh;
+    if (there) target_ = target;
     return {};
+}
+
+/// With its first state in it the new file takes the place of the old one: a disk that is full costs nobody a log.
+Result<> LogWriter::takePlace() {
+    if (replaced_ < 0) return {};
+    if (::rename(made_.c_str(), target_.c_str()) != 0) {
+        broken_ = true;
+        return std::unexpected(failure("cannot replace", errno));
+    }
+    made_ = target_;
+    ::close(std::exchange(replaced_, -1));
+    return {};
+}
+
+/// Nothing is left of a log without a state, unless somebody else has put something there.
+void LogWriter::discard() {
+    if (frames_ > 0 || made_.empty()) return;
+    struct stat ours{}, there{};
+    if (::fstat(descriptor_, &ours) == 0 && ::stat(made_.c_str(), &there) == 0 && ours.st_dev == there.st_dev &&
+        ours.st_ino == there.st_ino)
+        ::unlink(made_.c_str());
+    size_ = 0;
 }
 
 Result<> LogWriter::openAppended() {
@@ -141,6 +158,7 @@ void LogWriter::dropSecondName() {
 
 LogWriter::~LogWriter() {
     (void)close();  // who wants to know of errors calls it before
+    if (replaced_ >= 0) ::close(replaced_);
 }
 
 Result<> LogWriter::beginEpoch() {
@@ -244,6 +262,7 @@ Result<> LogWriter::write(const ChangeSet& changes) {
     if (!pieceStart_) pieceStart_ = changes.time;
     if (!sessionStart_) sessionStart_ = changes.time;
     if (auto ok = writeFrame(changes); !ok) return ok;
+    if (auto ok = takePlace(); !ok) return ok;
     ++frames_;
     if (options_.sync == LogOptions::Sync::always ||
         (options_.sync == LogOptions::Sync::atKeyframes && changes.isSnapshot()))
@@ -406,8 +425,10 @@ Result<> LogWriter::writeIndex() {
 }
 
 void LogWriter::abandon() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-    descriptor_ = -1;
+    if (descriptor_ < 0) return;
+    discard();
+    ::close(std::exchange(descriptor_, -1));
+    if (replaced_ >= 0) ::close(std::exchange(replaced_, -1));
 }
 
 Result<> LogWriter::close() {
@@ -415,6 +436,8 @@ Result<> LogWriter::close() {
     Result<> result = checkFile();
     if (result && !broken_) result = writeIndex();
     if (result && !broken_) result = flush();
+    if (broken_ || replaced_ >= 0) discard();
+    if (replaced_ >= 0) ::close(std::exchange(replaced_, -1));
     if (::close(descriptor_) != 0 && result) result = std::unexpected(failure("cannot close", errno));
     descriptor_ = -1;
     return result;
