@@ -298,7 +298,8 @@ bool Mirroring::isOver(std::size_t applied) {
     if (stoodStill_) return true;
     if (secondsSince(heard_) < patience_ + latency_) return false;
     // A server that ends in order says goodbye; a relay that has lost its origin says so.
-    fail(fmt::format("{}: {} for {} s", options_.endpoint, joined() ? "the server has been silent" : "no server",
+    fail(fmt::format("{}: {} for {} s", options_.endpoint,
+                     joined() ? "the server, or the origin that it relays, has been silent" : "no server",
                      patience_ + latency_) +
          (joined()               ? ""
           : options_.key.empty() ? " (one that has keys does not answer without --key)"

@@ -2,6 +2,7 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -64,6 +65,8 @@ class Relaying {
     }
 
     Result<> connect() {
+        for (const auto& [option, endpoint] : {std::pair("ENDPOINT", options_.origin), {"--bind", options_.endpoint}})
+            if (const auto local = isLocalEndpoint(endpoint); !local) throw UsageError(option, local.error().text);
         MirrorClientOptions from;
         MirrorServerOptions to;
         auto theirs = keysFrom(options_.key), ours = keysFrom(options_.serveKey);

@@ -107,6 +107,7 @@ std::chrono::milliseconds millisecondsFrom(const std::string& duration) {
 
 /// All but what depends on the scene.
 Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
+    if (const auto local = isLocalEndpoint(options.endpoint); !local) throw UsageError("--bind", local.error().text);
     MirrorServerOptions result;
     auto keys = serverKeysFrom(options.key);
     if (!keys) return std::unexpected(keys.error());
@@ -305,7 +306,7 @@ int Session::close() {
         if (log_ && !failed_)
             fmt::print(stderr, "{} holds the session to state {}\n", logFile(), running_.scene().sequence());
         if (!options_.duration.empty() && running_.time() - from_ < duration_) {
-            printError(fmt::format("interrupted at {} of {} s", running_.time() - from_, duration_));
+            printError(fmt::format("interrupted at {:.3f} of {} s", running_.time() - from_, duration_));
             failed_ = true;
         }
     }

@@ -151,13 +151,23 @@ TEST_F(Mirror, PartsThatNobodyFollowsMakeRoom) {
 }
 
 TEST_F(Mirror, PortsThatDoNotExistAreNoOthers) {
+    const std::string log = folder / "played.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0s"}).status, 0);
     for (const std::vector<std::string>& arguments :
          {std::vector<std::string>{"serve", file, "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
+          {"serve", log, "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
+          {"relay", "ipc://" + folder / "nobody", "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
           {"mirror", "tcp://127.0.0.1:70000", "--for", "50ms", "--wait", "50ms"},
           {"relay", "tcp://127.0.0.1:70000", "--for", "50ms"}}) {
         const Outcome outcome = rtsg(arguments);
-        EXPECT_NE(outcome.status, 0) << arguments[0];
+        EXPECT_EQ(outcome.status, 2) << arguments[0];
         EXPECT_THAT(outcome.err, HasSubstr("at most 65535")) << arguments[0];
+    }
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"serve", file, "--bind", "nowhere"}, {"mirror", "nowhere"}, {"relay", "nowhere"}}) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << arguments[0];
+        EXPECT_THAT(outcome.err, HasSubstr("'nowhere' is no endpoint")) << arguments[0];
     }
 }
 
@@ -497,6 +507,10 @@ TEST_F(Mirror, ARelayPassesASessionOn) {
     const json report = json::parse(mirror.out);
     expectEqual(report);
     EXPECT_EQ(report.at("accepted"), 1);
+    // Commands are the player's alone, which may be far behind it.
+    const Outcome command = rtsg({"mirror", leaf, "--for", "100ms", "--control", "pause"});
+    EXPECT_EQ(command.status, 1);
+    EXPECT_THAT(command.err, HasSubstr("a relay passes no commands on"));
     // Having had none, too.
     const Outcome nobody = rtsg({"relay", "ipc://" + folder / "nobody", "--for", "100ms"});
     EXPECT_EQ(nobody.status, 1);
