@@ -40,6 +40,8 @@ class Lines {
         }
         for (std::size_t end; (end = text_.find('\n')) != std::string::npos; text_.erase(0, end + 1))
             lines.push_back(text_.substr(0, end));
+        // The last one may have no end of its own.
+        if (ended_ && !text_.empty()) lines.push_back(std::exchange(text_, {}));
         return lines;
     }
 

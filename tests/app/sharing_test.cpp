@@ -377,7 +377,7 @@ TEST_F(Mirror, ALogIsPlayedToMirrorsAndDoesWhatTheySay) {
     EXPECT_THAT(refused.err, HasSubstr("refused: this server takes no requests"));
     EXPECT_EQ(server->wait().status, 0);
 
-    play({"--for", "1s", "--paused", "--control"}, "step 3\nnonsense\nseek 2s\n");
+    play({"--for", "1s", "--paused", "--control"}, "step 3\nnonsense\nseek 2s");
     const Outcome ended = server->wait();
     EXPECT_EQ(ended.status, 0) << ended.err;
     EXPECT_THAT(ended.out, HasSubstr("\"t\":0.150000"));
