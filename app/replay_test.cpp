@@ -316,10 +316,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         test.build = [&](Scene& scene) -> Result<> {
             return buildScene(scene, arguments.rerun, diagnostics, resources);
         };
-    test.check = [](const Scene&) -> Result<> {
-        if (interrupted()) return fail("interrupted");
-        return {};
-    };
+    test.check = [](const Scene&) { return interrupted() ? Result<>(fail("interrupted")) : Result<>(); };
     std::optional<WorldOnDemand> world;
     std::unique_ptr<Outputs> following;
     test.attach = [&](Scene& scene) -> Result<> {
