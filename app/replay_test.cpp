@@ -1,6 +1,7 @@
 // rtsg replay as a test: runs the scene again and compares pictures and sound with those expected.
 #include "replay_test.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -261,6 +262,22 @@ std::string howItEnds(const std::string& log) {
     return check.first() ? log + ": " + check.first()->format() : "";
 }
 
+/// Why there is nothing of the scene.
+Result<> buildScene(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
+    if (load(scene, file, diagnostics, resources)) return {};
+    const auto error = std::ranges::find(diagnostics.all(), Severity::error, &Diagnostic::severity);
+    if (error != diagnostics.all().end()) return std::unexpected(*error);
+    return fail("nothing usable in it", {}, file);
+}
+
+/// Whether the scene and the log are whole.
+void checkInputs(ReplayOutcome& outcome, const ReplayTestArguments& arguments, const Diagnostics& diagnostics) {
+    if (const std::size_t errors = diagnostics.errors(); errors > 0)
+        outcome.checks.push_back({"scene", fmt::format("{} has {} error{}: what was run is the rest of it",
+                                                       arguments.rerun, errors, errors == 1 ? "" : "s")});
+    if (arguments.closed && !arguments.update) outcome.checks.push_back({"end", howItEnds(outcome.log)});
+}
+
 /// A test that could not even run has failed, for whoever reads the reports too.
 int reportFailure(const ReplayTestArguments& arguments, const std::string& log, const std::string& why) {
     const ReplayOutcome outcome{nameOfTest(arguments, log), log, arguments.rerun, {}, {{"states", why}}, {}, {}, 0};
@@ -297,14 +314,9 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     Diagnostics diagnostics(arguments.rerun);
     if (!arguments.rerun.empty())
         test.build = [&](Scene& scene) -> Result<> {
-            if (!load(scene, arguments.rerun, diagnostics, resources))
-                return fail("nothing usable in it", {}, arguments.rerun);
-            return {};
+            return buildScene(scene, arguments.rerun, diagnostics, resources);
         };
-    test.check = [](const Scene&) -> Result<> {
-        if (interrupted()) return fail("interrupted");
-        return {};
-    };
+    test.check = [](const Scene&) { return interrupted() ? Result<>(fail("interrupted")) : Result<>(); };
     std::optional<WorldOnDemand> world;
     std::unique_ptr<Outputs> following;
     test.attach = [&](Scene& scene) -> Result<> {
@@ -323,13 +335,16 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         return result;
     };
     Result<ReplayReport> report = runReplayTest(test);
-    if (!report) return printError(report.error()), reportFailure(arguments, log, report.error().format());
+    if (!report) {
+        if (diagnostics.errors() == 0) printError(report.error());  // else it has been told
+        return reportFailure(arguments, log, report.error().format());
+    }
 
     ReplayOutcome outcome{nameOfTest(arguments, log), log, arguments.rerun, std::move(*report), {}, {}, {}, 0};
     countFromStart(outcome.report, start);
     outcome.checks.push_back(
         {"states", outcome.report.divergence ? log + ": " + outcome.report.divergence->format() : ""});
-    if (arguments.closed && !arguments.update) outcome.checks.push_back({"end", howItEnds(log)});
+    checkInputs(outcome, arguments, diagnostics);
     const auto expect = [&](const std::string& name, const std::string& reference, const auto& comparison) {
         // A run that ended at a difference has not come to the state that they are of.
         const bool cut = outcome.report.divergence && outcome.report.differences.empty();

@@ -2,6 +2,7 @@
 #include "serve_log.h"
 
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <functional>
 #include <thread>
@@ -39,6 +40,8 @@ class Lines {
         }
         for (std::size_t end; (end = text_.find('\n')) != std::string::npos; text_.erase(0, end + 1))
             lines.push_back(text_.substr(0, end));
+        // The last one may have no end of its own.
+        if (ended_ && !text_.empty()) lines.push_back(std::exchange(text_, {}));
         return lines;
     }
 
@@ -74,7 +77,10 @@ class Playing {
             for (const Diagnostic& d : server_.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
             std::this_thread::sleep_for(std::chrono::milliseconds(2));
         }
+        played_ = std::chrono::duration<double>(Clock::now() - start).count();
     }
+    /// Seconds by the clock.
+    double played() const { return played_; }
     /// Something of the log could not be played.
     bool lacks() const { return lacks_; }
     void print() const {
@@ -116,6 +122,7 @@ class Playing {
     MirrorServer& server_;
     std::uint64_t commands_ = 0;
     std::size_t damageTold_ = 0;
+    double played_ = 0;
     bool json_, gapsTold_ = false, lacks_ = false;
 };
 
@@ -152,7 +159,9 @@ int serveLog(const ServedLog& log, const MirrorServerOptions& options) {
     if (!interrupted() && !(*server)->drain(grace)) fmt::print(stderr, "not all mirrors have caught up\n");
     playing.print();
     server->reset();
-    return playing.lacks() ? kBad : kDone;
+    const bool cut = std::isfinite(log.seconds) && interrupted() && playing.played() < log.seconds;
+    if (cut) printError(fmt::format("interrupted at {:.1f} of {} s", playing.played(), log.seconds));
+    return playing.lacks() || cut ? kBad : kDone;
 }
 
 }  // namespace rtsg::app

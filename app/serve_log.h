@@ -22,7 +22,7 @@ struct ServedLog {
     ServeLogArguments arguments;
     WebArguments web;
     Resources resources;  // what urls of the log open for browsers
-    double seconds = 0;   // how long to serve
+    double seconds = 0;   // how long to serve; may be infinite
     double linger = 0;    // how long mirrors may catch up then
     bool json = false;
 };

@@ -211,6 +211,11 @@ class Mirroring {
         return !outputs.listen.empty() || !outputs.record.empty() || outputs.animated();
     }
     bool joined() const { return made_ != nullptr; }
+    /// Since it joined.
+    double framesPerSecond() const {
+        const auto frames = static_cast<double>(client_->statistics().frames - framesBefore_);
+        return joined() && seconds_ > 0 ? frames / seconds_ : 0;
+    }
     /// The replica is in the state that the origin was in when we came, or as near to it as it will be. Before, what
     /// the server had kept goes by in no time. False ends it with status_.
     bool join();
@@ -249,6 +254,7 @@ class Mirroring {
     std::unique_ptr<Made> made_;
     std::optional<std::uint64_t> firstState_;  // that counts as joined
     ElapsedTime elapsed_;
+    std::uint64_t framesBefore_ = 0;  // it joined: what the server had kept
     double since_ = 0, time_ = 0, seconds_ = 0;
     Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now(), movedAt_ = Clock::now();
     bool good_ = true, equal_ = false, stoodStill_ = false;
@@ -258,6 +264,7 @@ class Mirroring {
 
 bool Mirroring::join() {
     joinedAt_ = movedAt_ = Clock::now();
+    framesBefore_ = client_->statistics().frames;
     time_ = replica_.now();
     elapsed_ = ElapsedTime(time_);
     OutputArguments arguments = options_.outputs;
@@ -291,9 +298,12 @@ bool Mirroring::isOver(std::size_t applied) {
     if (stoodStill_) return true;
     if (secondsSince(heard_) < patience_ + latency_) return false;
     // A server that ends in order says goodbye; a relay that has lost its origin says so.
-    fail(fmt::format("{}: {} for {} s", options_.endpoint, joined() ? "the server has been silent" : "no server",
+    fail(fmt::format("{}: {} for {} s", options_.endpoint,
+                     joined() ? "the server, or the origin that it relays, has been silent" : "no server",
                      patience_ + latency_) +
-         (joined() || !options_.key.empty() ? "" : " (one that has keys does not answer without --key)"));
+         (joined()               ? ""
+          : options_.key.empty() ? " (one that has keys does not answer without --key)"
+                                 : " (one does not answer whose list lacks the key, or that has none)"));
     return true;
 }
 
@@ -384,9 +394,9 @@ void Mirroring::print() const {
         "{} frames ({} snapshots) to state {} of {}, {} bytes ({:.1f} a frame), {:.1f} frames a second\n"
         "{}: {} here, {} at the origin; {} gaps, {} divergences, {} repairs\n",
         statistics.frames, statistics.snapshots, statistics.sequence, statistics.originSequence, statistics.bytes,
-        static_cast<double>(statistics.bytes) / frames, frames / std::max(seconds_, 1e-9),
-        equal_ ? "equal" : "not equal", statistics.hash.hex(), statistics.originHash.hex(), statistics.gaps,
-        statistics.divergences, statistics.repairs);
+        static_cast<double>(statistics.bytes) / frames, framesPerSecond(), equal_ ? "equal" : "not equal",
+        statistics.hash.hex(), statistics.originHash.hex(), statistics.gaps, statistics.divergences,
+        statistics.repairs);
     if (requests_.sent > 0)
         fmt::print("{} events sent, {} accepted, {} refused\n", requests_.sent, requests_.accepted, requests_.refused);
     if (joined() && options_.outputs.any()) fmt::print("{}\n", report_.text());
@@ -405,9 +415,9 @@ void Mirroring::printJson() const {
         "\"fps\":{:.2f},\"bytes_per_frame\":{:.1f},\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},"
         "\"delay_s\":{:.6f},\"lag_s\":{:.4f},\"most_lag_s\":{:.4f},\"jitter_s\":{:.6f},\"late\":{},\"sent\":{},"
         "\"accepted\":{},\"refused\":{},",
-        frames / std::max(seconds_, 1e-9), static_cast<double>(statistics.bytes) / frames, statistics.restarts,
-        statistics.garbage, statistics.clockOffset, statistics.delay, statistics.lag, statistics.mostLag,
-        statistics.jitter, statistics.late, requests_.sent, requests_.accepted, requests_.refused);
+        framesPerSecond(), static_cast<double>(statistics.bytes) / frames, statistics.restarts, statistics.garbage,
+        statistics.clockOffset, statistics.delay, statistics.lag, statistics.mostLag, statistics.jitter,
+        statistics.late, requests_.sent, requests_.accepted, requests_.refused);
     fmt::print("\"inputs\":{}{}}}\n", statistics.inputs, report_.json());
 }
 

@@ -108,7 +108,9 @@ int record(const RecordArguments& options) {
     running.printDiagnostics(stopped ? "" : stopped.error().format());
     if (!stopped) {
         printError(stopped.error());
-        printError(fmt::format("{} holds the first {} bytes, to a whole frame", options.out, (*log)->bytes()));
+        printError((*log)->bytes() > 0
+                       ? fmt::format("{} holds the first {} bytes, to a whole frame", options.out, (*log)->bytes())
+                       : "nothing was recorded");
         return kBad;
     }
     printSummary(options, running, done, (*log)->bytes());

@@ -2,6 +2,7 @@
 #include <chrono>
 #include <cstdio>
 #include <memory>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -47,7 +48,9 @@ class Relaying {
     int run() {
         if (auto ok = connect(); !ok) return printError(ok.error()), kBad;
         while (!interrupted() && seconds(start_) < duration_ && !over_) turn();
-        if (good_ && !relay_->server())
+        if (good_ && interrupted() && !over_ && !options_.duration.empty())
+            fail(fmt::format("interrupted after {:.1f} of {} s", seconds(start_), duration_));
+        else if (good_ && !relay_->server())
             fail(fmt::format("{}: no origin", options_.origin));
         else if (good_ && over_ && !options_.duration.empty())
             fail(fmt::format("{} left after {:.1f} of {} s", options_.origin, seconds(start_), duration_));
@@ -62,6 +65,8 @@ class Relaying {
     }
 
     Result<> connect() {
+        for (const auto& [option, endpoint] : {std::pair("ENDPOINT", options_.origin), {"--bind", options_.endpoint}})
+            if (const auto local = isLocalEndpoint(endpoint); !local) throw UsageError(option, local.error().text);
         MirrorClientOptions from;
         MirrorServerOptions to;
         auto theirs = keysFrom(options_.key), ours = keysFrom(options_.serveKey);

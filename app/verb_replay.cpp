@@ -102,7 +102,6 @@ class Replaying {
           replayer_(replayer),
           check_(replayer),
           start_(replayer.keyframes().empty() ? 0 : replayer.keyframes().front().time),
-          elapsed_(start_),
           length_(options.duration.empty() ? 1e9 : parseSeconds(options.duration)),
           resources_(options.outputs.resources.ofFile(options.log)) {}
 
@@ -124,12 +123,13 @@ class Replaying {
     /// Since the log's start, to a microsecond: times since 1970 are exact to a quarter of that.
     double time() const { return std::round(time_ * 1e6) / 1e6; }
     /// After a step or a seek. Another session within the log may begin with an earlier time.
-    void noteTime() { time_ = elapsed_.at(replayer_.scene().now()); }
+    void noteTime() { time_ = replayer_.frames() == 0 ? 0 : replayer_.time() - start_; }
     std::optional<Divergence> first() const { return fromStart(check_.first(), start_); }
 
     Result<> begin() {
         if (!seeks()) {
-            more_ = check_.step().value_or(true);
+            more_ = true;
+            while (more_ && replayer_.frames() == 0) more_ = check_.step().value_or(true);
             noteTime();
             return {};
         }
@@ -260,7 +260,6 @@ class Replaying {
     Replayer& replayer_;
     LogCheck check_;
     const double start_;
-    ElapsedTime elapsed_;
     double time_ = 0;
     const double length_;
     const Resources resources_;

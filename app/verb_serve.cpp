@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -106,6 +107,7 @@ std::chrono::milliseconds millisecondsFrom(const std::string& duration) {
 
 /// All but what depends on the scene.
 Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
+    if (const auto local = isLocalEndpoint(options.endpoint); !local) throw UsageError("--bind", local.error().text);
     MirrorServerOptions result;
     auto keys = serverKeysFrom(options.key);
     if (!keys) return std::unexpected(keys.error());
@@ -130,7 +132,8 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
          {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--dis"})
         if (std::ranges::find(given, option) != given.end())
             throw UsageError(option, "is of a scene, and a log is played");
-    const double duration = options.duration.empty() ? 1e9 : parseSeconds(options.duration);
+    const double duration =
+        options.duration.empty() ? std::numeric_limits<double>::infinity() : parseSeconds(options.duration);
     const auto serverOptions = serverOptionsOf(options);
     if (!serverOptions) return printError(serverOptions.error()), kBad;
     return serveLog({options.scene, options.endpoint, options.log, options.web, options.resources.ofFile(options.scene),
@@ -231,8 +234,9 @@ int Session::startLog() {
 void Session::lookAtLog() {
     if (!log_ || failed_ || log_->failure().empty()) return;
     printError(log_->failure());
-    printError(
-        fmt::format("the recording has ended; {} holds the session to state {}", logFile(), log_->acknowledged()));
+    printError(log_->acknowledged() > 0 ? fmt::format("the recording has ended; {} holds the session to state {}",
+                                                      logFile(), log_->acknowledged())
+                                        : "nothing was recorded");
     failed_ = true;
 }
 
@@ -302,7 +306,7 @@ int Session::close() {
         if (log_ && !failed_)
             fmt::print(stderr, "{} holds the session to state {}\n", logFile(), running_.scene().sequence());
         if (!options_.duration.empty() && running_.time() - from_ < duration_) {
-            printError(fmt::format("interrupted at {} of {} s", running_.time() - from_, duration_));
+            printError(fmt::format("interrupted at {:.3f} of {} s", running_.time() - from_, duration_));
             failed_ = true;
         }
     }

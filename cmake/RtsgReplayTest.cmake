@@ -9,7 +9,7 @@
 #     TOLERANCE <n>   the largest difference of any number; of rotations the angle, radians
 #     PICTURE <file>  the last state has to look like this; PICTURE_TOLERANCE <rmse>, default 0.01
 #     SOUND <file>    the run has to sound like this WAV; SOUND_TOLERANCE <dB>, default -40
-#     ARGUMENTS ...   for `rtsg replay`, such as --size 160x120 --viewpoint FRONT --seek 2s
+#     ARGUMENTS ...   for `rtsg replay`, such as --size 160x120 --viewpoint FRONT
 #   PROGRAM <target>  a program of yours that ends in rtsg::replayTestMain: called with the log, and to record with
 #                     --update; FIELDS, IGNORE and TOLERANCE go to it
 #

@@ -167,6 +167,7 @@ struct McapExport::Impl : InstanceSubscriber {
     Things shapes, placed;
     std::vector<std::uint32_t> movedShapes, movedPlaced, changedShapes;  // what a message is due of, each once
     /// Geometries and appearances, and the shapes that use them.
+    double latest = 0, shift = 0;  // of the messages' times
     std::unordered_map<std::uint32_t, std::unordered_set<std::uint32_t>> users;
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
     std::unordered_set<std::string> names;
@@ -263,9 +264,15 @@ struct McapExport::Impl : InstanceSubscriber {
         entityBytes += thing.entity.size();
     }
 
+    /// Another session of a log may begin with an earlier time: it goes on, as Replayer::time().
+    double inOrder(double time) {
+        shift += std::max(0., latest - (time + shift));
+        return latest = time + shift;
+    }
+
     Result<> apply(const Scene& scene, const ChangeSet& set, const InstanceDelta& delta) override {
         take(scene, delta);
-        const double t = std::max(0., scene.now());
+        const double t = inOrder(std::max(0., scene.now()));
         if (auto ok = writeFrames(t); !ok) return ok;
         if (auto ok = writeScene(t); !ok) return ok;
         if (set.from == set.to) return {};  // a moved viewer, no state of its own

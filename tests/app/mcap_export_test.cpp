@@ -367,6 +367,21 @@ ROUTE GROW.value_changed TO T.set_scale
     }
 }
 
+/// Two sessions in one log, the second of which begins at 0 again: messages go on in time.
+TEST_F(McapExport, SessionsThatBeginEarlierFollowEachOther) {
+    const std::string log = folder / "both.rlog", one = folder / "one.rlog", two = folder / "two.rlog";
+    writeFile(file, scene());
+    for (const std::string& part : {one, two})
+        ASSERT_EQ(rtsg({"record", file, "-o", part, "--for", "1s", "--fps", "10"}).status, 0);
+    writeFile(log, readFile(one) + readFile(two));
+    const std::string mcap = folder / "both.mcap", lines = folder / "both.lines";
+    ASSERT_EQ(rtsg({"replay", log, "--export", mcap, "--export-plain"}).status, 0);
+    const std::string command =
+        "python3 " RTSG_SOURCE_DIR "/tests/app/mcap_reader.py " + mcap + " > " + lines + " 2>&1";
+    ASSERT_EQ(std::system(command.c_str()), 0) << readFile(lines);
+    EXPECT_THAT(readFile(lines), testing::HasSubstr("\"time\": 2000000000")) << "of the last state";
+}
+
 TEST_F(McapExport, AFileThatCannotBeWrittenIsAnError) {
     writeFile(file, scene());
     const std::string log = folder / "a.rlog";

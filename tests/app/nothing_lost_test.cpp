@@ -261,6 +261,27 @@ TEST_F(FullDisk, ALogKeepsItsWholeFrames) {
     EXPECT_EQ(replayed.at("damaged"), 0);
 }
 
+/// A first state that has no room leaves no log without a state, and the one that it was to replace.
+TEST_F(FullDisk, ALogWithoutAStateIsNone) {
+    const std::string large = folder / "large.x3dv", taken = disk + "/a.rlog";
+    writeFile(large,
+              "#X3D V4.0 utf8\nPROFILE Core\nDEF M MetadataString { value \"" + std::string(20000, 'x') + "\" }\n");
+    const auto expectNone = [&](const std::vector<std::string>& arguments, std::size_t files) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 1) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, HasSubstr("No space left")) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, HasSubstr("nothing was recorded")) << testing::PrintToString(arguments);
+        EXPECT_EQ(left(), files) << testing::PrintToString(arguments);
+    };
+    expectNone({"record", large, "-o", taken, "--for", "200ms"}, 0);
+    expectNone({"serve", large, "--record", taken, "--for", "200ms"}, 0);
+    ASSERT_EQ(rtsg({"record", file, "-o", taken, "--for", "0s"}).status, 0);
+    const std::string before = readFile(taken);
+    expectNone({"record", large, "-o", taken, "--for", "200ms", "--force"}, 1);
+    expectNone({"serve", large, "--record", taken, "--for", "200ms", "--force"}, 1);
+    EXPECT_EQ(readFile(taken), before);
+}
+
 TEST_F(FullDisk, EndsTheRecordingNotTheSession) {
     const Outcome outcome = rtsg({"serve", file, "--bind", "ipc://" + folder / "socket", "--record", disk + "/a.rlog",
                                   "--for", "4s", "--fps", "200", "--linger", "0", "--json"});

@@ -162,6 +162,20 @@ TEST_F(ReplayAsTest, ATestThatCannotRunIsReportedAsFailed) {
     }
 }
 
+/// Who reads the reports only sees why there is no scene, and that a scene was not whole, as the exit status says.
+TEST_F(ReplayAsTest, ReportsSayWhatIsWrongWithTheScene) {
+    const std::string junit = folder / "a.xml", hurt = folder / "hurt.x3dv";
+    EXPECT_EQ(rerun({"--junit", junit, "--rerun", folder / "none.x3dv"}).status, 2) << "one scene";
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", folder / "none.x3dv", "--junit", junit}).status, 1);
+    EXPECT_THAT(readFile(junit), HasSubstr("No such file or directory"));
+    writeFile(hurt, readFile(file) + "\nROUTE NOBODY.x TO BOX.translation\n");
+    const Outcome rest = rtsg({"replay", log, "--rerun", hurt, "--junit", junit});
+    EXPECT_EQ(rest.status, 1);
+    EXPECT_THAT(rest.out, HasSubstr("22 of 22 states as recorded: failed"));
+    EXPECT_THAT(rest.err, HasSubstr(hurt + " has 1 error: what was run is the rest of it"));
+    EXPECT_THAT(readFile(junit), HasSubstr("failures=\"1\""));
+}
+
 TEST_F(ReplayAsTest, WhatIsWrongIsNamedAsItWasTyped) {
     EXPECT_THAT(rerun({"--field", "BOX.*", "--tolerance", "-1"}).err, HasSubstr("--tolerance: -1"));
     EXPECT_THAT(rerun({"--expect-picture", folder / "a.x3dv"}).err,

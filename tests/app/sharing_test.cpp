@@ -151,13 +151,23 @@ TEST_F(Mirror, PartsThatNobodyFollowsMakeRoom) {
 }
 
 TEST_F(Mirror, PortsThatDoNotExistAreNoOthers) {
+    const std::string log = folder / "played.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0s"}).status, 0);
     for (const std::vector<std::string>& arguments :
          {std::vector<std::string>{"serve", file, "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
+          {"serve", log, "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
+          {"relay", "ipc://" + folder / "nobody", "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
           {"mirror", "tcp://127.0.0.1:70000", "--for", "50ms", "--wait", "50ms"},
           {"relay", "tcp://127.0.0.1:70000", "--for", "50ms"}}) {
         const Outcome outcome = rtsg(arguments);
-        EXPECT_NE(outcome.status, 0) << arguments[0];
+        EXPECT_EQ(outcome.status, 2) << arguments[0];
         EXPECT_THAT(outcome.err, HasSubstr("at most 65535")) << arguments[0];
+    }
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"serve", file, "--bind", "nowhere"}, {"mirror", "nowhere"}, {"relay", "nowhere"}}) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << arguments[0];
+        EXPECT_THAT(outcome.err, HasSubstr("'nowhere' is no endpoint")) << arguments[0];
     }
 }
 
@@ -249,6 +259,13 @@ TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
     EXPECT_EQ(a.status, 0) << a.err;
     EXPECT_EQ(b.status, 1) << b.out;
     EXPECT_EQ(json::parse(b.out).at("frames"), 0);
+    EXPECT_THAT(b.err, HasSubstr("does not answer without --key"));
+    // Nor has it those whose key is another's.
+    const std::string others = folder / "others";
+    EXPECT_EQ(rtsg({"serve", file, "--key", others, "--for", "0s", "--bind", "ipc://" + folder / "alone"}).status, 0);
+    const Outcome c = rtsg({"mirror", endpoint, "--key", others, "--wait", "500ms"});
+    EXPECT_EQ(c.status, 1);
+    EXPECT_THAT(c.err, HasSubstr("whose list lacks the key"));
     EXPECT_EQ(server->wait().status, 0);
 }
 
@@ -360,7 +377,7 @@ TEST_F(Mirror, ALogIsPlayedToMirrorsAndDoesWhatTheySay) {
     EXPECT_THAT(refused.err, HasSubstr("refused: this server takes no requests"));
     EXPECT_EQ(server->wait().status, 0);
 
-    play({"--for", "1s", "--paused", "--control"}, "step 3\nnonsense\nseek 2s\n");
+    play({"--for", "1s", "--paused", "--control"}, "step 3\nnonsense\nseek 2s");
     const Outcome ended = server->wait();
     EXPECT_EQ(ended.status, 0) << ended.err;
     EXPECT_THAT(ended.out, HasSubstr("\"t\":0.150000"));
@@ -490,6 +507,10 @@ TEST_F(Mirror, ARelayPassesASessionOn) {
     const json report = json::parse(mirror.out);
     expectEqual(report);
     EXPECT_EQ(report.at("accepted"), 1);
+    // Commands are the player's alone, which may be far behind it.
+    const Outcome command = rtsg({"mirror", leaf, "--for", "100ms", "--control", "pause"});
+    EXPECT_EQ(command.status, 1);
+    EXPECT_THAT(command.err, HasSubstr("a relay passes no commands on"));
     // Having had none, too.
     const Outcome nobody = rtsg({"relay", "ipc://" + folder / "nobody", "--for", "100ms"});
     EXPECT_EQ(nobody.status, 1);
@@ -501,6 +522,35 @@ TEST_F(Mirror, ARelayPassesASessionOn) {
     EXPECT_EQ(ended.status, 1);
     EXPECT_THAT(ended.err, HasSubstr("no origin for 5"));
     EXPECT_EQ(json::parse(lastLine(ended.out)).at("requests"), 1);
+}
+
+/// As a scene that is served, or mirrored.
+TEST_F(Mirror, ALogOrARelayThatIsInterruptedBeforeItsTimeIsStatusOne) {
+    const std::string log = folder / "cut.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms"}).status, 0);
+    serve({"--for", "60s"}, "ipc://" + folder / "socket");
+    for (const std::vector<std::string>& verb : {std::vector<std::string>{"serve", log}, {"relay", endpoint}}) {
+        for (const bool limited : {false, true}) {
+            std::vector<std::string> arguments = verb;
+            if (limited) arguments.insert(arguments.end(), {"--for", "60s"});
+            Program program(arguments, streams());
+            ASSERT_NE(program.firstLine(), "");
+            program.signal(SIGINT);
+            const Outcome ended = program.wait();
+            EXPECT_EQ(ended.status, limited ? 1 : 0) << verb[0] << ": " << ended.err;
+            EXPECT_EQ(ended.err.contains("of 60 s"), limited) << ended.err;
+        }
+    }
+}
+
+/// What a server had kept comes at once, and is no rate.
+TEST_F(Mirror, FramesASecondAreThoseSinceItJoined) {
+    serve({"--for", "60s"}, "ipc://" + folder / "socket");
+    const Outcome first = rtsg({"mirror", endpoint, "--for", "500ms"});
+    EXPECT_EQ(first.status, 0) << first.err;
+    const json report = json::parse(rtsg({"mirror", endpoint, "--for", "0s", "--json"}).out);
+    EXPECT_GT(report.at("frames"), 0);
+    EXPECT_EQ(report.at("fps"), 0) << report;
 }
 
 TEST_F(Mirror, ALongestRecordIsKept) {

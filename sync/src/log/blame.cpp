@@ -45,7 +45,7 @@ Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::stri
         before = now;
         FieldStep step;
         step.state = scene.sequence();
-        step.time = scene.now();
+        step.time = replayer.time();
         step.value = fieldText(scene, path).value_or("");
         if (replayer.lastSet().isSnapshot()) {
             step.cause = "as the log begins, or goes on";

@@ -75,7 +75,7 @@ Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOption
         if (!more) continue;  // goes on at the next keyframe
         if (options.progress && !options.progress(from.log().position(), from.log().size())) return fail("cancelled");
         const Scene& scene = from.scene();
-        if (scene.now() > options.to && from.head().epoch == epoch) break;
+        if (from.time() > options.to) break;
         ++report.statesRead;
         if (from.head().epoch != epoch && from.unclosedSessions() == unclosed)
             if (auto ok = merger.endSession(scene); !ok) return std::unexpected(ok.error());

@@ -9,7 +9,7 @@
 namespace rtsg {
 
 void LogCheck::note(std::uint64_t frame, std::string text) {
-    if (!first_) first_ = Divergence{frame, replayer_.scene().now(), {}, {}, std::move(text)};
+    if (!first_) first_ = Divergence{frame, replayer_.time(), {}, {}, std::move(text)};
 }
 
 /// `arrived`: the step has led to a state.
@@ -25,7 +25,7 @@ void LogCheck::noteGap(std::uint64_t before, bool arrived) {
 
 Result<bool> LogCheck::step() {
     const std::uint64_t before = replayer_.scene().sequence();
-    const double endedAt = replayer_.scene().now();
+    const double endedAt = replayer_.time();
     // Opening it has read on to the first intact head.
     const std::uint64_t from = replayer_.frames() == 0 ? 0 : replayer_.log().position();
     const Result<bool> more = replayer_.step();

@@ -34,9 +34,8 @@ Result<std::unique_ptr<LogPlayer>> LogPlayer::open(const std::filesystem::path& 
     Replayer& log = *player->replayer_;
     // How long it is, its end says.
     if (auto ok = log.seek(std::numeric_limits<double>::infinity()); !ok) return std::unexpected(ok.error());
-    const double end = log.scene().now();
     player->start_ = log.keyframes().front().time;
-    player->length_ = std::max(end - player->start_, 0.0);
+    player->length_ = std::max(log.time() - player->start_, 0.0);
     if (auto ok = player->seek(0); !ok) return std::unexpected(ok.error());
     return player;
 }
@@ -59,10 +58,11 @@ Result<> LogPlayer::advance(double seconds) {
             ended_ = true;
             break;
         }
-        if (*next - start_ > until) break;
+        // Another session may begin with an earlier time: it follows at once.
+        if (reached() + std::max(*next - scene().now(), 0.0) > until) break;
         if (const Result<bool> more = one(); !more) return std::unexpected(more.error());
         if (std::chrono::steady_clock::now() - began > kLongestTurn) {
-            clock_ = std::max(clock_, scene().now() - start_);
+            clock_ = std::max(clock_, reached());
             return {};
         }
     }
@@ -80,7 +80,7 @@ Result<> LogPlayer::step(std::uint64_t states) {
     paused_ = true;
     for (std::uint64_t i = 0; i < states && !ended_; ++i)
         if (const Result<bool> more = one(); !more) return std::unexpected(more.error());
-    clock_ = std::clamp(scene().now() - start_, 0.0, length_);
+    clock_ = std::clamp(reached(), 0.0, length_);
     return {};
 }
 

@@ -36,10 +36,11 @@ class Counter {
         }
         if (std::exchange(first_, false)) {
             s_.firstState = header.to;
-            s_.start = header.time;
+            s_.start = s_.end = header.time;
         }
         s_.lastState = header.to;
-        s_.end = header.time;
+        shift_ += std::max(0.0, s_.end - (header.time + shift_));
+        s_.end = header.time + shift_;
     }
 
   private:
@@ -58,6 +59,7 @@ class Counter {
 
     LogSummary& s_;
     bool first_ = true;
+    double shift_ = 0;  // where a session begins with an earlier time than the one before ended with
     std::uint64_t epoch_ = 0, lastStep_ = 0, lastKeyframe_ = 0;
 };
 

@@ -145,6 +145,7 @@ Result<> Replayer::apply(const LogReader::Record& record) {
     if (!ok) return lose(record.offset, header.to, ok.error().text);
     lost_ = told_ = false;
     ++frames_;
+    noteTime(header);
     if (decoder_.originHash()) set_->hash = scene_->hash();
     check(header, *set_);
     return {};
@@ -196,6 +197,7 @@ Result<bool> Replayer::takeInput(const LogReader::Record& record) {
     }
     set_ = std::move(input);
     ++frames_;
+    noteTime(header);
     check(header, *set_);
     lost_ = !*taken;
     return true;
@@ -207,7 +209,7 @@ void Replayer::check(const RecordHeader& header, const ChangeSet& set) {
         return;
     }
     if (divergence_) return;
-    Divergence found{header.to, header.time, {}, {}, {}};
+    Divergence found{header.to, time_, {}, {}, {}};
     const auto adopt = [&found](std::optional<Divergence> exact, std::string_view seen) {
         if (!exact) return false;
         found.node = std::move(exact->node);
@@ -323,7 +325,65 @@ bool Replayer::startAt(const LogKeyframe& keyframe) {
     if (!head || !adoptHead(head->bytes)) return false;
     const auto record = recordAt(keyframe.offset, RecordKind::keyframe);
     lost_ = true;
+    shift_ = shiftAt(keyframe.offset);
+    time_ = -std::numeric_limits<double>::infinity();
     return record && record->header.to == keyframe.to && apply(*record);
+}
+
+/// What time() would be in the state that the record leads to.
+double Replayer::timeOf(const RecordHeader& header) const {
+    const double time = header.time + shift_;
+    return lost_ ? std::max(time, time_) : time;
+}
+
+void Replayer::noteTime(const RecordHeader& header) {
+    const double time = header.time + shift_;
+    if (time < time_) shift_ += time_ - time;
+    time_ = header.time + shift_;
+}
+
+double Replayer::shiftAt(std::uint64_t offset) const {
+    double shift = 0;
+    for (const Turn& turn : *turns_)
+        if (turn.offset <= offset) shift = turn.shift;
+    return shift;
+}
+
+/// Within a session time goes on, so that one whose first and last keyframe are of one session need not be read.
+void Replayer::findTurns() {
+    if (turns_) return;
+    turns_.emplace();
+    const std::uint64_t from = log_.keyframes().front().head, to = log_.keyframes().back().head;
+    Result<LogReader> log = from == to ? fail("") : LogReader::open(log_.file());
+    if (!log) return;
+    const auto epochAt = [&](std::uint64_t offset) -> std::optional<std::uint64_t> {
+        log->seek(offset);
+        const auto record = log->next();
+        if (!record || record->offset != offset) return std::nullopt;
+        const auto head = decodeHead(record->bytes);
+        return head ? std::optional(head->epoch) : std::nullopt;
+    };
+    if (const auto first = epochAt(from); first && first == epochAt(to)) return;
+    log->seek(0);
+    double last = -std::numeric_limits<double>::infinity(), shift = 0;
+    std::uint64_t epoch = 0, beginsAt = 0;
+    bool begins = false;  // a session, of which no state has come yet
+    while (const std::optional<LogReader::Record> record = log->next()) {
+        const RecordHeader& header = record->header;
+        if (header.kind == RecordKind::head) {
+            const auto head = decodeHead(record->bytes);
+            if (!head || std::exchange(epoch, head->epoch) == head->epoch) continue;
+            begins = true;
+            beginsAt = record->offset;
+        } else if (header.kind != RecordKind::index) {
+            if (begins && header.time + shift < last) {
+                shift = last - header.time;
+                turns_->push_back({beginsAt, shift});
+            }
+            begins = false;
+            last = std::max(last, header.time + shift);
+        }
+    }
 }
 
 /// Goes on to the last state that is not after `time`; frames between two heads come as one set.
@@ -338,6 +398,7 @@ Result<> Replayer::composeUntil(double time) {
         if (decoder_.originHash()) merged->hash = {};
         if (auto ok = scene_->apply(merged); !ok) return lose(log_.position(), last->to, ok.error().text);
         ++frames_;
+        noteTime(*last);
         if (decoder_.originHash()) merged->hash = scene_->hash();
         check(*last, *merged);
         last.reset();
@@ -350,7 +411,7 @@ Result<> Replayer::composeUntil(double time) {
             if (auto ok = flush(); !ok) return ok;
             if (auto ok = adoptHead(record->bytes); !ok) return ok;
         } else if (header.kind == RecordKind::input && runner_) {
-            if (header.from != header.to && header.time > time) {
+            if (header.from != header.to && timeOf(header) > time) {
                 log_.seek(record->offset);
                 break;
             }
@@ -358,7 +419,7 @@ Result<> Replayer::composeUntil(double time) {
             if (auto ran = takeInput(*record); !ran) return std::unexpected(ran.error());
         } else if (!frame && header.kind != RecordKind::keyframe) {
             continue;
-        } else if (header.time > time) {
+        } else if (timeOf(header) > time) {
             log_.seek(record->offset);
             break;
         } else if (frame && !lost_ && header.from == (last ? last->to : scene_->sequence())) {
@@ -379,10 +440,11 @@ Result<> Replayer::composeUntil(double time) {
 Result<> Replayer::seek(double time) {
     const std::vector<LogKeyframe>& keyframes = log_.keyframes();
     if (keyframes.empty()) return fail("no keyframe to start from", {}, log_.file().string());
+    findTurns();
     std::size_t best = 0;
     for (std::size_t i = 0; i < keyframes.size(); ++i)
-        if (keyframes[i].time <= time) best = i;
-    const bool ahead = !lost_ && scene_->now() <= time && keyframes[best].offset < log_.position();
+        if (keyframes[i].time + shiftAt(keyframes[i].offset) <= time) best = i;
+    const bool ahead = !lost_ && time_ <= time && keyframes[best].offset < log_.position();
     if (!ahead) {
         // A damaged keyframe costs the way from the one before it; the first ones have nothing before them.
         std::size_t tried = best + 1;

@@ -13,7 +13,8 @@ namespace rtsg {
 
 Result<NodeId> InputPlayer::here(NodeId node) const {
     if (!recorded_ || !node || node == live_.root()) return node;
-    if (const auto found = made_.find(node.value); found != made_.end()) return found->second;
+    if (const auto found = made_.find(node.value); found != made_.end() && live_.find(found->second))
+        return found->second;
     const std::string_view name = recorded_->name(node);
     if (!name.empty()) {
         NodeId scope;
@@ -132,6 +133,15 @@ std::string InputPlayer::describe(const Change& change) const {
     return text;
 }
 
+void InputPlayer::begin() {
+    if (recorded_) recorded_->forEachNode([this](const Node& node) { pair(node.id()); });
+}
+
+void InputPlayer::pair(NodeId node) {
+    if (recorded_->name(node).empty()) return;
+    if (const Result<NodeId> found = here(node)) made_[node.value] = *found;
+}
+
 Result<> InputPlayer::run(const ChangeSet& set) {
     sent_.clear();
     for (const Change& change : set.changes)
@@ -153,10 +163,16 @@ Result<> InputPlayer::run(const ChangeSet& set) {
         if (auto ok = edit(set, change); !ok)
             return fail(fmt::format("recorded input of {} is refused: {}", describe(change), ok.error().text));
     }
+    if (const auto& authors = exact ? set.input->authors : set.authors)
+        for (const Authored& one : *authors)
+            if (const auto place = here(one.node, one.field)) live_.attribute(one.author, place->node, place->field);
     if (ran)
         live_.newFrame(set.time);
     else
         live_.seal();
+    if (recorded_)
+        for (const Change& change : set.changes)
+            if (change.kind == ChangeKind::setName && recorded_->find(change.node)) pair(change.node);
     return {};
 }
 

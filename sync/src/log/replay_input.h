@@ -19,6 +19,9 @@ class InputPlayer {
     explicit InputPlayer(Scene& live, const Scene* recorded = nullptr, ReplayInput which = ReplayInput::everything)
         : live_(live), recorded_(recorded), which_(which) {}
 
+    /// Both scenes are in the session's first state. Pairs nodes that have names, so that they are known when they are
+    /// renamed or destroyed later.
+    void begin();
     /// Makes the set's external edits, queues its events, and runs or seals the frame as the origin did. What the live
     /// scene will not take, because it is another, is the error.
     Result<> run(const ChangeSet& set);
@@ -33,12 +36,13 @@ class InputPlayer {
     Result<Value> here(Value value) const;
     Result<> create(const Change& change);
     Result<> edit(const ChangeSet& set, const Change& change);
+    void pair(NodeId node);
     std::string describe(const Change& change) const;
 
     Scene& live_;
     const Scene* recorded_;
     ReplayInput which_;
-    std::unordered_map<std::uint32_t, NodeId> made_;   // by us, for nodes that the application created
+    std::unordered_map<std::uint32_t, NodeId> made_;   // by us, for nodes that the application created; named ones
     std::vector<std::pair<NodeId, FieldIndex>> sent_;  // what this frame's events go to, sorted
 };
 

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/sync/log_check.h>
+
 #include "replay_input.h"
 
 namespace rtsg {
@@ -18,6 +20,7 @@ class Run {
     Run(const ReplayTest& test, Replayer& recorded)
         : test_(test),
           recorded_(recorded),
+          check_(recorded),
           input_(scene_, test.update || test.compared.any() ? &recorded.scene() : nullptr,
                  test.application ? ReplayInput::eventsOnly : ReplayInput::everything) {}
 
@@ -109,7 +112,7 @@ class Run {
 
     /// The first state, before anything runs.
     Result<> start() {
-        const Result<bool> first = recorded_.step();
+        const Result<bool> first = check_.step();
         if (!first) return std::unexpected(first.error());
         if (!*first) return fail("no intact state", {}, test_.log.string());
         if (test_.build) {
@@ -117,6 +120,7 @@ class Run {
             if (const double t = recorded_.scene().now(); t > 0) scene_.newFrame(t);
             if (auto ok = test_.build(scene_); !ok) return ok;
             scene_.seal();
+            input_.begin();
         }
         if (test_.attach)
             if (auto ok = test_.attach(scene()); !ok) return ok;
@@ -141,21 +145,14 @@ class Run {
 
     /// Steps the recorded side, and says what of it cannot be trusted.
     bool next() {
-        const std::uint64_t before = recorded_.scene().sequence();
-        const Result<bool> more = recorded_.step();
-        if (!more) diverge(more.error().text);
-        if (!recorded_.log().damage().empty()) {
-            const LogDamage& d = recorded_.log().damage().front();
-            diverge(fmt::format("bytes {} to {} of the log are damaged: {}", d.offset, d.offset + d.length, d.text));
-        }
-        if (recorded_.gaps() > 0)
-            diverge(fmt::format("states {} to {} are missing in the log", before + 1, recorded_.scene().sequence()));
-        if (!done() && recorded_.divergence()) report_.divergence = recorded_.divergence();
+        const Result<bool> more = check_.step();
+        if (!done()) report_.divergence = check_.first();
         return more && *more && !done();
     }
 
     Result<> rerunFrame() {
         const ChangeSet& set = recorded_.lastSet();
+        if (set.isSnapshot()) return fail("here another session begins in the log: only one can be run again");
         if (set.to != set.from + 1)
             return fail(
                 fmt::format("states {} to {} were merged in the log, their input is gone", set.from + 1, set.to));
@@ -189,6 +186,7 @@ class Run {
 
     const ReplayTest& test_;
     Replayer& recorded_;
+    LogCheck check_;
     Scene scene_;
     InputPlayer input_;
     ReplayReport report_;

@@ -86,11 +86,9 @@ Result<> LogWriter::openFile() {
     std::filesystem::path target = file_, fresh = file_;
     if (there) {
         // Whoever still writes the old one would go on with a file that nobody finds.
-        const int old = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
-        if (old < 0) return std::unexpected(failure("cannot write", errno));
-        const bool free = lockForWriting(old);
-        ::close(old);
-        if (!free) return fail("another log writer has the file open", {}, file_.string());
+        replaced_ = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
+        if (replaced_ < 0) return std::unexpected(failure("cannot write", errno));
+        if (!lockForWriting(replaced_)) return fail("another log writer has the file open", {}, file_.string());
         std::error_code error;
         target = std::filesystem::canonical(file_, error);
         if (error) return fail("cannot write: " + error.message(), {}, file_.string());
@@ -104,12 +102,31 @@ Result<> LogWriter::openFile() {
         return std::unexpected(failure("cannot write", ENOSPC));
     }
     if (!lockForWriting(descriptor_)) return fail("another log writer has the file open", {}, file_.string());
-    if (there && ::rename(fresh.c_str(), target.c_str()) != 0) {
-        const int error = errno;
-        ::unlink(fresh.c_str());
-        return std::unexpected(failure("cannot replace", error));
-    }
+    made_ = fresh;
+    if (there) target_ = target;
     return {};
+}
+
+/// With its first state in it the new file takes the place of the old one: a disk that is full costs nobody a log.
+Result<> LogWriter::takePlace() {
+    if (replaced_ < 0) return {};
+    if (::rename(made_.c_str(), target_.c_str()) != 0) {
+        broken_ = true;
+        return std::unexpected(failure("cannot replace", errno));
+    }
+    made_ = target_;
+    ::close(std::exchange(replaced_, -1));
+    return {};
+}
+
+/// Nothing is left of a log without a state, unless somebody else has put something there.
+void LogWriter::discard() {
+    if (frames_ > 0 || made_.empty()) return;
+    struct stat ours{}, there{};
+    if (::fstat(descriptor_, &ours) == 0 && ::stat(made_.c_str(), &there) == 0 && ours.st_dev == there.st_dev &&
+        ours.st_ino == there.st_ino)
+        ::unlink(made_.c_str());
+    size_ = 0;
 }
 
 Result<> LogWriter::openAppended() {
@@ -126,12 +143,22 @@ Result<> LogWriter::openAppended() {
     }
     if (::ftruncate(descriptor_, static_cast<off_t>(size_)) != 0)
         return std::unexpected(failure("cannot append", errno));
+    dropSecondName();
     if (options_.keepSeconds > 0 && options_.epoch != 0) adoptPieces();
     return {};
 }
 
+/// That it was being given to be a piece when its writer was killed.
+void LogWriter::dropSecondName() {
+    const auto pieces = earlierPieces(file_);
+    std::error_code error;
+    if (!pieces.empty() && !std::filesystem::is_symlink(pieces.back(), error) && sameFile(pieces.back(), file_))
+        std::filesystem::remove(pieces.back(), error);
+}
+
 LogWriter::~LogWriter() {
     (void)close();  // who wants to know of errors calls it before
+    if (replaced_ >= 0) ::close(replaced_);
 }
 
 Result<> LogWriter::beginEpoch() {
@@ -235,6 +262,7 @@ Result<> LogWriter::write(const ChangeSet& changes) {
     if (!pieceStart_) pieceStart_ = changes.time;
     if (!sessionStart_) sessionStart_ = changes.time;
     if (auto ok = writeFrame(changes); !ok) return ok;
+    if (auto ok = takePlace(); !ok) return ok;
     ++frames_;
     if (options_.sync == LogOptions::Sync::always ||
         (options_.sync == LogOptions::Sync::atKeyframes && changes.isSnapshot()))
@@ -331,31 +359,35 @@ Result<std::filesystem::path> LogWriter::freePieceName() {
     return fail("there is no number left for its next piece", {}, file_.string());
 }
 
-/// The file as it is becomes a piece, closed in order; its name goes to a new one that begins with `state`.
+/// The file as it is becomes a piece, closed in order; its name goes to a new one that begins with `state`, once that
+/// is in it: whenever the process is killed, the log's own name leads to a session that can be gone on with.
 Result<> LogWriter::rotate(const ChangeSet& state) {
     if (auto ok = checkFile(); !ok) return ok;
     if (auto ok = writeIndex(); !ok) return ok;
     if (auto ok = flush(); !ok) return ok;
     const auto piece = freePieceName();
     if (!piece) return std::unexpected(piece.error());
-    if (::rename(file_.c_str(), piece->c_str()) != 0) return std::unexpected(failure("cannot rotate", errno));
-    ::close(std::exchange(descriptor_, -1));
-    pieces_.emplace_back(*piece, state.time);
+    const std::filesystem::path fresh = freshNameBeside(*piece);
+    const int old = std::exchange(descriptor_, -1);
     size_ = 0;
     keyframes_.clear();
     pieceStart_.reset();
-    options_.append = false;
-    options_.existing = Existing::keep;  // nothing is there: if something is, somebody else has put it there
-    if (auto ok = beginPiece(state); !ok) {
-        takeBack(*piece);
-        return ok;
+    Result<> done = beginPiece(fresh, state);
+    if (done) done = putInPlace(fresh, *piece);
+    ::close(old);  // which nobody else may write until it has its other name
+    if (!done) {
+        broken_ = true;
+        ::unlink(fresh.c_str());
+        return done;
     }
+    pieces_.emplace_back(*piece, state.time);
     dropOldPieces(state.time);
     return {};
 }
 
-Result<> LogWriter::beginPiece(const ChangeSet& state) {
-    if (auto ok = openFile(); !ok) return ok;
+Result<> LogWriter::beginPiece(const std::filesystem::path& fresh, const ChangeSet& state) {
+    descriptor_ = ::open(fresh.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (descriptor_ < 0 || !lockForWriting(descriptor_)) return std::unexpected(failure("cannot write", errno));
     // Its own first state says no longer when the session began.
     encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_, sessionStart_);
     if (auto ok = writeHead(); !ok) return ok;
@@ -365,12 +397,18 @@ Result<> LogWriter::beginPiece(const ChangeSet& state) {
     return {};
 }
 
-/// The next file could not be begun (the disk is full): who goes on with the session finds it under the log's own name,
-/// whole as far as it goes, and not an empty one.
-void LogWriter::takeBack(const std::filesystem::path& piece) {
-    broken_ = true;
-    if (descriptor_ >= 0) ::unlink(file_.c_str());  // else what is there, if anything, is somebody else's
-    if (::renameat2(AT_FDCWD, piece.c_str(), AT_FDCWD, file_.c_str(), RENAME_NOREPLACE) == 0) pieces_.pop_back();
+/// Under two names for an instant; where the file system knows no such thing, under none.
+Result<> LogWriter::putInPlace(const std::filesystem::path& fresh, const std::filesystem::path& piece) {
+    const bool linked = ::link(file_.c_str(), piece.c_str()) == 0;
+    if (!linked && (errno == ENOENT || errno == EEXIST || ::rename(file_.c_str(), piece.c_str()) != 0))
+        return std::unexpected(failure("cannot rotate", errno));
+    if (::rename(fresh.c_str(), file_.c_str()) == 0) return {};
+    const int error = errno;
+    if (linked)
+        ::unlink(piece.c_str());
+    else
+        ::renameat2(AT_FDCWD, piece.c_str(), AT_FDCWD, file_.c_str(), RENAME_NOREPLACE);
+    return std::unexpected(failure("cannot rotate", error));
 }
 
 void LogWriter::dropOldPieces(double now) {
@@ -387,8 +425,10 @@ Result<> LogWriter::writeIndex() {
 }
 
 void LogWriter::abandon() {
-    if (descriptor_ >= 0) ::close(descriptor_);
-    descriptor_ = -1;
+    if (descriptor_ < 0) return;
+    discard();
+    ::close(std::exchange(descriptor_, -1));
+    if (replaced_ >= 0) ::close(std::exchange(replaced_, -1));
 }
 
 Result<> LogWriter::close() {
@@ -396,6 +436,8 @@ Result<> LogWriter::close() {
     Result<> result = checkFile();
     if (result && !broken_) result = writeIndex();
     if (result && !broken_) result = flush();
+    if (broken_ || replaced_ >= 0) discard();
+    if (replaced_ >= 0) ::close(std::exchange(replaced_, -1));
     if (::close(descriptor_) != 0 && result) result = std::unexpected(failure("cannot close", errno));
     descriptor_ = -1;
     return result;

@@ -361,15 +361,25 @@ Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author,
 
     std::vector<std::string> kept;
     std::size_t done = 0, more = 0;
+    bool waits = false;
     Taking taking = look(step, author);
     const auto now = NodeLocks::Clock::now();
+    const auto isLocked = [&](const Item& item) {
+        std::string why = locks.refusal(scene, item.back, author, now);
+        if (!item.lost) return why;
+        for (const Change& place : item.lost->places)
+            if (why.empty()) why = locks.refusal(scene, place.node, author, now);
+        for (const Route& route : item.lost->routes)
+            for (const NodeId end : {route.fromNode, route.toNode})
+                if (why.empty()) why = locks.refusal(scene, end, author, now);
+        return why;
+    };
     for (Item& item : std::views::reverse(step.items)) {
         if (!taking.renamed.empty()) rename(item, taking.renamed);
         std::string why = whyKept(scene, item, taking);
-        if (why.empty()) why = locks.refusal(scene, item.back.node, author, now);
+        if (why.empty()) waits |= !(why = isLocked(item)).empty();
         if (why.empty()) {
-            const auto ok =
-                item.lost ? bringBack(scene, item, author, taking.renamed) : carryOut(scene, std::move(item), author);
+            const auto ok = item.lost ? bringBack(scene, item, author, taking.renamed) : carryOut(scene, item, author);
             if (ok)
                 ++done;
             else
@@ -383,8 +393,12 @@ Result<std::string> EditHistory::takeBack(Scene& scene, std::string_view author,
     forget();
     std::string text = fmt::format("{}", fmt::join(kept, "; "));
     if (more > 0) text += fmt::format("; and {} more", more);
-    if (done == 0) return fail(text);
-    return text;
+    if (done > 0) return text;
+    if (waits) {  // for a lock to end
+        bytes_ += step.bytes;
+        from.push_back(std::move(step));
+    }
+    return fail(text);
 }
 
 }  // namespace rtsg::mirror

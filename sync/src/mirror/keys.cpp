@@ -11,6 +11,8 @@
 #include <unistd.h>
 #include <zmq.h>
 
+#include "zmq_socket.h"
+
 namespace rtsg {
 
 namespace {
@@ -117,6 +119,7 @@ Result<bool> isLocalEndpoint(const std::string& endpoint) {
     const std::size_t colon = endpoint.rfind(':');
     if (!endpoint.starts_with("tcp://") || colon < 6 || colon + 1 >= endpoint.size())
         return fail(fmt::format("'{}' is no endpoint: tcp://HOST:PORT or ipc://PATH", endpoint));
+    if (auto port = checkPort(endpoint); !port) return std::unexpected(port.error());
     const std::string host = endpoint.substr(6, colon - 6);
     if (host == "localhost" || host == "[::1]") return true;
     in_addr address{};

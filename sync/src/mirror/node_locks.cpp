@@ -1,6 +1,8 @@
 // Leases of nodes: given, renewed, asked for, and forgotten when their time is over.
 #include "node_locks.h"
 
+#include <vector>
+
 #include <fmt/format.h>
 
 #include "codec/node_label.h"
@@ -31,6 +33,24 @@ std::string NodeLocks::refusal(const Scene& scene, NodeId node, std::string_view
     const std::chrono::duration<double> left = found->second.until - now;
     return fmt::format("{} is locked by {} for another {:.1f} s", nodeLabel(scene, node), found->second.author,
                        left.count());
+}
+
+std::string NodeLocks::refusal(const Scene& scene, const Change& change, std::string_view author,
+                               Clock::time_point now) const {
+    std::vector<NodeId> touched{change.node};
+    const Node* node = scene.find(change.node);
+    if (change.kind == ChangeKind::addRoute || change.kind == ChangeKind::removeRoute) {
+        touched.push_back(change.other);
+    } else if (change.kind == ChangeKind::setName && change.value.holds<String>()) {
+        touched.push_back(scene.findName(change.value.as<String>().view(), node ? node->scope() : NodeId{}));
+    } else if (change.kind == ChangeKind::destroyNode && node) {
+        for (const ParentRef& parent : scene.parents(change.node)) touched.push_back(parent.node);
+        for (const Route& route : scene.routesFrom(change.node)) touched.push_back(route.toNode);
+        for (const Route& route : scene.routesTo(change.node)) touched.push_back(route.fromNode);
+    }
+    for (const NodeId one : touched)
+        if (std::string why = refusal(scene, one, author, now); !why.empty()) return why;
+    return {};
 }
 
 }  // namespace rtsg::mirror

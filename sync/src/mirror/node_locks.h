@@ -26,6 +26,9 @@ class NodeLocks {
                   std::chrono::milliseconds lease, Clock::time_point now);
     /// Why `author` may not touch the node now; empty if they may.
     std::string refusal(const Scene& scene, NodeId node, std::string_view author, Clock::time_point now) const;
+    /// The same of all nodes that the change is about: both ends of a route, who loses a name to another node, and what
+    /// refers to one that ends.
+    std::string refusal(const Scene& scene, const Change& change, std::string_view author, Clock::time_point now) const;
     bool empty() const { return locks_.empty(); }
 
   private:

@@ -209,7 +209,9 @@ void MirrorServer::service() {
     }
     const bool any = !submissions.empty() || !controls.empty();
     for (Shared::Control& control : controls) {
-        control.text = controller_ ? controller_(control.text) : "refused: no log is played here";
+        control.text = controller_ ? controller_(control.text)
+                       : forward_  ? "refused: a relay passes no commands on; ask the server that plays the log"
+                                   : "refused: no log is played here";
         const std::scoped_lock lock(shared_->mutex);
         shared_->replies.push_back(std::move(control));
     }

@@ -168,7 +168,8 @@ void MirrorServer::Io::turn() {
     if (came.connections) {
         const MirrorGate::Failures failures = gate_.failures();
         statistics_.refused += failures.refused;
-        if (failures.refused) shared_->report(Severity::warning, "refused a connection: its key is not on the list");
+        for (std::uint64_t i = 0; i < failures.refused; ++i)
+            warn(++strangers_, "refused a connection: its key is not on the list");
         for (std::uint64_t i = 0; i < failures.garbage; ++i) garbage("a connection that did not speak the protocol");
     }
     gate_.connections().look(Clock::now());
@@ -473,14 +474,17 @@ bool MirrorServer::Io::sendTo(const std::string& identity, const ByteBuffer& hea
     return router_.send(to, true) && router_.send(first, body != nullptr) && (!body || router_.send(*body));
 }
 
-/// A program without the key tries again twenty times a second, for as long as it is left to: of many only each that
-/// doubles their number is told.
 void MirrorServer::Io::garbage(std::string text) {
+    warn(++statistics_.garbage, "ignored " + std::move(text));
+}
+
+/// Who is turned away tries again, up to twenty times a second, for as long as it is left to: of many such things
+/// (`by`: how many they are by now) only each that doubles their number is told.
+void MirrorServer::Io::warn(std::uint64_t by, std::string text) {
     constexpr std::uint64_t kAllTold = 8;
-    const std::uint64_t by = ++statistics_.garbage;
     if (by > kAllTold && !std::has_single_bit(by)) return;
     if (by > kAllTold) text += fmt::format("; {} such things by now", by);
-    shared_->report(Severity::warning, "ignored " + std::move(text));
+    shared_->report(Severity::warning, std::move(text));
 }
 
 void MirrorServer::Io::publishStatistics() {

@@ -204,6 +204,7 @@ class MirrorServer::Io {
     /// With its state and the scene's. False when the peer is gone.
     bool ping(const Peer& peer);
     void garbage(std::string text);
+    void warn(std::uint64_t by, std::string text);
     void publishStatistics();
 
     std::shared_ptr<Shared> shared_;
@@ -225,6 +226,7 @@ class MirrorServer::Io {
     bool unsettled_ = false;  // something has happened since the statistics were published
     bool heldUp_ = false;     // as published
     MirrorServerStatistics statistics_;
+    std::uint64_t crowded_ = 0, strangers_ = 0;  // refused for want of room, or of a key
     ByteBuffer message_, head_;
     std::uint64_t dictionaryHash_ = 0;
     Clock::time_point forgetAsked_{};

@@ -168,7 +168,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
                       [&](const auto& p) { return p.first != identity && p.second.client == hello.wishes.client; });
     if (found == peers_.end()) {
         if (peers_.size() >= shared_->options.maximumPeers) {
-            shared_->report(Severity::warning, fmt::format("refused a peer: {} are here already", peers_.size()));
+            warn(++crowded_, fmt::format("refused a peer: {} are here already", peers_.size()));
             return refuse(identity, "the server has as many peers as it takes");
         }
     }

@@ -230,12 +230,8 @@ std::string lockedFor(const Scene& scene, std::span<const Change> changes, std::
                       const NodeLocks& locks) {
     if (locks.empty()) return {};
     const auto now = NodeLocks::Clock::now();
-    for (const Change& c : changes) {
-        const bool route = c.kind == ChangeKind::addRoute || c.kind == ChangeKind::removeRoute;
-        std::string why = locks.refusal(scene, c.node, author, now);
-        if (why.empty() && route) why = locks.refusal(scene, c.other, author, now);
-        if (!why.empty()) return why;
-    }
+    for (const Change& c : changes)
+        if (std::string why = locks.refusal(scene, c, author, now); !why.empty()) return why;
     return {};
 }
 

@@ -46,6 +46,23 @@ TEST_F(Compaction, APartInTimeBeginsAndEndsWithTheStatesAskedFor) {
     EXPECT_LT(std::filesystem::file_size(file("b.rlog")), std::filesystem::file_size(file()));
 }
 
+/// 1.9 s, and 2.9 s whose times begin at 0 again.
+TEST_F(Compaction, APartOfALaterSessionIsFoundByTheTimeSinceTheLogsStart) {
+    record(file("first.rlog"), 20, 8);
+    const Recorded second = record(file("second.rlog"), 30, 9);
+    writeAll(file(), readAll(file("first.rlog")) + readAll(file("second.rlog")));
+    CompactOptions options;
+    options.from = 1.9 + .55;
+    options.to = 1.9 + 1.55;
+    const auto report = compactLog(file(), file("b.rlog"), options);
+    ASSERT_TRUE(report) << report.error().text;
+    const Replayed replayed = replay(file("b.rlog"), second);
+    ASSERT_EQ(replayed.states.size(), 11u);
+    EXPECT_NEAR(second.times.at(replayed.states.front()), .5, 1e-9);
+    EXPECT_NEAR(second.times.at(replayed.states.back()), 1.5, 1e-9);
+    EXPECT_EQ(report->lacks, "");
+}
+
 TEST_F(Compaction, AnIntervalThinsFramesOut) {
     const Recorded recorded = record(file(), 60, 10);
     CompactOptions options;

@@ -92,6 +92,47 @@ TEST_F(LogPlayers, ItDoesWhatItIsTold) {
               "{\"t\":0.350000,\"length\":2.900000,\"state\":4,\"paused\":false,\"rate\":1,\"loop\":true}");
 }
 
+/// As a mirror's log of a log that is played in a loop: 2.9 s, and another 1.9 s whose times begin at 0 again.
+TEST_F(LogPlayers, SessionsThatBeginEarlierAreAllPlayed) {
+    const Recorded later = record(file("later.rlog"), 20, 9);
+    writeAll(file("both.rlog"), readAll(file()) + readAll(file("later.rlog")));
+    auto opened = LogPlayer::open(file("both.rlog"));
+    ASSERT_TRUE(opened) << opened.error().format();
+    LogPlayer& both = **opened;
+    EXPECT_NEAR(both.length(), 2.9 + 1.9, 1e-9);
+    const auto expectState = [&](const Recorded& session, double time) {
+        const std::uint64_t state = both.scene().sequence();
+        EXPECT_NEAR(both.scene().now(), time, 1e-9);
+        EXPECT_EQ(both.scene().dump(), session.dumps.at(state)) << "state " << state;
+    };
+    expectState(recorded, 0);
+    States states;
+    const Attachment attachment = both.scene().bus().attach(states);
+    states.seen.clear();
+    std::vector<std::uint64_t> expected;
+    for (std::uint64_t state = 2; state <= recorded.last; ++state) expected.push_back(state);
+    for (std::uint64_t state = 1; state <= later.last; ++state) expected.push_back(state);
+    for (int i = 0; i < 31; ++i) ASSERT_TRUE(both.advance(.05));
+    expectState(recorded, 1.5);
+    for (int i = 0; i < 40; ++i) ASSERT_TRUE(both.advance(.05));
+    expectState(later, .6);
+    for (int i = 0; i < 40; ++i) ASSERT_TRUE(both.advance(.05));
+    EXPECT_TRUE(both.ended());
+    std::erase(states.seen, 0u);  // a log begins with the empty scene
+    EXPECT_EQ(states.seen, expected);
+    ASSERT_TRUE(both.seek(1.05));
+    expectState(recorded, 1);
+    ASSERT_TRUE(both.seek(3.45));
+    expectState(later, .5);
+    ASSERT_TRUE(both.step(1));
+    expectState(later, .6);
+    EXPECT_NEAR(both.time(), 2.9 + .6, 1e-9);
+    ASSERT_TRUE(both.seek(.2));
+    expectState(recorded, .2);
+    ASSERT_TRUE(both.seek(5));
+    expectState(later, 1.9);
+}
+
 TEST_F(LogPlayers, WhatIsNotUnderstoodChangesNothing) {
     const std::string before = *player->command("status");
     for (const char* text :

@@ -3,7 +3,9 @@
 #include <csignal>
 
 #include <gtest/gtest.h>
+#include <sys/inotify.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <rtsg/core/x3d.h>
 
@@ -202,6 +204,45 @@ TEST_F(Rotation, WhereTheNextFileHasNoRoomTheSessionKeepsItsName) {
     while (*(*replayer)->step()) continue;
     EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
     EXPECT_TRUE((*replayer)->log().closed());
+}
+
+/// A log's own name is never without a file, nor with one that has no state yet: it only ever goes over to another.
+TEST_F(Rotation, TheLogsOwnNameAlwaysLeadsToASession) {
+    const int watch = ::inotify_init1(IN_CLOEXEC | IN_NONBLOCK);
+    ASSERT_GE(watch, 0);
+    LogOptions options;
+    options.rotateSeconds = 1;
+    ASSERT_GE(::inotify_add_watch(watch, folder.c_str(), IN_CREATE | IN_DELETE | IN_MOVED_FROM | IN_MOVED_TO), 0);
+    record(file(), 60, 4, options);
+    std::vector<std::string> events;  // of that name
+    alignas(inotify_event) char buffer[65536];
+    for (ssize_t length; (length = ::read(watch, buffer, sizeof(buffer))) > 0;)
+        for (const char* at = buffer; at < buffer + length;) {
+            const auto& event = *reinterpret_cast<const inotify_event*>(at);
+            at += sizeof(event) + event.len;
+            if (event.len == 0 || std::string_view(event.name) != "a.rlog") continue;
+            events.push_back(event.mask & IN_CREATE     ? "made"
+                             : event.mask & IN_MOVED_TO ? "another takes its place"
+                                                        : "gone");
+        }
+    ::close(watch);
+    std::vector<std::string> expected(files().size(), "another takes its place");
+    expected.front() = "made";
+    EXPECT_EQ(events, expected);
+}
+
+/// Killed while the file had both its names: it goes on under its own, and is no piece.
+TEST_F(Rotation, AFileThatWasToBecomeAPieceIsNone) {
+    LogOptions options;
+    options.rotateSeconds = 1;
+    record(file(), 15, 4, options);
+    ASSERT_EQ(files().size(), 2u);
+    std::filesystem::create_hard_link(file(), file("a.0002.rlog"));
+    options.append = true;
+    options.epoch = 1;
+    auto log = LogWriter::create(file(), builtinTypes(), options);
+    ASSERT_TRUE(log) << log.error().format();
+    EXPECT_EQ(files(), (std::vector{file("a.0001.rlog"), file()}));
 }
 
 /// The pieces in the order of their numbers are in the order of their writing, though old ones were let go.

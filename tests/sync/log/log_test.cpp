@@ -407,14 +407,27 @@ TEST_F(Log, AnExistingLogIsReplacedOrKeptButNeverCut) {
     ASSERT_FALSE(refused);
     EXPECT_NE(refused.error().format().find("there is a file already"), std::string::npos);
     EXPECT_EQ(std::filesystem::file_size(file()), size);
-    // Replaced: the name leads to the new one at once, whoever has the old one open keeps it.
+    // Replaced: the name leads to the new one with its first state, whoever has the old one open keeps it.
     auto replaced = write(Existing::replace);
     ASSERT_TRUE(replaced) << replaced.error().format();
     EXPECT_TRUE(reading->next());
     EXPECT_TRUE(LogReader::open(file()));
     EXPECT_FALSE(write(Existing::replace)) << "two would write";
-    EXPECT_TRUE((*replaced)->close()) << "it is where its name says";
-    EXPECT_TRUE(write(Existing::replace));
+    EXPECT_TRUE((*replaced)->close());
+    EXPECT_EQ(std::filesystem::file_size(file()), size) << "a log without a state takes no other's place";
+    record(file("other.rlog"), 3, 1);
+    const std::string before = readAll(file("other.rlog"));
+    Scene scene;
+    LogOptions options;
+    options.existing = Existing::replace;
+    auto other = LogWriter::create(file("other.rlog"), builtinTypes(), options);
+    ASSERT_TRUE(other);
+    EXPECT_EQ(readAll(file("other.rlog")), before);
+    const Attachment attachment = scene.bus().attach(**other);
+    scene.newFrame(1);
+    EXPECT_NE(readAll(file("other.rlog")), before);
+    EXPECT_TRUE((*other)->close()) << "it is where its name says";
+    EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder), {}), 2) << "and nowhere else";
 }
 
 /// Without one frame in its middle; the next keyframe goes on.

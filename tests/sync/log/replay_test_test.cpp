@@ -6,6 +6,7 @@
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/sync/blame.h>
 
 #include "support/log_support.h"
 
@@ -228,6 +229,54 @@ TEST_F(ReplayTests, ADamagedLogFailsWhereItIsDamaged) {
     const ReplayReport report = run(kDoor);
     ASSERT_FALSE(report.passed());
     EXPECT_NE(report.format().find("bytes " + std::to_string(offset) + " to "), std::string::npos) << report.format();
+}
+
+/// A session in which people edited, as a test of another edition of its scene, and recorded anew: the edits are
+/// theirs.
+TEST_F(ReplayTests, EditsAreOfTheNodesThatTheyWereOfAndOfTheirAuthors) {
+    {
+        Scene scene;
+        ASSERT_TRUE(build(scene, kDoor));
+        auto log = LogWriter::create(file(), builtinTypes());
+        ASSERT_TRUE(log);
+        const Attachment attachment = scene.bus().attach(**log);
+        scene.newFrame(0);
+        const NodeId door = scene.findName("DOOR"), leaf = scene.findName("LEAF"), swing = scene.findName("SWING");
+        ASSERT_TRUE(scene.set(door, x3d::Transform::translation, Vec3f(1, 2, 3)));
+        scene.attribute("Ann", door, x3d::Transform::translation.index);
+        scene.newFrame(1);
+        ASSERT_TRUE(scene.setName(leaf, "PANEL"));
+        scene.newFrame(2);
+        ASSERT_TRUE(scene.set(leaf, x3d::Transform::scale, Vec3f(2)));
+        ASSERT_TRUE(scene.destroyNode(swing));
+        scene.newFrame(3);
+    }
+    const std::string edition = edited("DEF PRESSED", "WorldInfo { }\nDEF PRESSED");
+    ReplayTest test;
+    test.log = file();
+    test.build = [&](Scene& scene) { return build(scene, edition); };
+    test.compared.fields = {"DOOR.*", "PANEL.*"};
+    test.compared.ignore = {"DOOR.children"};
+    const auto compared = runReplayTest(test);
+    ASSERT_TRUE(compared);
+    EXPECT_TRUE(compared->passed()) << compared->format();
+    const ReplayReport updated = run(edition, false, true);
+    EXPECT_TRUE(updated.passed()) << updated.format();
+    const auto steps = blame(file(), "DOOR.translation");
+    ASSERT_TRUE(steps);
+    EXPECT_EQ(steps->back().author, "Ann");
+}
+
+TEST_F(ReplayTests, OnlyOneSessionCanBeRunAgain) {
+    recordDoor();
+    const std::string session = readAll(file());
+    std::filesystem::remove(file());
+    recordDoor();
+    writeAll(file(), session + readAll(file()));
+    const ReplayReport report = run(kDoor);
+    ASSERT_FALSE(report.passed());
+    EXPECT_EQ(report.verified, 61u);
+    EXPECT_EQ(report.divergence->text, "here another session begins in the log: only one can be run again");
 }
 
 TEST_F(ReplayTests, WhatCannotBeRunIsAnError) {

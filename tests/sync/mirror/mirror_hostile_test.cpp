@@ -99,6 +99,22 @@ TEST(MirrorHostile, HellosWithoutEndAreNotAnsweredWithoutEnd) {
     served.step();
 }
 
+TEST(MirrorHostile, WhoAsksAgainWhereThereIsNoRoomIsToldOfSeldom) {
+    MirrorServerOptions options;
+    options.maximumPeers = 1;
+    Served served(std::move(options));
+    std::string hello("RTSG\x01\x01\0\0", 8);
+    hello += std::string(40, '\x7F') + std::string(1, '\0');
+    Stranger stranger(served.server->endpoint());
+    for (int i = 0; i < 100; ++i) stranger.say(hello);
+    EXPECT_TRUE(eventually([&] { return served.server->statistics().refused >= 100; }));
+    const auto told = served.server->takeDiagnostics();
+    ASSERT_EQ(told.size(), 8u + 3u);
+    EXPECT_EQ(told.front().text, "refused a peer: 1 are here already");
+    EXPECT_EQ(told.back().text, "refused a peer: 1 are here already; 64 such things by now");
+    served.step();
+}
+
 TEST(MirrorHostile, AnOversizedMessageEndsOnlyItsOwnConnection) {
     Served served;
     Stranger stranger(served.server->endpoint());

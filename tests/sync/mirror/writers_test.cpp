@@ -548,6 +548,42 @@ TEST(Locks, HoldAgainstUndoToo) {
     desk.lock("ann", {desk.a}, 60s);
     EXPECT_THAT(desk.undo("bob").refusal, HasSubstr("A is locked by ann"));
     EXPECT_EQ(desk.at(desk.a), Vec3f(1, 0, 0));
+    desk.lock("ann", {desk.a}, 0s);
+    EXPECT_EQ(desk.undo("bob").refusal, "") << "it waited for the lock to end";
+    EXPECT_EQ(desk.at(desk.a), Vec3f(0));
+}
+
+TEST(Locks, CoverWhatBelongsToTheNodeHoweverItIsReached) {
+    Desk desk;
+    EXPECT_EQ(desk.make("bob", {routeFrom(desk.b, T::scale.index, desk.a, T::scale.index)}).refusal, "");
+    EXPECT_EQ(desk.lock("ann", {desk.a}, 60s).refusal, "");
+    EXPECT_THAT(desk.make("bob", {ofNode(ChangeKind::setName, desk.b, String("A"))}).refusal,
+                HasSubstr("A is locked by ann"))
+        << "a name is taken from its holder";
+    Change made = ofNode(ChangeKind::createNode, NodeId{mirror::kFirstProvisional});
+    made.index = desk.scene.node(desk.b).typeIndex().value;
+    EXPECT_THAT(desk.make("bob", {made, ofNode(ChangeKind::setName, made.node, String("A"))}).refusal,
+                HasSubstr("A is locked by ann"));
+    EXPECT_THAT(desk.make("bob", {ofNode(ChangeKind::destroyNode, desk.b)}).refusal, HasSubstr("A is locked by ann"))
+        << "its route would go with the other end";
+    EXPECT_THAT(desk.undo("bob").refusal, HasSubstr("A is locked by ann")) << "a route belongs to both its ends";
+    EXPECT_EQ(desk.scene.routesTo(desk.a).size(), 1u);
+    EXPECT_EQ(desk.scene.name(desk.a), "A");
+    EXPECT_EQ(desk.make("bob", {ofNode(ChangeKind::setName, desk.b, String("C"))}).refusal, "");
+}
+
+TEST(Locks, OfAGroupKeepItsChildrenInIt) {
+    Desk desk;
+    EXPECT_EQ(desk.make("bob", {child(ChangeKind::insertChild, desk.group, desk.b, 0)}).refusal, "");
+    desk.lock("ann", {desk.group}, 60s);
+    EXPECT_THAT(desk.make("bob", {ofNode(ChangeKind::destroyNode, desk.b)}).refusal, HasSubstr("G is locked by ann"));
+    EXPECT_EQ(desk.children(desk.group), std::vector<std::string>{"B"});
+    EXPECT_EQ(desk.move("bob", desk.b, {1, 0, 0}).refusal, "") << "what is below a locked node is free";
+    desk.lock("ann", {desk.group}, 0s);
+    EXPECT_EQ(desk.make("bob", {ofNode(ChangeKind::destroyNode, desk.b)}).refusal, "");
+    desk.lock("ann", {desk.group}, 60s);
+    EXPECT_THAT(desk.undo("bob").refusal, HasSubstr("G is locked by ann")) << "nor does undo put one back into it";
+    EXPECT_EQ(desk.children(desk.group), std::vector<std::string>{});
 }
 
 TEST(Locks, ThatMakeNoSenseAreRefused) {

@@ -126,8 +126,11 @@ class LogWriter : public Subscriber {
     bool keyframeDue(double now) const;
     bool rotationDue(double now) const;
     Result<> rotate(const ChangeSet& state);
-    Result<> beginPiece(const ChangeSet& state);
-    void takeBack(const std::filesystem::path& piece);
+    Result<> beginPiece(const std::filesystem::path& fresh, const ChangeSet& state);
+    Result<> putInPlace(const std::filesystem::path& fresh, const std::filesystem::path& piece);
+    void dropSecondName();
+    Result<> takePlace();
+    void discard();
     Result<std::filesystem::path> freePieceName();
     void adoptPieces();
     void dropOldPieces(double now);
@@ -137,6 +140,8 @@ class LogWriter : public Subscriber {
     TypeTable types_;
     LogOptions options_;
     int descriptor_ = -1;
+    int replaced_ = -1;                    // the file whose place it will take: its lock keeps others from it
+    std::filesystem::path made_, target_;  // where it is until then, if it was made here; and what leads to that one
     bool broken_ = false;
     std::uint64_t state_ = 0;  // last one written, its hash beside it
     Hash128 hash_;

@@ -1,8 +1,9 @@
 // LogPlayer: a log played in time, with what a player has: pause, step, rate, seek, loop.
 //
 // Invariant: the scene is always in a state of the log; played forward it goes through every one, each as it was
-// recorded. A seek comes to subscribers as one set, or, where it begins at a keyframe, as a snapshot.
-// Threading: one thread, which owns the scene.
+// recorded. A seek comes to subscribers as one set, or, where it begins at a keyframe, as a snapshot. Times are those
+// of Replayer::time(): a log of several sessions is played through all of them. Threading: one thread, which owns the
+// scene.
 
 // Example:
 //     #include <rtsg/sync/log_player.h>
@@ -59,6 +60,7 @@ class LogPlayer {
   private:
     explicit LogPlayer(std::unique_ptr<Replayer> replayer) : replayer_(std::move(replayer)) {}
     Result<bool> one();
+    double reached() const { return replayer_->time() - start_; }
 
     std::unique_ptr<Replayer> replayer_;
     double start_ = 0, length_ = 0, clock_ = 0, rate_ = 1;

@@ -20,7 +20,7 @@ struct LogSummary {
     std::uint64_t inputs = 0;     // records of what came into a frame
     std::uint64_t sessions = 0;   // runs of a scene, one after the other
     std::uint64_t firstState = 0, lastState = 0;
-    double start = 0, end = 0;  // scene time, seconds
+    double start = 0, end = 0;  // seconds, as Replayer::time()
     std::uint64_t damaged = 0, damagedBytes = 0;
     bool closed = false;  // it ends with its index: the writer came to its end
     bool beingWritten = false;

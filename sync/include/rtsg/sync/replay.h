@@ -16,9 +16,11 @@
 
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/input_replica.h>
@@ -59,9 +61,13 @@ class Replayer {
     /// Brings the scene to the log's next state. False at the end. An error means that an intact record could not be
     /// applied; stepping on then resumes at the next keyframe.
     Result<bool> step();
-    /// To the last state whose time is not after `time` (the first one if all are): from the nearest intact keyframe,
-    /// or from where it is if that is nearer. Subscribers get the keyframe and one set with all that came after it.
+    /// To the last state whose time() is not after `time` (the first one if all are): from the nearest intact keyframe,
+    /// or from where it is if that is nearer. Subscribers get the keyframe and one set with all that came after it. A
+    /// log of several sessions is read through once for that.
     Result<> seek(double time);
+    /// The scene's time, but that it never goes back: a session that begins with an earlier time than the one before it
+    /// in the log ended with goes on from there.
+    double time() const { return frames_ == 0 ? scene_->now() : time_; }
     /// The time of the state that step() leads to next, as far as the log is intact; nothing at the end. States may
     /// share an instant: what an Inline brought is one of its own.
     std::optional<double> nextTime();
@@ -99,6 +105,10 @@ class Replayer {
     Result<> adoptHead(std::span<const std::byte> record);
     bool startAt(const LogKeyframe& keyframe);
     Result<> composeUntil(double time);
+    double timeOf(const RecordHeader& header) const;
+    void noteTime(const RecordHeader& header);
+    void findTurns();
+    double shiftAt(std::uint64_t offset) const;
     Result<> lose(std::uint64_t offset, std::uint64_t state, std::string_view why);
     void check(const RecordHeader& header, const ChangeSet& set);
     std::optional<Divergence> compareWithRerun(const RecordHeader& header, const ChangeSet& set) const;
@@ -117,6 +127,14 @@ class Replayer {
     bool told_ = false;                     // that frames are missing until then
     bool closed_ = false;                   // an index was the last record, but for heads
     std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0, behind_ = 0, unclosed_ = 0;
+    double time_ = -std::numeric_limits<double>::infinity();
+    double shift_ = 0;  // of time() against the scene's
+    /// From this offset on, shift_ is that: where a session begins before the end of the one before it. For seek().
+    struct Turn {
+        std::uint64_t offset = 0;
+        double shift = 0;
+    };
+    std::optional<std::vector<Turn>> turns_;
     std::optional<Divergence> divergence_;
     std::shared_ptr<ChangeSet> set_ = std::make_shared<ChangeSet>();
 };
