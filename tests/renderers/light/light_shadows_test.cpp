@@ -144,7 +144,13 @@ TEST(LightTracer, LightComesThroughHundredsOfClearSurfaces) {
     const std::string square2m = square(1, "material Material { diffuseColor 0 0 0 emissiveColor 1 1 1 }");
     EXPECT_NEAR(lit("Transform { translation 0 0 3 children " + square2m + "}", Integrator::path), panel * left,
                 .02 * panel);
-    EXPECT_NEAR(lit("Background { skyColor 1 1 1 }", Integrator::path), left, .02);
+    // A sky whose light is all within 0.3 rad of the floor's normal.
+    const double cap = std::sin(.3005) * std::sin(.3005);
+    EXPECT_NEAR(
+        lit("Transform { rotation 1 0 0 1.5707963 children Background { skyColor [1 1 1, 1 1 1, 0 0 0] skyAngle "
+            "[.3 .301] } }",
+            Integrator::path),
+        cap * left, .03 * cap);
 }
 
 // A plain lit from 80 degrees off its normal, with everything far from the origin, must not shadow itself.
