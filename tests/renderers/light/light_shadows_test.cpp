@@ -235,5 +235,29 @@ TEST(LightTracer, BackMaterialShowsBehind) {
     EXPECT_EQ(behind.center(), Vec3f(0, 0, 1));
 }
 
+// 12.2.3: what is opaque by its alphaMode is so whatever its transparency, also from one frame to the next.
+TEST(LightTracer, AlphaModeMakesWhollyTransparentShapesOpaque) {
+    for (const char* material : {"Material { emissiveColor 1 0 0 diffuseColor 0 0 0 transparency 1 }",
+                                 "UnlitMaterial { emissiveColor 1 0 0 transparency 1 }"}) {
+        LightScene s(fmt::format("Shape {{ appearance DEF A Appearance {{ alphaMode \"OPAQUE\" material {} }} geometry "
+                                 "Rectangle2D {{ size 9 9 }} }}",
+                                 material),
+                     1, 1);
+        const auto seen = [&s](const char* mode, float cutoff, int frame) {
+            EXPECT_TRUE(s.scene.set(s.node("A"), x3d::Appearance::alphaMode, String(mode)));
+            EXPECT_TRUE(s.scene.set(s.node("A"), x3d::Appearance::alphaCutoff, cutoff));
+            s.scene.newFrame(frame);
+            return s.center();
+        };
+        const Vec3f red(1, 0, 0), nothing(0);
+        EXPECT_EQ(s.center(), red);
+        EXPECT_EQ(seen("AUTO", .5f, 1), nothing);
+        EXPECT_EQ(seen("MASK", .5f, 2), nothing);
+        EXPECT_EQ(seen("MASK", 0, 3), red);
+        EXPECT_EQ(seen("BLEND", 0, 4), nothing);
+        EXPECT_EQ(seen("OPAQUE", .5f, 5), red);
+    }
+}
+
 }  // namespace
 }  // namespace rtsg
