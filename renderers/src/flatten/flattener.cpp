@@ -145,8 +145,10 @@ void Flattener::Impl::sortOut(const Change& change) {
     }
 }
 
-/// Whether a material that showed nothing does now, or the other way round.
+/// Whether a material that showed nothing does now, or the other way round, or may.
 bool Flattener::Impl::turnsClear(const Node& node, FieldIndex field) {
+    if (node.is(x3d::Appearance::type))
+        return field == x3d::Appearance::alphaMode.index || field == x3d::Appearance::alphaCutoff.index;
     const bool isTransparency = (node.is(x3d::Material::type) && field == x3d::Material::transparency.index) ||
                                 (node.is(x3d::UnlitMaterial::type) && field == x3d::UnlitMaterial::transparency.index);
     if (!isTransparency) return false;

@@ -310,6 +310,9 @@ bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance) {
     if (!look || !form || !look->is(A::type)) return false;
     if (form->typeIndex().value >= builtinTypes().size()) return false;  // whatever a user's own type makes of it
     if (look->get(A::backMaterial) || look->get(A::fillProperties)) return false;
+    // Opaque whatever the transparency (12.2.3).
+    const std::string mode = look->get(A::alphaMode).str();
+    if (mode == "OPAQUE" || (mode == "MASK" && !(look->get(A::alphaCutoff) > 0))) return false;
     const Node* material = scene.effectiveNode(look->get(A::material));
     if (!material || !isClear(*material) || read<NodeId>(*material, material->type().findExact("metadata")))
         return false;

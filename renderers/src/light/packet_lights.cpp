@@ -88,8 +88,6 @@ std::uint32_t nearClear(const TraceScene& scene, const RayPacket16& rays, std::u
     return met & most;
 }
 
-constexpr int kMostClear = 64;  // surfaces that a ray towards a light passes
-
 /// Takes from `left` what a ray, which ends at `tMax`, loses at its hit, of which `through` passes, and has it go on
 /// from there; false: nothing more is in its way, or nothing is left.
 bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float tMax, Ray& ray, Vec3f& left) {
@@ -124,7 +122,7 @@ void passClear(const TraceScene& scene, RayPacket16& rays, std::uint32_t met, fl
             }
             rays.skip(lane);
         }
-        if (step + 1 == kMostClear)
+        if (step + 1 == kMostPassed)
             for (; on; on &= on - 1) left[std::countr_zero(on)] = Vec3f(0);
         met = on ? scene.world->intersect(rays, kCoherentShadows, RayKind::shadow) & on : 0;
     }
@@ -204,7 +202,7 @@ bool isNoBack(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
 Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind) {
     Vec3f left(1);
     const float tMax = ray.tMax;
-    for (int step = 0; step < kMostClear; ++step) {
+    for (int step = 0; step < kMostPassed; ++step) {
         const Hit hit = scene.world->intersect(ray, kind);
         if (!hit) return left;
         const bool isNone = kind == RayKind::eye && isNoBack(scene, hit, ray.direction);

@@ -38,7 +38,7 @@ bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec
              Vec3f& left) {
     const Vec3f direction = glm::normalize(ray.direction);
     left = Vec3f(1);
-    for (int step = 0; step < 64; ++step) {
+    for (int step = 0; step < kMostPassed; ++step) {
         if (!hit) return false;
         if (hit.instance == target.instance && hit.triangle == target.triangle) return true;
         if (hit.instance >= scene.slots.size()) return false;
@@ -55,7 +55,7 @@ bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec
 /// The same to the sky.
 bool escapes(const TraceScene& scene, Ray ray, Hit hit, Vec3f& left) {
     left = Vec3f(1);
-    for (int step = 0; step < 64; ++step) {
+    for (int step = 0; step < kMostPassed; ++step) {
         if (!hit) return true;
         if (hit.instance >= scene.slots.size()) return false;
         left *= passes(scene, hit, ray.direction);

@@ -77,6 +77,10 @@ bool letsThrough(const TraceScene& scene, std::uint32_t instance);
 /// that the ray meets decides, as it does for what an eye there sees.
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
 
+/// Clear surfaces that a ray towards a light passes; behind more it is dark. Only those that take nothing at all, such
+/// as the empty parts of textures, become so many before nothing is left.
+constexpr int kMostPassed = 10'000;
+
 /// What is left of light along a ray, which ends at tMax or goes on for ever.
 Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind = RayKind::shadow);
 

@@ -118,6 +118,41 @@ TEST(LightTracer, OpaqueThingsBlockBesideAndBehindClearOnes) {
     EXPECT_NEAR(LightScene(start + ball(2, "0.5") + ball(4, "0.5")).center().r, 1 / 16.0, 1e-5);
 }
 
+// However many clear things are in the way, light is what they leave of it: from lights, and in `path` from a panel and
+// from the sky.
+TEST(LightTracer, LightComesThroughHundredsOfClearSurfaces) {
+    constexpr int kSheets = 100;
+    std::string under =
+        "OrthoViewpoint { position 0 0 .5 fieldOfView [-.01 -.01 .01 .01] }" + square(90, matte("1 1 1"));
+    for (int i = 0; i < kSheets; ++i)
+        under += fmt::format("Transform {{ translation 0 0 {} children {} }}", 1 + .01 * i,
+                             square(90, "material Material { diffuseColor 0 0 0 transparency .999 }"));
+    const double left = std::pow(.999, kSheets);
+    const auto lit = [&](const std::string& light, Integrator integrator) {
+        LightScene s(under + light, 1, 1);
+        s.options.settings.integrator = integrator;
+        s.options.settings.colorSpace = ColorSpace::linear;
+        s.options.settings.samplesPerPixel = integrator == Integrator::path ? 1024 : 1;
+        return s.center().r;
+    };
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        EXPECT_NEAR(lit("DirectionalLight { direction 0 0 -1 }", integrator), left, 1e-4);
+        EXPECT_NEAR(lit("PointLight { location 0 0 9 }", integrator), left, 1e-4);
+    }
+    // The share of what a point sees that a square of 2 m is, 3 m above it.
+    const double a = 1 / 3.0, b = std::sqrt(1 + a * a), panel = 4 / kPi * a / b * std::atan(a / b);
+    const std::string square2m = square(1, "material Material { diffuseColor 0 0 0 emissiveColor 1 1 1 }");
+    EXPECT_NEAR(lit("Transform { translation 0 0 3 children " + square2m + "}", Integrator::path), panel * left,
+                .02 * panel);
+    // A sky whose light is all within 0.3 rad of the floor's normal.
+    const double cap = std::sin(.3005) * std::sin(.3005);
+    EXPECT_NEAR(
+        lit("Transform { rotation 1 0 0 1.5707963 children Background { skyColor [1 1 1, 1 1 1, 0 0 0] skyAngle "
+            "[.3 .301] } }",
+            Integrator::path),
+        cap * left, .03 * cap);
+}
+
 // A plain lit from 80 degrees off its normal, with everything far from the origin, must not shadow itself.
 TEST(LightTracer, NoFalseSelfShadowsFarFromTheOrigin) {
     for (const double offset : {0.0, 1e4, 1e6}) {
@@ -198,6 +233,30 @@ TEST(LightTracer, BackMaterialShowsBehind) {
     LightScene front(square(5, two)), behind("Transform { rotation 0 1 0 3.14159265 children " + square(5, two) + "}");
     EXPECT_EQ(front.center(), Vec3f(1, 0, 0));
     EXPECT_EQ(behind.center(), Vec3f(0, 0, 1));
+}
+
+// 12.2.3: what is opaque by its alphaMode is so whatever its transparency, also from one frame to the next.
+TEST(LightTracer, AlphaModeMakesWhollyTransparentShapesOpaque) {
+    for (const char* material : {"Material { emissiveColor 1 0 0 diffuseColor 0 0 0 transparency 1 }",
+                                 "UnlitMaterial { emissiveColor 1 0 0 transparency 1 }"}) {
+        LightScene s(fmt::format("Shape {{ appearance DEF A Appearance {{ alphaMode \"OPAQUE\" material {} }} geometry "
+                                 "Rectangle2D {{ size 9 9 }} }}",
+                                 material),
+                     1, 1);
+        const auto seen = [&s](const char* mode, float cutoff, int frame) {
+            EXPECT_TRUE(s.scene.set(s.node("A"), x3d::Appearance::alphaMode, String(mode)));
+            EXPECT_TRUE(s.scene.set(s.node("A"), x3d::Appearance::alphaCutoff, cutoff));
+            s.scene.newFrame(frame);
+            return s.center();
+        };
+        const Vec3f red(1, 0, 0), nothing(0);
+        EXPECT_EQ(s.center(), red);
+        EXPECT_EQ(seen("AUTO", .5f, 1), nothing);
+        EXPECT_EQ(seen("MASK", .5f, 2), nothing);
+        EXPECT_EQ(seen("MASK", 0, 3), red);
+        EXPECT_EQ(seen("BLEND", 0, 4), nothing);
+        EXPECT_EQ(seen("OPAQUE", .5f, 5), red);
+    }
 }
 
 }  // namespace
