@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """The first user mirrors a live scene to another process, with pictures, sound and a log: quiet, under load, and harmed."""
+import contextlib
 import sys
 
 from harness import *
@@ -164,13 +165,27 @@ def test_mirror_is_killed(user):
     server.wait()
 
 
-def test_server_with_a_full_disk_goes_on(user):
-    with small_disk(user.path("disk"), 32) as disk:
+@contextlib.contextmanager
+def on_a_small_disk(user, kilobytes):
+    """A session goes on whose log has no room; what becomes of the log is the caller's."""
+    with small_disk(user.path("disk"), kilobytes) as disk:
         server, endpoint = user.serve(HALL, "--record", disk / "s.rlog", "--linger", "120s", "--for", f"{SECONDS + 2}s")
         whole(user, mirror_with_everything(user, endpoint).done())
         server.wait()
         check("space" in server.err, f"that its log ended is said: {server.err!r}")
-        user.run("replay", disk / "s.rlog")
+        yield server, disk / "s.rlog"
+
+
+def test_server_with_a_full_disk_goes_on(user):
+    with on_a_small_disk(user, 64) as (server, log):  # the first state takes 46
+        check("holds the session to state" in server.err, f"what the log holds is said: {server.err!r}")
+        user.run("replay", log)
+
+
+def test_server_without_room_for_a_state_goes_on(user):
+    with on_a_small_disk(user, 32) as (server, log):
+        check("nothing was recorded" in server.err, f"that there is no log is said: {server.err!r}")
+        check(not any(log.parent.iterdir()), "a log without a state is left")
 
 
 def test_a_full_disk_keeps_the_log_that_was_there(user):
