@@ -59,6 +59,7 @@ struct ScriptEngine::State {
         struct Roots {
             JS::PersistentRootedObject global;
             JS::PersistentRootedValue event;
+            Roots(JSContext* cx, JSObject* made) : global(cx, made), event(cx) {}
         };
         std::unique_ptr<Roots> roots;
         bool canRun = false;  // has a controller, and has not been ended
@@ -369,7 +370,7 @@ struct ScriptEngine::State {
         }
         JS::RootedObject global(context(), runtime->newGlobal(node.id()));
         if (!global) return cascade.warn(node, "out of memory for scripts");
-        program.roots.reset(new Program::Roots{{context(), global}, JS::PersistentRootedValue(context())});
+        program.roots = std::make_unique<Program::Roots>(context(), global);
         const bool loaded = enter(&cascade, node, program, [&] { return load(program, source); });
         if (!loaded) return program.end();
         enter(&cascade, node, program, [&] {

@@ -185,9 +185,10 @@ struct Albedos {
         }
         template <int kSide, class Visit>
         static void spread(const Visit& visit) {
-            for (int i = 0; i < kSide * kSide; ++i)
-                visit(i, (static_cast<float>(i / kSide) + 0.5f) / kSide,
-                      (static_cast<float>(i % kSide) + 0.5f) / kSide);
+            for (int i = 0; i < kSide * kSide; ++i) {
+                const int row = i / kSide, column = i % kSide;
+                visit(i, (static_cast<float>(row) + 0.5f) / kSide, (static_cast<float>(column) + 0.5f) / kSide);
+            }
         }
     };
 
