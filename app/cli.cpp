@@ -173,10 +173,12 @@ Resources ResourceArguments::ofReplica() const {
 
 namespace {
 
-/// The first scene that had errors, and how many: what load() read is known nowhere else when the process ends.
+/// The first scene that had errors, and how many, and whether an event of --set was refused: what load() read is known
+/// nowhere else when the process ends.
 struct Damage {
     std::string file;
     std::size_t errors = 0;
+    bool unsent = false;
 } damage;
 
 }  // namespace
@@ -203,8 +205,13 @@ void noteDamage(const std::string& file, std::size_t errors) {
     if (damage.file == file) damage.errors += errors;
 }
 
+void noteUnsent() {
+    damage.unsent = true;
+}
+
 int statusOf(int status) {
-    if (status != kDone || damage.errors == 0) return status;
+    if (status != kDone) return status;
+    if (damage.errors == 0) return damage.unsent ? kBad : kDone;
     printError(fmt::format("{} had {} error{}: this was made of the rest of it",
                            damage.file == "-" ? "<stdin>" : damage.file, damage.errors, damage.errors == 1 ? "" : "s"));
     return kBad;

@@ -85,8 +85,11 @@ bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const
 /// Errors of what a running scene loaded later count like those of load(). `file`: the scene's.
 void noteDamage(const std::string& file, std::size_t errors);
 
-/// The exit status of a verb that would end with `status`: kBad instead of kDone, and a line on standard error, if what
-/// it was made of had errors when it was loaded, then or while it ran.
+/// An event that was asked for has been refused, and that was said.
+void noteUnsent();
+
+/// The exit status of a verb that would end with `status`: kBad instead of kDone if an event was refused, or, with a
+/// line on standard error, if what it was made of had errors when it was loaded, then or while it ran.
 int statusOf(int status);
 
 /// The time of a scene that is still empty: what is loaded into it is there from then on.

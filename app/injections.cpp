@@ -35,7 +35,7 @@ using Root = x3d::RtsgScene;
 }  // namespace
 
 void Injections::add(FieldIndex field, Value value, double time) {
-    all_.push_back({time, {scene_->root(), field}, std::move(value), false});
+    all_.push_back({time, {}, {scene_->root(), field}, std::move(value), false});
 }
 
 Result<> Injections::parsePointer(const std::vector<std::string>& words, double time) {
@@ -120,12 +120,12 @@ Result<> Injections::parseOne(const std::string& text, const std::string& name, 
     const FieldDef& def = scene_->node(target->node).type().fields[target->field];
     if (!def.writable()) return fail(fmt::format("{}: {} takes no events", text, def.name));
     if (def.type == FieldType::SFTime && given == "now") {
-        all_.push_back({time, *target, Value(Time{0}), true});
+        all_.push_back({time, {}, *target, Value(Time{0}), true});
         return {};
     }
     auto value = parseFieldText(def.type, given);
     if (!value) return fail(fmt::format("{}: {}", text, value.error().text));
-    all_.push_back({time, *target, std::move(*value), false});
+    all_.push_back({time, {}, *target, std::move(*value), false});
     return {};
 }
 
@@ -146,8 +146,11 @@ Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string
     }
     // What one leaves out is as the one before in time had it.
     std::ranges::stable_sort(all, {}, &Given::time);
-    for (const Given& one : all)
+    for (const Given& one : all) {
+        const std::size_t first = result.all_.size();
         if (auto ok = result.parseOne(one.text, one.name, one.value, one.time); !ok) return std::unexpected(ok.error());
+        for (std::size_t i = first; i < result.all_.size(); ++i) result.all_[i].text = one.text;
+    }
     return result;
 }
 
@@ -162,11 +165,14 @@ const Injections::Injection* Injections::next(double t) {
 }
 
 void Injections::sendUntil(double t, double start) {
-    while (const Injection* due = next(t))
-        if (auto ok = scene_->sendEvent(due->target.node, due->target.field,
-                                        due->isNow ? Value(Time{start + t}) : due->value);
-            !ok)
-            printError(ok.error().text);
+    while (const Injection* due = next(t)) {
+        const bool isThere = scene_->find(due->target.node) != nullptr;
+        const auto sent =
+            scene_->sendEvent(due->target.node, due->target.field, due->isNow ? Value(Time{start + t}) : due->value);
+        if (sent) continue;
+        printError(fmt::format("{}: {}", due->text, isThere ? sent.error().text : "its node is no longer there"));
+        noteUnsent();
+    }
 }
 
 }  // namespace rtsg::app

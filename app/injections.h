@@ -22,7 +22,8 @@ class Injections {
     /// The scene must outlive this. Errors name what is wrong with one of `texts`.
     static Result<Injections> parse(Scene& scene, const std::vector<std::string>& texts);
     struct Injection {
-        double time = 0;  // seconds
+        double time = 0;   // seconds
+        std::string text;  // as it was typed
         FieldRef target;
         Value value;
         bool isNow = false;  // the value is the scene's time when it is sent
@@ -33,8 +34,8 @@ class Injections {
     Result<> checkWithin(double end) const;
     /// Each has been due.
     bool done() const { return next_ == all_.size(); }
-    /// Queues those that are due for the frame at `t`, which is `start` later on the scene's clock; what the scene
-    /// refuses goes to standard error.
+    /// Queues those that are due for the frame at `t`, which is `start` later on the scene's clock. What the scene
+    /// refuses goes to standard error, and the program ends with kBad.
     void sendUntil(double t, double start);
 
   private:

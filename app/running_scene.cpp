@@ -67,6 +67,17 @@ RunningScene::RunningScene(std::string file, const ResourceArguments& arguments,
       inlineDiagnostics_(file_),
       world_(scene_, resources_) {}
 
+RunningScene::~RunningScene() {
+    const std::size_t told = scene_.diagnostics().all().size();
+    ScriptOptions none;
+    none.enabled = false;
+    scene_.setScriptOptions(none);
+    const auto& all = scene_.diagnostics().all();
+    Diagnostics last;
+    for (std::size_t i = told; i < all.size(); ++i) last.add(all[i]);
+    print(last);
+}
+
 bool RunningScene::load() {
     setClock(scene_, start_);
     Diagnostics diagnostics(file_);

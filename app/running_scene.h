@@ -39,6 +39,10 @@ class RunningScene {
   public:
     /// Throws UsageError as ResourceArguments::ofFile() and StartTime::seconds().
     RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start);
+    /// Ends the scene's programs, and prints what is to say of their shutdown().
+    ~RunningScene();
+    RunningScene(const RunningScene&) = delete;
+    RunningScene& operator=(const RunningScene&) = delete;
 
     /// Before load(): addresses that DIS nodes may use; else none.
     void allowNetwork(const NetworkArguments& network) { allowedAddresses_ = network.dis; }

@@ -14,11 +14,14 @@ int main(int argc, char** argv) {
     Diagnostics diagnostics;
     const auto check = [&](const auto& ok) {  // what went wrong, and where
         for (const Diagnostic& one : diagnostics.all()) std::cerr << one.format() << '\n';
+        if constexpr (requires { ok.error(); })
+            if (!ok) std::cerr << ok.error().format() << '\n';
         if (!ok) std::exit(1);
     };
-    check(argc == 3 && loadWorld(scene, argv[1], diagnostics));  // load
-    const NodeId bell = scene.findName("BELL");                  // find
-    Listeners listeners(scene);                                  // listen
+    if (argc != 3) return std::cerr << "usage: 12_scene_access SCENE CHANGED\n", 2;
+    check(loadWorld(scene, argv[1], diagnostics));  // load
+    const NodeId bell = scene.findName("BELL");     // find
+    Listeners listeners(scene);                     // listen
     check(listeners.onField(bell, x3d::Transform::rotation, [](const Rotation& to, double t) {
         std::cout << "t = " << t << "  the bell has turned by " << to.angle << '\n';
     }));

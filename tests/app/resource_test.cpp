@@ -90,6 +90,17 @@ TEST_F(ResourceOptions, ASoundOfAnInlinedFileIsFoundBesideIt) {
     EXPECT_THAT(missing.err, HasSubstr("'tone.wav' is not there (looked for " + folder / "scene/parts/tone.wav"));
 }
 
+TEST_F(ResourceOptions, ASoundThatIsRefusedIsToldWhereNobodyListens) {
+    const std::string given = document("Sound { source DEF CLIP AudioClip { url \"../other/tone.wav\" } }");
+    const Outcome refused = rtsg({"run", given, "--for", "0.1s", "--at", "0", "--watch", "CLIP.isActive"});
+    EXPECT_EQ(refused.status, 0);
+    EXPECT_EQ(refused.out, "");
+    EXPECT_THAT(refused.err, HasSubstr("AudioClip CLIP never plays: '../other/tone.wav' is outside"));
+    EXPECT_THAT(refused.err, HasSubstr("--allow " + folder / "other"));
+    const Outcome allowed = rtsg({"run", given, "--for", "0.1s", "--allow", folder / "other"});
+    EXPECT_EQ(allowed.err, "");
+}
+
 TEST_F(ResourceOptions, AMirrorOpensNothingThatItWasNotAllowed) {
     const std::string given = document("Viewpoint { position 0 0 3 }\nSound { source AudioClip { url [ \"" +
                                        (folder / "other/tone.wav") + "\" \"/etc/passwd\" \"tone.wav\" ] } }");

@@ -27,6 +27,36 @@ TEST(ScriptProgram, PromisesAndImportsDoNotEndTheProcess) {
     EXPECT_NE(run.err.find("import"), std::string::npos) << run.err;
 }
 
+TEST(ScriptProgram, WhatFailsInShutdownIsTold) {
+    const TempFolder folder;
+    writeFile(folder / "s.x3dv", scriptScene("", "function shutdown() { print('bye'); throw new Error('too late'); }"));
+    for (const std::vector<std::string>& verb : {std::vector<std::string>{"run", folder / "s.x3dv"},
+                                                 {"record", folder / "s.x3dv", "-o", folder / "s.rlog"},
+                                                 {"serve", folder / "s.x3dv", "--bind", "ipc://" + folder / "s"}}) {
+        std::vector<std::string> arguments = verb;
+        arguments.insert(arguments.end(), {"--for", "0.1s"});
+        const Outcome run = Program(arguments, folder / "run").wait();
+        EXPECT_EQ(run.status, 0) << verb[0];
+        EXPECT_NE(run.out.find("bye"), std::string::npos) << verb[0] << run.out;
+        const std::size_t told = run.err.find("too late");
+        EXPECT_NE(told, std::string::npos) << verb[0] << run.err;
+        EXPECT_EQ(run.err.find("too late", told + 1), std::string::npos) << verb[0] << run.err;
+    }
+}
+
+TEST(ScriptProgram, AnEventForANodeThatHasGoneIsNamed) {
+    const TempFolder folder;
+    writeFile(folder / "s.x3dv",
+              scriptScene("directOutput TRUE inputOnly SFBool go", "function go() { Browser.replaceWorld(null); }"));
+    const Outcome run = Program({"run", folder / "s.x3dv", "--for", "1s", "--fps", "10", "--set", "S.go=TRUE@0.2",
+                                 "--set", "S.go=TRUE@0.5"},
+                                folder / "run")
+                            .wait();
+    EXPECT_EQ(run.status, 1);
+    EXPECT_NE(run.err.find("S.go=TRUE@0.5: its node is no longer there"), std::string::npos) << run.err;
+    EXPECT_EQ(run.err.find("@0.2"), std::string::npos) << run.err;
+}
+
 /// The frames' hashes, with TZ and LC_ALL set so.
 std::string hashesIn(const TempFolder& folder, const char* zone, const char* locale) {
     ::setenv("TZ", zone, 1);

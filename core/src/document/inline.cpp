@@ -341,7 +341,7 @@ std::size_t InlineLoader::update() {
     count += s.refresh();
     count += s.fonts.answer(s.scene, *s.options.resources, s.diagnostics);
     count += s.sizes.answer(s.scene, *s.options.resources, s.measure);
-    count += s.media.answer(s.scene, *s.options.resources, s.options.mediaLength);
+    count += s.media.answer(s.scene, *s.options.resources, s.options.mediaLength, s.diagnostics);
     return count + s.reports.answer(s.scene, *s.options.resources);
 }
 

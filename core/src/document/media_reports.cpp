@@ -2,6 +2,9 @@
 #include "media_reports.h"
 
 #include <cmath>
+#include <string>
+
+#include <fmt/format.h>
 
 #include <rtsg/core/x3d.h>
 
@@ -29,20 +32,30 @@ std::optional<MediaFields> mediaFields(const Node& node) {
     return std::nullopt;
 }
 
-/// Of the first url that leads to something whose length can be told.
+/// Of the first url that leads to something whose length can be told; else -1, and `why` says so of each.
 double secondsOf(const Scene& scene, const Node& node, const MediaFields& fields, const Resources& resources,
-                 const MediaLength& others) {
+                 const MediaLength& others, std::string& why) {
     if (!node.get(fields.load)) return -1;
     for (const String& url : node.get(fields.url)) {
         const auto resource = resources.open(scene, node, fields.url.index, url.view());
-        if (!resource) continue;
+        why += why.empty() ? "" : "; ";
+        if (!resource) {
+            why += resource.error().text;
+            continue;
+        }
         const Resource& file = *resource;
         std::optional<double> seconds = mediaSeconds(
             {file.size(), [&](std::uint64_t offset, std::size_t length) { return file.readAt(offset, length); }});
         if (!seconds && others) seconds = others(file);
         if (seconds && std::isfinite(*seconds) && *seconds >= 0) return *seconds;
+        why += fmt::format("'{}' is no sound or film whose length can be told", urlForMessage(url.view()));
     }
     return -1;
+}
+
+/// A buffer that is given as numbers plays whatever the urls lead to.
+bool needsFile(const Node& node) {
+    return !node.is(x3d::BufferAudioSource::type) || node.get(x3d::BufferAudioSource::buffer).empty();
 }
 
 }  // namespace
@@ -67,13 +80,20 @@ void MediaReports::note(const Scene& scene, const ChangeSet& set) {
     }
 }
 
-std::size_t MediaReports::answer(Scene& scene, const Resources& resources, const MediaLength& others) {
+std::size_t MediaReports::answer(Scene& scene, const Resources& resources, const MediaLength& others,
+                                 Diagnostics& diagnostics) {
     std::size_t count = 0;
     for (const std::uint32_t number : std::exchange(asked_, {})) {
         const Node* node = scene.find(NodeId{number});
         const auto fields = node ? mediaFields(*node) : std::nullopt;
         if (!fields) continue;
-        const Time duration{secondsOf(scene, *node, *fields, resources, others)};
+        std::string why;
+        const Time duration{secondsOf(scene, *node, *fields, resources, others, why)};
+        if (duration.seconds < 0 && !why.empty() && needsFile(*node)) {
+            const std::string_view name = scene.name(node->id());
+            diagnostics.warning(
+                {}, fmt::format("{}{}{} never plays: {}", node->type().name, name.empty() ? "" : " ", name, why));
+        }
         if (duration != node->get(fields->duration) && scene.set(node->id(), fields->duration, duration)) ++count;
     }
     return count;

@@ -17,8 +17,9 @@ class MediaReports {
     /// Of a scene that runs already: what nobody has looked at yet.
     explicit MediaReports(const Scene& scene);
     void note(const Scene& scene, const ChangeSet& set);
-    /// `others`: for files whose header nobody here reads; may be empty. Returns the number of edits.
-    std::size_t answer(Scene& scene, const Resources& resources, const MediaLength& others);
+    /// `others`: for files whose header nobody here reads; may be empty. What has urls and no length is told. Returns
+    /// the number of edits.
+    std::size_t answer(Scene& scene, const Resources& resources, const MediaLength& others, Diagnostics& diagnostics);
 
   private:
     std::set<std::uint32_t> asked_;

@@ -209,7 +209,10 @@
             importDocument: () => fail("Error", "there is no document object model here"),
             loadURL: flushed(given => { must(native.askWorld(self, urls(given))); }),
             replaceWorld: flushed(given => {
-                const {roots, named} = pieces.get(given) ?? {roots: given === null || given === undefined ? [] : Array.from(given), named: new Map()};
+                if (given === currentScene) return;  // it is the world already
+                const isNone = given === null || given === undefined, known = isNone ? undefined : pieces.get(given);
+                if (!isNone && !known && typeof given[Symbol.iterator] !== "function") fail("TypeError", "replaceWorld takes a scene or nodes");
+                const {roots, named} = known ?? {roots: isNone ? [] : Array.from(given), named: new Map()};
                 must(native.replaceWorld(self, flatten(MFNode, roots), Array.from(named.keys()), flatten(MFNode, Array.from(named.values()))));
             }),
             firstViewpoint: flushed(() => { must(native.viewpoint(0)); }), previousViewpoint: flushed(() => { must(native.viewpoint(1)); }),

@@ -103,6 +103,34 @@ TEST(MediaLength, IsAskedOfTheApplicationWhereNoHeaderIsKnown) {
     EXPECT_FALSE(clip.get(x3d::AudioClip::isActive)) << "it ended at 4";
 }
 
+TEST(MediaLength, WhatHasNoneIsTold) {
+    Scene scene;
+    Diagnostics diagnostics("test");
+    ASSERT_TRUE(loadText(scene, R"(#X3D V4.0 utf8
+PROFILE Full
+DEF A AudioClip { url [ "none.wav" "data:audio/ogg,OggS" ] }
+DEF B AudioClip { url "none.wav" load FALSE }
+DEF C BufferAudioSource { url "none.wav" buffer [ 0 1 ] }
+DEF D AudioClip { }
+)",
+                         diagnostics));
+    BuildOptions options;
+    options.resources = Resources();
+    InlineLoader loader(scene, diagnostics, options);
+    scene.newFrame(100);
+    loader.update();
+    ASSERT_EQ(diagnostics.all().size(), 1u);
+    const Diagnostic& told = diagnostics.all()[0];
+    EXPECT_EQ(told.severity, Severity::warning);
+    EXPECT_TRUE(told.text.starts_with("AudioClip A never plays: 'none.wav' ")) << told.text;
+    EXPECT_TRUE(told.text.ends_with("'data:audio/ogg,OggS' is no sound or film whose length can be told")) << told.text;
+    ASSERT_TRUE(scene.set(scene.findName("B"), x3d::AudioClip::load, true));
+    scene.newFrame(101);
+    loader.update();
+    ASSERT_EQ(diagnostics.all().size(), 2u) << "asked for now";
+    EXPECT_TRUE(diagnostics.all()[1].text.starts_with("AudioClip B never plays: "));
+}
+
 /// "width x height", or "none".
 std::string pictureOf(const std::string& bytes) {
     const auto size = pictureSize({bytes.size(), [&](std::uint64_t offset, std::size_t length) {

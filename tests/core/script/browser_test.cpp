@@ -2,6 +2,7 @@
 // themselves.
 #include <filesystem>
 #include <fstream>
+#include <utility>
 
 #include <gtest/gtest.h>
 
@@ -185,6 +186,27 @@ TEST_F(ScriptBrowserFiles, AWorldMadeOfAPieceOrOfNodes) {
     go();
     scene_.newFrame(5);
     EXPECT_EQ(scene_.nodeCount(), 3U);
+}
+
+TEST_F(ScriptBrowserFiles, TheWorldInItsOwnPlaceStays) {
+    start("function go() { Browser.replaceWorld(Browser.currentScene); print('on'); }", "DEF G Group { }\n");
+    go();
+    scene_.newFrame(2);
+    EXPECT_EQ(problems(), "");
+    EXPECT_TRUE(scene_.findName("G"));
+    EXPECT_TRUE(scene_.findName("S"));
+    EXPECT_EQ(printed_, "on\n");
+}
+
+TEST_F(ScriptBrowserFiles, WhatIsNoWorldTakesNoPlace) {
+    for (const char* given : {"{}", "5", "true", "() => 1"}) {
+        start("function go() { try { Browser.replaceWorld(" + std::string(given) +
+              "); } catch (e) { print(e.message); } }");
+        go();
+        scene_.newFrame(scene_.now() + 1);
+        EXPECT_EQ(std::exchange(printed_, ""), "replaceWorld takes a scene or nodes\n") << given;
+        EXPECT_TRUE(scene_.findName("S")) << given;
+    }
 }
 
 TEST_F(ScriptBrowserFiles, AReplicaGetsWhatScriptsLoad) {
