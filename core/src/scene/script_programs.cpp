@@ -14,6 +14,10 @@ ScriptPhase ScriptPrograms::phase(Cascade& cascade) {
     return cascade.scene_.state_->scriptPhase;
 }
 
+void ScriptPrograms::warn(Scene& scene, const Node& node, const std::string& text) {
+    scene.state_->warn(node, text);
+}
+
 Behaviour ScriptPrograms::behaviour() {
     return {
         .onEvent =

@@ -40,6 +40,8 @@ class ScriptPrograms {
     static Result<detail::Piece> createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls, NodeId script);
     /// Is done before the next frame begins.
     static Result<> request(Scene& scene, const DocumentRequest& request);
+    /// What is to say of a program while no cascade runs.
+    static void warn(Scene& scene, const Node& node, const std::string& text);
     /// The behaviour of every Script type: finds the programs of the running scene, makes them on first use.
     static Behaviour behaviour();
 

@@ -201,7 +201,7 @@ struct ScriptEngine::State {
     template <class Body>
     bool enter(Cascade* cascade, const Node& node, Program& program, const Body& body, Place place = Place::program) {
         if (runtime->depth >= kMaximumDepth) {
-            if (cascade) cascade->warn(node, "scripts write to each other in a circle: cut off");
+            warn(cascade, node.id(), "scripts write to each other in a circle: cut off");
             return false;
         }
         // The program may destroy its own node, and so itself: nothing of either is used after the body.
@@ -230,9 +230,14 @@ struct ScriptEngine::State {
         return ok && goesOn;
     }
 
+    /// Of a node that still is there; without a cascade of what shutdown() does.
     void warn(Cascade* cascade, NodeId id, const std::string& text) const {
         const Node* alive = scene.find(id);
-        if (cascade && alive) cascade->warn(*alive, text);
+        if (!alive) return;
+        if (cascade)
+            cascade->warn(*alive, text);
+        else
+            ScriptPrograms::warn(scene, *alive, text);
     }
 
     /// Reports the pending exception; false if the program has been ended.

@@ -6,6 +6,7 @@
 #include <set>
 #include <thread>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "core/script/script_scene.h"
@@ -688,6 +689,27 @@ TEST(Script, ADestroyedScriptShutsDownWithoutTouchingTheScene) {
     ASSERT_TRUE(s.scene.destroyNode(s.script()));
     s.frame();
     EXPECT_EQ(s.printed, "bye\n");
+}
+
+TEST(Script, WhatFailsInShutdownIsTold) {
+    const std::string fails = "function shutdown() { throw new Error('too late'); }";
+    ScriptScene destroyed("", fails);
+    destroyed.frame();
+    ASSERT_TRUE(destroyed.scene.destroyNode(destroyed.script()));
+    EXPECT_THAT(destroyed.problems(), testing::HasSubstr("too late"));
+
+    ScriptScene changed("", fails);
+    changed.frame();
+    ASSERT_TRUE(changed.scene.sendEvent(changed.script(), x3d::Script::url.index, Value(Array<String>{})));
+    changed.frame();
+    EXPECT_THAT(changed.problems(), testing::HasSubstr("too late"));
+
+    ScriptScene ended("", "function shutdown() { for (;;) ; }");
+    ended.frame();
+    ScriptOptions none;
+    none.enabled = false;
+    ended.scene.setScriptOptions(none);
+    EXPECT_THAT(ended.problems(), testing::HasSubstr("it ran longer than"));
 }
 
 }  // namespace
