@@ -41,6 +41,10 @@ void print(const Diagnostics& diagnostics, std::string_view said) {
 }
 
 /// A diagnostic's text says already that it is an error, and of which file.
+std::string framesText(std::uint64_t count) {
+    return fmt::format("{} frame{}", count, count == 1 ? "" : "s");
+}
+
 void printError(const std::string& text) {
     constexpr std::string_view kError = "error: ";
     if (text.starts_with(kError))

@@ -44,6 +44,8 @@ Verb addCompletion(Command& program);
 /// `file:line:col: error: text`, one a line, on stderr, each once; then how many were left out. Of subscribers that
 /// failed, the one whose failure the caller tells of itself (`said`) is not named again.
 void print(const Diagnostics& diagnostics, std::string_view said = {});
+/// "1 frame", "2 frames".
+std::string framesText(std::uint64_t count);
 void printError(const std::string& text);
 void printError(const Diagnostic& diagnostic);
 

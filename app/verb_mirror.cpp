@@ -391,12 +391,12 @@ void Mirroring::print() const {
     if (statistics.frames == 0) return fmt::print("no state of {} has come\n", options_.endpoint);
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
-        "{} frames ({} snapshots) to state {} of {}, {} bytes ({:.1f} a frame), {:.1f} frames a second\n"
+        "{} ({} snapshots) to state {} of {}, {} bytes ({:.1f} a frame), {:.1f} frames a second\n"
         "{}: {} here, {} at the origin; {} gaps, {} divergences, {} repairs\n",
-        statistics.frames, statistics.snapshots, statistics.sequence, statistics.originSequence, statistics.bytes,
-        static_cast<double>(statistics.bytes) / frames, framesPerSecond(), equal_ ? "equal" : "not equal",
-        statistics.hash.hex(), statistics.originHash.hex(), statistics.gaps, statistics.divergences,
-        statistics.repairs);
+        framesText(statistics.frames), statistics.snapshots, statistics.sequence, statistics.originSequence,
+        statistics.bytes, static_cast<double>(statistics.bytes) / frames, framesPerSecond(),
+        equal_ ? "equal" : "not equal", statistics.hash.hex(), statistics.originHash.hex(), statistics.gaps,
+        statistics.divergences, statistics.repairs);
     if (requests_.sent > 0)
         fmt::print("{} events sent, {} accepted, {} refused\n", requests_.sent, requests_.accepted, requests_.refused);
     if (joined() && options_.outputs.any()) fmt::print("{}\n", report_.text());

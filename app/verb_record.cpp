@@ -76,7 +76,7 @@ void printSummary(const RecordArguments& options, RunningScene& running, std::ui
         fmt::print("{{\"frames\":{},\"t\":{},\"bytes\":{},\"bytes_per_frame\":{:.1f},\"hash\":\"{}\"}}\n", frames,
                    running.time(), bytes, perFrame, running.scene().hash().hex());
     else
-        fmt::print("the first state and {} frames to t = {} s, {} bytes ({:.1f} a frame), state {}\n", frames,
+        fmt::print("the first state and {} to t = {} s, {} bytes ({:.1f} a frame), state {}\n", framesText(frames),
                    running.time(), bytes, perFrame, running.scene().hash().hex());
 }
 

@@ -126,7 +126,7 @@ class Relaying {
                 from.frames, from.snapshots, from.gaps, from.restarts, from.sequence, from.hash.hex(), from.equal,
                 to.peers, to.requests, to.bytes);
         else
-            fmt::print("{} frames to state {}, {} requests passed on, {} bytes to mirrors\n", from.frames,
+            fmt::print("{} to state {}, {} requests passed on, {} bytes to mirrors\n", framesText(from.frames),
                        from.sequence, to.requests, to.bytes);
     }
 

@@ -149,7 +149,7 @@ int runScene(const RunArguments& options) {
         fmt::print("{{\"frames\":{},\"t\":{},\"hash\":\"{}\"{}}}\n", frames, running.time(), scene.hash().hex(),
                    made.json());
     else if (watches->empty() && !options.hash)
-        fmt::print("{} frames to t = {} s, state {}\n", frames, running.time(), scene.hash().hex());
+        fmt::print("{} to t = {} s, state {}\n", framesText(frames), running.time(), scene.hash().hex());
     return good ? kDone : kBad;
 }
 

@@ -282,7 +282,7 @@ void Session::print(const MirrorServerStatistics& statistics) const {
             statistics.stalls, statistics.garbage, statistics.refused, statistics.lost, log_ ? log_->bytes() : 0,
             scene.hash().hex());
     else
-        fmt::print("{} frames in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", frames_,
+        fmt::print("{} in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", framesText(frames_),
                    seconds_, fps, statistics.bytes, statistics.mostPeers, scene.hash().hex());
 }
 

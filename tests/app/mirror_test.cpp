@@ -1,0 +1,251 @@
+// Mirrors as a script uses them: two processes, and what must be the same in both.
+#include <sstream>
+
+#include <gmock/gmock.h>
+
+#include "mirror_session.h"
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+TEST_F(Mirror, FollowsUntilTheServerLeaves) {
+    const std::string served = folder / "served.rlog", mirrored = folder / "mirrored.rlog",
+                      saved = folder / "saved.x3dv";
+    serve({"--for", "2s", "--record", served}, "ipc://" + folder / "socket");
+    Program mirror({"mirror", "--json", endpoint, "--record", mirrored, "--save", saved, "--wait", "60s"}, streams());
+    const Outcome followed = mirror.wait();
+    const Outcome origin = server->wait();
+    EXPECT_EQ(followed.status, 0) << followed.err;
+    EXPECT_EQ(origin.status, 0) << origin.err;
+    const json report = json::parse(followed.out), summary = json::parse(lastLine(origin.out));
+    expectEqual(report);
+    EXPECT_EQ(report.at("snapshots"), 1);
+    EXPECT_EQ(report.at("gaps"), 0);
+    EXPECT_EQ(report.at("hash"), summary.at("hash"));
+    EXPECT_EQ(report.at("sequence"), summary.at("sequence"));
+    // Both logs end in the same state and agree on all they share.
+    const Outcome difference = rtsg({"replay", "--json", served, "--diff", mirrored});
+    EXPECT_EQ(difference.status, 0) << difference.out << difference.err;
+    EXPECT_THAT(readFile(saved), HasSubstr("DEF BOX Transform"));
+}
+
+TEST_F(Mirror, WhatItsUserAsksForIsTheirsInTheLog) {
+    const std::string log = folder / "authors.rlog";
+    serve({"--for", "30s", "--record", log, "--upstream", "events"}, "ipc://" + folder / "socket");
+    for (const auto& [name, value] : {std::pair{"Ann", "1 2 3"}, {"B\x1b[31mob", "4 5 6"}}) {
+        const Outcome mirror = rtsg({"mirror", endpoint, "--name", name, "--set",
+                                     std::string("BOX.set_scale=") + value + "@0", "--for", "500ms"});
+        EXPECT_EQ(mirror.status, 0) << mirror.err;
+    }
+    server->signal(SIGINT);
+    EXPECT_NE(server->wait().status, -1);
+    const Outcome blame = rtsg({"replay", log, "--blame", "BOX.scale"});
+    EXPECT_EQ(blame.status, 0) << blame.err;
+    EXPECT_THAT(blame.out, HasSubstr("Ann (set from outside)"));
+    EXPECT_THAT(blame.out, HasSubstr("B\\x1b[31mob (set from outside)")) << "a name is not the terminal's to obey";
+    const json told = json::parse(rtsg({"replay", log, "--blame", "BOX.scale", "--json"}).out).at("steps");
+    ASSERT_EQ(told.size(), 3u) << told;
+    EXPECT_EQ(told[0].at("author"), "");
+    EXPECT_EQ(told[1].at("author"), "Ann");
+    EXPECT_EQ(told[1].at("value"), "1 2 3");
+    EXPECT_EQ(told[2].at("value"), "4 5 6");
+    for (const char* wrong : {"BOX.nothing", "NOBODY.scale", "BOX"}) {
+        const Outcome none = rtsg({"replay", log, "--blame", wrong});
+        EXPECT_EQ(none.status, 1) << none.out;
+        EXPECT_NE(none.err, "");
+        EXPECT_EQ(none.out, "");
+    }
+}
+
+TEST_F(Mirror, ManyOverTcpOneOfThemLate) {
+    serve({"--for", "3s"}, "tcp://127.0.0.1:*");
+    EXPECT_THAT(endpoint, HasSubstr("tcp://127.0.0.1:"));
+    Program first({"mirror", "--json", endpoint, "--wait", "60s"}, streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(800));
+    Program second({"mirror", "--json", endpoint, "--for", "1s", "--wait", "60s"}, streams());
+    const Outcome a = first.wait(), b = second.wait();
+    EXPECT_EQ(server->wait().status, 0);
+    EXPECT_EQ(a.status, 0) << a.err;
+    EXPECT_EQ(b.status, 0) << b.err;
+    expectEqual(json::parse(a.out));
+    expectEqual(json::parse(b.out));
+}
+
+/// What went before it is not what it sees: its time begins with the state that the session is in.
+TEST_F(Mirror, WhoComesLateBeginsWithTheStateOfNow) {
+    serve({"--for", "60s", "--upstream", "events"}, "tcp://127.0.0.1:*");
+    ASSERT_EQ(rtsg({"mirror", endpoint, "--for", "100ms"}).status, 0);
+    std::this_thread::sleep_for(std::chrono::seconds(3));
+    for (int i = 0; i < 2; ++i) {
+        const auto start = std::chrono::steady_clock::now();
+        const Outcome late = rtsg({"mirror", "--json", endpoint, "--for", "1s", "--set", "FLAG.set_boolean=TRUE@0.9"});
+        EXPECT_EQ(late.status, 0) << late.err;
+        EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(900));
+        const json report = json::parse(late.out);
+        expectEqual(report);
+        EXPECT_EQ(report.at("accepted"), 1);
+        EXPECT_NEAR(report.at("t"), 1, .2);
+    }
+}
+
+TEST_F(Mirror, NothingThatWasAskedForEndsWithoutAnAnswer) {
+    serve({"--for", "60s"}, "tcp://127.0.0.1:*");
+    for (int i = 0; i < 4; ++i) {
+        const Outcome refused =
+            rtsg({"mirror", "--json", endpoint, "--for", "0.1s", "--set", "FLAG.set_boolean=TRUE@0"});
+        EXPECT_EQ(refused.status, 1) << "the server takes none";
+        EXPECT_EQ(json::parse(refused.out).at("refused"), 1);
+    }
+    const Outcome unsent = rtsg({"mirror", endpoint, "--for", "0.1s", "--set", "FLAG.set_boolean=TRUE@9"});
+    EXPECT_EQ(unsent.status, 1);
+    EXPECT_THAT(unsent.err, HasSubstr("not sent"));
+    const Outcome bogus = rtsg({"mirror", endpoint, "--for", "0.1s", "--control", "status"});
+    EXPECT_EQ(bogus.status, 1);
+    EXPECT_THAT(bogus.err, HasSubstr("refused"));
+}
+
+TEST_F(Mirror, PartsThatNobodyFollowsMakeRoom) {
+    serve({"--for", "60s", "--parts", "2"}, "tcp://127.0.0.1:*");
+    for (const char* part : {"BOX", "CLOCK", "PATH", "FLAG", "BOX"}) {
+        const Outcome mirror = rtsg({"mirror", endpoint, "--part", part, "--for", "0.1s", "--wait", "2s"});
+        EXPECT_EQ(mirror.status, 0) << part << mirror.err;
+    }
+    // Of those that are followed none goes.
+    Program box({"mirror", endpoint, "--part", "BOX", "--for", "20s"}, streams());
+    Program clock({"mirror", endpoint, "--part", "CLOCK", "--for", "20s"}, streams());
+    std::this_thread::sleep_for(std::chrono::seconds(2));
+    const Outcome third = rtsg({"mirror", endpoint, "--part", "PATH", "--for", "0.1s", "--wait", "300ms"});
+    EXPECT_EQ(third.status, 1);
+    EXPECT_THAT(third.err, HasSubstr("as many parts"));
+}
+
+TEST_F(Mirror, PortsThatDoNotExistAreNoOthers) {
+    const std::string log = folder / "played.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0s"}).status, 0);
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"serve", file, "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
+          {"serve", log, "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
+          {"relay", "ipc://" + folder / "nobody", "--for", "50ms", "--bind", "tcp://127.0.0.1:99999"},
+          {"mirror", "tcp://127.0.0.1:70000", "--for", "50ms", "--wait", "50ms"},
+          {"relay", "tcp://127.0.0.1:70000", "--for", "50ms"}}) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << arguments[0];
+        EXPECT_THAT(outcome.err, HasSubstr("at most 65535")) << arguments[0];
+    }
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"serve", file, "--bind", "nowhere"}, {"mirror", "nowhere"}, {"relay", "nowhere"}}) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << arguments[0];
+        EXPECT_THAT(outcome.err, HasSubstr("'nowhere' is no endpoint")) << arguments[0];
+    }
+}
+
+TEST_F(Mirror, PicturesAndSoundOfTheReplica) {
+    serve({"--for", "3s"}, "ipc://" + folder / "socket");
+    Program mirror({"mirror", "--json", endpoint, "--render", folder / "p%02d.png", "--fps", "1", "--size", "32x24",
+                    "--listen", folder / "m.wav", "--rays", "100", "--record", folder / "m.rlog", "--wait", "60s"},
+                   streams());
+    const Outcome followed = mirror.wait();
+    EXPECT_EQ(server->wait().status, 0);
+    ASSERT_EQ(followed.status, 0) << followed.err;
+    const json report = json::parse(followed.out);
+    expectEqual(report);
+    ASSERT_GE(report.at("pictures"), 1);
+    EXPECT_EQ(readFile(folder / "p00.png").substr(1, 3), "PNG");
+    EXPECT_EQ(readFile(folder / "m.wav").substr(0, 4), "RIFF");
+    EXPECT_GT(report.at("sound_seconds"), 0.5);
+    // Pictures and sound are made from one flattening and one BVH, which had something to do once in each set that
+    // moved the box: the mirror's log, made readable, tells how many these were.
+    EXPECT_EQ(report.at("flattenings"), 1);
+    EXPECT_EQ(report.at("worlds"), 1);
+    ASSERT_EQ(rtsg({"replay", folder / "m.rlog", "--export", folder / "m.mcap", "--export-plain"}).status, 0);
+    const std::string lines = folder / "lines";
+    if (std::system(
+            ("python3 " RTSG_SOURCE_DIR "/tests/app/mcap_reader.py " + folder / "m.mcap" + " > " + lines).c_str()))
+        GTEST_SKIP() << "python3 is not installed";
+    std::istringstream in(readFile(lines));
+    std::size_t first = 0, moves = 0;
+    for (std::string line; std::getline(in, line);) {
+        const json message = json::parse(line, nullptr, false);
+        if (!message.contains("topic") || message["topic"] != "/rtsg/changes") continue;
+        const std::string changes = message["message"]["changes"].dump();
+        (first == 0 ? first : moves) += first == 0 || changes.find("\"translation\"") != std::string::npos;
+    }
+    EXPECT_GT(moves, 10u);
+    EXPECT_EQ(report.at("commits"), first + moves);
+}
+
+TEST_F(CommandLine, ReplayWithPicturesSoundAndExportFlattensOnceAndCommitsOnceASet) {
+    const std::string log = folder / "box.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.9s", "--fps", "10"}).status, 0);  // moves in every frame
+    const Outcome replayed =
+        rtsg({"replay", log, "--render", folder / "p%02d.png", "--size", "16x9", "--fps", "10", "--listen",
+              folder / "r.wav", "--rays", "100", "--export", folder / "r.mcap", "--json"});
+    ASSERT_EQ(replayed.status, 0) << replayed.err;
+    const json report = json::parse(replayed.out);
+    EXPECT_EQ(report.at("flattenings"), 1);
+    EXPECT_EQ(report.at("worlds"), 1);
+    // Of the states recorded: the one that was loaded, the start of the clock, in which nothing moves, and nine moves.
+    EXPECT_EQ(report.at("frames"), 11);
+    EXPECT_EQ(report.at("commits"), 10);
+}
+
+TEST_F(Mirror, GivesUpWithoutAServer) {
+    const auto start = std::chrono::steady_clock::now();
+    const Outcome outcome = rtsg({"mirror", "ipc://" + folder / "nobody", "--wait", "500ms", "--json"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_GE(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(500));
+    EXPECT_THAT(outcome.err, HasSubstr("no server"));
+    EXPECT_EQ(json::parse(outcome.out).at("equal"), false);
+}
+
+TEST_F(Mirror, SignalsEndBothInOrder) {
+    const std::string log = folder / "served.rlog";
+    serve({"--record", log}, "ipc://" + folder / "socket");
+    Program mirror({"mirror", "--json", endpoint, "--record", folder / "mirrored.rlog", "--wait", "60s"}, streams());
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (readFile(folder / "mirrored.rlog").size() < 1000 && std::chrono::steady_clock::now() < end)
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    std::this_thread::sleep_for(std::chrono::milliseconds(300));
+    mirror.signal(SIGINT);
+    const Outcome followed = mirror.wait();
+    EXPECT_EQ(followed.status, 0) << followed.err;
+    expectEqual(json::parse(followed.out));
+    server->signal(SIGTERM);
+    const Outcome origin = server->wait();
+    EXPECT_EQ(origin.status, 0) << origin.err;
+    EXPECT_GT(json::parse(lastLine(origin.out)).at("frames"), 0);
+    EXPECT_EQ(rtsg({"replay", "--json", log, "--verify"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", "--json", folder / "mirrored.rlog", "--verify"}).status, 0);
+}
+
+TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
+    const std::string keys = folder / "keys";
+    serve({"--for", "3s", "--linger", "0", "--key", keys}, "tcp://127.0.0.1:*");
+    Program with({"mirror", "--json", endpoint, "--key", keys, "--for", "500ms", "--wait", "60s"}, streams());
+    Program without({"mirror", "--json", endpoint, "--wait", "1s"}, streams());
+    const Outcome a = with.wait(), b = without.wait();
+    EXPECT_EQ(a.status, 0) << a.err;
+    EXPECT_EQ(b.status, 1) << b.out;
+    EXPECT_EQ(json::parse(b.out).at("frames"), 0);
+    EXPECT_THAT(b.err, HasSubstr("does not answer without --key"));
+    // Nor has it those whose key is another's.
+    const std::string others = folder / "others";
+    EXPECT_EQ(rtsg({"serve", file, "--key", others, "--for", "0s", "--bind", "ipc://" + folder / "alone"}).status, 0);
+    const Outcome c = rtsg({"mirror", endpoint, "--key", others, "--wait", "500ms"});
+    EXPECT_EQ(c.status, 1);
+    EXPECT_THAT(c.err, HasSubstr("whose list lacks the key"));
+    EXPECT_EQ(server->wait().status, 0);
+}
+
+TEST_F(Mirror, ServerRefusesToBeOpenToOthersWithoutKeys) {
+    const Outcome outcome = rtsg({"serve", file, "--bind", "tcp://0.0.0.0:*", "--for", "100ms"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("keys"));
+}
+
+}  // namespace
+}  // namespace rtsg::test

@@ -1,0 +1,234 @@
+// Logs and replays as a script uses them: recorded by one process, verified, compared and saved by another.
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <sys/file.h>
+#include <unistd.h>
+#include <nlohmann/json.hpp>
+
+#include "program.h"
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+class Replay : public CommandLine {
+  protected:
+    void record(const std::string& name, const std::string& text) {
+        const std::string source = folder / "source.x3dv";
+        writeFile(source, text);
+        const Outcome outcome = rtsg({"record", source, "-o", name, "--for", "1s", "--fps", "20", "--json"});
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        recorded = json::parse(outcome.out);
+    }
+    json recorded;
+    const std::string log = folder / "a.rlog";
+};
+
+TEST_F(Replay, VerifiesEveryState) {
+    record(log, scene());
+    const Outcome outcome = rtsg({"replay", "--json", log, "--verify"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const json report = json::parse(outcome.out);
+    EXPECT_GE(report.at("frames"), 21);
+    EXPECT_EQ(report.at("frames"), report.at("verified"));
+    EXPECT_TRUE(report.at("first_divergence").is_null());
+    EXPECT_EQ(report.at("hash"), recorded.at("hash"));
+}
+
+TEST_F(Replay, FindsAFlippedByteWhereverItIs) {
+    record(log, scene());
+    const std::string bytes = readFile(log);
+    const std::size_t keyframe = bytes.find("RTSGrec1", 8);
+    ASSERT_NE(keyframe, std::string::npos);
+    const std::size_t body = bytes.find("BOX", keyframe);  // the name of a node
+    ASSERT_NE(body, std::string::npos);
+    const std::size_t rest = bytes.size() - keyframe;
+    for (const std::size_t at : {keyframe / 2, keyframe + 70, body, keyframe + rest / 2, keyframe + rest * 3 / 4}) {
+        std::string broken = bytes;
+        broken[at] = static_cast<char>(broken[at] ^ 0x10);
+        writeFile(folder / "broken.rlog", broken);
+        const Outcome outcome = rtsg({"replay", "--json", folder / "broken.rlog", "--verify"});
+        EXPECT_EQ(outcome.status, 1) << "byte " << at;
+        EXPECT_NE(outcome.err, "") << "byte " << at;
+        if (at < keyframe) continue;  // without its head it is no log at all
+        const json report = json::parse(outcome.out);
+        ASSERT_FALSE(report.at("first_divergence").is_null()) << report;
+        EXPECT_GT(report.at("first_divergence").at("frame"), 0);
+    }
+}
+
+TEST_F(Replay, ATruncatedLogKeepsWhatIsWhole) {
+    record(log, scene());
+    const std::string bytes = readFile(log);
+    std::size_t record = 0;  // the ninth
+    for (int i = 0; i < 9; ++i) record = bytes.find("RTSGrec1", record + 1);
+    ASSERT_LT(record, bytes.size());
+    writeFile(folder / "cut.rlog", bytes.substr(0, record - 5));
+    const Outcome outcome = rtsg({"replay", "--json", folder / "cut.rlog", "--verify"});
+    EXPECT_EQ(outcome.status, 1);
+    const json report = json::parse(outcome.out);
+    EXPECT_GT(report.at("frames"), 2);
+    EXPECT_EQ(report.at("frames"), report.at("verified"));
+    EXPECT_FALSE(report.at("first_divergence").is_null());
+    writeFile(folder / "garbage.rlog", std::string(5000, 'x'));
+    EXPECT_EQ(rtsg({"replay", "--json", folder / "garbage.rlog", "--verify"}).status, 1);
+}
+
+TEST_F(Replay, ALogThatWasNotClosedDoesNotVerify) {
+    record(log, scene());
+    const std::string bytes = readFile(log);
+    std::vector<std::size_t> records;
+    for (std::size_t at = bytes.find("RTSGrec1"); at != std::string::npos; at = bytes.find("RTSGrec1", at + 1))
+        records.push_back(at);
+    // Between whole records: nothing is damaged, and nothing but the missing index tells that there was more.
+    for (const std::size_t left : {records.size() - 1, records.size() - 4, std::size_t{8}}) {
+        writeFile(folder / "cut.rlog", bytes.substr(0, records[left]));
+        const Outcome outcome = rtsg({"replay", "--json", folder / "cut.rlog", "--verify"});
+        EXPECT_EQ(outcome.status, 1) << left;
+        EXPECT_NE(outcome.err.find("the log was not closed"), std::string::npos) << outcome.err;
+        const json report = json::parse(outcome.out);
+        EXPECT_EQ(report.at("frames"), report.at("verified"));
+        EXPECT_EQ(report.at("damaged"), 0);
+        EXPECT_EQ(report.at("closed"), false);
+        EXPECT_FALSE(report.at("first_divergence").is_null());
+        EXPECT_EQ(rtsg({"replay", folder / "cut.rlog"}).status, 0) << "only who asks for all of it misses something";
+    }
+}
+
+/// Its writer is in the middle of a record: that is no damage, and all that is there is verified.
+TEST_F(Replay, ALogThatIsBeingWrittenIsVerifiedAsFarAsItGoes) {
+    record(log, scene());
+    std::filesystem::resize_file(log, std::filesystem::file_size(log) - 5);
+    const int writer = ::open(log.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+    ASSERT_EQ(::flock(writer, LOCK_EX | LOCK_NB), 0);
+    const Outcome outcome = rtsg({"replay", "--json", log, "--verify"});
+    EXPECT_EQ(outcome.status, 1) << "not all of it is there";
+    EXPECT_THAT(outcome.err, HasSubstr("the log is still being written"));
+    const json report = json::parse(outcome.out);
+    EXPECT_GT(report.at("frames"), 2);
+    EXPECT_EQ(report.at("frames"), report.at("verified"));
+    EXPECT_EQ(report.at("damaged"), 0);
+    EXPECT_EQ(report.at("being_written"), true);
+    EXPECT_EQ(rtsg({"replay", log}).status, 0);
+    const Outcome described = rtsg({"info", log});
+    EXPECT_EQ(described.status, 0) << described.err;
+    EXPECT_THAT(described.out, HasSubstr("it is still being written"));
+    ::close(writer);
+    EXPECT_THAT(rtsg({"replay", log, "--verify"}).err, HasSubstr("truncated"));
+    EXPECT_EQ(rtsg({"info", log}).status, 1);
+}
+
+TEST_F(Replay, KeyframesComeAsOftenAsAsked) {
+    const std::string source = folder / "source.x3dv";
+    writeFile(source, scene());
+    std::vector<std::size_t> found;
+    for (const char* seconds : {"0", "250ms"}) {
+        ASSERT_EQ(rtsg({"record", source, "-o", log, "--for", "2s", "--fps", "20", "--force", "--keyframe-seconds",
+                        seconds, "--keyframe-bytes", "1MB"})
+                      .status,
+                  0);
+        const Outcome outcome = rtsg({"info", log, "--json"});
+        found.push_back(json::parse(outcome.out).at("keyframes"));
+    }
+    EXPECT_GE(found[1], found[0] + 6);
+    EXPECT_EQ(rtsg({"replay", log, "--verify"}).status, 0);
+    EXPECT_EQ(rtsg({"record", source, "-o", log, "--keyframe-seconds", "often", "--force"}).status, 2);
+}
+
+TEST_F(Replay, ComparesLogsAndNamesTheField) {
+    record(log, scene());
+    const std::string same = folder / "same.rlog", other = folder / "other.rlog";
+    record(same, scene());
+    record(other, scene("3"));
+    const Outcome equal = rtsg({"replay", "--json", log, "--diff", same});
+    EXPECT_EQ(equal.status, 0) << equal.err;
+    EXPECT_EQ(json::parse(equal.out).at("equal"), true);
+    const Outcome different = rtsg({"replay", "--json", log, "--diff", other});
+    EXPECT_EQ(different.status, 1);
+    const json found = json::parse(different.out).at("first_divergence");
+    EXPECT_EQ(found.at("node"), "PATH") << found;
+    EXPECT_EQ(found.at("field"), "keyValue") << found;
+    EXPECT_GT(found.at("frame"), 0);
+    EXPECT_THAT(different.err, HasSubstr("PATH.keyValue"));
+}
+
+TEST_F(Replay, SeeksAndSaves) {
+    record(log, scene());
+    const std::string saved = folder / "half.x3dv";
+    const Outcome outcome = rtsg({"replay", "--json", log, "--seek", "0.5s", "--save", saved, "--render",
+                                  folder / "half.png", "--size", "24x16"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_DOUBLE_EQ(json::parse(outcome.out).at("t"), 0.5);
+    EXPECT_THAT(readFile(saved), HasSubstr("translation 0.5 0 0"));  // 2 m within 2 s
+    EXPECT_EQ(readFile(folder / "half.png").substr(1, 3), "PNG");
+    // The same picture as of the scene itself at that time.
+    ASSERT_EQ(rtsg({"render", file, "-o", folder / "direct.png", "--time", "0.5", "--size", "24x16"}).status, 0);
+    EXPECT_EQ(readFile(folder / "half.png"), readFile(folder / "direct.png"));
+}
+
+/// What one use of it would not do is refused, before anything is opened or made.
+TEST_F(Replay, OptionsThatGoNotTogetherAreWrongUsage) {
+    record(log, scene());
+    const std::string made = folder / "made.x3dv", other = folder / "b.rlog";
+    const std::vector<std::vector<std::string>> wrong = {
+        {"--rerun", file, "--compact", other},
+        {"--rerun", file, "--seek", "1s"},
+        {"--rerun", file, "--live"},
+        {"--compact", other, "--save", made},
+        {"--compact", other, "--export", folder / "a.mcap"},
+        {"--compact", other, "--verify"},
+        {"--compact", other, "--size", "8x8"},
+        {"--diff", log, "--save", made},
+        {"--diff", log, "--field", "BOX.*"},
+        {"--diff", log, "--tolerance", "1"},
+        {"--diff", log, "--for", "1s"},
+        {"--diff", log, "--blame", "BOX.translation"},
+        {"--blame", "BOX.translation", "--render", folder / "a.png"},
+        {"--every", "3"},
+        {"--interval", "1s", "--verify"},
+        {"--export-plain"},
+        {"--sound-tolerance", "-20"},
+        {"--rerun", file, "--picture-tolerance", ".1"},
+        {"--rerun", file, "--name", "one"},
+    };
+    for (std::vector<std::string> arguments : wrong) {
+        arguments.insert(arguments.begin(), {"replay", log});
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, testing::ContainsRegex("goes (not together )?with --"));
+    }
+    for (const std::string& none : {made, other}) EXPECT_FALSE(std::filesystem::exists(none)) << none;
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--verify", "--save", made}).status, 0);
+    EXPECT_TRUE(std::filesystem::exists(made));
+}
+
+/// A frame in its middle is gone: every use of the log says so, and makes what can be made.
+TEST_F(Replay, WhatALogLacksIsSaidByEveryUseOfIt) {
+    record(log, scene());
+    const std::string gap = folder / "gap.rlog", shorter = folder / "short.rlog";
+    std::string bytes = readFile(log);
+    std::vector<std::size_t> records;
+    for (std::size_t at = bytes.find("RTSGrec1"); at != std::string::npos; at = bytes.find("RTSGrec1", at + 1))
+        records.push_back(at);
+    bytes.erase(records[12], records[13] - records[12]);
+    writeFile(gap, bytes + readFile(log));  // its own keyframes are those of the same states again
+    const Outcome compacted = rtsg({"replay", gap, "--compact", shorter, "--json"});
+    EXPECT_EQ(compacted.status, 1) << compacted.err;
+    EXPECT_THAT(compacted.err, HasSubstr("is not complete"));
+    EXPECT_EQ(json::parse(compacted.out).at("complete"), false);
+    EXPECT_TRUE(std::filesystem::exists(shorter));
+    const Outcome blamed = rtsg({"replay", gap, "--blame", "BOX.translation", "--json"});
+    EXPECT_EQ(blamed.status, 1) << blamed.out;
+    EXPECT_EQ(json::parse(blamed.out).at("complete"), false);
+    const Outcome compared = rtsg({"diff", log, log, "--json"});
+    EXPECT_EQ(compared.status, 0);
+    EXPECT_GT(json::parse(compared.out).at("compared"), 10);
+    EXPECT_EQ(json::parse(compared.out).at("in_one_alone"), 0);
+    const Outcome replayed = rtsg({"replay", log, "--diff", log, "--json"});
+    EXPECT_EQ(json::parse(replayed.out).at("compared"), json::parse(compared.out).at("compared"));
+}
+
+}  // namespace
+}  // namespace rtsg::test

@@ -1,0 +1,356 @@
+// Sessions that outlive their server: resumed, played from a log, passed on by a relay, in files that rotate.
+#include <algorithm>
+
+#include <gmock/gmock.h>
+
+#include "mirror_session.h"
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+/// kill -9, and the mirror that follows has the rest of the session without a second snapshot.
+TEST_F(Mirror, AServerThatWasKilledGoesOnFromItsLog) {
+    const std::string log = folder / "session.rlog";
+    serve({"--record", log}, "tcp://127.0.0.1:*");
+    Program mirror({"mirror", endpoint, "--for", "3s", "--wait", "60s", "--json"}, streams());
+    const auto recorded = [&] {
+        const Outcome info = rtsg({"info", log, "--json"});
+        return info.status == 0 ? json::parse(info.out).at("frames").get<int>() : 0;
+    };
+    for (int tries = 0; tries < 600 && recorded() < 30; ++tries)
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    server->signal(SIGKILL);
+    EXPECT_EQ(server->wait().status, 128 + SIGKILL);
+    const int before = recorded();
+    ASSERT_GE(before, 30);
+    serve({"--resume", log, "--for", "4s"}, endpoint);
+    const Outcome followed = mirror.wait();
+    ASSERT_EQ(followed.status, 0) << followed.err;
+    const json report = json::parse(followed.out);
+    expectEqual(report);
+    EXPECT_EQ(report.at("restarts"), 0) << report;
+    EXPECT_GT(report.at("sequence"), before) << report;
+    const Outcome ended = server->wait();
+    EXPECT_EQ(ended.status, 0) << ended.err;
+    const json summary = json::parse(lastLine(ended.out));
+    // One that was a frame ahead of the log, by chance, takes the snapshot.
+    EXPECT_EQ(summary.at("resumed").get<int>() + summary.at("snapshots").get<int>(), 1) << summary;
+    EXPECT_EQ(report.at("snapshots").get<int>(), 1 + summary.at("snapshots").get<int>()) << report;
+    const Outcome verified = rtsg({"replay", log, "--verify", "--json"});
+    EXPECT_EQ(verified.status, 0) << verified.err;
+    EXPECT_EQ(json::parse(verified.out).at("hash"), summary.at("hash"));
+}
+
+/// Another server at the same place, without the session of the first: pictures and sound go on, in the new states.
+TEST_F(Mirror, PicturesGoOnWithTheStatesOfAServerThatBeganAnew) {
+    serve({}, "tcp://127.0.0.1:*");
+    Program mirror(
+        {"mirror", endpoint, "--for", "3s", "--fps", "10", "--render", folder / "p%02d.png", "--size", "16x9",
+         "--listen", folder / "p.wav", "--rays", "50", "--wait", "60s", "--record", folder / "p.rlog", "--json"},
+        streams());
+    // Early: on a busy machine pictures lag behind the states, of which none may be left to come.
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (!std::filesystem::exists(folder / "p01.png") && std::chrono::steady_clock::now() < end)
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    server->signal(SIGKILL);
+    server->wait();
+    serve({}, endpoint);
+    const Outcome followed = mirror.wait();
+    ASSERT_EQ(followed.status, 0) << followed.err;
+    const json report = json::parse(followed.out);
+    expectEqual(report);
+    EXPECT_EQ(report.at("restarts"), 1) << report;
+    EXPECT_EQ(report.at("pictures"), 30) << report;
+    EXPECT_DOUBLE_EQ(report.at("sound_seconds").get<double>(), 3);
+    EXPECT_EQ(report.at("snapshots"), 2) << report;
+    EXPECT_EQ(report.at("picture_states"), report.at("sound_states"));
+    server->signal(SIGTERM);
+    server->wait();
+    // Its log holds both sessions, and cannot know how far the first went on.
+    const Outcome whole = rtsg({"replay", folder / "p.rlog", "--verify", "--json"});
+    EXPECT_EQ(whole.status, 1) << whole.out;
+    EXPECT_THAT(whole.err, HasSubstr("the session was not closed: nothing tells what came after state "));
+    const json replayed = json::parse(whole.out);
+    EXPECT_EQ(replayed.at("gaps"), 0);
+    EXPECT_EQ(replayed.at("unclosed_sessions"), 1);
+    EXPECT_EQ(replayed.at("t"), report.at("t"));
+    const Outcome shown = rtsg({"replay", folder / "p.rlog"});
+    EXPECT_EQ(shown.status, 0) << shown.err;
+    EXPECT_THAT(shown.out, HasSubstr("; 1 session within it not closed"));
+}
+
+/// A log as a session: played, and played again, by commands of a mirror and of standard input.
+TEST_F(Mirror, ALogIsPlayedToMirrorsAndDoesWhatTheySay) {
+    const std::string log = folder / "played.rlog";
+    const Outcome made = rtsg({"record", file, "-o", log, "--for", "4s", "--fps", "20", "--json"});
+    ASSERT_EQ(made.status, 0) << made.err;
+    const std::string end = json::parse(made.out).at("hash");
+    const auto play = [&](std::vector<std::string> more, const std::string& input = {}) {
+        std::vector<std::string> arguments{"serve", log, "--bind", "tcp://127.0.0.1:*", "--json"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        server = std::make_unique<Program>(arguments, streams(), input);
+        const std::string line = server->firstLine();
+        ASSERT_NE(line, "");
+        endpoint = json::parse(line).at("endpoint");
+    };
+    play({"--rate", "4", "--for", "8s", "--upstream", "events"});
+    // To its last state, whose hash is the recorded one.
+    const Outcome followed = rtsg({"mirror", endpoint, "--control", "seek 3.9", "--control", "status", "--json"});
+    ASSERT_EQ(followed.status, 0) << followed.err;
+    const json report = json::parse(followed.out);
+    expectEqual(report);
+    EXPECT_EQ(report.at("hash"), end);
+    EXPECT_THAT(followed.err, HasSubstr("\"length\":4.000000"));
+    EXPECT_EQ(server->wait().status, 0);
+
+    // Those that may not send, may not play.
+    play({"--for", "8s"});
+    const Outcome refused = rtsg({"mirror", endpoint, "--control", "pause", "--json"});
+    EXPECT_EQ(refused.status, 1);
+    EXPECT_THAT(refused.err, HasSubstr("refused: this server takes no requests"));
+    EXPECT_EQ(server->wait().status, 0);
+
+    play({"--for", "1s", "--paused", "--control"}, "step 3\nnonsense\nseek 2s");
+    const Outcome ended = server->wait();
+    EXPECT_EQ(ended.status, 0) << ended.err;
+    EXPECT_THAT(ended.out, HasSubstr("\"t\":0.150000"));
+    EXPECT_THAT(ended.out, HasSubstr("refused: not understood"));
+    EXPECT_EQ(json::parse(lastLine(ended.out)).at("player").at("t"), 2.0);
+}
+
+/// Served as far as it goes, and said; what has no meaning then is wrong usage.
+TEST_F(Mirror, ALogThatIsDamagedIsPlayedAsFarAsItGoes) {
+    const std::string log = folder / "hurt.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "20"}).status, 0);
+    const auto played = [&](std::vector<std::string> more) {
+        std::vector<std::string> arguments{"serve", log,     "--bind",   "ipc://" + folder / "hurt",
+                                           "--for", "300ms", "--linger", "0"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        return rtsg(arguments);
+    };
+    EXPECT_EQ(played({"--rate", "10"}).status, 0);
+    for (const std::string option : {"--fps", "--error", "--keyframe-seconds", "--rotate"}) {
+        const Outcome useless = played({option, "30"});
+        EXPECT_EQ(useless.status, 2) << option;
+        EXPECT_THAT(useless.err, HasSubstr(option + ": is of a scene"));
+    }
+    const std::string bytes = readFile(log);
+    std::string hurt = bytes;
+    hurt[hurt.size() * 3 / 4] = static_cast<char>(hurt[hurt.size() * 3 / 4] ^ 1);
+    writeFile(log, hurt);
+    const Outcome damaged = played({"--rate", "10", "--loop"});
+    EXPECT_EQ(damaged.status, 1);
+    EXPECT_THAT(damaged.err, HasSubstr("are damaged: "));
+    EXPECT_EQ(damaged.err.find("are damaged"), damaged.err.rfind("are damaged")) << "each place once: " << damaged.err;
+    // What does not begin as a log does is one by its name.
+    writeFile(log, "rubbish" + bytes);
+    const Outcome behind = played({"--rate", "10"});
+    EXPECT_EQ(behind.status, 1);
+    EXPECT_THAT(behind.err, HasSubstr("bytes 0 to 7 are damaged"));
+    writeFile(log, "");
+    EXPECT_THAT(played({}).err, HasSubstr("not a log"));
+}
+
+/// What is made of a log that is played again and again goes on over its end.
+TEST_F(Mirror, PicturesAndSoundGoOnWhereALogBeginsAgain) {
+    const std::string log = folder / "again.rlog";
+    endpoint = "ipc://" + folder / "again";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms", "--fps", "20"}).status, 0);
+    Program player({"serve", log, "--loop", "--for", "6s", "--bind", endpoint, "--linger", "2s"}, streams());
+    ASSERT_NE(player.firstLine(), "");
+    const Outcome mirrored = rtsg({"mirror", endpoint, "--listen", folder / "again.wav", "--render",
+                                   folder / "again%d.png", "--fps", "10", "--size", "16x9", "--rays", "10", "--json"});
+    ASSERT_EQ(mirrored.status, 0) << mirrored.err;
+    EXPECT_EQ(player.wait().status, 0);
+    const json report = json::parse(lastLine(mirrored.out));
+    EXPECT_GT(report.at("sound_seconds"), 1) << mirrored.out;
+    EXPECT_GE(report.at("pictures"), 10) << mirrored.out;
+}
+
+/// --for counts on over its end too, with every state and with --live.
+TEST_F(Mirror, ALengthIsReachedWhereALogBeginsAgain) {
+    const std::string log = folder / "short.rlog";
+    endpoint = "ipc://" + folder / "short";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms", "--fps", "20"}).status, 0);
+    Program player({"serve", log, "--loop", "--bind", endpoint}, streams());
+    ASSERT_NE(player.firstLine(), "");
+    for (const bool live : {false, true}) {
+        std::vector<std::string> arguments{"mirror",   endpoint,
+                                           "--for",    "1.5s",
+                                           "--listen", folder / "short.wav",
+                                           "--render", folder / "short%d.png",
+                                           "--fps",    "10",
+                                           "--size",   "16x9",
+                                           "--rays",   "10",
+                                           "--json",   "--force"};
+        if (live) arguments.push_back("--live");
+        const Outcome mirrored = rtsg(arguments);
+        ASSERT_EQ(mirrored.status, 0) << mirrored.err;
+        const json report = json::parse(lastLine(mirrored.out));
+        EXPECT_GE(report.at("t"), 1.5);
+        EXPECT_DOUBLE_EQ(report.at("sound_seconds").get<double>(), 1.5) << report;
+        EXPECT_EQ(report.at("restarts"), report.at("snapshots").get<int>() - 1) << report;
+        EXPECT_GE(report.at("restarts"), 2) << report;
+        const int skipped = live ? report.at("live").at("pictures_skipped").get<int>() : 0;
+        EXPECT_EQ(report.at("pictures").get<int>() + skipped, 15) << report;
+        if (live) {
+            EXPECT_LE(report.at("live").at("states"), report.at("frames")) << report;
+        }
+        const std::vector<double> times = report.at("picture_times");
+        EXPECT_GT(times.size(), 3U);
+        EXPECT_TRUE(std::ranges::is_sorted(times)) << report;
+    }
+    player.signal(SIGTERM);
+    EXPECT_EQ(player.wait().status, 0);
+}
+
+/// As a log that is paused does, or one at its end.
+TEST_F(Mirror, OfASceneThatStandsStillTheClockCounts) {
+    const std::string log = folder / "still.rlog";
+    endpoint = "ipc://" + folder / "still";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms", "--fps", "20"}).status, 0);
+    Program player({"serve", log, "--paused", "--bind", endpoint, "--upstream", "events"}, streams());
+    ASSERT_NE(player.firstLine(), "");
+    const auto follow = [&](const std::string& option, const std::string& made) {
+        return rtsg({"mirror", endpoint, "--for", "200ms", "--wait", "300ms", option, folder / made, "--size", "16x9"});
+    };
+    const Outcome asked = rtsg({"mirror", endpoint, "--for", "200ms", "--set", "FLAG.set_boolean=TRUE@0"});
+    EXPECT_EQ(asked.status, 1);
+    EXPECT_THAT(asked.err, HasSubstr("refused: a log is played"));
+    const Outcome one = follow("--render", "still.png");
+    EXPECT_EQ(one.status, 0) << one.err;
+    EXPECT_TRUE(std::filesystem::exists(folder / "still.png"));
+    for (const auto& [option, made] : {std::pair("--render", "still%d.png"), std::pair("--record", "other.rlog")}) {
+        const Outcome many = follow(option, made);
+        EXPECT_EQ(many.status, 1);
+        EXPECT_THAT(many.err, HasSubstr("stands still after 0 of 0.2 s"));
+    }
+    player.signal(SIGTERM);
+    EXPECT_EQ(player.wait().status, 0);
+}
+
+TEST_F(Mirror, ARelayPassesASessionOn) {
+    serve({"--for", "20s", "--upstream", "events"}, "tcp://127.0.0.1:*");
+    Program relay({"relay", endpoint, "--for", "20s", "--upstream", "events", "--json"}, streams());
+    const std::string line = relay.firstLine();
+    ASSERT_NE(line, "");
+    const std::string leaf = json::parse(line).at("endpoint");
+    const Outcome mirror = rtsg({"mirror", leaf, "--for", "2s", "--set", "FLAG.set_boolean=TRUE@0.5", "--json"});
+    ASSERT_EQ(mirror.status, 0) << mirror.err;
+    const json report = json::parse(mirror.out);
+    expectEqual(report);
+    EXPECT_EQ(report.at("accepted"), 1);
+    // Commands are the player's alone, which may be far behind it.
+    const Outcome command = rtsg({"mirror", leaf, "--for", "100ms", "--control", "pause"});
+    EXPECT_EQ(command.status, 1);
+    EXPECT_THAT(command.err, HasSubstr("a relay passes no commands on"));
+    // Having had none, too.
+    const Outcome nobody = rtsg({"relay", "ipc://" + folder / "nobody", "--for", "100ms"});
+    EXPECT_EQ(nobody.status, 1);
+    EXPECT_THAT(nobody.err, HasSubstr("no origin"));
+    // Without its origin it ends, and says so.
+    server->signal(SIGKILL);
+    server->wait();
+    const Outcome ended = relay.wait();
+    EXPECT_EQ(ended.status, 1);
+    EXPECT_THAT(ended.err, HasSubstr("no origin for 5"));
+    EXPECT_EQ(json::parse(lastLine(ended.out)).at("requests"), 1);
+}
+
+/// As a scene that is served, or mirrored.
+TEST_F(Mirror, ALogOrARelayThatIsInterruptedBeforeItsTimeIsStatusOne) {
+    const std::string log = folder / "cut.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms"}).status, 0);
+    serve({"--for", "60s"}, "ipc://" + folder / "socket");
+    for (const std::vector<std::string>& verb : {std::vector<std::string>{"serve", log}, {"relay", endpoint}}) {
+        for (const bool limited : {false, true}) {
+            std::vector<std::string> arguments = verb;
+            if (limited) arguments.insert(arguments.end(), {"--for", "60s"});
+            Program program(arguments, streams());
+            ASSERT_NE(program.firstLine(), "");
+            program.signal(SIGINT);
+            const Outcome ended = program.wait();
+            EXPECT_EQ(ended.status, limited ? 1 : 0) << verb[0] << ": " << ended.err;
+            EXPECT_EQ(ended.err.contains("of 60 s"), limited) << ended.err;
+        }
+    }
+}
+
+/// What a server had kept comes at once, and is no rate.
+TEST_F(Mirror, FramesASecondAreThoseSinceItJoined) {
+    serve({"--for", "60s"}, "ipc://" + folder / "socket");
+    const Outcome first = rtsg({"mirror", endpoint, "--for", "500ms"});
+    EXPECT_EQ(first.status, 0) << first.err;
+    const json report = json::parse(rtsg({"mirror", endpoint, "--for", "0s", "--json"}).out);
+    EXPECT_GT(report.at("frames"), 0);
+    EXPECT_EQ(report.at("fps"), 0) << report;
+}
+
+TEST_F(Mirror, ALongestRecordIsKept) {
+    serve({"--for", "20s"}, "tcp://127.0.0.1:*");
+    const Outcome small = rtsg({"mirror", endpoint, "--for", "1s", "--wait", "2s", "--max-record", "100", "--json"});
+    EXPECT_EQ(small.status, 1);
+    EXPECT_EQ(rtsg({"mirror", endpoint, "--for", "1s", "--max-record", "1MB", "--json"}).status, 0);
+}
+
+TEST_F(Mirror, LogsRotateAndAreResumed) {
+    const std::string log = folder / "turning.rlog";
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--rotate", "often"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--keep", "1min"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--rotate", "1min"}).status, 2) << "without a log";
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--rate", "2"}).status, 2) << "of a log";
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--peers", "99999999999999999999"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--base", folder / "none"}).status, 2);
+    EXPECT_EQ(
+        rtsg({"serve", file, "--for", "100ms", "--record", folder / "short.rlog", "--rotate", "20ms", "--keep", "50ms"})
+            .status,
+        0);
+    const Outcome done = rtsg({"serve", file, "--for", "2s", "--fps", "30", "--record", log, "--rotate", "0.5s"});
+    ASSERT_EQ(done.status, 0) << done.err;
+    for (const char* piece : {"turning.0001.rlog", "turning.0003.rlog", "turning.rlog"})
+        EXPECT_EQ(rtsg({"replay", folder / piece, "--verify"}).status, 0) << piece;
+    // Who opens one of them is told of the others; in another order than they were written in they are no log.
+    const Outcome last = rtsg({"replay", log});
+    EXPECT_THAT(last.err, HasSubstr("turning.0001.rlog to "));
+    EXPECT_THAT(last.out, HasSubstr("a piece that begins "));
+    EXPECT_GE(json::parse(rtsg({"replay", log, "--json"}).out).at("before_s"), 1.4);
+    EXPECT_EQ(json::parse(rtsg({"replay", folder / "turning.0001.rlog", "--json"}).out).at("before_s"), 0);
+    EXPECT_THAT(rtsg({"info", log}).err, HasSubstr("cat "));
+    EXPECT_EQ(rtsg({"replay", folder / "turning.0001.rlog"}).err, "");
+    const std::string first = readFile(folder / "turning.0001.rlog"), second = readFile(folder / "turning.0002.rlog");
+    writeFile(folder / "right.rlog", first + second);
+    writeFile(folder / "wrong.rlog", second + first);
+    EXPECT_EQ(rtsg({"replay", folder / "right.rlog", "--verify"}).status, 0);
+    const Outcome wrong = rtsg({"replay", folder / "wrong.rlog", "--verify"});
+    EXPECT_EQ(wrong.status, 1);
+    EXPECT_THAT(wrong.err, HasSubstr("in another order"));
+    // The session's clock goes on, and not that of its last file.
+    const Outcome resumed = rtsg({"serve", "--resume", log, "--for", "200ms", "--json"});
+    ASSERT_EQ(resumed.status, 0) << resumed.err;
+    EXPECT_NE(resumed.err.find("t = 2.000 s"), std::string::npos) << resumed.err;
+    const double t = json::parse(lastLine(resumed.out)).at("t").get<double>();
+    EXPECT_GT(t, 2.1);
+    EXPECT_LT(t, 3.0);
+    // What a log says itself is not said otherwise: neither obeyed nor ignored.
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"serve", "--resume", log, "--at", "now", "--for", "100ms"},
+          {"serve", log, "--at", "2000-01-01", "--for", "100ms"},
+          {"serve", log, "--await", "1", "--for", "100ms"}}) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, testing::HasSubstr("a log")) << outcome.err;
+    }
+}
+
+TEST_F(Mirror, ResumingAsksForALogAndWritesNoOther) {
+    EXPECT_EQ(rtsg({"serve"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog"}).status, 1);
+    EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog", "--record", folder / "other.rlog"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog", "--mode", "lossy"}).status, 2);
+}
+
+}  // namespace
+}  // namespace rtsg::test
