@@ -397,6 +397,9 @@ void Mirroring::print() const {
         statistics.bytes, static_cast<double>(statistics.bytes) / frames, framesPerSecond(),
         equal_ ? "equal" : "not equal", statistics.hash.hex(), statistics.originHash.hex(), statistics.gaps,
         statistics.divergences, statistics.repairs);
+    if (options_.mode == "input")
+        fmt::print("{} of these computed here from what came into them{}\n", framesText(statistics.inputs),
+                   statistics.inputs == 0 ? ": the server sends states" : "");
     if (requests_.sent > 0)
         fmt::print("{} events sent, {} accepted, {} refused\n", requests_.sent, requests_.accepted, requests_.refused);
     if (joined() && options_.outputs.any()) fmt::print("{}\n", report_.text());

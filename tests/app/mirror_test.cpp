@@ -193,6 +193,18 @@ TEST_F(CommandLine, ReplayWithPicturesSoundAndExportFlattensOnceAndCommitsOnceAS
     EXPECT_EQ(report.at("commits"), 10);
 }
 
+TEST_F(Mirror, SaysWhetherItGotInputs) {
+    for (const std::string mode : {"state", "input"}) {
+        serve({"--for", "20s", "--mode", mode}, "ipc://" + folder / mode);
+        const Outcome mirror = rtsg({"mirror", endpoint, "--for", "0.5s", "--mode", "input"});
+        EXPECT_EQ(mirror.status, 0) << mirror.err;
+        EXPECT_THAT(mirror.out, HasSubstr("computed here from what came into them"));
+        EXPECT_EQ(mirror.out.find("the server sends states") != std::string::npos, mode == "state") << mirror.out;
+        server->signal(SIGINT);
+        server->wait();
+    }
+}
+
 TEST_F(Mirror, GivesUpWithoutAServer) {
     const auto start = std::chrono::steady_clock::now();
     const Outcome outcome = rtsg({"mirror", "ipc://" + folder / "nobody", "--wait", "500ms", "--json"});
