@@ -240,7 +240,13 @@ TEST_F(Log, AnAppendedLogReplaysBothSessions) {
     EXPECT_TRUE(inSecond);
     EXPECT_GE(states, 18u);
     EXPECT_TRUE((*replayer)->log().damage().empty());
-    ASSERT_TRUE((*replayer)->seek(.5));
+    // Wherever one jumps to, types and epoch are those of the session that is there.
+    for (const auto& [time, session] : {std::pair{.5, &first}, {1.4, &second}, {.3, &first}}) {
+        ASSERT_TRUE((*replayer)->seek(time));
+        EXPECT_EQ((*replayer)->head().epoch != epoch, session == &second) << time;
+        const Scene& scene = (*replayer)->scene();
+        EXPECT_EQ(scene.dump(), session->dumps.at(scene.sequence())) << time;
+    }
 }
 
 TEST_F(Log, RefusesWhatIsNoLog) {
