@@ -1,5 +1,7 @@
 // Sessions that outlive their server: resumed, played from a log, passed on by a relay, in files that rotate.
 #include <algorithm>
+#include <chrono>
+#include <thread>
 
 #include <gmock/gmock.h>
 
@@ -243,10 +245,10 @@ TEST_F(Mirror, ARelayPassesASessionOn) {
     const json report = json::parse(mirror.out);
     expectEqual(report);
     EXPECT_EQ(report.at("accepted"), 1);
-    // Commands are the player's alone, which may be far behind it.
+    // A scene is no log, and the origin says so.
     const Outcome command = rtsg({"mirror", leaf, "--for", "100ms", "--control", "pause"});
     EXPECT_EQ(command.status, 1);
-    EXPECT_THAT(command.err, HasSubstr("a relay passes no commands on"));
+    EXPECT_THAT(command.err, HasSubstr("refused: no log is played here"));
     // Having had none, too.
     const Outcome nobody = rtsg({"relay", "ipc://" + folder / "nobody", "--for", "100ms"});
     EXPECT_EQ(nobody.status, 1);
@@ -258,6 +260,41 @@ TEST_F(Mirror, ARelayPassesASessionOn) {
     EXPECT_EQ(ended.status, 1);
     EXPECT_THAT(ended.err, HasSubstr("no origin for 5"));
     EXPECT_EQ(json::parse(lastLine(ended.out)).at("requests"), 1);
+}
+
+TEST_F(Mirror, CommandsToAPlayerPassThroughRelays) {
+    const std::string log = folder / "a.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "3s", "--fps", "20"}).status, 0);
+    server = std::make_unique<Program>(
+        std::vector<std::string>{"serve", log, "--bind", "ipc://" + folder / "a", "--upstream", "events", "--paused",
+                                 "--for", "60s", "--json"},
+        streams());
+    std::string from = json::parse(server->firstLine()).at("endpoint");
+    std::vector<std::unique_ptr<Program>> relays;
+    for (const std::string name : {"b", "c"}) {
+        relays.push_back(
+            std::make_unique<Program>(std::vector<std::string>{"relay", from, "--bind", "ipc://" + folder / name,
+                                                               "--upstream", "events", "--for", "60s", "--json"},
+                                      folder / name + "-streams"));
+        from = json::parse(relays.back()->firstLine()).at("endpoint");
+    }
+    const Outcome mirror = rtsg({"mirror", from, "--for", "2s", "--control", "seek 2.5", "--control", "status",
+                                 "--control", "seek 1", "--control", "rate x", "--json"});
+    EXPECT_EQ(mirror.status, 1) << "the last is refused";
+    EXPECT_THAT(mirror.err, HasSubstr("\"t\":2.5"));
+    EXPECT_THAT(mirror.err, HasSubstr("\"t\":1.0"));
+    EXPECT_EQ(mirror.err.find("refused"), mirror.err.rfind("refused")) << mirror.err;
+    const json report = json::parse(rtsg({"mirror", from, "--for", "0s", "--json"}).out);
+    EXPECT_EQ(report.at("equal"), true) << report;
+    EXPECT_EQ(report.at("sequence"), 22) << "loaded, and 21 frames: " << report;
+    // Where the origin has gone, so is the answer.
+    server->signal(SIGSTOP);
+    Program last({"mirror", from, "--for", "60s", "--control", "status"}, streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    server->signal(SIGKILL);
+    const Outcome ended = last.wait();
+    EXPECT_EQ(ended.status, 1);
+    EXPECT_THAT(ended.err, HasSubstr("refused: the"));
 }
 
 /// As a scene that is served, or mirrored.

@@ -65,7 +65,25 @@ bool MirrorClient::Impl::control(std::string_view command) {
         return true;
     }
     mirror::Words{session_, std::string(command)}.write(message_, Message::control);
-    return send();
+    if (!send()) return false;
+    commands_.push_back(session_);
+    return true;
+}
+
+/// Replies come in the order of the commands. Their session may be over: a seek ends it.
+void MirrorClient::Impl::answered(const mirror::Words& reply) {
+    const auto asked = std::ranges::find(commands_, reply.session);
+    if (asked == commands_.end()) return;
+    loseCommands(asked - commands_.begin());
+    commands_.pop_front();
+    replies_.push_back(reply.text);
+}
+
+/// The first `count` will have no answer any more.
+void MirrorClient::Impl::loseCommands(std::ptrdiff_t count) {
+    commands_.erase(commands_.begin(), commands_.begin() + count);
+    for (; count > 0; --count)
+        replies_.push_back("refused: the connection was lost before an answer came; it may have been carried out");
 }
 
 void MirrorClient::Impl::report(Severity severity, std::string text) {
@@ -179,6 +197,7 @@ void MirrorClient::Impl::connectionLost() {
     cut_ = false;
     connected_ = false;
     helloPending_ = true;
+    loseCommands(std::ssize(commands_));
 }
 
 /// `idle`: nothing that has come waits to be read, so that a silence is the server's and not ours.
@@ -333,6 +352,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             hearOrigin(in);
             mirror::begin(message_, Message::bye);
             send();
+            loseCommands(std::ssize(commands_));
             connected_ = false;  // and hello again in a while
             greeted_ = Clock::now();
             return report(Severity::note, "the server said goodbye");
@@ -346,10 +366,9 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             greeted_ = Clock::now();
             return;
         case Message::reply: {
-            mirror::Words reply;  // of a session that may be over: a seek ends it
+            mirror::Words reply;
             if (!reply.read(in)) return garbage("a malformed reply");
-            if (replies_.size() < 1000) replies_.push_back(std::move(reply.text));
-            return;
+            return answered(reply);
         }
         case Message::digest:
         case Message::anatomy:

@@ -47,6 +47,7 @@ class MirrorClient::Impl {
     std::vector<Diagnostic> diagnostics_;
     std::vector<MirrorVerdict> verdicts_;
     std::vector<std::string> replies_;
+    std::deque<std::uint64_t> commands_;  // without an answer yet: the session in which each was sent
     bool control(std::string_view command);
     std::string refusal_;
     bool serverLeft_ = false, turnedAway_ = false;
@@ -66,6 +67,8 @@ class MirrorClient::Impl {
     bool sendRequests();
     void report(Severity severity, std::string text);
     void garbage(std::string text);
+    void answered(const mirror::Words& reply);
+    void loseCommands(std::ptrdiff_t count);
     void hello(bool afresh);
     void watchConnection();
     void connectionLost();

@@ -36,9 +36,11 @@ Result<std::size_t> MirrorRelay::poll(std::chrono::milliseconds timeout) {
             if (!started) return std::unexpected(started.error());
             server_ = std::move(*started);
             server_->forwardRequests([this](MirrorRequest request) { return client_->submit(std::move(request)); });
+            server_->forwardCommands([this](std::string_view command) { return client_->control(command); });
         }
         if (server_) {
             for (const MirrorVerdict& verdict : client_->takeVerdicts()) server_->answer(verdict);
+            for (std::string& reply : client_->takeReplies()) server_->answerCommand(std::move(reply));
             server_->setOriginLost(client_->originLost());
             server_->service();
         }

@@ -16,6 +16,12 @@
 
 namespace rtsg {
 
+namespace {
+
+constexpr std::size_t kMostForwarded = 64;  // commands that wait for an answer from the origin
+
+}  // namespace
+
 MirrorServer::Shared::~Shared() {
     if (wake >= 0) ::close(wake);
 }
@@ -209,9 +215,14 @@ void MirrorServer::service() {
     }
     const bool any = !submissions.empty() || !controls.empty();
     for (Shared::Control& control : controls) {
-        control.text = controller_ ? controller_(control.text)
-                       : forward_  ? "refused: a relay passes no commands on; ask the server that plays the log"
-                                   : "refused: no log is played here";
+        if (!controller_ && forwardCommand_ && forwardedCommands_.size() < kMostForwarded &&
+            forwardCommand_(control.text)) {
+            forwardedCommands_.emplace_back(std::move(control.peer), control.session);
+            continue;
+        }
+        control.text = controller_       ? controller_(control.text)
+                       : forwardCommand_ ? "refused: the origin cannot be asked now"
+                                         : "refused: no log is played here";
         const std::scoped_lock lock(shared_->mutex);
         shared_->replies.push_back(std::move(control));
     }
@@ -282,6 +293,21 @@ void MirrorServer::answer(const MirrorVerdict& verdict) {
         result.created.emplace_back(provisional.value, number.value);
     forwarded_.erase(found);
     shared_->answer(std::move(result));
+    shared_->awaken();
+}
+
+void MirrorServer::forwardCommands(ForwardCommand forward) {
+    forwardCommand_ = std::move(forward);
+}
+
+void MirrorServer::answerCommand(std::string reply) {
+    if (forwardedCommands_.empty()) return;
+    auto [peer, session] = std::move(forwardedCommands_.front());
+    forwardedCommands_.pop_front();
+    {
+        const std::scoped_lock lock(shared_->mutex);
+        shared_->replies.push_back({std::move(peer), session, std::move(reply)});
+    }
     shared_->awaken();
 }
 

@@ -150,7 +150,7 @@ class MirrorClient {
     /// Answers since the last call, in the order of the requests' arrival at the origin.
     std::vector<MirrorVerdict> takeVerdicts();
     /// Asks a server that plays a log to pause, play, step, seek and so on (LogPlayer::command()); over 200 bytes are
-    /// refused. Not repeated where the connection is lost; false if there is none.
+    /// refused. Not repeated where the connection is lost; false if there is none, else one reply comes.
     bool control(std::string_view command);
     /// What came of them, in order: the player's status, or "refused: " and why.
     std::vector<std::string> takeReplies();

@@ -20,6 +20,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
@@ -137,6 +138,11 @@ class MirrorServer : public Subscriber {
     void forwardRequests(Forward forward);
     /// What became of such a request.
     void answer(const MirrorVerdict& verdict);
+    /// The same for what onControl() answers elsewhere. `forward` says whether a reply will come.
+    using ForwardCommand = std::function<bool(std::string_view)>;
+    void forwardCommands(ForwardCommand forward);
+    /// The next reply: they come in the order of the commands.
+    void answerCommand(std::string reply);
     /// Whether the scene's own origin is lost: peers are told at once, and again with every ping.
     void setOriginLost(bool lost);
 
@@ -163,8 +169,10 @@ class MirrorServer : public Subscriber {
     std::unique_ptr<Encoder> encoder_;
     std::unique_ptr<Io> io_;
     Forward forward_;
+    ForwardCommand forwardCommand_;
     Controller controller_;
     std::map<std::uint64_t, std::pair<std::uint64_t, std::uint64_t>> forwarded_;  // to client and request
+    std::deque<std::pair<std::string, std::uint64_t>> forwardedCommands_;         // of which peer and session
     std::unique_ptr<mirror::Writers> writers_;
     Attachment attachment_;
 };
