@@ -43,14 +43,18 @@ class InputLog : public testing::TestWithParam<std::uint64_t> {};
 TEST_P(InputLog, ReplaysAsTheLogOfTheChangesDoes) {
     SCOPED_TRACE("seed " + std::to_string(GetParam()));
     const std::string seed = std::to_string(GetParam());
-    const TemporaryFile byState("state" + seed), byInput("input" + seed);
+    const TemporaryFile byState("state" + seed), byInput("input" + seed), byBoth("both" + seed);
     Scene origin;
     origin.setInputRecording(true);
     {
         auto a = LogWriter::create(byState.path, builtinTypes(), inMode(Mode::state));
         auto b = LogWriter::create(byInput.path, builtinTypes(), inMode(Mode::input));
-        ASSERT_TRUE(a && b);
-        const Attachment first = origin.bus().attach(**a), second = origin.bus().attach(**b);
+        LogOptions both = inMode(Mode::state);
+        both.inputs = true;
+        auto c = LogWriter::create(byBoth.path, builtinTypes(), both);
+        ASSERT_TRUE(a && b && c);
+        const Attachment first = origin.bus().attach(**a), second = origin.bus().attach(**b),
+                         third = origin.bus().attach(**c);
         live(origin, GetParam(), 120, true, GetParam() % 2 == 0, [](const ChangeSet&) {});
         ASSERT_TRUE(second.attached()) << second.failure();
     }
@@ -61,7 +65,7 @@ TEST_P(InputLog, ReplaysAsTheLogOfTheChangesDoes) {
             (*replayer)->scene().registerBehaviour(x3d::Material::type, steady());
         return std::move(*replayer);
     };
-    const auto x = open(byState), y = open(byInput);
+    const auto x = open(byState), y = open(byInput), z = open(byBoth);
     EXPECT_GT(y->log().size(), 0u);
     for (int i = 0;; ++i) {
         const auto more = x->step(), same = y->step();
@@ -84,6 +88,9 @@ TEST_P(InputLog, ReplaysAsTheLogOfTheChangesDoes) {
         ASSERT_TRUE(there) << there.error().text;
         EXPECT_EQ(x->scene().sequence(), y->scene().sequence()) << time;
         EXPECT_EQ(x->scene().hash(), y->scene().hash()) << time;
+        ASSERT_TRUE(z->seek(time));
+        EXPECT_EQ(x->scene().sequence(), z->scene().sequence()) << time;
+        EXPECT_EQ(x->scene().hash(), z->scene().hash()) << time;
     }
 }
 
