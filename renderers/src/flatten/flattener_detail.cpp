@@ -1,4 +1,4 @@
-// How finely curved geometry is cut: by the pixels that its error is seen as, or by metres.
+// How finely curved geometry is cut: by the pixels that its error is seen as, by metres, or by its own size.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -57,6 +57,7 @@ double Flattener::Impl::levelNeeded(const Instance& instance, const Detail& deta
         return double{cut.chordError} * stretch * mesh.curveSize;
     };
     double allowed = options.error.metres > 0 ? double{options.error.metres} : kInfinity;
+    if (options.error.ofRadius > 0) allowed = std::min(allowed, error({.chordError = options.error.ofRadius}));
     const LayerSight* sight = viewer ? flatten::sightOf(sights, instance.layer) : nullptr;
     if (sight && options.error.pixels > 0) {
         const Vec3d low(mesh.bounds.min), high(mesh.bounds.max);
@@ -72,7 +73,7 @@ double Flattener::Impl::levelNeeded(const Instance& instance, const Detail& deta
 }
 
 std::optional<int> Flattener::Impl::nextLevel(double needed, std::optional<int> now) const {
-    if (options.error.metres <= 0 && (!viewer || sights.empty())) return std::nullopt;
+    if (options.error.metres <= 0 && options.error.ofRadius <= 0 && (!viewer || sights.empty())) return std::nullopt;
     if (now && needed <= *now && needed > *now - kSlack) return now;
     return static_cast<int>(std::ceil(std::clamp(needed, 0.0, Tessellator::kLevels - 1.0)));
 }

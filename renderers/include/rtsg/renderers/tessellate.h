@@ -29,11 +29,11 @@ struct TessellationOptions {
     int segmentsAround() const;
 };
 
-/// How far cut geometry may lie from the surface that it stands for, where it is seen: pixels of the picture, or
-/// metres. Both 0: as TessellationOptions has it, whatever its size.
+/// How far cut geometry may lie from the surface that it stands for, where it is seen: pixels of the picture, metres,
+/// or parts of the geometry's own radius. All 0: as TessellationOptions has it.
 struct TessellationError {
-    float pixels = 0, metres = 0;
-    bool any() const { return pixels > 0 || metres > 0; }
+    float pixels = 0, metres = 0, ofRadius = 0;
+    bool any() const { return pixels > 0 || metres > 0 || ofRadius > 0; }
 };
 
 struct BoxParams {

@@ -1,0 +1,65 @@
+// Irradiance as a script asks for it, against form factors: of curved lamps too, however small the error.
+#include <cmath>
+#include <numbers>
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+#include "program.h"
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+
+struct Lamp {
+    const char* geometry;
+    double irradiance;  // 2 m below its middle
+};
+constexpr double kPi = std::numbers::pi;
+const Lamp kLamps[] = {
+    {"Disk2D { outerRadius .5 }", kPi * .25 / 4.25},
+    {"Disk2D { innerRadius .3 outerRadius .5 }", kPi * (.25 / 4.25 - .09 / 4.09)},
+    {"Sphere { radius .5 }", kPi * .25 / 4},
+};
+
+class Measure : public CommandLine {
+  protected:
+    std::string sceneOf(const Lamp& lamp) {
+        const std::string path = folder / "lamp.x3dv";
+        writeFile(path,
+                  fmt::format("#X3D V4.0 utf8\nPROFILE Full\nTransform {{ translation 0 2 0 "
+                              "rotation 1 0 0 1.5707963267949 children Shape {{ geometry {} appearance Appearance "
+                              "{{ material Material {{ diffuseColor 0 0 0 emissiveColor 1 1 1 }} }} }} }}",
+                              lamp.geometry));
+        return path;
+    }
+};
+
+/// What chords cut off of a lamp is no part of the interval: it has to be small beside it.
+TEST_F(Measure, CurvedLampsAreCutAsFinelyAsTheErrorNeeds) {
+    for (const Lamp& lamp : kLamps)
+        for (const char* error : {"0.01", "0.003", "0.001"}) {
+            const Outcome outcome =
+                rtsg({"measure", sceneOf(lamp), "--irradiance", "0,0,0,0,1,0", "--error", error, "--json"});
+            ASSERT_EQ(outcome.status, 0) << outcome.err;
+            EXPECT_EQ(outcome.err, "");
+            const json report = json::parse(outcome.out);
+            EXPECT_EQ(report.at("reached"), true);
+            // Three standard errors, and what is cut off.
+            const double allowed =
+                3 / 1.96 * report.at("luminous_ci95").get<double>() + std::stod(error) / 8 * lamp.irradiance;
+            EXPECT_NEAR(report.at("luminous").get<double>(), lamp.irradiance, allowed) << lamp.geometry << error;
+        }
+}
+
+TEST_F(Measure, SaysWhereCurvesCannotBeCutFinelyEnough) {
+    const Outcome outcome =
+        rtsg({"measure", sceneOf(kLamps[0]), "--irradiance", "0,0,0,0,1,0", "--error", "1e-5", "--samples", "1000"});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_THAT(outcome.err, testing::HasSubstr("1 of the curved geometries cannot be cut finely enough"));
+}
+
+}  // namespace
+}  // namespace rtsg::test
