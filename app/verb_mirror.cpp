@@ -233,6 +233,7 @@ class Mirroring {
         }
     }
     bool isOver(std::size_t applied);
+    void sayWhetherHeard();
     void catchUp();
     void awaitAnswers();
     void sayWhatIsMissing();
@@ -257,7 +258,8 @@ class Mirroring {
     std::uint64_t framesBefore_ = 0;  // it joined: what the server had kept
     double since_ = 0, time_ = 0, seconds_ = 0;
     Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now(), movedAt_ = Clock::now();
-    bool good_ = true, equal_ = false, stoodStill_ = false;
+    Clock::time_point lostAt_ = Clock::now();  // it was heard until then
+    bool good_ = true, equal_ = false, stoodStill_ = false, saidLost_ = false;
     int status_ = kDone;
     OutputReport report_;  // of the outputs, in the end
 };
@@ -290,8 +292,10 @@ bool Mirroring::isOver(std::size_t applied) {
     if (joined() && !made_->frame()) return true;
     if (client.serverLeft() && applied == 0) return true;
     if (applied > 0 || client.inStep()) heard_ = Clock::now();
-    // What is made has a length in scene time; who only follows need not wait for a scene that stands still.
-    const bool byClock = !options_.outputs.any() && secondsSince(joinedAt_) >= duration_ && client.inStep();
+    // What is made has a length in scene time; who only follows need not wait for a scene that stands still. One that
+    // comes late over a slow link does not.
+    const bool stands = secondsSince(movedAt_) >= std::min(duration_, 1.0) && client.inStep();
+    const bool byClock = !options_.outputs.any() && secondsSince(joinedAt_) >= duration_ && stands;
     if (joined() && (since() >= duration_ || byClock)) return true;
     // A log that is paused, or at its end, may do so for good; a scene that is held up for a moment goes on.
     stoodStill_ = joined() && client.inStep() && secondsSince(movedAt_) >= std::max(duration_, patience_) + latency_;
@@ -326,9 +330,20 @@ void Mirroring::follow() {
                      static_cast<std::uint64_t>(1e3 * duration_) + 1);
         if (joined()) requests_.turn(client, since(), replica_.now());
         if (joined()) control(client);
+        if (joined()) sayWhetherHeard();
         if (isOver(applied)) break;
     }
     if (progress) progress(1, 1);
+}
+
+/// A server that plays a log makes us join anew where it jumps: that is no loss.
+void Mirroring::sayWhetherHeard() {
+    const bool lost = client_->originLost() && !client_->serverLeft();
+    if (!lost) lostAt_ = Clock::now();
+    if (lost == saidLost_ || secondsSince(lostAt_) < (lost ? .1 + 4 * client_->statistics().delay : 0)) return;
+    saidLost_ = lost;
+    fmt::print(stderr, "{}: {}\n", options_.endpoint,
+               lost ? "the server, or the origin that it relays, is not heard: waiting for it" : "heard again");
 }
 
 /// What is known to be missing may still be on its way.

@@ -1,10 +1,12 @@
-// A link that can be cut: passes bytes between clients and one server on loopback, until it does not.
+// A link that can be cut and may be long: passes bytes between clients and one server on loopback, until it does not.
 //
 // Threading: one thread of its own; cut() and restore() from any other.
 #pragma once
 
 #include <array>
 #include <atomic>
+#include <chrono>
+#include <deque>
 #include <string>
 #include <thread>
 #include <vector>
@@ -19,8 +21,9 @@ namespace rtsg::test {
 
 class TcpProxy {
   public:
-    /// `server`: tcp://127.0.0.1:PORT
-    explicit TcpProxy(const std::string& server) : target_(addressOf(std::stoi(server.substr(server.rfind(':') + 1)))) {
+    /// `server`: tcp://127.0.0.1:PORT; `delay`: how long bytes are under way, in each direction.
+    explicit TcpProxy(const std::string& server, std::chrono::milliseconds delay = {})
+        : target_(addressOf(std::stoi(server.substr(server.rfind(':') + 1)))), delay_(delay) {
         listen();
         endpoint = "tcp://127.0.0.1:" + std::to_string(ntohs(own_.sin_port));
         thread_ = std::thread([this] { run(); });
@@ -64,6 +67,7 @@ class TcpProxy {
         for (const auto& pair : pairs_)
             for (const int descriptor : pair) ::close(descriptor);
         pairs_.clear();
+        way_.clear();
         if (listener_ >= 0) ::close(listener_);
         listener_ = -1;
     }
@@ -83,12 +87,23 @@ class TcpProxy {
     /// False at the end of the stream.
     bool pass(int from, int to) {
         const ssize_t got = ::recv(from, buffer_.data(), buffer_.size(), 0);
-        for (ssize_t sent = 0; sent < got;) {
-            const ssize_t n = ::send(to, buffer_.data() + sent, static_cast<std::size_t>(got - sent), MSG_NOSIGNAL);
+        if (got <= 0) return false;
+        const std::string bytes(buffer_.data(), static_cast<std::size_t>(got));
+        if (delay_.count() == 0) return give(to, bytes);
+        way_.push_back({Clock::now() + delay_, to, bytes});
+        return true;
+    }
+    static bool give(int to, const std::string& bytes) {
+        for (std::size_t sent = 0; sent < bytes.size();) {
+            const ssize_t n = ::send(to, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL);
             if (n <= 0) return false;
-            sent += n;
+            sent += static_cast<std::size_t>(n);
         }
-        return got > 0;
+        return true;
+    }
+    void arrive() {
+        for (; !way_.empty() && way_.front().due <= Clock::now(); way_.pop_front())
+            (void)give(way_.front().to, way_.front().bytes);
     }
     void run() {
         while (!stop_) {
@@ -104,6 +119,7 @@ class TcpProxy {
             for (const auto& pair : pairs_)
                 for (const int descriptor : pair) items.push_back({descriptor, POLLIN, 0});
             ::poll(items.data(), items.size(), 1);
+            arrive();
             std::size_t at = listener_ >= 0 ? 1 : 0;
             for (std::size_t i = 0; i < pairs_.size();) {
                 bool open = true;
@@ -114,14 +130,26 @@ class TcpProxy {
                     ++i;
                     continue;
                 }
-                for (const int descriptor : pairs_[i]) ::close(descriptor);
+                for (const int descriptor : pairs_[i]) {
+                    std::erase_if(way_, [&](const Bytes& bytes) { return bytes.to == descriptor; });
+                    ::close(descriptor);
+                }
                 pairs_.erase(pairs_.begin() + static_cast<std::ptrdiff_t>(i));
             }
             if (listener_ >= 0 && items[0].revents) accept();
         }
     }
 
+    using Clock = std::chrono::steady_clock;
+    struct Bytes {
+        Clock::time_point due;
+        int to;
+        std::string bytes;
+    };
+
     sockaddr_in target_, own_{};
+    const std::chrono::milliseconds delay_;
+    std::deque<Bytes> way_;
     int listener_ = -1;
     std::vector<std::array<int, 2>> pairs_;
     std::array<char, 65536> buffer_;

@@ -13,7 +13,7 @@ const HELLO = 1, ACK = 2, PING = 3, PONG = 4, BYE = 5, SUBMIT = 9, CONTROL = 10,
   REFUSED = 19, VERDICT = 22, REPLY = 23;
 const NEAR_FIRST = 3;  // when slow
 const kSubmitPart = 8 << 10;
-const kHelloAgain = 500, kPing = 500, kTimeout = 2500, kRequestAgain = 1000;  // ms
+const kHelloAgain = 500, kHelloLost = 2000, kMostDoublings = 4, kPing = 500, kTimeout = 2500, kRequestAgain = 1000;  // ms
 const kMostRecord = 2 ** 30;
 
 function message(type) {
@@ -41,6 +41,7 @@ export class Mirror {
     this.serverHash = [0n, 0n];
     this.hasState = false;
     this.connected = false;
+    this.unanswered = 0;  // hellos, since something was answered
     this.gone = false;  // the server said goodbye
     this.nextRequest = 1;
     this.requests = new Map();
@@ -64,12 +65,20 @@ export class Mirror {
     for (const half of known ? this.serverHash : [0n, 0n]) m.u64(half);
     this.asked = known ? this.scene.state : 0;
     this.send(m.done());
+    ++this.unanswered;
     this.greeted = performance.now();
+  }
+  /** Another hello makes the answer to the last one void, and on a slow and long way that may take seconds. */
+  mayGreet(now) {
+    return now - this.greeted > (this.unanswered ? kHelloLost * 2 ** Math.min(this.unanswered - 1, kMostDoublings) : kHelloAgain);
   }
   bye() { this.send(message(BYE).done()); }
 
   /** The way is gone; the next hello goes on from here. */
-  cut() { this.connected = false; }
+  cut() {
+    this.connected = false;
+    this.unanswered = 0;
+  }
 
   /** Call it a few times a second. True while the server is heard. */
   tick(now = performance.now()) {
@@ -77,7 +86,7 @@ export class Mirror {
     if (now - this.ticked > kTimeout / 2) this.heard = now;
     this.ticked = now;
     if (!this.connected) {
-      if (now - this.greeted > kHelloAgain) this.hello();
+      if (this.mayGreet(now)) this.hello();
       return false;
     }
     if (now - this.heard > kTimeout) {
@@ -124,12 +133,14 @@ export class Mirror {
       case BYE:
         this.gone = true;
         this.connected = false;
+        this.unanswered = 0;
         this.greeted = performance.now();
         this.bye();
         return this.tell('onBye', r.left >= 8 ? Number(r.u64()) : 0);
       case UNKNOWN: return this.connected ? this.hello() : undefined;
       case REFUSED:
         this.connected = false;
+        this.unanswered = 0;
         this.greeted = performance.now();
         return this.tell('onRefused', r.text());
       case VERDICT: return this.verdict(r);
@@ -146,6 +157,7 @@ export class Mirror {
     r.u64();
     const record = readRecord(second, 0, kMostRecord);
     if (record.kind !== 'head') throw new FormatError('a welcome without a head');
+    this.unanswered = 0;
     this.head = readHead(record.payload);
     this.scene.countsFields = this.head.version < 3;
     const resumed = this.asked > 0 && epoch === this.epoch;

@@ -18,9 +18,12 @@ namespace {
 constexpr int kLinger = 100;                                // ms, for the goodbye
 constexpr int kReconnect = 10;                              // ms between attempts
 constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms that an attempt may take: at most, at least
-constexpr auto kAttemptsFor = 2s;                           // with one such time
-constexpr auto kHelloAgain = 500ms;                         // without an answer
-constexpr auto kLongestTurn = 20ms;                         // of poll() beyond its timeout, while frames keep coming
+constexpr auto kAttemptsFor = 2s;                           // with one such time, at first; then longer,
+constexpr int kMostAttemptsFor = 8;                         // up to so many times
+constexpr auto kHelloAgain = 500ms;                         // after a refusal or a goodbye
+constexpr auto kHelloLost = 2s;                             // without any answer at first, and twice as long each time
+constexpr int kMostDoublings = 4;
+constexpr auto kLongestTurn = 20ms;  // of poll() beyond its timeout, while frames keep coming
 constexpr auto kQuiet = 400ms;       // beyond a heartbeat: then the server counts as lost, though it may come back
 constexpr auto kPingAtFirst = 20ms;  // until there are a few samples of the clock; from then on ever more seldom,
 constexpr auto kPingLater = 2000ms;  // up to this: each wakes four threads
@@ -165,7 +168,15 @@ void MirrorClient::Impl::hello(bool afresh) {
         greeting.wishes.aspects |= std::uint32_t{1} << static_cast<unsigned>(aspect);
     greeting.write(message_);
     helloPending_ = !send();
+    if (!helloPending_) ++unanswered_;
     greeted_ = Clock::now();
+}
+
+/// Another hello makes the answer to the last one void, and on a slow and long way that may take seconds.
+bool MirrorClient::Impl::mayGreet(Clock::time_point now) const {
+    const Clock::duration after =
+        unanswered_ > 0 ? Clock::duration(kHelloLost) * (1 << std::min(unanswered_ - 1, kMostDoublings)) : kHelloAgain;
+    return helloPending_ || (!connected_ && now - greeted_ > after);
 }
 
 /// A lost connection is known at once, not after a silence; the next hello goes out when there is another one.
@@ -196,6 +207,7 @@ void MirrorClient::Impl::watchConnection() {
 void MirrorClient::Impl::connectionLost() {
     cut_ = false;
     connected_ = false;
+    unanswered_ = 0;
     helloPending_ = true;
     loseCommands(std::ssize(commands_));
 }
@@ -204,7 +216,7 @@ void MirrorClient::Impl::connectionLost() {
 void MirrorClient::Impl::keepInTouch(bool idle) {
     const Clock::time_point now = Clock::now();
     quiet_ = idle && now - heard_ > heartbeat_ + kQuiet;
-    if (linked() && (helloPending_ || (!connected_ && now - greeted_ > kHelloAgain))) {
+    if (linked() && mayGreet(now)) {
         hello(false);
     } else if (idle && connected_ && now - heard_ > options_.timeout) {
         report(Severity::note, "the server has gone silent");
@@ -212,7 +224,8 @@ void MirrorClient::Impl::keepInTouch(bool idle) {
         helloPending_ = true;
         attempts_ = 0;
         reconnect(now);
-    } else if (!connected_ && attempts_ > 0 && now - reconnected_ > kAttemptsFor) {
+    } else if (!connected_ && attempts_ > 0 &&
+               now - reconnected_ > kAttemptsFor * std::min(attempts_, kMostAttemptsFor)) {
         reconnect(now);
     }
     if (!connected_) return;
@@ -354,6 +367,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             send();
             loseCommands(std::ssize(commands_));
             connected_ = false;  // and hello again in a while
+            unanswered_ = 0;
             greeted_ = Clock::now();
             return report(Severity::note, "the server said goodbye");
         case Message::unknown:
@@ -363,6 +377,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             refusal_ = in.text();
             turnedAway_ = !in.left() || in.number<std::uint8_t>() == 0;
             connected_ = false;
+            unanswered_ = 0;
             greeted_ = Clock::now();
             return;
         case Message::reply: {
@@ -429,6 +444,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
     if (in.left() && mirror::read(in, newest)) originAt_ = std::max(originAt_, newest[0]);
     for (Request& request : requests_) request.sent = 0;
     refusal_.clear();
+    unanswered_ = 0;
     serverLeft_ = turnedAway_ = relayLost_ = false;
     connected_ = true;
     heartbeat_ = std::chrono::milliseconds(std::min<std::uint64_t>(numbers[2], 60000));

@@ -70,6 +70,7 @@ class MirrorClient::Impl {
     void answered(const mirror::Words& reply);
     void loseCommands(std::ptrdiff_t count);
     void hello(bool afresh);
+    bool mayGreet(Clock::time_point now) const;
     void watchConnection();
     void connectionLost();
     bool linked() const { return up_ && !cut_; }
@@ -120,6 +121,7 @@ class MirrorClient::Impl {
 
     std::uint64_t session_ = 0, epoch_ = 0, client_ = 0, nextRequest_ = 1;
     bool helloPending_ = true, connected_ = false;
+    int unanswered_ = 0;      // hellos by this connection since something was answered
     bool up_ = false;         // there is a connection, by the last event of it that was read
     bool cut_ = false;        // one has ended; what came by it is still being read
     int descriptor_ = -1;     // of the newest connection

@@ -9,6 +9,7 @@
 #include "mirror/message.h"
 #include "mirror/playout.h"
 #include "mirror_support.h"
+#include "support/tcp_proxy.h"
 
 namespace rtsg {
 namespace {
@@ -51,6 +52,20 @@ TEST(MirrorSlowPolicy, ResyncGivesASnapshotInsteadOfWhatWasMissed) {
     EXPECT_GE(client->statistics().snapshots, 2u);
     EXPECT_EQ(origin.server->statistics().merged, 0u);
     EXPECT_LT(client->statistics().frames, 60u);
+}
+
+/// Another hello makes the answer to the last one void: whoever is impatient never joins.
+TEST(MirrorSlow, TheFirstAnswerIsWaitedForOnALongWay) {
+    MovingOrigin origin(5);
+    const test::TcpProxy way(origin.server->endpoint(), 400ms);
+    Scene replica;
+    auto client = *MirrorClient::connect(replica, way.endpoint);
+    ASSERT_TRUE(pollUntilAt(*client, origin.scene));
+    EXPECT_EQ(client->statistics().snapshots, 1u);
+    EXPECT_EQ(origin.server->statistics().snapshots, 1u);
+    for (int i = 0; i < 3; ++i) origin.step();
+    ASSERT_TRUE(pollUntilAt(*client, origin.scene));
+    EXPECT_EQ(replica.dump(), origin.scene.dump());
 }
 
 TEST(MirrorSlow, OneThatLagsWhenTheServerLeavesKnowsThatItLags) {
