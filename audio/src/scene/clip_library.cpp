@@ -108,6 +108,12 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::heardBy(const SoundVoice& voice)
     return at->second = silence();
 }
 
+void ClipLibrary::noteNoSound(const std::string& name) {
+    if (noSounds_.insert(name).second)
+        diagnostics_.warning({},
+                             name + " is silent where it makes values that are no numbers, or too large for a sound");
+}
+
 std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
     if (voice.kind == SoundVoice::Kind::microphone || given(voice)) return heardBy(voice);
     if (voice.kind == SoundVoice::Kind::buffer) {

@@ -24,6 +24,19 @@ void addTo(AudioChannels& out, const AudioChannels& in) {
     }
 }
 
+/// One sample that is no number would be all that is heard of everything that it is mixed with.
+bool silenceNoSound(AudioChannels& out) {
+    constexpr float kLoudest = 1e9f;
+    bool any = false;
+    for (std::vector<float>& channel : out)
+        for (float& sample : channel)
+            if (!(std::abs(sample) <= kLoudest)) {
+                sample = 0;
+                any = true;
+            }
+    return any;
+}
+
 }  // namespace
 
 void AudioMix::render(const std::vector<SoundVoice>& voices,
@@ -205,9 +218,10 @@ void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std:
         case Kind::merger:
             break;
     }
-    if (process.gain == 1) return;
-    for (std::vector<float>& channel : out)
-        for (float& sample : channel) sample *= static_cast<float>(process.gain);
+    if (process.gain != 1)
+        for (std::vector<float>& channel : out)
+            for (float& sample : channel) sample *= static_cast<float>(process.gain);
+    if (silenceNoSound(out)) clips.noteNoSound(process.name);
 }
 
 }  // namespace rtsg

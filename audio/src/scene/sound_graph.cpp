@@ -131,6 +131,7 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
     auto made = std::make_shared<AudioProcess>();
     AudioProcess& process = *made;
     process.node = node.id();
+    process.name = nameOf(scene, node);
     process.gain = above * number(fieldOr(node, "gain", 1.0f), 0);
     if (node.is(x3d::BiquadFilter::type)) {
         using B = x3d::BiquadFilter;

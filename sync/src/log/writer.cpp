@@ -140,6 +140,8 @@ Result<> LogWriter::openAppended() {
         if (!old) return std::unexpected(old.error());
         keyframes_ = scanLogKeyframes(*old);
         size_ = old->intactEnd();
+        // Who starts again more often than files rotate would otherwise fill one for ever.
+        if (options_.epoch != 0 && !keyframes_.empty()) pieceStart_ = keyframes_.front().time;
     }
     if (::ftruncate(descriptor_, static_cast<off_t>(size_)) != 0)
         return std::unexpected(failure("cannot append", errno));

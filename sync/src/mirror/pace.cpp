@@ -8,12 +8,14 @@ namespace rtsg {
 namespace {
 
 constexpr double kHeadroom = 1.25;                    // else a rate that is measured too low would stay so
-constexpr double kFirst = 8 << 10, kLeast = 2 << 10;  // bytes under way: before anything is known, and always
+constexpr double kFirst = 8 << 10, kLeast = 2 << 10;  // bytes under way: before anything is known, and always,
+constexpr double kFew = 256;                          // but that a slow link takes longer for them than it has time
 constexpr double kSmallRecord = 16 << 10;             // may be under way as a whole in any case,
 constexpr double kLargeRecord = 64 << 10;             // and one so long if the link takes it within the lag
 constexpr double kShortest = 1e-4;                    // s: measures of less are noise
 constexpr MirrorPace::Seconds kRateSpan{1}, kDelaySpan{5};
 constexpr double kSpanDelays = 8;  // or as many delays, if that is longer
+constexpr int kRateKnown = 4;      // acknowledgements, after which the first delay can be judged
 
 double leastOf(double a, double b) {
     return a <= 0 ? b : b <= 0 ? a : std::min(a, b);
@@ -33,8 +35,11 @@ double MirrorPace::delay() const {
 double MirrorPace::limit(std::uint64_t record) const {
     if (lag_ <= 0) return std::numeric_limits<double>::infinity();
     if (rate() <= 0) return kFirst;
-    const double whole = std::min(double(record), std::clamp(rate() * lag_, kSmallRecord, kLargeRecord));
-    return std::max({kLeast, whole, kHeadroom * rate() * (delay() + lag_ / 8)});
+    // Of a record that goes in one part, the next can wait until it is there.
+    const double whole =
+        double(record) <= kLeast ? 0 : std::min(double(record), std::clamp(rate() * lag_, kSmallRecord, kLargeRecord));
+    const double least = std::clamp(rate() * lag_ / 4, kFew, kLeast);
+    return std::max({least, whole, kHeadroom * rate() * (delay() + lag_ / 8)});
 }
 
 bool MirrorPace::open(std::uint64_t record, Clock::time_point now) {
@@ -107,6 +112,18 @@ void MirrorPace::learnDelay(const Sent& sent, std::uint64_t size, Clock::time_po
     const double own = rate() > 0 ? double(size) / rate() : 0;
     delay_.now = leastOf(delay_.now, std::max(kShortest, whole - own));
     draining_ = false;
+    if (rate() <= 0) unjudged_ = double(size);
+}
+
+/// The first delay was measured before the rate was known, and may be little but the time that the link took for so
+/// many bytes: then the way is let run empty, and it is measured again.
+void MirrorPace::judgeFirstDelay() {
+    if (unjudged_ <= 0 || rate() <= 0 || ++judged_ < kRateKnown) return;
+    if (unjudged_ / rate() > .25 * delay()) {
+        delay_.now = delay_.before = 0;
+        draining_ = true;
+    }
+    unjudged_ = 0;
 }
 
 void MirrorPace::learnRate(const Sent& sent, Clock::time_point now) {
@@ -134,6 +151,7 @@ void MirrorPace::acknowledged(std::uint64_t total, Clock::time_point now) {
         before = chunk.total;
         if (sent_.empty() || sent_.front().total > total) learnRate(chunk, now);
     }
+    judgeFirstDelay();
     acknowledgedAt_ = now;
     onTheWay_ = std::min(onTheWay(now), double(sentTotal_ - acknowledgedTotal_));
     onTheWayAt_ = now;

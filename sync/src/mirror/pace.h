@@ -81,6 +81,7 @@ class MirrorPace {
     double mostSpared() const;
     bool settled(Clock::time_point now) const;
     void learnDelay(const Sent& sent, std::uint64_t size, Clock::time_point now);
+    void judgeFirstDelay();
     void learnRate(const Sent& sent, Clock::time_point now);
 
     double lag_ = 0, most_ = 0;
@@ -91,6 +92,8 @@ class MirrorPace {
     std::deque<Sent> sent_;
     Spans rate_, delay_;
     bool draining_ = false, lifted_ = false;
+    double unjudged_ = 0;  // bytes by which the first delay was measured, without their own time taken off
+    int judged_ = 0;       // acknowledgements since
 };
 
 }  // namespace rtsg

@@ -167,6 +167,31 @@ TEST_F(Rotation, ASessionThatGoesOnLetsItsOldPiecesGo) {
     EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
 }
 
+/// Each start less than a piece after the last: what the file holds already counts.
+TEST_F(Rotation, ASessionThatStartsAgainAndAgainRotatesAllTheSame) {
+    Scene scene;
+    test::RandomEdits edits(scene, 5);
+    int frame = 0;
+    std::uint64_t epoch = 0;
+    for (int start = 0; start < 10; ++start) {
+        LogOptions options;
+        options.rotateSeconds = 1;
+        options.epoch = epoch;
+        options.append = epoch != 0;
+        auto log = LogWriter::create(file(), builtinTypes(), options);
+        ASSERT_TRUE(log) << log.error().format();
+        epoch = (*log)->epoch();
+        const Attachment attachment = scene.bus().attach(**log);
+        for (const int until = frame + 8; frame < until; ++frame) {
+            edits.step();
+            scene.newFrame(frame * .1);
+        }
+        EXPECT_EQ(attachment.failure(), "");
+        (*log)->abandon();
+    }
+    EXPECT_GE(files().size(), 7U) << "of 8 s, in pieces of 1 s";
+}
+
 TEST_F(Rotation, PiecesOfAnEarlierSessionStay) {
     LogOptions options;
     options.rotateSeconds = 1;

@@ -131,6 +131,16 @@ TEST(MirrorPace, AtTheEndOfATelephoneLineAFrameTakesAsLongAsItTakes) {
     }
 }
 
+/// 64 and 32 kbit/s for a scene that makes 9.5 kB/s, of small frames that merge to hardly more.
+TEST(MirrorPace, SmallFramesDoNotPileUpOnATelephoneLine) {
+    for (const auto& [rate, keeps] : {std::pair(8e3, false), {8e3, true}, {4e3, false}, {4e3, true}}) {
+        const Link link{.rate = rate, .delay = .02, .frame = 160, .seconds = 40, .keeps = keeps};
+        const Seen seen = followLink(link);
+        EXPECT_LE(seen.mostAge, .25 + 2 * link.delay + link.frame / rate) << rate << keeps;
+        EXPECT_GE(seen.bytesASecond, .7 * rate) << rate << keeps;
+    }
+}
+
 TEST(MirrorPace, ALinkThatStumblesDoesNotPileUpWhatIsOld) {
     for (const bool keeps : {false, true}) {
         const Link link{.rate = 125e3, .delay = .02, .stall = .2, .keeps = keeps};

@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <set>
 #include <span>
 #include <string>
 #include <variant>
@@ -45,6 +46,8 @@ class ClipLibrary {
     std::shared_ptr<SoundInput> inputOf(const SoundVoice& voice) const;
     int sampleRate() const { return sampleRate_; }
     const Diagnostics& diagnostics() const { return diagnostics_; }
+    /// Says once of a node that what it made was no sound: no numbers, or far beyond all loudness.
+    void noteNoSound(const std::string& name);
 
   private:
     std::shared_ptr<const SoundBuffer> read(const SoundVoice& voice);
@@ -62,6 +65,7 @@ class ClipLibrary {
     using Key = std::pair<std::vector<std::string>, std::vector<std::filesystem::path>>;
     std::map<Key, std::shared_ptr<const SoundBuffer>> clips_;
     std::uint64_t samplesRead_ = 0;
+    std::set<std::string> noSounds_;
     std::shared_ptr<const SoundBuffer> silence_;
     Diagnostics diagnostics_;
 };

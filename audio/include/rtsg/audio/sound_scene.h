@@ -74,7 +74,8 @@ struct AudioProcess {
     };
     Kind kind = Kind::mix;
     NodeId node;
-    double gain = 1;  // of what comes out
+    std::string name;  // for messages
+    double gain = 1;   // of what comes out
     Biquad::Type filter = Biquad::Type::lowpass;
     double frequency = 350, quality = 1, filterGainDb = 0;  // biquad: Hz, detuned already
     double delay = 0;                                       // s
