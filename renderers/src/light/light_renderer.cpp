@@ -41,6 +41,10 @@ struct LightRenderer::Impl {
         const std::lock_guard lock(mutex);
         said.append(std::exchange(lacks, Diagnostics()));
     }
+    /// Two digits, but of 100 all three.
+    static std::string percent(double share) {
+        return share < .1 ? fmt::format("{:.2g}", 100 * share) : fmt::format("{:.0f}", 100 * share);
+    }
     /// Light that is missing is named; again only once it has doubled, or a film would repeat it frame by frame.
     void nameMissing(const RenderSettings& settings) {
         constexpr double kVisible = 2 / 255.0;
@@ -49,10 +53,10 @@ struct LightRenderer::Impl {
         named = stats.missingMost;
         const bool path = settings.integrator == Integrator::path;
         lacks.warning({},
-                      fmt::format("rays were cut off after {} {}: up to {:.2g} % of a pixel's light is missing, {:.2g} "
+                      fmt::format("rays were cut off after {} {}: up to {} % of a pixel's light is missing, {} "
                                   "% of the picture's{}",
                                   path ? 10'000 : settings.maxDepth, path ? "bounces" : "mirrorings and refractions",
-                                  100 * stats.missingMost, 100 * stats.missing,
+                                  percent(stats.missingMost), percent(stats.missing),
                                   path || settings.maxDepth >= 250 ? "" : "; --depth raises the limit"));
     }
 };
