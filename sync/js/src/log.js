@@ -37,6 +37,8 @@ export class Replay {
     this.states = this.verified = this.gaps = 0;
     this.damage = [];
     this.closed = false;
+    this.ended = false;  // the last record that is no head was an index: the session is whole
+    this.unclosedSessions = 0;  // before the last one: nothing tells what came after their last states
     this.lost = true;  // waiting for a keyframe
     this.told = false;  // that frames are missing until then
     this.source = records(bytes, (place) => this.damage.push(place));
@@ -46,9 +48,13 @@ export class Replay {
     for (let next = this.source.next(); !next.done; next = this.source.next()) {
       const record = next.value;
       this.closed = record.kind === 'index';
-      if (record.kind === 'head') this.takeHead(record);
-      else if (record.kind === 'scene') return this.takeScene(record);
-      else if ((record.kind === 'frame' || record.kind === 'keyframe') && this.leadsOn(record)) return this.take(record);
+      if (record.kind === 'head') {
+        this.takeHead(record);
+        continue;
+      }
+      this.ended = this.closed;
+      if (record.kind === 'scene') return this.takeScene(record);
+      if ((record.kind === 'frame' || record.kind === 'keyframe') && this.leadsOn(record)) return this.take(record);
     }
     return null;
   }
@@ -56,6 +62,7 @@ export class Replay {
     const head = readHead(record.payload);
     if (this.head && head.epoch === this.head.epoch && head.version === this.head.version) return;
     if (head.mode === 'input') throw new FormatError('a log in input mode can only be run by the program that wrote it');
+    if (this.head && head.epoch !== this.head.epoch && this.states > 0 && !this.ended) ++this.unclosedSessions;
     this.head = head;
     this.scene.countsFields = head.version < 3;
     this.decoder.restart();

@@ -27,7 +27,7 @@ function sameValue(given, expected, path) {
   }
 }
 
-assert.equal(logsIn('./').length, 13);
+assert.equal(logsIn('./').length, 14);
 assert.equal(logsIn('./format2/').length, 10);
 for (const name of [...logsIn('./'), ...logsIn('./format2/')]) {
   test(`${name} is read as expected`, () => {
@@ -42,6 +42,7 @@ for (const name of [...logsIn('./'), ...logsIn('./format2/')]) {
     assert.equal(replay.gaps, expected.gaps);
     assert.deepEqual(replay.damage, expected.damage);
     assert.equal(replay.closed, expected.closed);
+    assert.equal(replay.unclosedSessions, expected.unclosed_sessions ?? 0);
     const dump = replay.scene.dump();
     assert.equal(dump.state, expected.last.state);
     assert.equal(dump.hash, expected.last.hash);
