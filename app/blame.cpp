@@ -1,4 +1,5 @@
-// Prints the history of a field: one line for each run of changes that came from the same hand by the same way.
+// Prints the history of a field: one line for each value that was set, and for each run of changes that the scene made
+// in the same way.
 #include "blame.h"
 
 #include <algorithm>
@@ -36,7 +37,9 @@ void printTable(const std::vector<FieldStep>& steps, const std::string& path, do
     fmt::print("{:>15} {:>17}  {:<{}}  {}\n", "states", "t (s)", terminalText(path), kLongestValue, "by");
     for (std::size_t first = 0, last = 0; first < steps.size(); first = last + 1) {
         last = first;
-        while (last + 1 < steps.size() && byWhom(steps[last + 1]) == byWhom(steps[first])) ++last;
+        // What somebody set is not hidden behind what they set next; what the scene drives is one motion.
+        while (last + 1 < steps.size() && !steps[first].wasSet && byWhom(steps[last + 1]) == byWhom(steps[first]))
+            ++last;
         const auto range = [&](const std::string& a, const std::string& b) {
             return a == b ? a : fmt::format("{}-{}", a, b);
         };

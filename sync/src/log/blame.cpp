@@ -1,7 +1,10 @@
 // Plays a log and notes each state in which one field changed, with what led to it.
 #include <rtsg/sync/blame.h>
 
+#include <algorithm>
 #include <optional>
+#include <unordered_set>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -13,6 +16,87 @@
 
 namespace rtsg {
 
+namespace {
+
+/// One field on its way through a log.
+class Blame {
+  public:
+    explicit Blame(std::string_view path) : path_(path) {}
+
+    /// Of the state that the log has come to. Errors: what is named holds no value.
+    Result<> look(Replayer& replayer) {
+        const Scene& scene = replayer.scene();
+        if (!ofPart_) ofPart_ = showsAPart(scene, replayer.lastSet());
+        const auto place = findField(scene, path_);
+        if (!place) {
+            if (!known_) why_ = place.error();
+            before_.reset();
+            return {};
+        }
+        known_ = true;
+        const Node& node = scene.node(place->node);
+        if (!node.type().fields[place->field].readable())
+            return fail(fmt::format("{} holds no value: it is an event", path_));
+        const Value now = node.value(place->field);
+        if (now == before_) return {};
+        before_ = now;
+        FieldStep& step = steps_.emplace_back();
+        step.state = scene.sequence();
+        step.time = replayer.time();
+        step.value = fieldText(scene, path_).value_or("");
+        if (replayer.lastSet().isSnapshot()) {
+            step.cause = "as the log begins, or goes on";
+            return {};
+        }
+        FrameTouches touched;
+        touched.add(replayer.lastSet());
+        auto [cause, author, appeared] = touched.cause(scene, place->node, place->field);
+        if (appeared && author.empty()) appeared_.push_back(steps_.size() - 1);
+        step.cause = std::move(cause);
+        step.author = std::move(author);
+        step.wasSet = step.cause == FrameTouches::kSetFromOutside;
+        return {};
+    }
+
+    std::vector<FieldStep> steps() {
+        for (const std::size_t i : appeared_) {
+            steps_[i].cause = ofPart_ ? "came into the part" : "came into the scene";
+            steps_[i].wasSet = false;
+        }
+        return std::move(steps_);
+    }
+    /// Why there is nothing to tell; null if there is.
+    const Diagnostic* why() const { return known_ ? nullptr : &why_; }
+
+  private:
+    /// A scene numbers its nodes in the order in which they are made. One that appears behind others, and has a lower
+    /// number than they, was made before them: it had not been in that part of the scene of which the log is.
+    static bool showsAPart(const Scene& scene, const ChangeSet& set) {
+        if (set.isSnapshot() || set.from == set.to) return false;
+        std::unordered_set<std::uint32_t> made;
+        std::uint32_t lowest = UINT32_MAX;
+        for (const Change& c : set.changes) {
+            if (c.kind != ChangeKind::createNode) continue;
+            made.insert(c.node.value);
+            lowest = std::min(lowest, c.node.value);
+        }
+        bool shows = false;
+        if (!made.empty())
+            scene.forEachNode(
+                [&](const Node& node) { shows |= node.id().value > lowest && !made.contains(node.id().value); });
+        return shows;
+    }
+
+    const std::string_view path_;
+    std::vector<FieldStep> steps_;
+    std::vector<std::size_t> appeared_;  // steps in which the node did, and nobody is named for it
+    std::optional<Value> before_;
+    Diagnostic why_;
+    bool known_ = false, ofPart_ = false;
+};
+
+}  // namespace
+
 Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::string_view path,
                                      const std::function<bool(std::uint64_t, std::uint64_t)>& progress,
                                      std::optional<Divergence>* lacks) {
@@ -20,47 +104,17 @@ Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::stri
     if (!opened) return std::unexpected(opened.error());
     Replayer& replayer = **opened;
     LogCheck check(replayer);
-    std::vector<FieldStep> steps;
-    Diagnostic why;
-    bool known = false;
-    std::optional<Value> before;
+    Blame blamed(path);
     while (true) {
         const auto more = check.step();
         if (!more) continue;  // it goes on with the next keyframe
         if (!*more) break;
-        if (progress && !progress(replayer.log().position(), replayer.log().size())) return steps;
-        const Scene& scene = replayer.scene();
-        const auto place = findField(scene, path);
-        if (!place) {
-            if (!known) why = place.error();
-            before.reset();
-            continue;
-        }
-        known = true;
-        const Node& node = scene.node(place->node);
-        if (!node.type().fields[place->field].readable())
-            return fail(fmt::format("{} holds no value: it is an event", path));
-        const Value now = node.value(place->field);
-        if (now == before) continue;
-        before = now;
-        FieldStep step;
-        step.state = scene.sequence();
-        step.time = replayer.time();
-        step.value = fieldText(scene, path).value_or("");
-        if (replayer.lastSet().isSnapshot()) {
-            step.cause = "as the log begins, or goes on";
-        } else {
-            FrameTouches touched;
-            touched.add(replayer.lastSet());
-            auto [cause, author] = touched.cause(scene, place->node, place->field);
-            step.cause = std::move(cause);
-            step.author = std::move(author);
-        }
-        steps.push_back(std::move(step));
+        if (progress && !progress(replayer.log().position(), replayer.log().size())) return blamed.steps();
+        if (auto ok = blamed.look(replayer); !ok) return std::unexpected(ok.error());
     }
     if (lacks) *lacks = check.first();
-    if (!known) return std::unexpected(std::move(why));
-    return steps;
+    if (const Diagnostic* why = blamed.why()) return std::unexpected(*why);
+    return blamed.steps();
 }
 
 }  // namespace rtsg

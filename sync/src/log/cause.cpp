@@ -12,7 +12,7 @@ namespace rtsg {
 void FrameTouches::add(const ChangeSet& set) {
     for (const Change& c : set.changes)
         if (c.kind == ChangeKind::setField || c.kind == ChangeKind::insertChild || c.kind == ChangeKind::removeChild ||
-            c.kind == ChangeKind::event)
+            c.kind == ChangeKind::event || c.kind == ChangeKind::createNode)
             places_[key(c.node, c.field)] |= c.external;
     if (set.input)  // of a log that has nothing else
         for (const Change& c : set.input->events) places_[key(c.node, c.field)] = true;
@@ -22,14 +22,24 @@ void FrameTouches::add(const ChangeSet& set) {
         if (one.field != kNoField) places_[key(one.node, one.field)] = true;
 }
 
-/// Of the field, or else of any of the node's: what came in by one field may show in another.
+bool FrameTouches::isMade(NodeId node) const {
+    const auto found = places_.find(key(node, kNoField));
+    return found != places_.end() && found->second;
+}
+
+/// Of the field, or else of any of the node's: what came in by one field may show in another. Who made the node made
+/// all of its fields; who did something else with the node itself, its name say, none.
 std::string FrameTouches::authorOf(NodeId node, FieldIndex field) const {
-    std::string result;
+    std::string ofNode, ofOther;
     for (const Authored& one : authors_) {
-        if (one.node == node && one.field == field) return one.author.str();
-        if (one.node == node && one.field != kNoField) result = one.author.str();
+        if (one.node != node) continue;
+        if (one.field == field) return one.author.str();
+        (one.field == kNoField ? ofNode : ofOther) = one.author.str();
     }
-    return result;
+    if (!isMade(node) || ofNode.empty()) return ofOther;
+    const auto found = places_.find(key(node, field));
+    const bool followed = found != places_.end() && !found->second;
+    return followed && !ofOther.empty() ? ofOther : ofNode;
 }
 
 /// One step back, to a field that changed as well. `anyField`: of what came into the node, whatever its field.
@@ -55,6 +65,7 @@ bool FrameTouches::anyFromOutside(const Scene& scene, NodeId node) const {
 }
 
 FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIndex field) const {
+    const bool made = isMade(node);
     constexpr int kLongest = 16;  // steps back; cascades may have circles
     std::string text;
     bool outside = false;
@@ -70,15 +81,16 @@ FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIn
         if (route.empty() && step == 0 && (type.writesInputs || type.kind == NodeType::Kind::script))
             route = routeInto(scene, node, field, true);
         if (route.empty()) {
-            outside = step > 0 && anyFromOutside(scene, node);
+            // A node that was made has all of its fields from there, those with their defaults too.
+            outside = step > 0 ? anyFromOutside(scene, node) : made && found == places_.end();
             break;
         }
         text = text.empty() ? route : fmt::format("{}, {}", route, text);
     }
     if (outside)
-        return {text.empty() ? "set from outside" : fmt::format("set from outside, then ROUTE {}", text),
-                authorOf(node, field)};
-    return {text.empty() ? text : fmt::format("ROUTE {}", text), {}};
+        return {text.empty() ? std::string(kSetFromOutside) : fmt::format("{}, then ROUTE {}", kSetFromOutside, text),
+                authorOf(node, field), made && text.empty()};
+    return {text.empty() ? text : fmt::format("ROUTE {}", text), {}, false};
 }
 
 }  // namespace rtsg

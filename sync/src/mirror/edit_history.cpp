@@ -296,10 +296,14 @@ Result<> EditHistory::bringBack(Scene& scene, const Item& item, std::string_view
     for (const Change& place : lost.places) {
         const Node* parent = scene.find(place.node);
         if (!parent || !isReadable(*parent, place.field)) continue;
+        Result<> back;
         if (place.kind == ChangeKind::insertChild)
-            (void)scene.insertChild(place.node, place.field, id, place.index);
+            back = scene.insertChild(place.node, place.field, id, place.index);
         else if (parent->value(place.field) == Value(NodeId{}))
-            (void)scene.setField(place.node, place.field, Value(id));
+            back = scene.setField(place.node, place.field, Value(id));
+        else
+            continue;  // somebody has put another node there
+        if (back) scene.attribute(author, place.node, place.field);
     }
     for (const Route& r : lost.routes)
         if (scene.find(r.fromNode) && scene.find(r.toNode))

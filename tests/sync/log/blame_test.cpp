@@ -1,4 +1,6 @@
 // Who changed a field, as logs of both modes tell it.
+#include <algorithm>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -10,6 +12,7 @@
 
 #include "log/cause.h"
 #include "support/temp_folder.h"
+#include "test_paths.h"
 
 namespace rtsg {
 namespace {
@@ -137,6 +140,57 @@ TEST(Blame, OfALogOfInputsKnowsWhatCameIn) {
     EXPECT_EQ(steps[1].author, "ann");
     EXPECT_EQ(steps[2].author, "");
     EXPECT_EQ(steps[3].author, "bob");
+}
+
+/// The origin names who made a node, or brought it back, at the node itself, whatever fields it has.
+TEST(Blame, NamesWhoMadeANodeForAllOfItsFields) {
+    const test::TempFolder folder;
+    Logged log(folder, Mode::state);
+    log.frame();
+    const NodeId made = log.scene.createNode(x3d::Transform::type);
+    ASSERT_TRUE(log.scene.set(made, x3d::Transform::translation, Vec3f(5)));
+    ASSERT_TRUE(log.scene.setName(made, "NEW"));
+    log.scene.attribute("ann", made);
+    // The same frame, another's: of that field alone.
+    ASSERT_TRUE(log.scene.set(made, x3d::Transform::center, Vec3f(1)));
+    log.scene.attribute("bob", made, x3d::Transform::center.index);
+    log.frame();
+    log.edit("NEW", "translation", Vec3f(6));
+    log.scene.attribute("bob", made);  // a name, say
+    log.frame();
+    const std::vector<FieldStep> steps = log.blamed("NEW.translation");
+    ASSERT_EQ(steps.size(), 2u);
+    EXPECT_EQ(steps[0].author, "ann");
+    EXPECT_EQ(steps[0].cause, "set from outside");
+    EXPECT_EQ(steps[1].author, "") << "who changed the node's name did not move it";
+    const auto untouched = blame(log.file, "NEW.scale");
+    ASSERT_TRUE(untouched);
+    ASSERT_EQ(untouched->size(), 1u);
+    EXPECT_EQ(untouched->front().author, "ann") << "left at its default";
+    EXPECT_EQ(untouched->front().cause, "set from outside");
+    const auto others = blame(log.file, "NEW.center");
+    ASSERT_TRUE(others);
+    EXPECT_EQ(others->front().author, "bob");
+}
+
+TEST(Blame, TellsWhatCameIntoThePartFromWhatWasSet) {
+    // A viewpoint walks there and back: FOURTH is one of those that go out of its region and come back.
+    const auto steps = blame(RTSG_SOURCE_DIR "/tests/sync/conformance/region.rlog", "FOURTH.translation");
+    ASSERT_TRUE(steps) << steps.error().text;
+    ASSERT_GT(steps->size(), 2u);
+    const auto came = std::ranges::count(*steps, "came into the part", &FieldStep::cause);
+    EXPECT_EQ(came, 2);
+    EXPECT_GT(std::ranges::count(*steps, "set from outside", &FieldStep::cause), 0) << "while it was in";
+
+    // Where no node shows that the log is of a part, a node that appears has been made.
+    const test::TempFolder folder;
+    Logged log(folder, Mode::state);
+    log.frame();
+    ASSERT_TRUE(log.scene.setName(log.scene.createNode(x3d::Transform::type), "NEW"));
+    log.frame();
+    const std::vector<FieldStep> made = log.blamed("NEW.scale");
+    ASSERT_EQ(made.size(), 1u);
+    EXPECT_EQ(made[0].cause, "came into the scene");
 }
 
 TEST(Blame, WhatThereIsNotIsAnError) {

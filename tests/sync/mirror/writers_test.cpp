@@ -441,6 +441,18 @@ TEST(Undo, KnowsANodeThatCameBackInWhatWasDoneBefore) {
     EXPECT_EQ(desk.children(desk.group), std::vector<std::string>{});
 }
 
+TEST(Undo, NamesWhoBroughtANodeBackAtItAndAtItsPlaces) {
+    Desk desk;
+    ASSERT_TRUE(desk.scene.insertChild(desk.group, x3d::Group::children, desk.b));
+    ASSERT_EQ(desk.make("ann", {ofNode(ChangeKind::destroyNode, desk.b)}).refusal, "");
+    ASSERT_EQ(desk.undo("ann").refusal, "");
+    ASSERT_TRUE(desk.authors);
+    const auto byAnn = [](NodeId node, FieldIndex field) { return Authored{node, field, String("ann")}; };
+    EXPECT_THAT(*desk.authors, testing::UnorderedElementsAre(byAnn(desk.scene.findName("B"), kNoField),
+                                                             byAnn(desk.group, x3d::Group::children.index),
+                                                             byAnn(desk.scene.root(), x3d::RtsgScene::children.index)));
+}
+
 TEST(Undo, TakesBackANameAndGivesItToItsHolder) {
     Desk desk;
     ASSERT_EQ(desk.make("ann", {ofNode(ChangeKind::setName, desk.a, String("B"))}).refusal, "");

@@ -25,7 +25,10 @@ struct FieldStep {
     std::string value;
     /// Who asked for it, or for what it followed from (ChangeSet::authors); empty: the application, or time itself.
     std::string author;
-    std::string cause;  // "set from outside", "ROUTE A.x > B.y"; empty where the log cannot tell
+    /// "set from outside", "ROUTE A.x > B.y"; "came into the part" where the log is of a part of the scene and the node
+    /// was not in it before, "came into the scene" where it cannot tell; empty where the log cannot tell anything.
+    std::string cause;
+    bool wasSet = false;  // the field itself, from outside: nothing in the scene led there
 };
 
 /// The states of a log in which a field (as findField() has it) had another value than in the state before; the first
