@@ -314,6 +314,7 @@ int Session::close() {
 }
 
 int serve(const ServeArguments& options, const std::vector<std::string>& given) {
+    options.web.check();
     // One that is named so and is none, an empty one say, is told as a log.
     const bool log = isLog(options.scene) || std::filesystem::path(options.scene).extension() == ".rlog";
     if (options.resume.empty() && log) return play(options, given);

@@ -29,15 +29,31 @@ void WebArguments::addTo(Command& command) {
     command.addOption("--web-key", privateKey, "PEM file: its private key")->group(group);
 }
 
+void WebArguments::check() const {
+    if (!wanted()) {
+        if (!token.empty()) throw UsageError("--web-token", "only together with --web");
+        if (!certificate.empty()) throw UsageError("--web-cert", "only together with --web");
+        if (!privateKey.empty()) throw UsageError("--web-key", "only together with --web");
+        return;
+    }
+    // One after the other, so that the option is named that is wrong.
+    WebGatewayOptions options;
+    const auto expect = [&](const char* option) {
+        if (auto ok = options.check(); !ok) throw UsageError(option, ok.error().text);
+    };
+    options.listen = listen;
+    expect("--web");
+    options.token = token;
+    expect("--web-token");
+    options.certificate = certificate;
+    options.privateKey = privateKey;
+    expect(certificate.empty() ? "--web-key" : "--web-cert");
+}
+
 Result<Web> Web::start(const WebArguments& arguments, const MirrorServer& server,
                        const std::optional<MirrorKeys>& keys) {
     Web web;
-    if (!arguments.wanted()) {
-        if (!arguments.token.empty()) throw UsageError("--web-token", "only together with --web");
-        if (!arguments.certificate.empty()) throw UsageError("--web-cert", "only together with --web");
-        if (!arguments.privateKey.empty()) throw UsageError("--web-key", "only together with --web");
-        return web;
-    }
+    if (!arguments.wanted()) return web;
     WebGatewayOptions options;
     options.listen = arguments.listen;
     options.token = arguments.token;

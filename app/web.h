@@ -18,12 +18,14 @@ struct WebArguments {
 
     void addTo(Command& command);
     bool wanted() const { return !listen.empty(); }
+    /// Before anything starts. Throws UsageError for what cannot be served anywhere, or does not go together.
+    void check() const;
 };
 
 /// The gateway of a verb, if it was asked for.
 class Web {
   public:
-    /// `keys`: those of the server, with a client's among them.
+    /// `arguments`: checked. `keys`: those of the server, with a client's among them.
     static Result<Web> start(const WebArguments& arguments, const MirrorServer& server,
                              const std::optional<MirrorKeys>& keys);
 

@@ -74,8 +74,10 @@ TEST_F(WebOption, WhatCannotBeServedIsSaid) {
         EXPECT_THAT(outcome.err, HasSubstr(text));
         return outcome.status;
     };
-    EXPECT_EQ(status({"--web", "80x"}, "expected PORT or ADDRESS:PORT"), 1);
-    EXPECT_EQ(status({"--web", "0", "--web-token", "a b"}, "a token is made of"), 1);
+    EXPECT_EQ(status({"--web", "80x"}, "expected PORT or ADDRESS:PORT"), 2);
+    EXPECT_EQ(status({"--web", "0", "--web-token", "a b"}, "a token is made of"), 2);
+    for (const char* half : {"--web-cert", "--web-key"})
+        EXPECT_EQ(status({"--web", "0", half, file}, "needs a certificate and its private key"), 2);
     EXPECT_EQ(status({"--web-token", "abc"}, "only together with --web"), 2);
     Program server({"serve", file, "--json", "--web", "0", "--for", "60s"}, streams());
     const int taken = portOf(json::parse(server.firstLine()).at("web"));

@@ -109,12 +109,17 @@ std::string fileOf(const Scene& scene, const Resources& resources, const FileWis
 
 }  // namespace
 
-Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options) {
-    auto place = placeFrom(options.listen);
-    if (!place) return std::unexpected(place.error());
-    if (!isToken(options.token)) return fail("a token is made of letters, digits, '-' and '_'");
-    if (options.certificate.empty() != options.privateKey.empty())
+Result<> WebGatewayOptions::check() const {
+    if (const auto place = placeFrom(listen); !place) return std::unexpected(place.error());
+    if (!isToken(token)) return fail("a token is made of letters, digits, '-' and '_'");
+    if (certificate.empty() != privateKey.empty())
         return fail("encryption needs a certificate and its private key, not one of them");
+    return {};
+}
+
+Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options) {
+    if (auto ok = options.check(); !ok) return std::unexpected(ok.error());
+    const auto place = placeFrom(options.listen);
     WebSettings settings;
     settings.certificate = options.certificate.string();
     settings.privateKey = options.privateKey.string();
@@ -165,7 +170,8 @@ void WebGateway::service(const Scene& scene, const Resources& resources) {
 
 std::vector<Diagnostic> WebGateway::takeDiagnostics() {
     std::vector<Diagnostic> result;
-    for (std::string& text : module_->takeNews()) result.push_back({Severity::warning, url_, {}, std::move(text)});
+    const std::string page = url_.substr(0, url_.find('#'));
+    for (std::string& text : module_->takeNews()) result.push_back({Severity::warning, page, {}, std::move(text)});
     return result;
 }
 

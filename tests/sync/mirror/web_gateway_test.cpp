@@ -365,6 +365,13 @@ TEST(WebGateway, ATokenIsAskedForWhereThereIsOne) {
     EXPECT_EQ(served.ask("/sound/1/0").status, 403);
     EXPECT_EQ(served.ask("/picture/1/0?token=open-Sesame_1").status, 404);
     EXPECT_EQ(served.ask("/").status, 200);  // the page itself is no secret
+    // Where diagnostics go, others may read.
+    const std::vector<Diagnostic> told = served.gateway->takeDiagnostics();
+    ASSERT_FALSE(told.empty());
+    for (const Diagnostic& d : told) {
+        EXPECT_TRUE(d.format().contains("http://127.0.0.1:")) << d.format();
+        EXPECT_FALSE(d.format().contains("Sesame")) << d.format();
+    }
 }
 
 TEST(WebGateway, BeyondThisMachineATokenIsMadeUp) {

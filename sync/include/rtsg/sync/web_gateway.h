@@ -51,6 +51,10 @@ struct WebGatewayOptions {
     std::size_t maximumConnections = 32;
     /// For a request to be whole, for its file to come, and for the answer to be taken; then the connection ends.
     std::chrono::milliseconds requestTimeout{20000};
+
+    /// What is wrong with it on any machine: `listen` is no place, the token has other characters than letters, digits,
+    /// '-' and '_', of certificate and key one is missing.
+    Result<> check() const;
 };
 
 struct WebGatewayStatistics {
@@ -62,8 +66,8 @@ struct WebGatewayStatistics {
 
 class WebGateway {
   public:
-    /// Binds and begins to serve. Errors: no module, an address that cannot be had, no page in the folder, a token of
-    /// other characters than letters, digits, '-' and '_', a certificate or key that is none.
+    /// Binds and begins to serve. Errors: as check(); no module, an address that cannot be had, no page in the folder,
+    /// a certificate or key that is none.
     static Result<std::unique_ptr<WebGateway>> start(WebGatewayOptions options);
     /// Ends the connections in order, and those that do not answer without it. End the mirror server first: its goodbye
     /// then gets through.
@@ -79,7 +83,8 @@ class WebGateway {
     /// without it the page has no pictures in its textures, and is silent.
     void service(const Scene& scene, const Resources& resources);
 
-    /// What was refused since the last call, at most a hundred sentences.
+    /// What was refused since the last call, at most a hundred sentences. They name the page without the token, which
+    /// is nothing for those who read logs.
     std::vector<Diagnostic> takeDiagnostics();
 
   private:
