@@ -59,10 +59,7 @@ class Blame {
     }
 
     std::vector<FieldStep> steps() {
-        for (const std::size_t i : appeared_) {
-            steps_[i].cause = ofPart_ ? "came into the part" : "came into the scene";
-            steps_[i].wasSet = false;
-        }
+        for (const std::size_t i : appeared_) steps_[i].cause = ofPart_ ? "came into the part" : "came into the scene";
         return std::move(steps_);
     }
     /// Why there is nothing to tell; null if there is.

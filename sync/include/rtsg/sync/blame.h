@@ -28,7 +28,7 @@ struct FieldStep {
     /// "set from outside", "ROUTE A.x > B.y"; "came into the part" where the log is of a part of the scene and the node
     /// was not in it before, "came into the scene" where it cannot tell; empty where the log cannot tell anything.
     std::string cause;
-    bool wasSet = false;  // the field itself, from outside: nothing in the scene led there
+    bool wasSet = false;  // from outside, or with its node: nothing in the scene led there
 };
 
 /// The states of a log in which a field (as findField() has it) had another value than in the state before; the first
