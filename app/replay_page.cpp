@@ -53,9 +53,11 @@ std::string verdict(const ReplayOutcome& o) {
         r.fields > 0 ? fmt::format(", {} field{}", r.fields, r.fields == 1 ? "" : "s") : "", r.end - r.start, o.seconds,
         fmt::gmtime(std::chrono::system_clock::to_time_t(std::chrono::system_clock::now())), RTSG_VERSION,
         escapeMarkup(o.log), o.scene.empty() ? "" : fmt::format(" · scene <code>{}</code>", escapeMarkup(o.scene)));
-    for (const ReplayCheck& check : o.checks)
-        if (!check.failure.empty() && check.name != "states")
-            text += fmt::format("<p class=\"bad\">{}</p>\n", escapeMarkup(check.failure));
+    for (const ReplayCheck& check : o.checks) {
+        if (check.failure.empty() || (check.name == "states" && r.divergence)) continue;  // that has a place of its own
+        text += fmt::format("<p class=\"bad\">{}</p>\n", escapeMarkup(check.failure));
+        if (!check.advice.empty()) text += fmt::format("<pre>{}</pre>\n", escapeMarkup(check.advice));
+    }
     return text;
 }
 
@@ -157,7 +159,7 @@ std::string readSmallFile(const std::filesystem::path& file) {
 }
 
 /// As PNG within the page. What cannot be read is said in its place.
-std::string pageFigure(const Result<Picture>& picture, std::string_view caption) {
+std::string pageFigure(const Result<Picture>& picture, std::string_view caption, const ToneMap& toneMap = {}) {
     std::string body;
     if (!picture) {
         body = fmt::format("<p class=\"bad\">{}</p>", escapeMarkup(picture.error().format()));
@@ -165,7 +167,7 @@ std::string pageFigure(const Result<Picture>& picture, std::string_view caption)
         std::error_code error;
         const std::filesystem::path file =
             freshNameBeside(std::filesystem::temp_directory_path(error) / "rtsg-page.png");
-        Result<> written = writePicture(*picture, file);
+        Result<> written = writePicture(*picture, file, toneMap);
         std::string bytes;
         if (written) bytes = readSmallFile(file);
         std::filesystem::remove(file, error);
@@ -191,11 +193,17 @@ Result<Picture> difference(const Result<Picture>& a, const Result<Picture>& b) {
 }
 
 std::string pictures(const ReplayOutcome& o) {
-    if (o.expectedPicture.empty()) return {};
-    const auto expected = readPicture(o.expectedPicture), made = readPicture(o.madePicture);
-    return fmt::format("<h2>Pictures of the last state</h2>\n<div class=\"pictures\">{}{}{}</div>\n",
-                       pageFigure(expected, "expected"), pageFigure(made, "now"),
-                       pageFigure(difference(expected, made), "difference, 8 times"));
+    const auto side = [](std::string_view which, const Result<Picture>& expected, const Result<Picture>& made,
+                         const ToneMap& toneMap = {}) {
+        return fmt::format("<h2>Pictures of {}</h2>\n<div class=\"pictures\">{}{}{}</div>\n", which,
+                           pageFigure(expected, "expected", toneMap), pageFigure(made, "now", toneMap),
+                           pageFigure(difference(expected, made), "difference, 8 times"));
+    };
+    if (!o.expectedPicture.empty())
+        return side("the last state", readPicture(o.expectedPicture), readPicture(o.madePicture));
+    if (!o.differing) return {};
+    return side(fmt::format("state {}, the first that differed", o.differing->state), o.differing->expected,
+                o.differing->made, o.differing->toneMap);
 }
 
 }  // namespace
@@ -230,7 +238,7 @@ std::string junitXml(const ReplayOutcome& outcome) {
                 xml += escapeMarkup(fmt::format("{}.{} from state {} (t = {} s), {} states: {}{}{}\n", d.node, d.field,
                                                 d.frame, d.time, d.states, d.text, d.cause.empty() ? "" : ", by ",
                                                 d.cause));
-        xml += "</failure>\n</testcase>\n";
+        xml += escapeMarkup(check.advice) + "</failure>\n</testcase>\n";
     }
     return xml + "</testsuite>\n</testsuites>\n";
 }

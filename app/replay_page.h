@@ -3,10 +3,12 @@
 // Invariant: the page needs no other file and no network; all text in it is escaped. Threading: any thread.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include <rtsg/renderers/picture.h>
 #include <rtsg/sync/replay_test.h>
 
 namespace rtsg::app {
@@ -15,14 +17,23 @@ namespace rtsg::app {
 struct ReplayCheck {
     std::string name;     // "states", "picture", "sound"
     std::string failure;  // empty: passed
+    std::string advice;   // what to do about it, in lines; empty: nothing is known
+};
+
+/// The state in which the two scenes first differed, as each has it.
+struct DifferingPictures {
+    std::uint64_t state = 0;  // the log's
+    Result<Picture> expected, made;
+    ToneMap toneMap;
 };
 
 struct ReplayOutcome {
     std::string name, log, scene;
     ReplayReport report;  // times counted from the log's start
     std::vector<ReplayCheck> checks;
-    std::string expectedPicture, madePicture;  // files; empty: none was compared
-    double seconds = 0;                        // that the test took
+    std::string expectedPicture, madePicture;    // files; empty: none was compared
+    std::optional<DifferingPictures> differing;  // else
+    double seconds = 0;                          // that the test took
 
     bool passed() const;
 };

@@ -16,6 +16,7 @@
 #include <rtsg/sync/replay_test.h>
 
 #include "replay_page.h"
+#include "scene_picture.h"
 
 namespace rtsg::app {
 
@@ -165,12 +166,11 @@ void ReplayTestArguments::addTo(Command& command) {
 namespace {
 
 /// There is nothing to compare with yet: how to get it.
-void sayHowToRecord(const std::string& log, const std::string& scene) {
-    printError(log + ": there is no log yet");
-    fmt::print(stderr,
-               "record one, with the input that the test is about:\n"
-               "  rtsg record {} -o {} --for 5s --set NODE.field=VALUE@1.5\n",
-               scene.empty() ? "SCENE" : scene, log);
+std::string howToRecord(const std::string& log, const std::string& scene) {
+    return fmt::format(
+        "record one, with the input that the test is about:\n"
+        "  rtsg record {} -o {} --for 5s --set NODE.field=VALUE@1.5\n",
+        scene.empty() ? "SCENE" : scene, log);
 }
 
 std::string nameOfTest(const ReplayTestArguments& arguments, const std::string& log) {
@@ -273,14 +273,54 @@ Result<> buildScene(Scene& scene, const std::string& file, Diagnostics& diagnost
 /// Whether the scene and the log are whole.
 void checkInputs(ReplayOutcome& outcome, const ReplayTestArguments& arguments, const Diagnostics& diagnostics) {
     if (const std::size_t errors = diagnostics.errors(); errors > 0)
-        outcome.checks.push_back({"scene", fmt::format("{} has {} error{}: what was run is the rest of it",
-                                                       arguments.rerun, errors, errors == 1 ? "" : "s")});
-    if (arguments.closed && !arguments.update) outcome.checks.push_back({"end", howItEnds(outcome.log)});
+        outcome.checks.push_back({"scene",
+                                  fmt::format("{} has {} error{}: what was run is the rest of it", arguments.rerun,
+                                              errors, errors == 1 ? "" : "s"),
+                                  {}});
+    if (arguments.closed && !arguments.update) outcome.checks.push_back({"end", howItEnds(outcome.log), {}});
+}
+
+DifferingPictures picturesOf(const Scene& recorded, const Scene& now, OutputArguments outputs,
+                             const Resources& resources) {
+    // They stand side by side on a page, and the test waits for them.
+    if (outputs.picture.size == PictureArguments().size) outputs.picture.size = "640x360";
+    return {recorded.sequence(), pictureOf(recorded, outputs, resources), pictureOf(now, outputs, resources),
+            outputs.picture.toneMap()};
+}
+
+/// The picture and the sound that were made.
+void compareWithExpected(ReplayOutcome& outcome, const ReplayTestArguments& arguments, const MadeFile& picture,
+                         const MadeFile& sound) {
+    if (arguments.update) return;
+    // A run that ended at a difference has not come to the state that they are of.
+    const bool cut = outcome.report.divergence && outcome.report.differences.empty();
+    const auto expect = [&](const std::string& name, const std::string& reference, const auto& comparison) {
+        if (reference.empty() || cut) return;
+        const Result<> ok = comparison();
+        outcome.checks.push_back({name, ok ? "" : ok.error().format(), {}});
+    };
+    expect("picture", arguments.expectPicture,
+           [&] { return comparePictures(arguments.expectPicture, picture, arguments.pictureTolerance); });
+    expect("sound", arguments.expectSound,
+           [&] { return compareSounds(arguments.expectSound, sound, arguments.soundTolerance); });
+    if (arguments.expectPicture.empty()) return;
+    outcome.expectedPicture = arguments.expectPicture;
+    outcome.madePicture = picture.file();
+}
+
+ReplayOutcome outcomeOf(const ReplayTestArguments& arguments, const std::string& log) {
+    ReplayOutcome outcome;
+    outcome.name = nameOfTest(arguments, log);
+    outcome.log = log;
+    outcome.scene = arguments.rerun;
+    return outcome;
 }
 
 /// A test that could not even run has failed, for whoever reads the reports too.
-int reportFailure(const ReplayTestArguments& arguments, const std::string& log, const std::string& why) {
-    const ReplayOutcome outcome{nameOfTest(arguments, log), log, arguments.rerun, {}, {{"states", why}}, {}, {}, 0};
+int reportFailure(const ReplayTestArguments& arguments, const std::string& log, const std::string& why,
+                  const std::string& advice = {}) {
+    ReplayOutcome outcome = outcomeOf(arguments, log);
+    outcome.checks.push_back({"states", why, advice});
     if (auto ok = writeReports(arguments, outcome); !ok) printError(ok.error());
     return kBad;
 }
@@ -296,8 +336,10 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         !ok)
         return printError(ok.error()), kBad;
     if (!std::filesystem::exists(log)) {
-        sayHowToRecord(log, arguments.rerun);
-        return reportFailure(arguments, log, log + ": there is no log yet");
+        const std::string why = log + ": there is no log yet", advice = howToRecord(log, arguments.rerun);
+        printError(why);
+        fmt::print(stderr, "{}", advice);
+        return reportFailure(arguments, log, why, advice);
     }
     const MadeFile picture(arguments.update ? "" : arguments.expectPicture);
     const MadeFile sound(arguments.update ? "" : arguments.expectSound);
@@ -307,6 +349,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     const Resources resources = outputs.resources.ofFile(arguments.rerun.empty() ? log : arguments.rerun);
 
     const double start = logStart(log);
+    ReplayOutcome outcome = outcomeOf(arguments, log);
     ReplayTest test;
     test.log = log;
     test.update = arguments.update;
@@ -325,6 +368,11 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         following = std::move(*attached);
         return {};
     };
+    // A page without pictures that are expected has those of the first difference.
+    if (!arguments.page.empty() && arguments.expectPicture.empty() && !arguments.update)
+        test.differ = [&](const Scene& recorded, const Scene& now) {
+            outcome.differing = picturesOf(recorded, now, outputs, resources);
+        };
     if (!outputs.render.empty() || !outputs.listen.empty())
         test.frame = [&](const Scene&) { return following->frame(); };
     // Within the test's run, as the scene goes with it.
@@ -340,26 +388,12 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
         return reportFailure(arguments, log, report.error().format());
     }
 
-    ReplayOutcome outcome{nameOfTest(arguments, log), log, arguments.rerun, std::move(*report), {}, {}, {}, 0};
+    outcome.report = std::move(*report);
     countFromStart(outcome.report, start);
     outcome.checks.push_back(
-        {"states", outcome.report.divergence ? log + ": " + outcome.report.divergence->format() : ""});
+        {"states", outcome.report.divergence ? log + ": " + outcome.report.divergence->format() : "", {}});
     checkInputs(outcome, arguments, diagnostics);
-    const auto expect = [&](const std::string& name, const std::string& reference, const auto& comparison) {
-        // A run that ended at a difference has not come to the state that they are of.
-        const bool cut = outcome.report.divergence && outcome.report.differences.empty();
-        if (reference.empty() || arguments.update || cut) return;
-        const Result<> ok = comparison();
-        outcome.checks.push_back({name, ok ? "" : ok.error().format()});
-    };
-    expect("picture", arguments.expectPicture,
-           [&] { return comparePictures(arguments.expectPicture, picture, arguments.pictureTolerance); });
-    expect("sound", arguments.expectSound,
-           [&] { return compareSounds(arguments.expectSound, sound, arguments.soundTolerance); });
-    if (!arguments.expectPicture.empty() && !arguments.update) {
-        outcome.expectedPicture = arguments.expectPicture;
-        outcome.madePicture = picture.file();
-    }
+    compareWithExpected(outcome, arguments, picture, sound);
     outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
     printOutcome(outcome, json);
     if (auto ok = writeReports(arguments, outcome); !ok) return printError(ok.error()), kBad;

@@ -141,6 +141,29 @@ TEST_F(ReplayAsTest, AFailureLeavesAPageAndJUnitXml) {
     EXPECT_THAT(readFile(junit), HasSubstr("failures=\"0\""));
 }
 
+/// Nobody asked for pictures: what is to be seen are the two scenes where they part.
+TEST_F(ReplayAsTest, ThePageOfAFailureShowsBothScenesWhereTheyFirstDiffer) {
+    const std::string page = folder / "a.html";
+    writeFile(file, scene("3"));
+    for (const std::vector<std::string>& chosen : {std::vector<std::string>{}, {"--field", "BOX.translation"}}) {
+        std::filesystem::remove(page);
+        std::vector<std::string> words = {"--page", page};
+        words.insert(words.end(), chosen.begin(), chosen.end());
+        words.insert(words.end(), small.begin(), small.end());
+        const Outcome failed = rerun(words);
+        EXPECT_EQ(failed.status, 1);
+        const json first = json::parse(failed.out).at("first_divergence");
+        const std::string html = readFile(page);
+        EXPECT_THAT(html, HasSubstr("<h2>Pictures of state " + first.at("frame").dump() + ", the first that differed"));
+        std::size_t pictures = 0;
+        for (auto at = html.find("src="); at != html.npos; at = html.find("src=", at + 1)) {
+            EXPECT_EQ(html.substr(at, 28), "src=\"data:image/png;base64,i");
+            ++pictures;
+        }
+        EXPECT_EQ(pictures, 3u);
+    }
+}
+
 TEST_F(ReplayAsTest, WithoutALogItSaysHowToRecordOne) {
     const Outcome none = rtsg({"replay", folder / "none.rlog", "--rerun", file});
     EXPECT_EQ(none.status, 1);
@@ -159,6 +182,9 @@ TEST_F(ReplayAsTest, ATestThatCannotRunIsReportedAsFailed) {
         EXPECT_EQ(rtsg(words).status, 1);
         EXPECT_THAT(readFile(junit), HasSubstr("failures=\"1\"")) << arguments[1];
         EXPECT_THAT(readFile(junit), HasSubstr("none.")) << arguments[1];
+        // How to get what is missing, as on the terminal.
+        const bool hasRecipe = readFile(junit).contains("rtsg record " + file + " -o " + (folder / "none.rlog"));
+        EXPECT_EQ(hasRecipe, arguments[1] != log) << readFile(junit);
     }
 }
 

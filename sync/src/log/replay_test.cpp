@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cstdio>
 #include <memory>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -172,16 +173,25 @@ class Run {
             if (!attachment_.attached()) return diverge(attachment_.failure());
             ++report_.verified;
         } else if (fields_) {
-            if (report_.frames == 1 ? fields_->first() : fields_->compare()) ++report_.verified;
+            if (report_.frames == 1 ? fields_->first() : fields_->compare())
+                ++report_.verified;
+            else
+                tellDifference();
         } else if (now.hash() == recorded_.scene().hash()) {
             ++report_.verified;
         } else if (auto difference = firstDifference(recorded_.scene(), now, {"recorded", "now"})) {
             report_.divergence = std::move(difference);
+            tellDifference();
         } else {
             diverge("another hash, though no difference is to be seen");
         }
         if (!done() && test_.check)
             if (auto ok = test_.check(now); !ok) diverge(ok.error().text);
+    }
+
+    /// Later ones mostly follow from the first.
+    void tellDifference() {
+        if (test_.differ && test_.build && !std::exchange(differed_, true)) test_.differ(recorded_.scene(), scene());
     }
 
     const ReplayTest& test_;
@@ -196,6 +206,7 @@ class Run {
     std::unique_ptr<FieldComparison> fields_;
     std::unique_ptr<Changes> changes_;
     Attachment changesAttachment_;
+    bool differed_ = false;
 };
 
 }  // namespace

@@ -43,6 +43,8 @@ struct ReplayTest {
     /// Called once every state of an instant has come: several share one where an Inline came, or the application
     /// edited between frames. This is where frames of pictures and sound are made. An error fails the test there.
     std::function<Result<>(const Scene&)> frame;
+    /// Rerun: called once, in the first state that differs: the recorded scene and the one under test.
+    std::function<void(const Scene&, const Scene&)> differ;
     /// Called at the end, however it went, while the scene is still there.
     std::function<Result<>()> finish;
 
