@@ -232,8 +232,14 @@ class ComposedReader {
 
 class SceneTessellator {
   public:
-    SceneTessellator(const Scene& scene, const Node& node, const TessellationOptions& options, detail::TextMaker* text)
-        : scene_(scene), node_(node), options_(options), text_(text), properties_(scene, problems_) {}
+    SceneTessellator(const Scene& scene, const Node& node, const TessellationOptions& options, detail::TextMaker* text,
+                     const detail::PointsOf* points)
+        : scene_(scene),
+          node_(node),
+          options_(options),
+          text_(text),
+          points_(points),
+          properties_(scene, problems_, points) {}
 
     Mesh run() {
         Mesh mesh = dispatch();
@@ -256,7 +262,7 @@ class SceneTessellator {
                     mesh.anchor = p.anchor;
                     return mesh;
                 },
-                detail::readComposed(scene_, node_, problems_));
+                detail::readComposed(scene_, node_, problems_, points_));
         if (detail::isNurbs(node_)) return detail::tessellateNurbs(scene_, node_, options_);
         switch (node_.typeIndex().value) {
             case x3d::Box::type.value:
@@ -447,6 +453,7 @@ class SceneTessellator {
     const Node& node_;
     const TessellationOptions& options_;
     detail::TextMaker* text_;
+    const detail::PointsOf* points_;
     Mesh problems_;  // only its diagnostics
     PropertyReader properties_;
 };
@@ -531,7 +538,8 @@ std::shared_ptr<const Mesh> volumeBox(const Scene& scene, const Node& volume) {
 }  // namespace
 
 Result<std::shared_ptr<const Mesh>> detail::tessellateNode(const Scene& scene, NodeId geometry,
-                                                           const TessellationOptions& options, TextMaker* text) {
+                                                           const TessellationOptions& options, TextMaker* text,
+                                                           const PointsOf* points) {
     const Node* node = scene.effectiveNode(geometry);
     if (const Node* named = scene.find(geometry); !node && named && named->is(x3d::InlineGeometry::type))
         return std::make_shared<const Mesh>();  // not loaded: whoever loads has said why
@@ -539,7 +547,7 @@ Result<std::shared_ptr<const Mesh>> detail::tessellateNode(const Scene& scene, N
     if (node->is(x3d::ParticleSystem::type)) return particlesNode(scene, *node, options, text, std::nullopt);
     if (node->type().isA("X3DVolumeDataNode")) return volumeBox(scene, *node);
     if (!node->type().isA("X3DGeometryNode")) return fail(fmt::format("{} is not a geometry node", node->type().name));
-    std::shared_ptr<Mesh> mesh(new Mesh(SceneTessellator(scene, *node, options, text).run()));
+    std::shared_ptr<Mesh> mesh(new Mesh(SceneTessellator(scene, *node, options, text, points).run()));
     detail::labelDiagnostics(scene, *node, *mesh);
     return mesh;
 }

@@ -52,9 +52,10 @@ class TextMaker {
 /// The fields of a Text and its font style. Precondition: it is a Text.
 TextParams readText(const Scene& scene, const Node& text, Mesh& problems);
 
-/// As tessellate(); `text`, if any, remembers glyphs.
-Result<std::shared_ptr<const Mesh>> tessellateNode(const Scene& scene, NodeId geometry,
-                                                   const TessellationOptions& options, TextMaker* text);
+/// As tessellate(); `text`, if any, remembers glyphs; `points`: where skins have moved those of coordinate nodes.
+Result<std::shared_ptr<const Mesh>> tessellateNode(
+    const Scene& scene, NodeId geometry, const TessellationOptions& options, TextMaker* text,
+    const std::unordered_map<std::uint32_t, Array<Vec3f>>* points = nullptr);
 
 }  // namespace detail
 }  // namespace rtsg

@@ -96,11 +96,11 @@ std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometr
     Key key;
     if (!keyOf(scene, geometry, level, key)) {
         auto mesh = deform(scene, geometry, points);
-        return mesh ? mesh : make(scene, geometry, false, level);
+        return mesh ? mesh : make(scene, geometry, false, level, points);
     }
     if (const auto found = shared_.find(key); found != shared_.end())
         if (auto mesh = found->second.lock()) return mesh;
-    auto mesh = make(scene, geometry, key[0] == x3d::Sphere::type.value, level);
+    auto mesh = make(scene, geometry, key[0] == x3d::Sphere::type.value, level, nullptr);
     // What has something to say says it with the name of its own node.
     if (mesh && mesh->diagnostics.all().empty()) {
         forgetUnused();
@@ -139,7 +139,7 @@ Diagnostics Tessellator::takeDiagnostics() {
 }
 
 std::shared_ptr<const Mesh> Tessellator::make(const Scene& scene, NodeId geometry, bool isSphere,
-                                              std::optional<int> level) {
+                                              std::optional<int> level, const detail::PointsOf* points) {
     if (isSphere) {
         const Node& node = scene.node(geometry);
         const float radius = node.get(x3d::Sphere::radius);
@@ -150,8 +150,8 @@ std::shared_ptr<const Mesh> Tessellator::make(const Scene& scene, NodeId geometr
             std::shared_ptr<Mesh> scaled(new Mesh(*unitSphere));
             scaled->solid = node.get(x3d::Sphere::solid);
             if (radius != 1.0f) {
-                Vec3f* points = scaled->positions.mutableData();
-                for (std::size_t i = 0; i < scaled->positions.size(); ++i) points[i] *= radius;
+                Vec3f* positions = scaled->positions.mutableData();
+                for (std::size_t i = 0; i < scaled->positions.size(); ++i) positions[i] *= radius;
                 scaled->bounds.min *= radius;
                 scaled->bounds.max *= radius;
                 scaled->curveSize *= radius;
@@ -160,7 +160,7 @@ std::shared_ptr<const Mesh> Tessellator::make(const Scene& scene, NodeId geometr
         }
     }
     if (!text_) text_ = std::make_unique<detail::TextMaker>();
-    auto mesh = detail::tessellateNode(scene, geometry, optionsOf(level), text_.get());
+    auto mesh = detail::tessellateNode(scene, geometry, optionsOf(level), text_.get(), points);
     if (!mesh) {
         diagnostics_.error(mesh.error().where, mesh.error().text);
         return nullptr;

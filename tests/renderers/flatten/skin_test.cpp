@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <vector>
 
+#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/flattener.h>
@@ -317,6 +319,47 @@ TEST(Skin, WithoutJointsOrWithoutSkinItIsTheRestPose) {
     ASSERT_TRUE(arm.scene.removeChild(arm.humanoid, x3d::HAnimHumanoid::skeleton.index, 0));
     arm.frame();
     EXPECT_EQ(arm.mesh->positions, arm.rest);
+}
+
+/// 26.3.2: what is drawn of skinCoord is where the joints have moved it, lines and points too.
+TEST(Skin, LinesAndPointsGoWhereFacesGo) {
+    const std::string skins[] = {"TriangleSet { coord USE C }", "LineSet { vertexCount 3 coord USE C }",
+                                 "IndexedLineSet { coordIndex [ 0 1 2 0 -1 ] coord USE C }",
+                                 "PointSet { coord USE C }"};
+    for (const std::string& skin : skins) {
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene,
+                             "#X3D V4.0 utf8\nDEF H HAnimHumanoid { version \"2.0\" "
+                             "skinCoord DEF C Coordinate { point [ 0 0 0 1 0 0 1 .5 0 ] } "
+                             "skeleton DEF J HAnimJoint { rotation 0 0 1 1.5707963 skinCoordIndex [ 0 1 2 ] "
+                             "skinCoordWeight [ 1 1 1 ] } joints USE J skin Shape { geometry " +
+                                 skin + " } }",
+                             diagnostics))
+            << skin;
+        Flattener flattener;
+        std::shared_ptr<const Mesh> mesh;
+        const auto take = [&](const InstanceDelta& delta) {
+            for (const auto& g : delta.geometries) mesh = g.mesh;
+        };
+        const auto expectBox = [&](const Vec3f& low, const Vec3f& high) {
+            ASSERT_TRUE(mesh) << skin;
+            for (int axis = 0; axis < 3; ++axis) {
+                EXPECT_NEAR(mesh->bounds.min[axis], low[axis], 1e-6) << skin << axis;
+                EXPECT_NEAR(mesh->bounds.max[axis], high[axis], 1e-6) << skin << axis;
+            }
+        };
+        take(flattener.apply(scene, scene.snapshot()));
+        expectBox({-.5f, 0, 0}, {0, 1, 0});
+        const auto turn = [&](float angle) {
+            ASSERT_TRUE(scene.set(scene.findName("J"), x3d::HAnimJoint::rotation, Rotation{0, 0, 1, angle}));
+            take(flattener.apply(scene, *scene.seal()));
+        };
+        turn(3.14159265f);
+        expectBox({-1, -.5f, 0}, {0, 0, 0});
+        turn(0);
+        expectBox({0, 0, 0}, {1, .5f, 0});
+    }
 }
 
 }  // namespace

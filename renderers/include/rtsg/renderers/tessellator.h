@@ -61,7 +61,8 @@ class Tessellator {
     const TessellationOptions& optionsOf(std::optional<int> level) const;
     std::shared_ptr<const Mesh> deform(const Scene& scene, NodeId geometry,
                                        const std::unordered_map<std::uint32_t, Array<Vec3f>>* points);
-    std::shared_ptr<const Mesh> make(const Scene& scene, NodeId geometry, bool isSphere, std::optional<int> level);
+    std::shared_ptr<const Mesh> make(const Scene& scene, NodeId geometry, bool isSphere, std::optional<int> level,
+                                     const std::unordered_map<std::uint32_t, Array<Vec3f>>* points);
     void forgetUnused();
 
     TessellationOptions options_;
