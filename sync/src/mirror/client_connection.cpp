@@ -86,7 +86,7 @@ void MirrorClient::Impl::answered(const mirror::Words& reply) {
 void MirrorClient::Impl::loseCommands(std::ptrdiff_t count) {
     commands_.erase(commands_.begin(), commands_.begin() + count);
     for (; count > 0; --count)
-        replies_.push_back("refused: the connection was lost before an answer came; it may have been carried out");
+        replies_.emplace_back("refused: the connection was lost before an answer came; it may have been carried out");
 }
 
 void MirrorClient::Impl::report(Severity severity, std::string text) {
