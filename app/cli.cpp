@@ -40,11 +40,11 @@ void print(const Diagnostics& diagnostics, std::string_view said) {
     if (diagnostics.dropped()) fmt::print(stderr, "... and {} more\n", diagnostics.dropped());
 }
 
-/// A diagnostic's text says already that it is an error, and of which file.
 std::string framesText(std::uint64_t count) {
     return fmt::format("{} frame{}", count, count == 1 ? "" : "s");
 }
 
+/// A diagnostic's text says already that it is an error, and of which file.
 void printError(const std::string& text) {
     constexpr std::string_view kError = "error: ";
     if (text.starts_with(kError))

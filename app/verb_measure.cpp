@@ -11,6 +11,7 @@
 
 #include <rtsg/renderers/irradiance.h>
 #include <rtsg/renderers/shared_world.h>
+#include <rtsg/renderers/tessellator.h>
 
 #include "running_scene.h"
 
@@ -48,7 +49,6 @@ std::array<double, 6> parseProbe(const std::string& text) {
 
 /// A disk or ball that is cut by chords a part e of the radius off gives 4/3 e less light, or a little more than that.
 constexpr double kLightOfChord = 4.0 / 3;
-constexpr double kFinest = .25 / (1 << 14);  // of the last of Tessellator's levels
 
 /// How finely curved geometry is cut, as a part of its radius, for an interval of `error`: what is cut off shifts the
 /// value by an eighth of the interval at most, which holds the truth nearly as often then.
@@ -95,10 +95,11 @@ int measure(const MeasureArguments& options) {
     found.append(tracer.diagnostics());
     found.setFile(options.scene);
     if (const std::size_t coarse = world.flattener().cuts().tooCoarse)
-        found.warning({},
-                      fmt::format("{} of the curved geometries cannot be cut finely enough for --error {}: theirs is "
-                                  "up to {:.1g} more",
-                                  coarse, options.error, kFinest * kLightOfChord));
+        found.warning(
+            {}, fmt::format("{} of the curved geometries cannot be cut finely enough for --error {}: as lamps "
+                            "they give up to {:.1g} of their light too little",
+                            coarse, options.error,
+                            kLightOfChord * double{Tessellator::levelOptions(Tessellator::kLevels - 1).chordError}));
     app::print(found);
     IrradianceSettings settings;
     settings.error = options.error, settings.samples = options.samples;

@@ -297,6 +297,36 @@ TEST_F(Mirror, CommandsToAPlayerPassThroughRelays) {
     EXPECT_THAT(ended.err, HasSubstr("refused: the"));
 }
 
+TEST_F(Mirror, WhoFollowsARelayIsToldThatItsOriginIsNotHeard) {
+    serve({"--for", "60s"}, "ipc://" + folder / "a");
+    Program relay({"relay", endpoint, "--bind", "ipc://" + folder / "b", "--for", "60s", "--json"}, folder / "relay");
+    const std::string leaf = json::parse(relay.firstLine()).at("endpoint");
+    Program mirror({"mirror", leaf, "--for", "4s"}, streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(500));
+    server->signal(SIGSTOP);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+    server->signal(SIGCONT);
+    const Outcome followed = mirror.wait();
+    EXPECT_EQ(followed.status, 0) << followed.err;
+    const std::size_t lost = followed.err.find("is not heard: waiting for it");
+    EXPECT_NE(lost, std::string::npos) << followed.err;
+    EXPECT_NE(followed.err.find("heard again", lost), std::string::npos) << followed.err;
+}
+
+/// As one that comes late over a slow link: its length is that of the scene, not of the wait.
+TEST_F(Mirror, AnOriginThatGoesSlowlyIsFollowedToTheLengthInItsTime) {
+    const std::string log = folder / "slow.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "5s", "--fps", "20"}).status, 0);
+    server = std::make_unique<Program>(
+        std::vector<std::string>{"serve", log, "--bind", "ipc://" + folder / "s", "--rate", ".5", "--json"}, streams());
+    endpoint = json::parse(server->firstLine()).at("endpoint");
+    const Outcome followed = rtsg({"mirror", endpoint, "--for", "1s", "--json"});
+    EXPECT_EQ(followed.status, 0) << followed.err;
+    EXPECT_GE(json::parse(followed.out).at("t"), 1) << followed.out;
+    server->signal(SIGINT);
+    server->wait();
+}
+
 /// As a scene that is served, or mirrored.
 TEST_F(Mirror, ALogOrARelayThatIsInterruptedBeforeItsTimeIsStatusOne) {
     const std::string log = folder / "cut.rlog";

@@ -220,8 +220,7 @@ void MirrorClient::Impl::keepInTouch(bool idle) {
         hello(false);
     } else if (idle && connected_ && now - heard_ > options_.timeout) {
         report(Severity::note, "the server has gone silent");
-        connected_ = false;
-        helloPending_ = true;
+        connectionLost();
         attempts_ = 0;
         reconnect(now);
     } else if (!connected_ && attempts_ > 0 &&
