@@ -154,6 +154,7 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
     live_.picturesSkipped += static_cast<std::uint64_t>(skipped);
     ++live_.statesPictured;
     report_.pictureStates.push_back(light_->presented());
+    report_.kept += light_->stats().kept;
     report_.pictureTimes.push_back(std::round(elapsed * 1e6) / 1e6);
     return files_.add(std::move(picture), static_cast<std::uint64_t>(skipped));
 }

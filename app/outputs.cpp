@@ -263,11 +263,11 @@ std::string deviceJson(const LiveReport& report) {
 
 std::string OutputReport::json() const {
     std::string text = fmt::format(
-        R"(,"pictures":{},"sound_seconds":{:.3f},"picture_states":{},"picture_times":{},"sound_states":{},"behind_s":{:.3f},"overlapped":{},)"
+        R"(,"pictures":{},"kept":{:.4g},"sound_seconds":{:.3f},"picture_states":{},"picture_times":{},"sound_states":{},"behind_s":{:.3f},"overlapped":{},)"
         R"("missing":{},"flattenings":{},"worlds":{},"commits":{})",
-        pictureStates.size(), soundSeconds, jsonArray(pictureStates), jsonArray(pictureTimes), jsonArray(soundStates),
-        mostBehind, overlapped, missing.empty() ? "null" : jsonString(missing), world.flatteners, world.rayWorlds,
-        world.commits);
+        pictureStates.size(), meanKept(), soundSeconds, jsonArray(pictureStates), jsonArray(pictureTimes),
+        jsonArray(soundStates), mostBehind, overlapped, missing.empty() ? "null" : jsonString(missing),
+        world.flatteners, world.rayWorlds, world.commits);
     if (cuts) text += tessellationJson(*cuts);
     if (live)
         text += fmt::format(
@@ -277,12 +277,16 @@ std::string OutputReport::json() const {
     return text;
 }
 
+std::string keptText(double share) {
+    return share > 0 ? fmt::format(", {:.0f} % of the pixels kept", 100 * share) : "";
+}
+
 std::string OutputReport::text() const {
     if (!live)
-        return fmt::format("{} pictures, {:.3f} s of sound, at most {:.2f} s behind", pictureStates.size(),
-                           soundSeconds, mostBehind);
-    std::string text = fmt::format("{} pictures ({} skipped), {:.3f} s of sound, of {} of {} states",
-                                   pictureStates.size(), live->picturesSkipped, soundSeconds,
+        return fmt::format("{} pictures{}, {:.3f} s of sound, at most {:.2f} s behind", pictureStates.size(),
+                           keptText(meanKept()), soundSeconds, mostBehind);
+    std::string text = fmt::format("{} pictures ({} skipped{}), {:.3f} s of sound, of {} of {} states",
+                                   pictureStates.size(), live->picturesSkipped, keptText(meanKept()), soundSeconds,
                                    std::max(live->statesPictured, live->statesHeard), live->states);
     if (live->device)
         text += fmt::format("; {:.3f} s played on {}, {} underruns", live->device->seconds, live->device->device,
@@ -373,6 +377,7 @@ Result<> Outputs::make(const Job& job) {
         if (light_->stats().cancelled) return arguments_.animated() ? Result<>() : notWritten(arguments_.render);
         report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : job.until);
         report_.pictureStates.push_back(light_->presented());
+        report_.kept += light_->stats().kept;
         report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
         if (auto ok = files_.add(std::exchange(light_->frame(), Picture())); !ok) return ok;
         if (!arguments_.animated()) return {};

@@ -121,6 +121,7 @@ struct OutputReport {
     /// made from (0: there is none); and the instant, in seconds from the start.
     std::vector<std::uint64_t> pictureStates, soundStates;
     std::vector<double> pictureTimes;
+    double kept = 0;  // RenderStats::kept, added up over the pictures
     double soundSeconds = 0;
     double mostBehind = 0;         // seconds of scene time that the outputs ever were behind the scene
     std::uint64_t overlapped = 0;  // frames that came while what the one before asked for was still in the making
@@ -135,11 +136,17 @@ struct OutputReport {
     };
     std::optional<Live> live;
 
+    double meanKept() const {
+        return pictureStates.empty() ? 0 : kept / static_cast<double>(pictureStates.size());
+    }
     /// ,"pictures":… of a JSON object.
     std::string json() const;
     /// A line of text.
     std::string text() const;
 };
+
+/// Of RenderStats::kept; empty for none.
+std::string keptText(double share);
 
 /// Of a picture that an interruption ended.
 inline std::unexpected<Diagnostic> notWritten(const std::string& file) {

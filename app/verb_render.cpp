@@ -66,12 +66,13 @@ void addEye(const RenderArguments& options, ImageOptions& image) {
     image.eyeDistance = options.eyeDistance;
 }
 
-/// `all`: over the frames, the worst of what is missing and of errors, the mean of samples.
+/// `all`: over the frames, the worst of what is missing and of errors, the mean of samples and of what was kept.
 void tellResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
                 const RayWorld::Stats& rays, const std::optional<Flattener::Cuts>& cuts) {
     if (options.json) {
         std::string more =
             settings.error > 0 ? fmt::format(",\"error\":{:.4g},\"unreached\":{:.4g}", all.error, all.unreached) : "";
+        if (options.frames > 1) more += fmt::format(",\"kept\":{:.4g}", all.kept);
         if (cuts) more += tessellationJson(*cuts);
         fmt::print(
             "{{\"file\":{},\"width\":{},\"height\":{},\"frames\":{},\"spp\":{:.6g},\"seconds\":{:.6f},\"instances\":{},"
@@ -80,8 +81,9 @@ void tellResult(const RenderArguments& options, const RenderSettings& settings, 
             rays.traced, rays.instancedTriangles, all.missing, more);
         return;
     }
-    fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of tracing\n", options.out, settings.width, settings.height,
-               options.frames, options.frames == 1 ? "" : "s", all.seconds);
+    fmt::print("{}: {} x {}, {} frame{}, {:.2f} s of tracing{}\n", options.out, settings.width, settings.height,
+               options.frames, options.frames == 1 ? "" : "s", all.seconds,
+               options.frames == 1 ? "" : keptText(all.kept));
     if (settings.error > 0)
         fmt::print("error {:.2g} (asked: {:g}) with {:.0f} samples a pixel{}\n", all.error, settings.error, all.samples,
                    all.unreached > 0 ? fmt::format("; {:.1f} % of the pixels ran out of samples, --spp allows more",
@@ -94,6 +96,7 @@ int render(const RenderArguments& options) {
     (void)options.picture.tessellationError();  // throws
     image.settings.layers = parseLayers(options.layers);
     addEye(options, image);
+    image.keep = options.frames > 1;
     const std::string extension = std::filesystem::path(options.out).extension();
     if (image.settings.layers != 0 && extension != ".exr" && extension != ".EXR")
         throw UsageError("--layers", "only .exr holds layers");
@@ -142,7 +145,7 @@ int render(const RenderArguments& options) {
         all.seconds += stats.seconds;
         all.missing = std::max(all.missing, stats.missing);
         all.error = std::max(all.error, stats.error), all.unreached = std::max(all.unreached, stats.unreached);
-        all.samples += stats.samples / options.frames;
+        all.samples += stats.samples / options.frames, all.kept += stats.kept / options.frames;
     };
     const auto written = renderToFile(light, out, image, animation, options.picture.toneMap());
     if (progress) progress(1, 1);

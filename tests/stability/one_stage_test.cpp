@@ -210,7 +210,7 @@ void play(std::uint64_t seed, int frames, Round& round) {
         std::mt19937 random(static_cast<std::uint32_t>(seed));
         std::vector<State> held;  // some for a while
         follow(2, [&](const WorldState& state) {
-            compareRays(state, *static_cast<const Truth::Version*>(state.of(number)), random, round.compared,
+            compareRays(state, *static_cast<const Truth::Version*>(state.of(number).get()), random, round.compared,
                         round.wrong);
             return true;
         });

@@ -85,7 +85,7 @@ struct LiveSound::Impl {
     Result<> playBlock(double blockSeconds) {
         // The newest there is; the scene is asked for one that is newer, and not waited for.
         if (auto newest = world.latest(std::chrono::nanoseconds(0))) {
-            const auto* sounds = (*newest)->of(number);
+            const auto sounds = (*newest)->of(number);
             if (sounds && (*newest)->rays) state = *newest;
         }
         std::vector<float> out(2 * options.render.blockSize);
@@ -93,8 +93,7 @@ struct LiveSound::Impl {
             const double until = time + blockSeconds;
             if (!ahead || std::abs(state->time + *ahead - until) > kApart) ahead = until - state->time;
             SoundBuffer sound;
-            const std::shared_ptr<const AcousticState> sounds(state,
-                                                              static_cast<const AcousticState*>(state->of(number)));
+            const auto sounds = std::static_pointer_cast<const AcousticState>(state->of(number));
             if (auto done = engine->renderLive(sounds, state->rays, state->time + *ahead, until, sound); !done)
                 return done;
             std::copy_n(sound.samples.begin(), std::min(sound.samples.size(), out.size()), out.begin());

@@ -127,7 +127,7 @@ Result<> SoundRenderer::renderFrame(const WorldState& state) {
     Impl& s = *impl_;
     if (!s.refused.empty()) return fail("listening failed: " + s.refused);
     if (ownsNodes()) return fail("sound renderer: nodes that it voices itself are voiced on the scene's thread only");
-    const auto* tables = static_cast<const AcousticState*>(begin(state));
+    const auto tables = std::static_pointer_cast<const AcousticState>(begin(state));
     if (!tables || !state.rays) return fail("sound renderer: this state was made without it");
     const auto start = Clock::now();
     SoundBuffer& sound = s.report.sound;

@@ -12,6 +12,7 @@
 #include "plain_surfaces.h"
 #include "sky_light.h"
 #include "trace_scene.h"
+#include "trail.h"
 
 namespace rtsg::trace {
 
@@ -41,16 +42,28 @@ struct Sources {
 /// Finds them, and tells the scene of those that there are, which must outlive it.
 void lookForLight(TraceScene& scene, Sources& sources);
 
-/// `stats` may be null.
-Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats);
+/// What a picture takes from the last one.
+struct Kept {
+    Trail::Part* last = nullptr;      // where its tiles are, and to be; null: nothing is written down
+    std::vector<std::uint8_t> tiles;  // which of them stay; empty: none
+};
 
-/// All of the above.
+/// `stats` and `kept` may be null.
+Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats,
+                    const Kept* kept = nullptr);
+
+/// All of the above. `trail`: of the picture before, which must have begun; null: there is none.
 Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
-                 const Part& part, RenderStats& stats);
+                 const Part& part, RenderStats& stats, Trail* trail);
 
 /// The layers of a LayerSet one over the other, each from its own viewpoint; that of `camera` is given (35.2).
 Picture drawLayers(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
-                   RenderStats& stats);
+                   RenderStats& stats, Trail* trail);
+
+/// As LightTracer::render(), of a picture that follows others.
+Result<Picture> drawNext(const std::shared_ptr<const LightState>& state,
+                         const std::shared_ptr<const WorldVersion>& world, const Camera& camera,
+                         const RenderSettings& settings, RenderStats& stats, Trail& trail);
 
 /// What a camera shows of a viewpoint; null: the standard's default one.
 Camera cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,

@@ -38,14 +38,14 @@ void addStats(const RenderStats& part, double share, RenderStats& sum) {
     sum.primaryRays += part.primaryRays, sum.shadowRays += part.shadowRays, sum.secondaryRays += part.secondaryRays;
     sum.missing += part.missing * share, sum.missingMost = std::max(sum.missingMost, part.missingMost);
     sum.error = std::hypot(sum.error, part.error * std::sqrt(share));
-    sum.unreached += part.unreached * share, sum.samples += part.samples * share;
+    sum.unreached += part.unreached * share, sum.samples += part.samples * share, sum.kept += part.kept * share;
     sum.cancelled = sum.cancelled || part.cancelled;
 }
 
 }  // namespace
 
 Picture trace::drawLayers(const LightState& state, const RayView& world, const Camera& camera,
-                          const RenderSettings& settings, RenderStats& stats) {
+                          const RenderSettings& settings, RenderStats& stats, Trail* trail) {
     const auto views = LightTracer::layers(state, world, camera, settings.width, settings.height);
     Picture picture(settings.width, settings.height);
     picture.space = settings.colorSpace == ColorSpace::linear || settings.integrator == Integrator::path
@@ -68,7 +68,7 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
         for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot)
             part.hidden[slot] = world.instance(slot).info.layer != view.camera.layer;
         RenderStats drawn;
-        const Picture layer = drawPart(state, world, view.camera, own, part, drawn);
+        const Picture layer = drawPart(state, world, view.camera, own, part, drawn, trail);
         const double share = double{1} * view.width * view.height / (double{1} * settings.width * settings.height);
         addStats(drawn, share, stats);
         layOver(layer, view.left, view.top, picture);

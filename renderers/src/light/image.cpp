@@ -103,7 +103,7 @@ Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file
         else
             light.world().scene().newFrame(t);
         RenderStats stats;
-        auto picture = light.picture(options, &stats);
+        auto picture = light.nextPicture(options, &stats);
         if (!picture) return std::unexpected(picture.error());
         if (stats.cancelled) break;
         if (animation.stats) animation.stats(stats);

@@ -2,6 +2,7 @@
 #include <rtsg/renderers/light_renderer.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <limits>
@@ -14,8 +15,11 @@
 #include <rtsg/core/x3d.h>
 
 #include "data_layers.h"
+#include "draw.h"
 
 namespace rtsg {
+
+using namespace trace;
 
 struct LightRenderer::Impl {
     Impl(SharedWorld& world, Options o) : options(std::move(o)), rays(world.rays()), tracer(world, options.resources) {}
@@ -28,6 +32,7 @@ struct LightRenderer::Impl {
     Camera camera;
     RenderStats stats;
     std::shared_ptr<const PictureBefore> before;  // of the next picture, where one is asked for
+    std::array<trace::Trail, 2> trails;           // of each eye, where pixels are kept
     Diagnostics said;                             // the tracer's and its own
     std::size_t taken = 0;                        // of the tracer's
     std::atomic<std::uint64_t> prepared{0};       // the last prepare()'s moment
@@ -35,6 +40,10 @@ struct LightRenderer::Impl {
     Diagnostics lacks;                            // of pictures, not yet in `said`
     double named = 0;                             // share of missing light that has been reported
 
+    /// Whether the pictures of a series may leave a trail.
+    static bool keeps(const ImageOptions& options) {
+        return options.keep && options.settings.shutter == 0 && options.settings.layers == 0;
+    }
     void takeDiagnostics() {
         const auto& news = tracer.diagnostics().all();
         for (; taken < news.size(); ++taken) said.add(news[taken].severity, news[taken].where, news[taken].text);
@@ -119,23 +128,23 @@ bool asksForMotion(const RenderSettings& settings) {
     return settings.shutter > 0 || (settings.layers & kMotion);
 }
 
-/// `draw(camera, settings)`: a picture, and its counts added.
+/// `draw(eye, camera, settings)`: a picture, and its counts added; the eye is 0, of two the right one is 1.
 template <class Draw>
 Result<Picture> eachEye(const Camera& camera, const ImageOptions& options, const RenderSettings& settings,
                         const Draw& draw) {
-    if (options.stereo == Stereo::none) return draw(camera, settings);
+    if (options.stereo == Stereo::none) return draw(0, camera, settings);
     if (camera.orthographic || camera.panorama) return fail("only perspectives have two eyes");
     const double distance = options.focus > 0 ? options.focus : std::numeric_limits<double>::infinity();
-    const auto one = [&](double offset) {
+    const auto one = [&](int eye, double offset) {
         RenderSettings own = settings;
         if (const PictureBefore* before = settings.before.get())
             own.before = std::make_shared<const PictureBefore>(
                 PictureBefore{before->world, before->camera.beside(offset, distance)});
-        return draw(camera.beside(offset, distance), own);
+        return draw(eye, camera.beside(offset, distance), own);
     };
-    auto left = one(-options.eyeDistance / 2);
+    auto left = one(0, -options.eyeDistance / 2);
     if (!left) return left;
-    auto right = one(options.eyeDistance / 2);
+    auto right = one(1, options.eyeDistance / 2);
     if (!right) return right;
     return joined(*left, *right, options.stereo == Stereo::beside);
 }
@@ -147,7 +156,8 @@ void addCounts(const RenderStats& of, RenderStats& sum) {
     sum.seconds += of.seconds;
     sum.missing = before * sum.missing + now * of.missing, sum.missingMost = std::max(sum.missingMost, of.missingMost);
     sum.error = std::sqrt(before * sum.error * sum.error + now * of.error * of.error);
-    sum.unreached = before * sum.unreached + now * of.unreached, sum.samples = before * sum.samples + now * of.samples;
+    sum.unreached = before * sum.unreached + now * of.unreached, sum.kept = before * sum.kept + now * of.kept;
+    sum.samples = before * sum.samples + now * of.samples;
     sum.cancelled = sum.cancelled || of.cancelled;
 }
 
@@ -205,7 +215,7 @@ Result<std::shared_ptr<const WorldState>> LightRenderer::prepare() {
     return state;
 }
 
-Result<> LightRenderer::make(const ImageOptions& options) {
+Result<> LightRenderer::make(const ImageOptions& options, bool inSeries) {
     Impl& s = *impl_;
     auto camera = look(options);
     if (!camera) return std::unexpected(camera.error());
@@ -215,9 +225,13 @@ Result<> LightRenderer::make(const ImageOptions& options) {
     RenderSettings settings = options.settings;
     if (!settings.nameOf) settings.nameOf = [&](NodeId id) { return authorsName(world().scene(), id); };
     if (asksForMotion(settings) && !settings.before) settings.before = s.before;
-    const auto draw = [&](const Camera& eye, const RenderSettings& own) {
+    std::shared_ptr<const WorldState> state;  // null: this one's pixels are not kept, or cannot be
+    if (inSeries && Impl::keeps(options)) state = world().present().value_or(nullptr);
+    const auto draw = [&](int number, const Camera& eye, const RenderSettings& own) {
         RenderStats drawn;
-        auto picture = s.tracer.render(s.rays, eye, own, &drawn);
+        auto picture = state ? drawNext(s.tracer.latest(), state->rays, eye, own, drawn,
+                                        s.trails[static_cast<std::size_t>(number)])
+                             : s.tracer.render(s.rays, eye, own, &drawn);
         addCounts(drawn, s.stats);
         return picture;
     };
@@ -246,7 +260,7 @@ Result<> LightRenderer::remember(const ImageOptions& options) {
 Result<> LightRenderer::renderFrame(const WorldState& state) {
     Impl& s = *impl_;
     if (ownsNodes()) return fail("light renderer: nodes that it draws itself are drawn on the scene's thread only");
-    const auto* tables = static_cast<const LightState*>(begin(state));
+    const auto tables = std::static_pointer_cast<const LightState>(begin(state));
     if (!tables || !state.rays) return fail("light renderer: this state was made without it");
     const ImageOptions& options = s.options.image;
     auto camera = LightTracer::camera(*tables, *state.rays, aspectOf(options.settings), options.viewpoint);
@@ -267,9 +281,11 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
     s.stats = {};
     RenderSettings settings = options.settings;
     if (asksForMotion(settings) && !settings.before) settings.before = s.before;
-    const auto draw = [&](const Camera& eye, const RenderSettings& own) {
+    const bool keeps = Impl::keeps(options);
+    const auto draw = [&](int number, const Camera& eye, const RenderSettings& own) {
         RenderStats drawn;
-        auto picture = LightTracer::render(*tables, *state.rays, eye, own, &drawn);
+        auto picture = keeps ? drawNext(tables, state.rays, eye, own, drawn, s.trails[static_cast<std::size_t>(number)])
+                             : LightTracer::render(*tables, *state.rays, eye, own, &drawn);
         addCounts(drawn, s.stats);
         return picture;
     };
@@ -287,11 +303,17 @@ Result<> LightRenderer::take(Result<Picture> picture, const RenderSettings& sett
 }
 
 Result<> LightRenderer::renderFrame() {
-    return make(impl_->options.image);
+    return make(impl_->options.image, true);
 }
 
 Result<Picture> LightRenderer::picture(const ImageOptions& options, RenderStats* stats) {
-    if (auto ok = make(options); !ok) return std::unexpected(ok.error());
+    if (auto ok = make(options, false); !ok) return std::unexpected(ok.error());
+    if (stats) *stats = impl_->stats;
+    return std::exchange(impl_->frame, Picture());
+}
+
+Result<Picture> LightRenderer::nextPicture(const ImageOptions& options, RenderStats* stats) {
+    if (auto ok = make(options, true); !ok) return std::unexpected(ok.error());
     if (stats) *stats = impl_->stats;
     return std::exchange(impl_->frame, Picture());
 }

@@ -263,6 +263,8 @@ constexpr float kLeave = 1e-30f;
 constexpr int kTileSide = 16;
 constexpr int kTilePixels = kTileSide * kTileSide;
 
+struct TileReach;
+
 /// What a tile's samples add up to, or one group's of them.
 struct TileResult {
     std::uint64_t seed = 0;         // in: of its random numbers
@@ -273,6 +275,7 @@ struct TileResult {
     /// is encoded when it is complete, and then joins `sum`, which holds display values. Empty: nothing.
     std::vector<Vec3f> light, share;
     std::vector<float> missing;  // weight of rays that were cut off, however bright they might have been; or empty
+    TileReach* reach = nullptr;  // in: where whittedTile() notes its rays, of the first group; null: nobody asks
     std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
 
     void addLight(std::uint16_t pixel, const Vec3f& amount, const Vec3f& ofShare) {

@@ -17,8 +17,9 @@ namespace rtsg {
 
 using namespace trace;
 
-Result<Picture> LightTracer::render(const LightState& state, const RayView& world, const Camera& camera,
-                                    const RenderSettings& settings, RenderStats* stats) {
+namespace {
+
+Result<> checkPicture(const Camera& camera, const RenderSettings& settings) {
     constexpr int kMaxSide = 1 << 16;
     if (settings.width < 1 || settings.height < 1 || settings.width > kMaxSide || settings.height > kMaxSide)
         return fail(fmt::format("cannot render {} x {} pixels; both must be from 1 to {}", settings.width,
@@ -40,12 +41,38 @@ Result<Picture> LightTracer::render(const LightState& state, const RayView& worl
             fmt::format("a shutter is open for 0 to 1 of the time between two pictures, not for {}", settings.shutter));
     if (settings.shutter > 0 && settings.samplesPerPixel == 1)
         return fail("a shutter needs more than one sample a pixel, to be open at more than one instant");
+    return {};
+}
+
+Picture drawWhole(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                  RenderStats& stats, Trail* trail) {
     const auto start = std::chrono::steady_clock::now();
+    stats = {};
+    Picture picture = state.layers
+                          ? drawLayers(state, world, camera, settings, stats, trail)
+                          : drawPart(state, world, camera, settings, Part{camera.forward, {}, false}, stats, trail);
+    stats.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return picture;
+}
+
+}  // namespace
+
+Result<Picture> LightTracer::render(const LightState& state, const RayView& world, const Camera& camera,
+                                    const RenderSettings& settings, RenderStats* stats) {
+    if (auto ok = checkPicture(camera, settings); !ok) return std::unexpected(ok.error());
     RenderStats drawn;
-    Picture picture = state.layers ? drawLayers(state, world, camera, settings, drawn)
-                                   : drawPart(state, world, camera, settings, Part{camera.forward, {}, false}, drawn);
-    drawn.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    Picture picture = drawWhole(state, world, camera, settings, drawn, nullptr);
     if (stats) *stats = drawn;
+    return picture;
+}
+
+Result<Picture> trace::drawNext(const std::shared_ptr<const LightState>& state,
+                                const std::shared_ptr<const WorldVersion>& world, const Camera& camera,
+                                const RenderSettings& settings, RenderStats& stats, Trail& trail) {
+    if (auto ok = checkPicture(camera, settings); !ok) return std::unexpected(ok.error());
+    trail.begin(state, world, settings);
+    Picture picture = drawWhole(*state, *world, camera, settings, stats, &trail);
+    trail.end(!stats.cancelled);
     return picture;
 }
 

@@ -7,6 +7,7 @@
 #include "packet_kernels.h"
 #include "surface_packet.h"
 #include "tile_rays.h"
+#include "trail.h"
 #include "volume_march.h"
 
 namespace rtsg::trace {
@@ -80,6 +81,9 @@ class Tile {
                           : scene_.world->intersect(packets[i].rays, !packets[i].tasks);
         for (std::size_t i = 0; i < packets.size(); ++i)
             if (hits[i]) fetchSurfaces(scene_, packets[i].rays, hits[i], packets[i].tasks, surfaces_[i]);
+        if (TileReach* reach = counts_.reach)
+            for (std::size_t i = 0; i < packets.size(); ++i)
+                reach->note(packets[i].rays, packets[i].active, hits[i], surfaces_[i], !packets[i].tasks);
         for (std::size_t i = 0; i < packets.size(); ++i)
             if (hits[i]) addLights(scene_, surfaces_[i], counts_.shadowRays);
         for (std::size_t i = 0; i < packets.size(); ++i) take(packets[i], hits[i], surfaces_[i]);

@@ -83,8 +83,8 @@ Result<> WorldRenderer::renderFrame(const WorldState&) {
     return fail(subscriberName() + ": it renders on the scene's thread only");
 }
 
-const void* WorldRenderer::begin(const WorldState& state) {
-    const void* tables = state.of(impl_->number);
+std::shared_ptr<const void> WorldRenderer::begin(const WorldState& state) {
+    std::shared_ptr<const void> tables = state.of(impl_->number);
     if (tables) impl_->presented = state.sequence;
     return tables;
 }

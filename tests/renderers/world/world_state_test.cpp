@@ -60,7 +60,7 @@ struct Stage {
         const auto state = world.latest(0ns);
         return state ? *state : nullptr;
     }
-    int shapesIn(const State& state) const { return *static_cast<const int*>(state->of(number)); }
+    int shapesIn(const State& state) const { return *static_cast<const int*>(state->of(number).get()); }
 };
 
 TEST(WorldState, IsMadeForThoseWhoAskAndForNobodyElse) {
@@ -245,7 +245,7 @@ TEST(WorldState, OutlivesItsWorldAndItsScene) {
         stage.moveBox(100);
     }
     ASSERT_TRUE(state);
-    EXPECT_EQ(*static_cast<const int*>(state->of(number)), 1);
+    EXPECT_EQ(*static_cast<const int*>(state->of(number).get()), 1);
     EXPECT_NEAR(state->rays->intersect({{0, 0, 9}, 0, {0, 0, -1}}).t, 8, 1e-5);
 }
 

@@ -97,6 +97,8 @@ struct Camera {
     Reach reach(const Vec3d& direction) const;
     /// Whether reach() is other than from 0 to infinity.
     bool isBounded() const;
+
+    friend bool operator==(const Camera&, const Camera&) = default;
 };
 
 /// The bound Background or TextureBackground. Without colours: black.

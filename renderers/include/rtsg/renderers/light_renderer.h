@@ -40,6 +40,10 @@ struct ImageOptions {
     double focus = 0;       // metres, of the lens and of stereo; 0: the far distance, of a lens 1 m
     Stereo stereo = Stereo::none;
     double eyeDistance = 0.063;  // metres
+    /// Whether pictures that follow each other take from the last one what cannot have changed since: a still scene
+    /// costs nothing, and of `whitted` the tiles whose rays met nothing that is other than it was stay
+    /// (RenderStats::kept). What is seen is the same. Holds a picture and a version of the world.
+    bool keep = true;
 };
 
 class LightRenderer final : public WorldRenderer {
@@ -80,6 +84,8 @@ class LightRenderer final : public WorldRenderer {
     /// renderFrame() with other options; hands the picture out. Errors: an unknown viewpoint, an impossible size, an
     /// integrator that is not built in; whatever a node renderer reports.
     Result<Picture> picture(const ImageOptions& options, RenderStats* stats = nullptr);
+    /// The same of a picture in a series, as renderFrame() makes them: ImageOptions::keep counts.
+    Result<Picture> nextPicture(const ImageOptions& options, RenderStats* stats = nullptr);
 
     const LightTracer& tracer() const;
     /// Of materials, lights and textures, and of light that pictures lack, since the start; the world has its own.
@@ -93,7 +99,7 @@ class LightRenderer final : public WorldRenderer {
 
   private:
     Result<Camera> look(const ImageOptions& options);
-    Result<> make(const ImageOptions& options);
+    Result<> make(const ImageOptions& options, bool inSeries);
     Result<> take(Result<Picture> picture, const RenderSettings& settings);
     Result<> keepBefore(const RenderSettings& settings);
     struct Impl;

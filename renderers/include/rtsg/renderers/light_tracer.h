@@ -104,6 +104,9 @@ struct RenderStats {
     /// pixel's is that of its brightest channel over (value + kErrorFloor). The share of pixels in blocks that ran out
     /// of samples, and how many samples a pixel got on average.
     double error = 0, unreached = 0, samples = 0;
+    /// The share of pixels that were taken from the picture before (LightRenderer), as nothing of what they show can
+    /// have changed. Rays are those that were traced; all else is told of the whole picture.
+    double kept = 0;
     bool cancelled = false;
 };
 

@@ -54,9 +54,9 @@ struct WorldState {
     std::shared_ptr<const std::vector<LayerSight>> sights;
 
     /// What InstanceSubscriber::freeze() gave; null: it was not there, had failed, or has none.
-    const void* of(std::uint64_t subscriber) const {
+    std::shared_ptr<const void> of(std::uint64_t subscriber) const {
         for (const auto& [number, table] : tables)
-            if (number == subscriber) return table.get();
+            if (number == subscriber) return table;
         return nullptr;
     }
 };

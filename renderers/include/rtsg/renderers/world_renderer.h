@@ -46,7 +46,7 @@ class WorldRenderer : public Renderer {
     virtual std::optional<PictureSight> looksFrom() { return std::nullopt; }
     /// First of all in a renderFrame(state): what freezeTables() gave, and from now on presented() names the state.
     /// Null: it was made before this was attached, or after it failed.
-    const void* begin(const WorldState& state);
+    std::shared_ptr<const void> begin(const WorldState& state);
     /// Whether node renderers are registered here: renderOwnNodes() needs the scene, hence its thread.
     bool ownsNodes() const;
     /// As InstanceSubscriber::apply.
