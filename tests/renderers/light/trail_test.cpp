@@ -14,7 +14,7 @@ namespace {
 using namespace test;
 
 /// A floor, a mirror and a glass ball, lights of three kinds and things that move.
-std::string room() {
+std::string roomWithThings() {
     std::string body =
         "DEF SKY Background { skyColor .2 .3 .5 } DEF NAV NavigationInfo { headlight FALSE } DEF EYE Viewpoint { "
         "position 0 3 12 } "
@@ -58,7 +58,7 @@ void expectAsTracedAnew(LightScene& s, const std::string& what) {
 }
 
 TEST(Trail, AStillSceneTracesNothing) {
-    LightScene s(room(), 60, 40);
+    LightScene s(roomWithThings(), 60, 40);
     for (const Integrator integrator : {Integrator::whitted, Integrator::path})
         for (const float error : {0.0f, .3f}) {
             s.options.settings.integrator = integrator;
@@ -84,7 +84,7 @@ TEST(Trail, WhatIsKeptIsWhatWouldBeTraced) {
     SCOPED_TRACE(seed);
     std::mt19937_64 random(seed);
     const auto unit = [&] { return static_cast<float>(random() % 1001) / 1000; };
-    LightScene s(room(), 100, 70);
+    LightScene s(roomWithThings(), 100, 70);
     next(s);
     double kept = 0;
     int rounds = 0;
@@ -236,7 +236,7 @@ TEST(Trail, AConeMeetsABoxWhereItShinesOnIt) {
 }
 
 TEST(Trail, WhatNoBoxIsAroundChangesEverything) {
-    LightScene s(room(), 64, 48);
+    LightScene s(roomWithThings(), 64, 48);
     next(s);
     const auto changed = [&](const char* what) {
         s.scene.newFrame(s.scene.now() + 1);
@@ -314,7 +314,7 @@ TEST(Trail, EachLayerAndEachEyeHasItsOwn) {
 }
 
 TEST(Trail, ACancelledPictureIsNothingToGoOnFrom) {
-    LightScene s(room(), 160, 120);
+    LightScene s(roomWithThings(), 160, 120);
     s.options.settings.progress = [](double) { return false; };
     next(s);
     ASSERT_TRUE(s.stats.cancelled);
@@ -324,7 +324,7 @@ TEST(Trail, ACancelledPictureIsNothingToGoOnFrom) {
 }
 
 TEST(Trail, StatesOnOtherThreadsAreKeptToo) {
-    LightScene s(room(), 64, 48);
+    LightScene s(roomWithThings(), 64, 48);
     LightRenderer::Options options;
     options.image = s.options;
     LightRenderer there(*s.world, options);
