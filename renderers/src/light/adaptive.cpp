@@ -73,6 +73,22 @@ double studentQuantile(int degreesOfFreedom) {
            (3 * z7 + 19 * z5 + 17 * z3 - 15 * z) / (384 * n * n * n);
 }
 
+void traceRounds(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+                 TileResult& result) {
+    const int samples = settings.samplesPerPixel;
+    if (samples <= kRound) return traceTile(scene, camera, settings, x0, y0, std::span(&result, 1));
+    std::vector<glm::dvec4> sums(kTilePixels, glm::dvec4(0));
+    for (int first = 0; first < samples; first += kRound) {
+        TileResult round;
+        round.seed = result.seed;
+        round.firstSample = first, round.lastSample = std::min(first + kRound, samples);
+        traceTile(scene, camera, settings, x0, y0, std::span(&round, 1));
+        for (std::size_t i = 0; i < kTilePixels; ++i) sums[i] += glm::dvec4(round.sum[i]);
+        addUp(round, result);
+    }
+    for (std::size_t i = 0; i < kTilePixels; ++i) result.sum[i] = Vec4f(sums[i]);
+}
+
 void addLight(TileResult& tile) {
     for (std::size_t i = 0; i < tile.light.size(); ++i) {
         const Vec3f& share = tile.share[i];
@@ -125,6 +141,10 @@ class Sampling {
 
     /// Some more samples of each group.
     void sample(std::uint32_t blocks, int first, int last) {
+        for (; last - first > kRound; first += kRound) round(blocks, first, first + kRound);
+        round(blocks, first, last);
+    }
+    void round(std::uint32_t blocks, int first, int last) {
         std::vector<TileResult> now(static_cast<std::size_t>(groups_));
         for (std::size_t group = 0; group < now.size(); ++group) {
             now[group].seed = mixBits(settings_.seed * 0x9e3779b97f4a7c15ull + group);
@@ -145,6 +165,7 @@ class Sampling {
         own_.samplesPerPixel = last - first;
         for (TileResult& group : groups) {
             group.seed = own_.seed = mixBits(group.seed + static_cast<std::uint64_t>(first));
+            group.firstSample = 0, group.lastSample = last - first;
             traceTile(scene_, camera_, own_, x0_, y0_, std::span(&group, 1));
         }
     }

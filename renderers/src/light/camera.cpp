@@ -37,7 +37,8 @@ bool areEven(const glm::dmat3& axes, const Vec3d& right, const Vec3d& up) {
 Camera placed(const WorldFromLocal& worldFromLocal, const Vec3d& position, const Rotation& orientation) {
     Camera camera;
     const Vec3d eye = linear(worldFromLocal, position) + worldFromLocal[3];
-    if (glm::all(glm::lessThan(glm::abs(eye), Vec3d(1e18)))) camera.position = eye;
+    camera.nowhere = !glm::all(glm::lessThan(glm::abs(eye), Vec3d(1e18)));
+    if (!camera.nowhere) camera.position = eye;
     const WorldFromLocal turned(linear(worldFromLocal, rotate(orientation, {1, 0, 0})),
                                 linear(worldFromLocal, rotate(orientation, {0, 1, 0})),
                                 linear(worldFromLocal, rotate(orientation, {0, 0, 1})), Vec3d(0));

@@ -69,7 +69,7 @@ class Drawing {
             adaptiveTile(scene_, camera_, settings_, x0, y0, tile);
         } else {
             tile.result.seed = settings_.seed;
-            traceTile(scene_, camera_, settings_, x0, y0, std::span(&tile.result, 1));
+            traceRounds(scene_, camera_, settings_, x0, y0, tile.result);
             tile.samples.fill(static_cast<std::uint32_t>(settings_.samplesPerPixel));
         }
         if (scene_.space == ColorSpace::automatic) addLight(tile.result);

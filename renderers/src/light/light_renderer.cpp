@@ -39,6 +39,7 @@ struct LightRenderer::Impl {
     std::mutex mutex;                             // of what follows: pictures of states are made on other threads
     Diagnostics lacks;                            // of pictures, not yet in `said`
     double named = 0;                             // share of missing light that has been reported
+    bool toldOfEye = false;                       // that sees nothing of the scene where it is
 
     /// Whether the pictures of a series may leave a trail.
     static bool keeps(const ImageOptions& options) {
@@ -49,6 +50,21 @@ struct LightRenderer::Impl {
         for (; taken < news.size(); ++taken) said.add(news[taken].severity, news[taken].where, news[taken].text);
         const std::lock_guard lock(mutex);
         said.append(std::exchange(lacks, Diagnostics()));
+    }
+    /// An eye so far away that no ray starts there, or nowhere, is named; again once it was elsewhere.
+    void nameFarEye(const RayView& world) {
+        const Vec3d from = glm::abs(camera.position - world.origin());
+        const bool tooFar = std::max({from.x, from.y, from.z}) > double{RayView::kMaxCoordinate};
+        const std::lock_guard lock(mutex);
+        if (!camera.nowhere && !tooFar) {
+            toldOfEye = false;
+        } else if (!std::exchange(toldOfEye, true)) {
+            lacks.warning({}, camera.nowhere
+                                  ? "the viewpoint's place is no number, or more than 1e18 m away: the picture is seen "
+                                    "from 0 0 10"
+                                  : fmt::format("the eye is more than {:g} m from the scene: nothing of it is seen",
+                                                RayView::kMaxCoordinate));
+        }
     }
     /// Two digits, but of 100 all three.
     static std::string percent(double share) {
@@ -221,6 +237,7 @@ Result<> LightRenderer::make(const ImageOptions& options, bool inSeries) {
     if (!camera) return std::unexpected(camera.error());
     presentsNow();
     s.camera = *camera;
+    s.nameFarEye(s.rays);
     s.stats = {};
     RenderSettings settings = options.settings;
     if (!settings.nameOf) settings.nameOf = [&](NodeId id) { return authorsName(world().scene(), id); };
@@ -278,6 +295,7 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
     } else if (state.moment != s.prepared) {
         world().lookFrom(EyePlace(s.camera.position, s.camera.up));
     }
+    s.nameFarEye(*state.rays);
     s.stats = {};
     RenderSettings settings = options.settings;
     if (asksForMotion(settings) && !settings.before) settings.before = s.before;

@@ -81,7 +81,8 @@ void Shutter::trace(const TraceScene& scene, const RenderSettings& settings, int
     const auto count = static_cast<double>(instants_.size());
     TraceScene now = scene;
     now.shutter = nullptr;
-    for (int sample = 0; sample < settings.samplesPerPixel; ++sample) {
+    const int end = std::min(groups[0].lastSample, settings.samplesPerPixel);
+    for (int sample = groups[0].firstSample; sample < end; ++sample) {
         const double share = (sample + start) / settings.samplesPerPixel;
         const Instant& instant = instants_[std::min(static_cast<std::size_t>(share * count), instants_.size() - 1)];
         instant.showTo(now, settings.height);

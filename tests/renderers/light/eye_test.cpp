@@ -25,6 +25,21 @@ Vec3d place(const Picture& p, int x, int y) {
     return {v[0], v[1], v[2]};
 }
 
+// An eye too far away for any ray to start there, or at no number at all, is told of, once.
+TEST(Eye, OneThatIsNowhereIsNamed) {
+    const auto said = [](const char* position) {
+        LightScene s(std::string("DEF V Viewpoint { position ") + position + " } Shape { geometry Box { } }", 8, 8);
+        s.picture();
+        s.picture();
+        EXPECT_LE(s.light->diagnostics().all().size(), 1u);
+        return s.light->diagnostics().all().empty() ? std::string() : s.light->diagnostics().all()[0].text;
+    };
+    EXPECT_EQ(said("0 0 10"), "");
+    EXPECT_EQ(said("0 0 1e8"), "");
+    EXPECT_NE(said("0 0 1e10").find("more than 1e+09 m from the scene: nothing of it is seen"), std::string::npos);
+    EXPECT_NE(said("0 1e20 0").find("seen from 0 0 10"), std::string::npos);
+}
+
 // 23.3.1: what stands below the same transform as the viewpoint is seen as if the transform were not there, however it
 // scales, shears or mirrors; by both kinds of eyes, with its depths as the transform has made them.
 TEST(Eye, ViewpointsBelowUnevenScalesSeeTheirOwnSpace) {

@@ -43,6 +43,7 @@ struct Camera {
     double lensRadius = 0, focus = 1;
     std::uint16_t layer = 0;  // that it looks at: a place in LayerSet.layers, from 1; 0: what is in none
     NodeId viewpoint;         // whose it is; none: the standard's default one, or an eye of one's own
+    bool nowhere = false;     // its viewpoint lies beyond all bounds, or at no number: `position` is the default one
 
     /// The same eye for a picture of another shape: `aspect` = width / height. What a perspective's smaller angle and
     /// an orthographic camera's middle square show stays.
