@@ -13,6 +13,9 @@ Result<const ImageFiles*> imageFiles() {
 Result<EncodePng> pngEncoder() {
     return std::unexpected(imageFiles().error());
 }
+Result<ReadPlain> plainReader() {
+    return std::unexpected(imageFiles().error());
+}
 
 #else
 
@@ -28,9 +31,15 @@ Result<const ImageFiles*> load() {
 }
 
 Result<EncodePng> loadPngEncoder() {
-    const auto symbol = loadModule("rtsg_png", RTSG_TEXT(RTSG_ENCODE_PNG_SYMBOL), "PNG files need");
+    const auto symbol = loadModule("rtsg_plain", RTSG_TEXT(RTSG_ENCODE_PNG_SYMBOL), "PNG files need");
     if (!symbol) return std::unexpected(symbol.error());
     return reinterpret_cast<EncodePng>(*symbol);
+}
+
+Result<ReadPlain> loadPlainReader() {
+    const auto symbol = loadModule("rtsg_plain", RTSG_TEXT(RTSG_READ_PLAIN_SYMBOL), "PNG and JPEG files need");
+    if (!symbol) return std::unexpected(symbol.error());
+    return reinterpret_cast<ReadPlain>(*symbol);
 }
 
 }  // namespace
@@ -38,6 +47,11 @@ Result<EncodePng> loadPngEncoder() {
 Result<EncodePng> pngEncoder() {
     static const Result<EncodePng> encoder = loadPngEncoder();
     return encoder;
+}
+
+Result<ReadPlain> plainReader() {
+    static const Result<ReadPlain> reader = loadPlainReader();
+    return reader;
 }
 
 Result<const ImageFiles*> imageFiles() {

@@ -108,11 +108,19 @@ Result<const ImageFiles*> imageFiles();
 
 /// The whole PNG file of a sheet's bytes. Null: done; otherwise a sentence.
 using EncodePng = const char* (*)(const Sheet& sheet, std::vector<unsigned char>& file);
-/// Of a module of its own (librtsg_png.so), which needs none of those libraries: most pictures are written so.
+/// Of a module of its own (librtsg_plain.so), which needs none of those libraries: most pictures are written so.
 Result<EncodePng> pngEncoder();
+
+/// Reads a PNG or JPEG file of the usual kinds, of 8 bits a channel, as ImageFiles::readMemory() would, bit for bit.
+/// False: it is of another kind or damaged, and ImageFiles is to look at it; or, with a sentence, it is refused.
+using ReadPlain = bool (*)(std::span<const std::uint8_t> bytes, const ReadRequest& request, FilePixels& out,
+                           std::string& refused);
+/// Of the same module: most textures are such.
+Result<ReadPlain> plainReader();
 
 /// What the modules export under these names, which change whenever this header does.
 #define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles6
 #define RTSG_ENCODE_PNG_SYMBOL rtsgEncodePng1
+#define RTSG_READ_PLAIN_SYMBOL rtsgReadPlain1
 
 }  // namespace rtsg

@@ -186,9 +186,14 @@ Result<Texture> Texture::fromFile(const std::filesystem::path& file, Content con
 
 Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const std::string& name, Content content,
                                     std::uint64_t maximumPixels) {
+    FilePixels pixels;
+    std::string refused;
+    if (const auto plain = plainReader(); plain && (*plain)(file, request(maximumPixels, content), pixels, refused))
+        return textureFromPixels(pixels, content);
+    if (!refused.empty()) return fail(refused, {}, name);
+    pixels = {};
     const auto files = imageFiles();
     if (!files) return std::unexpected(files.error());
-    FilePixels pixels;
     if (const std::string error = (*files)->readMemory(file, name, request(maximumPixels, content), pixels);
         !error.empty())
         return fail(error, {}, name);

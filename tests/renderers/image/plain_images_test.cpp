@@ -1,0 +1,185 @@
+// PNG and JPEG files by their own libraries: the very pixels that the reader of all formats gives, or nothing at all.
+#include <random>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "image/image_files.h"
+
+namespace rtsg {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+void put32(Bytes& to, std::uint32_t number) {
+    for (int shift = 24; shift >= 0; shift -= 8) to.push_back(static_cast<std::uint8_t>(number >> shift));
+}
+std::uint32_t crcOf(std::span<const std::uint8_t> bytes) {
+    std::uint32_t crc = ~0u;
+    for (const std::uint8_t byte : bytes) {
+        crc ^= byte;
+        for (int bit = 0; bit < 8; ++bit) crc = crc >> 1 ^ (crc & 1 ? 0xEDB88320u : 0);
+    }
+    return ~crc;
+}
+void putChunk(Bytes& to, const char* type, const Bytes& data) {
+    put32(to, static_cast<std::uint32_t>(data.size()));
+    const std::size_t first = to.size();
+    to.insert(to.end(), type, type + 4);
+    to.insert(to.end(), data.begin(), data.end());
+    put32(to, crcOf(std::span(to).subspan(first)));
+}
+/// A zlib stream that does not compress.
+Bytes stored(const Bytes& data) {
+    Bytes result{0x78, 0x01, 0x01};
+    const auto size = static_cast<std::uint16_t>(data.size());
+    for (const unsigned number : {unsigned{size}, unsigned{static_cast<std::uint16_t>(~size)}})
+        result.push_back(static_cast<std::uint8_t>(number)), result.push_back(static_cast<std::uint8_t>(number >> 8));
+    result.insert(result.end(), data.begin(), data.end());
+    std::uint32_t a = 1, b = 0;
+    for (const std::uint8_t byte : data) a = (a + byte) % 65521, b = (b + a) % 65521;
+    put32(result, b << 16 | a);
+    return result;
+}
+
+struct PngKind {
+    std::uint8_t type;  // as in IHDR: 0 grey, 2 colours, 3 palette, 4 grey and alpha, 6 colours and alpha
+    std::uint8_t depth;
+    bool transparent = false;  // a tRNS chunk
+    int channels() const { return type == 2 ? 3 : type == 4 ? 2 : type == 6 ? 4 : 1; }
+};
+/// Random pixels; filters of all rows are 0.
+Bytes pngOf(const PngKind& kind, int width, int height, std::mt19937& random, const char* more = nullptr) {
+    Bytes file{0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'}, header;
+    put32(header, static_cast<std::uint32_t>(width)), put32(header, static_cast<std::uint32_t>(height));
+    for (const std::uint8_t byte : {kind.depth, kind.type, std::uint8_t{0}, std::uint8_t{0}, std::uint8_t{0}})
+        header.push_back(byte);
+    putChunk(file, "IHDR", header);
+    if (more) putChunk(file, more, {0, 0, 0xB1, 0x8F});
+    if (kind.type == 3) {
+        Bytes palette(std::size_t{3} << kind.depth);
+        for (std::uint8_t& byte : palette) byte = static_cast<std::uint8_t>(random());
+        putChunk(file, "PLTE", palette);
+    }
+    if (kind.transparent) putChunk(file, "tRNS", kind.type == 3 ? Bytes{0, 128} : kind.type == 2 ? Bytes(6) : Bytes(2));
+    Bytes rows;
+    for (int y = 0; y < height; ++y) {
+        rows.push_back(0);
+        for (int i = 0; i < (width * kind.channels() * kind.depth + 7) / 8; ++i)
+            rows.push_back(static_cast<std::uint8_t>(random() % 3 ? random() : 0));
+    }
+    putChunk(file, "IDAT", stored(rows));
+    putChunk(file, "IEND", {});
+    return file;
+}
+
+Bytes jpegOf(int width, int height, std::mt19937& random) {
+    Bytes pixels(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 4);
+    for (std::uint8_t& byte : pixels) byte = static_cast<std::uint8_t>(random());
+    const Sheet sheet{.width = width, .height = height, .bytes = pixels.data(), .values = nullptr, .opaque = true};
+    Bytes file;
+    EXPECT_EQ((*imageFiles())->encode("x.jpg", sheet, file), "");
+    return file;
+}
+
+ReadRequest textureRequest(bool bottomRowFirst) {
+    ReadRequest request;
+    request.straight = true, request.bottomRowFirst = bottomRowFirst;
+    return request;
+}
+
+/// Whether it was read; then as by the reader of all formats.
+bool readsAlike(const Bytes& file, const char* name, const std::string& what) {
+    FilePixels plain, all;
+    std::string refused;
+    bool read = false;
+    for (const bool bottomRowFirst : {false, true}) {
+        const ReadRequest request = textureRequest(bottomRowFirst);
+        read = (*plainReader())(file, request, plain, refused);
+        EXPECT_EQ(refused, "");
+        if (!read) continue;
+        EXPECT_EQ((*imageFiles())->readMemory(file, name, request, all), "") << what;
+        EXPECT_EQ(plain.width, all.width);
+        EXPECT_EQ(plain.height, all.height);
+        EXPECT_EQ(plain.channels, all.channels) << what;
+        EXPECT_EQ(plain.layers, all.layers);
+        EXPECT_EQ(plain.encoded, all.encoded);
+        EXPECT_TRUE(all.values.empty());
+        EXPECT_EQ(plain.bytes, all.bytes) << what;
+    }
+    return read;
+}
+
+class PlainImages : public testing::Test {
+  protected:
+    void SetUp() override {
+        if (!imageFiles()) GTEST_SKIP() << imageFiles().error().text;
+        ASSERT_TRUE(plainReader());
+    }
+    std::mt19937 random{42};
+};
+
+TEST_F(PlainImages, PngsAreWhatTheyAreToTheOthers) {
+    const PngKind kinds[] = {{0, 1}, {0, 2}, {0, 4}, {0, 8},       {0, 8, true}, {2, 8}, {2, 8, true}, {3, 1},
+                             {3, 2}, {3, 4}, {3, 8}, {3, 8, true}, {3, 2, true}, {4, 8}, {6, 8}};
+    for (const PngKind& kind : kinds)
+        for (const auto& [width, height] : {std::pair(1, 1), std::pair(13, 7), std::pair(64, 33)}) {
+            const std::string what =
+                fmt::format("type {} depth {} {} {} x {}", kind.type, kind.depth, kind.transparent, width, height);
+            EXPECT_TRUE(readsAlike(pngOf(kind, width, height, random), "x.png", what)) << what;
+            EXPECT_TRUE(readsAlike(pngOf(kind, width, height, random, "gAMA"), "x.png", what)) << what;
+        }
+    EXPECT_FALSE(readsAlike(pngOf({2, 16}, 5, 5, random), "x.png", "16 bits")) << "is for the others";
+}
+
+TEST_F(PlainImages, JpegsAreWhatTheyAreToTheOthers) {
+    for (const auto& [width, height] : {std::pair(1, 1), std::pair(17, 9), std::pair(200, 133)}) {
+        const std::string what = fmt::format("{} x {}", width, height);
+        EXPECT_TRUE(readsAlike(jpegOf(width, height, random), "x.jpg", what)) << what;
+    }
+}
+
+TEST_F(PlainImages, WhatIsNotInOrderIsForTheOthers) {
+    for (const Bytes& whole :
+         {pngOf({2, 8}, 20, 20, random), pngOf({3, 4, true}, 20, 20, random), jpegOf(40, 40, random)}) {
+        const char* name = whole[0] == 0x89 ? "x.png" : "x.jpg";
+        for (std::size_t length = 0; length + 2 < whole.size(); length += 1 + length / 40)
+            EXPECT_FALSE(readsAlike(Bytes(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(length)), name,
+                                    fmt::format("{} bytes", length)));
+        int read = 0;
+        for (int i = 0; i < 300; ++i) {
+            Bytes damaged = whole;
+            damaged[random() % damaged.size()] ^= static_cast<std::uint8_t>(1u << random() % 8);
+            read += readsAlike(damaged, name, fmt::format("damage {}", i));
+        }
+        if (whole[0] == 0x89) {
+            EXPECT_LT(read, 30) << "checksums tell";
+        }
+    }
+}
+
+TEST_F(PlainImages, WhatIsRefusedTakesNoMemory) {
+    for (const Bytes& file : {pngOf({2, 8}, 20, 20, random), jpegOf(20, 20, random)}) {
+        ReadRequest request = textureRequest(true);
+        request.check = [](int width, int height, int layers, bool eightBits) {
+            return fmt::format("{} {} {} {}", width, height, layers, eightBits);
+        };
+        FilePixels out;
+        std::string refused;
+        EXPECT_FALSE((*plainReader())(file, request, out, refused));
+        EXPECT_EQ(refused, "20 20 1 true");
+        EXPECT_TRUE(out.bytes.empty());
+    }
+    ReadRequest floats = textureRequest(true);
+    floats.asFloats = true;
+    FilePixels out;
+    std::string refused;
+    EXPECT_FALSE((*plainReader())(pngOf({2, 8}, 2, 2, random), floats, out, refused));
+    ReadRequest multiplied;
+    EXPECT_FALSE((*plainReader())(pngOf({6, 8}, 2, 2, random), multiplied, out, refused))
+        << "alpha is to be multiplied";
+    EXPECT_TRUE((*plainReader())(pngOf({2, 8}, 2, 2, random), multiplied, out, refused));
+}
+
+}  // namespace
+}  // namespace rtsg
