@@ -38,10 +38,10 @@ struct Stage {
         world->rays();
         world->finishBackgroundWork();
     }
-    /// CPU seconds.
-    double picture() {
+    /// CPU seconds. `inSeries`: what cannot have changed is taken from the one before.
+    double picture(bool inSeries = false) {
         const double start = cpuSeconds();
-        const auto made = light->picture(options, &stats);
+        const auto made = inSeries ? light->nextPicture(options, &stats) : light->picture(options, &stats);
         if (made) keep(made->pixels.data());
         return cpuSeconds() - start;
     }
@@ -384,9 +384,45 @@ void particles(const Report& report, bool quick) {
             "a frame at 60 Hz, all of it", 1000.0 / 60});
 }
 
+/// Frames in which nothing changed, or one ball of sixty moved.
+void little(const Report& report, bool quick) {
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        Stage s(room() +
+                    "DEF MOVING Transform { translation 2 -1 3 children Shape { appearance Appearance { material "
+                    "Material { } } geometry Sphere { radius .4 } } }",
+                quick);
+        s.options.settings.integrator = integrator;
+        const NodeId moving = s.scene.findName("MOVING");
+        std::vector<double> whole, still, moved, copies;
+        double kept = 0;
+        const int frames = quick ? 5 : 15;
+        s.picture(true);
+        for (int i = 0; i < frames; ++i) {
+            whole.push_back(s.picture());
+            still.push_back(s.picture(true));
+            (void)s.scene.set(moving, x3d::Transform::translation, Vec3f(2 + .05f * static_cast<float>(i), -1, 3));
+            s.scene.newFrame(s.scene.now() + 1);
+            moved.push_back(s.picture(true));
+            kept += s.stats.kept / frames;
+            const double start = cpuSeconds();
+            const Picture copy(s.options.settings.width, s.options.settings.height);
+            keep(copy.pixels.data());
+            copies.push_back(cpuSeconds() - start);
+        }
+        const std::string name =
+            fmt::format("a room with 61 balls, {}", integrator == Integrator::path ? "path" : "whitted");
+        report({"features", name, "a frame in which nothing changed, CPU", "ms", median(still) * 1e3,
+                "the picture anew", median(whole) * 1e3, "memory for its pixels", median(copies) * 1e3});
+        report({"features", name, "a frame in which one ball moved, CPU", "ms", median(moved) * 1e3, "the picture anew",
+                median(whole) * 1e3, "", 0});
+        report({"features", name, "pixels kept when it moved", "share", kept, "", 0, "", 0});
+    }
+}
+
 }  // namespace
 
 void features(const Report& report, bool quick) {
+    little(report, quick);
     text(report, quick);
     strokes(report, quick);
     cuts(report, quick);
