@@ -88,6 +88,9 @@ Result<std::optional<ResumedSession>> begin(RunningScene& running, const ServeAr
 }
 
 void checkResume(const ServeArguments& options) {
+    if (options.await > options.peers)
+        throw UsageError(
+            "--await", fmt::format("waits for {} mirrors, of which --peers lets in {}", options.await, options.peers));
     if (options.scene.empty() && options.resume.empty()) throw UsageError("SCENE is required, or --resume LOG");
     const ServeLogArguments none;
     if (options.log.rate != none.rate || options.log.loop || options.log.paused || options.log.control)

@@ -416,6 +416,11 @@ TEST_F(Mirror, ResumingAsksForALogAndWritesNoOther) {
     EXPECT_EQ(rtsg({"serve"}).status, 2);
     EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog"}).status, 1);
     EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog", "--record", folder / "other.rlog"}).status, 2);
+    const Outcome await =
+        rtsg({"serve", "--resume", folder / "none.rlog", "--await", "3", "--peers", "2", "--for", "100ms"});
+    EXPECT_EQ(await.status, 2) << "it would wait for ever";
+    EXPECT_NE(await.err.find("--await: waits for 3 mirrors, of which --peers lets in 2"), std::string::npos)
+        << await.err;
     EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog", "--mode", "lossy"}).status, 2);
 }
 

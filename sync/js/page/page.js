@@ -163,6 +163,9 @@ const follower = followWebSocket(url, {
     connection('left', 'the server has left');
   },
   onRefused(reason) { connection('refused', reason); },
+  onOrigin(lost) {
+    if (!left) connection(lost ? 'lost' : 'following', lost ? 'the relay has lost its origin' : undefined);
+  },
   onTrouble(words) { console.warn(words); },
   onVerdict(verdict) {
     // Who looks around asks for nothing.

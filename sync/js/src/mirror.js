@@ -29,6 +29,7 @@ export class Mirror {
   /** `options`: name, window (bytes), lag (ms behind at most, 0: any), rate (bytes a second at most, 0: any), nearFirst (on a
    * slow link views, sounds and what is near the viewer come before what is far), parts (DEF names, or one `region:EYE,50`), and any of the functions
    * onState(record, equal), onReset(), onWelcome(resumed), onBye(state), onRefused(reason),
+   * onOrigin(lost) (a relay has lost its origin, or hears it again),
    * onVerdict({request, reason, state, kept}), onReply(text), onTrouble(text). */
   constructor(send, options = {}) {
     this.send = send;
@@ -41,6 +42,7 @@ export class Mirror {
     this.serverHash = [0n, 0n];
     this.hasState = false;
     this.connected = false;
+    this.originLost = false;
     this.unanswered = 0;  // hellos, since something was answered
     this.gone = false;  // the server said goodbye
     this.nextRequest = 1;
@@ -126,7 +128,7 @@ export class Mirror {
       case PING: {
         const token = r.u64();
         if (r.left >= 8) this.originState = Number(r.u64());
-        if (r.left >= 8) this.originLost = r.u64() !== 0n;
+        if (r.left >= 8) this.takeOrigin(r.u64() !== 0n);
         return this.send(message(PONG).u64(token).done());
       }
       case PONG: return undefined;
@@ -151,6 +153,11 @@ export class Mirror {
     }
   }
 
+  /** Relays tell whether they hear the origin themselves. */
+  takeOrigin(lost) {
+    if (lost !== this.originLost) this.tell('onOrigin', this.originLost = lost);
+  }
+
   welcome(r, second) {
     if (r.u64() !== this.session) return;
     const epoch = r.u64();
@@ -169,7 +176,7 @@ export class Mirror {
     }
     this.connected = true;
     this.gone = false;
-    this.originLost = false;
+    this.takeOrigin(false);
     this.originState = 0;
     if (resumed) ++this.count.resumed;
     this.acknowledge();

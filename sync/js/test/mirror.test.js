@@ -196,12 +196,13 @@ test('edits, undo, redo and locks are requests as the page has them', () => {
 });
 
 test('says goodbye back, answers pings, and asks again after a silence that is not its own', () => {
-  const byes = [];
-  const s = new Server({onBye: (state) => byes.push(state)});
+  const byes = [], origins = [];
+  const s = new Server({onBye: (state) => byes.push(state), onOrigin: (lost) => origins.push(lost)});
   s.welcome();
-  s.mirror.receive(message(3).u64(77).u64(5).u64(1).done(), none);
+  for (const lost of [0, 1, 1, 0, 1]) s.mirror.receive(message(3).u64(77).u64(5).u64(lost).done(), none);
   assert.equal(s.said.at(-1).type, PONG);
   assert.equal(s.mirror.originLost, true);
+  assert.deepEqual(origins, [true, false, true]);
   const now = performance.now();
   for (let t = 0; t < 2400; t += 100) assert.equal(s.mirror.tick(now + t), true, `${t}`);
   assert.equal(s.mirror.tick(now + 60_000), true, 'asleep for a minute: others may have spoken');

@@ -42,6 +42,19 @@ class Recent {
 
 }  // namespace
 
+namespace {
+
+/// Of the session that a log ends with; 0: none.
+std::uint64_t epochOf(const std::filesystem::path& file) {
+    auto log = LogReader::open(file);
+    const auto record = log ? log->next() : std::nullopt;
+    if (!record || record->header.kind != RecordKind::head) return 0;
+    const auto head = decodeHead(record->bytes);
+    return head ? head->epoch : 0;
+}
+
+}  // namespace
+
 Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& scene, const ResumeOptions& options) {
     if (scene.sequence() != 0 || scene.nodeCount() > 1) return fail("a session is resumed into an empty scene");
     auto opened = Replayer::open(log);
@@ -68,6 +81,10 @@ Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& sc
     }
     const auto failed = [&](std::string text) { return fail(std::move(text), {}, log.string()); };
     if (session.states == 0) return failed("no intact state");
+    // It would go on a second time from here, under the same name.
+    if (const auto later = laterPiece(log); !later.empty() && epochOf(later) == session.epoch)
+        return failed(fmt::format("its session went on in {}: resume that one, or a copy of this under another name",
+                                  later.filename().string()));
     if (replayer.head().mode.mode == Mode::lossy)
         return failed("a lossy log holds what its readers had, not the scene itself");
     const ChangeSet state = replayer.scene().snapshot();

@@ -329,6 +329,12 @@ std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& fi
     return pieces;
 }
 
+std::filesystem::path laterPiece(const std::filesystem::path& piece) {
+    const std::filesystem::path log = piece.parent_path() / (piece.stem().stem().string() + piece.extension().string());
+    if (log == piece || !std::filesystem::exists(log)) return {};
+    return std::ranges::count(earlierPieces(log), piece) > 0 ? log : std::filesystem::path();
+}
+
 /// Pieces that the same session wrote before it was resumed grow old as its own do; or a ring would keep them for good,
 /// with a hole behind them. Each ends where the next begins.
 void LogWriter::adoptPieces() {

@@ -266,5 +266,30 @@ TEST_F(Sessions, CountFromTheirStartWhateverPieceTheyGoOnFrom) {
     }
 }
 
+/// A piece that others follow is none to go on from: two sessions would go by one name.
+TEST_F(Sessions, DoNotGoOnFromAPieceInTheMiddle) {
+    LogOptions options;
+    options.rotateSeconds = 1;
+    kill(50, options);
+    const auto pieces = earlierPieces(file());
+    ASSERT_GE(pieces.size(), 2u);
+    for (const auto& piece : pieces) {
+        EXPECT_EQ(laterPiece(piece), file());
+        Scene scene;
+        const auto session = resumeSession(piece, scene);
+        ASSERT_FALSE(session);
+        EXPECT_NE(session.error().text.find("its session went on in " + file().filename().string()), std::string::npos)
+            << session.error().text;
+    }
+    EXPECT_EQ(laterPiece(file()), std::filesystem::path());
+    const auto copy = file().parent_path() / "branch.rlog";
+    std::filesystem::copy_file(pieces[0], copy);
+    Scene branch;
+    EXPECT_TRUE(resumeSession(copy, branch));
+    std::filesystem::remove(file());
+    Scene alone;
+    EXPECT_TRUE(resumeSession(pieces[1], alone)) << "what it was a piece of is gone";
+}
+
 }  // namespace
 }  // namespace rtsg

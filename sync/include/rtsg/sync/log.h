@@ -225,5 +225,7 @@ class LogReader {
 
 /// The files before this one of a log that was written in pieces, in order: those with its name and a number.
 std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file);
+/// The log that a file with a number in its name was a piece of: the one beside it without the number. Empty: none.
+std::filesystem::path laterPiece(const std::filesystem::path& piece);
 
 }  // namespace rtsg
