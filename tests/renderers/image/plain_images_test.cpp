@@ -132,6 +132,47 @@ TEST_F(PlainImages, PngsAreWhatTheyAreToTheOthers) {
     EXPECT_FALSE(readsAlike(pngOf({2, 16}, 5, 5, random), "x.png", "16 bits")) << "is for the others";
 }
 
+// 16 bits a channel stay 16 bits.
+TEST_F(PlainImages, SixteenBitsAreAllKept) {
+    for (const PngKind& kind : {PngKind{0, 16}, PngKind{2, 16}, PngKind{4, 16}, PngKind{6, 16}}) {
+        std::mt19937 again = random;
+        FilePixels out;
+        ASSERT_EQ((*imageFiles())->readMemory(pngOf(kind, 9, 5, random), "x.png", textureRequest(false), out), "");
+        EXPECT_EQ(out.channels, kind.channels());
+        EXPECT_TRUE(out.encoded);
+        EXPECT_TRUE(out.bytes.empty());
+        ASSERT_EQ(out.values.size(), static_cast<std::size_t>(9 * 5 * kind.channels()));
+        const auto byte = [&] { return again() % 3 ? again() & 0xFF : 0; };
+        for (std::size_t i = 0; i < out.values.size(); ++i) {
+            const auto high = byte(), low = byte();
+            EXPECT_NEAR(double{out.values[i]}, static_cast<double>(high << 8 | low) / 65535, 1e-7) << i;
+        }
+    }
+}
+
+// A JPEG file of printing inks, cyan 0, magenta 1/2, yellow 1, black 1/4 (Adobe's way: 255 is none), is light that
+// paper sends: (1 - ink) (1 - black).
+TEST_F(PlainImages, InksBecomeColours) {
+    const std::string hex =
+        "ffd8ffee000e41646f626500640000000000ffdb0043000101010101010101010101010101010101010101010101010101010101010101"
+        "01010101010101010101010101010101010101010101010101010101010101010101ffc000140800080008044311004d11005911004b11"
+        "00ffc40017000003010000000000000000000000000004090a0bffc40014100100000000000000000000000000000000ffda000e0443"
+        "004d0059004b00003f00bf80ecff00cfe1ffd9";
+    Bytes file;
+    for (std::size_t i = 0; i < hex.size(); i += 2)
+        file.push_back(static_cast<std::uint8_t>(std::stoi(hex.substr(i, 2), nullptr, 16)));
+    EXPECT_FALSE(readsAlike(file, "x.jpg", "inks")) << "is for the others";
+    FilePixels out;
+    ASSERT_EQ((*imageFiles())->readMemory(file, "x.jpg", textureRequest(true), out), "");
+    ASSERT_EQ(out.channels, 3);
+    ASSERT_EQ(out.bytes.size(), 8u * 8 * 3);
+    for (std::size_t i = 0; i < out.bytes.size(); i += 3) {
+        EXPECT_NEAR(out.bytes[i], .75 * 255, 1.5);
+        EXPECT_NEAR(out.bytes[i + 1], .5 * .75 * 255, 1.5);
+        EXPECT_NEAR(out.bytes[i + 2], 0, 1.5);
+    }
+}
+
 TEST_F(PlainImages, JpegsAreWhatTheyAreToTheOthers) {
     for (const auto& [width, height] : {std::pair(1, 1), std::pair(17, 9), std::pair(200, 133)}) {
         const std::string what = fmt::format("{} x {}", width, height);

@@ -96,6 +96,55 @@ TEST(PathTracer, TheErrorFallsAsTheRootOfTheSamples) {
     EXPECT_NEAR(up / across, -.5, .05);
 }
 
+// An octahedron in a white sky and a light along the view. Its normals all point inwards where ccw is FALSE: without
+// `solid` that is the same; a solid one shows the inside of its far half through the near one, which is not there for
+// eyes (11.2.3), and no light gets in.
+TEST(PathTracer, InsideOutBodiesAreDarkInsideIfTheyAreSolid) {
+    const double rho = linearFromSrgb(.5f), cosine = std::sqrt(1 / 3.0);
+    for (const bool solid : {false, true})
+        for (const bool outwards : {false, true}) {
+            LightScene s(
+                fmt::format("Viewpoint {{ position 0 .3 4 fieldOfView .01 }} Background {{ skyColor 1 1 1 }} "
+                            "DirectionalLight {{ direction 0 0 -1 shadows TRUE }} Shape {{ appearance Appearance {{ "
+                            "material Material {{ diffuseColor .5 .5 .5 ambientIntensity 0 }} }} geometry "
+                            "IndexedFaceSet {{ solid {} ccw {} coordIndex [0 1 4 -1, 1 2 4 -1, 2 3 4 -1, 3 0 4 -1, 1 0 "
+                            "5 -1, 2 1 5 -1, 3 2 5 -1, 0 3 5 -1] coord Coordinate {{ point [1 0 0, 0 0 -1, -1 0 0, 0 0 "
+                            "1, 0 1 0, 0 -1 0] }} }} }}",
+                            solid ? "TRUE" : "FALSE", outwards ? "TRUE" : "FALSE"),
+                8, 8);
+            s.options.settings.colorSpace = ColorSpace::linear;
+            const bool dark = solid && !outwards;
+            SCOPED_TRACE(fmt::format("solid {} outwards {}", solid, outwards));
+            EXPECT_NEAR(s.center().r, dark ? 0 : rho * cosine, 1e-5);
+            expectMean(mean(s, 64), dark ? 0 : rho * (cosine + 1), 1e-4);
+        }
+}
+
+// Three sheets that share an edge, with normals smoothed over all of them: nothing shows through between them, and in
+// a white sky white ones are white, as they neither lose light nor make any.
+TEST(PathTracer, SheetsThatShareAnEdgeKeepTheirLight) {
+    const auto sheets = [](const char* material) {
+        return fmt::format(
+            "OrthoViewpoint {{ position 0 0 5 fieldOfView [-1.5 -1.5 1.5 1.5] }} Shape {{ appearance Appearance {{ "
+            "material {} }} geometry IndexedFaceSet {{ solid FALSE creaseAngle 3.2 coordIndex [0 1 3 2 -1, 0 1 5 4 -1, "
+            "0 1 7 6 -1] coord Coordinate {{ point [0 -1 0, 0 1 0, 1 -1 0, 1 1 0, -.5 -1 .866, -.5 1 .866, -.5 -1 "
+            "-.866, -.5 1 -.866] }} }} }}",
+            material);
+    };
+    LightScene shape(sheets("UnlitMaterial { emissiveColor 1 1 1 }"), 60, 60);
+    const Picture seen = shape.picture();
+    for (int y = 0; y < 60; ++y)
+        for (int x = 0; x < 60; ++x) {
+            const double across = (x + .5) / 20 - 1.5, up = (y + .5) / 20 - 1.5;
+            EXPECT_EQ(seen.at(x, y).r, across > -.5 && across < 1 && std::abs(up) < 1 ? 1 : 0) << x << ' ' << y;
+        }
+    LightScene white("Background { skyColor 1 1 1 } " + sheets("Material { diffuseColor 1 1 1 }"), 30, 30);
+    const Mean m = mean(white, 256);
+    EXPECT_NEAR(m.color.r, 1, 1e-3);
+    const Picture lit = white.picture();
+    for (const Vec4f& pixel : lit.pixels) EXPECT_NEAR(pixel.r, 1, .05);
+}
+
 // A lamp in the middle of a grey ball: rho directly, and rho of that again, and again.
 TEST(PathTracer, FurnaceOfALampInABall) {
     LightScene s(
