@@ -48,7 +48,7 @@ glm::dvec3 turned(const glm::dvec3& direction, double degrees) {
 void AcousticEngine::Impl::play(const SoundNode& sound, EmitterState& state, Block& block) {
     block.dry.resize(std::max<std::size_t>(1, state.inputs.size()));
     if (sound.enabled) {
-        state.mix.render(sound.voices, sound.processes, clips, samples, options.blockSize, block.dry);
+        state.mix.render(sound.voices, sound.processes, clips, samples, options.blockSize, block.dry, sound.discrete);
         return;
     }
     for (std::vector<float>& dry : block.dry) dry.assign(options.blockSize, 0.0f);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+#include <span>
 
 namespace rtsg {
 namespace {
@@ -15,12 +17,49 @@ double loudness(std::span<const float> response, double rate) {
     return 0.00125 / std::max(power, 0.000125) * 44100 / rate;
 }
 
-/// Of a channel that is not there: silence; what has one channel has it everywhere.
-void addTo(AudioChannels& out, const AudioChannels& in) {
-    for (std::size_t c = 0; c < out.size(); ++c) {
-        if (in.size() != 1 && c >= in.size()) continue;
-        const std::vector<float>& from = in[in.size() == 1 ? 0 : c];
-        for (std::size_t i = 0; i < from.size(); ++i) out[c][i] += from[i];
+struct Share {
+    unsigned to, from;
+    float gain;
+};
+constexpr float kHalfPower = std::numbers::sqrt2_v<float> / 2;
+/// Of layouts that have a name; two channels are left and right, four of them with those of the surround behind, six of
+/// them with centre and low before these.
+std::span<const Share> sharesOf(std::size_t from, std::size_t to) {
+    static constexpr Share k1To2[] = {{0, 0, 1}, {1, 0, 1}}, k1To6[] = {{2, 0, 1}},
+                           k2To1[] = {{0, 0, .5f}, {0, 1, .5f}}, k2To4[] = {{0, 0, 1}, {1, 1, 1}},
+                           k4To1[] = {{0, 0, .25f}, {0, 1, .25f}, {0, 2, .25f}, {0, 3, .25f}},
+                           k4To2[] = {{0, 0, .5f}, {0, 2, .5f}, {1, 1, .5f}, {1, 3, .5f}},
+                           k4To6[] = {{0, 0, 1}, {1, 1, 1}, {4, 2, 1}, {5, 3, 1}},
+                           k6To1[] = {{0, 0, kHalfPower}, {0, 1, kHalfPower}, {0, 2, 1}, {0, 4, .5f}, {0, 5, .5f}},
+                           k6To2[] = {{0, 0, 1}, {0, 2, kHalfPower}, {0, 4, kHalfPower},
+                                      {1, 1, 1}, {1, 2, kHalfPower}, {1, 5, kHalfPower}},
+                           k6To4[] = {{0, 0, 1},          {0, 2, kHalfPower}, {1, 1, 1},
+                                      {1, 2, kHalfPower}, {2, 4, 1},          {3, 5, 1}};
+    switch (10 * from + to) {
+        case 12:
+        case 14:
+            return k1To2;
+        case 16:
+            return k1To6;
+        case 21:
+            return k2To1;
+        case 24:
+        case 26:
+            return k2To4;
+        case 41:
+            return k4To1;
+        case 42:
+            return k4To2;
+        case 46:
+            return k4To6;
+        case 61:
+            return k6To1;
+        case 62:
+            return k6To2;
+        case 64:
+            return k6To4;
+        default:
+            return {};
     }
 }
 
@@ -39,9 +78,22 @@ bool silenceNoSound(AudioChannels& out) {
 
 }  // namespace
 
+void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete) {
+    const auto add = [&](const Share& share) {
+        const std::vector<float>& from = in[share.from];
+        std::vector<float>& to = out[share.to];
+        for (std::size_t i = 0; i < from.size(); ++i) to[i] += share.gain * from[i];
+    };
+    if (const auto shares = sharesOf(in.size(), out.size()); !discrete && !shares.empty()) {
+        std::ranges::for_each(shares, add);
+        return;
+    }
+    for (unsigned c = 0; c < std::min(out.size(), in.size()); ++c) add({c, c, 1});
+}
+
 void AudioMix::render(const std::vector<SoundVoice>& voices,
                       const std::vector<std::shared_ptr<const AudioProcess>>& processes, ClipLibrary& clips,
-                      std::int64_t first, std::size_t frames, AudioChannels& out) {
+                      std::int64_t first, std::size_t frames, AudioChannels& out, bool discrete) {
     std::size_t channels = std::max<std::size_t>(1, out.size());
     std::vector<VoicePlayer*> players;
     std::map<std::uint32_t, unsigned> ways;
@@ -64,8 +116,17 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
     }
     out.resize(channels);
     for (std::vector<float>& channel : out) channel.assign(frames, 0.0f);
-    for (std::size_t i = 0; i < voices.size(); ++i) players[i]->play(voices[i], clips, first, out);
-    for (const AudioChannels& one : processed) addTo(out, one);
+    for (std::size_t i = 0; i < voices.size(); ++i) {
+        const std::size_t own = players[i]->channels(voices[i], clips);
+        if (own == channels) {
+            players[i]->play(voices[i], clips, first, out);
+            continue;
+        }
+        AudioChannels one(own, std::vector<float>(frames));
+        players[i]->play(voices[i], clips, first, one);
+        mixInto(out, one, discrete);
+    }
+    for (const AudioChannels& one : processed) mixInto(out, one, discrete);
 }
 
 void ProcessPlayer::merge(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
@@ -80,11 +141,9 @@ void ProcessPlayer::merge(const AudioProcess& process, ClipLibrary& clips, std::
             out.insert(out.end(), one.begin(), one.end());
             continue;
         }
-        // Mixed down to one.
-        std::vector<float> mono(frames);
-        for (const std::vector<float>& channel : one)
-            for (std::size_t k = 0; k < frames; ++k) mono[k] += channel[k] / static_cast<float>(one.size());
-        out.push_back(std::move(mono));
+        AudioChannels mono(1, std::vector<float>(frames));
+        mixInto(mono, one, process.discrete);
+        out.push_back(std::move(mono[0]));
     }
     if (out.empty()) out.emplace_back(frames);
 }
@@ -149,15 +208,14 @@ void ProcessPlayer::shape(const AudioProcess& process, AudioChannels& out) {
         for (float& sample : channel) sample = shaped(process.curve, sample);
 }
 
-/// An analyser's samples: the mean of all channels.
+/// An analyser's samples: all channels as one.
 void ProcessPlayer::listenTo(const AudioProcess& process, const AudioChannels& out) {
     if (!analyser_ || fftSize_ != process.fftSize) analyser_.emplace(process.fftSize);
     fftSize_ = process.fftSize;
     smoothing_ = process.smoothing;
-    std::vector<float> mono(out[0].size());
-    for (const std::vector<float>& channel : out)
-        for (std::size_t i = 0; i < mono.size(); ++i) mono[i] += channel[i] / static_cast<float>(out.size());
-    analyser_->write(mono);
+    AudioChannels mono(1, std::vector<float>(out[0].size()));
+    mixInto(mono, out, false);
+    analyser_->write(mono[0]);
 }
 
 void ProcessPlayer::analyse(AudioFindings& found) {
@@ -186,7 +244,7 @@ void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std:
     if (process.kind == Kind::merger)
         merge(process, clips, first, frames, out);
     else
-        inputs_.render(process.voices, process.inputs, clips, first, frames, out);
+        inputs_.render(process.voices, process.inputs, clips, first, frames, out, process.discrete);
     filters_.resize(std::max(filters_.size(), out.size()));
     delays_.resize(std::max(delays_.size(), out.size()));
     switch (process.kind) {

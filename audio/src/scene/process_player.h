@@ -17,13 +17,18 @@ namespace rtsg {
 
 using AudioChannels = std::vector<std::vector<float>>;
 
+/// Adds what is in other channels: of one, two, four and six as loudspeakers are mixed up and down (Web Audio API 1.1,
+/// section 4, which 16.2.3 goes by), of other numbers and where it is `discrete` each into the one of its number; what
+/// has none is not heard.
+void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete);
+
 /// What voices and processes give together, in as many channels as the one with the most.
 class AudioMix {
   public:
     /// The next `frames` samples; all calls with as many.
     void render(const std::vector<SoundVoice>& voices,
                 const std::vector<std::shared_ptr<const AudioProcess>>& processes, ClipLibrary& clips,
-                std::int64_t first, std::size_t frames, AudioChannels& out);
+                std::int64_t first, std::size_t frames, AudioChannels& out, bool discrete = false);
     /// Adds what each Analyser and DynamicsCompressor finds now; its smoothing goes from call to call.
     void analyse(AudioFindings& found);
 

@@ -49,6 +49,10 @@ Biquad::Type filterType(std::string_view name) {
     return lowpass;
 }
 
+bool isDiscrete(const Node& node) {
+    return fieldOr(node, "channelInterpretation", String()).view() == "DISCRETE";
+}
+
 /// Numbers of a field, or of a metadata node of that name, in tables that have no such field.
 std::vector<float> numbersOf(const Scene& scene, const Node& node, std::string_view name) {
     const Array<float> field = fieldOr(node, name, Array<float>{});
@@ -133,6 +137,7 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
     process.node = node.id();
     process.name = nameOf(scene, node);
     process.gain = above * number(fieldOr(node, "gain", 1.0f), 0);
+    process.discrete = isDiscrete(node);
     if (node.is(x3d::BiquadFilter::type)) {
         using B = x3d::BiquadFilter;
         process.kind = Kind::biquad;
@@ -190,6 +195,7 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
         }
         // Each child is a channel of its own.
         auto input = std::make_shared<AudioProcess>();
+        input->discrete = process.discrete;
         readVoices(scene, child, 1, depth + 1, {input->voices, input->inputs, to.sound});
         if (input->voices.empty() && input->inputs.size() == 1)
             process.inputs.push_back(input->inputs.front());
@@ -234,6 +240,7 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
         sound.spatialize = sound.doppler = sound.reflected = false;
         sound.law = SoundNode::Law::none;
         sound.intensity = number(node.get(D::gain), 0);
+        sound.discrete = isDiscrete(node);
         for (const NodeId child : node.get(D::children))
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     };

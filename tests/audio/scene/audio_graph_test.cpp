@@ -9,6 +9,7 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 
+#include "scene/process_player.h"
 #include "support/plain_film.h"
 
 namespace rtsg {
@@ -151,6 +152,65 @@ TEST(AudioGraph, ChannelsAreSplitSelectedAndMerged) {
     // Two channels into one of a merger: their mean.
     EXPECT_NEAR(hear("ChannelMerger { children [ " + pair + " " + kGraphTone + " ] }", .1)[0][1000], -.125, 1e-6);
     EXPECT_NEAR(hear("ChannelSelector { channelSelection 7 children " + pair + " }", .1)[0][1000], 0, 1e-12);
+}
+
+// The table of the Web Audio API, section 4: what one of each channel becomes.
+TEST(AudioGraph, LoudspeakersAreMixedUpAndDown) {
+    const float h = std::sqrt(.5f);
+    using Row = std::vector<float>;
+    const struct {
+        std::size_t from, to;
+        std::vector<Row> out;  // by channel of `to`: what it has of those of `from`
+    } table[] = {
+        {1, 1, {{1}}},
+        {1, 2, {{1}, {1}}},
+        {1, 4, {{1}, {1}, {0}, {0}}},
+        {1, 6, {{0}, {0}, {1}, {0}, {0}, {0}}},
+        {2, 2, {{1, 0}, {0, 1}}},
+        {2, 4, {{1, 0}, {0, 1}, {0, 0}, {0, 0}}},
+        {2, 6, {{1, 0}, {0, 1}, {0, 0}, {0, 0}, {0, 0}, {0, 0}}},
+        {4, 6, {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 0, 0}, {0, 0, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}},
+        {2, 1, {{.5f, .5f}}},
+        {4, 1, {{.25f, .25f, .25f, .25f}}},
+        {6, 1, {{h, h, 1, 0, .5f, .5f}}},
+        {4, 2, {{.5f, 0, .5f, 0}, {0, .5f, 0, .5f}}},
+        {6, 2, {{1, 0, h, 0, h, 0}, {0, 1, h, 0, 0, h}}},
+        {6, 4, {{1, 0, h, 0, 0, 0}, {0, 1, h, 0, 0, 0}, {0, 0, 0, 0, 1, 0}, {0, 0, 0, 0, 0, 1}}},
+        {3, 5, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, 0, 0}, {0, 0, 0}}},
+        {1, 3, {{1}, {0}, {0}}},
+        {5, 2, {{1, 0, 0, 0, 0}, {0, 1, 0, 0, 0}}},
+    };
+    for (const auto& row : table)
+        for (std::size_t from = 0; from < row.from; ++from) {
+            SCOPED_TRACE(fmt::format("{} to {}, channel {}", row.from, row.to, from));
+            AudioChannels in(row.from, std::vector<float>(3)), out(row.to, std::vector<float>(3, 10)), own = out;
+            in[from] = {1, 2, -4};
+            mixInto(out, in, false);
+            mixInto(own, in, true);
+            for (std::size_t to = 0; to < row.to; ++to)
+                for (std::size_t i = 0; i < 3; ++i) {
+                    EXPECT_FLOAT_EQ(out[to][i], 10 + row.out[to][from] * in[from][i]) << to;
+                    EXPECT_FLOAT_EQ(own[to][i], 10 + (to == from ? in[from][i] : 0)) << to;
+                }
+        }
+}
+
+/// A mono tone beside sounds of more channels, and six channels through an input of a merger.
+TEST(AudioGraph, NodesMixTheirInputsAsTheySay) {
+    const std::string one = "BufferAudioSource { sampleRate 48000 loop TRUE buffer [ .25 ] }",
+                      pair = "BufferAudioSource { numberOfChannels 2 sampleRate 48000 loop TRUE buffer [ .5 -.5 ] }",
+                      six =
+                          "BufferAudioSource { numberOfChannels 6 sampleRate 48000 loop TRUE buffer [ .1 .2 .3 .4 .5 "
+                          ".6 ] }";
+    for (const bool discrete : {false, true}) {
+        const std::string how = discrete ? "channelInterpretation \"DISCRETE\" " : "";
+        const auto both = hear("Delay { " + how + "children [ " + one + " " + pair + " ] }", .1);
+        EXPECT_NEAR(both[0][1000], .75, 1e-6);
+        EXPECT_NEAR(both[1][1000], discrete ? -.5 : -.25, 1e-6);
+        const auto merged = hear("ChannelMerger { " + how + "children [ " + six + " " + one + " ] }", .1);
+        EXPECT_NEAR(merged[0][1000], discrete ? .1 : std::sqrt(.5) * .3 + .3 + .5 * 1.1, 1e-6);
+        EXPECT_NEAR(merged[1][1000], .25, 1e-6);
+    }
 }
 
 /// One channel's samples after the other's, as Web Audio has them (16.4.5 goes by that).

@@ -74,8 +74,9 @@ struct AudioProcess {
     };
     Kind kind = Kind::mix;
     NodeId node;
-    std::string name;  // for messages
-    double gain = 1;   // of what comes out
+    std::string name;       // for messages
+    double gain = 1;        // of what comes out
+    bool discrete = false;  // channelInterpretation of what leads in
     Biquad::Type filter = Biquad::Type::lowpass;
     double frequency = 350, quality = 1, filterGainDb = 0;  // biquad: Hz, detuned already
     double delay = 0;                                       // s
@@ -115,6 +116,7 @@ struct SoundNode {
     std::string name;  // DEF; without one the type and a number
     bool enabled = true, spatialize = true, doppler = true;
     bool reflected = true;  // heard by way of walls too
+    bool discrete = false;  // channelInterpretation of a destination
     /// Of a StreamAudioDestination, which nobody in the scene hears: the names that its stream has.
     std::optional<std::vector<std::string>> stream;
     double intensity = 1;  // with gain
