@@ -49,6 +49,7 @@ void AcousticEngine::Impl::play(const SoundNode& sound, EmitterState& state, Blo
     block.dry.resize(std::max<std::size_t>(1, state.inputs.size()));
     if (sound.enabled) {
         state.mix.render(sound.voices, sound.processes, clips, samples, options.blockSize, block.dry, sound.discrete);
+        if (silenceNoSound(block.dry, sound.intensity)) clips.noteNoSound(sound.name);
         return;
     }
     for (std::vector<float>& dry : block.dry) dry.assign(options.blockSize, 0.0f);

@@ -229,6 +229,22 @@ float VoicePlayer::sampleAt(const Loop* loop, std::size_t channel, double faster
     return static_cast<float>(sample);
 }
 
+/// Whether there is something of the clip where it has got to: backwards it ends where it began, but for a loop, to
+/// whose other end it comes then (Web Audio API, AudioBufferSourceNode's playback algorithm).
+bool VoicePlayer::goOn(const Loop* loop, double step, double length) {
+    const bool backwards = step < 0;
+    if (backwards ? phase_ >= (loop ? loop->begin : 0) : phase_ < (loop ? loop->end : length)) return true;
+    if (!loop || loop->end - loop->begin < 1) return false;
+    const double span = loop->end - loop->begin;
+    if (backwards)
+        phase_ = loop->end - std::fmod(loop->begin - phase_, span);
+    else
+        phase_ = loop->begin + std::fmod(phase_ - loop->begin, span);
+    if (phase_ >= loop->end) phase_ -= span;
+    repeated_ = true;
+    return true;
+}
+
 void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t first,
                        std::span<std::vector<float>> out) {
     const double rate = clips.sampleRate();
@@ -239,7 +255,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
     const Loop loop = oscillator ? Loop{} : loopOf(voice, rate);
     const std::size_t channels = oscillator ? 1 : static_cast<std::size_t>(clip_->channels);
     const double step = oscillator ? voice.frequency / rate : voice.pitch;
-    const double faster = std::clamp(step, 1.0, kFastest);
+    const double faster = std::clamp(std::abs(step), 1.0, kFastest);
     // Below half the sample rate.
     const auto harmonics =
         static_cast<std::size_t>(std::min(1e6, step != 0 ? std::max(0.0, std::ceil(0.5 / std::abs(step)) - 1) : 1e6));
@@ -263,14 +279,10 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
         }
         if (!playing_) continue;
         if (!std::isfinite(phase_)) phase_ = 0;
-        if (!oscillator && phase_ >= (voice.loop ? loop.end : length)) {
-            if (!voice.loop || loop.end - loop.begin < 1) {
-                playing_ = false;
-                finished_ = true;
-                continue;
-            }
-            phase_ = loop.begin + std::fmod(phase_ - loop.begin, loop.end - loop.begin);
-            repeated_ = true;
+        if (!oscillator && !goOn(voice.loop ? &loop : nullptr, step, length)) {
+            playing_ = false;
+            finished_ = true;
+            continue;
         }
         const auto gain = static_cast<float>(voice.gain);
         const double tone = !oscillator || harmonics == 0 ? 0

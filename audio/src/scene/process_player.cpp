@@ -63,19 +63,6 @@ std::span<const Share> sharesOf(std::size_t from, std::size_t to) {
     }
 }
 
-/// One sample that is no number would be all that is heard of everything that it is mixed with.
-bool silenceNoSound(AudioChannels& out) {
-    constexpr float kLoudest = 1e9f;
-    bool any = false;
-    for (std::vector<float>& channel : out)
-        for (float& sample : channel)
-            if (!(std::abs(sample) <= kLoudest)) {
-                sample = 0;
-                any = true;
-            }
-    return any;
-}
-
 }  // namespace
 
 void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete) {
@@ -89,6 +76,19 @@ void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete) {
         return;
     }
     for (unsigned c = 0; c < std::min(out.size(), in.size()); ++c) add({c, c, 1});
+}
+
+bool silenceNoSound(AudioChannels& out, double gain) {
+    constexpr double kLoudest = 1e9;
+    const auto most = static_cast<float>(kLoudest / std::max(1.0, std::abs(gain)));
+    bool any = false;
+    for (std::vector<float>& channel : out)
+        for (float& sample : channel)
+            if (!(std::abs(sample) <= most)) {
+                sample = 0;
+                any = true;
+            }
+    return any;
 }
 
 void AudioMix::render(const std::vector<SoundVoice>& voices,
@@ -279,7 +279,7 @@ void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std:
     if (process.gain != 1)
         for (std::vector<float>& channel : out)
             for (float& sample : channel) sample *= static_cast<float>(process.gain);
-    if (silenceNoSound(out)) clips.noteNoSound(process.name);
+    if (silenceNoSound(out, 1)) clips.noteNoSound(process.name);
 }
 
 }  // namespace rtsg

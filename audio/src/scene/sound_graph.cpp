@@ -102,7 +102,7 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         voice.loopStart = number(node.get(B::loopStart), 0);
         voice.loopEnd = number(node.get(B::loopEnd), 0);
         voice.pitch = std::clamp(
-            number(node.get(B::playbackRate), 1) * std::pow(2.0, number(node.get(B::detune), 0) / 1200), 1e-3, 1e3);
+            number(node.get(B::playbackRate), 1) * std::pow(2.0, number(node.get(B::detune), 0) / 1200), -1e3, 1e3);
         if (voice.buffer.empty()) voice.kind = SoundVoice::Kind::clip;
         readTimes<B>(node, voice);
     } else if (node.is(x3d::OscillatorSource::type)) {

@@ -132,6 +132,21 @@ TEST(AudioGraph, ABranchThatMakesNoNumbersIsSilentAloneAndNamed) {
     }
 }
 
+/// As loud as no number is, with gains of the sound itself.
+TEST(AudioGraph, ASoundThatIsTooLoudIsSilentAloneAndNamed) {
+    for (const std::string& bad :
+         {"DEF BAD SpatialSound { location 0 0 -2 gain 1e38 children " + kGraphTone + " }",
+          "DEF BAD AudioDestination { gain 1e30 children Gain { gain 1e38 children " + kGraphTone + " } }",
+          std::string("DEF BAD Sound { location 0 0 -2 source BufferAudioSource { loop TRUE sampleRate 48000 gain 1e38 "
+                      "buffer [ 1e38 ] } }")}) {
+        std::string told;
+        const auto heard = hear("Gain { children " + kGraphTone + " } ] } " + bad + " Group { children [", .5, &told);
+        for (const double sample : heard[0]) ASSERT_TRUE(std::isfinite(sample)) << bad;
+        EXPECT_NEAR(lineOf(heard[0], 1000), 1, 1e-5) << bad;
+        EXPECT_EQ(told, "BAD is silent where it makes values that are no numbers, or too large for a sound\n") << bad;
+    }
+}
+
 TEST(AudioGraph, ChannelsAreSplitSelectedAndMerged) {
     const std::string pair = "BufferAudioSource { numberOfChannels 2 sampleRate 48000 loop TRUE buffer [ .25 -.5 ] }";
     const auto straight = hear(pair, .1);
@@ -221,6 +236,31 @@ TEST(AudioGraph, ABuffersChannelsStandOneAfterTheOther) {
         ASSERT_NEAR(x[0][i], .1 * static_cast<double>(i % 3 + 1), 1e-6) << i;
         ASSERT_NEAR(x[1][i], -.1 * static_cast<double>(i % 3 + 1), 1e-6) << i;
     }
+}
+
+/// Backwards a loop goes on at its other end, and what does not repeat is over after the sample that it begins with; at
+/// no speed it stands there (Web Audio API, AudioBufferSourceNode).
+TEST(AudioGraph, ABufferIsPlayedBackwardsAndNotAtAll) {
+    const double values[] = {.1, .2, .3, .4, .5};
+    const auto played = [&](double rate, const char* more) {
+        return hear(fmt::format("BufferAudioSource {{ sampleRate 48000 buffer [ .1 .2 .3 .4 .5 ] playbackRate {} {} }}",
+                                rate, more),
+                    .1)[0];
+    };
+    const auto back = played(-1, "loop TRUE"), still = played(0, "loop TRUE"), once = played(-1, ""),
+               part = played(-1, "loop TRUE loopStart 2.083333e-5 loopEnd 8.333333e-5"), fast = played(-2, "loop TRUE");
+    for (std::size_t i = 0; i < 400; ++i) {
+        const auto n = static_cast<std::ptrdiff_t>(i);
+        ASSERT_NEAR(back[i], values[(5 - n % 5) % 5], 1e-6) << i;
+        ASSERT_NEAR(still[i], .1, 1e-6) << i;
+        ASSERT_NEAR(once[i], i == 0 ? .1 : 0, 1e-6) << i;
+        // Samples 1 to 3 repeat.
+        ASSERT_NEAR(part[i], values[3 - n % 3], 1e-6) << i;
+    }
+    // Twice as fast, with what lies above half the rate by then left out: its mean stays.
+    double sum = 0;
+    for (std::size_t i = 1000; i < 2000; ++i) sum += fast[i] / 1000;
+    EXPECT_NEAR(sum, .3, 1e-3);
 }
 
 TEST(AudioGraph, AFilmIsHeardAtItsSpeedAndNotBackwards) {

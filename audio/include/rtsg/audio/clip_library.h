@@ -88,6 +88,7 @@ class VoicePlayer {
     };
     Loop loopOf(const SoundVoice& voice, double rate) const;
     double inLoop(const Loop* loop, double at) const;
+    bool goOn(const Loop* loop, double step, double length);
     float sampleAt(const Loop* loop, std::size_t channel, double faster) const;
 
     std::shared_ptr<const SoundBuffer> clip_;
