@@ -323,6 +323,33 @@ TEST(Trail, ACancelledPictureIsNothingToGoOnFrom) {
     EXPECT_EQ(s.stats.kept, 0);
 }
 
+// Versions of a world share the pages of their tables that are the same; what changed may be on any.
+TEST(Trail, OneOfManyIsFoundWhereverItIs) {
+    constexpr int kSide = 14;
+    std::string body = "OrthoViewpoint { fieldOfView [ -7 -7 7 7 ] } ";
+    for (int i = 0; i < kSide * kSide; ++i)
+        body += fmt::format(
+            "DEF T{} Transform {{ translation {} {} 0 children Shape {{ appearance DEF A{} Appearance {{ "
+            "material DEF M{} UnlitMaterial {{ }} }} geometry Box {{ size .4 .4 .4 }} }} }} ",
+            i, i % kSide - 6.5, i / kSide - 6.5, i, i);
+    LightScene s(body, 224, 224);
+    next(s);
+    for (const int i : {0, 31, 32, 70, 130, kSide * kSide - 1}) {
+        ASSERT_TRUE(
+            s.scene.set(s.node(fmt::format("M{}", i).c_str()), x3d::UnlitMaterial::emissiveColor, Color{1, 0, 0}));
+        s.scene.newFrame(s.scene.now() + 1);
+        expectAsTracedAnew(s, fmt::format("colour of {}", i));
+        EXPECT_LT(s.stats.kept, 1) << i;
+        EXPECT_GT(s.stats.kept, .9) << i;
+        const Vec3f at(static_cast<float>(i % kSide) - 6.4f, static_cast<float>(i / kSide) - 6.4f, 0);
+        ASSERT_TRUE(s.scene.set(s.node(fmt::format("T{}", i).c_str()), x3d::Transform::translation, at));
+        s.scene.newFrame(s.scene.now() + 1);
+        expectAsTracedAnew(s, fmt::format("place of {}", i));
+        EXPECT_LT(s.stats.kept, 1) << i;
+        EXPECT_GT(s.stats.kept, .9) << i;
+    }
+}
+
 TEST(Trail, StatesOnOtherThreadsAreKeptToo) {
     LightScene s(roomWithThings(), 64, 48);
     LightRenderer::Options options;
