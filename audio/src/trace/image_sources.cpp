@@ -147,6 +147,47 @@ struct WallShares {
     }
 };
 
+/// The walls around a source, for the ends of ways there: where it is nearer to several walls than single precision
+/// tells apart, rays slip through between them.
+class WallsAround {
+  public:
+    static constexpr double kRadius = .1;  // metres
+
+    WallsAround(const AcousticGeometry& geometry, const glm::dvec3& source) : geometry_(&geometry) {
+        known_ = geometry.trianglesNear(source, 2 * kRadius, triangles_);
+    }
+    /// As AcousticGeometry::closest(), of a way of which the next wall, if there is one, is met within the radius.
+    bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance, std::uint32_t except,
+                 AcousticHit& hit) const {
+        if (!known_) return geometry_->closest(origin, direction, maxDistance, except, hit);
+        hit.distance = maxDistance;
+        bool met = false;
+        for (const WallTriangle& wall : triangles_) {
+            if (wall.plane == except) continue;
+            const double t = (wall.offset - glm::dot(wall.normal, origin)) / glm::dot(wall.normal, direction);
+            if (!(t >= 0 && t < hit.distance) || !holds(wall, origin + t * direction)) continue;
+            hit = {t, wall.normal, wall.plane, wall.material, 0};
+            met = true;
+        }
+        return met;
+    }
+
+  private:
+    static bool holds(const WallTriangle& wall, const glm::dvec3& place) {
+        const glm::dvec3 normal = glm::cross(wall.corners[1] - wall.corners[0], wall.corners[2] - wall.corners[0]);
+        for (int i = 0; i < 3; ++i) {
+            const glm::dvec3 edge = wall.corners[(i + 1) % 3] - wall.corners[i];
+            const glm::dvec3 inwards = glm::cross(normal, edge);
+            if (glm::dot(inwards, place - wall.corners[i]) < -wall.margin * glm::length(inwards)) return false;
+        }
+        return true;
+    }
+
+    const AcousticGeometry* geometry_;
+    std::vector<WallTriangle> triangles_;
+    bool known_ = false;
+};
+
 /// Follows the way from a listener towards an image: mirrored by walls, and straight on through those that let sound
 /// pass. What ends in the source after the image's motion is a path. Who asks what the way meets tells step().
 class Retracer {
@@ -161,9 +202,10 @@ class Retracer {
         int passed = 0, passedAtEnd = 0;  // walls that it went through
     };
 
-    Retracer(const AcousticGeometry& geometry, const WallShares& shares, const glm::dvec3& source,
-             const Candidate& image, int maxOrder, double minShare, std::vector<Path>& found)
+    Retracer(const AcousticGeometry& geometry, const WallsAround& around, const WallShares& shares,
+             const glm::dvec3& source, const Candidate& image, int maxOrder, double minShare, std::vector<Path>& found)
         : geometry_(&geometry),
+          around_(&around),
           shares_(&shares),
           source_(source),
           image_(&image),
@@ -185,9 +227,14 @@ class Retracer {
     double reach() const { return reach(state_); }
     /// Goes on to what was met, as closest() says; false once the way has come to its end. The last of it, where walls
     /// may be nearer to the source than rays in a row leave them, is gone at once.
-    bool step(bool met, const AcousticHit& hit) {
+    bool step(bool met, AcousticHit hit) {
+        if (!met || state_.left - hit.distance <= WallsAround::kRadius) {
+            AcousticHit exact;
+            if (around_->closest(state_.origin, state_.direction, reach(), state_.plane, exact))
+                met = true, hit = exact;
+        }
         if (step(state_, met, hit) != Step::on) return false;
-        if (state_.left > kLast) return true;
+        if (state_.left > WallsAround::kRadius) return true;
         follow(state_);
         return false;
     }
@@ -217,7 +264,9 @@ class Retracer {
     bool follow(State& state) {
         for (;;) {
             AcousticHit hit;
-            const bool met = geometry_->closest(state.origin, state.direction, reach(state), state.plane, hit);
+            const bool atEnd = state.left <= WallsAround::kRadius;
+            const bool met = atEnd ? around_->closest(state.origin, state.direction, reach(state), state.plane, hit)
+                                   : geometry_->closest(state.origin, state.direction, reach(state), state.plane, hit);
             if (const Step next = step(state, met, hit); next != Step::on) return next == Step::arrived;
         }
     }
@@ -259,8 +308,8 @@ class Retracer {
     static constexpr int kMostSteps = 20'000;
     /// Each wall passed is a call in a call; more than so many meet in no place.
     static constexpr int kMostPassed = 256, kMostPassedAtEnd = 8;
-    static constexpr double kLast = .01;  // metres
     const AcousticGeometry* geometry_;
+    const WallsAround* around_;
     const WallShares* shares_;
     glm::dvec3 source_;
     const Candidate* image_;
@@ -433,6 +482,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
     if (direct.arrival.energy != Bands{}) keep(direct, source);
 
     const WallShares shares(geometry);
+    const WallsAround around(geometry, source);
     const glm::dvec3 beside = aside(geometry, listener);
     std::vector<std::vector<Path>> paths(all.size());
     constexpr std::size_t kChunk = 64;
@@ -441,7 +491,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
         std::vector<Retracer> ways;
         ways.reserve(kChunk);
         for (std::size_t i = std::max<std::size_t>(1, chunk * kChunk); i < end; ++i)
-            ways.emplace_back(geometry, shares, source, all[i], result.order, options.minShare, paths[i]);
+            ways.emplace_back(geometry, around, shares, source, all[i], result.order, options.minShare, paths[i]);
         retrace(geometry, ways, beside);
     });
     for (std::size_t i = 1; i < paths.size(); ++i)

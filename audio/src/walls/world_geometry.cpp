@@ -262,6 +262,35 @@ void WorldGeometry::surfacesNear(const glm::dvec3& point, double radius, const S
         RayKind::sound);
 }
 
+bool WorldGeometry::trianglesNearBut(std::span<const std::uint32_t> open, const glm::dvec3& point, double radius,
+                                     std::vector<WallTriangle>& found) const {
+    constexpr std::size_t kMost = 256;  // each look asks all of them
+    if (!planes_->usable()) return false;
+    const glm::dvec3 away = glm::abs(point - rays_->origin());
+    const auto searched = static_cast<float>(radius + 0x1p-20 * (away.x + away.y + away.z));
+    bool all = true;
+    rays_->visitNear(
+        rays_->fromWorld(point), searched,
+        [&](std::uint32_t slot, std::uint32_t triangle) {
+            WallTriangle one;
+            cornersOf(walls_.walls[slot], triangle, one.corners);
+            one.plane = planes_->planeOf(slot, triangle);
+            if (one.plane == kNoPlane || distanceToTriangle(point, one.corners) > radius ||
+                std::ranges::find(open, slot) != open.end())
+                return searched;
+            const ReflectingPlane& on = planes_->planes()[one.plane];
+            one.normal = on.normal, one.offset = on.offset, one.material = walls_.walls[slot].material;
+            for (const glm::dvec3& corner : one.corners)
+                one.margin =
+                    std::max(one.margin, 2 * std::abs(on.signedDistance(corner)) + 0x1p-45 * glm::length(corner));
+            all = all && found.size() < kMost;
+            if (all) found.push_back(one);
+            return searched;
+        },
+        RayKind::sound);
+    return all;
+}
+
 double WorldGeometry::distanceToSurface(const glm::dvec3& point) const {
     // Beyond this nothing is traced.
     double nearest = std::numeric_limits<double>::infinity();

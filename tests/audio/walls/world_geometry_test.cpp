@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/image_sources.h>
 #include <rtsg/audio/world_geometry.h>
 
 #include "audio/triangle_geometry.h"
@@ -620,6 +621,38 @@ TEST(WorldGeometry, WhatIsOpenIsOpenToRaysThatAreAskedAboutTogether) {
         rays.clear[0] = 1e-5;
         EXPECT_EQ(opened.blockedOf(rays), 0u);
         EXPECT_EQ(room.geometry.blockedOf(rays), 1u);
+    }
+}
+
+// Near and in a corner of three walls, seen from the diagonal of the room, along which paths meet edges, and from
+// elsewhere; at the origin, where coordinates are small, and away from it: all images of the lattice, and no other.
+TEST(WorldGeometry, NoImageIsLostInACorner) {
+    const Shoebox box = Shoebox::uniform({6, 5, 3}, .1);
+    constexpr int kOrder = 6;
+    for (const glm::dvec3& at : {glm::dvec3(0), glm::dvec3(10, 20, 30), glm::dvec3(-3, -2.5, -1.5)}) {
+        AcousticMaterial wall;
+        wall.absorption = allBands(.1), wall.scattering = allBands(0);
+        Room room(wall);
+        room.mesh(NodeId{1}, unitBox());
+        room.add(NodeId{1}, placed(at, box.size));
+        room.commit();
+        for (const glm::dvec3& far :
+             {glm::dvec3(4.1, 2.3, 1.2), glm::dvec3(2.5, 2.5, 1.5), glm::dvec3(1.5), glm::dvec3(2)})
+            for (const double e : {.02, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 1e-5, 1e-6, 0.0}) {
+                const glm::dvec3 corner(e);
+                double expected = 0;
+                std::size_t images = 0;
+                box.images(corner, far, 400, [&](double, double energy, int order) {
+                    if (order <= kOrder) expected += energy, ++images;
+                });
+                const ImageSources found = findImageSources(room.geometry, at + corner, at + far,
+                                                            {.maxOrder = kOrder, .maxCandidates = 100'000}, 343, {});
+                double sum = 0;
+                for (const Arrival& arrival : found.arrivals) sum += arrival.energy[0];
+                SCOPED_TRACE(testing::Message() << at.x << ": " << e << " to " << far.x);
+                EXPECT_NEAR(sum / expected, 1, 2e-3);
+                EXPECT_NEAR(static_cast<double>(found.arrivals.size()), static_cast<double>(images), 2.0);
+            }
     }
 }
 

@@ -13,6 +13,7 @@
 #include <functional>
 #include <limits>
 #include <span>
+#include <vector>
 
 #include <glm/glm.hpp>
 
@@ -57,6 +58,15 @@ struct AcousticHit {
     std::uint32_t material = 0;
     /// Metres before the surface from where no ray that leaves it meets it again, for AcousticRays; 0: not known.
     double clear = 0;
+};
+
+/// A triangle of a wall, in double precision.
+struct WallTriangle {
+    glm::dvec3 corners[3];
+    glm::dvec3 normal{0, 0, 1};  // of its plane; unit
+    double offset = 0;           // dot(normal, p) for p on that
+    double margin = 0;           // metres that its edges may be from where its plane and its neighbours' meet
+    std::uint32_t plane = kNoPlane, material = 0;
 };
 
 /// An edge round which sound bends: where two surfaces meet, or the rim of one.
@@ -138,6 +148,11 @@ class AcousticGeometry {
     using SurfaceVisitor = std::function<void(const glm::dvec3& normal, double signedDistance)>;
     /// Visits the surfaces that come within `radius` of a point and whose planes do; one may be visited several times.
     virtual void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const = 0;
+    /// All triangles that come within `radius` of a point. False: they are not known, or too many to be worth it.
+    virtual bool trianglesNear(const glm::dvec3& point, double radius, std::vector<WallTriangle>& found) const {
+        static_cast<void>(point), static_cast<void>(radius), static_cast<void>(found);
+        return false;
+    }
     using EdgeVisitor = std::function<void(const WallEdge&)>;
     virtual void visitEdges(const EdgeVisitor& visit) const { static_cast<void>(visit); }
 };

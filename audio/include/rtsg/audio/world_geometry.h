@@ -97,6 +97,11 @@ class WorldGeometry final : public AcousticGeometry {
     bool boxHolds(std::uint32_t slot, const glm::dvec3& point) const;
     double distanceToSurface(const glm::dvec3& point) const override;
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override;
+    bool trianglesNear(const glm::dvec3& point, double radius, std::vector<WallTriangle>& found) const override {
+        return trianglesNearBut({}, point, radius, found);
+    }
+    bool trianglesNearBut(std::span<const std::uint32_t> open, const glm::dvec3& point, double radius,
+                          std::vector<WallTriangle>& found) const;
     void visitEdges(const EdgeVisitor& visit) const override { visitEdgesBut({}, visit); }
     /// Those of all instances but the ones in `open` (slots).
     void visitEdgesBut(std::span<const std::uint32_t> open, const EdgeVisitor& visit) const;
@@ -165,6 +170,9 @@ class OpenedGeometry final : public AcousticGeometry {
     double distanceToSurface(const glm::dvec3& point) const override { return whole_->distanceToSurface(point); }
     void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const override {
         whole_->surfacesNear(point, radius, visit);
+    }
+    bool trianglesNear(const glm::dvec3& point, double radius, std::vector<WallTriangle>& found) const override {
+        return whole_->trianglesNearBut(open_, point, radius, found);
     }
     void visitEdges(const EdgeVisitor& visit) const override { whole_->visitEdgesBut(open_, visit); }
     /// As WorldGeometry's.
