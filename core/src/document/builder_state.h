@@ -7,6 +7,7 @@
 #include <chrono>
 #include <map>
 #include <set>
+#include <tuple>
 #include <unordered_set>
 
 #include <rtsg/core/scene_builder.h>
@@ -147,6 +148,7 @@ struct SceneBuilder::State {
     bool finished = false;
     bool linksFonts = false;                                                     // a FontLibrary has come
     std::set<std::pair<const DocumentSource*, std::string_view>> withoutEffect;  // types that were named, by file
+    std::set<std::tuple<const DocumentSource*, std::uint32_t, std::uint32_t, std::string>> oddValues;  // that were told: of bodies, once
     bool isTrial = false;  // instancing into a scratch scene, for diagnostics only
 
     // The PROTO declaration being recorded. What is open in it, outermost first: the interface of a PROTO (i), its
@@ -181,6 +183,8 @@ struct SceneBuilder::State {
     void endScript(OpenNode& node);
     /// Names a type that holds its fields and does nothing, once a file.
     void tellOfNoEffect(NodeId id, SourceLocation where);
+    /// Names values that mean nothing where they stand.
+    void tellOfOddValues(NodeId id, SourceLocation where);
     /// Rotation axes become unit vectors (5.3.18); readers have warned of them, as of values out of range.
     static void normalise(Value& value);
     void store(OpenNode& node, FieldIndex field, Value value, SourceLocation where);

@@ -198,6 +198,7 @@ void SceneBuilder::endNode(SourceLocation where) {
         s.scope().fontLibraries.emplace_back(done.id, done.where), s.linksFonts = true;
     const NodeId id = done.id;
     s.tellOfNoEffect(id, done.where);
+    s.tellOfOddValues(id, done.where);
     const FieldIndex field = done.parentField;
     s.pop();
     if (field != kNoField) s.attach(*s.top(), field, id);
