@@ -2,7 +2,7 @@
 // once. Links nothing of ours, throws nothing but for want of memory.
 #include <algorithm>
 #include <csetjmp>
-#include <cstdio>  // before jpeglib.h, which needs it
+#include <cstdio>  // before the next ones, which need it
 #include <cstring>
 
 #include <jpeglib.h>

@@ -15,7 +15,7 @@ step("${CMAKE_CTEST_COMMAND}" --test-dir "${WORK}/build" --output-on-failure --n
 # Image files come as modules, PNG files by one of their own: the installed program finds them, and says what is missing without them.
 file(WRITE "${WORK}/box.x3dv" "#X3D V4.0 utf8\nPROFILE Interchange\nShape { geometry Box { } }\n")
 set(render "${WORK}/prefix/bin/rtsg" render "${WORK}/box.x3dv" --size 16x16 -o)
-foreach(pair images.tif png.png)
+foreach(pair images.tif plain.png)
   string(REPLACE "." ";" pair "${pair}")
   list(GET pair 0 module)
   list(GET pair 1 extension)

@@ -71,7 +71,7 @@ class OddValues {
         }
     }
     void checkDirection(const Vec3f& direction) {
-        if (direction == Vec3f(0)) say("direction: 0 0 0 is none: taken as 0 0 -1");
+        if (direction == Vec3f(0)) say("direction: 0 0 0 is none: it shines nowhere");
     }
     void checkMost(std::string_view field, std::int32_t value, std::int32_t most) {
         if (value > most) say(fmt::format("{}: {} is more than {}, which is taken", field, value, most));

@@ -35,7 +35,7 @@ TEST(OddValues, AreNamedWithWhatIsDoneInstead) {
          "RenderedTexture.height: 5000 is more than 4096"},
         {"Shape { appearance Appearance { texture ComposedCubeMapTexture { } } }", "none of its six sides is given"},
         {"TextureProjector { direction 0 0 0 texture " + kPixel + " }",
-         "TextureProjector.direction: 0 0 0 is none: taken as 0 0 -1"},
+         "TextureProjector.direction: 0 0 0 is none: it shines nowhere"},
         {"TextureProjectorParallel { direction 0 0 0 texture " + kPixel + " }", "TextureProjectorParallel.direction"},
         {"\n SpotLight { direction 0 0 0 }", "4:2: warning: SpotLight.direction: 0 0 0 is none"},
         {"DirectionalLight { direction 0 -0 0 }", "DirectionalLight.direction: 0 0 0 is none"},

@@ -111,7 +111,12 @@ TEST(Projector, ShinesBetweenItsDistancesAndNotBehind) {
     EXPECT_EQ(center("location 0 0 2 direction 0 0 1"), 0) << "it looks away";
     EXPECT_EQ(center("location 0 0 2 direction 0 0 -1 on FALSE"), 0);
     EXPECT_NEAR(center("location 0 0 2 direction 0 0 -1 upVector 0 0 1"), grey, 1e-3) << "an up along its direction";
-    EXPECT_EQ(center("location 0 0 2 direction 0 0 0"), 0) << "no direction";
+    ProjectedScene turned(
+        "DEF P TextureProjectorParallel { fieldOfView -1 -1 1 1 location 0 0 2 direction 0 0 -1 texture PixelTexture { "
+        "image 1 1 1 0x80 } }");
+    ASSERT_TRUE(turned.scene.set(turned.node("P"), x3d::TextureProjectorParallel::direction, Vec3f(0)));
+    turned.scene.newFrame(1);
+    EXPECT_EQ(turned.at(turned.picture(), .05, .05), Vec3f(0)) << "no direction";
     ProjectedScene empty(
         "TextureProjectorParallel { fieldOfView 1 -1 -1 1 location 0 0 2 direction 0 0 -1 texture "
         "PixelTexture { image 1 1 1 0x80 } }");

@@ -7,6 +7,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "light_scene.h"
+#include "support/plain_film.h"
 
 namespace rtsg {
 namespace {
@@ -348,6 +349,57 @@ TEST(Trail, OneOfManyIsFoundWhereverItIs) {
         EXPECT_LT(s.stats.kept, 1) << i;
         EXPECT_GT(s.stats.kept, .9) << i;
     }
+}
+
+// What moves together becomes one body to the rays, and what rests is merged with the rest meanwhile.
+TEST(Trail, BodiesThatMoveAndRestAreFollowed) {
+    std::string parts;
+    for (int i = 0; i < 5; ++i)
+        parts += fmt::format(
+            "Transform {{ translation {} {} 0 children {} }} ", .5 * i - 1, .3 * (i % 2),
+            i == 0 ? "DEF PART Shape { appearance Appearance { material Material { } } geometry Box { size .4 .4 .4 } }"
+                   : "USE PART");
+    LightScene s(std::string(kWall) + "DEF CAR Transform { translation 0 1 2 children [ " + parts + " ] } DEF TOP " +
+                     "Transform { translation 2 -1 1 children Transform { rotation 0 1 0 .5 children USE PART } }",
+                 96, 96);
+    next(s);
+    double kept = 0;
+    constexpr int kFrames = 400;
+    for (int frame = 1; frame <= kFrames; ++frame) {
+        const float t = static_cast<float>(frame) * .05f;
+        if (frame % 100 < 60) {
+            ASSERT_TRUE(s.scene.set(s.node("CAR"), x3d::Transform::translation, Vec3f(std::sin(t), 1, 2)));
+        }
+        if (frame % 50 == 0) {
+            ASSERT_TRUE(s.scene.set(s.node("TOP"), x3d::Transform::rotation, Rotation{0, 0, 1, t}));
+        }
+        s.scene.newFrame(frame);
+        expectAsTracedAnew(s, fmt::format("frame {}", frame));
+        if (testing::Test::HasFailure()) return;
+        kept += s.stats.kept / kFrames;
+    }
+    EXPECT_GT(kept, .6);
+    EXPECT_LT(kept, .99);
+}
+
+TEST(Trail, AFilmThatPlaysIsDrawn) {
+    LightScene s(
+        "Shape { appearance Appearance { material UnlitMaterial { } texture DEF M MovieTexture { startTime 1 "
+        "loop TRUE url \"" +
+            test::dataUrl("video/avi", test::plainFilm(8, 10)) +
+            "\" } } geometry Box { } } Transform { translation 3 0 0 children Shape { geometry Box { } } }",
+        64, 48);
+    if (!s.light->diagnostics().all().empty()) GTEST_SKIP() << s.light->diagnostics().all()[0].text;
+    ASSERT_TRUE(s.scene.set(s.node("M"), x3d::MovieTexture::_duration, Time{.8}));
+    next(s);
+    int changed = 0;
+    for (int frame = 1; frame <= 20; ++frame) {
+        s.scene.newFrame(1 + frame * .05);
+        expectAsTracedAnew(s, fmt::format("frame {}", frame));
+        EXPECT_GT(s.stats.kept, .3) << "beside it nothing changes";
+        changed += s.stats.kept < 1;
+    }
+    EXPECT_GE(changed, 8);
 }
 
 TEST(Trail, StatesOnOtherThreadsAreKeptToo) {

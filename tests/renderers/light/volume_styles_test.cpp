@@ -310,7 +310,7 @@ TEST(VolumeSurfaces, AreSeenThroughEachOther) {
     // Where values change by less than the tolerance from voxel to voxel there is none.
     expectColor(styled(surfacesOf(ramp, "surfaceValues .6 surfaceTolerance .05")), Vec3d(.6), 1e-5);
     expectColor(styled(surfacesOf(ramp, "surfaceValues .6 surfaceTolerance .07")), Vec3d(0), 0);
-    expectColor(styled(surfacesOf(ramp, "")), Vec3d(0), 0);
+    expectColor(styled(surfacesOf(ramp, "surfaceValues 7")), Vec3d(0), 0);
     // A convex one throws no shadow on its lit side.
     const std::string ball = ballVoxels(20, .6, .8), lit = "DirectionalLight { direction -.3 -.2 -1 shadows TRUE } ";
     const auto shaded = [&](const char* shadows) {
@@ -325,7 +325,7 @@ TEST(VolumeSurfaces, AreSeenThroughEachOther) {
 
 TEST(VolumeSurfaces, WhatCannotBeIsNamed) {
     LightScene s("DEF I IsoSurfaceVolumeData { voxels " + evenVoxels(9, 2, 2, 2) +
-                 " gradients PixelTexture3D { image [ 3 1 1 1 0 ] } renderStyle ProjectionVolumeStyle { } } DEF V "
+                 " surfaceValues .5 gradients PixelTexture3D { image [ 3 1 1 1 0 ] } renderStyle ProjectionVolumeStyle { } } DEF V "
                  "VolumeData { voxels " +
                  evenVoxels(9, 2, 2, 2) + " renderStyle ShadedVolumeStyle { phaseFunction \"FOG\" } }");
     s.center();
