@@ -70,8 +70,8 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::read(const SoundVoice& voice) {
         if (sound) return std::make_shared<const SoundBuffer>(std::move(*sound));
         reasons += "; " + sound.error().text;
     }
-    diagnostics_.warning({}, fmt::format("{} is silent: no sound that can be read{}", voice.name,
-                                         voice.urls.empty() ? "; url is empty" : reasons));
+    diagnostics_.warningAt(voice.place, fmt::format("{} is silent: no sound that can be read{}", voice.name,
+                                                    voice.urls.empty() ? "; url is empty" : reasons));
     return nullptr;
 }
 
@@ -104,7 +104,7 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::heardBy(const SoundVoice& voice)
             return at->second = std::make_shared<const SoundBuffer>(std::move(*sound));
         why = sound ? "it is empty" : sound.error().text;
     }
-    diagnostics_.warning({}, fmt::format("{} is silent: {}", voice.name, why));
+    diagnostics_.warningAt(voice.place, fmt::format("{} is silent: {}", voice.name, why));
     return at->second = silence();
 }
 
@@ -130,7 +130,7 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
         if (sound.samples.empty()) sound.samples.resize(static_cast<std::size_t>(sound.channels));
         auto fitting = converted(sound, resources_.policy().maximumSamples - samplesRead_);
         if (fitting) return std::make_shared<const SoundBuffer>(std::move(*fitting));
-        diagnostics_.warning({}, fmt::format("{} is silent: {}", voice.name, fitting.error().text));
+        diagnostics_.warningAt(voice.place, fmt::format("{} is silent: {}", voice.name, fitting.error().text));
         return silence();
     }
     const auto [at, fresh] = clips_.try_emplace(Key(voice.urls, voice.folders));

@@ -72,6 +72,7 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
     SoundVoice voice;
     voice.node = node.id();
     voice.name = nameOf(scene, node);
+    voice.place = scene.placeOf(node.id());
     voice.gain = gain;
     if (node.is(x3d::AudioClip::type)) {
         if (!node.get(x3d::AudioClip::load)) return true;
@@ -182,7 +183,8 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
         const auto asked = static_cast<std::size_t>(std::max(0, node.get(A::fftSize)));
         process.fftSize = std::clamp<std::size_t>(std::bit_floor(asked), 32, 32768);
         if (process.fftSize != asked)
-            warnOnce(fmt::format("fftSize {} of {} is no power of two from 32 to 32768: {} is used", asked,
+            warnOnce(scene.placeOf(node.id()),
+                     fmt::format("fftSize {} of {} is no power of two from 32 to 32768: {} is used", asked,
                                  nameOf(scene, node), process.fftSize));
         process.smoothing = std::clamp(number(node.get(A::smoothingTimeConstant), 0), 0.0, 1.0);
     } else {
@@ -209,10 +211,13 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
 void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int depth, Branch to) {
     const Node* node = scene.effectiveNode(id);
     if (!node) return;
-    if (depth > 32) return warnOnce(fmt::format("{} is nested too deeply: what is below is not heard", to.sound));
+    if (depth > 32)
+        return warnOnce(scene.placeOf(id),
+                        fmt::format("{} is nested too deeply: what is below is not heard", to.sound));
     // A few lines of USE make as many paths through the audio graph as they like.
     if (++visits_ > kMostAudioNodes)
-        return warnOnce(fmt::format("{}: more than {} paths lead to its sources; the rest is not heard", to.sound,
+        return warnOnce(scene.placeOf(id),
+                        fmt::format("{}: more than {} paths lead to its sources; the rest is not heard", to.sound,
                                     kMostAudioNodes));
     if (!fieldOr(*node, "enabled", true)) return;
     const double above = gain;
@@ -223,7 +228,8 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
     const FieldIndex children = node->type().findExact("children");
     const bool silent = children == kNoField || node->type().fields[children].type != FieldType::MFNode;
     if (!node->is(x3d::Gain::type))
-        warnOnce(fmt::format("{} of {} is {}", node->type().name, to.sound,
+        warnOnce(scene.placeOf(node->id()),
+                 fmt::format("{} of {} is {}", node->type().name, to.sound,
                              silent ? "not a source that can be heard" : "passed through unprocessed"));
     if (silent) return;
     for (const NodeId child : node->get(Field<Array<NodeId>>{children})) readVoices(scene, child, gain, depth + 1, to);

@@ -345,10 +345,10 @@ void SoundScene::nameEmitters() {
     std::erase_if(sounds_, [&](const auto& entry) { return !total.contains(entry.first); });
 }
 
-void SoundScene::warnOnce(std::string text) {
+void SoundScene::warnOnce(const NodePlace& place, std::string text) {
     // Of a scene that keeps making new names this much is remembered, and more is not told.
     constexpr std::size_t kMost = 1000;
-    if (told_.size() < kMost && told_.insert(text).second) diagnostics_.warning({}, std::move(text));
+    if (told_.size() < kMost && told_.insert(text).second) diagnostics_.warningAt(place, std::move(text));
 }
 
 /// What leads to a stream is heard by nobody here.
@@ -360,7 +360,8 @@ void SoundScene::nameSilent(const Scene& scene, const ChangeSet& changes) {
         const TypeIndex type{static_cast<std::uint16_t>(change.index)};
         if (type != x3d::StreamAudioDestination::type) continue;
         if (const Node* node = scene.find(change.node))
-            warnOnce(fmt::format("{} {} is heard by nobody: rtsg listen --stream-out writes it to a file",
+            warnOnce(scene.placeOf(node->id()),
+                     fmt::format("{} {} is heard by nobody: rtsg listen --stream-out writes it to a file",
                                  node->type().name, nameOf(scene, *node)));
     }
 }
@@ -418,6 +419,7 @@ void SoundScene::readAir(const Scene& scene, const ChangeSet& changes) {
             into = numberFromMetadata(scene, metadata, name);
             if (!into || (*into >= low && *into <= high)) return;
             warnOnce(
+                scene.placeOf(metadata),
                 fmt::format("{} of the metadata is {:.6g}; it counts from {:g} to {:g} only", name, *into, low, high));
             into.reset();
         };

@@ -148,7 +148,8 @@ struct SceneBuilder::State {
     bool finished = false;
     bool linksFonts = false;                                                     // a FontLibrary has come
     std::set<std::pair<const DocumentSource*, std::string_view>> withoutEffect;  // types that were named, by file
-    std::set<std::tuple<const DocumentSource*, std::uint32_t, std::uint32_t, std::string>> oddValues;  // that were told: of bodies, once
+    std::set<std::tuple<const DocumentSource*, std::uint32_t, std::uint32_t, std::string>>
+        oddValues;         // that were told: of bodies, once
     bool isTrial = false;  // instancing into a scratch scene, for diagnostics only
 
     // The PROTO declaration being recorded. What is open in it, outermost first: the interface of a PROTO (i), its
@@ -170,6 +171,7 @@ struct SceneBuilder::State {
     // scene_builder.cpp
     OpenNode& push(OpenNode::Kind kind, SourceLocation where);
     void pop();
+    void rememberPlace(const OpenNode& node);
     std::pair<TypeIndex, const NodeType*> findBuiltin(std::string_view name);
     FieldIndex placeFor(OpenNode& parent, std::string_view field, const NodeType* child, std::string_view childName,
                         SourceLocation where);

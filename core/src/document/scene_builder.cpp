@@ -161,6 +161,7 @@ void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::s
             ++s.skipDepth;
             return;
         }
+        s.rememberPlace(node);
     }
     s.nameNode(node);
 }

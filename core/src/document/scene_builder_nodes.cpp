@@ -87,6 +87,13 @@ void SceneBuilder::State::warning(SourceLocation where, std::string text) {
     if (!scope().quiet) diagnostics.warning(where, std::move(text));
 }
 
+/// For messages about it while it runs.
+void SceneBuilder::State::rememberPlace(const OpenNode& node) {
+    if (isTrial || node.where.line == 0) return;
+    const DocumentSource* source = scope().source;
+    scene.setPlace(node.id, {source && !source->file.empty() ? source->file : diagnostics.file(), node.where});
+}
+
 OpenNode& SceneBuilder::State::push(OpenNode::Kind kind, SourceLocation where) {
     if (openCount == open.size()) open.emplace_back();
     OpenNode& node = open[openCount++];
@@ -321,6 +328,7 @@ void SceneBuilder::State::endScript(OpenNode& node) {
         error(node.where, "no node could be created here");
         return;
     }
+    rememberPlace(node);
     const NodeType* base = node.type;
     node.type = &scene.type(node.typeIndex);
     // From the indices used while reading to those of the finished type.

@@ -91,6 +91,32 @@ std::string_view Scene::name(NodeId id) const {
     const Node* node = find(id);
     return node && node->links_ ? node->links_->name.view() : std::string_view();
 }
+NodePlace Scene::placeOf(NodeId id) const {
+    const auto& places = state_->readAt;
+    const auto at = std::ranges::lower_bound(places, id.value, {}, &State::ReadAt::node);
+    if (at == places.end() || at->node != id.value) return {};
+    return {state_->filesRead[at->file], at->where};
+}
+void Scene::setPlace(NodeId id, const NodePlace& place) {
+    std::vector<State::ReadAt>& places = state_->readAt;
+    std::vector<std::string>& files = state_->filesRead;
+    if (places.size() >= kMostPlaces) return;
+    // Nearly always the file of the node before, and always a greater number.
+    std::size_t file = places.empty() ? files.size() : places.back().file;
+    if (file >= files.size() || files[file] != place.file)
+        file = static_cast<std::size_t>(std::ranges::find(files, place.file) - files.begin());
+    if (file == files.size()) files.push_back(place.file);
+    const State::ReadAt made{id.value, static_cast<std::uint32_t>(file), place.where};
+    if (places.empty() || places.back().node < id.value) {
+        places.push_back(made);
+        return;
+    }
+    const auto at = std::ranges::lower_bound(places, id.value, {}, &State::ReadAt::node);
+    if (at != places.end() && at->node == id.value)
+        *at = made;
+    else
+        places.insert(at, made);
+}
 NodeId Scene::findName(std::string_view name, NodeId scope) const {
     const auto found = state_->names.find(State::NameKey{scope.value, String(name)});
     return found == state_->names.end() ? NodeId{} : found->second;

@@ -189,6 +189,14 @@ struct Scene::State : Scene::Lane {
     void eraseGroup(Node& node, RouteGroup* group);
     void trimLinks(Node& node);
 
+    /// By number; 16 bytes a node.
+    struct ReadAt {
+        std::uint32_t node, file;  // of filesRead
+        SourceLocation where;
+    };
+    std::vector<ReadAt> readAt;
+    std::vector<std::string> filesRead;
+
     // ---- types, names, routes ----
     std::vector<TypeEntry> types;
     std::vector<std::shared_ptr<const NodeType>> ownTypes;

@@ -23,7 +23,8 @@ bool Flattener::Impl::localForEye(std::uint32_t index, const Node& node, const T
     if (layout && !layout->is(x3d::Layout::type)) layout = nullptr;
     const auto tell = [&](std::string_view what) {
         const std::string_view name = scene->name(node.id());
-        told.warning(fmt::format("LayoutGroup{}{} {}", name.empty() ? "" : " ", name, what), diagnostics);
+        told.warning(fmt::format("LayoutGroup{}{} {}", name.empty() ? "" : " ", name, what), diagnostics,
+                     scene->placeOf(node.id()));
     };
     if (!outermost && !around) {
         if (layout) tell("is in no LayoutLayer: its layout is not used");

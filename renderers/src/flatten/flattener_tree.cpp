@@ -450,7 +450,7 @@ void Flattener::Impl::tellOfPlace(const Node& node) {
     const std::string_view name = scene->name(node.id());
     told.warning(fmt::format("{}{}{}: {}: it stays where it is", node.type().name, name.empty() ? "" : " ", name,
                              place.error().text),
-                 diagnostics);
+                 diagnostics, scene->placeOf(node.id()));
 }
 
 // ---- transforms ---------------------------------------------------------------------------------------------------

@@ -60,7 +60,8 @@ class Reader {
   private:
     void tell(const std::string& what) {
         const std::string_view name = scene_.name(node_.id());
-        problems_.warning({}, fmt::format("Layout{}{}: {}", name.empty() ? "" : " ", name, what));
+        problems_.warningAt(scene_.placeOf(node_.id()),
+                            fmt::format("Layout{}{}: {}", name.empty() ? "" : " ", name, what));
     }
     void count(std::string_view field, std::size_t values) {
         if (values == 0) tell(fmt::format("{} has no values: it is taken as the default", field));

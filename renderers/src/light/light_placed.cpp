@@ -170,7 +170,8 @@ std::shared_ptr<const Environment> LightTables::environmentOf(const Scene& scene
     using E = x3d::EnvironmentLight;
     const auto say = [&](const std::string& what) {
         const std::string_view name = scene.name(node.id());
-        diagnostics_.warning({}, fmt::format("EnvironmentLight{}{}: {}", name.empty() ? "" : " ", name, what));
+        diagnostics_.warningAt(scene.placeOf(node.id()),
+                               fmt::format("EnvironmentLight{}{}: {}", name.empty() ? "" : " ", name, what));
     };
     const auto cube = [&](NodeId id) -> std::shared_ptr<const SpaceTexture> {
         const Node* texture = scene.effectiveNode(id);

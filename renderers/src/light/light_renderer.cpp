@@ -47,7 +47,7 @@ struct LightRenderer::Impl {
     }
     void takeDiagnostics() {
         const auto& news = tracer.diagnostics().all();
-        for (; taken < news.size(); ++taken) said.add(news[taken].severity, news[taken].where, news[taken].text);
+        for (; taken < news.size(); ++taken) said.add(news[taken]);
         const std::lock_guard lock(mutex);
         said.append(std::exchange(lacks, Diagnostics()));
     }

@@ -227,9 +227,11 @@ struct Reader {
             return std::make_shared<const GeneratedCube>(node.id(), std::clamp(node.get(N::size), 1, kMostPixels), 0);
         } else {
             if (!node.get(N::url).empty())
-                diagnostics.warning({}, "RenderedTexture.url: a scene writes no files: it is shown, and not saved");
+                diagnostics.warningAt(scene.placeOf(node.id()),
+                                      "RenderedTexture.url: a scene writes no files: it is shown, and not saved");
             if (node.get(N::depthMap))
-                diagnostics.warning({}, "RenderedTexture.depthMap: its depths are not shown, but its colours");
+                diagnostics.warningAt(scene.placeOf(node.id()),
+                                      "RenderedTexture.depthMap: its depths are not shown, but its colours");
             return std::make_shared<const GeneratedCube>(node.id(), std::clamp(node.get(N::width), 1, kMostPixels),
                                                          std::clamp(node.get(N::height), 1, kMostPixels));
         }
@@ -276,7 +278,7 @@ struct Reader {
             TextureStage stage;
             stage.use = use(multi.get(M::texture)[i], String(), Texture::Content::color);
             setMatrix(stage.use, transformAt(i));
-            readModes(stage, word(multi.get(M::mode), i));
+            readModes(stage, multi, word(multi.get(M::mode), i));
             const std::string_view source = word(multi.get(M::source), i), function = word(multi.get(M::function), i);
             using S = TextureStage::Source;
             using F = TextureStage::Function;
@@ -291,7 +293,7 @@ struct Reader {
         }
     }
 
-    void readModes(TextureStage& stage, std::string_view words) {
+    void readModes(TextureStage& stage, const Node& multi, std::string_view words) {
         using M = TextureStage::Mode;
         constexpr std::pair<std::string_view, M> kModes[] = {
             {"MODULATE", M::modulate},
@@ -321,7 +323,8 @@ struct Reader {
             for (const auto& [known, mode] : kModes)
                 if (name == known) return mode;
             if (!name.empty())
-                diagnostics.warning({}, "MultiTexture has no mode \"" + std::string(name) + "\": taken as MODULATE");
+                diagnostics.warningAt(scene.placeOf(multi.id()),
+                                      "MultiTexture has no mode \"" + std::string(name) + "\": taken as MODULATE");
             return M::modulate;
         };
         // "colours, alpha", or one for both.
@@ -574,7 +577,8 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
 
     const Node* front = scene.effectiveNode(node->get(A::material));
     if (front && !reader.read(*front, material)) {
-        diagnostics.warning({}, "the light tracer has no " + front->type().name + "; drawn unlit");
+        diagnostics.warningAt(scene.placeOf(front->id()),
+                              "the light tracer has no " + front->type().name + "; drawn unlit");
         material = defaultMaterial();
     }
     const std::string_view mode = node->get(A::alphaMode).view();
@@ -595,7 +599,8 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
         if (fill->get(F::hatched)) hatching.style = fill->get(F::hatchStyle);
         hatching.color = rgb(fill->get(F::hatchColor));
         if (hatching.style < 0 || hatching.style > 6) {
-            diagnostics.warning({}, "hatchStyle " + std::to_string(hatching.style) + " is none of 1 to 6: taken as 1");
+            diagnostics.warningAt(scene.placeOf(fill->id()),
+                                  "hatchStyle " + std::to_string(hatching.style) + " is none of 1 to 6: taken as 1");
             hatching.style = 1;
         }
         hatching.present = hatching.style != 0 || !hatching.filled;

@@ -146,8 +146,8 @@ namespace {
 
 void tellOfNone(const Scene& scene, const Node& node, const std::string& why, Diagnostics& diagnostics) {
     const std::string name(scene.name(node.id()));
-    diagnostics.warning(
-        {}, fmt::format("{}{} shows no picture: {}", node.type().name, name.empty() ? "" : " " + name, why));
+    diagnostics.warningAt(scene.placeOf(node.id()), fmt::format("{}{} shows no picture: {}", node.type().name,
+                                                                name.empty() ? "" : " " + name, why));
 }
 
 }  // namespace
@@ -228,8 +228,8 @@ std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const No
         if (texture)
             entry.texture = std::make_shared<const Texture>(std::move(*texture));
         else
-            diagnostics.warning(
-                {}, fmt::format("PixelTexture {} shows no picture: {}", scene.name(node.id()), texture.error().text));
+            diagnostics.warningAt(scene.placeOf(node.id()), fmt::format("PixelTexture {} shows no picture: {}",
+                                                                        scene.name(node.id()), texture.error().text));
         return entry.texture;
     }
     if (node.is(x3d::MultiTexture::type)) {
@@ -237,8 +237,9 @@ std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const No
             if (const Node* first = scene.effectiveNode(id)) return ofNode(scene, *first, content, diagnostics);
         return nullptr;
     }
-    diagnostics.warning({},
-                        fmt::format("{} is not drawn by the light tracer; surfaces show without it", node.type().name));
+    diagnostics.warningAt(
+        scene.placeOf(node.id()),
+        fmt::format("{} is not drawn by the light tracer; surfaces show without it", node.type().name));
     return nullptr;
 }
 

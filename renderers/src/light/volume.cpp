@@ -59,7 +59,8 @@ class VolumeReader {
     }
     void tell(const std::string& what) {
         const std::string name(scene_.name(node_.id()));
-        diagnostics_.warning({}, fmt::format("{}{}{} {}", node_.type().name, name.empty() ? "" : " ", name, what));
+        diagnostics_.warningAt(scene_.placeOf(node_.id()),
+                               fmt::format("{}{}{} {}", node_.type().name, name.empty() ? "" : " ", name, what));
     }
     /// A number within a range; where it is none, `otherwise`.
     float number(float value, float least, float most, float otherwise, const char* field) {

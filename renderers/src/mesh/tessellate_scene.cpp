@@ -490,8 +490,9 @@ void detail::labelDiagnostics(const Scene& scene, const Node& geometry, Mesh& me
     if (mesh.diagnostics.all().empty()) return;
     const std::string_view name = scene.name(geometry.id());
     const std::string label = name.empty() ? geometry.type().name : fmt::format("{} {}", geometry.type().name, name);
-    Diagnostics named(mesh.diagnostics.file());
-    for (const Diagnostic& d : mesh.diagnostics.all()) named.add(d.severity, d.where, label + ": " + d.text);
+    const NodePlace place = scene.placeOf(geometry.id());
+    Diagnostics named(place.file);
+    for (const Diagnostic& d : mesh.diagnostics.all()) named.add(d.severity, place.where, label + ": " + d.text);
     mesh.diagnostics = std::move(named);
 }
 

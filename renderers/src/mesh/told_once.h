@@ -22,13 +22,14 @@ class ToldOnce {
         for (const Diagnostic& d : news.all())
             if (const std::size_t hash = std::hash<std::string>{}(d.format()); !told_.contains(hash)) {
                 if (told_.size() < kMost) told_.insert(hash);
-                into.add(d.severity, d.where, d.text);
+                into.add(d);
             }
     }
 
-    void warning(std::string text, Diagnostics& into) {
+    /// `place`: of the node that it is about, if it is known.
+    void warning(std::string text, Diagnostics& into, const NodePlace& place = {}) {
         Diagnostics news;
-        news.warning({}, std::move(text));
+        news.warningAt(place, std::move(text));
         append(news, into);
     }
 

@@ -82,6 +82,27 @@ TEST_F(TextureUrls, AreReadByTheirContentNotTheirName) {
     EXPECT_THAT(problems, testing::Not(HasSubstr("hunter2")));
 }
 
+// What pictures lack is told with the line of the node that it is about.
+TEST(Pictures, NameTheLineOfWhatTheyLack) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(
+        loadText(scene,
+                 "#X3D V4.0 utf8\nPROFILE Full\nShape { appearance Appearance {\n  texture ImageTexture { url "
+                 "\"data:image/png,none\" }\n fillProperties FillProperties { hatched TRUE hatchStyle 9 } }\n "
+                 "geometry IndexedFaceSet { coordIndex [ 0 1 7 ] coord Coordinate { point [ 0 0 0, 1 0 0 ] } } }",
+                 diagnostics));
+    SharedWorld world(scene);
+    LightRenderer light(world);
+    scene.newFrame(0);
+    ASSERT_TRUE(light.picture(ImageOptions()));
+    std::vector<std::uint32_t> lines;
+    for (const Diagnostic& d : light.diagnostics().all()) lines.push_back(d.where.line);
+    const Diagnostics ofWorld = world.diagnostics();
+    for (const Diagnostic& d : ofWorld.all()) lines.push_back(d.where.line);
+    EXPECT_EQ(lines, (std::vector<std::uint32_t>{4, 5, 6}));
+}
+
 TEST_F(TextureUrls, HaveLimitedPixels) {
     ResourcePolicy policy;
     policy.maximumPixels = 400;

@@ -39,6 +39,7 @@ struct SoundVoice {
     Kind kind = Kind::clip;
     NodeId node;
     std::string name;                            // DEF, or the type
+    NodePlace place;                             // for messages
     std::vector<std::string> urls;               // the first that can be read counts; microphone: its name
     std::vector<std::filesystem::path> folders;  // where they start, see Resources::foldersOf
     Array<float> buffer;                         // buffer: mono
@@ -223,7 +224,7 @@ class SoundScene {
     void findPlaces(const Scene& scene);
     void readAir(const Scene& scene, const ChangeSet& changes);
     void nameSilent(const Scene& scene, const ChangeSet& changes);
-    void warnOnce(std::string text);
+    void warnOnce(const NodePlace& place, std::string text);
 
     Walls* walls_;
     AcousticMaterial defaults_;

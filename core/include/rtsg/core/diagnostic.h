@@ -22,6 +22,12 @@ struct SourceLocation {
     std::uint32_t column = 0;
 };
 
+/// Where a node was read.
+struct NodePlace {
+    std::string file;  // as messages name it; empty: of no file
+    SourceLocation where;
+};
+
 enum class Severity : std::uint8_t { note, warning, error };
 
 /// What kind of failure it is: a literal of small letters, digits and hyphens, checked when it is compiled.
@@ -67,6 +73,11 @@ class Diagnostics {
     void warning(SourceLocation where, std::string text,
                  DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {
         add(Severity::warning, where, std::move(text), code);
+    }
+    /// About a node.
+    void warningAt(const NodePlace& place, std::string text,
+                   DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {
+        add(Diagnostic{Severity::warning, place.file.empty() ? file_ : place.file, place.where, std::move(text), code});
     }
     /// Appends another collection as it is (an Inline's, say).
     void append(const Diagnostics& other);

@@ -127,6 +127,11 @@ class Scene {
     /// For each, whether a way leads down to it from the root. What a Script refers to is not below it.
     std::vector<bool> areInWorld(std::span<const NodeId> ids) const;
     std::string_view name(NodeId id) const;
+    /// Where a node was read, for messages about it: known of what this process has read, and of so many nodes at most.
+    /// No part of the scene's state: replicas do not know it.
+    NodePlace placeOf(NodeId id) const;
+    void setPlace(NodeId id, const NodePlace& place);
+    static constexpr std::size_t kMostPlaces = std::size_t{1} << 22;
     /// `scope`: the PROTO instance or Inline inside which the name was given; none for the document itself.
     NodeId findName(std::string_view name, NodeId scope = {}) const;
     std::vector<Route> routesFrom(NodeId id) const;

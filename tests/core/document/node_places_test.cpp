@@ -1,0 +1,67 @@
+// Where nodes were read is known while the scene runs: of documents, of what they inline, of bodies of prototypes.
+#include <fstream>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
+
+#include "core/scene_check.h"
+#include "support/temp_folder.h"
+
+namespace rtsg {
+namespace {
+
+std::string placed(const Scene& scene, NodeId id) {
+    const NodePlace place = scene.placeOf(id);
+    const std::string file = std::filesystem::path(place.file).filename();
+    return file + ":" + std::to_string(place.where.line) + ":" + std::to_string(place.where.column);
+}
+
+TEST(NodePlaces, AreThoseOfTheFilesThatNodesAreFrom) {
+    const test::TempFolder folder;
+    const auto write = [&](const char* name, const char* text) {
+        std::ofstream(folder.path() / name, std::ios::binary) << "#X3D V4.0 utf8\n" << text;
+    };
+    write("main.x3dv",
+          "PROTO P [ ] {\n DEF BODY Group { } }\nDEF A Transform {\n  children DEF B Shape { } }\nInline { url "
+          "\"part.x3dv\" }\nDEF C P { }\nDEF S Script { inputOnly SFBool on url \"ecmascript:\" }");
+    write("part.x3dv", "\nGroup { children DEF INNER Group { } }");
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadFile(scene, folder.path() / "main.x3dv", diagnostics));
+    EXPECT_EQ(placed(scene, scene.findName("A")), "main.x3dv:4:1");
+    EXPECT_EQ(placed(scene, scene.findName("B")), "main.x3dv:5:12");
+    EXPECT_EQ(placed(scene, scene.findName("C")), "main.x3dv:7:1");
+    EXPECT_EQ(placed(scene, scene.findName("S")), "main.x3dv:8:1");
+    int bodies = 0, inner = 0;
+    scene.forEachNode([&](const Node& node) {
+        bodies += scene.name(node.id()) == "BODY" && placed(scene, node.id()) == "main.x3dv:3:2";
+        inner += scene.name(node.id()) == "INNER" && placed(scene, node.id()) == "part.x3dv:3:18";
+    });
+    EXPECT_EQ(bodies, 1);
+    EXPECT_EQ(inner, 1);
+    // What nobody has read is from nowhere, and a replica reads nothing.
+    EXPECT_EQ(placed(scene, scene.createNode(x3d::Group::type)), ":0:0");
+    EXPECT_EQ(placed(scene, NodeId{123456}), ":0:0");
+    Scene replica;
+    ASSERT_TRUE(replica.apply(std::make_shared<const ChangeSet>(scene.snapshot())));
+    EXPECT_EQ(placed(replica, scene.findName("A")), ":0:0");
+    EXPECT_EQ(replica.dump(), scene.dump()) << "no part of the state";
+}
+
+TEST(NodePlaces, ComeInAnyOrder) {
+    Scene scene;
+    for (const std::uint32_t id : {5u, 9u, 7u, 1u, 9u, 8u})
+        scene.setPlace(NodeId{id}, {id % 2 ? "odd" : "even", {id, id + 100}});
+    scene.setPlace(NodeId{7}, {"other", {1, 2}});
+    for (const std::uint32_t id : {1u, 5u, 8u, 9u}) {
+        EXPECT_EQ(scene.placeOf(NodeId{id}).file, id % 2 ? "odd" : "even");
+        EXPECT_EQ(scene.placeOf(NodeId{id}).where.line, id);
+        EXPECT_EQ(scene.placeOf(NodeId{id}).where.column, id + 100);
+    }
+    EXPECT_EQ(scene.placeOf(NodeId{7}).file, "other");
+    EXPECT_EQ(scene.placeOf(NodeId{6}).file, "");
+}
+
+}  // namespace
+}  // namespace rtsg
