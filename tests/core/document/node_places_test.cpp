@@ -11,7 +11,7 @@
 namespace rtsg {
 namespace {
 
-std::string placed(const Scene& scene, NodeId id) {
+std::string readIn(const Scene& scene, NodeId id) {
     const NodePlace place = scene.placeOf(id);
     const std::string file = std::filesystem::path(place.file).filename();
     return file + ":" + std::to_string(place.where.line) + ":" + std::to_string(place.where.column);
@@ -29,23 +29,23 @@ TEST(NodePlaces, AreThoseOfTheFilesThatNodesAreFrom) {
     Scene scene;
     Diagnostics diagnostics;
     ASSERT_TRUE(loadFile(scene, folder.path() / "main.x3dv", diagnostics));
-    EXPECT_EQ(placed(scene, scene.findName("A")), "main.x3dv:4:1");
-    EXPECT_EQ(placed(scene, scene.findName("B")), "main.x3dv:5:12");
-    EXPECT_EQ(placed(scene, scene.findName("C")), "main.x3dv:7:1");
-    EXPECT_EQ(placed(scene, scene.findName("S")), "main.x3dv:8:1");
+    EXPECT_EQ(readIn(scene, scene.findName("A")), "main.x3dv:4:1");
+    EXPECT_EQ(readIn(scene, scene.findName("B")), "main.x3dv:5:12");
+    EXPECT_EQ(readIn(scene, scene.findName("C")), "main.x3dv:7:1");
+    EXPECT_EQ(readIn(scene, scene.findName("S")), "main.x3dv:8:1");
     int bodies = 0, inner = 0;
     scene.forEachNode([&](const Node& node) {
-        bodies += scene.name(node.id()) == "BODY" && placed(scene, node.id()) == "main.x3dv:3:2";
-        inner += scene.name(node.id()) == "INNER" && placed(scene, node.id()) == "part.x3dv:3:18";
+        bodies += scene.name(node.id()) == "BODY" && readIn(scene, node.id()) == "main.x3dv:3:2";
+        inner += scene.name(node.id()) == "INNER" && readIn(scene, node.id()) == "part.x3dv:3:18";
     });
     EXPECT_EQ(bodies, 1);
     EXPECT_EQ(inner, 1);
     // What nobody has read is from nowhere, and a replica reads nothing.
-    EXPECT_EQ(placed(scene, scene.createNode(x3d::Group::type)), ":0:0");
-    EXPECT_EQ(placed(scene, NodeId{123456}), ":0:0");
+    EXPECT_EQ(readIn(scene, scene.createNode(x3d::Group::type)), ":0:0");
+    EXPECT_EQ(readIn(scene, NodeId{123456}), ":0:0");
     Scene replica;
     ASSERT_TRUE(replica.apply(std::make_shared<const ChangeSet>(scene.snapshot())));
-    EXPECT_EQ(placed(replica, scene.findName("A")), ":0:0");
+    EXPECT_EQ(readIn(replica, scene.findName("A")), ":0:0");
     EXPECT_EQ(replica.dump(), scene.dump()) << "no part of the state";
 }
 
