@@ -17,10 +17,11 @@ class ToldOnce {
   public:
     static constexpr std::size_t kMost = 4096;
 
-    /// Appends to `into` those of `news` that have not come this way before.
+    /// Appends to `into` those of `news` that have not come this way before; of the same words about several nodes
+    /// those of the first place.
     void append(const Diagnostics& news, Diagnostics& into) {
         for (const Diagnostic& d : news.all())
-            if (const std::size_t hash = std::hash<std::string>{}(d.format()); !told_.contains(hash)) {
+            if (const std::size_t hash = std::hash<std::string>{}(d.text); !told_.contains(hash)) {
                 if (told_.size() < kMost) told_.insert(hash);
                 into.add(d);
             }
