@@ -136,9 +136,7 @@ struct OutputReport {
     };
     std::optional<Live> live;
 
-    double meanKept() const {
-        return pictureStates.empty() ? 0 : kept / static_cast<double>(pictureStates.size());
-    }
+    double meanKept() const { return pictureStates.empty() ? 0 : kept / static_cast<double>(pictureStates.size()); }
     /// ,"pictures":… of a JSON object.
     std::string json() const;
     /// A line of text.

@@ -1,4 +1,5 @@
-// The module librtsg_plain.so, writing: PNG files by libpng, which loads at once. Links nothing of ours, throws nothing.
+// The module librtsg_plain.so, writing: PNG files by libpng, which loads at once. Links nothing of ours, throws
+// nothing.
 #include <png.h>
 
 #include "image/image_files.h"

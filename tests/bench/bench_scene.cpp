@@ -143,8 +143,7 @@ void transform(const Report& report, bool quick) {
         scene.newFrame(0);
         report({"transform", fmt::format("1 animated among {} shapes, 3 subscribers", shapes),
                 "scene and bus work per frame", "us", shortFrameSeconds(scene, 100) * 1e6, "a look at every node",
-                traversalSeconds(scene) * 1e6, "the interpolation and three calls alone",
-                bareFrameSeconds(100) * 1e6});
+                traversalSeconds(scene) * 1e6, "the interpolation and three calls alone", bareFrameSeconds(100) * 1e6});
     }
 }
 

@@ -22,8 +22,8 @@ using AudioChannels = std::vector<std::vector<float>>;
 /// has none is not heard.
 void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete);
 
-/// Silences what is no number, or too large for a sound once it is `gain` times as loud, and says whether there was any:
-/// one such sample would be all that is heard of everything that it is mixed with.
+/// Silences what is no number, or too large for a sound once it is `gain` times as loud, and says whether there was
+/// any: one such sample would be all that is heard of everything that it is mixed with.
 bool silenceNoSound(AudioChannels& out, double gain);
 
 /// What voices and processes give together, in as many channels as the one with the most.

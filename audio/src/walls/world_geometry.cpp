@@ -275,9 +275,14 @@ bool WorldGeometry::trianglesNearBut(std::span<const std::uint32_t> open, const 
             WallTriangle one;
             cornersOf(walls_.walls[slot], triangle, one.corners);
             one.plane = planes_->planeOf(slot, triangle);
-            if (one.plane == kNoPlane || distanceToTriangle(point, one.corners) > radius ||
-                std::ranges::find(open, slot) != open.end())
+            if (distanceToTriangle(point, one.corners) > radius || std::ranges::find(open, slot) != open.end())
                 return searched;
+            if (one.plane == kNoPlane) {
+                // Met by rays all the same, unless it has no area; then all of them are asked about by rays.
+                all = all &&
+                      glm::cross(one.corners[1] - one.corners[0], one.corners[2] - one.corners[0]) == glm::dvec3(0);
+                return searched;
+            }
             const ReflectingPlane& on = planes_->planes()[one.plane];
             one.normal = on.normal, one.offset = on.offset, one.material = walls_.walls[slot].material;
             for (const glm::dvec3& corner : one.corners)

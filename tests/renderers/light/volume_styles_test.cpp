@@ -325,7 +325,8 @@ TEST(VolumeSurfaces, AreSeenThroughEachOther) {
 
 TEST(VolumeSurfaces, WhatCannotBeIsNamed) {
     LightScene s("DEF I IsoSurfaceVolumeData { voxels " + evenVoxels(9, 2, 2, 2) +
-                 " surfaceValues .5 gradients PixelTexture3D { image [ 3 1 1 1 0 ] } renderStyle ProjectionVolumeStyle { } } DEF V "
+                 " surfaceValues .5 gradients PixelTexture3D { image [ 3 1 1 1 0 ] } renderStyle ProjectionVolumeStyle "
+                 "{ } } DEF V "
                  "VolumeData { voxels " +
                  evenVoxels(9, 2, 2, 2) + " renderStyle ShadedVolumeStyle { phaseFunction \"FOG\" } }");
     s.center();
