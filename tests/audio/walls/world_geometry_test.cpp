@@ -656,5 +656,30 @@ TEST(WorldGeometry, NoImageIsLostInACorner) {
     }
 }
 
+TEST(WorldGeometry, TrianglesNearAPlaceAreAllOfThemOrNotKnown) {
+    Room room;
+    room.mesh(NodeId{1}, unitBox());
+    room.add(NodeId{1}, placed({0, 0, 0}, {6, 5, 3}));
+    room.commit();
+    const auto near = [&](const glm::dvec3& place, double radius) {
+        std::vector<WallTriangle> found;
+        return room.geometry.trianglesNear(place, radius, found) ? static_cast<int>(found.size()) : -1;
+    };
+    EXPECT_EQ(near({3, 2.5, 1.5}, .2), 0);
+    EXPECT_EQ(near({.1, 2.5, 1.5}, .2), 2) << "both halves of a wall meet along its diagonal";
+    EXPECT_GE(near({.01, .01, .01}, .2), 3);
+    std::vector<WallTriangle> corner;
+    ASSERT_TRUE(room.geometry.trianglesNear({.01, .01, .01}, .2, corner));
+    for (const WallTriangle& one : corner) {
+        EXPECT_LT(one.margin, 1e-9) << "its walls are even";
+        for (const glm::dvec3& p : one.corners) EXPECT_NEAR(glm::dot(one.normal, p), one.offset, 1e-9);
+    }
+    // What a transform flattens is there for rays, and has no plane.
+    room.add(NodeId{1}, placed({2, 2, 1}, {1, 1, 0}));
+    room.commit();
+    EXPECT_EQ(near({2.5, 2.5, 1.05}, .2), -1);
+    EXPECT_EQ(near({3, 2.5, 2}, .2), 0);
+}
+
 }  // namespace
 }  // namespace rtsg
