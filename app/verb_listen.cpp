@@ -146,6 +146,7 @@ int listenTo(const ListenArguments& options) {
     listening.sound = !options.out.empty() || !options.sent.given.empty();
     listening.render.keepStreams = !options.sent.given.empty();
     listening.metrics = options.metrics || options.json || (!options.ir.empty() && !isSofa(options.ir));
+    listening.impulseResponses = !options.ir.empty();
     const Progress progress = progressBar("listening to " + options.scene);
     listening.progress = [&](double share) {
         if (progress) progress(static_cast<std::uint64_t>(share * 1e6), 1'000'000);

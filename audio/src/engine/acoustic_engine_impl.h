@@ -90,7 +90,6 @@ struct AcousticEngine::Impl {
     void fadeOut(Block& block);
     Result<> mixDown(const Block& block);
 
-    SourcePattern patternOf(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener) const;
     bool mustTrace(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                    const ListenerPose& listener) const;
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,

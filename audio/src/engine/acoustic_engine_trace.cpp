@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "acoustic_engine_impl.h"
+#include "scene/source_pattern.h"
 
 namespace rtsg {
 namespace {
@@ -14,23 +15,6 @@ constexpr double kTurned = 0.998;
 constexpr int kLeakSearches = 8, kLeakExits = 32;
 
 }  // namespace
-
-/// What it sends where, relative to what its level would be if it sent alike to all sides as it does to the listener.
-SourcePattern AcousticEngine::Impl::patternOf(const SoundEmitter& emitter, const glm::dvec3& source,
-                                              const glm::dvec3& listener) const {
-    const SoundNode& sound = *emitter.sound;
-    const bool levelled = options.levels == AcousticOptions::Levels::x3d;
-    if (!sound.directional(levelled)) return {};
-    const double distance = glm::distance(source, listener);
-    const double reference = levelled ? sound.level(emitter.localFrom(listener - source)) : 1;
-    if (!(reference > 0)) return {};
-    return [emitter, distance, reference, levelled](const glm::dvec3& direction) {
-        const glm::dvec3 local = emitter.localFrom(direction * std::max(distance, 1e-3));
-        const double amplitude =
-            emitter.sound->coneGain(local) * (levelled ? emitter.sound->level(local) / reference : 1);
-        return amplitude * amplitude;
-    };
-}
 
 bool AcousticEngine::Impl::mustTrace(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                                      const ListenerPose& listener) const {
@@ -75,7 +59,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
         job.tracing.exits = kLeakExits;
         state.wallsChanged.reset();
     }
-    job.tracing.pattern = patternOf(emitter, source, listener.position);
+    job.tracing.pattern = patternOf(emitter, source, listener.position, options.levels == AcousticOptions::Levels::x3d);
     job.error = options.error;
     job.maxRays = options.maxRays;
     job.longest = longest;

@@ -56,7 +56,7 @@ SoundBuffer ListenReport::impulseResponses(int sampleRate) const {
         options.listenerUp = listener.up;
         options.listenerBack = listener.back;
         options.speedOfSound = air.speedOfSound;
-        parts.push_back(makeImpulseResponse(source.trace.echogram(), options));
+        parts.push_back(makeImpulseResponse((source.directed ? *source.directed : source.trace).echogram(), options));
         frames = std::max(frames, parts.back().frames());
         channels += parts.back().channels.size();
     }

@@ -16,6 +16,7 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "audio_events.h"
+#include "scene/source_pattern.h"
 #include "sealed_text.h"
 #include "trace/places.h"
 #include "trace/sealed_result.h"
@@ -78,6 +79,29 @@ struct SoundRenderer::Impl {
     std::size_t toldSealed = 0, toldLeaks = 0;
     bool hadSounds = false;
     double measured = 0;  // share of a survey
+
+    /// By its directivity; nothing for listeners that it sends to as to all others. Cones send the same whoever
+    /// listens, so that all share their rays; what ellipsoids send is told by how far away the listener is.
+    std::vector<std::optional<TraceResult>> traceDirected(const AcousticTracer& tracer, const SoundEmitter& emitter,
+                                                          std::span<const glm::dvec3> listeners,
+                                                          TraceOptions tracing) const {
+        const bool levels = options.render.levels == AcousticOptions::Levels::x3d;
+        const std::size_t together = emitter.sound->law == SoundNode::Law::ellipsoids ? 1 : listeners.size();
+        const glm::dvec3 position = emitter.position();
+        std::vector<std::optional<TraceResult>> directed(listeners.size());
+        tracing.exits = 0;
+        for (std::size_t first = 0; first < listeners.size(); first += together) {
+            tracing.pattern = patternOf(emitter, position, listeners[first], levels);
+            if (!tracing.pattern || !tracing.goOn()) continue;
+            const auto some = listeners.subspan(first, together);
+            std::vector<TraceResult> traces = tracer.trace(position, some, tracing);
+            const bool silent = std::ranges::all_of(traces, &TraceResult::silent);
+            if (options.error > 0 && !silent)
+                tracer.refineTo(traces, position, some, tracing, options.error, options.maxRays, tracing.goOn);
+            std::ranges::move(traces, directed.begin() + static_cast<std::ptrdiff_t>(first));
+        }
+        return directed;
+    }
 
     /// What was found since this was last called.
     void tell(const Scene& scene, Diagnostics& diagnostics) {
@@ -206,6 +230,8 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
     }
     if (s.options.error > 0 && !allSealed)
         tracer.refineTo(traces, position, listeners, tracing, s.options.error, s.options.maxRays, goOn);
+    std::vector<std::optional<TraceResult>> directed(listeners.size());
+    if (s.options.impulseResponses && !cancelled) directed = s.traceDirected(tracer, emitter, listeners, tracing);
     if (cancelled) return fail("cancelled");
     RoomOpenings openings;
     if (!traces.empty()) openings = room.openings(position, traces.front().exits, traces.front().escaped);
@@ -216,6 +242,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
         source.source = emitter.name;
         source.position = position;
         source.trace = std::move(traces[i]);
+        source.directed = std::move(directed[i]);
         source.metrics = source.trace.metrics();
         source.openings = openings;
         source.schroederHz = schroederFrequency(room, position, listeners[i], source.metrics.value.t20[kBand1k]);
@@ -263,6 +290,7 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
     for (const ListeningPlace& place : places) listeners.push_back(place.position);
     const ListenerPose& pose = sounds.listener();
     const glm::dmat3 axes(pose.right, pose.up, pose.back);
+    const bool levels = s.options.render.levels == AcousticOptions::Levels::x3d;
     RoomReport report;
     report.title = "Room acoustics";
     report.air = s.renderer->air();
@@ -283,8 +311,10 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
                 const ListeningPlace& place = places[first + i];
                 rays = std::max(rays, source.trace.rays);
                 report.pairs.push_back({source.source, place.name, source.position, place.position, source.metrics,
-                                        source.trace.escaped, source.trace.echogram(), source.trace.bandsTraced,
-                                        sounds.sound(emitter).directional(false) ? emitter.aim() : glm::dvec3(0),
+                                        source.trace.escaped, source.trace.echogram(),
+                                        source.directed ? std::optional(source.directed->echogram()) : std::nullopt,
+                                        source.trace.bandsTraced,
+                                        sounds.sound(emitter).directional(levels) ? emitter.aim() : glm::dvec3(0),
                                         place.axes.value_or(axes)});
             }
             report.rays += rays;
@@ -320,7 +350,8 @@ RoomResponses SoundRenderer::responses(const RoomReport& report, int sampleRate)
         options.listenerUp = room.pairs[i].listenerAxes[1];
         options.listenerBack = room.pairs[i].listenerAxes[2];
         options.speedOfSound = room.air.speedOfSound;
-        room.pairs[i].response = makeImpulseResponse(report.pairs[i].echogram, options);
+        room.pairs[i].response =
+            makeImpulseResponse(report.pairs[i].directed.value_or(report.pairs[i].echogram), options);
     });
     return room;
 }

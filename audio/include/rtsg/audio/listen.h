@@ -6,6 +6,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,9 @@ struct ListenOptions {
     double framesPerSecond = 60;  // of the scene
     bool sound = true;            // render it
     bool metrics = true;          // measure at the start
+    /// Measuring is for impulse responses, too: a source that sends more to one side is then traced once more, as it
+    /// sends. Figures are always of sources that send alike to all sides, as ISO 3382 has it.
+    bool impulseResponses = true;
     /// Rendering: sample rate, stereo or binaural, levels, what urls may open, defaults of walls.
     AcousticRenderer::Options render;
     /// Measuring: rays, image order, air. `seed`, `air` and walls are used for rendering too. render.air goes before.
@@ -47,6 +51,8 @@ struct ListenReport {
         glm::dvec3 position{0};
         MetricsEstimate metrics;
         TraceResult trace;
+        /// What impulse responses are made of where the source sends more to one side than to another.
+        std::optional<TraceResult> directed;
         /// Below it single modes make the sound of the room, which rays know nothing of. From T20 at 1 kHz and the
         /// volume seen from the listener; NaN where that is not closed.
         double schroederHz = 0;
@@ -70,7 +76,8 @@ struct ListenReport {
 
     /// One object as the command line's contract says; NaN and infinity are null.
     std::string toJson() const;
-    /// Responses at pressure 1 at 1 m, in the order of `sources`, each with the channels that `responses` says.
+    /// Responses at pressure 1 at 1 m, in the order of `sources`, each with the channels that `responses` says. By
+    /// cones what is sent within the inner one is as loud; by ellipsoids (render.levels x3d) what goes to the listener.
     SoundBuffer impulseResponses(int sampleRate = 48000) const;
 };
 

@@ -12,6 +12,7 @@
 //     const std::string page = report.toHtml();
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,9 +34,10 @@ struct RoomReport {
         MetricsEstimate metrics;
         Bands escaped{};  // share of the energy
         Echogram echogram;
-        int bandsTraced = 0;           // TraceResult::bandsTraced
-        glm::dvec3 sourceAim{0};       // where it points, of unit length; 0 if it radiates alike to all sides
-        glm::dmat3 listenerAxes{1.0};  // right, up, back
+        std::optional<Echogram> directed;  // of responses, see ListenReport::Source::directed
+        int bandsTraced = 0;               // TraceResult::bandsTraced
+        glm::dvec3 sourceAim{0};           // where it points, of unit length; 0 if it radiates alike to all sides
+        glm::dmat3 listenerAxes{1.0};      // right, up, back
     };
     /// Where what one source emits leaves the room.
     struct Losses {
