@@ -4,6 +4,7 @@
 #include <cstring>
 #include <memory>
 #include <random>
+#include <span>
 #include <vector>
 
 #include <fmt/format.h>
@@ -296,21 +297,21 @@ struct Followers {
                 }};
     }
 
-    double bareSeconds(const BareEmbree& bare, bool occlusion) const {
+    double bareSeconds(const BareEmbree& bare, bool occlusion, bool coherent) const {
         switch (bvh::packetWidth()) {
             case 16:
-                return bareSecondsIn<16, RTCRayHit16, RTCRay16>(bare, occlusion);
+                return bareSecondsIn<16, RTCRayHit16, RTCRay16>(bare, occlusion, coherent);
             case 8:
-                return bareSecondsIn<8, RTCRayHit8, RTCRay8>(bare, occlusion);
+                return bareSecondsIn<8, RTCRayHit8, RTCRay8>(bare, occlusion, coherent);
             default:
-                return bareSecondsIn<4, RTCRayHit4, RTCRay4>(bare, occlusion);
+                return bareSecondsIn<4, RTCRayHit4, RTCRay4>(bare, occlusion, coherent);
         }
     }
     template <int kLanes, class RayHits, class RaysAlone>
-    double bareSecondsIn(const BareEmbree& bare, bool occlusion) const {
+    double bareSecondsIn(const BareEmbree& bare, bool occlusion, bool coherent) const {
         RayHits packet;
         fillPacket<kLanes>(packet, 1e-30f);
-        bvh::RayCast cast(false);
+        bvh::RayCast cast(coherent);
         float* const origins[] = {packet.ray.org_x, packet.ray.org_y, packet.ray.org_z};
         float* const directions[] = {packet.ray.dir_x, packet.ray.dir_y, packet.ray.dir_z};
         const double start = cpuSeconds();
@@ -383,18 +384,19 @@ struct Limit {
         for (std::size_t i = 0; i < scenes.size(); ++i) seconds[i].push_back(bareSeconds(*scenes[i], rays));
     }
     std::size_t best() const { return bestOf(seconds); }
-    /// The least of all flags for these.
+    /// The least of all flags for these, told to be coherent or not.
     double least(const Followers& rays, bool occlusion) const {
-        std::vector<double> times[std::size(kChoices)];
+        std::vector<double> times[2 * std::size(kChoices)];
         for (int round = 0; round < 5; ++round)
-            for (std::size_t i = 0; i < scenes.size(); ++i) times[i].push_back(rays.bareSeconds(*scenes[i], occlusion));
+            for (std::size_t i = 0; i < std::size(times); ++i)
+                times[i].push_back(rays.bareSeconds(*scenes[i / 2], occlusion, i % 2));
         return median(times[bestOf(times)]);
     }
 
   private:
-    static std::size_t bestOf(const std::vector<double>* times) {
+    static std::size_t bestOf(std::span<const std::vector<double>> times) {
         std::size_t result = 0;
-        for (std::size_t i = 1; i < std::size(kChoices); ++i)
+        for (std::size_t i = 1; i < times.size(); ++i)
             if (median(times[i]) < median(times[result])) result = i;
         return result;
     }

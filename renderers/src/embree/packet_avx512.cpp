@@ -258,6 +258,22 @@ void complete(RayPacket16& rays, std::uint32_t mask) {
     _mm512_storeu_si512(rays.geom_, none), _mm512_storeu_si512(rays.inst_, none);
 }
 
+bool runTogether(const RayPacket16& rays, const std::int32_t* valid, float parallel, float nearby) {
+    const __mmask16 lanes = _mm512_movepi32_mask(_mm512_loadu_si512(valid));
+    const auto squareOfRange = [lanes](V v) __attribute__((always_inline)) {
+        const F16 all = static_cast<F16>(v);
+        const float range = _mm512_mask_reduce_max_ps(lanes, all) - _mm512_mask_reduce_min_ps(lanes, all);
+        return range * range;
+    };
+    const V x = loadV(rays.directionX), y = loadV(rays.directionY), z = loadV(rays.directionZ);
+    const V inverse = 1.0f / static_cast<V>(_mm512_sqrt_ps(static_cast<F16>((x * x + y * y) + z * z)));
+    const float turned = (squareOfRange(x * inverse) + squareOfRange(y * inverse)) + squareOfRange(z * inverse);
+    if (!(turned < parallel)) return false;
+    const float apart =
+        (squareOfRange(loadV(rays.originX)) + squareOfRange(loadV(rays.originY))) + squareOfRange(loadV(rays.originZ));
+    return apart < nearby;
+}
+
 std::uint32_t findHits(const RayPacket16& rays) {
     return _mm512_cmpneq_epi32_mask(_mm512_loadu_si512(rays.geom_), _mm512_set1_epi32(-1));
 }
@@ -302,6 +318,9 @@ std::uint32_t findValid(const RayPacket16&, const Limits&, std::int32_t*) {
     return 0;
 }
 void complete(RayPacket16&, std::uint32_t) {}
+bool runTogether(const RayPacket16&, const std::int32_t*, float, float) {
+    return false;
+}
 std::uint32_t findHits(const RayPacket16&) {
     return 0;
 }

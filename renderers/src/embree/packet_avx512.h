@@ -33,6 +33,8 @@ struct Limits {
 std::uint32_t findValid(const RayPacket16& rays, const Limits& limits, std::int32_t* valid);
 /// The members of a packet that its maker leaves to us.
 void complete(RayPacket16& rays, std::uint32_t mask);
+/// As the function of that name (rays_together.h).
+bool runTogether(const RayPacket16& rays, const std::int32_t* valid, float parallel, float nearby);
 /// A bit for each lane that has hit something.
 std::uint32_t findHits(const RayPacket16& rays);
 /// What the packet hit: places on triangles, triangles, and normals as they are.

@@ -30,24 +30,6 @@ const PrimaryKernels& kernels() {
 // A cluster costs a picture about as much as a ray saves it; a small share of that may be lost.
 constexpr std::size_t kRaysPerCluster = 5;
 
-/// Points of the group to places in the picture, times the depth, and to the depth.
-struct Projection {
-    Vec3f x, y, depth;
-
-    /// Pixels from the picture's middle. No numbers where the axes span no space.
-    explicit Projection(const PixelGrid& grid) {
-        const glm::dmat3 rows =
-            glm::transpose(glm::inverse(glm::dmat3(Vec3d(grid.right), Vec3d(grid.up), Vec3d(grid.forward))));
-        x = Vec3f((rows[0] - double{grid.middleX} * rows[2]) / double{grid.across});
-        y = Vec3f((double{grid.middleY} * rows[2] - rows[1]) / double{grid.down});
-        depth = Vec3f(rows[2]);
-    }
-    bool isSound() const {
-        const Vec3f sum = glm::abs(x) + glm::abs(y) + glm::abs(depth);
-        return std::isfinite(sum.x + sum.y + sum.z);
-    }
-};
-
 /// An interval that holds all values of a row over a box.
 struct Range {
     float low, high;
@@ -66,32 +48,80 @@ struct Range {
     }
 };
 
-/// The tiles of an interval of pixels, the last one not included.
-std::pair<int, int> tilesOf(const Range& pixels, int size) {
+constexpr int kBlockAside = 4, kBlocksAside = kTilePixelsAside / kBlockAside;  // in pixels; of a tile
+
+/// The blocks of an interval of pixels, the last one not included.
+std::pair<int, int> blocksOf(const Range& pixels, int size) {
     constexpr float kMargin = .02f;
-    const float middle = static_cast<float>(size) / 2, side = kTilePixelsAside;
-    const float first = std::floor((pixels.low - kMargin + middle) / side),
-                last = std::floor((pixels.high + kMargin + middle) / side);
-    const int tiles = (size + kTilePixelsAside - 1) / kTilePixelsAside;
-    return {static_cast<int>(std::clamp(first, 0.0f, static_cast<float>(tiles))),
-            static_cast<int>(std::clamp(last + 1, 0.0f, static_cast<float>(tiles)))};
+    const float middle = static_cast<float>(size) / 2;
+    const float first = std::floor((pixels.low - kMargin + middle) / kBlockAside),
+                last = std::floor((pixels.high + kMargin + middle) / kBlockAside);
+    const auto all = static_cast<float>((size + kBlockAside - 1) / kBlockAside);
+    return {static_cast<int>(std::clamp(first, 0.0f, all)), static_cast<int>(std::clamp(last + 1, 0.0f, all))};
+}
+
+/// Those of a tile in a row or a column of blocks: a bit each.
+std::uint32_t blocksIn(int tile, int first, int end) {
+    const int from = std::max(first - tile * kBlocksAside, 0), to = std::min(end - tile * kBlocksAside, kBlocksAside);
+    return (1u << to) - (1u << from);
 }
 
 }  // namespace
 
-/// A cluster in the picture: the tiles that it may be in, the last ones not included.
+PictureRows::PictureRows(const PixelGrid& grid) {
+    const glm::dmat3 rows =
+        glm::transpose(glm::inverse(glm::dmat3(Vec3d(grid.right), Vec3d(grid.up), Vec3d(grid.forward))));
+    x = Vec3f((rows[0] - double{grid.middleX} * rows[2]) / double{grid.across});
+    y = Vec3f((double{grid.middleY} * rows[2] - rows[1]) / double{grid.down});
+    depth = Vec3f(rows[2]);
+}
+
+bool PictureRows::isSound() const {
+    const Vec3f sum = glm::abs(x) + glm::abs(y) + glm::abs(depth);
+    return std::isfinite(sum.x + sum.y + sum.z);
+}
+
+TileFrame::TileFrame(const PixelGrid& grid, const PictureRows& toPicture, int tileX, int tileY)
+    : eye(grid.eye), toRight(grid.right * grid.across), downwards(-grid.up * grid.down), rows(toPicture) {
+    const auto middleOf = [](int tile, int size) {
+        return static_cast<float>(tile * kTilePixelsAside + kTilePixelsAside / 2) - static_cast<float>(size) / 2;
+    };
+    x = middleOf(tileX, grid.width), y = middleOf(tileY, grid.height);
+    middle = grid.forward + grid.right * (grid.middleX + grid.across * x) + grid.up * (grid.middleY - grid.down * y);
+    // A point's coordinates are at most this for its depth.
+    const Vec3f reach =
+        glm::abs(middle) + static_cast<float>(kTilePixelsAside) * (glm::abs(toRight) + glm::abs(downwards));
+    const Vec3f size = glm::abs(rows.x) + glm::abs(rows.y) + (std::abs(x) + std::abs(y)) * glm::abs(rows.depth);
+    margin = .01f + 0x1p-20f * glm::dot(size, reach);
+}
+
+/// A cluster in the picture: the blocks that it may be in, the last ones not included.
 struct PrimaryHits::Found {
     float nearness = 0;
     std::uint32_t cluster = 0;
     std::uint16_t left = 0, right = 0, top = 0, bottom = 0;
-    std::size_t tiles() const { return std::size_t{1} * (right - left) * (bottom - top); }
+    /// Calls `visit` with the column and the row of each tile.
+    void forTiles(const auto& visit) const {
+        for (int y = top / kBlocksAside; y * kBlocksAside < bottom; ++y)
+            for (int x = left / kBlocksAside; x * kBlocksAside < right; ++x) visit(x, y);
+    }
+    std::size_t tiles() const {
+        const auto count = [](int first, int end) { return (end - 1) / kBlocksAside - first / kBlocksAside + 1; };
+        return std::size_t{1} * count(left, right) * count(top, bottom);
+    }
+    /// Of a tile.
+    std::uint32_t blocks(int x, int y) const {
+        // Sixteen bits by rows of four: each row's bits take the columns'.
+        const std::uint32_t columns = blocksIn(x, left, right), rows = blocksIn(y, top, bottom);
+        return columns * ((rows & 1) | (rows & 2) << 3 | (rows & 4) << 6 | (rows & 8) << 9);
+    }
 };
 
 std::vector<PrimaryHits::Found> PrimaryHits::project(const Group& group, std::uint32_t mask) const {
     const std::vector<Cluster>& all = clusters_->all;
     std::vector<std::uint8_t> isMet(clusters_->meshes.size());
     for (std::uint32_t i = 0; i < isMet.size(); ++i) isMet[i] = (group.mask(i) & mask) != 0;
-    const Projection to(grid_);
+    const PictureRows& to = rows_;
     if (!to.isSound()) return {};
     std::vector<Found> found(all.size());
     constexpr std::size_t kTogether = 4096;
@@ -104,11 +134,11 @@ std::vector<PrimaryHits::Found> PrimaryHits::project(const Group& group, std::ui
             if (!(depth.high > 0)) continue;
             Found& f = found[i];
             f.cluster = static_cast<std::uint32_t>(i);
-            std::pair<int, int> x{0, tilesX()}, y{0, tilesY()};
+            std::pair<int, int> x{0, tilesX() * kBlocksAside}, y{0, tilesY() * kBlocksAside};
             if (depth.low > 1e-6f * depth.high) {
                 f.nearness = (1 + 0x1p-20f) / depth.low;
-                x = tilesOf(Range(to.x, middle, half).over(depth), grid_.width);
-                y = tilesOf(Range(to.y, middle, half).over(depth), grid_.height);
+                x = blocksOf(Range(to.x, middle, half).over(depth), grid_.width);
+                y = blocksOf(Range(to.y, middle, half).over(depth), grid_.height);
             } else {
                 f.nearness = HUGE_VALF;
             }
@@ -142,17 +172,14 @@ void sortFromNear(std::vector<Found>& found) {
 }  // namespace
 
 bool PrimaryHits::list(const std::vector<Found>& found) {
-    const auto across = static_cast<std::size_t>(tilesX());
-    lists_.resize(across * static_cast<std::size_t>(tilesY()));
+    const int across = tilesX();
+    lists_.resize(static_cast<std::size_t>(across) * static_cast<std::size_t>(tilesY()));
     std::size_t total = 0;
     for (const Found& f : found) total += f.tiles();
     // Where tiles see this many clusters on the average, nearly all of them are left to rays.
     if (total > lists_.size() * most_) return false;
-    const auto forTiles = [&](const Found& f, const auto& visit) {
-        for (std::size_t y = f.top; y < f.bottom; ++y)
-            for (std::size_t x = f.left; x < f.right; ++x) visit(lists_[y * across + x]);
-    };
-    for (const Found& f : found) forTiles(f, [](List& list) { ++list.count; });
+    const auto listOf = [&](int x, int y) -> List& { return lists_[static_cast<std::size_t>(y * across + x)]; };
+    for (const Found& f : found) f.forTiles([&](int x, int y) { ++listOf(x, y).count; });
     std::size_t taken = 0;
     for (List& list : lists_) {
         list.first = static_cast<std::uint32_t>(taken);
@@ -160,8 +187,9 @@ bool PrimaryHits::list(const std::vector<Found>& found) {
     }
     seen_.resize(taken);
     for (const Found& f : found)
-        forTiles(f, [&](List& list) {
-            if (list.count <= most_) seen_[list.first + list.count++] = {f.cluster, f.nearness};
+        f.forTiles([&](int x, int y) {
+            List& list = listOf(x, y);
+            if (list.count <= most_) seen_[list.first + list.count++] = {f.cluster, f.nearness, f.blocks(x, y)};
         });
     return true;
 }
@@ -184,12 +212,7 @@ bool PrimaryHits::find(int tileX, int tileY, std::span<TileHits> hits, const Til
     const List& list =
         lists_[static_cast<std::size_t>(tileY) * static_cast<std::size_t>(tilesX()) + static_cast<std::size_t>(tileX)];
     if (list.count > most_) return false;
-    const PixelGrid& g = grid_;
-    const auto middle = [](int tile, int size) {
-        return static_cast<float>(tile * kTilePixelsAside + kTilePixelsAside / 2) - static_cast<float>(size) / 2;
-    };
-    const float x = g.middleX + g.across * middle(tileX, g.width), y = g.middleY - g.down * middle(tileY, g.height);
-    const TileFrame frame{g.eye, g.forward + g.right * x + g.up * y, g.right * g.across, -g.up * g.down};
+    const TileFrame frame(grid_, rows_, tileX, tileY);
     const Seen* const first = seen_.data() + list.first;
     kernels().find(frame, first, first + list.count, clusters_->all.data(), clusters_->meshes.data(), places,
                    hits.data(), hits.size());

@@ -47,9 +47,21 @@ struct alignas(64) TileHits {
     std::uint32_t triangle[16][16];  // cluster * Cluster::kTriangles + place in it
 };
 
-/// A tile's rays: through the middle of the tile, and from a pixel to the next.
+/// From points of the group, less the eye, to the depth, and to places in pixels from the picture's middle, rightwards
+/// and downwards, times the depth. No numbers where the grid's axes span no space.
+struct PictureRows {
+    Vec3f x, y, depth;
+    explicit PictureRows(const PixelGrid& grid);
+    bool isSound() const;
+};
+
+/// A tile's rays: through the middle of the tile, and from a pixel to the next; and where its middle is, in pixels from
+/// the picture's, and how far from where they are `rows` may take points that are in the tile.
 struct TileFrame {
     Vec3f eye, middle, toRight, downwards;
+    PictureRows rows;
+    float x, y, margin;
+    TileFrame(const PixelGrid& grid, const PictureRows& rows, int tileX, int tileY);
 };
 
 class PrimaryHits {
@@ -67,16 +79,18 @@ class PrimaryHits {
     /// below what is not to be seen.
     bool meet(const TileHits& hits, int block, const std::int32_t* valid, RayPacket16& rays) const;
 
-    /// A cluster that a tile may see, and how near it is at most.
+    /// A cluster that a tile may see, how near it is at most, and a bit for each block that it may be in.
     struct Seen {
         std::uint32_t cluster;
         float nearness;
+        std::uint32_t blocks;
     };
 
   private:
     PrimaryHits(std::shared_ptr<const Clusters> clusters, const PixelGrid& grid, int samples)
         : clusters_(std::move(clusters)),
           grid_(grid),
+          rows_(grid),
           most_(kMost * static_cast<std::uint32_t>(std::min(samples, 4))) {}
     struct Found;
     std::vector<Found> project(const Group& group, std::uint32_t mask) const;
@@ -86,6 +100,7 @@ class PrimaryHits {
 
     std::shared_ptr<const Clusters> clusters_;
     PixelGrid grid_;
+    PictureRows rows_;
     struct List {
         std::uint32_t first = 0, count = 0;  // of `seen_`; more than `most_`: left to rays
     };

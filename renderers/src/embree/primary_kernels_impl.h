@@ -45,11 +45,11 @@ struct PrimaryKernelsOf {
     /// Seen from the eye: a corner, the normals of the planes through the edges opposite the second, third and first
     /// corner, which the neighbour finds with the other sign, and the triangle's own.
     struct Triangles {
-        V corner, edge[3], normal;
+        V corner[3], edge[3], normal;
     };
     RTSG_INLINE Triangles around(const V& a, const V& b, const V& c) {
         const V ca = minus(c, a), ab = minus(a, b), bc = minus(b, c);
-        Triangles t{a, {cross(ca, plus(c, a)), cross(ab, plus(a, b)), cross(bc, plus(b, c))}, {}};
+        Triangles t{{a, b, c}, {cross(ca, plus(c, a)), cross(ab, plus(a, b)), cross(bc, plus(b, c))}, {}};
         // All pairs of edges give it; of a needle the two longest give little but roundings.
         const F x = dot(ca, ca), y = dot(ab, ab), z = dot(bc, bc);
         const M first = W::greater(x, W::most(y, z)), second = W::greater(y, W::most(x, z));
@@ -93,9 +93,37 @@ struct PrimaryKernelsOf {
     static constexpr float kRounding = 0x1p-21f;
     static constexpr float kSlack = 0x1p-22f;
 
+    /// In pixels.
+    struct Extent {
+        F low, high;
+        __attribute__((always_inline)) void add(F at) { low = W::least(low, at), high = W::most(high, at); }
+        /// Whether the middle of a pixel of the tile may be in it. `at`: of the tile's middle.
+        __attribute__((always_inline)) M holdsMiddle(float at, float margin) const {
+            constexpr float kToWhole = 0x1.8p23f;
+            const F last = W::least(W::most(high - (at + .5f - margin), all(-9)), all(7));
+            const F near = (last + kToWhole) - kToWhole, floor = near - W::choose(W::greater(near, last), all(1), F{});
+            return W::atLeast(floor, W::most(low - (at + .5f + margin), all(-8)));
+        }
+    };
+    /// A bit for each triangle that may be over the middle of one of the tile's pixels, by the box around it: of those
+    /// that are smaller or narrower than a pixel few are.
+    RTSG_INLINE std::uint32_t overMiddles(const TileFrame& f, const Triangles& t) {
+        const F nearest = dot(t.corner[0], f.rows.depth), inverse = 1.0f / nearest;
+        const F at = dot(t.corner[0], f.rows.x) * inverse, down = dot(t.corner[0], f.rows.y) * inverse;
+        Extent x{at, at}, y{down, down}, depth{nearest, nearest};
+        for (int k = 1; k < 3; ++k) {
+            const F next = dot(t.corner[k], f.rows.depth), one = 1.0f / next;
+            x.add(dot(t.corner[k], f.rows.x) * one), y.add(dot(t.corner[k], f.rows.y) * one), depth.add(next);
+        }
+        const M sound = W::greater(depth.low, depth.high * 1e-4f);
+        const M held = W::both(x.holdsMiddle(f.x, f.margin), y.holdsMiddle(f.y, f.margin));
+        return ~W::bits(sound) | W::bits(held);
+    }
+
     /// Returns a bit for each triangle that may be seen nearer than `farthest`.
     RTSG_INLINE std::uint32_t setUp(const TileFrame& f, const ClusteredMesh& mesh, std::uint32_t first, float farthest,
-                                    const Reach& within, Planes& p) {
+                                    bool middles, Planes& p) {
+        const Reach& within = middles ? kMiddles : kAnywhere;
         const std::uint32_t there = mesh.count - first < 16 ? mesh.count - first : 16;
         std::uint32_t seen = 0;
         for (int at = 0; at < 16; at += kLanes) {
@@ -105,7 +133,7 @@ struct PrimaryKernelsOf {
                 places.set(lane, mesh, first + (i < there ? i : there - 1));
             }
             const Triangles t = gathered(places, all(f.eye));
-            const F height = dot(t.corner, t.normal);
+            const F height = dot(t.corner[0], t.normal);
             const F side = W::choose(W::greater(F{}, height), all(-1), all(1));
             const F inverse = 1.0f / height;
             F across[4], down[4], one[4];
@@ -119,6 +147,7 @@ struct PrimaryKernelsOf {
             // Beyond the edges by what is rounded, so that corners are closed, too.
             M use = W::greater(absolute(height), F{});
             std::uint32_t bits = W::bits(use) & kAll;
+            if (middles) bits &= overMiddles(f, t);
             for (int k = 0; k < 4; ++k) {
                 if (k < 3) one[k] = one[k] + sizes(t.edge[k], f.middle) * kSlack;
                 const F reach = absolute(across[k]) + absolute(down[k]), rounding = absolute(one[k]) * kRounding;
@@ -161,8 +190,8 @@ struct PrimaryKernelsOf {
         TileHits* hits;
         std::size_t count;
     };
-    RTSG_INLINE void cover(const Planes& p, int i, std::uint32_t number, const float* farthest, std::uint32_t& touched,
-                           const Samples& samples) {
+    RTSG_INLINE void cover(const Planes& p, int i, std::uint32_t number, const float* farthest, std::uint32_t within,
+                           std::uint32_t& touched, const Samples& samples) {
         Plane plane[4];
         for (int k = 0; k < 4; ++k) plane[k] = {all(p.across[k][i]), all(p.down[k][i]), all(p.one[k][i])};
         std::uint32_t blocks = 0;
@@ -174,7 +203,7 @@ struct PrimaryKernelsOf {
             const std::uint32_t nearer = W::bits(W::greater(value[3], W::load(farthest + at)));
             blocks |= (W::bits(W::atLeast(inside, F{})) & nearer) << at;
         }
-        for (; blocks; blocks &= blocks - 1) {
+        for (blocks &= within; blocks; blocks &= blocks - 1) {
             const int block = __builtin_ctz(blocks);
             std::uint32_t covered = 0;
             for (std::size_t s = 0; s < samples.count; ++s) {
@@ -221,7 +250,6 @@ struct PrimaryKernelsOf {
                      const Cluster* clusters, const ClusteredMesh* meshes, const TilePlaces* places, TileHits* hits,
                      std::size_t count) {
         const Samples samples{places ? places : &kGrid.pixels, hits, count};
-        const Reach& within = places ? kAnywhere : kMiddles;
         for (std::size_t s = 0; s < count; ++s)
             for (int block = 0; block < 16; ++block)
                 for (int at = 0; at < 16; at += kLanes) {
@@ -233,13 +261,18 @@ struct PrimaryKernelsOf {
         Planes planes;
         for (; seen != end && seen->nearness > limit; ++seen) {
             prepare(seen, end, clusters, meshes);
+            std::uint32_t within = 0;  // blocks that may see it
+            for (int at = 0; at < 16; at += kLanes)
+                within |= W::bits(W::greater(all(seen->nearness), W::load(farthest + at))) << at;
+            within &= seen->blocks;
+            if (!within) continue;
             const Cluster& cluster = clusters[seen->cluster];
-            std::uint32_t rest = setUp(frame, meshes[cluster.mesh], cluster.first, limit, within, planes);
+            std::uint32_t rest = setUp(frame, meshes[cluster.mesh], cluster.first, limit, !places, planes);
             std::uint32_t touched = 0;
             for (; rest; rest &= rest - 1) {
                 const int i = __builtin_ctz(rest);
-                cover(planes, i, seen->cluster * Cluster::kTriangles + static_cast<std::uint32_t>(i), farthest, touched,
-                      samples);
+                cover(planes, i, seen->cluster * Cluster::kTriangles + static_cast<std::uint32_t>(i), farthest, within,
+                      touched, samples);
             }
             if (!touched) continue;
             for (; touched; touched &= touched - 1) {
@@ -269,19 +302,31 @@ struct PrimaryKernelsOf {
             const std::uint32_t met = W::bits((own != -1) & (isValid != 0));
             if (!met) continue;
             const int some = __builtin_ctz(met);
-            Places places;
             alignas(64) std::uint32_t triangle[kLanes], mesh[kLanes];
-            for (int lane = 0; lane < kLanes; ++lane) {
-                const std::uint32_t number = numbers[met >> lane & 1u ? lane : some];
-                const Cluster& cluster = clusters[number / Cluster::kTriangles];
-                triangle[lane] = cluster.first + number % Cluster::kTriangles, mesh[lane] = cluster.mesh;
-                places.set(lane, meshes[cluster.mesh], triangle[lane]);
-            }
             const V eye{W::load(rays.originX + at), W::load(rays.originY + at), W::load(rays.originZ + at)};
             const V d{W::load(rays.directionX + at), W::load(rays.directionY + at), W::load(rays.directionZ + at)};
-            const Triangles t = gathered(places, eye);
+            Triangles t;
+            const std::uint32_t first = numbers[some];
+            if ((W::bits(own == static_cast<std::int32_t>(first)) & met) == met) {  // large ones fill whole blocks
+                const Cluster& cluster = clusters[first / Cluster::kTriangles];
+                const ClusteredMesh& in = meshes[cluster.mesh];
+                const std::uint32_t only = cluster.first + first % Cluster::kTriangles;
+                const std::int32_t* const index = in.triangles + std::size_t{only} * in.stride;
+                for (int lane = 0; lane < kLanes; ++lane) triangle[lane] = only, mesh[lane] = cluster.mesh;
+                t = around(minus(all(in.positions[index[0]]), eye), minus(all(in.positions[index[1]]), eye),
+                           minus(all(in.positions[index[2]]), eye));
+            } else {
+                Places places;
+                for (int lane = 0; lane < kLanes; ++lane) {
+                    const std::uint32_t number = numbers[met >> lane & 1u ? lane : some];
+                    const Cluster& cluster = clusters[number / Cluster::kTriangles];
+                    triangle[lane] = cluster.first + number % Cluster::kTriangles, mesh[lane] = cluster.mesh;
+                    places.set(lane, meshes[cluster.mesh], triangle[lane]);
+                }
+                t = gathered(places, eye);
+            }
             const F u = dot(t.edge[0], d), v = dot(t.edge[1], d), whole = (u + v) + dot(t.edge[2], d);
-            const F distance = dot(t.corner, t.normal) / dot(d, t.normal), inverse = 1.0f / whole;
+            const F distance = dot(t.corner[0], t.normal) / dot(d, t.normal), inverse = 1.0f / whole;
             const F far = W::load(rays.tMax + at), most = all(__FLT_MAX__);
             const M sound = W::both(W::greater(distance, F{}), W::atLeast(most, absolute(inverse)));
             if (met & ~W::bits(sound)) return false;

@@ -134,6 +134,9 @@ void Top::commit() {
     view_.owners_ = owners_.pages();
     view_.main_ = mainObject_ == InstanceTree::kNone ? nullptr : &objects_[mainObject_];
     view_.mainObject_ = mainObject_;
+    InstanceTree::Box box = tree_.bounds();
+    if (view_.main_) box.extend(view_.main_->resting->box());
+    view_.setSize(box);
     view_.hasCuts_ = cutObjects_ > 0;
     view_.maskShift_ = versions_ ? versions_->maskShift() : 0;
 }

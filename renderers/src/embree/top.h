@@ -74,6 +74,12 @@ class TopView {
     static constexpr std::size_t kObjectsPerPage = 64, kSlotsPerPage = 1024;
 
     const TopObject& object(std::uint32_t i) const { return objects_[i / kObjectsPerPage][i % kObjectsPerPage]; }
+    /// Whether it pays to trace them as coherent rays; Embree's way for these goes by the frustum around all of them.
+    bool runTogether(const RayPacket16& rays, const std::int32_t* valid) const;
+    /// Of all that is in it.
+    void setSize(const InstanceTree::Box& box);
+    /// A bit per lane that hit something; to be called once for each query.
+    std::uint32_t metBy(RayPacket16& rays) const;
     /// Puts hits on pieces on whole triangles; to be called once for each query.
     void restore(RawHit& hit) const;
     void restore(RayPacket16& rays, std::uint32_t hits) const;
@@ -85,6 +91,7 @@ class TopView {
     const TopObject* main_ = nullptr;
     std::uint32_t mainObject_ = TreeView::kNone;
     unsigned maskShift_ = 0;
+    float nearby_ = 0;  // square metres
     bool hasCuts_ = false;
 };
 

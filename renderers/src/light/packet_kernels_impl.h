@@ -45,6 +45,12 @@ struct KernelsOf {
     RTSG_INLINE void fillOne(float* to, float x) {
         for (int at = 0; at < 16; at += kLanes) W::store(to + at, all(x));
     }
+    /// Whether a large triangle fills all lanes.
+    RTSG_INLINE bool isOne(const std::uint32_t* triangles) {
+        I lanes;
+        __builtin_memcpy(&lanes, triangles, sizeof lanes);
+        return W::bits(lanes == static_cast<std::int32_t>(triangles[0])) == kAll;
+    }
     RTSG_INLINE I lanesFrom(std::uint32_t mask, int at) { return W::lanesOf(mask >> at & kAll); }
     RTSG_INLINE V outside(const SurfacePacket& s, int at) {
         return {W::load(s.hits.normalX + at), W::load(s.hits.normalY + at), W::load(s.hits.normalZ + at)};
@@ -74,19 +80,25 @@ struct KernelsOf {
         for (int at = 0; at < 16; at += kLanes) storeV(s.normal, at, outside(s, at));
     }
 
+    RTSG_INLINE const float* cornerOf(const NormalSource& source, std::uint32_t triangle, std::uint32_t corner) {
+        const std::size_t k = std::size_t{triangle} * source.triangleStep + corner * source.cornerStep;
+        return source.values + 3 * (source.index ? std::size_t{static_cast<std::uint32_t>(source.index[k])} : k);
+    }
     /// Of every fourth lane from `j` on: x, y, z and rubbish. `triangles`: of all lanes.
     template <int j>
     RTSG_INLINE F smooth(const NormalSource& source, const std::uint32_t* triangles, F u, F v, F w) {
         const float* corner[3][kLanes / 4];
-        for (int q = 0; q < kLanes / 4; ++q) {
-            const std::size_t first = std::size_t{triangles[4 * q + j]} * source.triangleStep;
-            const std::size_t k[3] = {first, first + source.cornerStep, first + 2 * source.cornerStep};
-            for (int c = 0; c < 3; ++c)
-                corner[c][q] = source.values +
-                               3 * (source.index ? std::size_t{static_cast<std::uint32_t>(source.index[k[c]])} : k[c]);
-        }
+        for (int q = 0; q < kLanes / 4; ++q)
+            for (std::uint32_t c = 0; c < 3; ++c) corner[c][q] = cornerOf(source, triangles[4 * q + j], c);
         return W::quads(corner[0]) * W::template spread<j>(w) + W::quads(corner[1]) * W::template spread<j>(u) +
                W::quads(corner[2]) * W::template spread<j>(v);
+    }
+
+    /// Of one triangle, by axis.
+    RTSG_INLINE void smooth(const NormalSource& source, std::uint32_t triangle, F u, F v, F w, F* n) {
+        const float *const a = cornerOf(source, triangle, 0), *const b = cornerOf(source, triangle, 1),
+                           *const c = cornerOf(source, triangle, 2);
+        for (int k = 0; k < 3; ++k) n[k] = a[k] * w + b[k] * u + c[k] * v;
     }
 
     static void fetchNormals(const NormalSource& source, std::uint32_t lanes, SurfacePacket& s) {
@@ -97,9 +109,14 @@ struct KernelsOf {
             W::copy(triangles, s.hits.triangle + at, W::lanesOf(now), s.hits.triangle[at + __builtin_ctz(now)]);
             F u = W::load(s.hits.u + at), v = W::load(s.hits.v + at), w = 1.0f - u - v;
             if (source.cornerStep == 0) u = v = F{}, w = all(1);
-            F n[4]{smooth<0>(source, triangles, u, v, w), smooth<1>(source, triangles, u, v, w),
-                   smooth<2>(source, triangles, u, v, w), smooth<3>(source, triangles, u, v, w)};
-            W::transpose(n[0], n[1], n[2], n[3]);
+            F n[4];
+            if (isOne(triangles)) {
+                smooth(source, triangles[0], u, v, w, n);
+            } else {
+                n[0] = smooth<0>(source, triangles, u, v, w), n[1] = smooth<1>(source, triangles, u, v, w);
+                n[2] = smooth<2>(source, triangles, u, v, w), n[3] = smooth<3>(source, triangles, u, v, w);
+                W::transpose(n[0], n[1], n[2], n[3]);
+            }
             const glm::mat3& m = source.normalFromLocal;
             const auto row = [&](int r) __attribute__((always_inline)) {
                 const float* e = &m[0].x;
@@ -161,15 +178,21 @@ struct KernelsOf {
             if (!now) continue;
             alignas(64) std::uint32_t hit[kLanes];
             W::copy(hit, s.hits.triangle + at, W::lanesOf(now), s.hits.triangle[at + __builtin_ctz(now)]);
-            const float* corner[3][kLanes];  // every fourth lane's next to each other
-            for (int lane = 0; lane < kLanes; ++lane) {
-                const std::int32_t* triangle = triangles + std::size_t{hit[lane]} * stride;
-                const int place = lane % 4 * (kLanes / 4) + lane / 4;
-                for (int c = 0; c < 3; ++c) corner[c][place] = &positions[triangle[c]].x;
-            }
             const F u = W::load(s.hits.u + at), v = W::load(s.hits.v + at), w = 1.0f - u - v;
-            const V a = times(gathered(corner[0]), w), b = times(gathered(corner[1]), u),
-                    c = times(gathered(corner[2]), v);
+            V corners[3];
+            if (isOne(hit)) {
+                const std::int32_t* triangle = triangles + std::size_t{hit[0]} * stride;
+                for (int c = 0; c < 3; ++c) corners[c] = all(positions[triangle[c]]);
+            } else {
+                const float* corner[3][kLanes];  // every fourth lane's next to each other
+                for (int lane = 0; lane < kLanes; ++lane) {
+                    const std::int32_t* triangle = triangles + std::size_t{hit[lane]} * stride;
+                    const int place = lane % 4 * (kLanes / 4) + lane / 4;
+                    for (int c = 0; c < 3; ++c) corner[c][place] = &positions[triangle[c]].x;
+                }
+                for (int c = 0; c < 3; ++c) corners[c] = gathered(corner[c]);
+            }
+            const V a = times(corners[0], w), b = times(corners[1], u), c = times(corners[2], v);
             const V local = plus(plus(a, b), c);
             const V size{absolute(a.x) + absolute(b.x) + absolute(c.x), absolute(a.y) + absolute(b.y) + absolute(c.y),
                          absolute(a.z) + absolute(b.z) + absolute(c.z)};

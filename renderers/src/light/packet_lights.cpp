@@ -17,9 +17,6 @@ using namespace simd;
 
 namespace {
 
-// Not as coherent rays: Embree 3.13's frustum traversal of shadow rays has been seen to loop for ever.
-constexpr bool kCoherentShadows = false;
-
 /// Where points lie before a projector, and where in its picture.
 struct InProjection {
     F8 depth, s, t;
@@ -124,17 +121,17 @@ void passClear(const TraceScene& scene, RayPacket16& rays, std::uint32_t met, fl
         }
         if (step + 1 == kMostPassed)
             for (; on; on &= on - 1) left[std::countr_zero(on)] = Vec3f(0);
-        met = on ? scene.world->intersect(rays, kCoherentShadows, RayKind::shadow) & on : 0;
+        met = on ? scene.world->intersect(rays, false, RayKind::shadow) & on : 0;
     }
 }
 
 /// Which rays, to a light at `tMax`, are blocked, and in `clear` which of them by something that may let light through:
 /// `left` tells how much. What an opaque thing blocks needs no closer look, whatever else the scene holds.
-std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint32_t tested, float tMax,
+std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint32_t tested, float tMax, bool coherent,
                           std::uint32_t& clear, Vec3f* left) {
     clear = 0;
     const std::uint32_t near = nearClear(scene, rays, tested);
-    if (!near) return scene.world->occluded(rays, kCoherentShadows) & tested;
+    if (!near) return scene.world->occluded(rays, coherent) & tested;
     std::uint32_t blocked = 0;
     RayPacket16 closer = rays;
     std::int32_t active[16];
@@ -144,8 +141,8 @@ std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint3
         if (!isNear) closer.skip(lane);
         if (isNear) rays.skip(lane);
     }
-    if (tested & ~near) blocked = scene.world->occluded(rays, kCoherentShadows) & tested & ~near;
-    const std::uint32_t met = scene.world->intersect(closer, kCoherentShadows, RayKind::shadow) & near;
+    if (tested & ~near) blocked = scene.world->occluded(rays, coherent) & tested & ~near;
+    const std::uint32_t met = scene.world->intersect(closer, coherent, RayKind::shadow) & near;
     for (std::uint32_t rest = met; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         if (!letsThrough(scene, scene.world->hit(closer, lane).instance)) continue;
@@ -174,7 +171,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     }
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
     std::uint32_t clear = 0;
-    const std::uint32_t blocked = findBlocked(scene, rays, tested, tMax, clear, leftBehind);
+    const std::uint32_t blocked = findBlocked(scene, rays, tested, tMax, s.fromEye, clear, leftBehind);
     const std::uint32_t hazy =
         scene.volumes.empty() ? 0 : meetBox(rays, scene.volumeBounds) & tested & ~(blocked & ~clear);
     for (std::uint32_t rest = blocked | behind | hazy; rest; rest &= rest - 1) {

@@ -481,6 +481,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
                    SurfacePacket& out) {
     out.oneInstance = scene.world->hits(rays, mask, out.hits);
     out.mask = mask;
+    out.fromEye = !tasks;
     out.special = out.unlit = out.physical = out.shiny = out.linear = out.caps = 0;
     if (scene.filter && scene.filter->makesCaps()) [[unlikely]]
         for (int lane = 0; lane < 16; ++lane)

@@ -29,6 +29,7 @@ struct alignas(64) SurfacePacket {
     std::uint32_t linear = 0;          // colours and radiance are light; of the others display values
     std::uint32_t caps = 0;            // on a cap
     bool oneInstance = false;          // all lanes
+    bool fromEye = false;              // met by rays from an eye, of pixels next to each other
     const Material* filled = nullptr;  // all lanes have this one's numbers, unchanged, as light or (not) display values
     bool filledLinear = false;
     PacketHits16 hits;

@@ -235,6 +235,38 @@ TEST(PrimaryRays, DifferFromRaysOneByOneInNothingButRoundings) {
     EXPECT_LE(others * 150'000, rays);
 }
 
+/// Most of them lie between the middles of pixels and are left out early; what is seen is there all the same.
+TEST(PrimaryRays, FindTrianglesSmallerThanPixels) {
+    std::mt19937 random(kPrimarySeed);
+    for (const auto& [distance, halfAngle] : {std::pair(3.0, .4f), {40.0, .03f}, {4000.0, 3e-4f}}) {
+        SCOPED_TRACE(distance);
+        SeenRoom room(false);
+        room.add(makeSphere(6), translation({.3, .1, .2}));
+        room.add(makeBeams(random, 90, 40, .02f), scaling({.4, .5, .3}));
+        room.build();
+        bvh::PixelGrid grid = gridAt({0, 0, static_cast<float>(distance)}, {0, 0, -1}, 400, 300, halfAngle);
+        for (const float turn : {0.0f, .6f}) {
+            const float c = std::cos(turn), s = std::sin(turn);
+            grid.right = {c, s, 0}, grid.up = {-s, c, 0};
+            int rays = 0, hits = 0, others = 0;
+            const auto visit = [&](const RayPacket16& before, const RayPacket16& together, std::uint32_t met) {
+                RayPacket16 alone = before;
+                const std::uint32_t expected = room.world.intersect(alone, true);
+                for (int lane = 0; lane < 16; ++lane) {
+                    if (!before.active[lane]) continue;
+                    ++rays, hits += expected >> lane & 1u;
+                    const bool same = ((expected ^ met) >> lane & 1u) == 0;
+                    others += !same || !(std::abs(alone.tMax[lane] - together.tMax[lane]) <= 1e-4f * alone.tMax[lane]);
+                }
+            };
+            EXPECT_EQ(forBlocks(room.world, grid, visit), 0);
+            EXPECT_EQ(rays, 400 * 300);
+            EXPECT_GT(hits, rays / 4);
+            EXPECT_LE(others * 4000, rays) << others;
+        }
+    }
+}
+
 TEST(PrimaryRays, KnowEndsKindsAndWhatIsTakenAway) {
     SeenRoom room(false);
     const bvh::PixelGrid grid = gridAt({0, 0, 4}, {0, 0, -1}, 192, 144);
@@ -322,7 +354,7 @@ TEST(PrimaryRays, AreTheSameAtEveryWidth) {
     std::vector<bvh::Cluster> clusters;
     std::vector<bvh::PrimaryHits::Seen> seen;
     for (std::uint32_t first = 0; first < mesh->triangleCount; first += 16) {
-        seen.push_back({static_cast<std::uint32_t>(clusters.size()), HUGE_VALF});
+        seen.push_back({static_cast<std::uint32_t>(clusters.size()), HUGE_VALF, 0xffff});
         clusters.push_back({Vec3f(-2), 0, Vec3f(2), first});
     }
     int met = 0;
@@ -330,7 +362,7 @@ TEST(PrimaryRays, AreTheSameAtEveryWidth) {
         const float angle = static_cast<float>(turn) * .2f;
         const bvh::PixelGrid grid = gridAt({3 * std::sin(angle), .3f, 3 * std::cos(angle)},
                                            {-std::sin(angle), 0, -std::cos(angle)}, 16, 16, .3f);
-        const bvh::TileFrame frame{grid.eye, directionAt(grid, 0, 0), grid.right * grid.across, -grid.up * grid.down};
+        const bvh::TileFrame frame(grid, bvh::PictureRows(grid), 0, 0);
         bvh::TileHits tiles[2], more[2][3];
         const bvh::PrimaryKernels* kernels[] = {&bvh::primaryKernels8(), bvh::primaryKernels16()};
         for (int k = 0; k < 2; ++k)

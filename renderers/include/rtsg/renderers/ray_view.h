@@ -85,8 +85,8 @@ class RayView {
     Hit intersect(const Ray& ray, RayKind kind = RayKind::view) const;
     /// Whether anything lies in [tMin, tMax]; for bad rays false, counted as above.
     bool occluded(const Ray& ray, RayKind kind = RayKind::shadow) const;
-    /// As above for the active lanes. `coherent`: the rays run close together (primary rays, say), which makes it
-    /// faster. Returns a bit per lane that hit something or is blocked.
+    /// As above for the active lanes. `coherent`: the rays are known to run close together (primary rays, say), which
+    /// makes it faster; of others a look at the packet tells. Returns a bit per lane that hit something or is blocked.
     std::uint32_t intersect(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::view) const;
     std::uint32_t occluded(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::shadow) const;
     /// What lane `lane` of an intersected packet hit; no instance for a miss.
