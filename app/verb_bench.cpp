@@ -115,7 +115,7 @@ int writeScenes(const bench::FrameOptions& options, const std::string& folder) {
 Verb addBench(Command& program) {
     struct BenchArguments {
         std::vector<std::string> names;
-        bool quick = false, list = false, json = false;
+        bool quick = false, list = false, json = false, features = false;
         bench::FrameOptions frames;
         std::string folder;
     };
@@ -124,6 +124,8 @@ Verb addBench(Command& program) {
     command->addOption("NAME", options->names,
                        "benches to run, or groups of them (scene, world, light, audio, sync); all if none is named");
     command->addFlag("--quick", options->quick, "smaller sizes, for a first look");
+    command->addFlag("--features", options->features,
+                     "of `light`: what pictures' features cost, used and not used, alone (the bench `features`)");
     command->addFlag("--list", options->list, "say what there is");
     command->addOption("--scene", options->frames.scenes,
                        "of `frames`: Beetles, Venice, Conference[+teapot], Campus[+teapot], Kitchen, Troopers, "
@@ -142,6 +144,7 @@ Verb addBench(Command& program) {
                         printError(fmt::format("no bench is called {}; rtsg bench --list names them", name));
                         return static_cast<int>(kUsage);
                     }
+                if (options->features) options->names = {"features"};
                 const bool chosen = !options->frames.scenes.empty() || options->frames.scale < 1;
                 if (!options->folder.empty()) return writeScenes(options->frames, options->folder);
                 bool good = true;

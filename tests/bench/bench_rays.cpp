@@ -385,9 +385,9 @@ struct Limit {
     }
     std::size_t best() const { return bestOf(seconds); }
     /// The least of all flags for these, told to be coherent or not.
-    double least(const Followers& rays, bool occlusion) const {
+    double least(const Followers& rays, bool occlusion, int rounds) const {
         std::vector<double> times[2 * std::size(kChoices)];
-        for (int round = 0; round < 5; ++round)
+        for (int round = 0; round < rounds; ++round)
             for (std::size_t i = 0; i < std::size(times); ++i)
                 times[i].push_back(rays.bareSeconds(*scenes[i / 2], occlusion, i % 2));
         return median(times[bestOf(times)]);
@@ -403,7 +403,7 @@ struct Limit {
 };
 
 /// One mesh, seen from within. Returns whether there was something to measure.
-bool measureRays(const Report& report, const char* what, const RoomTriangles& triangles) {
+bool measureRays(const Report& report, const char* what, const RoomTriangles& triangles, int rounds) {
     Scene scene;
     fillScene(scene, triangles);
     scene.newFrame(0);
@@ -430,7 +430,7 @@ bool measureRays(const Report& report, const char* what, const RoomTriangles& tr
         return picture ? cpuSeconds() - start : -1;
     };
     std::vector<double> intersect, shade, shadow, batched, single;
-    for (int i = 0; i < 5; ++i) {
+    for (int i = 0; i < rounds; ++i) {
         bare.measure(rays);
         intersect.push_back(worldSeconds(world, rays));
         shade.push_back(shaded(Shadows::none));
@@ -450,10 +450,10 @@ bool measureRays(const Report& report, const char* what, const RoomTriangles& tr
     line("shaded primary rays", "Mrays/s", shade);
     report({"rays", name, "shaded, one shadow ray each", "Mpixels/s", count / median(shadow), "", 0,
             fmt::format("{}, and {} of the same shadow rays", limitName, embreesCall("rtcOccluded")),
-            count / (least + bare.least(shadowRays, true))});
+            count / (least + bare.least(shadowRays, true, rounds))});
     report({"rays", name, "reflections in packets", "Mrays/s", mirroredCount / median(batched), "one by one",
             mirroredCount / median(single), embreesCall("rtcIntersect") + " of the same rays",
-            mirroredCount / bare.least(mirrored, false)});
+            mirroredCount / bare.least(mirrored, false, rounds)});
     report({"rays", name, "the scene's triangles made ready", "ms", 1e3 * building, "", 0,
             fmt::format("rtcCommitScene, {}", Limit::kChoices[best].name), 1e3 * bare.scenes[best]->building()});
     return median(shade) >= 0;
@@ -462,9 +462,10 @@ bool measureRays(const Report& report, const char* what, const RoomTriangles& tr
 }  // namespace
 
 bool rays(const Report& report, bool quick) {
-    return measureRays(report, "", spheresRoom(100'000)) &&
-           measureRays(report, "hall of long triangles, ", hall(100'000)) &&
-           (quick || measureRays(report, "", spheresRoom(1'000'000)));
+    const int rounds = quick ? 1 : 5;
+    return measureRays(report, "", spheresRoom(100'000), rounds) &&
+           measureRays(report, "hall of long triangles, ", hall(100'000), rounds) &&
+           (quick || measureRays(report, "", spheresRoom(1'000'000), rounds));
 }
 
 }  // namespace rtsg::bench

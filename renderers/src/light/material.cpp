@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
 #include <glm/gtc/matrix_transform.hpp>
 
 #include <rtsg/core/scene.h>
@@ -223,8 +224,9 @@ struct Reader {
         const std::string_view update = node.get(N::update).view();
         if (update != "ALWAYS" && update != "NEXT_FRAME_ONLY") return nullptr;
         constexpr int kMostPixels = 4096;
+        GeneratedCube cube{node.id()};
         if constexpr (requires { N::size; }) {
-            return std::make_shared<const GeneratedCube>(node.id(), std::clamp(node.get(N::size), 1, kMostPixels), 0);
+            cube.size = std::clamp(node.get(N::size), 1, kMostPixels);
         } else {
             if (!node.get(N::url).empty())
                 diagnostics.warningAt(scene.placeOf(node.id()),
@@ -232,9 +234,14 @@ struct Reader {
             if (node.get(N::depthMap))
                 diagnostics.warningAt(scene.placeOf(node.id()),
                                       "RenderedTexture.depthMap: its depths are not shown, but its colours");
-            return std::make_shared<const GeneratedCube>(node.id(), std::clamp(node.get(N::width), 1, kMostPixels),
-                                                         std::clamp(node.get(N::height), 1, kMostPixels));
+            cube.size = std::clamp(node.get(N::width), 1, kMostPixels);
+            cube.height = std::clamp(node.get(N::height), 1, kMostPixels);
         }
+        std::string why;
+        auto drawn = store.drawn(cube, why);
+        if (!drawn)
+            diagnostics.warningAt(scene.placeOf(node.id()), fmt::format("{} shows nothing: {}", node.type().name, why));
+        return drawn;
     }
 
     TextureUse use(NodeId id, const String& mapping, Texture::Content content) {

@@ -117,6 +117,26 @@ bool TextureStore::countPixels(std::uint64_t more, std::string& why) {
     return false;
 }
 
+std::shared_ptr<const GeneratedCube> TextureStore::drawn(const GeneratedCube& cube, std::string& why) {
+    constexpr std::uint64_t kFloats = 4;  // of four bytes, a pixel
+    const auto size = static_cast<std::uint64_t>(cube.size), height = static_cast<std::uint64_t>(cube.height);
+    const std::uint64_t pixels = kFloats * size * (cube.isFlat() ? height : 6 * size);
+    std::erase_if(drawn_, [&](const auto& entry) {
+        const bool ends = entry.second.cube.expired();
+        if (ends) pixelsInUse_ -= entry.second.pixels;
+        return ends;
+    });
+    if (const auto found = drawn_.find(cube.node.value); found != drawn_.end()) {
+        if (auto same = found->second.cube.lock(); same->size == cube.size && same->height == cube.height) return same;
+        pixelsInUse_ -= found->second.pixels;
+        drawn_.erase(found);
+    }
+    if (!countPixels(pixels, why)) return nullptr;
+    auto made = std::make_shared<const GeneratedCube>(cube);
+    drawn_[cube.node.value] = {made, pixels};
+    return made;
+}
+
 std::string TextureStore::listName(const Scene& scene, const Node& node, const Array<String>& urls,
                                    Texture::Content content) const {
     std::string all = content == Texture::Content::color ? "c" : "d";
@@ -403,6 +423,7 @@ void TextureStore::collect() {
     for (const Texture* texture : inUse) pixelsInUse_ += pixelsOf(*texture);
     for (const auto& [name, film] : films_)
         if (film.shown) pixelsInUse_ += pixelsOf(*film.shown);
+    for (const auto& [node, drawn] : drawn_) pixelsInUse_ += drawn.pixels;
     for (const auto& [picture, cube] : cubes_) pixelsInUse_ += pixelsOf(*picture);
     for (const auto& [name, block] : blocks_)
         if (block.texture && block.words.empty())

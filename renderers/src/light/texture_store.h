@@ -15,6 +15,7 @@
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/renderers/material.h>
 #include <rtsg/renderers/movie.h>
 #include <rtsg/renderers/space_texture.h>
 #include <rtsg/renderers/texture.h>
@@ -37,6 +38,8 @@ class TextureStore {
     /// Of a ComposedCubeMapTexture, ImageCubeMapTexture, ComposedTexture3D, ImageTexture3D or PixelTexture3D.
     std::shared_ptr<const SpaceTexture> spaceOfNode(const Scene& scene, const Node& node, Texture::Content content,
                                                     Diagnostics& diagnostics);
+    /// A picture that is drawn for a node, as it counts among the others; null, with the reason: there are too many.
+    std::shared_ptr<const GeneratedCube> drawn(const GeneratedCube& cube, std::string& why);
     /// Of pictures that stay in their files: parts that could not be read; once each.
     void tellOfDamage(Diagnostics& diagnostics);
     /// Drops what no material uses any more, once there is much of it.
@@ -79,7 +82,7 @@ class TextureStore {
     };
     std::unordered_map<std::string, List> lists_;  // by folders and urls
     std::size_t kept_ = 0;
-    std::uint64_t pixelsInUse_ = 0;                     // of those in files_ and lists_, as the policy counts them
+    std::uint64_t pixelsInUse_ = 0;                     // of those in the tables around, as the policy counts them
     std::unordered_map<std::uint64_t, Pixels> pixels_;  // by node and content
     struct Film {
         std::string list;  // by folders and urls
@@ -92,6 +95,11 @@ class TextureStore {
         std::shared_ptr<const Texture> picture;
         std::shared_ptr<const SpaceTexture> cube;
     };
+    struct Drawn {
+        std::weak_ptr<const GeneratedCube> cube;
+        std::uint64_t pixels = 0;
+    };
+    std::unordered_map<std::uint32_t, Drawn> drawn_;  // by node
     std::unordered_map<const Texture*, Cube> cubes_;  // by the picture that holds the sides
     struct Block {
         std::shared_ptr<const SpaceTexture> texture;

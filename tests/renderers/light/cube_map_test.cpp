@@ -361,6 +361,38 @@ TEST(GeneratedCubeMap, FollowsTheSceneAndShowsNothingUntilAsked) {
     EXPECT_LT(glm::distance(s.center(), kSeen[1]), 1e-5f) << "the wall behind it";
 }
 
+/// What is drawn for a node counts among the scene's pictures, as long as it is shown and no longer.
+TEST(GeneratedCubeMap, CountsAmongThePixelsThatASceneMayHave) {
+    const auto shape = [](int i, const char* more) {
+        return plane({0, 0, 1}, "CAMERASPACEREFLECTIONVECTOR",
+                     fmt::format("DEF G{} GeneratedCubeMapTexture {{ {} }}", i, more).c_str());
+    };
+    ResourcePolicy policy;
+    policy.maximumPixels = 4 * 6 * 32 * 32 + 4 * 6 * 16 * 16;
+    LightRenderer::Options options{Resources({}, policy)};
+    LightScene s(walls() + shape(0, "update \"ALWAYS\" size 32") + shape(1, "size 16") + shape(2, "size 16"), 9, 9,
+                 options);
+    const auto warnings = [&] {
+        (void)s.picture();
+        std::size_t count = 0;
+        for (const Diagnostic& d : s.light->diagnostics().all())
+            count += d.text.find("GeneratedCubeMapTexture shows nothing: the scene's pictures have more than") == 0;
+        return count;
+    };
+    const auto update = [&](const char* node, const char* how) {
+        ASSERT_TRUE(s.scene.set(s.node(node), x3d::GeneratedCubeMapTexture::update, String(how)));
+        static double now = 0;
+        s.scene.newFrame(++now);
+    };
+    EXPECT_EQ(warnings(), 0u);
+    update("G1", "ALWAYS");
+    EXPECT_EQ(warnings(), 0u) << "as much as it may have";
+    update("G2", "ALWAYS");
+    EXPECT_EQ(warnings(), 1u) << "more";
+    update("G2", "NONE"), update("G1", "NONE"), update("G2", "ALWAYS");
+    EXPECT_EQ(warnings(), 1u) << "another one in place of one that is shown no more";
+}
+
 TEST(RenderedTexture, ShowsWhatTheEyeSeesWithoutTheShapesThatShowIt) {
     // A cross of four walls around a blue one, which the square with the picture hides from the eye.
     const auto wall = [](const char* place, double half, const char* color) {
