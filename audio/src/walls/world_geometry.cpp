@@ -100,27 +100,30 @@ const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version,
     return changes_;
 }
 
-/// The normal of what was hit, and its distance: those of the plane, or of the triangle itself where there is none.
+/// The normal of what was hit, and its distance: those of the plane in double precision; of a triangle without one as
+/// the ray has found them, within what `clear` says.
 void WorldGeometry::makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,
                               const glm::dvec3& direction, AcousticHit& hit) const {
+    if (plane == kNoPlane) {
+        const glm::dvec3 normal(
+            found.normal);  // of length 1 in single precision; one step of Newton's makes it so here
+        hit.normal = normal * (1.5 - 0.5 * glm::dot(normal, normal));
+        hit.clear = clearOf(wall, found) + roundingAt(origin);
+        return;
+    }
     const double rough = hit.distance;
     hit.clear = 0;  // surfaces may be off a plane by more
-    if (plane != kNoPlane) {
-        const ReflectingPlane& on = planes_->planes()[plane];
-        hit.normal = on.normal;
-        hit.distance = -on.signedDistance(origin) / glm::dot(direction, on.normal);
-        // Grazing rays amplify what little the merged triangles are apart: then the triangle itself is right.
-        if (isNearRough(hit.distance, rough)) return;
-    }
+    const ReflectingPlane& on = planes_->planes()[plane];
+    hit.normal = on.normal;
+    hit.distance = -on.signedDistance(origin) / glm::dot(direction, on.normal);
+    // Grazing rays amplify what little the merged triangles are apart: then the triangle itself is right.
+    if (isNearRough(hit.distance, rough)) return;
     glm::dvec3 corners[3];
     cornersOf(wall, found.triangle, corners);
     const glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
     hit.distance = glm::dot(corners[0] - origin, normal) / glm::dot(direction, normal);
     // Also what is no number: of a sliver, or seen from its edge.
     if (!isNearRough(hit.distance, rough)) hit.distance = rough;
-    if (plane != kNoPlane) return;
-    hit.normal = glm::normalize(glm::dvec3(found.normal));
-    hit.clear = clearOf(wall, found);
 }
 
 /// How far rays may be off a triangle of an instance, or it off where it is in double precision (RayView::point() has

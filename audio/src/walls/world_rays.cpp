@@ -78,23 +78,6 @@ void startLooks(const AcousticRays& rays, const glm::dvec3& center, RayPacket16&
 
 }  // namespace
 
-/// Has what judge() reads of several hits on its way into the caches, side by side.
-void WorldGeometry::fetch(std::uint32_t mask, const PacketHits16& found) const {
-    const std::int32_t* corners[AcousticRays::kMost];
-    const Vec3f* positions[AcousticRays::kMost];
-    for (std::uint32_t rest = mask; rest != 0; rest &= rest - 1) {
-        const int i = std::countr_zero(rest);
-        const Mesh& mesh = *walls_.walls[found.instance[i]].mesh;
-        corners[i] = mesh.triangles.data() + std::size_t{found.triangle[i]} * mesh.triangleStride;
-        positions[i] = mesh.positions.data();
-        __builtin_prefetch(corners[i]);
-    }
-    for (std::uint32_t rest = mask; rest != 0; rest &= rest - 1) {
-        const int i = std::countr_zero(rest);
-        for (int c = 0; c < 3; ++c) __builtin_prefetch(positions[i] + corners[i][c]);
-    }
-}
-
 /// judge() for what lies on a plane that is near where it was met, as nearly everything does where there are planes.
 inline bool WorldGeometry::meetsPlane(std::uint32_t instance, std::uint32_t triangle, double rough,
                                       const AcousticRays& rays, int lane, AcousticHit& hit) const {
@@ -124,7 +107,6 @@ std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, c
     const std::uint32_t mask = rays_->intersect(packet, false, RayKind::sound);
     rays_->hits(packet, mask, found);
     const bool onPlanes = planes_->usable() && open.empty();
-    if (!planes_->usable()) fetch(mask, found);
     std::uint32_t met = 0;
     for (int i = 0; i < rays.count; ++i) {
         AcousticHit& hit = hits[static_cast<std::size_t>(i)];

@@ -497,6 +497,8 @@ TEST_P(AskedTogether, MeetsWhatEachMeetsAlone) {
     std::normal_distribution<double> normal;
     const auto direction = [&] { return glm::normalize(glm::dvec3(normal(random), normal(random), normal(random))); };
     const glm::dvec3 place(.3, -1.2, 3.1);
+    // Without planes a hit is where single precision has it: the reference starts as far before it as that may be off.
+    const double off = planes ? 1e-7 : 2e-5, same = planes ? 0 : 1e-4;
     int met = 0, hidden = 0, asked = 0;
     for (int round = 0; round < 300; ++round) {
         // From the air to a wall, from there on, and back to the place.
@@ -522,7 +524,7 @@ TEST_P(AskedTogether, MeetsWhatEachMeetsAlone) {
         const std::uint32_t bits = room.geometry.closestOf(on, second), shut = room.geometry.blockedOf(back);
         for (int i = 0; i < on.count; ++i) {
             AcousticHit alone, exact;
-            const bool expected = reference.closest(on.origin[i] + 1e-7 * on.facing[i], on.direction[i],
+            const bool expected = reference.closest(on.origin[i] + off * on.facing[i], on.direction[i],
                                                     on.maxDistance[i], kNoPlane, exact);
             ASSERT_EQ(room.geometry.closest(on.origin[i], on.direction[i], on.maxDistance[i], on.except[i], alone),
                       expected);
@@ -530,13 +532,13 @@ TEST_P(AskedTogether, MeetsWhatEachMeetsAlone) {
             if (!expected) continue;
             ++met;
             const AcousticHit& hit = second[static_cast<std::size_t>(i)];
-            EXPECT_NEAR(hit.distance, exact.distance, 1e-5);
-            EXPECT_EQ(hit.distance, alone.distance);
+            EXPECT_NEAR(hit.distance, exact.distance, planes ? 1e-5 : 1e-4);
+            EXPECT_NEAR(hit.distance, alone.distance, same);
             EXPECT_EQ(hit.plane, alone.plane);
         }
         for (int i = 0; i < back.count; ++i) {
             AcousticHit exact;
-            const bool expected = reference.closest(back.origin[i] + 1e-7 * back.facing[i], back.direction[i],
+            const bool expected = reference.closest(back.origin[i] + off * back.facing[i], back.direction[i],
                                                     back.maxDistance[i], kNoPlane, exact);
             ASSERT_EQ((shut >> i & 1) != 0, expected) << round << ' ' << i;
             ++asked;

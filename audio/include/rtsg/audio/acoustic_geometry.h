@@ -52,7 +52,7 @@ struct ReflectingPlane {
 };
 
 struct AcousticHit {
-    double distance = 0;         // in double, on the plane
+    double distance = 0;         // in double, on the plane; without a plane off the surface by less than `clear`
     glm::dvec3 normal{0, 0, 1};  // unit, on either side
     std::uint32_t plane = kNoPlane;
     std::uint32_t material = 0;

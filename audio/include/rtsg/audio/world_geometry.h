@@ -111,7 +111,6 @@ class WorldGeometry final : public AcousticGeometry {
     enum class Judged : std::uint8_t { hit, beyond, doubtful };
     Judged judge(const Hit& found, double rough, std::span<const std::uint32_t> open, const glm::dvec3& origin,
                  const glm::dvec3& direction, double maxDistance, std::uint32_t except, AcousticHit& hit) const;
-    void fetch(std::uint32_t mask, const PacketHits16& found) const;
     void settleDoubts(std::span<const std::uint32_t> open, const AcousticRays& rays, RayPacket16& packet,
                       std::uint32_t& blocked) const;
     double clearOf(const Wall& wall, const Hit& found) const;
