@@ -25,10 +25,10 @@ void readTimes(const Node& node, SoundVoice& voice) {
     voice.paused = node.get(N::isPaused);
 }
 
-/// Of an OscillatorSource, where the tables know of one.
+/// Of an OscillatorSource, where the tables know of one; null: a sine's.
 std::shared_ptr<const PeriodicWave> waveOf(const Scene& scene, const Node& oscillator) {
     const Node* node = scene.effectiveNode(fieldOr(oscillator, "periodicWave", NodeId{}));
-    if (!node || !node->is(x3d::PeriodicWave::type)) return nullptr;
+    if (!node || !node->is(x3d::PeriodicWave::type) || !fieldOr(*node, "enabled", true)) return nullptr;
     using P = x3d::PeriodicWave;
     const String typeText = fieldOr(*node, "type", String());
     const std::string_view type = typeText.view();

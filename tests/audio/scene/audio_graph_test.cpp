@@ -120,6 +120,18 @@ TEST(AudioGraph, ShapersAndCompressorsWorkOnWhatLeadsIntoThem) {
                 .01 * Compressor::makeUp(usual), 1e-5);
 }
 
+TEST(AudioGraph, AWaveThatIsNotEnabledLeavesASine) {
+    const auto tone = [](const char* enabled) {
+        return hear(fmt::format("OscillatorSource {{ frequency 1000 periodicWave PeriodicWave {{ enabled {} type "
+                                "\"CUSTOM\" optionsReal [ 0 0 0 ] optionsImag [ 0 0 1 ] }} }}",
+                                enabled))[0];
+    };
+    EXPECT_NEAR(lineOf(tone("TRUE"), 2000), 1, 1e-5);
+    EXPECT_LT(lineOf(tone("TRUE"), 1000), 1e-5);
+    EXPECT_NEAR(lineOf(tone("FALSE"), 1000), 1, 1e-5);
+    EXPECT_LT(lineOf(tone("FALSE"), 2000), 1e-5);
+}
+
 TEST(AudioGraph, ABranchThatMakesNoNumbersIsSilentAloneAndNamed) {
     for (const std::string& bad :
          {"DEF BAD DynamicsCompressor { threshold -1e30 children " + kGraphTone + " }",
