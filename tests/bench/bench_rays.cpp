@@ -389,7 +389,8 @@ struct Limit {
         std::vector<double> times[2 * std::size(kChoices)];
         for (int round = 0; round < rounds; ++round)
             for (std::size_t i = 0; i < std::size(times); ++i)
-                times[i].push_back(rays.bareSeconds(*scenes[i / 2], occlusion, i % 2));
+                times[i].push_back(
+                    rays.bareSeconds(*scenes[i / 2], occlusion, i % 2 && (bvh::kOccludesCoherently || !occlusion)));
         return median(times[bestOf(times)]);
     }
 

@@ -248,7 +248,7 @@ std::uint32_t TopView::metBy(RayPacket16& rays) const {
 
 std::uint32_t TopView::occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
     complete(rays, maskOf(kind));
-    RayCast cast(coherent || runTogether(rays, valid));
+    RayCast cast(kOccludesCoherently && (coherent || runTogether(rays, valid)));
     auto& packet = reinterpret_cast<RTCRay16&>(rays);
     if (main_) cast.occluded(valid, main_->scene, packet);
     if (!tree_.empty()) {
