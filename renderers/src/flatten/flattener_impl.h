@@ -316,7 +316,8 @@ struct Flattener::Impl {
     /// The occurrence that something placed shines, cuts or hides within, if there is one that limits it.
     std::uint32_t limitOf(std::uint32_t placed, const Node& node, const TypeRole& role) const;
     void relight(NodeId inlined);
-    /// Of a node below this one: its type's, but of a LayoutGroup's viewport.
+    /// Of a node below this one: its type's, but of a LayoutGroup's viewport, and of the part of a Viewport among
+    /// children that cuts the rest: it stands below itself.
     const TypeRole& roleBelow(std::uint32_t parent, const Node& node);
     /// Of something placed; of a LayoutGroup's viewport with the rectangle that it divides as a square of side 1, which
     /// has no size where there is none.

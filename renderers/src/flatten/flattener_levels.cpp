@@ -31,6 +31,7 @@ void Flattener::Impl::chooseChildren(std::uint32_t index, const Node& node, cons
     wanted.clear();
     if (role.role != Role::level) {
         flatten::desiredChildren(node, role, tree[index].level, wanted);
+        if (role.role == Role::all && node.is(x3d::Viewport::type)) wanted.push_back(node.id());
         if (tree[index].hasProxy)
             if (const NodeId proxy = flatten::proxyOf(node, role)) wanted.push_back(proxy);
         return;

@@ -90,19 +90,21 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
 
 void Flattener::Impl::grow(std::uint32_t parent, NodeId child) {
     const Node* node = scene->find(child);
-    if (!node) return;
+    if (!node || tree[parent].role == Role::placed) return;  // a Viewport where it cuts: what it groups is elsewhere
     const TypeRole& role = roleBelow(parent, *node);
     if (role.role != Role::none) growContent(newOccurrence(*node, role, parent));
 }
 
 const TypeRole& Flattener::Impl::roleBelow(std::uint32_t parent, const Node& node) {
-    static const TypeRole cuts = [] {
+    const auto placedAs = [](PlacedKind kind) {
         TypeRole role;
-        role.role = Role::placed, role.kind = PlacedKind::clipPlane;
+        role.role = Role::placed, role.kind = kind;
         return role;
-    }();
+    };
+    static const TypeRole cuts = placedAs(PlacedKind::clipPlane), window = placedAs(PlacedKind::window);
     const TypeRole& own = roles.of(node);
     if (own.role != Role::all || !node.is(x3d::Viewport::type) || parent == kNone) return own;
+    if (tree[parent].node == node.id()) return window;
     const Node& group = scene->node(tree[parent].node);
     const FieldIndex field = roles.of(group).viewport;
     return field != kNoField && flatten::read<NodeId>(group, field) == node.id() ? cuts : own;
@@ -111,7 +113,7 @@ const TypeRole& Flattener::Impl::roleBelow(std::uint32_t parent, const Node& nod
 WorldFromLocal Flattener::Impl::placedFrame(std::uint32_t index) const {
     const Occurrence& o = tree[index];
     const WorldFromLocal& frame = frames[o.frame];
-    if (!scene->node(o.node).is(x3d::Viewport::type)) return frame;
+    if (!scene->node(o.node).is(x3d::Viewport::type) || tree[o.parent].node == o.node) return frame;
     const flatten::Region* region = regionAround(o.parent);
     const Vec2d size = region ? region->size : Vec2d(0);
     return {frame[0] * size.x, frame[1] * size.y, frame[2], frame[3]};
@@ -492,7 +494,8 @@ void Flattener::Impl::updateFrames(std::uint32_t top) {
 
 std::uint32_t Flattener::Impl::limitOf(std::uint32_t index, const Node& node, const TypeRole& role) const {
     const bool isLight = role.kind == PlacedKind::light;
-    if (!isLight && role.kind != PlacedKind::clipPlane && role.kind != PlacedKind::localFog) return kNone;
+    const bool isWindow = role.kind == PlacedKind::window;
+    if (!isLight && !isWindow && role.kind != PlacedKind::clipPlane && role.kind != PlacedKind::localFog) return kNone;
     std::uint32_t group = tree[index].parent;
     if (!isLight || (role.global != kNoField && !flatten::read<bool>(node, role.global))) {
         while (tree[group].role == Role::first)

@@ -21,6 +21,7 @@ struct Part {
     Vec3d headlight{0, 0, -1};  // where it shines to; 0: there is none
     std::vector<bool> hidden;   // slots that are not there; empty: none
     bool over = false;          // something is seen where nothing is: no background of its own makes it clear
+    bool windows = true;        // Viewports cut: the picture is not one that a scene draws for itself
 };
 
 /// Reads `state` and `world`, which must outlive it.

@@ -38,10 +38,10 @@ struct CubeDrawing {
     const Camera& camera;
     RenderSettings settings;
 
-    /// What an eye sees without these slots, as a texture. Null: it has no pixels.
-    std::shared_ptr<const Texture> draw(const Camera& eye, std::vector<bool> hidden) const {
+    /// What an eye sees without these slots, as a texture. Null: it has no pixels. `windows`: as Part has it.
+    std::shared_ptr<const Texture> draw(const Camera& eye, std::vector<bool> hidden, bool windows) const {
         const TraceScene around =
-            makeTraceScene(state, world, eye, settings, Part{camera.forward, std::move(hidden), false});
+            makeTraceScene(state, world, eye, settings, Part{camera.forward, std::move(hidden), false, windows});
         const Picture picture = toLinear(drawPicture(around, eye, settings, nullptr));
         std::vector<Vec4f> pixels;
         pixels.reserve(picture.pixels.size());
@@ -62,7 +62,7 @@ struct CubeDrawing {
             eye.right = glm::normalize(Vec3d(cubeDirection(side, {1, .5f}) - cubeDirection(side, {0, .5f})));
             eye.up = glm::cross(eye.right, eye.forward);
             eye.layer = camera.layer;
-            sides[i] = draw(eye, hidden);
+            sides[i] = draw(eye, hidden, false);
         }
         return SpaceTexture::cube(std::move(sides));
     }
@@ -88,8 +88,8 @@ void drawCubes(const LightState& state, const RayView& world, const Camera& came
         const CubeDrawing drawing{state, world, camera, own};
         if (!cube.isFlat()) {
             made.emplace_back(cube.node, drawing.sides(users, hidden));
-        } else if (auto block =
-                       SpaceTexture::block({drawing.draw(camera.shaped(double(own.width) / own.height), hidden)})) {
+        } else if (auto block = SpaceTexture::block(
+                       {drawing.draw(camera.shaped(double(own.width) / own.height), hidden, true)})) {
             made.emplace_back(cube.node, std::move(*block));
         }
     }

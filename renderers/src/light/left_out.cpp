@@ -2,6 +2,8 @@
 #include "left_out.h"
 
 #include <algorithm>
+#include <array>
+#include <cmath>
 #include <utility>
 
 #include "world/ray_boxes.h"
@@ -10,19 +12,42 @@ namespace rtsg::trace {
 
 namespace {
 
-/// ClipPlanes, and viewports of LayoutGroups: those of the scopes around a shape cut it (11.4.1, 36.4.2).
+/// The planes through a window's edges that are no edges of the picture's.
+std::vector<ClipEntry::Plane> planesOf(const std::array<float, 4>& window, const Camera& eye) {
+    std::vector<ClipEntry::Plane> planes;
+    if (eye.panorama) return planes;
+    const glm::dmat3 rows = glm::transpose(eye.steps());
+    const auto add = [&](float share, double low, double high, const Vec3d& across, double side) {
+        if (!(share > 0 && share < 1)) return;
+        const double at = low + double{share} * (high - low);
+        Vec3d normal = side * (eye.orthographic ? across : across - at * rows[2]);
+        double offset = -glm::dot(normal, eye.position) - (eye.orthographic ? side * at : 0);
+        const double length = glm::length(normal);
+        if (length > 0 && std::isfinite(length + offset)) planes.push_back({normal / length, offset / length});
+    };
+    const auto [left, right, bottom, top] = window;
+    add(left, eye.left, eye.rightEdge, rows[0], 1), add(right, eye.left, eye.rightEdge, rows[0], -1);
+    add(bottom, eye.bottom, eye.top, rows[1], 1), add(top, eye.bottom, eye.top, rows[1], -1);
+    return planes;
+}
+
+/// ClipPlanes, and Viewports of LayoutGroups or that are groups themselves: those of the scopes around a shape cut it
+/// (11.4.1, 35.4.4, 36.4.2).
 class ClipFilter final : public RayFilter {
   public:
     /// Null: nothing is cut.
     static std::shared_ptr<const RayFilter> of(const LightState& state, const RayView& world,
-                                               const RenderSettings& settings) {
+                                               const RenderSettings& settings, const Camera* eye) {
         std::shared_ptr<ClipFilter> filter;
         for (std::size_t i = 0; i < state.placed.size(); ++i) {
             const PlacedEntry* entry = state.placed[i].get();
             const ClipEntry* clip = entry ? std::get_if<ClipEntry>(&entry->what) : nullptr;
             if (!clip) continue;
+            std::vector<ClipEntry::Plane> planes = clip->planes;
+            if (clip->window && eye) planes = planesOf(*clip->window, *eye);
+            if (planes.empty()) continue;
             if (!filter) filter = std::make_shared<ClipFilter>(state);
-            for (const ClipEntry::Plane& plane : clip->planes) {
+            for (const ClipEntry::Plane& plane : planes) {
                 const double offset = plane.offset + glm::dot(plane.normal, world.origin());
                 const Vec4f cut(Vec3f(plane.normal), static_cast<float>(offset));
                 filter->planes_[clip->scope].push_back(cut);
@@ -144,8 +169,8 @@ class HidingFilter final : public RayFilter {
 }  // namespace
 
 std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world,
-                                            const RenderSettings& settings) {
-    return ClipFilter::of(state, world, settings);
+                                            const RenderSettings& settings, const Camera* eye) {
+    return ClipFilter::of(state, world, settings, eye);
 }
 
 std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other,

@@ -10,9 +10,9 @@
 
 namespace rtsg::trace {
 
-/// What ClipPlanes cut off; null: nothing.
+/// What ClipPlanes and Viewports cut off; null: nothing. `eye`: the picture's; null: none whose edges matter.
 std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world,
-                                            const RenderSettings& settings);
+                                            const RenderSettings& settings, const Camera* eye);
 
 /// The slots that `hidden` says besides what another filter leaves out, which may be null.
 std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other,

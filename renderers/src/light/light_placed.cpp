@@ -137,6 +137,10 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
                 entry->what = std::move(clip);
             }
             break;
+        case PlacedKind::window:
+            if (node->is(x3d::Viewport::type))
+                entry->what = ClipEntry{{}, clipBoundaryOf(*node), scopeNumber(placed.scope), false};
+            break;
         case PlacedKind::localFog:
             if (node->is(x3d::LocalFog::type) && node->get(x3d::LocalFog::enabled))
                 entry->what =

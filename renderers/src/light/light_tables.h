@@ -57,13 +57,15 @@ struct LocalFogEntry {
     Fog fog;
     std::uint32_t scope = 0;  // its number
 };
-/// What lies where x dot normal + offset < 0 (world) of any plane is left out of everything in its scope.
+/// What lies where x dot normal + offset < 0 (world) of any plane is left out of everything in its scope; and what the
+/// eye of a picture sees outside of a window in it, as clipBoundaryOf().
 struct ClipEntry {
     struct Plane {
         Vec3d normal{0, 1, 0};
         double offset = 0;
     };
     std::vector<Plane> planes;
+    std::optional<std::array<float, 4>> window;
     std::uint32_t scope = 0;  // its number
     bool capped = false;      // where RenderSettings::caps says so: a ClipPlane, not a viewport
 };

@@ -159,7 +159,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     constexpr int kMostSharing = 64;  // more samples than these see no more of a texture: an eighth of a pixel is all
     scene.sampleShare = 1 / std::sqrt(static_cast<float>(std::clamp(settings.samplesPerPixel, 1, kMostSharing)));
     const PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), scene.pixelSpread, scene.pixelSize};
-    scene.filter = clipFilter(state, world, settings);
+    scene.filter = clipFilter(state, world, settings, part.windows ? &camera : nullptr);
     if (state.volumeSlots) {
         findVolumes(state, world, part.hidden, scene.filter, scene);
         for (const TraceVolume& volume : scene.volumes) {

@@ -1,4 +1,7 @@
 // ClipPlanes in pictures: what is cut away and what is not, against trigonometry.
+#include <algorithm>
+#include <array>
+
 #include <rtsg/core/x3d.h>
 
 #include "light_scene.h"
@@ -69,6 +72,63 @@ TEST(ClipPlane, KeepsWhatLiesOnIt) {
         EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 1 0 }"), 100, 100).picture(), 0), 1) << turn;
         EXPECT_EQ(lit(LightScene(cut("ClipPlane { plane 0 0 1 -.001 }"), 100, 100).picture(), 0), 0) << turn;
     }
+}
+
+// ---- Viewports among children -------------------------------------------------------------------------------------
+
+/// Left, right, top and bottom of the pixels that are red, the last ones not included; all of which must be.
+std::array<int, 4> redRectangle(const Picture& p) {
+    std::array<int, 4> edges{p.width, 0, p.height, 0};
+    int count = 0;
+    for (int y = 0; y < p.height; ++y)
+        for (int x = 0; x < p.width; ++x) {
+            if (!(p.at(x, y).r > .5f)) continue;
+            ++count;
+            edges = {std::min(edges[0], x), std::max(edges[1], x + 1), std::min(edges[2], y),
+                     std::max(edges[3], y + 1)};
+        }
+    EXPECT_EQ(count, std::max(0, edges[1] - edges[0]) * std::max(0, edges[3] - edges[2]));
+    return edges;
+}
+
+TEST(ViewportGroup, CutsWhatItGroupsAtSharesOfThePicture) {
+    using Edges = std::array<int, 4>;
+    const std::string wall = "Transform { rotation 0 1 0 .4 children [ " + square(100, unlit("1 0 0")) + " ] }";
+    const char* const eyes[] = {"Viewpoint { position 1 2 10 orientation .28 .96 0 .2 } ",
+                                "OrthoViewpoint { position 1 2 10 orientation .28 .96 0 .2 fieldOfView [ -3 -2 3 2 ] } "};
+    for (const char* const eye : eyes)
+        for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+            SCOPED_TRACE(eye);
+            LightScene s(std::string(eye) +
+                             "DEF OUTER Group { children DEF V Viewport { clipBoundary [ .25 .75 .5 1 ] "
+                             "children [ DEF WALL " +
+                             wall + " ] } }",
+                         80, 40);
+            s.options.settings.integrator = integrator;
+            EXPECT_EQ(redRectangle(s.picture()), (Edges{20, 60, 0, 20}));
+            ASSERT_TRUE(s.scene.set(s.node("V"), x3d::Viewport::clipBoundary, Array<float>{.5f, 1, 0, .25f}));
+            s.scene.newFrame(1);
+            EXPECT_EQ(redRectangle(s.picture()), (Edges{40, 80, 30, 40}));
+            // Within another one.
+            const NodeId other = s.scene.createNode(x3d::Viewport::type);
+            ASSERT_TRUE(s.scene.set(other, x3d::Viewport::clipBoundary, Array<float>{0, .75f, 0, 1}));
+            ASSERT_TRUE(s.scene.insertChild(s.node("OUTER"), x3d::Group::children, other));
+            ASSERT_TRUE(s.scene.removeChild(s.node("OUTER"), x3d::Group::children.index, 0));
+            ASSERT_TRUE(s.scene.insertChild(other, x3d::Viewport::children, s.node("V")));
+            s.scene.newFrame(2);
+            EXPECT_EQ(redRectangle(s.picture()), (Edges{40, 60, 30, 40}));
+            // What comes into it and what leaves it.
+            ASSERT_TRUE(s.scene.removeChild(s.node("V"), x3d::Viewport::children.index, 0));
+            s.scene.newFrame(3);
+            EXPECT_EQ(lit(s.picture(), 0), 0);
+            ASSERT_TRUE(s.scene.insertChild(other, x3d::Viewport::children, s.node("WALL")));
+            s.scene.newFrame(4);
+            EXPECT_EQ(redRectangle(s.picture()), (Edges{0, 60, 0, 40}));
+            ASSERT_TRUE(s.scene.insertChild(s.node("OUTER"), x3d::Group::children, s.node("WALL")));
+            s.scene.newFrame(5);
+            EXPECT_EQ(redRectangle(s.picture()), (Edges{0, 80, 0, 40})) << "once more beside it";
+            EXPECT_TRUE(s.world->diagnostics().all().empty());
+        }
 }
 
 TEST(ClipPlane, SeveralCutTogether) {

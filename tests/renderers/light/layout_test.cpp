@@ -242,21 +242,20 @@ TEST(Layout, GroupsAreCutByTheirViewports) {
     }
 }
 
-// A Viewport that is no group's viewport groups, also where the same one cuts elsewhere.
-TEST(Layout, ViewportsAmongChildrenGroup) {
+// A Viewport that is no group's viewport groups and cuts what it groups, also where the same one cuts elsewhere.
+TEST(Layout, ViewportsAmongChildrenGroupAndCut) {
     LightScene s(hud("", "DEF V Viewport { clipBoundary [ 0 .5 0 1 ] children " + kUnit +
                              " } LayoutGroup { viewport USE V "
                              "children Transform { translation 0 -.75 0 children " +
                              kUnit + " } }"),
                  64, 64);
-    // A unit is half of the picture: the square in the middle is whole; of that below, the left half that is not above
-    // it.
+    // A unit is half of the picture: of both squares, in the middle and below, the left half is there.
     int upper = 0, lower = 0;
     const Picture p = s.picture();
     for (int y = 0; y < 64; ++y)
         for (int x = 0; x < 64; ++x)
             if (p.at(x, y).r > p.at(x, y).g) ++(y < 48 ? upper : lower);
-    EXPECT_EQ(upper, 32 * 32);
+    EXPECT_EQ(upper, 16 * 32);
     EXPECT_EQ(lower, 16 * 16);
 }
 

@@ -108,7 +108,8 @@ enum class PlacedKind : std::uint8_t {
     listener,
     sensor,
     clipPlane,
-    localFog
+    localFog,
+    window  // a Viewport among children: cuts what is below it by the picture's edges
 };
 
 struct Placed {
