@@ -122,9 +122,10 @@ TEST(AudioGraph, ShapersAndCompressorsWorkOnWhatLeadsIntoThem) {
 
 TEST(AudioGraph, AWaveThatIsNotEnabledLeavesASine) {
     const auto tone = [](const char* enabled) {
-        return hear(fmt::format("OscillatorSource {{ frequency 1000 periodicWave PeriodicWave {{ enabled {} type "
-                                "\"CUSTOM\" optionsReal [ 0 0 0 ] optionsImag [ 0 0 1 ] }} }}",
-                                enabled))[0];
+        return hear(
+            fmt::format("OscillatorSource {{ frequency 1000 periodicWave PeriodicWave {{ enabled {} type "
+                        "\"CUSTOM\" optionsReal [ 0 0 0 ] optionsImag [ 0 0 1 ] }} }}",
+                        enabled))[0];
     };
     EXPECT_NEAR(lineOf(tone("TRUE"), 2000), 1, 1e-5);
     EXPECT_LT(lineOf(tone("TRUE"), 1000), 1e-5);

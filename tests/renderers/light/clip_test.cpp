@@ -94,8 +94,9 @@ std::array<int, 4> redRectangle(const Picture& p) {
 TEST(ViewportGroup, CutsWhatItGroupsAtSharesOfThePicture) {
     using Edges = std::array<int, 4>;
     const std::string wall = "Transform { rotation 0 1 0 .4 children [ " + square(100, unlit("1 0 0")) + " ] }";
-    const char* const eyes[] = {"Viewpoint { position 1 2 10 orientation .28 .96 0 .2 } ",
-                                "OrthoViewpoint { position 1 2 10 orientation .28 .96 0 .2 fieldOfView [ -3 -2 3 2 ] } "};
+    const char* const eyes[] = {
+        "Viewpoint { position 1 2 10 orientation .28 .96 0 .2 } ",
+        "OrthoViewpoint { position 1 2 10 orientation .28 .96 0 .2 fieldOfView [ -3 -2 3 2 ] } "};
     for (const char* const eye : eyes)
         for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
             SCOPED_TRACE(eye);
