@@ -56,7 +56,8 @@ std::pair<int, int> blocksOf(const Range& pixels, int size) {
     const float middle = static_cast<float>(size) / 2;
     const float first = std::floor((pixels.low - kMargin + middle) / kBlockAside),
                 last = std::floor((pixels.high + kMargin + middle) / kBlockAside);
-    const auto all = static_cast<float>((size + kBlockAside - 1) / kBlockAside);
+    const int blocks = (size + kBlockAside - 1) / kBlockAside;
+    const auto all = static_cast<float>(blocks);
     return {static_cast<int>(std::clamp(first, 0.0f, all)), static_cast<int>(std::clamp(last + 1, 0.0f, all))};
 }
 
@@ -84,7 +85,8 @@ bool PictureRows::isSound() const {
 TileFrame::TileFrame(const PixelGrid& grid, const PictureRows& toPicture, int tileX, int tileY)
     : eye(grid.eye), toRight(grid.right * grid.across), downwards(-grid.up * grid.down), rows(toPicture) {
     const auto middleOf = [](int tile, int size) {
-        return static_cast<float>(tile * kTilePixelsAside + kTilePixelsAside / 2) - static_cast<float>(size) / 2;
+        constexpr int kHalf = kTilePixelsAside / 2;
+        return static_cast<float>(tile * kTilePixelsAside + kHalf) - static_cast<float>(size) / 2;
     };
     x = middleOf(tileX, grid.width), y = middleOf(tileY, grid.height);
     middle = grid.forward + grid.right * (grid.middleX + grid.across * x) + grid.up * (grid.middleY - grid.down * y);
@@ -172,13 +174,15 @@ void sortFromNear(std::vector<Found>& found) {
 }  // namespace
 
 bool PrimaryHits::list(const std::vector<Found>& found) {
-    const int across = tilesX();
-    lists_.resize(static_cast<std::size_t>(across) * static_cast<std::size_t>(tilesY()));
+    const auto across = static_cast<std::size_t>(tilesX());
+    lists_.resize(across * static_cast<std::size_t>(tilesY()));
     std::size_t total = 0;
     for (const Found& f : found) total += f.tiles();
     // Where tiles see this many clusters on the average, nearly all of them are left to rays.
     if (total > lists_.size() * most_) return false;
-    const auto listOf = [&](int x, int y) -> List& { return lists_[static_cast<std::size_t>(y * across + x)]; };
+    const auto listOf = [&](int x, int y) -> List& {
+        return lists_[static_cast<std::size_t>(y) * across + static_cast<std::size_t>(x)];
+    };
     for (const Found& f : found) f.forTiles([&](int x, int y) { ++listOf(x, y).count; });
     std::size_t taken = 0;
     for (List& list : lists_) {

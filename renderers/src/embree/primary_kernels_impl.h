@@ -168,10 +168,12 @@ struct PrimaryKernelsOf {
         TilePlaces pixels;
         constexpr Grid() : blockX(), blockY(), pixels() {
             for (int b = 0; b < 16; ++b) {
-                blockX[b] = static_cast<float>(b % 4) * 4 - 6, blockY[b] = static_cast<float>(b / 4) * 4 - 6;
+                const int blockRow = b / 4;
+                blockX[b] = static_cast<float>(b % 4) * 4 - 6, blockY[b] = static_cast<float>(blockRow) * 4 - 6;
                 for (int i = 0; i < 16; ++i) {
+                    const int row = i / 4;
                     pixels.x[b][i] = blockX[b] + static_cast<float>(i % 4) - 1.5f;
-                    pixels.y[b][i] = blockY[b] + static_cast<float>(i / 4) - 1.5f;
+                    pixels.y[b][i] = blockY[b] + static_cast<float>(row) - 1.5f;
                 }
             }
         }
