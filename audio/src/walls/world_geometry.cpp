@@ -105,8 +105,8 @@ const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version,
 void WorldGeometry::makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,
                               const glm::dvec3& direction, AcousticHit& hit) const {
     if (plane == kNoPlane) {
-        const glm::dvec3 normal(
-            found.normal);  // of length 1 in single precision; one step of Newton's makes it so here
+        // Of length 1 in single precision; one step of Newton's makes it so here.
+        const glm::dvec3 normal(found.normal);
         hit.normal = normal * (1.5 - 0.5 * glm::dot(normal, normal));
         hit.clear = clearOf(wall, found) + roundingAt(origin);
         return;

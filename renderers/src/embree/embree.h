@@ -60,8 +60,8 @@ void traceParts(const int* valid, Rays16& rays, Trace trace) {
 }
 
 /// Whether coherent packets may be asked for occlusion. An Embree 4 that was built for AVX-512 by a GCC before 14 may
-/// then loop for ever with packets of 16 (its pull request 574); in Debian's 3.13 the sets of lanes that
-/// it goes by are whole.
+/// then loop for ever with packets of 16 (its pull request 574); in Debian's 3.13 the sets of lanes that it goes by are
+/// whole.
 constexpr bool kOccludesCoherently = RTSG_EMBREE < 4;
 
 /// What goes with the rays of one call after the other.
