@@ -246,8 +246,16 @@ F8 nearestInPicture(const V8& apartA, const V8& apartB, F8 depthA, F8 depthB) {
     return first + (last - first) * (v * z1) / max(z0 * (1.0f - v) + z1 * v, all(1e-30f));
 }
 
-/// Eight rays and eight strokes, pair by pair.
-Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width) {
+/// Rays that a parallel eye sends: they start in its plane and lead forwards.
+I8 areFromParallelEye(const V8& o, const V8& d, const Width& width) {
+    const V8 from = o - width.eye;
+    const F8 depth = dot(from, width.forward), ahead = dot(d, width.forward);
+    const F8 rounding = 0x1p-20f * simd::sqrt(dot(o, o) + dot(width.eye, width.eye));
+    return (absolute(depth) <= rounding) & (ahead > 0.0f) & (ahead * ahead >= (1 - 1e-6f) * dot(d, d));
+}
+
+/// Eight rays, from `tMin` on, and eight strokes, pair by pair.
+Met meet(const V8& o, const V8& d, F8 tMin, const V8& a, const V8& b, const Width& width) {
     const V8 toA = a - o, along = b - a;
     const F8 dd = 1.0f / dot(d, d), da = dot(d, toA), dw = dot(d, along), ww = dot(along, along);
     // The place on the axis that the ray's line comes nearest to.
@@ -263,8 +271,8 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
         const F8 seen = nearestInPicture(toA - d * (da * dd), toA + along - d * alongB, depthA, depthB);
         u = select(both | some, min(max(seen, all(0)), all(1)), u);
     }
-    F8 t = (da + u * dw) * dd;
-    const V8 apart = toA + along * u - d * t, from = a + along * u - width.eye;
+    const F8 axis = (da + u * dw) * dd;
+    const V8 apart = toA + along * u - d * axis, from = a + along * u - width.eye;
     F8 offset = dot(apart, apart), reach, pixelSquared;
     if (width.spreadSquared > 0) {
         // A pixel is as wide as its depth says. Beside the picture's middle, what is seen at an angle f looks longer
@@ -279,7 +287,10 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
         pixelSquared = all(width.sizeSquared);
         reach = width.halfSquared(sqrt(dot(from, from))) * pixelSquared;
     }
-    t -= sqrt(max(reach - offset, all(0)) * dd);
+    F8 t = axis - sqrt(max(reach - offset, all(0)) * dd);
+    // Before a parallel eye a line is as wide as in the picture however near it is: rays may start within it.
+    const I8 within = (t < tMin) & (axis >= tMin);
+    if (width.spreadSquared == 0 && any(within)) t = select(within & areFromParallelEye(o, d, width), tMin, t);
     return {offset <= reach, t, u, sqrt(pixelSquared)};
 }
 
@@ -457,7 +468,7 @@ void StrokeView::traverse(Rays& rays, const PixelLens& lens, RayKind kind) const
                     const std::uint32_t i = first + static_cast<std::uint32_t>(which);
                     const Vec3f a = ends.a(which), b = ends.b(which);
                     for (int h = 0; h < rays.halves; ++h) {
-                        Met m = rtsg::bvh::meet(rays.o[h], rays.d[h], broadcast(a), broadcast(b), width);
+                        Met m = rtsg::bvh::meet(rays.o[h], rays.d[h], rays.tMin[h], broadcast(a), broadcast(b), width);
                         m.hit &= (m.t >= rays.tMin[h]) & (m.t <= rays.tMax[h]) & rays.active[h];
                         if (!any(m.hit)) continue;
                         if (type > 1) {
@@ -502,7 +513,15 @@ bool StrokeView::occluded(const Ray& ray, const PixelLens& lens, RayKind kind) c
     return rays.hitSlot[0][0] != Rays::kNoSlot;
 }
 
-/// Which lanes may meet a line or point at all: most packets come nowhere near one.
+Bounds StrokeView::reach(const PixelLens& lens) const {
+    Bounds result;
+    if (empty() || !lens) return result;
+    const Reach reach(box_, lens, widest_);
+    result.extend(reach.lower), result.extend(reach.upper);
+    return result;
+}
+
+/// Which lanes may meet a line or point at all.
 bool StrokeView::comesNear(const RayPacket16& packet, const std::int32_t* valid, const PixelLens& lens,
                            I8* near) const {
     const Reach reach(box_, lens, widest_);

@@ -39,6 +39,8 @@ struct StrokeHit {
 class StrokeView {
   public:
     bool empty() const { return tree_.empty(); }
+    /// A box around all that rays can meet of them, as wide as this eye sees them; none where nothing is.
+    Bounds reach(const PixelLens& lens) const;
     /// The nearest within [tMin, tMax]; false: none.
     bool intersect(const Ray& ray, const PixelLens& lens, RayKind kind, StrokeHit& hit) const;
     bool occluded(const Ray& ray, const PixelLens& lens, RayKind kind) const;

@@ -25,6 +25,23 @@ std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
     return met;
 }
 
+bool comeNear(const RayPacket16& rays, const Vec3f& middle, float radiusSquared) {
+    constexpr float kSmaller = 1 - 0x1p-18f;  // for the roundings of what lies far away
+    I8 near{};
+    for (int at = 0; at < 16; at += 8) {
+        const F8 x = middle.x - load(rays.originX + at), y = middle.y - load(rays.originY + at),
+                 z = middle.z - load(rays.originZ + at), dx = load(rays.directionX + at),
+                 dy = load(rays.directionY + at), dz = load(rays.directionZ + at);
+        const F8 ahead = x * dx + y * dy + z * dz;
+        const F8 outside = (x * x + y * y + z * z) * kSmaller - radiusSquared;
+        const F8 squared = (dx * dx + dy * dy + dz * dz) * kSmaller;
+        // Negated, so that what is too large to be squared counts as near.
+        const I8 passes = ahead * ahead < outside * squared, behind = (ahead < 0.0f) & (outside > 0.0f);
+        near |= ~(passes | behind);
+    }
+    return any(near);
+}
+
 Bounds boxAround(const RayInstance& instance) {
     const Bounds& local = instance.mesh->bounds;
     const glm::mat4x3& m = instance.rayFromLocal;

@@ -355,8 +355,13 @@ std::uint32_t RayView::meetCaps(RayPacket16& rays, std::uint32_t hits, std::uint
     return hits;
 }
 
-bool RayView::seesStrokes(RayKind kind) const {
-    return lens_ && !tables_->strokes.empty() && kind != RayKind::sound;
+LensedView::LensedView(const RayView& view, const PixelLens& lens, const RayFilter* filter, RayKind views)
+    : RayView(view) {
+    lens_ = lens, filter_ = filter, views_ = views;
+    const Bounds reach = tables_->strokes.reach(lens);
+    strokesMiddle_ = reach.center();
+    const Vec3f half = .5f * reach.size();
+    strokesRadiusSquared_ = reach.empty() ? -1 : glm::dot(half, half);
 }
 
 void RayView::meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const {
@@ -396,13 +401,16 @@ std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind,
 std::uint32_t RayView::intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                                     const bvh::PrimaryBlock* known) const {
     std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind, known);
-    if (seesStrokes(kind)) hits |= tables_->strokes.intersect(rays, valid, lens_, kind);
+    // Most packets come nowhere near a line or point.
+    if (seesStrokes(kind) && comeNear(rays, strokesMiddle_, strokesRadiusSquared_))
+        hits |= tables_->strokes.intersect(rays, valid, lens_, kind);
     return hits;
 }
 
 std::uint32_t RayView::occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
     std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind);
-    if (seesStrokes(kind)) blocked |= tables_->strokes.occluded(rays, valid, lens_, kind);
+    if (seesStrokes(kind) && comeNear(rays, strokesMiddle_, strokesRadiusSquared_))
+        blocked |= tables_->strokes.occluded(rays, valid, lens_, kind);
     return blocked;
 }
 

@@ -49,6 +49,24 @@ TEST(StrokesInPictures, APointIsADiscOfItsPixels) {
     EXPECT_NEAR(covered(Fine(kParallel + lines("-1 0 0, 1 0 0", .1)).picture()), 100, 2) << "at least one pixel";
 }
 
+// A point of 100 pixels is a ball of 1 m here: 10 m, .3 m and .01 m before the eye, and behind it.
+TEST(StrokesInPictures, BeforeAParallelEyeTheyAreAsWideHoweverNear) {
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path})
+        for (const double depth : {10.0, .3, .01}) {
+            const std::string z = fmt::format("{}", 10 - depth);
+            EXPECT_NEAR(covered(Fine(kParallel + points("0 0 " + z, 100), integrator).picture()), kPi * 2500, 20) << z;
+            const std::string ends = fmt::format("-.5 0 {0}, .5 0 {0}", z);
+            EXPECT_NEAR(covered(Fine(kParallel + lines(ends, 60), integrator).picture()), 50 * 60 + kPi * 900, 20) << z;
+        }
+    EXPECT_EQ(covered(Fine(kParallel + points("0 0 10.3", 100)).picture()), 0);
+    // The same far from the origin, askew.
+    const std::string placed = "Transform {{ translation 3e4 100 -2e3 rotation 0 .6 .8 .7 children [ {} {} ] }}";
+    for (const char* place : {"0 0 9.7", "1 -.5 9.9"})
+        EXPECT_NEAR(covered(Fine(fmt::format(fmt::runtime(placed), kParallel, points(place, 100))).picture()),
+                    kPi * 2500, 20)
+            << place;
+}
+
 // At 40 degrees from the middle a ball would look longer by 1 / cos 40: 30 %.
 TEST(StrokesInPictures, WidthIsTheSameEverywhereInThePicture) {
     const std::string wide = "Viewpoint { position 0 0 0 fieldOfView 1.8 } ";

@@ -145,6 +145,9 @@ class RayView {
     Vec3d origin_{0};
     std::uint64_t version_ = 0;
     PixelLens lens_;
+    /// A ball around all lines and points as this eye sees them, ray space. Squared radius < 0: there are none.
+    Vec3f strokesMiddle_{0};
+    float strokesRadiusSquared_ = -1;
     const RayFilter* filter_ = nullptr;
     RayKind views_ = RayKind::view;
 
@@ -167,7 +170,7 @@ class RayView {
     std::uint32_t occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
     std::uint32_t filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
                              RayKind kind) const;
-    bool seesStrokes(RayKind kind) const;
+    bool seesStrokes(RayKind kind) const { return strokesRadiusSquared_ >= 0 && kind != RayKind::sound; }
     void meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const;
 };
 
@@ -176,10 +179,7 @@ class LensedView final : public RayView {
   public:
     /// `views`: what rays of the kind view are here.
     LensedView(const RayView& view, const PixelLens& lens, const RayFilter* filter = nullptr,
-               RayKind views = RayKind::view)
-        : RayView(view) {
-        lens_ = lens, filter_ = filter, views_ = views;
-    }
+               RayKind views = RayKind::view);
 };
 
 }  // namespace rtsg
