@@ -120,10 +120,12 @@ void checkLayering(const Node& node, OddValues& odd) {
     if (node.is(x3d::LayerSet::type)) {
         odd.checkLayers(node.get(x3d::LayerSet::order), node.get(x3d::LayerSet::layers).size());
     } else if (node.is(x3d::Viewport::type)) {
-        const std::size_t given = node.get(x3d::Viewport::clipBoundary).size();
-        if (given < 4)
-            odd.say(
-                fmt::format("clipBoundary: has {} numbers, not left, right, bottom and top: taken as 0 1 0 1", given));
+        const Array<float>& clip = node.get(x3d::Viewport::clipBoundary);
+        if (clip.size() < 4)
+            odd.say(fmt::format("clipBoundary: has {} numbers, not left, right, bottom and top: taken as 0 1 0 1",
+                                clip.size()));
+        else if (!(clip[0] < clip[1] && clip[2] < clip[3]))
+            odd.say("clipBoundary: left is not less than right, or bottom than top: it shows nothing");
     }
 }
 

@@ -44,6 +44,10 @@ TEST(OddValues, AreNamedWithWhatIsDoneInstead) {
          "LayerSet.order: there is no layer 3, the last one is 2: it is left out"},
         {"LayerSet { layers Layer { viewport Viewport { clipBoundary [ 0 .5 0 ] } } }",
          "Viewport.clipBoundary: has 3 numbers, not left, right, bottom and top: taken as 0 1 0 1"},
+        {"LayerSet { layers Layer { viewport Viewport { clipBoundary [ .5 .5 0 1 ] } } }",
+         "Viewport.clipBoundary: left is not less than right, or bottom than top: it shows nothing"},
+        {"Viewport { clipBoundary [ 0 1 .6 .4 ] }",
+         "Viewport.clipBoundary: left is not less than right, or bottom than top: it shows nothing"},
     };
     for (const auto& [body, text] : cases) {
         EXPECT_THAT(saidOf(body), HasSubstr(text));
