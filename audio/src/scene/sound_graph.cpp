@@ -190,21 +190,48 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
     } else {
         return false;
     }
-    for (const NodeId child : node.get(Field<Array<NodeId>>{node.type().findExact("children")})) {
-        if (process.kind != Kind::merger) {
-            readVoices(scene, child, 1, depth + 1, {process.voices, process.inputs, to.sound});
-            continue;
-        }
-        // Each child is a channel of its own.
-        auto input = std::make_shared<AudioProcess>();
-        input->discrete = process.discrete;
-        readVoices(scene, child, 1, depth + 1, {input->voices, input->inputs, to.sound});
-        if (input->voices.empty() && input->inputs.size() == 1)
-            process.inputs.push_back(input->inputs.front());
-        else
-            process.inputs.push_back(std::move(input));
+    if (process.kind == Kind::splitter && readOutputs(scene, node, depth, process, to)) {
+        to.processes.push_back(std::move(made));
+        return true;
     }
+    for (const NodeId child : node.get(Field<Array<NodeId>>{node.type().findExact("children")}))
+        if (process.kind == Kind::merger)
+            readMerged(scene, child, depth + 1, process, {to.voices, to.processes, to.sound});
+        else
+            readVoices(scene, child, 1, depth + 1, {process.voices, process.inputs, to.sound});
+    if (to.fed) process.inputs.push_back(to.fed);
     to.processes.push_back(std::move(made));
+    return true;
+}
+
+/// What becomes a channel of its own.
+void SoundScene::readMerged(const Scene& scene, NodeId id, int depth, AudioProcess& merger, Branch to) {
+    auto input = std::make_shared<AudioProcess>();
+    input->discrete = merger.discrete;
+    readVoices(scene, id, 1, depth, {input->voices, input->inputs, to.sound, to.fed});
+    if (input->voices.empty() && input->inputs.size() == 1)
+        merger.inputs.push_back(input->inputs.front());
+    else
+        merger.inputs.push_back(std::move(input));
+}
+
+/// Each of a splitter's outputs gets the channel of its number, and what it makes of it is that channel of what the
+/// splitter gives. False: it has none.
+bool SoundScene::readOutputs(const Scene& scene, const Node& splitter, int depth, AudioProcess& process, Branch to) {
+    const Array<NodeId>& outputs = splitter.get(x3d::ChannelSplitter::outputs);
+    if (outputs.empty()) return false;
+    process.kind = AudioProcess::Kind::merger;
+    for (std::size_t i = 0; i < outputs.size(); ++i) {
+        // Each output renders what the splitter gets, as each USE of a source does.
+        auto channel = std::make_shared<AudioProcess>();
+        channel->kind = AudioProcess::Kind::selector;
+        channel->discrete = process.discrete;
+        channel->selection = static_cast<int>(i);
+        for (const NodeId child : splitter.get(x3d::ChannelSplitter::children))
+            readVoices(scene, child, 1, depth + 1, {channel->voices, channel->inputs, to.sound});
+        if (to.fed) channel->inputs.push_back(to.fed);
+        readMerged(scene, outputs[i], depth + 1, process, {to.voices, to.processes, to.sound, std::move(channel)});
+    }
     return true;
 }
 
@@ -222,7 +249,13 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
     if (!fieldOr(*node, "enabled", true)) return;
     const double above = gain;
     gain *= number(fieldOr(*node, "gain", 1.0f), 0);
-    if (readSource(scene, *node, gain, to)) return;
+    if (readSource(scene, *node, gain, to)) {
+        if (to.fed)
+            warnOnce(scene.placeOf(id), fmt::format("{} of {} is a source: as an output of a ChannelSplitter it hears "
+                                                    "nothing of it",
+                                                    node->type().name, to.sound));
+        return;
+    }
     if (readProcess(scene, *node, above, depth, to)) return;
     // What is left passes its children on; what else it does is not modelled and said so.
     const FieldIndex children = node->type().findExact("children");
@@ -232,6 +265,13 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
                  fmt::format("{} of {} is {}", node->type().name, to.sound,
                              silent ? "not a source that can be heard" : "passed through unprocessed"));
     if (silent) return;
+    if (to.fed) {
+        auto louder = std::make_shared<AudioProcess>();
+        louder->gain = gain;
+        louder->discrete = isDiscrete(*node);
+        louder->inputs.push_back(std::exchange(to.fed, nullptr));
+        to.processes.push_back(std::move(louder));
+    }
     for (const NodeId child : node->get(Field<Array<NodeId>>{children})) readVoices(scene, child, gain, depth + 1, to);
 }
 

@@ -3,6 +3,7 @@
 #include <complex>
 
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/sound_renderer.h>
@@ -180,6 +181,58 @@ TEST(AudioGraph, ChannelsAreSplitSelectedAndMerged) {
     // Two channels into one of a merger: their mean.
     EXPECT_NEAR(hear("ChannelMerger { children [ " + pair + " " + kGraphTone + " ] }", .1)[0][1000], -.125, 1e-6);
     EXPECT_NEAR(hear("ChannelSelector { channelSelection 7 children " + pair + " }", .1)[0][1000], 0, 1e-12);
+}
+
+TEST(AudioGraph, ASplittersOutputsGetAChannelEach) {
+    const std::string pair = "BufferAudioSource { numberOfChannels 2 sampleRate 48000 loop TRUE buffer [ .25 -.5 ] }";
+    const auto split = [&](const std::string& outputs, std::string* told = nullptr) {
+        const auto heard = hear("ChannelSplitter { outputs [ " + outputs + " ] children " + pair + " }", .1, told);
+        return std::pair(heard[0][2000], heard[1][2000]);
+    };
+    using Both = testing::Matcher<std::pair<double, double>>;
+    const auto both = [](double left, double right) -> Both {
+        return testing::Pair(testing::DoubleNear(left, 1e-6), testing::DoubleNear(right, 1e-6));
+    };
+    EXPECT_THAT(split("Gain { gain .5 } Gain { gain 3 }"), both(.125, -1.5));
+    EXPECT_THAT(split("Gain { children Delay { } } Delay { gain -1 }"), both(.25, .5));
+    EXPECT_THAT(split("ChannelSelector { channelSelection 0 } ChannelSelector { channelSelection 1 }"), both(.25, 0));
+    // A channel without an output is not heard, nor one whose output is off; one of mono goes to both sides.
+    EXPECT_THAT(split("Gain { }"), both(.25, .25));
+    EXPECT_THAT(split("Gain { enabled FALSE } Gain { }"), both(0, -.5));
+    // What an output gets besides.
+    EXPECT_THAT(split("Gain { gain 2 children " + pair + " } Delay { children " + pair + " }"),
+                both(2 * (.25 + .5 * (.25 - .5)), -.5 + .5 * (.25 - .5)));
+    // Splitters and mergers as outputs.
+    EXPECT_THAT(split("ChannelMerger { children Gain { } } ChannelSplitter { gain 4 outputs Gain { gain .5 } }"),
+                both(.125, -1));
+    std::string told;
+    EXPECT_THAT(split("Gain { } " + pair, &told), both(.25, .5 * (.25 - .5)));
+    EXPECT_THAT(told, testing::HasSubstr("is a source: as an output of a ChannelSplitter it hears nothing of it"));
+}
+
+TEST(AudioGraph, FollowsASplittersOutputs) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(
+        loadText(scene,
+                 "#X3D V4.0 utf8\nPROFILE Full\nViewpoint { position 0 0 0 } AudioDestination { children "
+                 "ChannelSplitter { outputs DEF G Gain { gain 1 } children BufferAudioSource { sampleRate 48000 "
+                 "loop TRUE buffer [ .25 ] } } }",
+                 diagnostics));
+    SharedWorld world(scene);
+    ListenOptions options;
+    options.metrics = false;
+    SoundRenderer sound(world, options);
+    const auto heard = [&](int frame) {
+        scene.newFrame(frame / 60.0);
+        EXPECT_TRUE(sound.renderFrame());
+        return sound.block().back();
+    };
+    for (int frame = 1; frame < 4; ++frame) heard(frame);
+    EXPECT_NEAR(heard(4), .25, 1e-6);
+    ASSERT_TRUE(scene.set(scene.findName("G"), x3d::Gain::gain, -2.0f));
+    for (int frame = 5; frame < 9; ++frame) heard(frame);
+    EXPECT_NEAR(heard(9), -.5, 1e-6);
 }
 
 // The table of the Web Audio API, section 4: what one of each channel becomes.

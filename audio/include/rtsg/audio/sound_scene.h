@@ -214,11 +214,14 @@ class SoundScene {
     struct Branch {
         std::vector<SoundVoice>& voices;
         std::vector<std::shared_ptr<const AudioProcess>>& processes;
-        const std::string& sound;  // its name
+        const std::string& sound;                           // its name
+        std::shared_ptr<const AudioProcess> fed = nullptr;  // what the node on top gets besides its children
     };
     void readVoices(const Scene& scene, NodeId id, double gain, int depth, Branch to);
     bool readSource(const Scene& scene, const Node& node, double gain, Branch to);
     bool readProcess(const Scene& scene, const Node& node, double gain, int depth, Branch to);
+    void readMerged(const Scene& scene, NodeId id, int depth, AudioProcess& merger, Branch to);
+    bool readOutputs(const Scene& scene, const Node& splitter, int depth, AudioProcess& process, Branch to);
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node) const;
     void chooseListener(const Scene& scene);
     void findPlaces(const Scene& scene);
