@@ -113,9 +113,18 @@ bool MirrorHistory::continues(std::uint64_t state) const {
 
 bool MirrorHistory::continues(std::uint64_t state, const Hash128& hash) const {
     if (!continues(state)) return false;
+    if (hash == Hash128{}) return true;
     const std::size_t index = indexOf(state);  // of the frame after it; at the end: one behind the last
-    if (hash == Hash128{} || index == 0) return true;
-    return frames_[index - 1]->header.hash == hash;
+    if (index > 0) return frames_[index - 1]->header.hash == hash;
+    return !keyframe_ || keyframe_->header.to != state || keyframe_->header.hash == hash;
+}
+
+std::vector<SharedRecord> MirrorHistory::allSince(std::uint64_t state) const {
+    std::vector<SharedRecord> records;
+    if (!keyframe() || keyframe_->header.to > state || !continues(state)) return records;
+    records = framesFrom(keyframe_->header.to, frames_.size());
+    records.insert(records.begin(), keyframe_);
+    return records;
 }
 
 SharedRecord MirrorHistory::frameFrom(std::uint64_t state) const {

@@ -60,6 +60,8 @@ class MirrorHistory {
     SharedRecord frameFrom(std::uint64_t state) const;
     /// All frames from `state` on, at most `most`.
     std::vector<SharedRecord> framesFrom(std::uint64_t state, std::size_t most) const;
+    /// The last keyframe and all frames since, if `state` is among theirs; else nothing.
+    std::vector<SharedRecord> allSince(std::uint64_t state) const;
     /// Bytes of all frames from `state` on.
     std::uint64_t bytesFrom(std::uint64_t state) const;
     /// The last keyframe; null when frames do not lead on from it any more.

@@ -91,8 +91,14 @@ class MirrorServer::Io {
         std::uint64_t sentBytes = 0, ackedBytes = 0, ackedState = 0;
         std::uint64_t awaitedBytes = 0;  // of these sent, those whose acknowledgement was asked for
         Clock::time_point awaitedAt{};
-        std::uint64_t debt = 0;   // bytes sent before its last hello that it may not have read yet
-        bool placed = false;      // `state` means something
+        std::uint64_t debt = 0;  // bytes sent before its last hello that it may not have read yet
+        bool placed = false;     // `state` means something
+        /// What it says it has of a part that is being opened.
+        struct Claim {
+            std::uint64_t state = 0;
+            Hash128 hash;
+        };
+        std::optional<Claim> claim;
         bool remembers = false;   // all frames since the last one with kForget, predicted
         std::uint64_t state = 0;  // that it will be in once everything sent has arrived
         SharedRecord sending;     // partly sent
@@ -171,8 +177,11 @@ class MirrorServer::Io {
     void pumpHeard(Clock::time_point now);
     void askForKeyframe(std::uint32_t part);
     void keepKeyframeNear(std::uint32_t part);
-    /// The number of the stream with these parts and aspects; nothing when there are as many as there may be.
-    std::optional<std::uint32_t> streamFor(const mirror::Wishes& wishes);
+    /// The number of the stream with the parts and aspects of this hello; nothing when there are as many as there may
+    /// be.
+    std::optional<std::uint32_t> streamFor(const mirror::Hello& hello);
+    /// Has it go on from the state that it says it has, if frames lead on from there.
+    void place(Peer& peer);
     void dropStream(std::uint32_t part);
     bool dropUnusedPart();
     void refuseRegions(std::string why);

@@ -132,7 +132,8 @@ void MirrorServer::Io::refuse(const std::string& identity, const std::string& re
     sendTo(identity, message_);
 }
 
-std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Wishes& wishes) {
+std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Hello& hello) {
+    const mirror::Wishes& wishes = hello.wishes;
     for (const auto& [part, stream] : streams_)
         if (part != 0 && stream.wishes.aspects == wishes.aspects && stream.wishes.parts == wishes.parts) return part;
     if (streams_.size() > shared_->options.maximumParts && !dropUnusedPart()) return std::nullopt;
@@ -148,6 +149,10 @@ std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Wishes& w
     question.kind = Kind::open;
     question.part = part;
     question.wishes = stream.wishes;
+    // Of a server that has gone on from its log, say, it may have the part as it was a while ago. Which nodes a region
+    // has depends on how its viewer went.
+    if (hello.epoch == (shared_->epoch ^ stream.epochMix) && !isPartByRegion(wishes))
+        question.frames = history_.allSince(hello.sequence);
     shadow_.ask(std::move(question));
     return part;
 }
@@ -174,7 +179,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     }
     if (const auto refusal = MirrorPart::refusalOf(hello.wishes)) return refuse(identity, *refusal, true);
     if (isPartByRegion(hello.wishes) && Clock::now() < regionsAgain_) return refuse(identity, noRegions_);
-    const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello.wishes) : 0;
+    const std::optional<std::uint32_t> part = hello.wishes.partial() ? streamFor(hello) : 0;
     if (!part) return refuse(identity, "the server follows as many parts of the scene as it does at once");
     if (found == peers_.end()) found = peers_.emplace(identity, Peer{}).first;
     statistics_.mostPeers = std::max(statistics_.mostPeers, peers_.size());
@@ -210,16 +215,21 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     peer.inputs =
         hello.wishes.inputs && shared_->options.mode.mode == Mode::input && peer.sameTypes && !hello.wishes.partial();
     const std::uint64_t epoch = shared_->epoch ^ streamOf(peer).epochMix;
-    if (hello.epoch == epoch && historyOf(peer).continues(hello.sequence, hello.wishes.hash)) {
-        peer.placed = true;
-        peer.state = peer.ackedState = hello.sequence;
-        ++statistics_.resumed;
-    }
+    if (hello.epoch == epoch) peer.claim = Peer::Claim{hello.sequence, hello.wishes.hash};
+    if (!historyOf(peer).empty()) place(peer);
     const std::uint64_t numbers[] = {
         hello.session, epoch, static_cast<std::uint64_t>(shared_->options.heartbeat.count()), historyOf(peer).newest()};
     mirror::write(message_, Message::welcome, numbers);
     ZmqMessage body(head_.bytes());
     if (!sendTo(identity, message_, &body)) peers_.erase(found);
+}
+
+void MirrorServer::Io::place(Peer& peer) {
+    const std::optional<Peer::Claim> claim = std::exchange(peer.claim, std::nullopt);
+    if (!claim || peer.placed || !historyOf(peer).continues(claim->state, claim->hash)) return;
+    peer.placed = true;
+    peer.state = peer.ackedState = claim->state;
+    ++statistics_.resumed;
 }
 
 void MirrorServer::Io::question(Peer& peer, std::span<const std::byte> bytes) {
@@ -363,6 +373,7 @@ SharedRecord MirrorServer::Io::frameTowards(Peer& peer, std::uint64_t state) {
 
 SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
     if (historyOf(peer).empty() || (peer.asking && !peer.answer)) return nullptr;
+    place(peer);
     if (peer.placed && !historyOf(peer).continues(peer.held != 0 ? peer.held : peer.state)) peer.placed = false;
     SharedRecord next;
     if (!peer.placed) {

@@ -160,7 +160,33 @@ void MirrorShadow::reply(Answer answer) {
     (void)!::write(wake_, &one, sizeof(one));
 }
 
+/// From an earlier state on, so that peers who have the part as it was there need no snapshot. False: it cannot be.
+bool MirrorShadow::openEarlier(const Scene& scene, const Question& question) {
+    MirrorPart part(question.wishes);
+    Scene past;
+    past.setBehavioursEnabled(false);
+    std::vector<Answer> steps;
+    const auto step = [&](const Scene& whole, const ChangeSet* set) {
+        Answer frame = frameOf(part, whole, set, 0);
+        frame.part = question.part;
+        const bool good = frame.record != nullptr;
+        steps.push_back(std::move(frame));
+        return good;
+    };
+    for (const SharedRecord& record : question.frames) {
+        const auto set = std::make_shared<ChangeSet>();
+        if (record->header.to > scene.sequence()) return false;
+        if (!decoder_.decode(record->bytes.bytes(), *set) || !past.apply(set)) return false;
+        if (!step(past, steps.empty() ? nullptr : set.get())) return false;
+    }
+    if (past.sequence() != scene.sequence() && !step(scene, nullptr)) return false;
+    parts_.try_emplace(question.part, std::move(part));
+    for (Answer& frame : steps) reply(std::move(frame));
+    return true;
+}
+
 void MirrorShadow::openPart(const Scene& scene, const Question& question) {
+    if (!question.frames.empty() && !parts_.contains(question.part) && openEarlier(scene, question)) return;
     const auto [part, fresh] = parts_.try_emplace(question.part, question.wishes);
     if (!fresh) return;
     findPlaces(scene, nullptr);

@@ -34,12 +34,13 @@ class MirrorShadow {
         /// (answers only, without a question; no record: the part cannot be followed any more).
         enum class Kind : std::uint8_t { keyframe, merge, peers, open, close, frame };
         Kind kind = Kind::keyframe;
-        std::uint32_t part = 0;            // of which part of the scene; 0: all of it
-        mirror::Wishes wishes;             // to open one
-        std::string peer;                  // whose; empty for keyframes
-        std::uint64_t session = 0;         // of the peer
-        std::vector<std::byte> text;       // of a peer: its message, whole
-        std::vector<SharedRecord> frames;  // to merge
+        std::uint32_t part = 0;       // of which part of the scene; 0: all of it
+        mirror::Wishes wishes;        // to open one
+        std::string peer;             // whose; empty for keyframes
+        std::uint64_t session = 0;    // of the peer
+        std::vector<std::byte> text;  // of a peer: its message, whole
+        /// To merge; of a part to open, an earlier keyframe and all frames since, if it shall begin there.
+        std::vector<SharedRecord> frames;
         /// Of a merge: what is near goes first (near_first.h), about so many bytes; `held`: something waits at the peer
         /// already; `all`: nothing shall wait any more.
         bool nearFirst = false, held = false, all = false;
@@ -78,6 +79,7 @@ class MirrorShadow {
     void follow(Scene& scene, const SharedRecord& record);
     void followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published);
     void openPart(const Scene& scene, const Question& question);
+    bool openEarlier(const Scene& scene, const Question& question);
     void findPlaces(const Scene& scene, const ChangeSet* set);
     Answer frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set, std::uint64_t published);
     void reply(Answer answer);

@@ -3,9 +3,12 @@
 
 #include <rtsg/core/partial_hash.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/sync/log.h>
+#include <rtsg/sync/session.h>
 
 #include "mirror/part.h"
 #include "mirror_support.h"
+#include "support/log_support.h"
 #include "support/random_edits.h"
 
 namespace rtsg {
@@ -204,6 +207,80 @@ TEST(MirrorPart, FollowedThroughRandomEditsEqualsOneMadeFromScratch) {
                                                                    << part.scene().dump() << scratch.scene().dump();
         }
     }
+}
+
+/// A server that is killed, and one that goes on from its log and is frames ahead when its peers come back.
+class PartLog : public test::LogFolder {
+  protected:
+    void SetUp() override {
+        test::LogFolder::SetUp();
+        auto log = LogWriter::create(file(), builtinTypes(), {});
+        ASSERT_TRUE(log);
+        MirrorServerOptions options;
+        options.epoch = (*log)->epoch();
+        robot_ = std::make_unique<Robot>(options);
+        endpoint_ = robot_->server->endpoint();
+        Attachment attachment = robot_->scene.bus().attach(**log);
+        arm_ = std::make_unique<PartFollower>(endpoint_, std::vector<std::string>{"LEFT"});
+        places_ = std::make_unique<PartFollower>(endpoint_, std::vector<std::string>{},
+                                                 std::vector<Aspect>{Aspect::transform});
+        for (int i = 0; i < 20; ++i) edit(robot_->scene, i);
+        attachment.detach();
+        (*log)->abandon();
+    }
+    void edit(Scene& scene, int i) const {
+        const auto x = static_cast<float>(i);
+        ASSERT_TRUE(scene.set(robot_->hand, x3d::Transform::translation, Vec3f(x, 2, 3)));
+        ASSERT_TRUE(scene.set(robot_->right, x3d::Transform::translation, Vec3f(x, x, 5)));
+        ASSERT_TRUE(scene.set(robot_->material, x3d::Material::shininess, x / 100));
+        const NodeId group = scene.createNode(x3d::Group::type);
+        ASSERT_TRUE(scene.insertChild(i % 2 ? robot_->hand : robot_->right, x3d::Transform::children, group));
+        scene.newFrame(scene.now() + 1);
+    }
+    void killServer() { robot_->server.reset(); }
+    std::unique_ptr<MirrorServer> goOn(Scene& scene, int frames) {
+        const auto session = resumeSession(file(), scene);
+        EXPECT_TRUE(session);
+        MirrorServerOptions options;
+        options.epoch = session->epoch, options.before = session->before;
+        auto server = *MirrorServer::start(scene, endpoint_, options);
+        for (int i = 0; i < frames; ++i) edit(scene, 50 + i);
+        return server;
+    }
+
+    std::unique_ptr<Robot> robot_;
+    std::string endpoint_;
+    std::unique_ptr<PartFollower> arm_, places_;
+};
+
+TEST_F(PartLog, PeersOfPartsGoOnWithFramesAlone) {
+    for (PartFollower* follower : {arm_.get(), places_.get()}) ASSERT_TRUE(follower->settle(robot_->scene));
+    killServer();
+    for (const int ahead : {0, 7}) {
+        Scene scene;
+        const auto server = goOn(scene, ahead);
+        std::uint64_t back = 0;
+        for (PartFollower* follower : {arm_.get(), places_.get()}) {
+            ++back;
+            ASSERT_TRUE(pollUntil(*follower->client, [&] { return server->statistics().resumed == back; })) << ahead;
+            ASSERT_TRUE(follower->settle(scene)) << ahead;
+            EXPECT_EQ(follower->client->statistics().snapshots, 1u) << ahead;
+            EXPECT_EQ(follower->client->statistics().repairs, 0u) << ahead;
+        }
+    }
+}
+
+TEST_F(PartLog, PeersOfPartsThatTheLogHasLostSomethingOfTakeSnapshots) {
+    edit(robot_->scene, 30);
+    for (PartFollower* follower : {arm_.get(), places_.get()}) ASSERT_TRUE(follower->settle(robot_->scene));
+    killServer();
+    Scene scene;
+    const auto server = goOn(scene, 4);
+    for (PartFollower* follower : {arm_.get(), places_.get()}) {
+        ASSERT_TRUE(follower->settle(scene));
+        EXPECT_EQ(follower->client->statistics().snapshots, 2u);
+    }
+    EXPECT_EQ(server->statistics().resumed, 0u);
 }
 
 }  // namespace
