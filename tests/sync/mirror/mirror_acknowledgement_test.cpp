@@ -85,7 +85,8 @@ TEST(MirrorAcknowledgement, OneDoesForManyFrames) {
     AcknowledgingPair pair(0ms);
     ASSERT_TRUE(pair.inStep());
     // How many may wait is a matter of time, so of how busy the machine is; that those are not sent is not.
-    for (int tries = 0; tries < 20 && pair.later == 0; ++tries) {
+    // A machine that is very busy may get all of a try's frames merged into one.
+    for (int tries = 0; tries < 20 && (pair.later == 0 || pair.acknowledgements >= pair.data); ++tries) {
         pair.show(1000);
         ASSERT_TRUE(pair.inStep());
     }
