@@ -120,13 +120,13 @@ class Face {
     }
     Face(FT_Library library, FcPattern* pattern, bool italic) {
         FcChar8* file = nullptr;
-        int index = 0, slant = FC_SLANT_ROMAN;
+        int index = 0;
         if (FcPatternGetString(pattern, FC_FILE, 0, &file) != FcResultMatch) return;
         FcPatternGetInteger(pattern, FC_INDEX, 0, &index);
-        FcPatternGetInteger(pattern, FC_SLANT, 0, &slant);
         if (FT_New_Face(library, reinterpret_cast<const char*>(file), index, &face_) != 0) return;
         if (!isUsable()) return;
-        slant_ = italic && slant == FC_SLANT_ROMAN ? kSlant : 0.0f;
+        // The pattern calls an upright face oblique where fontconfig gives it a matrix that makes it so.
+        slant_ = italic && !(face_->style_flags & FT_STYLE_FLAG_ITALIC) ? kSlant : 0.0f;
 #ifdef RTSG_HARFBUZZ
         hb_blob_t* blob = hb_blob_create_from_file(reinterpret_cast<const char*>(file));
         setShaper(hb_face_create(blob, static_cast<unsigned>(index) & 0xFFFFu));

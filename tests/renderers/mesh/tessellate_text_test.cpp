@@ -209,6 +209,21 @@ TEST(TessellateText, StylesAreOtherFaces) {
     EXPECT_GT(made(p).bounds.max.x, upright.max.x);
 }
 
+// A family of upright faces alone (of fonts-dejavu-extra).
+TEST(TessellateText, UprightFacesSlantWhereThereIsNoItalicOne) {
+    TextParams p;
+    p.strings = {"HHH"};
+    p.family = {"DejaVu Math TeX Gyre"};
+    const Mesh upright = made(p);
+    p.italic = true;
+    const Mesh slanted = made(p);
+    constexpr float kSlant = .2f;
+    EXPECT_NEAR(slanted.bounds.max.x, upright.bounds.max.x + kSlant * upright.bounds.max.y, 1e-5);
+    EXPECT_NEAR(slanted.bounds.min.x, upright.bounds.min.x, 1e-5);
+    EXPECT_NEAR(slanted.bounds.max.y, upright.bounds.max.y, 1e-6);
+    EXPECT_NEAR(surfaceArea(slanted), surfaceArea(upright), 1e-5);
+}
+
 // Each family and style is the face of DejaVu that its name says, none of the condensed ones: the advance and the box
 // of an H, in the units of the files, to the two by which the italic ones are shifted against their boxes.
 TEST(TessellateText, FamiliesAndStylesAreTheirOwnFaces) {
