@@ -226,7 +226,7 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
 
 void MirrorServer::Io::place(Peer& peer) {
     const std::optional<Peer::Claim> claim = std::exchange(peer.claim, std::nullopt);
-    if (!claim || peer.placed || !historyOf(peer).continues(claim->state, claim->hash)) return;
+    if (!claim || !historyOf(peer).continues(claim->state, claim->hash)) return;
     peer.placed = true;
     peer.state = peer.ackedState = claim->state;
     ++statistics_.resumed;
