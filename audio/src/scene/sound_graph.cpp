@@ -268,7 +268,6 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
     if (to.fed) {
         auto louder = std::make_shared<AudioProcess>();
         louder->gain = gain;
-        louder->discrete = isDiscrete(*node);
         louder->inputs.push_back(std::exchange(to.fed, nullptr));
         to.processes.push_back(std::move(louder));
     }

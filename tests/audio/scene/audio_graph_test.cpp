@@ -202,6 +202,15 @@ TEST(AudioGraph, ASplittersOutputsGetAChannelEach) {
     // What an output gets besides.
     EXPECT_THAT(split("Gain { gain 2 children " + pair + " } Delay { children " + pair + " }"),
                 both(2 * (.25 + .5 * (.25 - .5)), -.5 + .5 * (.25 - .5)));
+    // How a splitter mixes what it gets.
+    const std::string one = "BufferAudioSource { sampleRate 48000 loop TRUE buffer [ .125 ] }";
+    for (const bool discrete : {false, true}) {
+        const auto heard =
+            hear("ChannelSplitter { " + std::string(discrete ? "channelInterpretation \"DISCRETE\" " : "") +
+                     "outputs [ Gain { } Gain { } ] children [ " + pair + " " + one + " ] }",
+                 .1);
+        EXPECT_THAT(std::pair(heard[0][2000], heard[1][2000]), both(.375, discrete ? -.5 : -.375));
+    }
     // Splitters and mergers as outputs.
     EXPECT_THAT(split("ChannelMerger { children Gain { } } ChannelSplitter { gain 4 outputs Gain { gain .5 } }"),
                 both(.125, -1));

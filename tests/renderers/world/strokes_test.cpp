@@ -225,6 +225,29 @@ TEST(Strokes, AsAListOfThemAllSays) {
 }
 
 // Moved, deformed, restyled, hidden and gone: what is left answers as if it had been built so.
+/// Balls of half a metre, .2 m before a parallel eye and behind it: its own rays start within them, and see the first.
+TEST(Strokes, OnlyRaysOfAParallelEyeMeetWhatTheyStartIn) {
+    for (const float z : {-.2f, .2f}) {
+        StrokeParams p;
+        p.kind = Mesh::Strokes::points;
+        const Vec3f place(0, 0, z);
+        p.coord = Array<Vec3f>(std::span<const Vec3f>(&place, 1));
+        Strokes strokes;
+        strokes.add(std::make_shared<Mesh>(tessellate(p)), WorldFromLocal(1.0), 20);
+        strokes.apply();
+        const LensedView view(strokes.world, {{0, 0, 0}, {0, 0, -1}, 0, .05f});
+        for (const Vec3f direction : {Vec3f(0, 0, -1), Vec3f(0, 0, 1), Vec3f(.6f, 0, -.8f), Vec3f(0, .01f, -1)})
+            for (const float start : {0.0f, .1f}) {
+                const bool seen = z < 0 && direction == Vec3f(0, 0, -1);
+                const Ray ray{{.1f, 0, 0}, start, direction};
+                const Hit hit = view.intersect(ray);
+                EXPECT_EQ(static_cast<bool>(hit), seen) << z << ' ' << direction.x << ' ' << direction.z;
+                EXPECT_EQ(view.occluded(ray), seen);
+                EXPECT_EQ(hit.t, seen ? start : Hit{}.t);
+            }
+    }
+}
+
 TEST(Strokes, FollowTheirScene) {
     std::mt19937 random(11);
     Strokes s;
