@@ -93,8 +93,7 @@ class Tile {
     void take(const TilePacket& packet, std::uint32_t hits, SurfacePacket& surfaces) {
         const RayPacket16& rays = packet.rays;
         const PathTask* tasks = packet.tasks;
-        const bool volumes = !scene_.volumes.empty();
-        if (volumes) march(rays, tasks, packet.pixels);
+        marched_ = !scene_.volumes.empty() && march(rays, tasks, packet.pixels);
         for (std::uint32_t rest = packet.active & ~hits; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             const PathTask* task = tasks ? tasks + lane : nullptr;
@@ -103,23 +102,34 @@ class Tile {
             const Vec4f sky = task && task->depth > 0 ? scene_.fromFar(direction, task->lights, light)
                                                       : scene_.skyColor(direction, light);
             Vec3f weight = task ? task->weight : Vec3f(1);
-            if (volumes) weight *= left_[lane];
+            if (marched_) weight *= left_[lane];
             add(packet.pixels[lane], task, weight, Vec3f(sky), light, sky.a);
         }
         if (!hits) return;
         if (!scene_.environments.lights.empty()) addEnvironments(scene_, surfaces);
         if (surfaces.special) findPoints(scene_, surfaces);
         const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces.linear;
-        if (!tasks && !surfaces.special && !scene_.fogs.any() && oneSpace && !volumes) {
+        if (!tasks && !surfaces.special && oneSpace && !marched_ && !isFogged(hits, surfaces)) {
             packetKernels().addToPixels(surfaces, hits, &loop_.sumOf(packet.pixels[0]).x);
             return;
         }
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(packet, surfaces, std::countr_zero(rest));
     }
 
-    /// Adds what volumes send on the way to what the rays met, and finds what they leave of that.
-    void march(const RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels) {
+    /// Whether anything that was met lies in a fog.
+    bool isFogged(std::uint32_t hits, const SurfacePacket& s) const {
+        if (!scene_.fogs.any()) return false;
+        for (; hits; hits &= hits - 1) {
+            if (scene_.fogs.of(s.lights[std::countr_zero(hits)]).fog.type != FogType::none) return true;
+            if (s.oneInstance) return false;
+        }
+        return false;
+    }
+
+    /// Adds what volumes send on the way to what the rays met, and finds what they leave of that. False: none is near.
+    bool march(const RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels) {
         const std::uint32_t met = meetBox(rays, scene_.volumeBounds);
+        if (!met) return false;
         for (int lane = 0; lane < 16; ++lane) {
             left_[lane] = 1;
             if (!rays.active[lane] || !(met >> lane & 1u)) continue;
@@ -131,6 +141,7 @@ class Tile {
             // The radiance is complete, so it is no share of a weight; what it covers is.
             add(pixels[lane], task, task ? task->weight : Vec3f(1), found.radiance, light, 1 - found.left);
         }
+        return true;
     }
 
     /// Adds what a lane's surface sends and queues the rays it asks for.
@@ -145,7 +156,7 @@ class Tile {
             weight = task.weight;
             if (task.absorption != Vec3f(0)) weight *= glm::exp(-task.absorption * t);
         }
-        if (!scene_.volumes.empty()) weight *= left_[lane];
+        if (marched_) weight *= left_[lane];
         if (scene_.fogs.any()) fog = s.fogLeft(scene_, lane, t + (tasks ? tasks[lane].line : 0));
         if (!(s.special >> lane & 1u)) {
             const PathTask* task = tasks ? tasks + lane : nullptr;
@@ -294,7 +305,8 @@ class Tile {
     bool isKnown_ = false;
     std::vector<bvh::TileHits> known_;  // by sample: what primary rays meet of what rests
     std::vector<SamplePlaces> places_;  // of more than one
-    float left_[16] = {};               // what volumes leave, where there are any
+    bool marched_ = false;              // volumes are near the packet at hand:
+    float left_[16] = {};               // what they leave
 };
 
 }  // namespace

@@ -19,8 +19,7 @@ std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
             const F8 a = (box.min[k] - o) * inverse, b = (box.max[k] - o) * inverse;
             near = max(near, min(a, b)), far = min(far, max(a, b));
         }
-        const I8 hit = near <= far * 1.00001f;
-        for (int lane = 0; lane < 8; ++lane) met |= static_cast<std::uint32_t>(hit[lane] != 0) << (at + lane);
+        met |= laneBits(near <= far * 1.00001f) << at;
     }
     return met;
 }
