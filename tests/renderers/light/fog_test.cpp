@@ -36,6 +36,26 @@ TEST(LocalFog, ReachesItsGroupAndWhatIsBelow) {
                 {.75, 0, .25}, 1e-6);
 }
 
+/// Strips that begin within blocks of pixels, in the fog and not.
+TEST(LocalFog, EndsAtThePixelWhereItsShapesDo) {
+    const auto strip = [](int from, int to) {
+        return fmt::format(
+            "Shape {{ appearance Appearance {{ {0} }} geometry IndexedFaceSet {{ coordIndex [ 0 1 2 3 ] coord "
+            "Coordinate {{ point [ {1} 0 0, {2} 0 0, {2} 10 0, {1} 10 0 ] }} }} }}",
+            unlit("1 0 0"), from, to);
+    };
+    LightScene s("OrthoViewpoint { fieldOfView [ 0 0 50 10 ] } " + strip(11, 23) +
+                     " Group { children [ LocalFog { color 0 0 1 visibilityRange 40 } " + strip(0, 11) + strip(23, 50) +
+                     " ] }",
+                 50, 10);
+    const Picture picture = s.picture();
+    for (int y = 0; y < 10; ++y)
+        for (int x = 0; x < 50; ++x) {
+            const bool clear = x >= 11 && x < 23;
+            expectColor(Vec3f(picture.at(x, y)), clear ? Vec3d(1, 0, 0) : Vec3d(.75, 0, .25), 1e-6);
+        }
+}
+
 TEST(LocalFog, TheNearestOneCounts) {
     const std::string near = group("LocalFog { color 0 0 1 visibilityRange 40 }");
     expectColor(seen("Fog { color 0 1 0 visibilityRange 20 } " + near), {.75, 0, .25}, 1e-6);
