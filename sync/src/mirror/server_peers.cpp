@@ -373,7 +373,7 @@ SharedRecord MirrorServer::Io::frameTowards(Peer& peer, std::uint64_t state) {
 
 SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
     if (historyOf(peer).empty() || (peer.asking && !peer.answer)) return nullptr;
-    place(peer);
+    if (peer.claim) place(peer);
     if (peer.placed && !historyOf(peer).continues(peer.held != 0 ? peer.held : peer.state)) peer.placed = false;
     SharedRecord next;
     if (!peer.placed) {

@@ -2,8 +2,9 @@
 // and merged frames for stragglers are made from it, so that neither the scene's thread nor the sockets' ever stalls.
 //
 // Invariant: the replica is in a state that was published; a question is answered in a state not before the last record
-// posted before it. It costs the memory of one more scene. It follows lazily, in batches; records that wait are bounded
-// by `limit` bytes, beyond which the replica is given up until a keyframe comes.
+// posted before it. It costs the memory of one more scene, and of another one for as long as a part is opened from an
+// earlier state. It follows lazily, in batches; records that wait are bounded by `limit` bytes, beyond which the
+// replica is given up until a keyframe comes.
 // Threading: post, ask and takeAnswers from one thread; the work on another; `wake` (an eventfd) is written for
 // answers.
 #pragma once
