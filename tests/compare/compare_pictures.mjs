@@ -1,11 +1,12 @@
 // Draws scenes with rtsg and with X_ITE in a headless Chromium, and says how alike the pictures are: how much of their
-// silhouettes overlaps, and how similar they look (SSIM of luminance, Wang et al. 2004).
+// silhouettes overlaps, and how similar they look (SSIM of luminance, Wang et al. 2004). A second browser, X3DOM, tells
+// which pictures two programs agree on that know nothing of each other; it has fewer nodes.
 //
 // Both get the same document: the scene as `rtsg convert` writes it, with its TimeSensors switched off, so that nothing
 // moves between the pictures, with the standard's default Viewpoint where it has none but those of a humanoid (rtsg would
 // frame it, and binds a humanoid's), and without textures whose files are not there. rtsg draws no reflections, which a
 // browser has not; X_ITE draws at its highest quality. A silhouette is where a picture differs from that of the same scene with all its Shapes made
-// invisible. Writes DIR/index.html with the pairs, DIR/results.json and a line a scene.
+// invisible. Writes DIR/index.html with the pictures, DIR/results.json and a line a scene.
 // Exit status 0: compared, whatever came out; 77: skipped, with the reason, where Chromium or the packages of `./dev web`
 // are not there. Usage: compare_pictures.mjs --program build/rtsg [-o DIR] [--size 960x720] [--only TEXT] FOLDER|FILE...
 import {execFileSync} from 'node:child_process';
@@ -45,7 +46,7 @@ function skip(why) {
 const given = options();
 const chromium = ['/usr/bin/chromium', '/usr/bin/chromium-browser'].find(existsSync);
 if (!chromium) skip('needs Chromium (apt install chromium)');
-if (!existsSync(path.join(packages, 'x_ite/dist/x_ite.min.mjs'))) skip('needs the packages that ./dev web fetches');
+if (!['x_ite/dist/x_ite.min.mjs', 'x3dom/x3dom.js'].every((file) => existsSync(path.join(packages, file)))) skip('needs the packages that ./dev web fetches');
 const playwright = createRequire(path.join(root, 'sync/js/package.json'))('playwright-core');
 
 /** All scene files in a folder and below, in order. */
@@ -147,6 +148,16 @@ function fontInPlaceOf(asked) {
   return path.join(folder, `DejaVu${serif ? 'Serif' : mono ? 'SansMono' : 'Sans'}${style && '-'}${style}.ttf`);
 }
 
+/** A page in which X3DOM, which takes its nodes from the page, finds those of a document. It shall not encode colours of classic
+ * Materials, as it does by default; its TimeSensors run even if they are switched off, and lead nowhere without routes. */
+function pageOfX3dom(document) {
+  const scene = document.replaceAll(/visible=(['"])false\1/g, 'visible="false" render="false"').replace(/^\s*<\?xml[^>]*>\s*/, '').replace(/^<!DOCTYPE[^>]*>\s*/, '').replace(/<head>.*?<\/head>/s, '')
+    .replace(/^<X3D[^>]*>/, `<X3D width="${width}px" height="${height}px" showLog="false" showStat="false" showProgress="false">`)
+    .replaceAll(/<ROUTE [^>]*>/g, '').replace(/<Scene>|<Scene [^>]*>/, '$&<Environment gammaCorrectionDefault="none"/>');
+  return `<html xmlns="http://www.w3.org/1999/xhtml"><head><title>X3DOM</title><script src="/packages/x3dom/x3dom.js"></script>
+<link rel="stylesheet" href="/packages/x3dom/x3dom.css"/><style>body{margin:0;background:#000}X3D,x3d{border:0;outline:0;background:#000}</style></head><body>${scene}</body></html>`;
+}
+
 const kTypes = {'.mjs': 'text/javascript', '.js': 'text/javascript', '.css': 'text/css', '.html': 'text/html', '.x3d': 'model/x3d+xml',
   '.png': 'image/png', '.jpg': 'image/jpeg', '.json': 'model/x3d+json', '.wasm': 'application/wasm'};
 /** /packages/… and /files/…: what is on this machine, with the scenes' documents beside them at STILL-N-….x3d; all else is absent. */
@@ -161,6 +172,12 @@ function startServer() {
     }
     let file = null;
     const still = /\/STILL-(\d+-(whole|empty)\.x3d)$/.exec(at);
+    const page = /\/STILL-(\d+-(whole|empty))\.xhtml$/.exec(at);
+    if (page && existsSync(path.join(scratch, `${page[1]}.x3d`))) {
+      response.writeHead(200, {'content-type': 'application/xhtml+xml'});
+      response.end(pageOfX3dom(readFileSync(path.join(scratch, `${page[1]}.x3d`), 'utf8')));
+      return;
+    }
     if (at.startsWith('/packages/x_ite/dist/assets/fonts/')) file = fontInPlaceOf(at);
     else if (at.startsWith('/packages/')) file = path.join(packages, at.slice('/packages/'.length));
     else if (still) file = path.join(scratch, still[1]);
@@ -176,7 +193,7 @@ function startServer() {
 }
 
 /** A picture by X_ITE, once what the scene loads is there and two pictures are the same. */
-async function drawInBrowser(page, url) {
+async function drawInXIte(page, url) {
   await page.goto(new URL('/', url).href);
   await page.evaluate(async (url) => {
     const X3D = (await import('x_ite')).default;
@@ -190,10 +207,18 @@ async function drawInBrowser(page, url) {
     for (const quality of ['TextureQuality', 'PrimitiveQuality']) browser.setBrowserOption(quality, 'HIGH');
     await browser.loadURL(new X3D.MFString(url));
   }, url);
+  return whenStill(page, 'x3d-canvas');
+}
+async function drawInX3dom(page, url) {
+  await page.goto(url);
+  return whenStill(page, 'X3D, x3d');
+}
+/** What an element shows once two pictures of it are the same. */
+async function whenStill(page, element) {
   let before = null;
   for (let i = 0; i < 20; ++i) {
     await page.waitForTimeout(400);
-    const now = await page.locator('x3d-canvas').screenshot();
+    const now = await page.locator(element).first().screenshot();
     if (before && now.equals(before)) return now;
     before = now;
   }
@@ -205,11 +230,12 @@ function escape(text) {
 }
 function writePage(results, summary) {
   const rows = results.map((r) => `<tr class="${r.alike ? 'alike' : 'not'}"><td>${escape(r.scene)}<br>IoU ${r.iou?.toFixed(3) ?? '–'}, within a pixel ${r.near?.toFixed(3) ?? '–'}, SSIM ${
-    r.ssim?.toFixed(3) ?? '–'}, mean difference ${r.difference?.toFixed(1) ?? '–'} of 255<pre>${escape(r.said.slice(0, 1500))}</pre></td><td><img src="${
-    r.name}-whole-rtsg.png"></td><td><img src="${r.name}-whole-x_ite.png"></td></tr>`);
-  writeFileSync(path.join(given.out, 'index.html'), `<!doctype html><meta charset="utf-8"><title>rtsg and X_ITE</title>
+    r.ssim?.toFixed(3) ?? '–'}, mean difference ${r.difference?.toFixed(1) ?? '–'} of 255; X_ITE and X3DOM: IoU ${
+    r.browsers?.iou.toFixed(3) ?? '–'}, SSIM ${r.browsers?.ssim.toFixed(3) ?? '–'}<pre>${escape(r.said.slice(0, 1500))}</pre></td><td><img src="${
+    r.name}-whole-rtsg.png"></td><td><img src="${r.name}-whole-x_ite.png"></td><td><img src="${r.name}-whole-x3dom.png"></td></tr>`);
+  writeFileSync(path.join(given.out, 'index.html'), `<!doctype html><meta charset="utf-8"><title>rtsg and browsers</title>
 <style>body{font:15px sans-serif;margin:1em}td{vertical-align:top;padding:.4em;border-top:1px solid #ccc}img{max-width:100%}pre{font-size:11px;white-space:pre-wrap}
-.not td:first-child{background:#fdd}</style><h1>rtsg (left) and X_ITE (right)</h1><p>${escape(summary)}</p><table>${rows.join('\n')}</table>`);
+.not td:first-child{background:#fdd}</style><h1>rtsg, X_ITE and X3DOM</h1><p>${escape(summary)}</p><table>${rows.join('\n')}</table>`);
 }
 
 const scenes = given.inputs.flatMap(scenesIn).filter((s) => s.includes(given.only));
@@ -217,6 +243,7 @@ mkdirSync(given.out, {recursive: true});
 const server = await startServer();
 const browser = await playwright.chromium.launchPersistentContext(path.join(scratch, 'profile'), {executablePath: chromium, headless: true,
   viewport: {width, height}, args: ['--headless', '--no-sandbox', '--disable-gpu', '--no-first-run', '--enable-unsafe-swiftshader']});
+const isAlike = ({iou, ssim}) => iou >= .98 && ssim >= .95;
 const results = [];
 for (let i = 0; i < scenes.length; ++i) {
   const result = {scene: path.relative(process.cwd(), scenes[i]), name: `${i}`, said: '', alike: false};
@@ -225,18 +252,23 @@ for (let i = 0; i < scenes.length; ++i) {
   try {
     page = await browser.newPage();
     page.setDefaultTimeout(120_000);
-    page.on('console', (message) => { if (message.type() === 'error') result.said += `X_ITE: ${message.text()}\n`; });
+    page.on('console', (message) => { if (message.type() === 'error') result.said += `browser: ${message.text()}\n`; });
     result.said += prepare(scenes[i], `${i}`);
-    const pictures = {};
+    const pictures = {rtsg: {}, xIte: {}, x3dom: {}};
     for (const kind of ['whole', 'empty']) {
-      const png = await drawInBrowser(page, `http://127.0.0.1:${server.address().port}/files${path.dirname(scenes[i])}/STILL-${i}-${kind}.x3d`);
-      writeFileSync(path.join(given.out, `${i}-${kind}-x_ite.png`), png);
-      pictures[`${kind}X`] = png.toString('base64');
-      pictures[`${kind}R`] = readFileSync(path.join(given.out, `${i}-${kind}-rtsg.png`)).toString('base64');
+      const still = `http://127.0.0.1:${server.address().port}/files${path.dirname(scenes[i])}/STILL-${i}-${kind}`;
+      const pngs = {rtsg: readFileSync(path.join(given.out, `${i}-${kind}-rtsg.png`)), xIte: await drawInXIte(page, `${still}.x3d`),
+        x3dom: await drawInX3dom(page, `${still}.xhtml`)};
+      writeFileSync(path.join(given.out, `${i}-${kind}-x_ite.png`), pngs.xIte);
+      writeFileSync(path.join(given.out, `${i}-${kind}-x3dom.png`), pngs.x3dom);
+      for (const [who, png] of Object.entries(pngs)) pictures[who][kind] = png.toString('base64');
     }
-    Object.assign(result, await page.evaluate(measure, pictures));
-    result.alike = result.iou >= .98 && result.ssim >= .95;
-    console.log(`${result.alike ? 'alike    ' : 'different'} IoU ${result.iou.toFixed(3)} near ${result.near.toFixed(3)} SSIM ${result.ssim.toFixed(3)} ${result.scene}`);
+    Object.assign(result, await page.evaluate(measure, {a: pictures.rtsg, b: pictures.xIte}));
+    result.alike = isAlike(result);
+    result.browsers = await page.evaluate(measure, {a: pictures.xIte, b: pictures.x3dom});
+    result.agreed = isAlike(result.browsers);
+    console.log(`${result.alike ? 'alike    ' : 'different'} IoU ${result.iou.toFixed(3)} near ${result.near.toFixed(3)} SSIM ${result.ssim.toFixed(3)}, the browsers ${
+      result.agreed ? 'alike    ' : 'different'} ${result.browsers.iou.toFixed(3)} ${result.browsers.ssim.toFixed(3)} ${result.scene}`);
   } catch (failed) {
     result.said += `${failed}`;
     console.log(`failed    ${result.scene}: ${`${failed}`.split('\n')[0]}`);
@@ -246,8 +278,10 @@ for (let i = 0; i < scenes.length; ++i) {
 await browser.close();
 server.close();
 const alike = results.filter((r) => r.alike).length;
+const agreed = results.filter((r) => r.agreed);
 const summary = `${alike} of ${results.length} scenes are alike (IoU at least .98 and SSIM at least .95); of ${
-  results.filter((r) => !r.alike && r.near >= .98 && r.ssim >= .95).length} more the silhouettes lie within a pixel of each other.`;
+  results.filter((r) => !r.alike && r.near >= .98 && r.ssim >= .95).length} more the silhouettes lie within a pixel of each other. X_ITE and X3DOM are alike in ${
+  agreed.length} scenes, of which rtsg and X_ITE are in ${agreed.filter((r) => r.alike).length}.`;
 writePage(results, summary);
 writeFileSync(path.join(given.out, 'results.json'), JSON.stringify(results, null, 1));
 console.log(summary);

@@ -1,12 +1,12 @@
 // How alike two pictures of a scene are. Runs in a browser, which decodes the pictures; so it stands for itself alone.
 
 /**
- * Pictures as PNG in base64: of rtsg (R) and X_ITE (X), `whole` and `empty`, without shapes. Gives `iou`, the share of both
+ * Pictures as PNG in base64: by two programs, `whole` and `empty`, without shapes. Gives `iou`, the share of both
  * silhouettes together that lies in both (1 where neither has any); `near`, the share of both silhouettes' pixels that lie in the
  * other one or beside one of its pixels, which is fair to lines a pixel wide; `ssim`, the mean structural similarity of luminance (Wang
  * et al. 2004: Gaussian windows of 11 pixels, sigma 1.5); `difference`, the mean of colours, of 255.
  */
-export async function measure({wholeR, emptyR, wholeX, emptyX}) {
+export async function measure({a: one, b: other}) {
   async function pixels(base64) {
     const image = new Image();
     image.src = `data:image/png;base64,${base64}`;
@@ -19,7 +19,7 @@ export async function measure({wholeR, emptyR, wholeX, emptyX}) {
     return {width: image.width, height: image.height, data: context.getImageData(0, 0, image.width, image.height).data};
   }
   const differs = (a, b, i) => Math.max(...[0, 1, 2].map((c) => Math.abs(a.data[4 * i + c] - b.data[4 * i + c]))) > 24;
-  const [a, aEmpty, b, bEmpty] = await Promise.all([wholeR, emptyR, wholeX, emptyX].map(pixels));
+  const [a, aEmpty, b, bEmpty] = await Promise.all([one.whole, one.empty, other.whole, other.empty].map(pixels));
   if (a.width !== b.width || a.height !== b.height) throw new Error('the pictures have different sizes');
   const count = a.width * a.height;
   const inA = Uint8Array.from({length: count}, (_, i) => differs(a, aEmpty, i)), inB = Uint8Array.from({length: count}, (_, i) => differs(b, bEmpty, i));
