@@ -53,6 +53,7 @@ void RecordPool::giveBack(std::unique_ptr<EncodedRecord> record) {
 
 void MirrorHistory::clear() {
     keyframe_.reset();
+    first_.reset();
     frames_.clear();
     ends_.clear();
     memory_ = total_ = newest_ = 0;
@@ -64,10 +65,10 @@ bool MirrorHistory::add(SharedRecord record) {
     if (header.kind == RecordKind::keyframe) {
         // A first state, the snapshot of the newest one, or the first change of a scene that had none.
         if (!empty() && header.to != newest_ && newest_ != 0) return false;
-        if (newest_ != header.to) frames_.clear(), ends_.clear(), memory_ = 0;
+        if (newest_ != header.to) frames_.clear(), ends_.clear(), memory_ = 0, first_.reset();
         newest_ = header.to;
         started_ = true;
-        keyframe_ = std::move(record);
+        replaceKeyframe(std::move(record));
         return true;
     }
     if (empty() || header.from != newest_) return false;
@@ -75,6 +76,7 @@ bool MirrorHistory::add(SharedRecord record) {
         // The served replica was wrong and has been put right: who follows finds out by the hash; nobody else may get
         // what led here.
         keyframe_.reset();
+        first_.reset();
         frames_.clear();
         ends_.clear();
         memory_ = 0;
@@ -90,7 +92,13 @@ bool MirrorHistory::add(SharedRecord record) {
         frames_.pop_front();
         ends_.pop_front();
     }
+    if (first_ && !continues(first_->header.to)) first_.reset();
     return true;
+}
+
+void MirrorHistory::replaceKeyframe(SharedRecord record) {
+    if (keepsFirst_ && keyframe_ && !first_ && continues(keyframe_->header.to)) first_ = std::move(keyframe_);
+    keyframe_ = std::move(record);
 }
 
 void MirrorHistory::addEarlier(SharedRecord record) {
@@ -116,14 +124,17 @@ bool MirrorHistory::continues(std::uint64_t state, const Hash128& hash) const {
     if (hash == Hash128{}) return true;
     const std::size_t index = indexOf(state);  // of the frame after it; at the end: one behind the last
     if (index > 0) return frames_[index - 1]->header.hash == hash;
-    return !keyframe_ || keyframe_->header.to != state || keyframe_->header.hash == hash;
+    for (const SharedRecord* known : {&keyframe_, &first_})
+        if (*known && (*known)->header.to == state && (*known)->header.hash != hash) return false;
+    return true;
 }
 
 std::vector<SharedRecord> MirrorHistory::allSince(std::uint64_t state) const {
     std::vector<SharedRecord> records;
-    if (!keyframe() || keyframe_->header.to > state || !continues(state)) return records;
-    records = framesFrom(keyframe_->header.to, frames_.size());
-    records.insert(records.begin(), keyframe_);
+    const SharedRecord last = keyframe(), &from = last && last->header.to <= state ? last : first_;
+    if (!from || from->header.to > state || !continues(state)) return records;
+    records = framesFrom(from->header.to, frames_.size());
+    records.insert(records.begin(), from);
     return records;
 }
 
@@ -148,7 +159,7 @@ SharedRecord MirrorHistory::keyframe() const {
 }
 
 void MirrorHistory::setKeyframe(SharedRecord record) {
-    if (continues(record->header.to)) keyframe_ = std::move(record);
+    if (continues(record->header.to)) replaceKeyframe(std::move(record));
 }
 
 }  // namespace rtsg

@@ -45,6 +45,9 @@ class MirrorHistory {
     bool add(SharedRecord record);
     /// A frame that led to the first state that add() will be given, in order.
     void addEarlier(SharedRecord record);
+    /// The first keyframe is kept beside later ones for as long as frames lead on from it: those who come back to a
+    /// session that has gone on are in its state or in one soon after.
+    void keepFirst() { keepsFirst_ = true; }
     /// A keyframe that was made later, of a state within the frames that are here. Others are ignored.
     void setKeyframe(SharedRecord record);
     void clear();
@@ -60,7 +63,7 @@ class MirrorHistory {
     SharedRecord frameFrom(std::uint64_t state) const;
     /// All frames from `state` on, at most `most`.
     std::vector<SharedRecord> framesFrom(std::uint64_t state, std::size_t most) const;
-    /// The last keyframe and all frames since, if `state` is among theirs; else nothing.
+    /// The last keyframe of a state not after `state`, and all frames since, if `state` is among theirs; else nothing.
     std::vector<SharedRecord> allSince(std::uint64_t state) const;
     /// Bytes of all frames from `state` on.
     std::uint64_t bytesFrom(std::uint64_t state) const;
@@ -70,13 +73,14 @@ class MirrorHistory {
 
   private:
     std::size_t indexOf(std::uint64_t state) const;
+    void replaceKeyframe(SharedRecord record);
 
     std::uint64_t limit_, memory_ = 0, newest_ = 0;
-    SharedRecord keyframe_;
+    SharedRecord keyframe_, first_;  // the latter where keepFirst(), once there is a later one
     std::deque<SharedRecord> frames_;
     std::deque<std::uint64_t> ends_;  // running total of bytes up to and including each frame
     std::uint64_t total_ = 0;
-    bool started_ = false;
+    bool started_ = false, keepsFirst_ = false;
 };
 
 }  // namespace rtsg

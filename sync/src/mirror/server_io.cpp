@@ -306,6 +306,7 @@ void MirrorServer::Io::takeInbox() {
             continue;
         }
         if (item.earlier) {
+            history_.keepFirst();
             history_.addEarlier(std::move(item.record));
             continue;
         }
@@ -317,7 +318,8 @@ void MirrorServer::Io::takeInbox() {
             shared_->wantSnapshot = true;
     }
     news_ |= !items.empty() || !verdicts.empty();
-    if (!items.empty()) keepKeyframeNear(0);
+    // Frames of before come first, and their state at once after them.
+    if (!items.empty() && !items.back().earlier) keepKeyframeNear(0);
     for (mirror::Verdict& verdict : verdicts) {
         ++statistics_.requests;
         ledger_.answer(verdict);

@@ -37,6 +37,41 @@ TEST(MirrorHistory, FramesAreFoundByTheStateTheyStartAt) {
     EXPECT_EQ(history.keyframe()->header.to, 5u);
 }
 
+TEST(MirrorHistory, KeepsTheFirstKeyframeOfASessionThatGoesOn) {
+    const auto statesOf = [](const std::vector<SharedRecord>& records) {
+        std::vector<std::uint64_t> states;
+        for (const SharedRecord& r : records) states.push_back(r->header.to);
+        return states;
+    };
+    for (const bool keeps : {true, false}) {
+        MirrorHistory history(5000);
+        if (keeps) history.keepFirst();
+        const auto first = record(RecordKind::keyframe, 0, 9);
+        first->header.hash = {9, 0};
+        ASSERT_TRUE(history.add(first));
+        for (std::uint64_t s = 9; s < 12; ++s) ASSERT_TRUE(history.add(frame(s)));
+        EXPECT_EQ(statesOf(history.allSince(10)), (std::vector<std::uint64_t>{9, 10, 11, 12}));
+        EXPECT_TRUE(history.allSince(8).empty());
+        history.setKeyframe(keyframe(11));
+        history.setKeyframe(keyframe(12));
+        EXPECT_EQ(statesOf(history.allSince(12)), (std::vector<std::uint64_t>{12}));
+        if (!keeps) {
+            EXPECT_TRUE(history.allSince(11).empty());
+            continue;
+        }
+        for (const std::uint64_t s : {9, 10, 11})
+            EXPECT_EQ(statesOf(history.allSince(s)), (std::vector<std::uint64_t>{9, 10, 11, 12})) << s;
+        EXPECT_TRUE(history.continues(9, {9, 0}));
+        EXPECT_FALSE(history.continues(9, {9, 1})) << "another state";
+        // As long as frames lead on from it.
+        for (std::uint64_t s = 12; s < 100; ++s) ASSERT_TRUE(history.add(frame(s)));
+        ASSERT_FALSE(history.continues(9));
+        EXPECT_TRUE(history.allSince(99).empty());
+        history.setKeyframe(keyframe(99));
+        EXPECT_EQ(statesOf(history.allSince(100)), (std::vector<std::uint64_t>{99, 100}));
+    }
+}
+
 TEST(MirrorHistory, GoesOnFromFramesOfBefore) {
     MirrorHistory history(1 << 20);
     for (std::uint64_t s = 5; s < 9; ++s) {
