@@ -27,6 +27,13 @@ bool wentThrough(const Outline& outline, const EscapedRay& ray) {
     return distance > -2 * beside && outline.holds(crossing, 1.02, beside);
 }
 
+/// Whether what was felt is one that is known. A crack through a thick wall may be felt at its inner or its outer edge.
+bool isSame(const Outline& known, const Outline& felt) {
+    constexpr double kThickWall = 0.3;
+    const double deep = known.halfWidth + 1e-3 + std::min(8 * known.halfWidth, kThickWall);
+    return known.holds(felt.center, 1.05, 1e-3) && std::abs(glm::dot(felt.center - known.center, known.normal)) < deep;
+}
+
 double meanOfBands(const Bands& bands) {
     double sum = 0;
     for (const double value : bands) sum += value / kBandCount;
@@ -114,12 +121,14 @@ RoomOpenings findRoomOpenings(const RayView& rays, const glm::dvec3& source, std
                 continue;
             }
             // The same, by a ray that only just went through, or in a part of it that cannot be seen from its centre.
-            at = known([&](const Outline& outline) {
-                return outline.holds(felt->outline.center, 1.05, 1e-3) &&
-                       std::abs(glm::dot(felt->outline.center - outline.center, outline.normal)) <
-                           outline.halfWidth + 1e-3;
-            });
-            if (at == found.end()) at = found.insert(found.end(), std::move(*felt));
+            at = known([&](const Outline& outline) { return isSame(outline, felt->outline); });
+            if (at == found.end()) {
+                at = found.insert(found.end(), std::move(*felt));
+            } else if (felt->outline.area < at->outline.area) {
+                // All that goes through passes where it is narrowest.
+                felt->exits = std::move(at->exits);
+                *at = std::move(*felt);
+            }
         }
         if (at != found.end()) at->exits.push_back(i);
     }

@@ -1,6 +1,8 @@
 // Keeps the walls of a scene in step with the instances, one record for each instance that changed.
 #include <rtsg/audio/walls.h>
+
 #include <algorithm>
+#include <cmath>
 
 namespace rtsg {
 
@@ -33,6 +35,14 @@ void Walls::write(std::uint32_t slot) {
     wall.mesh = instance.info.heard ? instance.mesh : nullptr;
     wall.worldFromLocal = instance.info.worldFromLocal;
     wall.stamp = ++stamp_;
+    wall.reach = 0;
+    if (!wall.mesh) return;
+    const Bounds& bounds = wall.mesh->bounds;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double size = std::max(std::abs(bounds.min[axis]), std::abs(bounds.max[axis]));
+        const glm::dvec3 along = glm::abs(wall.worldFromLocal[axis]) * size;
+        wall.reach += along.x + along.y + along.z;
+    }
 }
 
 void Walls::detach(std::uint32_t slot) {

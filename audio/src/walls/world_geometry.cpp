@@ -132,13 +132,10 @@ double WorldGeometry::clearOf(const Wall& wall, const Hit& found) const {
     constexpr double kEps = 0x1p-24, kGamma = 12 * kEps / (1 - 12 * kEps);
     const RayInstance& instance = rays_->instance(found.instance);
     // Of its whole mesh: a little more than of the triangle alone, and at hand.
-    const Vec3f size = glm::max(glm::abs(wall.mesh->bounds.min), glm::abs(wall.mesh->bounds.max));
-    const WorldFromLocal& m = wall.worldFromLocal;
-    const glm::dvec3 linear =
-        glm::abs(m[0]) * double{size.x} + glm::abs(m[1]) * double{size.y} + glm::abs(m[2]) * double{size.z};
-    const glm::dvec3 error = (linear * double{instance.errorScale} + glm::abs(m[3] - rays_->origin())) * kGamma +
-                             glm::dvec3(instance.errorFloor);
-    return error.x + error.y + error.z;
+    const glm::dvec3 moved = glm::abs(wall.worldFromLocal[3] - rays_->origin());
+    const Vec3f& floor = instance.errorFloor;
+    return (wall.reach * double{instance.errorScale} + moved.x + moved.y + moved.z) * kGamma + double{floor.x} +
+           double{floor.y} + double{floor.z};
 }
 
 WorldGeometry::Judged WorldGeometry::judge(const Hit& found, double rough, std::span<const std::uint32_t> open,

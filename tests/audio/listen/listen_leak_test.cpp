@@ -3,6 +3,7 @@
 #include <cmath>
 #include <fstream>
 #include <functional>
+#include <regex>
 
 #include <nlohmann/json.hpp>
 
@@ -145,7 +146,7 @@ TEST_F(ListenLeak, NothingIsToldWhereNothingIsLostOrSomethingIsOpenOnPurpose) {
 }
 
 TEST_F(ListenLeak, WhatOpensLaterIsToldToo) {
-    const auto eastOpens = [](Scene& scene, double t) { slide(scene, t > .3 ? .02f : 0.0f); };
+    const auto eastOpens = [](Scene& scene, double t) { slide(scene, t > .3 ? .04f : 0.0f); };
     // Closed until then; or with a leak elsewhere that was told before.
     const auto closed = heardWhile(movable(), 1.2, eastOpens);
     ASSERT_EQ(closed.size(), 1u);
@@ -216,9 +217,10 @@ TEST_F(ListenLeak, ReportsOfAllFormsHaveATableOfThem) {
     const std::string text = report->toText(), page = report->toHtml();
     EXPECT_NE(text.find("\nsound that leaves the room, of all that a source emits\n  Voice: "), std::string::npos);
     EXPECT_NE(text.find("    leak "), std::string::npos) << text;
-    EXPECT_NE(text.find("3 m x 2 cm (0.0"), std::string::npos) << text;
+    // How it lies in the crack depends on the ray that found it.
+    EXPECT_TRUE(std::regex_search(text, std::regex("3[.0-9]* m x [.0-9]+ cm \\(0\\.0[56]"))) << text;
     EXPECT_NE(page.find("<h2>Sound that leaves the room</h2>"), std::string::npos);
-    EXPECT_NE(page.find("<td>3 m x 2 cm</td>"), std::string::npos);
+    EXPECT_TRUE(std::regex_search(page, std::regex("<td>3[.0-9]* m x [.0-9]+ cm</td>")));
     const auto json = nlohmann::json::parse(report->toJson());
     EXPECT_EQ(json["losses"][0]["source"], "Voice");
     EXPECT_NEAR(json["losses"][0]["openings"][0]["area"].get<double>(), .06, .001);

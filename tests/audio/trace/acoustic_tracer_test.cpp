@@ -58,7 +58,7 @@ class Box : public testing::TestWithParam<Row> {};
 TEST_P(Box, AgreesWithTheReference) {
     const Row row = GetParam();
     const TriangleGeometry box = Shoebox::uniform({6, 5, 3}, row.absorption, row.scattering).geometry();
-    const TraceResult result = AcousticTracer(box).trace(kSource, kListener, options(24000, 3));
+    const TraceResult result = AcousticTracer(box).trace(kSource, kListener, options(30000, 3));
     expectRow(result.metrics(), row);
     EXPECT_EQ(result.imageOrder, 3);
     EXPECT_EQ(result.arrivals.size(), row.scattering < 1 ? 63u : 1u);
@@ -361,7 +361,8 @@ TEST(AcousticTracer, ADirectionalSourceReachesTheRoomByWhatItRadiates) {
     const glm::dvec3 axis = glm::normalize(glm::dvec3(1, 2, .5));
     o.pattern = [&](const glm::dvec3& d) { return glm::dot(d, axis) > std::cos(M_PI / 6) ? 1.0 : 0.0; };
     const TraceResult beam = AcousticTracer(box).trace(kSource, kListener, o);
-    EXPECT_NEAR(10 * std::log10(late(beam) / all), 10 * std::log10((1 - std::cos(M_PI / 6)) / 2), .5);
+    // Its first way is longer than others', so that it meets fewer walls until then: some .4 dB.
+    EXPECT_NEAR(10 * std::log10(late(beam) / all), 10 * std::log10((1 - std::cos(M_PI / 6)) / 2) + .4, .3);
     // Mirror images leave the source towards their first wall.
     const TriangleGeometry mirror = Shoebox::uniform({6, 5, 3}, .1, 0).geometry();
     o.pattern = [&](const glm::dvec3& d) { return d.z < -1e-9 ? 1.0 : 0.0; };  // down
