@@ -290,7 +290,6 @@ class BatchTracer {
         const glm::dvec3 ear = ears_[0].position;
         alignas(64) double factor[kMost], distance[kMost];
         AcousticRays::Vectors direction;
-        std::uint32_t wanted = 0;
         for (int i = 0; i < kMost; ++i) {
             const double x = ear.x - rays.origin.x[i], y = ear.y - rays.origin.y[i], z = ear.z - rays.origin.z[i];
             const double towards = x * rays.facing.x[i] + y * rays.facing.y[i] + z * rays.facing.z[i];
@@ -299,9 +298,8 @@ class BatchTracer {
             direction.x[i] = x * inverse, direction.y[i] = y * inverse, direction.z[i] = z * inverse;
             factor[i] = towards * (inverse * inverse * inverse) * std::numbers::inv_pi;
         }
-        for (int i = 0; i < kMost; ++i)
-            wanted |= static_cast<std::uint32_t>((factor[i] > 0) & (lanes_.travelled[i] + distance[i] < maxDistance_))
-                      << i;
+        const std::uint32_t wanted =
+            lanesWhere([&](int i) { return factor[i] > 0 && lanes_.travelled[i] + distance[i] < maxDistance_; });
         forEachBit(wanted & from, [&](int i) {
             const Energy<N> energy = lanes_.scattered(i);
             add<N>(batch_.heard[0].tried, energy);
@@ -363,12 +361,9 @@ class BatchTracer {
     /// hear. `round`: numbers in [0, 1).
     void connectSome(std::uint32_t from, const double (&round)[RayLanes<N>::kMost]) {
         std::int32_t looks[RayLanes<N>::kMost];
-        std::uint32_t some = 0;
-        for (int i = 0; i < RayLanes<N>::kMost; ++i) {
-            looks[i] = static_cast<std::int32_t>(looksOf(i) + round[i]);
-            some |= static_cast<std::uint32_t>(looks[i] > 0) << i;
-        }
-        forEachBit(some & from, [&](int i) { connectSome(i, looks[i], looksOf(i)); });
+        for (int i = 0; i < RayLanes<N>::kMost; ++i) looks[i] = static_cast<std::int32_t>(looksOf(i) + round[i]);
+        forEachBit(from & lanesWhere([&](int i) { return looks[i] > 0; }),
+                   [&](int i) { connectSome(i, looks[i], looksOf(i)); });
         for (int i = 0; i < RayLanes<N>::kMost; ++i) lanes_.wallsMet[i] += static_cast<std::int32_t>(from >> i & 1);
     }
     double looksOf(int i) const { return lanes_.wallsMet[i] < kEarly ? earlyLooks_ : laterLooks_; }

@@ -22,6 +22,17 @@ void forEachBit(std::uint32_t bits, const Visit& visit) {
     for (; bits != 0; bits &= bits - 1) visit(std::countr_zero(bits));
 }
 
+/// A bit for each lane of which this is true.
+template <class Test>
+std::uint32_t lanesWhere(const Test& test) {
+    std::uint32_t lanes = 0;
+    for (int i = 0; i < AcousticRays::kMost; ++i) {
+        const bool is = test(i);
+        lanes |= std::uint32_t{is} << i;
+    }
+    return lanes;
+}
+
 /// Pairs of numbers in [0, 1), with 32 bits each.
 inline void drawPairs(Random& random, double (&first)[AcousticRays::kMost], double (&second)[AcousticRays::kMost]) {
     // A number from 1 to 2 has these bits above its fraction's; taking 1 away is exact.
@@ -105,18 +116,12 @@ class RayLanes {
         addUp(diffuse_, diffuseSum_), addUp(mirror_, mirrorSum_), addUp(through_, throughSum_);
     }
     Energy<N> scattered(int i) const { return column(diffuse_, i); }
-    const double (&scatteredSum() const)[kMost] { return diffuseSum_; }
     /// Rays whose wall leaves any energy, of these; and those of which something is scattered.
     std::uint32_t left(std::uint32_t of) const {
-        std::uint32_t result = 0;
-        for (int i = 0; i < kMost; ++i)
-            result |= static_cast<std::uint32_t>(diffuseSum_[i] + mirrorSum_[i] + throughSum_[i] > 0) << i;
-        return of & result;
+        return of & lanesWhere([this](int i) { return diffuseSum_[i] + mirrorSum_[i] + throughSum_[i] > 0; });
     }
     std::uint32_t scatters(std::uint32_t of) const {
-        std::uint32_t result = 0;
-        for (int i = 0; i < kMost; ++i) result |= static_cast<std::uint32_t>(diffuseSum_[i] > 0) << i;
-        return of & result;
+        return of & lanesWhere([this](int i) { return diffuseSum_[i] > 0; });
     }
 
     /// Chooses how each goes on, with chances that are its shares of energy: `choice`, in [0, 1). What is scattered
@@ -133,15 +138,13 @@ class RayLanes {
         }
         turn(event, across, round);
         weigh(event);
-        std::uint32_t reflecting = 0;
         for (int i = 0; i < kMost; ++i) {
             const bool scatters = event[i] == kScatters;
             mirrors[i] = scatters ? MirrorSequence() : mirrors[i];
             onlyMirrors[i] = onlyMirrors[i] & !scatters;
             last[i] = scatters ? Event::diffuse : last[i];
-            reflecting |= static_cast<std::uint32_t>(event[i] == kReflects) << i;
         }
-        forEachBit(reflecting, [&](int i) {
+        forEachBit(lanesWhere([&](int i) { return event[i] == kReflects; }), [&](int i) {
             const std::uint32_t plane = rays.except[i];
             last[i] = Event::mirror;
             ++mirrorOrder[i];
@@ -151,13 +154,11 @@ class RayLanes {
     }
     /// Of these, those that have less than `of` times what the next Russian roulette is for.
     std::uint32_t faint(std::uint32_t lanes, double of) const {
-        std::uint32_t result = 0;
-        for (int i = 0; i < kMost; ++i) {
-            double most = energy[0][i];
-            for (std::size_t b = 1; b < N; ++b) most = energy[b][i] > most ? energy[b][i] : most;
-            result |= static_cast<std::uint32_t>(!(most >= roulette[i] * of)) << i;
-        }
-        return lanes & result;
+        return lanes & lanesWhere([&](int i) {
+                   double most = energy[0][i];
+                   for (std::size_t b = 1; b < N; ++b) most = energy[b][i] > most ? energy[b][i] : most;
+                   return !(most >= roulette[i] * of);
+               });
     }
 
   private:
