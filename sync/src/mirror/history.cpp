@@ -131,7 +131,8 @@ bool MirrorHistory::continues(std::uint64_t state, const Hash128& hash) const {
 
 std::vector<SharedRecord> MirrorHistory::allSince(std::uint64_t state) const {
     std::vector<SharedRecord> records;
-    const SharedRecord last = keyframe(), &from = last && last->header.to <= state ? last : first_;
+    SharedRecord from = keyframe();
+    if (!from || from->header.to > state) from = first_;
     if (!from || from->header.to > state || !continues(state)) return records;
     records = framesFrom(from->header.to, frames_.size());
     records.insert(records.begin(), from);
