@@ -2,6 +2,7 @@
 // build time. Links nothing of ours, throws nothing.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <map>
 #include <memory>
@@ -11,6 +12,7 @@
 
 #include <fontconfig/fontconfig.h>
 #include <ft2build.h>
+#include FT_BBOX_H
 #include FT_FREETYPE_H
 #include FT_OUTLINE_H
 #include FT_TRUETYPE_TABLES_H
@@ -140,6 +142,23 @@ class Face {
     float em() const { return em_; }
     float slant() const { return slant_; }
     std::uint32_t glyphOf(char32_t code) const { return FT_Get_Char_Index(face_, code); }
+    /// The outline of a glyph in units of the font, upright; null if it has none. Valid until the next call.
+    FT_Outline* outlineOf(std::uint32_t glyph) const {
+        if (FT_Load_Glyph(face_, glyph, FT_LOAD_NO_SCALE | FT_LOAD_NO_HINTING | FT_LOAD_NO_BITMAP) != 0) return nullptr;
+        return face_->glyph->format == FT_GLYPH_FORMAT_OUTLINE ? &face_->glyph->outline : nullptr;
+    }
+    const GlyphBox& boxOf(std::uint32_t glyph) {
+        const auto [found, isNew] = boxes_.try_emplace(glyph);
+        FT_Outline* const outline = isNew ? outlineOf(glyph) : nullptr;
+        if (!outline || outline->n_points == 0) return found->second;
+        const FT_Matrix slanted{0x10000, static_cast<FT_Fixed>(std::lround(slant_ * 65536.0f)), 0, 0x10000};
+        if (slant_ != 0) FT_Outline_Transform(outline, &slanted);
+        FT_BBox box{};
+        if (FT_Outline_Get_BBox(outline, &box) != 0) return found->second;
+        const auto ems = [&](FT_Pos units) { return static_cast<float>(units) * em_; };
+        found->second = {ems(box.xMin), ems(box.yMin), ems(box.xMax), ems(box.yMax), false};
+        return found->second;
+    }
 #ifdef RTSG_HARFBUZZ
     hb_font_t* shaper() const { return shaper_; }
 #endif
@@ -176,6 +195,7 @@ class Face {
 #endif
     FT_Face face_ = nullptr;  // until the process ends, as all here
     float em_ = 1, slant_ = 0;
+    std::unordered_map<std::uint32_t, GlyphBox> boxes_;
 #ifdef RTSG_HARFBUZZ
     hb_font_t* shaper_ = nullptr;
 #endif
@@ -271,11 +291,15 @@ class SystemFonts : public Fonts {
         const std::lock_guard lock(mutex_);
         out.clear();
         const Face& from = *faces_[face];
-        if (FT_Load_Glyph(from.get(), glyph, FT_LOAD_NO_SCALE | FT_LOAD_NO_HINTING | FT_LOAD_NO_BITMAP) != 0) return;
-        if (from.get()->glyph->format != FT_GLYPH_FORMAT_OUTLINE) return;
+        FT_Outline* const outline = from.outlineOf(glyph);
+        if (!outline) return;
         Pen pen{&out, from.em(), from.slant()};
         const FT_Outline_Funcs functions{Pen::moveTo, Pen::lineTo, Pen::conicTo, Pen::cubicTo, 0, 0};
-        FT_Outline_Decompose(&from.get()->glyph->outline, &functions, &pen);
+        FT_Outline_Decompose(outline, &functions, &pen);
+    }
+    GlyphBox box(std::uint32_t face, std::uint32_t glyph) const override {
+        const std::lock_guard lock(mutex_);
+        return faces_[face]->boxOf(glyph);
     }
 
     bool shapes() const override {

@@ -78,10 +78,12 @@ Hit OpeningFinder::meet(const glm::dvec3& from, const glm::dvec3& direction) con
 /// Whether a ray gets to the sky, or farther than `wall` metres to something that sees so much of it.
 bool OpeningFinder::goesOn(const glm::dvec3& from, const glm::dvec3& direction, double wall, double sky,
                            Hit& met) const {
-    constexpr double kBack = 1e-3;
     met = meet(from, direction);
     if (!met) return true;
-    return double{met.t} > wall && skyShare(from + direction * (double{met.t} * (1 - kBack))) >= sky;
+    // Far enough before what was met that floats tell the two apart, also where it is near.
+    const double t = met.t;
+    const double back = std::min(t / 2, std::max(1e-3 * t, 2e-6 * (1 + glm::length(from))));
+    return t > wall && skyShare(from + direction * (t - back)) >= sky;
 }
 
 /// The last place on its way that is not outside; none if it starts there.

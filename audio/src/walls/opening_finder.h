@@ -23,7 +23,6 @@ struct Felt {
     Outline outline;
     std::map<std::uint32_t, double> beside;  // slots, and metres of the rim
     std::size_t boundaryEdges = 0;
-    std::vector<std::size_t> exits;
 };
 
 class OpeningFinder {

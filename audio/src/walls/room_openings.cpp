@@ -27,12 +27,130 @@ bool wentThrough(const Outline& outline, const EscapedRay& ray) {
     return distance > -2 * beside && outline.holds(crossing, 1.02, beside);
 }
 
-/// Whether what was felt is one that is known. A crack through a thick wall may be felt at its inner or its outer edge.
-bool isSame(const Outline& known, const Outline& felt) {
-    constexpr double kThickWall = 0.3;
-    const double deep = known.halfWidth + 1e-3 + std::min(8 * known.halfWidth, kThickWall);
-    return known.holds(felt.center, 1.05, 1e-3) && std::abs(glm::dot(felt.center - known.center, known.normal)) < deep;
+/// Whether two are the same opening. A crack through a thick wall may be felt at its inner or its outer edge.
+bool isSame(const Outline& a, const Outline& b) {
+    static constexpr double kThickWall = 0.3;
+    const auto lies = [](const Outline& in, const Outline& other) {
+        const double deep = in.halfWidth + 1e-3 + std::min(8 * in.halfWidth, kThickWall);
+        return in.holds(other.center, 1.05, 1e-3) && std::abs(glm::dot(other.center - in.center, in.normal)) < deep;
+    };
+    return lies(a, b) || lies(b, a);
 }
+
+/// Whether two that are the same are alike, so that neither is one ray's mistake.
+bool agree(const Outline& a, const Outline& b) {
+    constexpr double kAlike = 0.01, kTilt = 0.03;
+    const auto alike = [](double x, double y) { return std::abs(x - y) <= kAlike * std::max(x, y); };
+    return alike(a.area, b.area) && alike(a.length(), b.length()) && glm::distance(a.normal, b.normal) < kTilt;
+}
+
+/// Feels for openings by exits, each of which is asked once.
+class OpeningSearch {
+  public:
+    OpeningSearch(OpeningFinder& finder, std::span<const EscapedRay> exits)
+        : finder_(finder), exits_(exits), felt_(exits.size()) {}
+
+    /// All that can be told apart: those that several rays felt alike first, then those that one ray alone felt.
+    std::vector<Felt> all() {
+        constexpr std::size_t kMost = 24;
+        constexpr double kLeastOfUsual = 0.3;  // what less goes through, for its area, is one ray's mistake
+        std::vector<Felt> found, alone;
+        std::vector<std::size_t> aloneBy;
+        for (std::size_t i = 0; i < exits_.size() && found.size() + alone.size() < kMost; ++i) {
+            if (leadsThrough(found, exits_[i])) continue;
+            const Felt* const first = by(i);
+            if (!first) continue;
+            if (Felt* const same = oneOf(found, first->outline)) {
+                if (first->boundaryEdges > 0 && same->boundaryEdges == 0) *same = *first;
+                continue;
+            }
+            if (const Felt* const sure = confirmed(i, *first)) {
+                found.push_back(*sure);
+            } else if (!oneOf(alone, first->outline)) {
+                alone.push_back(*first);
+                aloneBy.push_back(i);
+            }
+        }
+        const double usual = exitsPerArea(found);
+        for (std::size_t k = 0; k < alone.size(); ++k)
+            if (!leadsThrough(found, exits_[aloneBy[k]]) && !oneOf(found, alone[k].outline) &&
+                exitsPerArea({&alone[k], 1}) >= kLeastOfUsual * usual)
+                found.push_back(std::move(alone[k]));
+        return found;
+    }
+    /// The one of `found` that an exit went through, or that it felt in a part that cannot be seen from its centre.
+    std::optional<std::size_t> of(const std::vector<Felt>& found, std::size_t exit) const {
+        for (std::size_t k = 0; k < found.size(); ++k)
+            if (wentThrough(found[k].outline, exits_[exit])) return k;
+        if (felt_[exit].value)
+            for (std::size_t k = 0; k < found.size(); ++k)
+                if (isSame(found[k].outline, felt_[exit].value->outline)) return k;
+        return std::nullopt;
+    }
+
+  private:
+    struct Answer {
+        bool asked = false;
+        std::optional<Felt> value;
+    };
+
+    double exitsPerArea(std::span<const Felt> found) const {
+        double exits = 0, area = 0;
+        for (const EscapedRay& exit : exits_) exits += leadsThrough(found, exit) ? 1 : 0;
+        for (const Felt& felt : found) area += felt.outline.area;
+        return area > 0 ? exits / area : 0;
+    }
+    static bool leadsThrough(std::span<const Felt> found, const EscapedRay& exit) {
+        return std::any_of(found.begin(), found.end(),
+                           [&](const Felt& felt) { return wentThrough(felt.outline, exit); });
+    }
+    static Felt* oneOf(std::vector<Felt>& found, const Outline& outline) {
+        const auto at =
+            std::find_if(found.begin(), found.end(), [&](const Felt& felt) { return isSame(felt.outline, outline); });
+        return at == found.end() ? nullptr : &*at;
+    }
+    /// What an exit feels; null if it felt nothing, or if too many have.
+    const Felt* by(std::size_t exit) {
+        constexpr int kVain = 96, kFelt = 48;
+        Answer& answer = felt_[exit];
+        if (!answer.asked && vain_ < kVain && had_ < kFelt) {
+            answer.asked = true;
+            answer.value = finder_.feel(exits_[exit]);
+            ++(answer.value ? had_ : vain_);
+        }
+        return answer.value ? &*answer.value : nullptr;
+    }
+    /// What most exits feel that feel the same opening as the first: the narrowest of those that agree, as all that
+    /// goes through passes where it is narrowest. The boundary of a mesh is right whoever feels it. Null if no two
+    /// agree.
+    const Felt* confirmed(std::size_t first, const Felt& felt) {
+        constexpr std::size_t kTries = 8, kEnough = 3;
+        if (felt.boundaryEdges > 0) return &felt;
+        std::vector<const Felt*> tries{&felt};
+        std::vector<std::size_t> alike{1};  // tries that agree with each, itself too
+        for (std::size_t i = first + 1; i < exits_.size() && tries.size() < kTries; ++i) {
+            const Felt* const next = by(i);
+            if (!next || !isSame(felt.outline, next->outline)) continue;
+            if (next->boundaryEdges > 0) return next;
+            std::size_t agreeing = 1;
+            for (std::size_t k = 0; k < tries.size(); ++k)
+                if (agree(tries[k]->outline, next->outline)) ++alike[k], ++agreeing;
+            tries.push_back(next);
+            alike.push_back(agreeing);
+            if (*std::max_element(alike.begin(), alike.end()) == kEnough) break;
+        }
+        const Felt* best = nullptr;
+        const std::size_t most = *std::max_element(alike.begin(), alike.end());
+        for (std::size_t k = 0; most > 1 && k < tries.size(); ++k)
+            if (alike[k] == most && (!best || tries[k]->outline.area < best->outline.area)) best = tries[k];
+        return best;
+    }
+
+    OpeningFinder& finder_;
+    std::span<const EscapedRay> exits_;
+    std::vector<Answer> felt_;  // does not grow, so that places in it stay
+    int vain_ = 0, had_ = 0;
+};
 
 double meanOfBands(const Bands& bands) {
     double sum = 0;
@@ -50,9 +168,9 @@ RoomOpening::Beside besideOf(const RayInstance& instance) {
     return result;
 }
 
-/// What is told of one; `all`: the sums over all exits, by band.
-RoomOpening described(const RayView& rays, const Felt& felt, std::span<const EscapedRay> exits, const Bands& all,
-                      const Bands& escaped, double volume) {
+/// What is told of one; `by`: the exits that went through; `all`: the sums over all exits, by band.
+RoomOpening described(const RayView& rays, const Felt& felt, const std::vector<std::size_t>& by,
+                      std::span<const EscapedRay> exits, const Bands& all, const Bands& escaped, double volume) {
     constexpr std::size_t kNamed = 3;
     constexpr double kLeastOfRim = 0.05;
     RoomOpening result;
@@ -65,7 +183,7 @@ RoomOpening described(const RayView& rays, const Felt& felt, std::span<const Esc
     result.leak = (result.area < 0.01 * std::pow(volume, 2.0 / 3) && result.area < 0.5) || result.width < 0.03 ||
                   result.boundaryEdges == 3;
     Bands squares{};
-    for (const std::size_t i : felt.exits)
+    for (const std::size_t i : by)
         for (std::size_t b = 0; b < kBandCount; ++b) {
             result.share[b] += exits[i].energy[b];
             squares[b] += exits[i].energy[b] * exits[i].energy[b];
@@ -78,7 +196,7 @@ RoomOpening described(const RayView& rays, const Felt& felt, std::span<const Esc
         result.share[b] *= unit;
     }
     result.shareCi95 = half;
-    result.rays = felt.exits.size();
+    result.rays = by.size();
     std::vector<std::pair<double, std::uint32_t>> most;
     for (const auto& [slot, metres] : felt.beside)
         if (rays.instance(slot).mesh) most.emplace_back(-metres, slot);  // the most first
@@ -97,43 +215,22 @@ double RoomOpening::meanShare() const {
 
 RoomOpenings findRoomOpenings(const RayView& rays, const glm::dvec3& source, std::span<const EscapedRay> exits,
                               const Bands& escaped) {
-    constexpr std::size_t kMost = 24;
-    constexpr int kVain = 24;
     RoomOpenings result;
     result.escaped = result.elsewhere = meanOfBands(escaped);
     if (exits.empty()) return result;
     OpeningFinder finder(rays, source);
     result.outdoors = finder.outdoors();
     if (result.outdoors) return result;
-    std::vector<Felt> found;
-    const auto known = [&](const auto& test) {
-        return std::find_if(found.begin(), found.end(), [&](const Felt& felt) { return test(felt.outline); });
-    };
+    OpeningSearch search(finder, exits);
+    const std::vector<Felt> found = search.all();
+    std::vector<std::vector<std::size_t>> by(found.size());
     Bands all{};
-    int vain = 0;
     for (std::size_t i = 0; i < exits.size(); ++i) {
         for (std::size_t b = 0; b < kBandCount; ++b) all[b] += exits[i].energy[b];
-        auto at = known([&](const Outline& outline) { return wentThrough(outline, exits[i]); });
-        if (at == found.end() && found.size() < kMost && vain < kVain) {
-            std::optional<Felt> felt = finder.feel(exits[i]);
-            if (!felt) {
-                ++vain;
-                continue;
-            }
-            // The same, by a ray that only just went through, or in a part of it that cannot be seen from its centre.
-            at = known([&](const Outline& outline) { return isSame(outline, felt->outline); });
-            if (at == found.end()) {
-                at = found.insert(found.end(), std::move(*felt));
-            } else if (felt->outline.area < at->outline.area) {
-                // All that goes through passes where it is narrowest.
-                felt->exits = std::move(at->exits);
-                *at = std::move(*felt);
-            }
-        }
-        if (at != found.end()) at->exits.push_back(i);
+        if (const auto k = search.of(found, i)) by[*k].push_back(i);
     }
-    for (const Felt& felt : found) {
-        result.openings.push_back(described(rays, felt, exits, all, escaped, finder.volume()));
+    for (std::size_t k = 0; k < found.size(); ++k) {
+        result.openings.push_back(described(rays, found[k], by[k], exits, all, escaped, finder.volume()));
         result.elsewhere -= result.openings.back().meanShare();
     }
     result.elsewhere = std::max(0.0, result.elsewhere);

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
@@ -41,6 +42,33 @@ float beginOf(Justify justify, float low, float high, bool upwards) {
     }
 }
 
+/// What glyphs fill.
+struct Ink {
+    Vec2f low{kNothing}, high{-kNothing};
+    bool empty() const { return low.x > high.x; }
+
+    static constexpr float kNothing = std::numeric_limits<float>::max();
+};
+
+Ink inkOf(const Fonts& fonts, const std::vector<PlacedGlyph>& glyphs) {
+    Ink ink;
+    for (const PlacedGlyph& g : glyphs) {
+        const GlyphBox box = fonts.box(g.face, g.glyph);
+        if (box.empty) continue;
+        ink.low = glm::min(ink.low, Vec2f(g.x + box.left, g.y + box.bottom));
+        ink.high = glm::max(ink.high, Vec2f(g.x + box.right, g.y + box.top));
+    }
+    return ink;
+}
+
+/// The same of several lines, along one axis.
+struct Extent {
+    float low = Ink::kNothing, high = -Ink::kNothing;
+    void add(float from, float to) { low = std::min(low, from), high = std::max(high, to); }
+    bool empty() const { return low > high; }
+    float middle() const { return .5f * (low + high); }
+};
+
 /// The characters of a line of its own each, marks and joiners with what they follow.
 std::vector<std::string> cells(const std::string& text) {
     std::vector<std::string> result;
@@ -60,10 +88,13 @@ std::vector<std::string> cells(const std::string& text) {
 
 }  // namespace
 
+/// A line, or a column.
 struct TextMaker::Line {
     std::vector<PlacedGlyph> glyphs;
     float extent = 0;  // along the line
     float stretch = 1;
+    Ink ink;                // before the line is stretched and placed
+    Vec2f at{0};            // of its start
     Vec2f low{0}, high{0};  // of the line's own box: from its descent to its ascent, or one em wide
 };
 
@@ -97,6 +128,57 @@ std::uint32_t TextMaker::loadedFace(const Fonts& fonts, const TextParams& p, Mes
     return face;
 }
 
+/// MIDDLE puts the middle of what is seen on an axis: of each line along the lines, of all of them across. The other
+/// places are those of the font, so that lines stay where they are when their characters change.
+void TextMaker::placeLines(std::vector<Line>& lines, const FontChoice& font, const TextParams& p) {
+    const float down = p.topToBottom ? -p.spacing : p.spacing;
+    const float last = down * static_cast<float>(lines.size() - 1);
+    Extent all;
+    for (std::size_t i = 0; i < lines.size(); ++i)
+        if (!lines[i].ink.empty())
+            all.add(lines[i].ink.low.y + down * static_cast<float>(i),
+                    lines[i].ink.high.y + down * static_cast<float>(i));
+    float first = 0;  // the first line's baseline
+    if (p.minor == Justify::middle && !all.empty())
+        first = -all.middle();
+    else if (p.minor != Justify::first)
+        first =
+            beginOf(p.minor, std::min(last, 0.0f) - font.descent, std::max(last, 0.0f) + font.ascent, !p.topToBottom);
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        Line& line = lines[i];
+        const float along = line.extent * line.stretch;
+        line.at.x = beginOf(p.major, 0, along, p.leftToRight);
+        if (p.major == Justify::middle && !line.ink.empty())
+            line.at.x = -.5f * line.stretch * (line.ink.low.x + line.ink.high.x);
+        line.at.y = first + down * static_cast<float>(i);
+        line.low = line.at - Vec2f(0, font.descent), line.high = line.at + Vec2f(along, font.ascent);
+    }
+}
+
+/// By what is seen alone: fonts made for lines say nothing of columns.
+void TextMaker::placeColumns(std::vector<Line>& lines, const TextParams& p) {
+    const bool up = !p.topToBottom;
+    const float right = p.leftToRight ? p.spacing : -p.spacing;
+    Extent all;
+    for (std::size_t i = 0; i < lines.size(); ++i)
+        if (!lines[i].ink.empty())
+            all.add(lines[i].ink.low.x + right * static_cast<float>(i),
+                    lines[i].ink.high.x + right * static_cast<float>(i));
+    if (all.empty()) all.add(0, 1);
+    const float first = beginOf(p.minor, all.low, all.high, p.leftToRight);
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+        Line& line = lines[i];
+        const float along = line.extent * line.stretch;
+        Extent ink;
+        if (line.ink.empty())
+            ink.add(up ? 0 : -along, up ? along : 0);
+        else
+            ink.add(line.stretch * line.ink.low.y, line.stretch * line.ink.high.y);
+        line.at = Vec2f(first + right * static_cast<float>(i), beginOf(p.major, ink.low, ink.high, up));
+        line.low = line.at - Vec2f(0, up ? 0 : along), line.high = line.at + Vec2f(1, up ? along : 0);
+    }
+}
+
 std::vector<TextMaker::Line> TextMaker::layOut(const Fonts& fonts, const TextParams& p, Mesh& mesh) {
     FontChoice font;
     const std::uint32_t loaded = loadedFace(fonts, p, mesh);
@@ -108,6 +190,7 @@ std::vector<TextMaker::Line> TextMaker::layOut(const Fonts& fonts, const TextPar
     std::vector<Line> lines(p.strings.size());
     std::uint32_t missing = 0;
     float longest = 0;
+    const bool needsInk = !p.horizontal || p.major == Justify::middle || p.minor == Justify::middle;
     ShapedLine shaped;
     for (std::size_t i = 0; i < lines.size(); ++i) {
         Line& line = lines[i];
@@ -130,6 +213,7 @@ std::vector<TextMaker::Line> TextMaker::layOut(const Fonts& fonts, const TextPar
                 missing += shaped.missing;
             }
         }
+        if (needsInk) line.ink = inkOf(fonts, line.glyphs);
         const float wanted = i < p.length.size() ? p.length[i] / p.size : 0;
         if (wanted > 0 && line.extent > 0) line.stretch = wanted / line.extent;
         longest = std::max(longest, line.extent * line.stretch);
@@ -138,30 +222,15 @@ std::vector<TextMaker::Line> TextMaker::layOut(const Fonts& fonts, const TextPar
         for (Line& line : lines) line.stretch *= p.maxExtent / (longest * p.size);
     if (missing > 0) warn(mesh, fmt::format("no installed font has {} of its characters", missing));
 
-    // Across the lines: what they fill together, from the first one on.
-    const float last = static_cast<float>(lines.size() - 1) * p.spacing;
-    for (std::size_t i = 0; i < lines.size(); ++i) {
-        Line& line = lines[i];
-        const float along = line.extent * line.stretch, step = static_cast<float>(i) * p.spacing;
-        Vec2f scale(1), shift(0);
-        if (p.horizontal) {
-            scale.x = line.stretch;
-            shift.x = beginOf(p.major, 0, along, p.leftToRight);
-            const float low = p.topToBottom ? -last - font.descent : -font.descent;
-            const float high = p.topToBottom ? font.ascent : last + font.ascent;
-            shift.y = p.topToBottom ? -step : step;
-            if (p.minor != Justify::first) shift.y += beginOf(p.minor, low, high, !p.topToBottom);
-            line.low = shift - Vec2f(0, font.descent), line.high = shift + Vec2f(along, font.ascent);
-        } else {
-            scale.y = line.stretch;
-            const bool up = !p.topToBottom;
-            shift.y = beginOf(p.major, up ? 0 : -along, up ? along : 0, up);
-            shift.x = p.leftToRight ? step : -step;
-            shift.x += beginOf(p.minor, p.leftToRight ? 0 : -last, p.leftToRight ? last + 1 : 1, p.leftToRight);
-            line.low = shift - Vec2f(0, up ? 0 : along), line.high = shift + Vec2f(1, up ? along : 0);
+    if (p.horizontal)
+        placeLines(lines, font, p);
+    else
+        placeColumns(lines, p);
+    for (Line& line : lines)
+        for (PlacedGlyph& g : line.glyphs) {
+            g.x = g.x * (p.horizontal ? line.stretch : 1) + line.at.x;
+            g.y = g.y * (p.horizontal ? 1 : line.stretch) + line.at.y;
         }
-        for (PlacedGlyph& g : line.glyphs) g.x = g.x * scale.x + shift.x, g.y = g.y * scale.y + shift.y;
-    }
     return lines;
 }
 

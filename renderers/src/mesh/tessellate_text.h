@@ -15,6 +15,7 @@ namespace rtsg {
 
 class Fonts;
 class Node;
+struct FontChoice;
 struct GlyphContour;
 struct PlacedGlyph;
 
@@ -41,6 +42,8 @@ class TextMaker {
     struct Line;
     const GlyphMesh& glyph(const Fonts& fonts, const PlacedGlyph& placed, float tolerance);
     std::uint32_t loadedFace(const Fonts& fonts, const TextParams& params, Mesh& mesh);
+    static void placeLines(std::vector<Line>& lines, const FontChoice& font, const TextParams& params);
+    static void placeColumns(std::vector<Line>& lines, const TextParams& params);
     std::vector<Line> layOut(const Fonts& fonts, const TextParams& params, Mesh& mesh);
 
     std::unordered_map<float, std::unordered_map<std::uint64_t, GlyphMesh>> glyphs_;  // by tolerance; face and glyph

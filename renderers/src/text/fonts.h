@@ -48,6 +48,12 @@ struct GlyphContour {
     std::vector<std::uint8_t> segments;
 };
 
+/// What a glyph fills, from its origin: left to right, bottom to top.
+struct GlyphBox {
+    float left = 0, bottom = 0, right = 0, top = 0;
+    bool empty = true;  // of blanks
+};
+
 class Fonts {
   public:
     virtual ~Fonts() = default;
@@ -63,6 +69,8 @@ class Fonts {
                        ShapedLine& out) const = 0;
     /// To be filled by the nonzero rule. Empty for blanks.
     virtual void outline(std::uint32_t face, std::uint32_t glyph, std::vector<GlyphContour>& out) const = 0;
+    /// To a unit of the font, 1/1000 or 1/2048 of an em.
+    virtual GlyphBox box(std::uint32_t face, std::uint32_t glyph) const = 0;
     /// Whether scripts are shaped (HarfBuzz); else characters stand one after the other.
     virtual bool shapes() const = 0;
 };
@@ -72,6 +80,6 @@ class Fonts {
 Result<const Fonts*> fonts();
 
 /// What the module exports under this name, which changes whenever this header does.
-#define RTSG_FONTS_SYMBOL rtsgFonts2
+#define RTSG_FONTS_SYMBOL rtsgFonts3
 
 }  // namespace rtsg

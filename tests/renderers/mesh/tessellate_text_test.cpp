@@ -8,6 +8,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/text_measure.h>
 
+#include "mesh/tessellate_text.h"
 #include "mesh_check.h"
 #include "support/made_font.h"
 #include "text/fonts.h"
@@ -127,7 +128,7 @@ TEST(TessellateText, MajorJustification) {
         return double{made(p).bounds.min.x} - begin.bounds.min.x;
     };
     EXPECT_NEAR(shift(Justify::first, true), 0, 1e-6);
-    EXPECT_NEAR(shift(Justify::middle, true), -kAdvance, 1e-6);
+    EXPECT_NEAR(shift(Justify::middle, true), -begin.bounds.center().x, 2e-3) << "by what is seen";
     EXPECT_NEAR(shift(Justify::end, true), -2 * kAdvance, 1e-6);
     EXPECT_NEAR(shift(Justify::begin, false), -2 * kAdvance, 1e-6);
     EXPECT_NEAR(shift(Justify::end, false), 0, 1e-6);
@@ -146,35 +147,106 @@ TEST(TessellateText, MinorJustification) {
     };
     EXPECT_NEAR(shift(Justify::begin, true), -ascent, 1e-5);
     EXPECT_NEAR(shift(Justify::end, true), 4 + descent, 1e-5);
-    EXPECT_NEAR(shift(Justify::middle, true), (4 + descent - ascent) / 2, 1e-5);
+    const double height = made(mono({"x"})).bounds.max.y;  // an x stands on its baseline
+    EXPECT_NEAR(shift(Justify::middle, true), (4 - height) / 2, 1e-3);
     EXPECT_NEAR(shift(Justify::begin, false), descent, 1e-5);
     EXPECT_NEAR(shift(Justify::end, false), -4 - ascent, 1e-5);
-    EXPECT_NEAR(shift(Justify::middle, false), (-4 - ascent + descent) / 2, 1e-5);
+    EXPECT_NEAR(shift(Justify::middle, false), (-4 - height) / 2, 1e-3);
+}
+
+/// "A" and "AA" of a font whose one letter is a box, from (left, bottom) to (right, top), and advances by .777.
+struct Boxes {
+    static constexpr double left = -.05, bottom = -.12, right = .433, top = .611, advance = .777;
+
+    static Bounds of(Array<String> strings, const std::string& style) {
+        test::MadeFont font;
+        font.left = -50, font.bottom = -120, font.right = 433, font.top = 611, font.advance = 777;
+        Scene scene;
+        Diagnostics diagnostics;
+        EXPECT_TRUE(loadText(scene,
+                             "#X3D V4.1 utf8\nShape { geometry DEF T Text { fontStyle FontStyle { family \"Boxes\" " +
+                                 style + " } } } DEF L FontLibrary { family \"Boxes\" url \"" +
+                                 test::fontUrl(font.bytes()) + "\" }",
+                             diagnostics));
+        EXPECT_TRUE(scene.set(scene.findName("T"), x3d::Text::string, std::move(strings)));
+        const auto mesh = tessellate(scene, scene.findName("T"));
+        return mesh ? (*mesh)->bounds : Bounds();
+    }
+    static void expectBox(const Bounds& found, Vec2d low, Vec2d high, const char* what) {
+        EXPECT_NEAR(found.min.x, low.x, 1e-6) << what;
+        EXPECT_NEAR(found.min.y, low.y, 1e-6) << what;
+        EXPECT_NEAR(found.max.x, high.x, 1e-6) << what;
+        EXPECT_NEAR(found.max.y, high.y, 1e-6) << what;
+    }
+};
+
+TEST(TessellateText, MiddleIsThatOfWhatIsSeen) {
+    using B = Boxes;
+    const double wide = B::advance + B::right - B::left, high = 1 + B::top - B::bottom;
+    B::expectBox(B::of({"AA", "A"}, "justify [ \"MIDDLE\" \"MIDDLE\" ]"), {-wide / 2, -high / 2}, {wide / 2, high / 2},
+                 "two lines");
+    B::expectBox(B::of({"", "AA", " "}, "size 3 justify [ \"MIDDLE\" \"MIDDLE\" ]"), {-1.5 * wide, -1.5 * (high - 1)},
+                 {1.5 * wide, 1.5 * (high - 1)}, "blank lines are not seen");
+    B::expectBox(B::of({"A", "A"}, "topToBottom FALSE justify [ \"BEGIN\" \"MIDDLE\" ]"), {B::left, -high / 2},
+                 {B::right, high / 2}, "upwards; the begin is the font's");
+    B::expectBox(B::of({"A"}, "leftToRight FALSE justify [ \"END\" \"FIRST\" ]"), {B::left, B::bottom},
+                 {B::right, B::top}, "the end is the font's");
+}
+
+TEST(TessellateText, ColumnsArePlacedByWhatIsSeen) {
+    using B = Boxes;
+    const double wide = B::right - B::left, high = B::top - B::bottom;
+    const auto of = [](Array<String> strings, const std::string& style) {
+        return B::of(std::move(strings), "horizontal FALSE spacing 2 " + style);
+    };
+    B::expectBox(of({"AAA", "A"}, ""), {0, -2 - high}, {2 + wide, 0}, "from the left and down");
+    B::expectBox(of({"AAA", "A"}, "leftToRight FALSE topToBottom FALSE"), {-2 - wide, 0}, {0, 2 + high},
+                 "from the right and up");
+    B::expectBox(of({"AAA"}, "justify [ \"MIDDLE\" \"MIDDLE\" ]"), {-wide / 2, -1 - high / 2}, {wide / 2, 1 + high / 2},
+                 "the middle");
+    B::expectBox(of({"AAA", "A"}, "justify [ \"END\" \"END\" ]"), {-2 - wide, 0}, {0, 2 + high}, "the end");
+    B::expectBox(of({" ", "A", ""}, "size 2 justify [ \"END\" \"MIDDLE\" ]"), {-wide, 0}, {wide, 2 * high},
+                 "blank columns are not seen");
+}
+
+// The box of a glyph, which is computed on its curves, against the points of its finely cut outline.
+TEST(TessellateText, BoxesOfGlyphsHoldTheirOutlines) {
+    const Fonts& from = **fonts();
+    for (const bool italic : {false, true}) {  // no italic face of this family: upright ones are slanted
+        FontChoice choice;
+        ASSERT_EQ(from.choose({{"DejaVu Math TeX Gyre"}, false, italic}, choice), "");
+        ShapedLine line;
+        from.shape(choice.face, "og&S8", "", true, line);
+        for (const PlacedGlyph& g : line.glyphs) {
+            std::vector<GlyphContour> contours;
+            from.outline(g.face, g.glyph, contours);
+            Vec2f low(9), high(-9);
+            for (const Vec2f& point : detail::cutGlyph(contours, 1e-5f).points)
+                low = glm::min(low, point), high = glm::max(high, point);
+            const GlyphBox box = from.box(g.face, g.glyph);
+            EXPECT_FALSE(box.empty);
+            EXPECT_NEAR(box.left, low.x, 1.5e-3);
+            EXPECT_NEAR(box.bottom, low.y, 1.5e-3);
+            EXPECT_NEAR(box.right, high.x, 1.5e-3);
+            EXPECT_NEAR(box.top, high.y, 1.5e-3);
+        }
+    }
+    const FontChoice sans = chosen("SANS");
+    ShapedLine blank;
+    from.shape(sans.face, " ", "", true, blank);
+    ASSERT_EQ(blank.glyphs.size(), 1u);
+    EXPECT_TRUE(from.box(blank.glyphs[0].face, blank.glyphs[0].glyph).empty);
 }
 
 TEST(TessellateText, VerticalCellsAreOneEm) {
-    const auto boundsOf = [](std::vector<std::string> strings, bool down, bool right, Justify major, Justify minor) {
-        TextParams p = mono(std::move(strings));
-        p.horizontal = false, p.topToBottom = down, p.leftToRight = right, p.major = major, p.minor = minor;
-        p.spacing = 3;
-        return made(p).bounds;
-    };
-    const Bounds one = boundsOf({"o"}, true, true, Justify::begin, Justify::first);
-    EXPECT_NEAR(one.center().x, .5, .03) << "in the middle of its cell";
-    EXPECT_LT(one.max.y, 0);
-    EXPECT_GT(one.min.y, -1);
-    const Bounds column = boundsOf({"oooo"}, true, true, Justify::begin, Justify::first);
-    EXPECT_NEAR(column.min.y, one.min.y - 3, 1e-5);
-    EXPECT_NEAR(column.max.y, one.max.y, 1e-5);
-    const Bounds up = boundsOf({"oooo"}, false, true, Justify::begin, Justify::first);
-    EXPECT_NEAR(up.min.y, one.min.y + 1, 1e-5);
-    EXPECT_NEAR(boundsOf({"oooo"}, true, true, Justify::end, Justify::first).min.y, column.min.y + 4, 1e-5);
-    const Bounds right = boundsOf({"o", "o"}, true, true, Justify::begin, Justify::first);
-    EXPECT_NEAR(right.max.x, one.max.x + 3, 1e-5);
-    const Bounds left = boundsOf({"o", "o"}, true, false, Justify::begin, Justify::first);
-    EXPECT_NEAR(left.max.x, one.max.x - 1, 1e-5);
-    EXPECT_NEAR(left.min.x, one.min.x - 4, 1e-5);
-    EXPECT_NEAR(boundsOf({"o", "o"}, true, true, Justify::begin, Justify::middle).center().x, 0, .03);
+    TextParams p = mono({"o.o"});
+    p.horizontal = false;
+    const Bounds one = made(mono({"o"})).bounds;
+    const double high = one.max.y - one.min.y;
+    EXPECT_NEAR(made(p).bounds.min.y, -2 - high, 2e-3);
+    EXPECT_NEAR(made(p).bounds.max.y, 0, 1e-3);
+    p.topToBottom = false;
+    EXPECT_NEAR(made(p).bounds.max.y, 2 + high, 2e-3);
 }
 
 TEST(TessellateText, LengthAndMaxExtentScaleAlongTheLine) {
@@ -353,12 +425,18 @@ TEST(TessellateText, MeasuresItsLines) {
     expectSizes({6 * kAdvance, height + 3, -6 * kAdvance, height + 3, 0, 6 * kAdvance, height, 2 * kAdvance, height});
     ASSERT_TRUE(scene.set(text, x3d::Text::length, Array<float>{0.0f, 5.0f}));
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"MIDDLE", "FIRST"}));
-    expectSizes({5, height + 3, -2.5, 2 * font.ascent, 0, 6 * kAdvance, height, 5, height});
+    // The second line's one letter, stretched to 5, stands with its own middle on the axis.
+    const double middle = 5 / kAdvance * made(mono({"l"})).bounds.center().x;
+    expectSizes({5, height + 3, -middle, 2 * font.ascent, 0, 6 * kAdvance, height, 5, height});
     // Columns of cells of an em.
     ASSERT_TRUE(scene.set(text, x3d::Text::length, Array<float>{}));
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::horizontal, false));
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::justify, Array<String>{"BEGIN"}));
-    expectSizes({5, 6, 0, 0, 0, 2, 6, 2, 2});
+    // Their ink begins at the axes, in the middle of the first cell and below its top.
+    const Bounds l = made(mono({"l"})).bounds;
+    const double left = .5 * (1 - kAdvance) + l.min.x;
+    const double top = -1 + double(font.descent) / (double(font.ascent) + double(font.descent)) + l.max.y;
+    expectSizes({5, 6, -2 * left, -2 * top, 0, 2, 6, 2, 2});
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::size, 0.0f));
     EXPECT_TRUE(measureText(scene, scene.node(text)).empty());
     ASSERT_TRUE(scene.set(style, x3d::FontStyle::size, 1.0f));
