@@ -144,8 +144,9 @@ bool GltfFile::open() {
 
 /// Those of a list that are not read, with commas between.
 std::string GltfFile::unknownExtensions(const char* key) const {
-    constexpr std::string_view known[] = {"KHR_lights_punctual", "KHR_materials_unlit", "KHR_mesh_quantization",
-                                          "KHR_materials_emissive_strength", "KHR_texture_basisu"};
+    constexpr std::string_view known[] = {"KHR_lights_punctual",   "KHR_materials_unlit",
+                                          "KHR_mesh_quantization", "KHR_materials_emissive_strength",
+                                          "KHR_texture_basisu",    "KHR_texture_transform"};
     constexpr std::size_t most = 400;  // bytes of a report
     std::string result;
     for (const json& name : list(root_, key)) {

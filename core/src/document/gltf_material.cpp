@@ -1,53 +1,154 @@
 // Writes each material as an Appearance, and each texture once.
 #include "gltf_material.h"
 
+#include <algorithm>
+#include <cmath>
+
 namespace rtsg::detail {
 
 using nlohmann::json;
+
+namespace {
+
+bool isUnlit(const json& material) {
+    return GltfFile::object(material, "extensions").contains("KHR_materials_unlit");
+}
+
+struct TextureReference {
+    const json& reference;
+    const char* field;  // of the material
+};
+std::vector<TextureReference> texturesOf(const json& material) {
+    const json& metal = GltfFile::object(material, "pbrMetallicRoughness");
+    const json& base = GltfFile::object(metal, "baseColorTexture");
+    if (isUnlit(material)) return {{base, "emissiveTexture"}};
+    return {{base, "baseTexture"},
+            {GltfFile::object(metal, "metallicRoughnessTexture"), "metallicRoughnessTexture"},
+            {GltfFile::object(material, "emissiveTexture"), "emissiveTexture"},
+            {GltfFile::object(material, "normalTexture"), "normalTexture"},
+            {GltfFile::object(material, "occlusionTexture"), "occlusionTexture"}};
+}
+
+GltfLookup lookupOf(const json& reference) {
+    const json& moved = GltfFile::object(GltfFile::object(reference, "extensions"), "KHR_texture_transform");
+    GltfLookup result;
+    result.set = GltfFile::index(moved, "texCoord").value_or(GltfFile::index(reference, "texCoord").value_or(0));
+    result.rotation = GltfFile::number(moved, "rotation", 0);
+    if (const auto offset = GltfFile::numbers(moved, "offset", 2)) result.offset = {(*offset)[0], (*offset)[1]};
+    if (const auto scale = GltfFile::numbers(moved, "scale", 2)) result.scale = {(*scale)[0], (*scale)[1]};
+    return result;
+}
+
+/// What a lookup does to (s, t) = (u, 1 - v): the images of (1, 0) and (0, 1), and of the origin.
+struct Moved {
+    Vec2d s, t, origin;
+    explicit Moved(const GltfLookup& by) {
+        const double c = std::cos(by.rotation), n = std::sin(by.rotation);
+        s = {c * by.scale.x, n * by.scale.x};
+        t = {-n * by.scale.y, c * by.scale.y};
+        origin = {by.offset.x + n * by.scale.y, 1 - by.offset.y - c * by.scale.y};
+    }
+};
+
+void writeTransform(DocumentHandler& out, const GltfMapping& mapping, const char* field) {
+    const GltfLookup& by = mapping.lookup;
+    const Moved moved(by);
+    const bool turnsFirst = by.rotation == 0 || by.scale.x == by.scale.y;
+    if (!turnsFirst || by.scale.x == 0 || by.scale.y == 0) {
+        // A TextureTransform scales last.
+        GltfNode node(out, "TextureTransformMatrix3D", field);
+        Matrix4f matrix{};
+        const Vec2d rows[] = {moved.s, moved.t, {0, 0}, moved.origin};
+        for (std::size_t r = 0; r < 4; ++r) {
+            matrix.elements[4 * r] = static_cast<float>(rows[r].x);
+            matrix.elements[4 * r + 1] = static_cast<float>(rows[r].y);
+        }
+        matrix.elements[10] = matrix.elements[15] = 1;
+        node.set("mapping", String(mapping.name)).set("matrix", matrix);
+        return;
+    }
+    // It moves first: the origin goes to where the rest takes it.
+    const double c = std::cos(by.rotation), n = std::sin(by.rotation);
+    const Vec2d translation{(c * moved.origin.x + n * moved.origin.y) / by.scale.x,
+                            (-n * moved.origin.x + c * moved.origin.y) / by.scale.y};
+    GltfNode node(out, "TextureTransform", field);
+    node.set("mapping", String(mapping.name));
+    if (by.rotation != 0) node.set("rotation", static_cast<float>(by.rotation));
+    if (by.scale != Vec2d(1)) node.set("scale", Vec2f(by.scale));
+    if (translation != Vec2d(0)) node.set("translation", Vec2f(translation));
+}
+
+}  // namespace
+
+std::vector<GltfMapping> GltfMaterials::mappingsOf(const json* material) {
+    std::vector<GltfMapping> result;
+    if (!material) return result;
+    for (const TextureReference& texture : texturesOf(*material)) {
+        if (!GltfFile::index(texture.reference, "index")) continue;
+        const GltfLookup lookup = lookupOf(texture.reference);
+        if (std::ranges::find(result, lookup, &GltfMapping::lookup) != result.end()) continue;
+        std::string name = "TEXCOORD_" + std::to_string(lookup.set);
+        if (lookup.moves()) name += "_moved" + std::to_string(result.size());
+        result.push_back({lookup, std::move(name)});
+    }
+    if (result.size() == 1 && result.front().lookup == GltfLookup()) result.clear();
+    return result;
+}
+
+void GltfMaterials::writeTransforms(const std::vector<GltfMapping>& mappings) {
+    if (std::ranges::none_of(mappings, [](const GltfMapping& m) { return m.lookup.moves(); })) return;
+    if (mappings.size() == 1) return writeTransform(out_, mappings.front(), "textureTransform");
+    const GltfNode all(out_, "MultiTextureTransform", "textureTransform");
+    // Of those that do not move too: a texture without one of its name would take the first.
+    for (const GltfMapping& mapping : mappings) writeTransform(out_, mapping, "textureTransform");
+}
 
 void GltfMaterials::writeAppearance(const json* material) {
     GltfNode appearance(out_, "Appearance", "appearance");
     static const json kEmpty = json::object();
     const json& it = material ? *material : kEmpty;
+    const std::vector<GltfMapping> mappings = mappingsOf(material);
     const std::string mode = GltfFile::text(it, "alphaMode");
     appearance.set("alphaMode", String(mode.empty() ? "OPAQUE" : mode));
     if (mode == "MASK") appearance.set("alphaCutoff", static_cast<float>(GltfFile::number(it, "alphaCutoff", .5)));
+    writeTransforms(mappings);
     const json& metal = GltfFile::object(it, "pbrMetallicRoughness");
     const auto base = GltfFile::numbers(metal, "baseColorFactor", 4).value_or(std::vector<double>{1, 1, 1, 1});
     const Color color{static_cast<float>(base[0]), static_cast<float>(base[1]), static_cast<float>(base[2])};
     const auto transparency = static_cast<float>(1 - base[3]);
-    const bool unlit = GltfFile::object(it, "extensions").contains("KHR_materials_unlit");
+    const bool unlit = isUnlit(it);
     GltfNode out(out_, unlit ? "UnlitMaterial" : "PhysicalMaterial", "material");
     out.set(unlit ? "emissiveColor" : "baseColor", color);
     if (transparency > 0) out.set("transparency", transparency);
-    if (unlit) return writeTexture(GltfFile::object(metal, "baseColorTexture"), "emissiveTexture");
+    if (!unlit) writePhysical(it, out);
+    for (const TextureReference& texture : texturesOf(it))
+        writeTexture(texture.reference, texture.field, mappings, out);
+}
+
+void GltfMaterials::writePhysical(const json& material, GltfNode& out) {
+    const json& metal = GltfFile::object(material, "pbrMetallicRoughness");
     out.set("metallic", static_cast<float>(GltfFile::number(metal, "metallicFactor", 1)));
     out.set("roughness", static_cast<float>(GltfFile::number(metal, "roughnessFactor", 1)));
-    if (const auto e = GltfFile::numbers(it, "emissiveFactor", 3)) {
-        const double strength =
-            GltfFile::number(GltfFile::object(GltfFile::object(it, "extensions"), "KHR_materials_emissive_strength"),
-                             "emissiveStrength", 1);
+    if (const auto e = GltfFile::numbers(material, "emissiveFactor", 3)) {
+        const double strength = GltfFile::number(
+            GltfFile::object(GltfFile::object(material, "extensions"), "KHR_materials_emissive_strength"),
+            "emissiveStrength", 1);
         const Vec3f c = vectorOf({(*e)[0] * strength, (*e)[1] * strength, (*e)[2] * strength});
         out.set("emissiveColor", Color{c.x, c.y, c.z});
     }
-    const json& normal = GltfFile::object(it, "normalTexture");
-    const json& occlusion = GltfFile::object(it, "occlusionTexture");
+    const json& normal = GltfFile::object(material, "normalTexture");
+    const json& occlusion = GltfFile::object(material, "occlusionTexture");
     if (normal.contains("scale")) out.set("normalScale", static_cast<float>(GltfFile::number(normal, "scale", 1)));
     if (occlusion.contains("strength"))
         out.set("occlusionStrength", static_cast<float>(GltfFile::number(occlusion, "strength", 1)));
-    writeTexture(GltfFile::object(metal, "baseColorTexture"), "baseTexture");
-    writeTexture(GltfFile::object(metal, "metallicRoughnessTexture"), "metallicRoughnessTexture");
-    writeTexture(GltfFile::object(it, "emissiveTexture"), "emissiveTexture");
-    writeTexture(normal, "normalTexture");
-    writeTexture(occlusion, "occlusionTexture");
 }
-void GltfMaterials::writeTexture(const json& reference, const char* field) {
+
+void GltfMaterials::writeTexture(const json& reference, const std::string& field,
+                                 const std::vector<GltfMapping>& mappings, GltfNode& material) {
     const auto index = GltfFile::index(reference, "index");
     if (!index) return;
-    if (GltfFile::index(reference, "texCoord").value_or(0) != 0)
-        file_.warn("a texture of the glTF file asks for a second set of coordinates; the first is taken");
-    if (GltfFile::object(reference, "extensions").contains("KHR_texture_transform"))
-        file_.warn("transforms of textures of the glTF file are not imported");
+    const auto mapping = std::ranges::find(mappings, lookupOf(reference), &GltfMapping::lookup);
+    if (mapping != mappings.end()) material.set(field + "Mapping", String(mapping->name));
     const std::string def = "texture" + std::to_string(*index);
     if (textureGiven_.contains(*index)) return out_.useNode(def, field, {});
     const json* texture = file_.item("textures", *index);

@@ -2,7 +2,10 @@
 #include "gltf_mesh.h"
 
 #include <algorithm>
+#include <map>
 #include <numeric>
+
+#include <fmt/format.h>
 
 namespace rtsg::detail {
 
@@ -106,6 +109,33 @@ void GltfMeshes::morphTangents(const json& primitive, const std::vector<double>&
     for (std::size_t i = 0; i < directions.size(); ++i) out[i] = Vec4f(directions[i], out[i].w);
 }
 
+Array<Vec2f> GltfMeshes::texCoords(const json& attributes, std::size_t set, std::size_t points) {
+    Array<Vec2f> result = attribute<Vec2f>(attributes, ("TEXCOORD_" + std::to_string(set)).c_str(), points);
+    // The origin of a picture is its upper left corner there, its lower left one here.
+    for (std::size_t i = 0; i < result.size(); ++i) result.mutableData()[i].y = 1 - result.mutableData()[i].y;
+    return result;
+}
+
+void GltfMeshes::takeTexCoords(const json& attributes, const json* material, ImportedMesh& mesh) {
+    const std::vector<GltfMapping> mappings = GltfMaterials::mappingsOf(material);
+    if (mappings.empty()) {
+        mesh.texCoords = texCoords(attributes, 0, mesh.points.size());
+        return;
+    }
+    std::map<std::size_t, Array<Vec2f>> sets;  // each once, whatever the number of its names
+    for (const GltfMapping& mapping : mappings) {
+        const auto [set, isNew] = sets.try_emplace(mapping.lookup.set);
+        if (isNew) set->second = texCoords(attributes, set->first, mesh.points.size());
+        if (set->second.empty() && isNew)
+            file_.warn(
+                fmt::format("a primitive of the glTF file has no TEXCOORD_{}, which its material asks for; the "
+                            "first set is taken",
+                            set->first));
+        if (set->second.empty()) set->second = texCoords(attributes, 0, mesh.points.size());
+        if (!set->second.empty()) mesh.namedTexCoords.push_back({mapping.name, set->second});
+    }
+}
+
 void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, bool skinned) {
     const json& attributes = GltfFile::object(primitive, "attributes");
     ImportedMesh mesh;
@@ -133,16 +163,13 @@ void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, boo
         mesh.tangents = attribute<Vec4f>(attributes, "TANGENT", count);
         morphTangents(primitive, form.weights, mesh.tangents);
     }
-    mesh.texCoords = attribute<Vec2f>(attributes, "TEXCOORD_0", count);
-    // The origin of a picture is its upper left corner there, its lower left one here.
-    for (std::size_t i = 0; i < mesh.texCoords.size(); ++i)
-        mesh.texCoords.mutableData()[i].y = 1 - mesh.texCoords.mutableData()[i].y;
     mesh.colors = attribute<ColorRGBA>(attributes, "COLOR_0", count);
     mesh.smooth = smooth;  // without normals faces are flat
     mesh.pointsName = form.points;
     mesh.pointsGiven = skinned;
     const json* material = file_.item("materials", GltfFile::index(primitive, "material").value_or(kNoIndex));
     mesh.solid = !(material && GltfFile::flag(*material, "doubleSided"));
+    takeTexCoords(attributes, material, mesh);
     GltfNode shape(out_, "Shape", skinned ? "skin" : "children");
     materials_.writeAppearance(material);
     if (mode == 0) {

@@ -34,6 +34,9 @@ class GltfMeshes {
     void morphTangents(const nlohmann::json& primitive, const std::vector<double>& weights, Array<Vec4f>& tangents);
     template <class T>
     Array<T> attribute(const nlohmann::json& attributes, const char* name, std::size_t points);
+    Array<Vec2f> texCoords(const nlohmann::json& attributes, std::size_t set, std::size_t points);
+    /// As the material's textures look them up.
+    void takeTexCoords(const nlohmann::json& attributes, const nlohmann::json* material, ImportedMesh& mesh);
     void writeLines(ImportedMesh& mesh, const Array<std::int32_t>& indices, std::size_t mode);
 
     GltfFile& file_;

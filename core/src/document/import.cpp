@@ -188,6 +188,26 @@ void beginImported(DocumentHandler& handler, std::string_view from, std::string_
     handler.meta("translated", from, {});
 }
 
+namespace {
+
+void writeTexCoords(DocumentHandler& handler, ImportedMesh& mesh) {
+    if (mesh.namedTexCoords.empty()) {
+        if (mesh.texCoords.empty()) return;
+        mesh.namedTexCoords.push_back({{}, std::move(mesh.texCoords)});
+    }
+    const bool several = mesh.namedTexCoords.size() > 1;
+    if (several) handler.beginNode("MultiTextureCoordinate", {}, "texCoord", {});
+    for (ImportedMesh::Named& one : mesh.namedTexCoords) {
+        handler.beginNode("TextureCoordinate", {}, "texCoord", {});
+        if (!one.mapping.empty()) handler.setField("mapping", Value(String(one.mapping)), {});
+        handler.setField("point", Value(std::move(one.texCoords)), {});
+        handler.endNode({});
+    }
+    if (several) handler.endNode({});
+}
+
+}  // namespace
+
 void writeMesh(DocumentHandler& handler, ImportedMesh mesh) {
     const bool isPoints = mesh.faces.empty();
     handler.beginNode(isPoints         ? "PointSet"
@@ -215,8 +235,7 @@ void writeMesh(DocumentHandler& handler, ImportedMesh mesh) {
     }
     if (!mesh.normals.empty()) property("Normal", "normal", "vector", Value(std::move(mesh.normals)));
     if (!mesh.tangents.empty() && !isPoints) property("Tangent", "tangent", "vector", Value(std::move(mesh.tangents)));
-    if (!mesh.texCoords.empty() && !isPoints)
-        property("TextureCoordinate", "texCoord", "point", Value(std::move(mesh.texCoords)));
+    if (!isPoints) writeTexCoords(handler, mesh);
     if (!mesh.colors.empty()) property("ColorRGBA", "color", "color", Value(std::move(mesh.colors)));
     handler.endNode({});
 }

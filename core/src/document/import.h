@@ -10,6 +10,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include <rtsg/core/document_handler.h>
 
@@ -46,7 +47,12 @@ struct ImportedMesh {
     Array<Vec3f> points;
     Array<Vec3f> normals;
     Array<Vec4f> tangents;  // as the normals; only with these
+    struct Named {
+        std::string mapping;
+        Array<Vec2f> texCoords;
+    };
     Array<Vec2f> texCoords;
+    std::vector<Named> namedTexCoords{};             // in their place, if there are any
     Array<ColorRGBA> colors;                         // one a point
     Array<std::int32_t> faces;                       // polygons, each ended by -1; or triangles without, if `triangles`
     Array<std::int32_t> normalIndex, texCoordIndex;  // as `faces`; empty: the same indices

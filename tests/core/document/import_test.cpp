@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <map>
 #include <numbers>
 
 #include <fmt/format.h>
@@ -437,6 +438,108 @@ TEST(ImportGltf, TangentsAreTakenWhereNormalTexturesAre) {
     EXPECT_THAT(both, HasSubstr("begin Tangent in tangent\nset vector MFVec4f [1 1 0 1, 0 1 0 -1, -0.5 0 0 1]"));
     for (const std::string& other : {commands(normal + tangent, "1"), commands(tangent, "0"), commands(normal, "0")})
         EXPECT_THAT(other, Not(HasSubstr("Tangent")));
+}
+
+/// 18.4.10: Tc' = S R T Tc about the origin, and rows of a matrix as they stand; in double precision.
+Vec2d lookedUp(const Node& node, Vec2d tc) {
+    if (node.is(x3d::TextureTransformMatrix3D::type)) {
+        const Matrix4f& m = node.get(x3d::TextureTransformMatrix3D::matrix);
+        const auto at = [&](std::size_t row, std::size_t column) { return double{m.elements[4 * row + column]}; };
+        return {tc.x * at(0, 0) + tc.y * at(1, 0) + at(3, 0), tc.x * at(0, 1) + tc.y * at(1, 1) + at(3, 1)};
+    }
+    using T = x3d::TextureTransform;
+    EXPECT_EQ(node.get(T::center), Vec2f(0));
+    tc += Vec2d(node.get(T::translation));
+    const double c = std::cos(double{node.get(T::rotation)}), n = std::sin(double{node.get(T::rotation)});
+    return Vec2d(node.get(T::scale)) * Vec2d(c * tc.x - n * tc.y, n * tc.x + c * tc.y);
+}
+
+// KHR_texture_transform, with v downwards: u' = offset + scale, then a turn from v to u. Two textures with ways of
+// their own, and one that takes the coordinates as they are.
+TEST(ImportGltf, TexturesAreLookedUpInTheirSetsAndMovedAsTheFileSays) {
+    struct Way {
+        double rotation, x, y, scaleX, scaleY;
+    };
+    const Way ways[] = {{0, .25, -.5, 2, 3}, {.7, .1, .2, 1, 1},   {-2, .5, .25, -1.5, -1.5}, {1.2, .3, .4, 2, .5},
+                        {.5, 1, 0, 0, 2},    {0, .125, .25, 1, 1}, {3, 0, 0, 1, 1},           {0, 0, 0, 1, -1}};
+    for (const Way& a : ways)
+        for (const Way& b : {ways[3], ways[1]}) {
+            if (&a == &ways[3] || &a == &ways[1]) continue;
+            GltfParts parts;
+            const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+            const int first = parts.floats("VEC2", 2, {.1f, .2f, .3f, .4f, .5f, .6f});
+            const int second = parts.floats("VEC2", 2, {.7f, .8f, .9f, .15f, .25f, .35f});
+            const auto moved = [](const Way& w, const char* set) {
+                return fmt::format(
+                    "\"extensions\":{{\"KHR_texture_transform\":{{\"rotation\":{},\"offset\":[{},{}],\"scale\":[{},{}]"
+                    "{}}}}}",
+                    w.rotation, w.x, w.y, w.scaleX, w.scaleY, set);
+            };
+            const std::string text = parts.text(fmt::format(
+                "\"extensionsRequired\":[\"KHR_texture_transform\"],\"images\":[{{\"uri\":\"n.png\"}}],\"textures\":[{{"
+                "\"source\":0}}],\"materials\":[{{\"pbrMetallicRoughness\":{{\"baseColorTexture\":{{\"index\":0,"
+                "\"texCoord\":1,{}}},\"metallicRoughnessTexture\":{{\"index\":0}}}},\"emissiveTexture\":{{\"index\":0,{"
+                "}}},"
+                "\"normalTexture\":{{\"index\":0,\"texCoord\":1}}}}],\"meshes\":[{{\"primitives\":[{{\"material\":0,"
+                "\"attributes\":{{\"POSITION\":{},\"TEXCOORD_0\":{},\"TEXCOORD_1\":{}}}}}]}}],\"nodes\":[{{\"mesh\":0}}"
+                "]",
+                moved(a, ""), moved(b, ",\"texCoord\":0"), points, first, second));
+            Scene scene;
+            Diagnostics problems("test");
+            ASSERT_TRUE(loadText(scene, text, problems));
+            EXPECT_EQ(test::allText(problems), "");
+            std::map<std::string, const Node*> coordinates, transforms;
+            const Node* material = nullptr;
+            scene.forEachNode([&](const Node& node) {
+                if (node.is(x3d::TextureCoordinate::type))
+                    coordinates[node.get(x3d::TextureCoordinate::mapping).str()] = &node;
+                if (node.is(x3d::TextureTransform::type))
+                    transforms[node.get(x3d::TextureTransform::mapping).str()] = &node;
+                if (node.is(x3d::TextureTransformMatrix3D::type))
+                    transforms[node.get(x3d::TextureTransformMatrix3D::mapping).str()] = &node;
+                if (node.is(x3d::PhysicalMaterial::type)) material = &node;
+            });
+            ASSERT_TRUE(material);
+            EXPECT_EQ(coordinates.size(), 4u);
+            using P = x3d::PhysicalMaterial;
+            const auto expectLookup = [&](const String& mapping, Vec2d uv, const Way& w) {
+                const Node* const coordinate = coordinates[mapping.str()];
+                const Node* const transform = transforms[mapping.str()];
+                ASSERT_TRUE(coordinate && transform) << mapping.str();
+                const Vec2d found = lookedUp(*transform, Vec2d(coordinate->get(x3d::TextureCoordinate::point)[1]));
+                const double c = std::cos(w.rotation), n = std::sin(w.rotation);
+                EXPECT_NEAR(found.x, w.x + c * w.scaleX * uv.x + n * w.scaleY * uv.y, 2e-6) << w.rotation;
+                EXPECT_NEAR(1 - found.y, w.y - n * w.scaleX * uv.x + c * w.scaleY * uv.y, 2e-6) << w.rotation;
+            };
+            const Way still{0, 0, 0, 1, 1};
+            expectLookup(material->get(P::baseTextureMapping), {.9, .15}, a);
+            expectLookup(material->get(P::emissiveTextureMapping), {.3, .4}, b);
+            expectLookup(material->get(P::metallicRoughnessTextureMapping), {.3, .4}, still);
+            expectLookup(material->get(P::normalTextureMapping), {.9, .15}, still);
+            EXPECT_EQ(material->get(P::occlusionTextureMapping), String());
+        }
+}
+
+TEST(ImportGltf, WhatHasNoSuchCoordinatesSaysSoAndTakesTheFirst) {
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+    const int first = parts.floats("VEC2", 2, {0, 0, 1, 0, 0, 1});
+    const auto file = [&](const std::string& attributes) {
+        return Imported(parts.text(fmt::format(
+            "\"images\":[{{\"uri\":\"n.png\"}}],\"textures\":[{{\"source\":0}}],\"materials\":[{{"
+            "\"pbrMetallicRoughness\":{{\"baseColorTexture\":{{\"index\":0,\"texCoord\":3}}}}}}],\"meshes\":[{{"
+            "\"primitives\":[{{\"material\":0,\"attributes\":{{\"POSITION\":{}{}}}}}]}}],\"nodes\":[{{\"mesh\":0}}]",
+            points, attributes)));
+    };
+    const Imported one = file(fmt::format(",\"TEXCOORD_0\":{}", first));
+    EXPECT_THAT(one.problems, HasSubstr("has no TEXCOORD_3, which its material asks for; the first set is taken"));
+    EXPECT_THAT(one.commands, HasSubstr("set baseTextureMapping SFString \"TEXCOORD_3\""));
+    EXPECT_THAT(one.commands, HasSubstr("begin TextureCoordinate in texCoord\nset mapping SFString \"TEXCOORD_3\"\n"
+                                        "set point MFVec2f [0 1, 1 1, 0 0]"));
+    EXPECT_THAT(one.commands, Not(HasSubstr("Transform in textureTransform")));
+    const Imported none = file("");
+    EXPECT_THAT(none.problems, HasSubstr("has no TEXCOORD_3"));
+    EXPECT_THAT(none.commands, Not(HasSubstr("TextureCoordinate")));
 }
 
 /// Where a skin's point is, by the formula of glTF, in double precision and with matrices throughout.

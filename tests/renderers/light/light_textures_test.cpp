@@ -150,5 +150,40 @@ TEST(LightTextures, SamplesOfAPixelShareItsWidth) {
     EXPECT_NEAR(p.at(11, 16).r, 1, .09);
 }
 
+/// Four texels of which one is seen: upper left red, right green, lower left blue, right yellow. A quarter turn takes
+/// (u, v) to (v, -u), as KHR_texture_transform's own test model wants it.
+TEST(LightTextures, GltfLooksUpASecondSetAndTurnsIt) {
+    const auto shows = [](const char* how) {
+        Scene scene;
+        Diagnostics diagnostics;
+        const std::string text =
+            std::string(R"({"asset":{"version":"2.0"},"buffers":[{"byteLength":120,"uri":"data:;base64,)") +
+            "AAAgwgAAIMIAAKDAAAAgQgAAIMIAAKDAAAAAAAAAcEIAAKDAAABAPwAAQD8AAEA/AABAPwAAQD8AAEA/"
+            "AACAPgAAgD4AAIA+AACAPgAAgD4AAIA+AAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAA" +
+            R"("}],"bufferViews":[{"buffer":0,"byteLength":120}],"accessors":[
+{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},{"bufferView":0,"byteOffset":36,"componentType":5126,"count":3,"type":"VEC2"},
+{"bufferView":0,"byteOffset":60,"componentType":5126,"count":3,"type":"VEC2"}],"images":[{"uri":"data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAIAAAACCAIAAAD91JpzAAAAFElEQVR42mP4z8DAAMIM////ZwAAHu8E/HMcU8wAAAAASUVORK5CYII="}],
+"textures":[{"source":0}],"materials":[{"doubleSided":true,"extensions":{"KHR_materials_unlit":{}},"pbrMetallicRoughness":{"baseColorTexture":{"index":0)" +
+            how +
+            R"(}}}],"meshes":[{"primitives":[{"material":0,"attributes":{"POSITION":0,"TEXCOORD_0":1,"TEXCOORD_1":2}}]}],
+"nodes":[{"mesh":0}],"cameras":[{"type":"perspective","perspective":{"yfov":1,"znear":0.1}}]})";
+        EXPECT_TRUE(loadText(scene, text, diagnostics));
+        for (const Diagnostic& d : diagnostics.all()) ADD_FAILURE() << d.format();
+        SharedWorld world(scene);
+        LightRenderer light(world);
+        scene.newFrame(0);
+        ImageOptions options;
+        options.settings.width = options.settings.height = 9;
+        const auto picture = light.picture(options);
+        EXPECT_TRUE(picture);
+        return picture ? Vec3f(picture->at(4, 4)) : Vec3f(-1);
+    };
+    expectColor(shows(""), {1, 1, 0}, 1e-5);
+    expectColor(shows(",\"texCoord\":1"), {1, 0, 0}, 1e-5);
+    expectColor(shows(R"(,"texCoord":1,"extensions":{"KHR_texture_transform":{"rotation":1.5707964,"offset":[0,1]}})"),
+                {0, 0, 1}, 1e-5);
+    expectColor(shows(R"(,"extensions":{"KHR_texture_transform":{"texCoord":1,"scale":[3,1]}})"), {0, 1, 0}, 1e-5);
+}
+
 }  // namespace
 }  // namespace rtsg
