@@ -131,7 +131,7 @@ struct Bindable {
                 arriveAt(cascade, cascade.scene().node(stack[0]), from, ViewEntry::asLeft, node.get(N::jump));
         }
     }
-    /// The first one found is bound when nothing is; one that has come to the top because others were deleted hears it,
+    /// The first one found outside of Inlines is bound when nothing is (7.2.2); one that has come to the top because others were deleted hears it,
     /// and so does one whose layer was deleted with its stacks.
     static double onTime(Cascade& cascade, const Node& node) {
         if constexpr (kind == Kind::navigation) {
@@ -149,7 +149,7 @@ struct Bindable {
         if (stack.empty()) {
             // What was bound before is not bound anew by itself.
             if (isEmptied(holder, kind) || node.get(N::bindTime).seconds != 0) return kNever;
-            if (!isInScene(cascade.scene(), node.id())) return kNever;
+            if (!isInScene(cascade.scene(), node.id()) || isInlined(cascade.scene(), node)) return kNever;
             stack.push_back(node.id());
             storeStack(cascade, holder, kind, stack);
         }

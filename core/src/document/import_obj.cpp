@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "import.h"
+#include "value/utf8.h"
 
 namespace rtsg::detail {
 
@@ -178,10 +179,15 @@ class ObjReader {
         }
     }
 
+    /// The format knows no encoding.
+    static std::string asText(std::string_view bytes) {
+        std::size_t replaced = 0;
+        return replaceInvalidUtf8(bytes, replaced);
+    }
     static void texture(DocumentHandler& handler, const std::string& url, const char* field) {
         if (url.empty()) return;
         handler.beginNode("ImageTexture", {}, field, {});
-        handler.setField("url", Value(Array<String>{String(url)}), {});
+        handler.setField("url", Value(Array<String>{String(asText(url))}), {});
         handler.endNode({});
     }
     void writeAppearance(DocumentHandler& handler, const std::string& name) {
@@ -246,7 +252,7 @@ class ObjReader {
             }
         }
         handler.beginNode("Shape", {}, {}, {});
-        if (!shape.name.empty()) handler.comment(shape.name, {});
+        if (!shape.name.empty()) handler.comment(asText(shape.name), {});
         writeAppearance(handler, shape.material);
         writeMesh(handler, std::move(mesh));
         handler.endNode({});

@@ -122,6 +122,12 @@ bool isInScene(const Scene& scene, NodeId id) {
     return layerOf(scene, id) != nullptr;
 }
 
+bool isInlined(const Scene& scene, const Node& node) {
+    for (const Node* owner = scene.find(node.scope()); owner; owner = scene.find(owner->scope()))
+        if (owner->is(x3d::Inline::type)) return true;
+    return false;
+}
+
 const Node* layerOf(const Scene& scene, NodeId id) {
     struct Step {
         NodeId node;

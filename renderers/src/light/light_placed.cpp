@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/navigation.h>
+#include <rtsg/core/placement.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -17,9 +18,17 @@ using namespace trace;
 
 namespace {
 
-Navigation readNavigation(const Node& node) {
+template <class N>
+Binding bindingOf(const Scene& scene, const Node& node, const N*) {
+    if (node.get(N::isBound)) return Binding::bound;
+    if (node.get(N::bindTime).seconds != 0) return Binding::unbound;  // it was bound once
+    return isInlined(scene, node) ? Binding::inlined : Binding::first;
+}
+
+Navigation readNavigation(const Scene& scene, const Node& node) {
     using N = x3d::NavigationInfo;
-    return {node.get(N::headlight), node.get(N::isBound), node.get(N::visibilityLimit)};
+    return {node.get(N::headlight), bindingOf(scene, node, static_cast<const N*>(nullptr)),
+            node.get(N::visibilityLimit)};
 }
 
 View readView(const Scene& scene, const Node& node) {
@@ -27,7 +36,7 @@ View readView(const Scene& scene, const Node& node) {
     view.name = scene.name(node.id());
     const auto common = [&]<class V>(const V*) {
         view.orientation = node.get(V::orientation);
-        view.bound = node.get(V::isBound);
+        view.binding = bindingOf(scene, node, static_cast<const V*>(nullptr));
         view.viewAll = node.get(V::viewAll);
         view.nearDistance = node.get(V::nearDistance), view.farDistance = node.get(V::farDistance);
         view.description = node.get(V::description).str();
@@ -35,7 +44,7 @@ View readView(const Scene& scene, const Node& node) {
         view.position = Vec3d(0);
         if constexpr (!std::is_same_v<V, x3d::GeoViewpoint>) view.position = Vec3d(node.get(V::position));
         const Node* brought = scene.effectiveNode(node.get(V::navigationInfo));
-        if (brought && brought->is(x3d::NavigationInfo::type)) view.navigation = readNavigation(*brought);
+        if (brought && brought->is(x3d::NavigationInfo::type)) view.navigation = readNavigation(scene, *brought);
     };
     if (node.is(x3d::Viewpoint::type)) {
         common(static_cast<const x3d::Viewpoint*>(nullptr));
@@ -125,11 +134,11 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
             break;
         case PlacedKind::fog:
             if (node->is(x3d::Fog::type))
-                entry->what =
-                    FogEntry{readFog(scene, placed.node, placed.worldFromLocal), node->get(x3d::Fog::isBound)};
+                entry->what = FogEntry{readFog(scene, placed.node, placed.worldFromLocal),
+                                       bindingOf(scene, *node, static_cast<const x3d::Fog*>(nullptr))};
             break;
         case PlacedKind::navigation:
-            if (node->is(x3d::NavigationInfo::type)) entry->what = readNavigation(*node);
+            if (node->is(x3d::NavigationInfo::type)) entry->what = readNavigation(scene, *node);
             break;
         case PlacedKind::clipPlane:
             if (ClipEntry clip = readClip(*node, placed.worldFromLocal); !clip.planes.empty()) {
@@ -208,14 +217,14 @@ SkyEntry LightTables::readSky(const Scene& scene, const Node& node, const WorldF
     if (node.is(x3d::Background::type)) {
         using B = x3d::Background;
         readColors(node, entry.sky, static_cast<const B*>(nullptr));
-        entry.bound = node.get(B::isBound);
+        entry.binding = bindingOf(scene, node, static_cast<const B*>(nullptr));
         const Field<Array<String>> urls[] = {B::frontUrl, B::backUrl, B::leftUrl, B::rightUrl, B::topUrl, B::bottomUrl};
         for (std::size_t i = 0; i < 6; ++i)
             entry.sky.panorama[i] = textures_->ofUrls(scene, node, node.get(urls[i]), color, diagnostics_);
     } else if (node.is(x3d::TextureBackground::type)) {
         using B = x3d::TextureBackground;
         readColors(node, entry.sky, static_cast<const B*>(nullptr));
-        entry.bound = node.get(B::isBound);
+        entry.binding = bindingOf(scene, node, static_cast<const B*>(nullptr));
         const Field<NodeId> sides[] = {B::frontTexture, B::backTexture, B::leftTexture,
                                        B::rightTexture, B::topTexture,  B::bottomTexture};
         for (std::size_t i = 0; i < 6; ++i)

@@ -29,8 +29,13 @@ namespace rtsg {
 
 namespace trace {
 
+/// How a bindable node stands (7.2.2). Nothing is bound before a scene's first frame: then the first one counts that
+/// would be, which no node of an Inline is.
+enum class Binding : std::uint8_t { bound, first, inlined, unbound };
+
 struct Navigation {
-    bool headlight = true, bound = false;
+    bool headlight = true;
+    Binding binding = Binding::first;
     float visibilityLimit = 0;
 };
 /// A Viewpoint, OrthoViewpoint or GeoViewpoint, in its own frame.
@@ -39,18 +44,19 @@ struct View {
     Rotation orientation;
     double fieldOfView = 0.7854;
     std::array<double, 4> extent{-1, -1, 1, 1};
-    bool orthographic = false, bound = false, viewAll = false;
+    bool orthographic = false, viewAll = false;
+    Binding binding = Binding::first;
     float nearDistance = -1, farDistance = -1;
     std::string name, description;
     std::optional<Navigation> navigation;  // that it brings (23.3.1)
 };
 struct SkyEntry {
     Sky sky;
-    bool bound = false;
+    Binding binding = Binding::first;
 };
 struct FogEntry {
     Fog fog;
-    bool bound = false;
+    Binding binding = Binding::first;
 };
 /// Of the things in its scope, in place of a Fog and of fogs around it (24.4.4).
 struct LocalFogEntry {

@@ -186,6 +186,23 @@ TEST(ImportObj, WhatIsNotImportedIsNamedOnce) {
               "test:8:1: warning: what 'p' says is not imported; only faces and their materials are [parse]\n");
 }
 
+TEST(ImportObj, NamesInAnotherEncodingAreWrittenAsText) {
+    const std::filesystem::path folder =
+        std::filesystem::path(testing::TempDir()) / ("import_obj_names_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / "a.obj") << "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl m\ng caf\xE9\nf 1 2 3\n";
+    std::ofstream(folder / "a.mtl") << "newmtl m\nmap_Kd t\xFCr.png\n";
+    struct WithComments : RecordingHandler {
+        std::string comments;
+        void comment(std::string_view text, SourceLocation) override { comments += text; }
+    } handler;
+    Diagnostics problems((folder / "a.obj").string());
+    ASSERT_TRUE(readDocumentFile(folder / "a.obj", handler, problems));
+    EXPECT_EQ(handler.comments, "caf\xEF\xBF\xBD");
+    EXPECT_THAT(handler.text(), HasSubstr("[\"t\xEF\xBF\xBDr.png\"]"));
+    std::filesystem::remove_all(folder);
+}
+
 TEST(ImportObj, FacesWithMaterialsFromTheLibraryBesideIt) {
     const std::filesystem::path folder =
         std::filesystem::path(testing::TempDir()) / ("import_obj_" + std::to_string(::getpid()));

@@ -19,5 +19,7 @@ bool isPlace(const NodeType& type, FieldIndex field);
 /// 10.4.4, of Transform and all that have the like: T C R SR S -SR -C; of geospatial nodes as geoPlace() says, and
 /// the identity where that has an error.
 glm::dmat4 parentFromLocal(const Scene& scene, const Node& node);
+/// Whether the document that a node stands in, or one around that, is an Inline's.
+bool isInlined(const Scene& scene, const Node& node);
 
 }  // namespace rtsg
