@@ -122,6 +122,11 @@ void ElementReader::openNode(NodeShape shape, Attributes attributes) {
         Frame& parent = frames_.back();
         if (parent.declared) tellDeclaration(parent);
         const bool value = parent.inside == Inside::value || parent.inside == Inside::declaration;
+        if (into && parent.inside == Inside::declaration && parent.hasChildren && !isMF(into.type)) {
+            diagnostics_.error(where(), "field '" + std::string(into.name) +
+                                            "' takes one node, and is given one already; this one is left out");
+            return skip({});
+        }
         if (into && ((value && parent.hasChildren && !isMF(into.type)) ||
                      (parent.inside == Inside::node && !parent.given.add(into))))
             diagnostics_.warning(where(), surplus(into.name, parent.shape.name()));

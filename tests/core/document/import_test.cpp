@@ -17,6 +17,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/core/writer.h>
 #include <rtsg/core/x3d.h>
 
 #include "core/document/recording_handler.h"
@@ -192,14 +193,13 @@ TEST(ImportObj, NamesInAnotherEncodingAreWrittenAsText) {
     std::filesystem::create_directories(folder);
     std::ofstream(folder / "a.obj") << "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl m\ng caf\xE9\nf 1 2 3\n";
     std::ofstream(folder / "a.mtl") << "newmtl m\nmap_Kd t\xFCr.png\n";
-    struct WithComments : RecordingHandler {
-        std::string comments;
-        void comment(std::string_view text, SourceLocation) override { comments += text; }
-    } handler;
-    Diagnostics problems((folder / "a.obj").string());
-    ASSERT_TRUE(readDocumentFile(folder / "a.obj", handler, problems));
-    EXPECT_EQ(handler.comments, "caf\xEF\xBF\xBD");
-    EXPECT_THAT(handler.text(), HasSubstr("[\"t\xEF\xBF\xBDr.png\"]"));
+    std::string written;
+    Diagnostics problems((folder / "a.obj").string()), writing;
+    const auto writer = makeWriter(Encoding::classicVrml, [&](std::string_view text) { written += text; }, writing);
+    ASSERT_TRUE(readDocumentFile(folder / "a.obj", *writer, problems));
+    EXPECT_EQ(test::allText(problems) + test::allText(writing), "");
+    EXPECT_THAT(written, HasSubstr("# caf\xEF\xBF\xBD\n"));
+    EXPECT_THAT(written, HasSubstr("url [\"t\xEF\xBF\xBDr.png\"]"));
     std::filesystem::remove_all(folder);
 }
 

@@ -202,5 +202,25 @@ TEST(ReaderXml, Utf16AndLatin1AreConverted) {
     EXPECT_THAT(utf16.handler.lines, ElementsAre("begin Group", "end"));
 }
 
+// What is declared has no other field in which a second node could be kept.
+TEST(ReaderXml, ADeclaredFieldOfOneNodeTakesTheFirst) {
+    for (const char* type : {"SFNode", "MFNode"}) {
+        const std::string field = std::string("<field name='n' accessType='inputOutput' type='") + type +
+                                  "'><Group DEF='A'/><Transform><Shape/></Transform></field>";
+        const Read read("<X3D><Scene><ProtoDeclare name='P'><ProtoInterface>" + field +
+                        "</ProtoInterface><ProtoBody><Group/></ProtoBody></ProtoDeclare><Script>" + field +
+                        "</Script></Scene></X3D>");
+        const bool one = type[0] == 'S';
+        EXPECT_EQ(read.complaints().find("field 'n' takes one node, and is given one already; this one is left out") !=
+                      std::string::npos,
+                  one);
+        EXPECT_EQ(read.diagnostics.errors(), one ? 2u : 0u);
+        EXPECT_EQ(std::ranges::count_if(read.handler.lines,
+                                        [](const std::string& line) { return line.starts_with("begin Transform"); }),
+                  one ? 0 : 2);
+        EXPECT_TRUE(read.handler.violation.empty());
+    }
+}
+
 }  // namespace
 }  // namespace rtsg
