@@ -59,7 +59,8 @@ class ClassicReader final : private FieldTextReport {
     void nodeItem();
     void listItem();
     void fieldItem(std::string_view name, const char* at);
-    void unknownField(std::string_view name, const char* at);
+    void unknownField(std::string_view name, const char* at, const std::string& ifNoNodes = {});
+    bool nodesFollow();
     void keepText(std::string_view name, const char* where, const char* start, bool isList);
     bool startsNode();
     void nodeStatement(const FieldRef& into);

@@ -279,17 +279,18 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
         handler_->isConnection(field.name, protoField, at(where));
         return;
     }
-    if (!frames_.back().given.add(field)) {
-        if (sf(field.type) != FieldType::SFNode)
-            error(where,
-                  std::string(field.name) + " of " + std::string(shape.name()) + " is given already; this is left out");
-        return unknownField(field.name, where);
-    }
+    if (!frames_.back().given.add(field))
+        return unknownField(
+            field.name, where,
+            sf(field.type) == FieldType::SFNode
+                ? std::string()
+                : std::string(field.name) + " of " + std::string(shape.name()) + " is given already; this is left out");
     if (!field.takesValue()) {
         error(where, std::string(field.name) + " of " + std::string(shape.name()) + " is an event, it takes no value");
         return skipValue();
     }
     if (sf(field.type) == FieldType::SFNode) return nodeValue(field, where);
+    if (nodesFollow()) return unknownField(field.name, where);
     Value value;
     // The text may be gone once a long value has been read.
     const SourceLocation here = at(where), start = at(p_);
@@ -304,7 +305,8 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
 
 /// Behind the name of a field that the open node does not have, or has been given before. What nodes are there are kept
 /// with their names, though they are in no field; other values are kept, as text, in nodes of unknown types.
-void ClassicReader::unknownField(std::string_view name, const char* where) {
+/// `ifNoNodes`: the error then, if it is one.
+void ClassicReader::unknownField(std::string_view name, const char* where, const std::string& ifNoNodes) {
     skipSpace();
     const bool isList = p_ != end_ && *p_ == '[';
     const char* start = p_;
@@ -318,12 +320,18 @@ void ClassicReader::unknownField(std::string_view name, const char* where) {
     const NodeShape shape = frames_.back().shape;
     const bool complain = shape.known();
     if (isNodeWord(next) && (isList || startsNode())) {
-        if (complain)
+        if (complain) {
+            const FieldRef field = findField(shape, name);
+            const bool takesNodes = field && sf(field.type) == FieldType::SFNode;
             report(Severity::warning, where,
-                   findField(shape, name) ? surplus(name, shape.name()) : noFieldForNodes(shape, name));
+                   !field       ? noFieldForNodes(shape, name)
+                   : takesNodes ? surplus(name, shape.name())
+                                : misplaced(next, name, shape.name()));
+        }
         return isList ? openList(into) : nodeStatement(into);
     }
     p_ = start;
+    if (!ifNoNodes.empty()) error(where, ifNoNodes);
     if (complain && !findField(shape, name)) error(where, noField(shape, name));
     if (next == "IS" && !isList && !shape.known()) {
         word();
@@ -362,6 +370,20 @@ void ClassicReader::keepText(std::string_view name, const char* where, const cha
 }
 
 /// Is what comes next `DEF name`, `USE name` or `Type {`?
+/// Whether nodes stand here, or a list of them.
+bool ClassicReader::nodesFollow() {
+    skipSpace();
+    const char* const start = p_;
+    if (p_ != end_ && *p_ == '[') {
+        ++p_;
+        skipSpace();
+    }
+    const bool letter = p_ != end_ && ((*p_ >= 'A' && *p_ <= 'Z') || (*p_ >= 'a' && *p_ <= 'z') || *p_ == '_');
+    const bool nodes = letter && startsNode();
+    p_ = start;
+    return nodes;
+}
+
 bool ClassicReader::startsNode() {
     const char* start = p_;
     const std::string_view next = word();

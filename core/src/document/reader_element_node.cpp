@@ -170,7 +170,9 @@ void ElementReader::nodeAttributes(Attributes attributes) {
     const bool instance = std::string_view(element_) == "ProtoInstance";
     for (int i = 0; i < specified_; i += 2) {
         const std::string_view name(attributes[i]);
-        if (isOrganisational(name) || (instance && name == "name")) continue;
+        // FontStyle and ScreenFontStyle have a field of the name that HTML gives to any element.
+        const bool ownStyle = name == "style" && findField(frames_.back().shape, name);
+        if ((isOrganisational(name) && !ownStyle) || (instance && name == "name")) continue;
         setAttribute(attributes[i], attributes[i + 1]);
     }
 }

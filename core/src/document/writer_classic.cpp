@@ -275,11 +275,12 @@ class ClassicWriter final : public DocumentHandler {
         if (commented_ == place.text && commentSize_ == sizeWithoutSpace(*place.text))
             newLine(*place.text, place.indent);
         for (std::size_t from = 0; from <= text.size();) {
-            const std::size_t end = std::min(text.find('\n', from), text.size());
+            // A comment ends at a line feed or a carriage return.
+            const std::size_t end = std::min(text.find_first_of("\r\n", from), text.size());
             if (from) newLine(*place.text, place.indent);
             *place.text += "# ";
             *place.text += text.substr(from, end - from);
-            from = end + 1;
+            from = end + (text.substr(end, 2) == "\r\n" ? 2 : 1);
         }
         commented_ = place.text;
         commentSize_ = sizeWithoutSpace(*place.text);

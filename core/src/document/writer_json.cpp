@@ -167,7 +167,7 @@ class JsonWriter final : public DocumentHandler {
         frames_.pop_back();
         types_.popScope();
         types_.declareProto(frame.proto);
-        place({}, finished(std::move(frame)));
+        placeDeclaration(finished(std::move(frame)));
     }
     void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
                      const std::vector<std::string>& url, SourceLocation) override {
@@ -185,7 +185,7 @@ class JsonWriter final : public DocumentHandler {
             proto->fields.add(field);
         }
         types_.declareProto(proto);
-        place({}, finished(std::move(frame)));
+        placeDeclaration(finished(std::move(frame)));
     }
     void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
                SourceLocation) override {
@@ -304,6 +304,15 @@ class JsonWriter final : public DocumentHandler {
         }
         add(frame, "-" + std::string(spelled(frame.shape, field)), found && !isMF(found.type) ? Many::no : Many::yes,
             std::move(item));
+    }
+    /// A list that was begun before may have instances: the list of what stands in no field comes before those.
+    void placeDeclaration(Rope item) {
+        if (!frames_.empty() && !frames_.back().proto) {
+            std::vector<Member>& members = frames_.back().members;
+            if (std::ranges::find(members, "-children", &Member::key) == members.end())
+                members.insert(members.begin(), {"-children", Many::yes, {}});
+        }
+        place({}, std::move(item));
     }
     /// The field's name in the version that is written.
     std::string_view spelled(const NodeShape& shape, std::string_view field) const {

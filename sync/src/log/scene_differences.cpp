@@ -102,15 +102,18 @@ class TreeDifference {
             partner[i] = k;
             taken[k] = true;
         };
-        std::unordered_map<std::string_view, std::size_t> named;
-        for (std::size_t k = 0; k < theirs.size(); ++k)
-            if (const std::string_view name = b_.name(theirs[k]); !name.empty()) named.emplace(name, k);
+        std::unordered_map<std::string_view, std::vector<std::size_t>>
+            named;  // last ones first: a node may stand twice
+        for (std::size_t k = theirs.size(); k-- > 0;)
+            if (const std::string_view name = b_.name(theirs[k]); !name.empty()) named[name].push_back(k);
         for (std::size_t i = 0; i < ours.size(); ++i) {
             const std::string_view name = a_.name(ours[i]);
             const auto found = name.empty() ? named.end() : named.find(name);
-            if (found != named.end() && !taken[found->second] &&
-                a_.node(ours[i]).type().name == b_.node(theirs[found->second]).type().name)
-                take(i, found->second);
+            if (found == named.end() || found->second.empty() ||
+                a_.node(ours[i]).type().name != b_.node(theirs[found->second.back()]).type().name)
+                continue;
+            take(i, found->second.back());
+            found->second.pop_back();
         }
         std::unordered_map<std::string_view, std::vector<std::size_t>> byType;  // last ones first
         for (std::size_t k = theirs.size(); k-- > 0;)

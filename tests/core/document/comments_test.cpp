@@ -223,5 +223,25 @@ TEST(Vrml97Writer, NamesTheNodesAndFieldsThatVrml97DoesNotHave) {
                                   "Transform.metadata is no field of VRML97 (it came with X3D 3.0"));
 }
 
+// As the name of a shape in a file of another program may have it.
+TEST(Comments, AllKindsOfLineEndsStayInside) {
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::vrml97, Encoding::xml, Encoding::json}) {
+        std::string text;
+        Diagnostics problems;
+        const auto writer = makeWriter(encoding, [&](std::string_view piece) { text += piece; }, problems);
+        DocumentHeader header;
+        header.version = encoding == Encoding::vrml97 ? "2.0" : "4.0", header.profile = "Full";
+        writer->beginDocument(header);
+        writer->comment("Shape { }\rBox { }\r\nCone { }\nSphere { }", {});
+        writer->beginNode("Group", {}, {}, {});
+        writer->endNode({});
+        writer->endDocument();
+        test::RecordingHandler back;
+        readDocument(text, back, problems);
+        EXPECT_THAT(back.lines, ElementsAre("begin Group", "end")) << text;
+        EXPECT_EQ(problems.errors(), 0u);
+    }
+}
+
 }  // namespace
 }  // namespace rtsg

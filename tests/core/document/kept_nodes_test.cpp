@@ -269,5 +269,54 @@ TEST(KeptNodes, UnknownTypesMayBeCalledAsFieldsAndKeywordsAre) {
     EXPECT_THAT(skipped, HasSubstr("<Box size='1 2 3'/>")) << "an unknown field without a value takes no field's name";
 }
 
+// In JSON a PROTO stands in "-children", and what was begun before it may have its instances.
+TEST(KeptNodes, APrototypeComesBeforeItsInstancesInEveryEncoding) {
+    for (const char* type : {"Nose", "HAnimHumanoid"}) {
+        const std::string text =
+            std::string("#X3D V4.0 utf8\nPROFILE Full\n") + type +
+            " { skeleton Group { } PROTO P [ ] { Group { } } EXTERNPROTO Q [ ] \"q.x3dv\" skeleton P { } "
+            "ROUTE A.x TO A.y skeleton Q { } }\n";
+        for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::json}) {
+            std::string written;
+            Diagnostics writing, reading;
+            readDocument(text,
+                         *makeWriter(encoding, [&](std::string_view piece) { written += piece; }, writing), writing);
+            test::RecordingHandler back;
+            readDocument(written, back, reading);
+            EXPECT_EQ(reading.errors(), 0u) << test::allText(reading) << written;
+            EXPECT_EQ(std::ranges::count(back.lines, "begin P in skeleton"), 1) << written;
+            EXPECT_EQ(std::ranges::count(back.lines, "begin Q in skeleton"), 1) << written;
+        }
+    }
+}
+
+// As XML has them by containerField: named once, kept, and the same from each encoding to each.
+TEST(KeptNodes, NodesInAFieldOfValuesAreKeptUnderItsName) {
+    for (const char* before : {"", "value [ TRUE ] "}) {
+        const std::string text = std::string("#X3D V4.0 utf8\nPROFILE Full\nMetadataBoolean { ") + before +
+                                 "value [ MetadataDouble { value 0.5 } ] name \"n\" value DEF A Group { } }\n";
+        for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::json}) {
+            std::string written;
+            Diagnostics writing, reading;
+            readDocument(text,
+                         *makeWriter(encoding, [&](std::string_view piece) { written += piece; }, writing), writing);
+            EXPECT_EQ(writing.errors(), 0u) << test::allText(writing);
+            EXPECT_EQ(writing.warnings(), 2u) << test::allText(writing);
+            test::RecordingHandler back;
+            readDocument(written, back, reading);
+            EXPECT_EQ(reading.errors(), 0u) << test::allText(reading) << written;
+            EXPECT_EQ(std::ranges::count(back.lines, "begin MetadataDouble in value"), 1) << written;
+            EXPECT_EQ(std::ranges::count(back.lines, "begin Group DEF A in value"), 1) << written;
+            EXPECT_EQ(std::ranges::count(back.lines, "set value MFBool [TRUE]"), *before ? 1 : 0) << written;
+            EXPECT_EQ(std::ranges::count(back.lines, "set name SFString \"n\""), 1) << written;
+        }
+    }
+    // A value that is none is an error, as before.
+    test::RecordingHandler handler;
+    Diagnostics problems;
+    readDocument("#X3D V4.0 utf8\nPROFILE Full\nMetadataBoolean { value Group value Box }", handler, problems);
+    EXPECT_GE(problems.errors(), 1u);
+}
+
 }  // namespace
 }  // namespace rtsg

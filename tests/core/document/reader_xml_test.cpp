@@ -222,5 +222,15 @@ TEST(ReaderXml, ADeclaredFieldOfOneNodeTakesTheFirst) {
     }
 }
 
+// HTML gives "style" to every element; two nodes of X3D have a field of that name.
+TEST(ReaderXml, StyleIsAFieldWhereTheNodeHasOne) {
+    const Read read(
+        "<X3D><Scene><Shape style='color:red' class='a' id='b'><Text><FontStyle style='BOLD'/></Text></Shape>"
+        "</Scene></X3D>");
+    EXPECT_EQ(read.complaints(), "");
+    EXPECT_THAT(read.handler.lines, ElementsAre("begin Shape", "begin Text in geometry", "begin FontStyle in fontStyle",
+                                                "set style SFString \"BOLD\"", "end", "end", "end"));
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -226,6 +226,11 @@ TEST_F(FieldComparisons, ScenesAreComparedNodeByNode) {
     using Texts = std::vector<std::string>;
     const std::string head = "#X3D V4.0 utf8\nPROFILE Immersive\n";
     EXPECT_EQ(differences(slide(), slide()), Texts{});
+    // A node may stand several times in one list.
+    const std::string thrice = head + "DEF A Group { } Group { children [ USE A DEF B Group { } USE A USE A ] }";
+    EXPECT_EQ(differences(thrice, thrice), Texts{});
+    EXPECT_EQ(differences(thrice, head + "DEF A Group { } Group { children [ USE A DEF B Group { } USE A ] }"),
+              Texts{"children[1].children: Group A at 3 only in first"});
     // One more in front, and everything after it is still told to be the same.
     EXPECT_EQ(differences(slide(), slide("2 0 0", "WorldInfo { }\n")),
               Texts{".children: WorldInfo at 0 only in second"});
