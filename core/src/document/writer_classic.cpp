@@ -168,6 +168,8 @@ class ClassicWriter final : public DocumentHandler {
             sf(frame->declared->field.type) == FieldType::SFNode) {
             commentLines(newLine(*frame->declared->place.text, frame->indent), text);
             newLine(*frame->declared->place.text, frame->indent);
+        } else if (frame && !frame->declared && frame->declaredList) {
+            commentLines(newLine(*frame->declaredList, frame->indent + 1), text);
         } else if (frame && !frame->declared && !frame->deferred.empty()) {
             Deferred& last = frame->deferred.back();
             commentLines(newLine(last.text, frame->indent + (last.list.empty() ? 0 : 1)), text);
@@ -206,7 +208,8 @@ class ClassicWriter final : public DocumentHandler {
         std::size_t indent;  // of what stands between the braces
         NodeShape shape{};
         bool filled = false;                   // something stands there
-        bool declaredList = false;             // the open list is a declared field's: it ends with the next command
+        std::string* declaredList = nullptr;   // where the list of a declared field is open, until the next command
+        std::string declaredField{};           // that field
         std::string openList{};                // the MFNode field whose list is open
         std::unique_ptr<Declared> declared{};  // written but for its value
         std::list<Deferred> deferred{};        // a list: its texts must not move
@@ -233,10 +236,10 @@ class ClassicWriter final : public DocumentHandler {
             frame.declared.reset();
             *place.text += list ? " [" : " ";
             if (!list) return place;
-            frame.openList = field;
-            frame.declaredList = true;
-            frame.text = place.text;
+            frame.declaredField = field;
+            frame.declaredList = place.text;
         }
+        if (frame.declaredList && frame.declaredField == field) return newLine(*frame.declaredList, frame.indent + 1);
         if (frame.openList == field) return newLine(*frame.text, frame.indent + 1);
         settle(frame);
         const FieldRef found = findField(frame.shape, field);
@@ -309,10 +312,9 @@ class ClassicWriter final : public DocumentHandler {
             }
         }
         if (!frame.declaredList) return;
-        frame.declaredList = false;
-        frame.openList.clear();
-        newLine(*frame.text, frame.indent);
-        *frame.text += ']';
+        newLine(*frame.declaredList, frame.indent);
+        *frame.declaredList += ']';
+        frame.declaredList = nullptr;
     }
     /// Ends the open list and writes what was held back.
     void finish(Frame& frame) {

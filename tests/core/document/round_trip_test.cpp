@@ -110,6 +110,31 @@ TEST(RoundTrip, EveryFieldOfEveryNodeComesBackFromEveryEncoding) {
     EXPECT_GT(fields, 1'000u);
 }
 
+// Straight from reader to writer, in the author's order: lists of declared fields beside a list that is open, and
+// others that come back to it.
+TEST(RoundTrip, DeclaredListsBesideOpenOnesComeBack) {
+    const std::string text =
+        "#X3D V4.0 utf8\nPROFILE Full\nShape { appearance Appearance { shaders ComposedShader {\n"
+        "parts [ ShaderPart { type \"VERTEX\" } ]\n"
+        "initializeOnly MFNode textures [ PixelTexture { } # between\n PixelTexture { repeatS FALSE } ]\n"
+        "parts ShaderPart { type \"FRAGMENT\" }\n"
+        "initializeOnly SFNode one PixelTexture { repeatT FALSE } language \"GLSL\"\n"
+        "initializeOnly MFNode none [ ] initializeOnly MFNode more [ PixelTexture { } ] initializeOnly SFFloat f 3 } } "
+        "}\n";
+    Scene scene;
+    Diagnostics problems;
+    ASSERT_TRUE(loadText(scene, text, problems));
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::vrml97, Encoding::xml, Encoding::json}) {
+        std::string written;
+        Diagnostics writing, reading;
+        readDocument(text, *makeWriter(encoding, [&](std::string_view piece) { written += piece; }, writing), writing);
+        Scene again;
+        EXPECT_TRUE(loadText(again, written, reading));
+        EXPECT_EQ(reading.errors(), 0u) << test::allText(reading) << written;
+        EXPECT_EQ(canonicalText(again), canonicalText(scene)) << written;
+    }
+}
+
 struct NamedText {
     const char* name;
     const char* text;
