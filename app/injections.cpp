@@ -56,9 +56,7 @@ Result<> Injections::parsePointer(const std::vector<std::string>& words, double 
     if (i + 1 == words.size() && words[i] == "leave") {
         input.kind = PointerInput::Kind::absent;
     } else if (i < words.size() || !known) {
-        const auto numbers = numbersOf(words, i);
-        if (!numbers) return std::unexpected(numbers.error());
-        const std::vector<double>& n = *numbers;
+        const std::vector<double> n = numbersOf(words, i).value_or(std::vector<double>());
         if (n.size() == 6) {
             input.kind = PointerInput::Kind::ray;
             input.origin = {n[0], n[1], n[2]};
@@ -69,7 +67,10 @@ Result<> Injections::parsePointer(const std::vector<std::string>& words, double 
             input.y = n[1];
             input.aspect = n.size() == 3 ? n[2] : 16.0 / 9;
         } else {
-            return fail("a pointer has X Y Z DX DY DZ of a bearing, or X Y [ASPECT] of a picture, or leaves");
+            return fail(
+                "a pointer is [NUMBER:] [down|up] and X Y [ASPECT] in the picture, from 0 (left, top) to 1, or X Y Z "
+                "DX DY DZ "
+                "of a bearing, or leave");
         }
     }
     pointed_.insert(device);
@@ -101,9 +102,10 @@ Result<> Injections::parseDevice(const std::string& name, const std::string& giv
         return {};
     }
     const auto numbers = numbersOf(words, 0);
-    if (!numbers) return std::unexpected(numbers.error());
-    const std::size_t wanted = name == "wheel" ? 2 : 7;
-    if (numbers->size() != wanted) return fail(fmt::format("a {} has {} numbers", name, wanted));
+    const bool wheel = name == "wheel";
+    if (!numbers || numbers->size() != (wheel ? 2u : 7u))
+        return fail(wheel ? "a wheel has 2 numbers, its steps X Y"
+                          : "a head has 7 numbers, X Y Z and a rotation AX AY AZ RADIANS");
     add(name == "wheel" ? Root::wheel.index : Root::headPose.index,
         Value(Array<double>(std::span<const double>(*numbers))), time);
     return {};

@@ -135,16 +135,19 @@ TEST_F(PointedDoor, KeysAndTextsComeInToo) {
 }
 
 TEST_F(PointedDoor, WhatNoDeviceDoesIsNamed) {
-    for (const auto& [what, says] :
-         std::initializer_list<std::pair<const char*, const char*>>{{"pointer=down@1", "X Y Z DX DY DZ"},
-                                                                    {"pointer=64: 1 1@1", "0 to 63"},
-                                                                    {"pointer=1 2 3 4@1", "X Y Z DX DY DZ"},
-                                                                    {"pointer=sideways@1", "pointer"},
-                                                                    {"key=NOKEY@1", "is no key"},
-                                                                    {"key=press a@1", "[down|up] NAME"},
-                                                                    {"wheel=1@1", "2 numbers"},
-                                                                    {"head=1@1", "7 numbers"},
-                                                                    {"pointer=1 1", "WHAT@TIME"}})
+    for (const auto& [what, says] : std::initializer_list<std::pair<const char*, const char*>>{
+             {"pointer=down@1", "X Y Z DX DY DZ"},
+             {"pointer=64: 1 1@1", "0 to 63"},
+             {"pointer=1 2 3 4@1", "X Y Z DX DY DZ"},
+             {"pointer=sideways@1", "in the picture, from 0 (left, top) to 1"},
+             {"pointer=48,36@1", "X Y [ASPECT] in the picture"},
+             {"wheel=down@1", "its steps X Y"},
+             {"head=0 1.7 0@1", "a rotation AX AY AZ RADIANS"},
+             {"key=NOKEY@1", "is no key"},
+             {"key=press a@1", "[down|up] NAME"},
+             {"wheel=1@1", "2 numbers"},
+             {"head=1@1", "7 numbers"},
+             {"pointer=1 1", "WHAT@TIME"}})
         EXPECT_THAT(run({"--set", what}, 2), HasSubstr(says)) << what;
 }
 
