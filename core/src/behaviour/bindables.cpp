@@ -131,8 +131,8 @@ struct Bindable {
                 arriveAt(cascade, cascade.scene().node(stack[0]), from, ViewEntry::asLeft, node.get(N::jump));
         }
     }
-    /// The first one found outside of Inlines is bound when nothing is (7.2.2); one that has come to the top because others were deleted hears it,
-    /// and so does one whose layer was deleted with its stacks.
+    /// The first one found outside of Inlines is bound when nothing is (7.2.2); one that has come to the top because
+    /// others were deleted hears it, and so does one whose layer was deleted with its stacks.
     static double onTime(Cascade& cascade, const Node& node) {
         if constexpr (kind == Kind::navigation) {
             warnOfWords(cascade, node, "type", node.get(N::type_),
