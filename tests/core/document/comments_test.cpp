@@ -240,6 +240,9 @@ TEST(Comments, AllKindsOfLineEndsStayInside) {
         readDocument(text, back, problems);
         EXPECT_THAT(back.lines, ElementsAre("begin Group", "end")) << text;
         EXPECT_EQ(problems.errors(), 0u);
+        if (encoding == Encoding::classicVrml) {
+            EXPECT_THAT(text, HasSubstr("# Shape { }\n# Box { }\n# Cone { }\n# Sphere { }\n"));
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 // and path.
 #include <array>
 #include <cmath>
+#include <fstream>
 #include <random>
 
 #include <rtsg/core/x3d.h>
@@ -10,6 +11,7 @@
 
 #include "light/environment.h"
 #include "light_scene.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -434,6 +436,50 @@ TEST(EnvironmentLight, SurvivesNumbersThatAreNone) {
             const Vec3f seen = centerOf(s, integrator);
             for (int c = 0; c < 3; ++c) EXPECT_TRUE(std::isfinite(seen[c])) << x;
         }
+}
+
+// 7.2.2: the bound one; what was unbound is shown no more, and nothing comes in its place by itself.
+TEST(BoundBackground, AloneIsShown) {
+    LightScene s("DEF A Background { skyColor [ 1 0 0 ] } DEF B Background { skyColor [ 0 1 0 ] }");
+    const auto bind = [&](const char* name, bool on) {
+        ASSERT_TRUE(s.scene.sendEvent(s.node(name), x3d::Background::set_bind.index, Value(on)));
+        s.scene.newFrame(s.scene.now() + 1);
+    };
+    expectColor(s.center(), {1, 0, 0}, 1e-6);
+    bind("A", false);
+    expectColor(s.center(), {0, 0, 0}, 1e-6);
+    bind("B", true);
+    expectColor(s.center(), {0, 1, 0}, 1e-6);
+    bind("A", true);
+    bind("A", false);
+    expectColor(s.center(), {0, 1, 0}, 1e-6);
+    bind("B", false);
+    expectColor(s.center(), {0, 0, 0}, 1e-6);
+}
+
+// Before the first frame nothing is bound: the first one that will be is shown, which none in an Inline is.
+TEST(BoundBackground, BeforeTheFirstFrameIsTheFirstOutsideOfInlines) {
+    const test::TempFolder folder;
+    std::ofstream(folder / "inner.x3dv") << "#X3D V4.0 utf8\nPROFILE Full\nBackground { skyColor [ 1 0 0 ] }\n";
+    for (const bool outer : {false, true}) {
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(
+            loadText(scene,
+                     std::string("#X3D V4.0 utf8\nPROFILE Full\nViewpoint { } Inline { url \"inner.x3dv\" }\n") +
+                         (outer ? "Background { skyColor [ 0 1 0 ] }" : ""),
+                     diagnostics, folder.path()));
+        SharedWorld world(scene);
+        LightRenderer light(world);
+        ImageOptions options;
+        options.settings.width = options.settings.height = 5;
+        for (const bool began : {false, true}) {
+            if (began) scene.newFrame(1);
+            const auto picture = light.picture(options);
+            ASSERT_TRUE(picture);
+            expectColor(Vec3f(picture->at(2, 2)), {0, outer ? 1.0 : 0.0, 0}, 1e-6);
+        }
+    }
 }
 
 }  // namespace
