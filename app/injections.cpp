@@ -68,9 +68,8 @@ Result<> Injections::parsePointer(const std::vector<std::string>& words, double 
             input.aspect = n.size() == 3 ? n[2] : 16.0 / 9;
         } else {
             return fail(
-                "a pointer is [NUMBER:] [down|up] and X Y [ASPECT] in the picture, from 0 (left, top) to 1, or X Y Z "
-                "DX DY DZ "
-                "of a bearing, or leave");
+                "a pointer is [NUMBER:] [down|up] and X Y [ASPECT] in the picture, from 0 (left, top) to 1, or "
+                "X Y Z DX DY DZ of a bearing, or leave");
         }
     }
     pointed_.insert(device);
@@ -106,8 +105,8 @@ Result<> Injections::parseDevice(const std::string& name, const std::string& giv
     if (!numbers || numbers->size() != (wheel ? 2u : 7u))
         return fail(wheel ? "a wheel has 2 numbers, its steps X Y"
                           : "a head has 7 numbers, X Y Z and a rotation AX AY AZ RADIANS");
-    add(name == "wheel" ? Root::wheel.index : Root::headPose.index,
-        Value(Array<double>(std::span<const double>(*numbers))), time);
+    add(wheel ? Root::wheel.index : Root::headPose.index, Value(Array<double>(std::span<const double>(*numbers))),
+        time);
     return {};
 }
 

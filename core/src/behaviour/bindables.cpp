@@ -149,7 +149,7 @@ struct Bindable {
         if (stack.empty()) {
             // What was bound before is not bound anew by itself.
             if (isEmptied(holder, kind) || node.get(N::bindTime).seconds != 0) return kNever;
-            if (!isInScene(cascade.scene(), node.id()) || isInlined(cascade.scene(), node)) return kNever;
+            if (isInlined(cascade.scene(), node) || !isInScene(cascade.scene(), node.id())) return kNever;
             stack.push_back(node.id());
             storeStack(cascade, holder, kind, stack);
         }

@@ -1,6 +1,15 @@
 // Builds a scene of a document, and passes on what stands in the place of prototypes' instances, or of Inlines.
+#include <algorithm>
+#include <array>
+#include <tuple>
+#include <unordered_map>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/placement.h>
 #include <rtsg/core/scene_builder.h>
 #include <rtsg/core/scene_exporter.h>
+#include <rtsg/core/x3d.h>
 
 #include "filter_parts.h"
 #include "inline_lights.h"
@@ -39,6 +48,46 @@ struct SceneOfDocument {
         : builder(scene, context.diagnostics, buildOptions(context, loadInlines)) {}
 };
 
+/// 7.2.2: nothing in an Inline is bound by itself. A warning for each kind of which the first one will come from what
+/// is a Group now. `places`: of the document's own Inlines, in their order.
+void tellOfBinding(const Scene& scene, const std::vector<SourceLocation>& places, Diagnostics& diagnostics) {
+    struct First {
+        const Node* node = nullptr;
+        SourceLocation where;  // of the node, or of the document's Inline that it comes from
+    };
+    constexpr std::array<std::string_view, 4> kinds = {"X3DViewpointNode", "X3DBackgroundNode", "NavigationInfo",
+                                                       "Fog"};
+    std::array<First, kinds.size()> firsts;
+    std::unordered_map<std::uint32_t, SourceLocation> inlines;
+    scene.forEachNode([&](const Node& node) {
+        if (node.is(x3d::Inline::type) && !node.scope() && inlines.size() < places.size())
+            inlines.emplace(node.id().value, places[inlines.size()]);
+    });
+    scene.forEachNode([&](const Node& node) {
+        const auto kind = std::ranges::find_if(kinds, [&](std::string_view one) { return node.type().isA(one); });
+        if (kind == kinds.end() || node.type().kind != NodeType::Kind::builtin) return;
+        SourceLocation where = scene.placeOf(node.id()).where;
+        const Node* outermost = &node;
+        while (outermost->scope()) outermost = &scene.node(outermost->scope());
+        if (isInlined(scene, node)) {
+            const auto found = inlines.find(outermost->id().value);
+            if (found == inlines.end()) return;
+            where = found->second;
+        } else if (outermost != &node) {
+            where = scene.placeOf(outermost->id()).where;
+        }
+        First& first = firsts[static_cast<std::size_t>(kind - kinds.begin())];
+        const auto order = [](const SourceLocation& at) { return std::tuple(at.line, at.column); };
+        if (!first.node || order(where) < order(first.where)) first = {&node, where};
+    });
+    for (const First& first : firsts)
+        if (first.node && isInlined(scene, *first.node))
+            diagnostics.warning(first.where,
+                                fmt::format("the {} of the Inline is bound by itself now, as the first one "
+                                            "outside of Inlines is",
+                                            first.node->type().name));
+}
+
 class Flatten final : private SceneOfDocument, public Filter {
   public:
     Flatten(DocumentHandler& next, const FilterContext& context, const ExportOptions& options)
@@ -67,7 +116,10 @@ class Flatten final : private SceneOfDocument, public Filter {
     void endDocument() override {
         Filter::endDocument();
         builder.finish();
-        if (options_.expandInlines) keepInlineLights(scene, inlines_, diagnostics_);
+        if (options_.expandInlines) {
+            tellOfBinding(scene, inlines_, diagnostics_);
+            keepInlineLights(scene, inlines_, diagnostics_);
+        }
         WithVersion last(next_, version_);
         SceneExporter(scene, diagnostics_, options_).write(last);
     }

@@ -2,7 +2,6 @@
 #include "reader_element.h"
 
 #include <algorithm>
-#include <array>
 
 #include "reader_classic.h"
 #include "spelled_name.h"
@@ -14,8 +13,12 @@ namespace {
 
 /// Attributes of any element that are no fields.
 bool isOrganisational(std::string_view name) {
-    constexpr std::array<std::string_view, 6> names = {"DEF", "USE", "containerField", "class", "id", "style"};
-    return std::ranges::find(names, name) != names.end() || name.starts_with("xmlns") || name.find(':') != name.npos;
+    return name == "DEF" || name == "USE" || name == "containerField" || name.starts_with("xmlns") ||
+           name.find(':') != name.npos;
+}
+/// Those that HTML gives to any element, which are fields of nodes that have one of that name.
+bool isOfHtml(std::string_view name) {
+    return name == "class" || name == "id" || name == "style";
 }
 
 bool hasSourceText(const NodeType& type) {
@@ -170,9 +173,8 @@ void ElementReader::nodeAttributes(Attributes attributes) {
     const bool instance = std::string_view(element_) == "ProtoInstance";
     for (int i = 0; i < specified_; i += 2) {
         const std::string_view name(attributes[i]);
-        // FontStyle and ScreenFontStyle have a field of the name that HTML gives to any element.
-        const bool ownStyle = name == "style" && findField(frames_.back().shape, name);
-        if ((isOrganisational(name) && !ownStyle) || (instance && name == "name")) continue;
+        if (isOrganisational(name) || (instance && name == "name")) continue;
+        if (isOfHtml(name) && !findField(frames_.back().shape, name)) continue;
         setAttribute(attributes[i], attributes[i + 1]);
     }
 }

@@ -18,8 +18,9 @@ using namespace trace;
 
 namespace {
 
+/// N: the node's type.
 template <class N>
-Binding bindingOf(const Scene& scene, const Node& node, const N*) {
+Binding bindingOf(const Scene& scene, const Node& node) {
     if (node.get(N::isBound)) return Binding::bound;
     if (node.get(N::bindTime).seconds != 0) return Binding::unbound;  // it was bound once
     return isInlined(scene, node) ? Binding::inlined : Binding::first;
@@ -27,8 +28,7 @@ Binding bindingOf(const Scene& scene, const Node& node, const N*) {
 
 Navigation readNavigation(const Scene& scene, const Node& node) {
     using N = x3d::NavigationInfo;
-    return {node.get(N::headlight), bindingOf(scene, node, static_cast<const N*>(nullptr)),
-            node.get(N::visibilityLimit)};
+    return {node.get(N::headlight), bindingOf<N>(scene, node), node.get(N::visibilityLimit)};
 }
 
 View readView(const Scene& scene, const Node& node) {
@@ -36,7 +36,7 @@ View readView(const Scene& scene, const Node& node) {
     view.name = scene.name(node.id());
     const auto common = [&]<class V>(const V*) {
         view.orientation = node.get(V::orientation);
-        view.binding = bindingOf(scene, node, static_cast<const V*>(nullptr));
+        view.binding = bindingOf<V>(scene, node);
         view.viewAll = node.get(V::viewAll);
         view.nearDistance = node.get(V::nearDistance), view.farDistance = node.get(V::farDistance);
         view.description = node.get(V::description).str();
@@ -134,8 +134,8 @@ std::shared_ptr<const PlacedEntry> LightTables::readPlaced(const Scene& scene, c
             break;
         case PlacedKind::fog:
             if (node->is(x3d::Fog::type))
-                entry->what = FogEntry{readFog(scene, placed.node, placed.worldFromLocal),
-                                       bindingOf(scene, *node, static_cast<const x3d::Fog*>(nullptr))};
+                entry->what =
+                    FogEntry{readFog(scene, placed.node, placed.worldFromLocal), bindingOf<x3d::Fog>(scene, *node)};
             break;
         case PlacedKind::navigation:
             if (node->is(x3d::NavigationInfo::type)) entry->what = readNavigation(scene, *node);
@@ -217,14 +217,14 @@ SkyEntry LightTables::readSky(const Scene& scene, const Node& node, const WorldF
     if (node.is(x3d::Background::type)) {
         using B = x3d::Background;
         readColors(node, entry.sky, static_cast<const B*>(nullptr));
-        entry.binding = bindingOf(scene, node, static_cast<const B*>(nullptr));
+        entry.binding = bindingOf<B>(scene, node);
         const Field<Array<String>> urls[] = {B::frontUrl, B::backUrl, B::leftUrl, B::rightUrl, B::topUrl, B::bottomUrl};
         for (std::size_t i = 0; i < 6; ++i)
             entry.sky.panorama[i] = textures_->ofUrls(scene, node, node.get(urls[i]), color, diagnostics_);
     } else if (node.is(x3d::TextureBackground::type)) {
         using B = x3d::TextureBackground;
         readColors(node, entry.sky, static_cast<const B*>(nullptr));
-        entry.binding = bindingOf(scene, node, static_cast<const B*>(nullptr));
+        entry.binding = bindingOf<B>(scene, node);
         const Field<NodeId> sides[] = {B::frontTexture, B::backTexture, B::leftTexture,
                                        B::rightTexture, B::topTexture,  B::bottomTexture};
         for (std::size_t i = 0; i < 6; ++i)

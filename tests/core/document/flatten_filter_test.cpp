@@ -146,7 +146,7 @@ TEST_F(InlinedLights, BecomeLocalWhereThatIsEqual) {
     const std::string direct = flat("PointLight { } SpotLight { global FALSE } Shape { }", beside);
     EXPECT_THAT(direct, HasSubstr("PointLight {\n      global FALSE"));
     // A Transform that holds all that is lit.
-    const std::string deep = flat("Viewpoint { } Transform { children [ SpotLight { } Shape { } ] }", beside);
+    const std::string deep = flat("WorldInfo { } Transform { children [ SpotLight { } Shape { } ] }", beside);
     EXPECT_THAT(deep, HasSubstr("global FALSE"));
     // An inner Inline that lets its lights out, into the outer one, which holds nothing else.
     write("lamp.x3dv", "PointLight { } Shape { }");
@@ -173,6 +173,25 @@ TEST_F(InlinedLights, AreToldOnceWithTheLineWhereThereIsNoWay) {
     flat("Transform { children DEF L PointLight { } } Transform { children [ USE L Shape { } ] }", beside, told);
     write("lamp.x3dv", "Transform { children DEF L PointLight { } } Shape { }");
     flat("Shape { } Inline { url \"lamp.x3dv\" }", beside, "test:4:1: warning: PointLight L of the Inline I");
+}
+
+// 7.2.2: nothing in an Inline is bound by itself; in a Group the first one is.
+TEST_F(InlinedLights, WhatIsBoundByItselfNowIsTold) {
+    const auto told = [](const char* place, const char* type) {
+        return std::string("test:") + place + ": warning: the " + type + " of the Inline is bound by itself now";
+    };
+    const std::string own = "TextureBackground { } NavigationInfo { } OrthoViewpoint { } Fog { }\n",
+                      inlined = "Inline { url \"part.x3dv\" }";
+    for (const char* type : {"Background", "NavigationInfo", "Viewpoint", "Fog"}) {
+        const std::string part = std::string(type) + " { } " + type + " { }";
+        flat(part, "Shape { }\n" + inlined, told("4:1", type));
+        write("outer.x3dv", "Group { children Inline { url \"part.x3dv\" } }");
+        flat(part, "Shape { }\nInline { url \"outer.x3dv\" }", told("4:1", type));
+        // Where one of the document's own comes first, that one is bound as before.
+        flat(part, own + inlined);
+        flat(part, "PROTO Q [ ] { " + part + " } Q { }\n" + inlined);
+        flat(part, inlined + "\n" + own, told("3:1", type));
+    }
 }
 
 TEST_F(InlinedLights, AGroupKeepsWhatItHasOfAnInline) {
