@@ -190,6 +190,7 @@ TEST_F(InlinedLights, WhatIsBoundByItselfNowIsTold) {
         // Where one of the document's own comes first, that one is bound as before.
         flat(part, own + inlined);
         flat(part, "PROTO Q [ ] { " + part + " } Q { }\n" + inlined);
+        flat(part, "PROTO Q [ ] { " + part + " }\n" + inlined + "\nQ { }", told("4:1", type));
         flat(part, inlined + "\n" + own, told("3:1", type));
     }
 }
