@@ -448,10 +448,17 @@ void ClassicReader::externProto() {
         error(p_, "']' is missing at the end of the EXTERNPROTO's interface");
     Value url;
     if (!parseValue(FieldType::MFString, url)) url = Value(Array<String>());
-    if (types_.protoName(proto->name) != proto->name && !types_.protoName(proto->name).empty())
-        return report(Severity::warning, where, externIsBuiltin(proto->name));
-    if (!types_.declareProto(proto))
-        return error(where, "there is a node type " + proto->name + " already, which stays");
+    switch (types_.declareExtern(proto)) {
+        case ReaderTypes::Extern::isBuiltin:
+            return report(Severity::warning, where, externIsBuiltin(proto->name));
+        case ReaderTypes::Extern::isThere:
+            return error(where, alreadyDeclared(proto->name));
+        case ReaderTypes::Extern::renamed:
+            report(Severity::warning, where, renamedProto(*proto));
+            break;
+        case ReaderTypes::Extern::declared:
+            break;
+    }
     std::vector<std::string> urls;
     for (const String& one : url.as<Array<String>>()) urls.push_back(one.str());
     handler_->externProto(proto->name, {proto->fields.all().begin(), proto->fields.all().end()}, urls, at(where));

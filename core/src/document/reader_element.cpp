@@ -368,20 +368,27 @@ void ElementReader::startBody(Attributes) {
     ++bodies_;
 }
 
+void ElementReader::endExternProto(Frame& frame) {
+    const std::shared_ptr<ProtoType>& type = frame.prototype->type;
+    switch (types_.declareExtern(type)) {
+        case ReaderTypes::Extern::isBuiltin:
+            return diagnostics_.warning(frame.open, externIsBuiltin(type->name));
+        case ReaderTypes::Extern::isThere:
+            return diagnostics_.error(frame.open, alreadyDeclared(type->name));
+        case ReaderTypes::Extern::renamed:
+            diagnostics_.warning(frame.open, renamedProto(*type));
+            break;
+        case ReaderTypes::Extern::declared:
+            break;
+    }
+    const auto& fields = type->fields.all();
+    if (frame.prototype->about) handler_->documentation(*frame.prototype->about, frame.open);
+    handler_->externProto(type->name, {fields.begin(), fields.end()}, frame.prototype->url, frame.open);
+}
+
 void ElementReader::endProto(Frame& frame) {
     const std::shared_ptr<ProtoType>& type = frame.prototype->type;
-    if (frame.inside == Inside::externProto) {
-        if (const std::string name = types_.protoName(type->name); name != type->name && !name.empty()) {
-            diagnostics_.warning(frame.open, externIsBuiltin(type->name));
-        } else if (types_.declareProto(type)) {
-            const auto& fields = type->fields.all();
-            if (frame.prototype->about) handler_->documentation(*frame.prototype->about, frame.open);
-            handler_->externProto(type->name, {fields.begin(), fields.end()}, frame.prototype->url, frame.open);
-        } else {
-            diagnostics_.error(frame.open, "there is a node type " + type->name + " already, which stays");
-        }
-        return;
-    }
+    if (frame.inside == Inside::externProto) return endExternProto(frame);
     if (!frame.prototype->hasBody) {
         diagnostics_.error(frame.open, "PROTO " + type->name + " has no body");
         handler_->beginProtoBody(frame.open);

@@ -109,6 +109,7 @@ class ElementReader : private FieldTextReport {
     void startExternProto(Attributes attributes);
     void startInterface(Attributes attributes);
     void startBody(Attributes attributes);
+    void endExternProto(Frame& frame);
     void endProto(Frame& frame);
 
     // reader_element_node.cpp: nodes, fields, declarations

@@ -15,7 +15,7 @@ struct Renamed {
     std::string_view node, before, now;
     char until;
 };
-constexpr std::array<Renamed, 13> kRenamed = {{
+constexpr std::array<Renamed, 15> kRenamed = {{
     {"LOD", "level", "children", '3'},
     {"GeoLOD", "level", "children", '3'},
     {"Switch", "choice", "children", '3'},
@@ -26,6 +26,8 @@ constexpr std::array<Renamed, 13> kRenamed = {{
     {"ComposedCubeMapTexture", "left", "leftTexture", '4'},
     {"ComposedCubeMapTexture", "right", "rightTexture", '4'},
     {"ComposedCubeMapTexture", "top", "topTexture", '4'},
+    {"Layer", "isPickable", "pickable", '4'},
+    {"LayoutLayer", "isPickable", "pickable", '4'},
     {"LoadSensor", "watchList", "children", '4'},
     {"ParticleSystem", "colorRamp", "color", '4'},
     {"ParticleSystem", "texCoordRamp", "texCoord", '4'},
@@ -47,6 +49,10 @@ std::string renamedProto(const ProtoType& proto) {
 
 std::string externIsBuiltin(const std::string& name) {
     return "EXTERNPROTO " + name + " has the name of a node of a later version of X3D, which is taken instead";
+}
+
+std::string alreadyDeclared(const std::string& name) {
+    return "there is a node type " + name + " already, which stays";
 }
 
 bool DeclaredFields::add(FieldDeclaration field) {
@@ -161,6 +167,24 @@ bool ReaderTypes::declareProto(const std::shared_ptr<const ProtoType>& proto, st
     protos_[std::string(name)].push_back({scopes_.size(), proto});
     scopes_.back().protos.emplace_back(name);
     return true;
+}
+
+ReaderTypes::Extern ReaderTypes::declareExtern(const std::shared_ptr<ProtoType>& proto) {
+    proto->calledInFile = proto->name;
+    const std::string name = protoName(proto->calledInFile);
+    const bool isLater = !name.empty() && name != proto->calledInFile;
+    if (isLater) {
+        NodeShape builtin;
+        builtin.type = findBuiltinType(proto->calledInFile);
+        const auto isItsField = [&](const FieldDeclaration& field) {
+            const FieldRef found = findField(builtin, field.name);
+            return found && found.type == field.type;
+        };
+        if (std::ranges::all_of(proto->fields.all(), isItsField)) return Extern::isBuiltin;
+        proto->name = name;
+    }
+    if (!declareProto(proto, proto->calledInFile)) return Extern::isThere;
+    return isLater ? Extern::renamed : Extern::declared;
 }
 
 std::shared_ptr<const ProtoType> ReaderTypes::findProto(std::string_view name) const {

@@ -72,6 +72,7 @@ struct FieldRef {
 
 std::string renamedProto(const ProtoType& proto);
 std::string externIsBuiltin(const std::string& name);
+std::string alreadyDeclared(const std::string& name);
 
 /// May nodes of this type declare fields of their own?
 bool declaresFields(const NodeType& type);
@@ -114,6 +115,10 @@ class ReaderTypes {
     /// False, and nothing happens, if there is such a PROTO in this very scope. `name` is what the file calls it.
     bool declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name);
     bool declareProto(const std::shared_ptr<const ProtoType>& proto) { return declareProto(proto, proto->name); }
+    /// Gives an EXTERNPROTO the name it gets. Where that of a later version's node is taken, the node is what it means
+    /// if all its fields are the node's: then, as where there is such a type already, nothing is declared.
+    enum class Extern : std::uint8_t { declared, renamed, isBuiltin, isThere };
+    Extern declareExtern(const std::shared_ptr<ProtoType>& proto);
     bool declaredHere(std::string_view proto) const;
     NodeShape find(std::string_view type) const;
     /// Just the prototype, built-in or not.

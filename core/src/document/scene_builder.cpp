@@ -222,12 +222,13 @@ void SceneBuilder::useNode(std::string_view def, std::string_view field, SourceL
     }
     const NodeId id = found->second;
     if (id == kOfUnknownType || parent->kind == OpenNode::Kind::unknown) return;
-    // A Script may refer to anything, itself included; a child may not be its own ancestor.
-    const bool inScript = parent->kind == OpenNode::Kind::script;
+    // Scripts and PROTO instances may refer to anything, themselves included; a child may not be its own ancestor. What
+    // a PROTO's body makes of it is looked at there.
+    const bool tells = parent->kind == OpenNode::Kind::script || parent->kind == OpenNode::Kind::instance;
     for (std::size_t i = scope.openBase; i < s.openCount; ++i) {
         const OpenNode& above = s.open[i];
         if (above.kind == OpenNode::Kind::body || above.def != def || (above.id ? above.id : kSelf) != id) continue;
-        if (inScript && (above.id || i + 1 == s.openCount)) continue;
+        if (tells && (above.id || i + 1 == s.openCount)) continue;
         s.error(where, fmt::format("USE '{}' inside '{}' itself: a node cannot contain itself", def, def));
         return;
     }

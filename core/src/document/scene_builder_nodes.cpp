@@ -248,8 +248,18 @@ void SceneBuilder::State::storeChildren(OpenNode& node) {
         const FieldDef& def = node.field(one.field);
         Value value = def.type == FieldType::SFNode ? Value(one.nodes.front())
                                                     : Value(Array<NodeId>(std::span<const NodeId>(one.nodes)));
-        if (auto stored = scene.setField(node.id, one.field, std::move(value)); !stored)
-            error(node.where, fmt::format("{}.{}: {}", node.describe(), def.name, stored.error().text));
+        const auto tell = [&](const Diagnostic& why) {
+            error(node.where, fmt::format("{}.{}: {}", node.describe(), def.name, why.text));
+        };
+        const auto stored = scene.setField(node.id, one.field, std::move(value));
+        if (stored) continue;
+        if (def.type == FieldType::SFNode) {
+            tell(stored.error());
+            continue;
+        }
+        // Of a list the others stay.
+        for (const NodeId child : one.nodes)
+            if (const auto added = scene.insertChild(node.id, one.field, child); !added) tell(added.error());
     }
 }
 

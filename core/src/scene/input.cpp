@@ -69,8 +69,12 @@ RunState Scene::State::runState() const {
 }
 
 void Scene::State::noteUse(TypeIndex type, const Behaviour& behaviour) {
-    const BehaviourUse use{type, behaviour.deterministic, behaviour.accepts != nullptr, behaviour.onEvent != nullptr,
-                           behaviour.onTime != nullptr};
+    const BehaviourUse use{type,
+                           behaviour.deterministic,
+                           behaviour.accepts != nullptr,
+                           behaviour.onEvent != nullptr,
+                           behaviour.onTime != nullptr,
+                           behaviour.last};
     dormant.erase(type.value);
     const auto known = std::ranges::find(uses, type, &BehaviourUse::type);
     if (known != uses.end())
@@ -262,6 +266,7 @@ Result<> Scene::State::adoptUses(std::span<const BehaviourUse> list, bool all) {
             if (use.accepts) entry.behaviour.accepts = acceptsAll;
             if (use.onEvent) entry.behaviour.onEvent = ignoresEvents;
             if (use.onTime) entry.behaviour.onTime = neverAgain;
+            entry.behaviour.last = use.last;
         }
         noteUse(use.type, entry.behaviour);
     }

@@ -84,11 +84,19 @@ void Scene::State::addTypeEntry(const NodeType& type) {
         entry.ownKeys = detail::fieldKeys(type);
         entry.keys = entry.ownKeys.data();
     }
-    entry.children = type.findExact("children");
-    entry.addChildren = type.findExact("addChildren");
-    entry.removeChildren = type.findExact("removeChildren");
     for (const FieldIndex i : type.sharedFields()) entry.keepsLists |= type.fields[i].hidden;
+    // The interface of a PROTO or a Script is its author's: a field of this name means what the author says.
     const bool fromTable = type.kind == NodeType::Kind::builtin || type.kind == NodeType::Kind::user;
+    const auto listOfNodes = [&](std::string_view name, Access access) {
+        const FieldIndex found = fromTable ? type.findExact(name) : kNoField;
+        if (found == kNoField || type.fields[found].type != FieldType::MFNode) return kNoField;
+        return type.fields[found].access == access ? found : kNoField;
+    };
+    entry.children = listOfNodes("children", Access::inputOutput);
+    if (entry.children != kNoField) {
+        entry.addChildren = listOfNodes("addChildren", Access::inputOnly);
+        entry.removeChildren = listOfNodes("removeChildren", Access::inputOnly);
+    }
     for (std::size_t i = 0; fromTable && i < type.fields.size(); ++i) {
         const FieldDef& def = type.fields[i];
         if (def.access != Access::inputOnly || !def.name.starts_with("set_")) continue;

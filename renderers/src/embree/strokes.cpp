@@ -421,6 +421,14 @@ struct StrokeView::Rays {
         active[0] = I8{-1};  // one lane of eight
         findEnd();
     }
+    /// Takes hits out that the filter leaves out; false: all of them.
+    bool keep(const RayFilter& filter, std::uint32_t slot, int h, const F8& t, I8& hit) const {
+        for (int k = 0; k < 8; ++k)
+            if (hit[k] &&
+                filter.leavesOutAlong(slot, {o[h].x[k], o[h].y[k], o[h].z[k]}, {d[h].x[k], d[h].y[k], d[h].z[k]}, t[k]))
+                hit[k] = 0;
+        return any(hit);
+    }
     void findEnd() {
         F8 last = all(-HUGE_VALF);
         for (int h = 0; h < halves; ++h) last = max(last, select(active[h], tMax[h] * length[h], last));
@@ -429,7 +437,8 @@ struct StrokeView::Rays {
 };
 
 template <bool kAny>
-void StrokeView::traverse(Rays& rays, const PixelLens& lens, RayKind kind) const {
+void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
+    const PixelLens& lens = query.lens;
     const float away = glm::length(rays.origin - lens.eye) + rays.originSpread;
     const auto coneOf = [&](float halfWidth) {
         const float growth = growthOf(lens, halfWidth);
@@ -442,7 +451,7 @@ void StrokeView::traverse(Rays& rays, const PixelLens& lens, RayKind kind) const
     };
     const auto inObject = [&](std::uint32_t index) {
         const StrokeObject& o = object(index & ~TreeView::kLeaf);
-        if (!(o.kinds & static_cast<std::uint32_t>(kind)) || !o.bvh || o.bvh->nodes().empty()) return rays.end;
+        if (!(o.kinds & static_cast<std::uint32_t>(query.kind)) || !o.bvh || o.bvh->nodes().empty()) return rays.end;
         Cone cone = coneOf(o.halfWidth);
         cone.origin = o.localFromRay * (cone.origin - o.rayFromLocal[3]);
         cone.direction = o.localFromRay * cone.direction;
@@ -451,6 +460,7 @@ void StrokeView::traverse(Rays& rays, const PixelLens& lens, RayKind kind) const
         const Cone around = coneOf(o.halfWidth);
         const Width width(lens, o);
         const std::int32_t type = o.style && !o.isPoints ? o.style->lineType : 1;
+        const RayFilter* filter = query.filter && query.filter->concerns(o.slot) ? query.filter : nullptr;
         const TreeView::Node* nodes = o.bvh->nodes().data();
         const StrokeBvh::Stroke* strokes = o.bvh->strokes().data();
         traverseCone(
@@ -478,6 +488,8 @@ void StrokeView::traverse(Rays& rays, const PixelLens& lens, RayKind kind) const
                                     m.hit[k] = 0;
                             if (!any(m.hit)) continue;
                         }
+                        // Here and not afterwards: rays may start within many, and have to pass all of them.
+                        if (filter && !rays.keep(*filter, o.slot, h, m.t, m.hit)) continue;
                         found = true;
                         rays.tMax[h] = select(m.hit, kAny ? all(-HUGE_VALF) : m.t, rays.tMax[h]);
                         rays.u[h] = select(m.hit, m.u, rays.u[h]);
@@ -498,18 +510,18 @@ void StrokeView::traverse(Rays& rays, const PixelLens& lens, RayKind kind) const
     traverseCone(coneOf(widest_), node, inObject);
 }
 
-bool StrokeView::intersect(const Ray& ray, const PixelLens& lens, RayKind kind, StrokeHit& hit) const {
+bool StrokeView::intersect(const Ray& ray, const StrokeQuery& query, StrokeHit& hit) const {
     Rays rays(ray);
-    traverse<false>(rays, lens, kind);
+    traverse<false>(rays, query);
     if (rays.hitSlot[0][0] == Rays::kNoSlot) return false;
     hit = {rays.tMax[0][0], rays.u[0][0], static_cast<std::uint32_t>(rays.hitSlot[0][0]),
            static_cast<std::uint32_t>(rays.hitStroke[0][0])};
     return true;
 }
 
-bool StrokeView::occluded(const Ray& ray, const PixelLens& lens, RayKind kind) const {
+bool StrokeView::occluded(const Ray& ray, const StrokeQuery& query) const {
     Rays rays(ray);
-    traverse<true>(rays, lens, kind);
+    traverse<true>(rays, query);
     return rays.hitSlot[0][0] != Rays::kNoSlot;
 }
 
@@ -538,10 +550,9 @@ bool StrokeView::comesNear(const RayPacket16& packet, const std::int32_t* valid,
 }
 
 template <bool kAny>
-std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid, const PixelLens& lens,
-                                 RayKind kind) const {
+std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid, const StrokeQuery& query) const {
     I8 near[2];
-    if (!comesNear(packet, valid, lens, near)) return 0;
+    if (!comesNear(packet, valid, query.lens, near)) return 0;
     Rays rays;
     Vec3f low(HUGE_VALF), high(-HUGE_VALF), sum(0);
     int count = 0;
@@ -579,7 +590,7 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
     if (rays.directionSpread <= kTogether) {
         rays.directionSpread *= kRoom, rays.originSpread *= kRoom;
         rays.findEnd();
-        traverse<kAny>(rays, lens, kind);
+        traverse<kAny>(rays, query);
     } else {
         const I8 active[2] = {rays.active[0], rays.active[1]};
         for (int i = 0; i < 16; ++i) {
@@ -588,7 +599,7 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
                          packet.tMin[i],
                          {packet.directionX[i], packet.directionY[i], packet.directionZ[i]},
                          packet.tMax[i]});
-            traverse<kAny>(one, lens, kind);
+            traverse<kAny>(one, query);
             const int h = i / 8, k = i % 8;
             rays.tMax[h][k] = one.tMax[0][0], rays.u[h][k] = one.u[0][0];
             rays.hitSlot[h][k] = one.hitSlot[0][0], rays.hitStroke[h][k] = one.hitStroke[0][0];
@@ -610,14 +621,12 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
     return hits;
 }
 
-std::uint32_t StrokeView::intersect(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens,
-                                    RayKind kind) const {
-    return packet<false>(rays, valid, lens, kind);
+std::uint32_t StrokeView::intersect(RayPacket16& rays, const std::int32_t* valid, const StrokeQuery& query) const {
+    return packet<false>(rays, valid, query);
 }
 
-std::uint32_t StrokeView::occluded(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens,
-                                   RayKind kind) const {
-    return packet<true>(rays, valid, lens, kind);
+std::uint32_t StrokeView::occluded(RayPacket16& rays, const std::int32_t* valid, const StrokeQuery& query) const {
+    return packet<true>(rays, valid, query);
 }
 
 }  // namespace rtsg::bvh

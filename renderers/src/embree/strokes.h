@@ -36,19 +36,27 @@ struct StrokeHit {
     std::uint32_t slot = kNoInstance, stroke = 0;
 };
 
+/// What rays ask for: the strokes of some kinds, as wide as an eye sees them, but for the places that a filter leaves
+/// out (null: none).
+struct StrokeQuery {
+    const PixelLens& lens;
+    RayKind kind;
+    const RayFilter* filter = nullptr;
+};
+
 class StrokeView {
   public:
     bool empty() const { return tree_.empty(); }
     /// A box around all that rays can meet of them, as wide as this eye sees them; none where nothing is.
     Bounds reach(const PixelLens& lens) const;
     /// The nearest within [tMin, tMax]; false: none.
-    bool intersect(const Ray& ray, const PixelLens& lens, RayKind kind, StrokeHit& hit) const;
-    bool occluded(const Ray& ray, const PixelLens& lens, RayKind kind) const;
+    bool intersect(const Ray& ray, const StrokeQuery& query, StrokeHit& hit) const;
+    bool occluded(const Ray& ray, const StrokeQuery& query) const;
     /// Lanes with all-ones in `valid` are traced, up to their tMax, which is lowered to that of the hit. Hits are noted
     /// in the packet's private members, as kResolved has it. Returns a bit per lane that hit something.
-    std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens, RayKind kind) const;
+    std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, const StrokeQuery& query) const;
     /// Blocked lanes end with tMax -inf. Returns a bit for each.
-    std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens, RayKind kind) const;
+    std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, const StrokeQuery& query) const;
 
     /// inst_ of a packet's lane whose geom_ is the slot already, and whose normal is in ray space.
     static constexpr std::uint32_t kResolved = 0xFFFFFFFE;
@@ -60,9 +68,9 @@ class StrokeView {
     struct Rays;
     bool comesNear(const RayPacket16& packet, const std::int32_t* valid, const PixelLens& lens, simd::I8* near) const;
     template <bool kAny>
-    void traverse(Rays& rays, const PixelLens& lens, RayKind kind) const;
+    void traverse(Rays& rays, const StrokeQuery& query) const;
     template <bool kAny>
-    std::uint32_t packet(RayPacket16& rays, const std::int32_t* valid, const PixelLens& lens, RayKind kind) const;
+    std::uint32_t packet(RayPacket16& rays, const std::int32_t* valid, const StrokeQuery& query) const;
     const StrokeObject& object(std::uint32_t i) const { return objects_[i / kObjectsPerPage][i % kObjectsPerPage]; }
 
     TreeView tree_;

@@ -164,10 +164,8 @@ Hit RayView::intersectAll(const Ray& ray, RayKind kind) const {
 
 namespace {
 
-/// The place is as exact as floats make it, of the ray's start and of the way to it.
 bool isLeftOut(const RayFilter& filter, const Hit& hit, const Ray& ray) {
-    const Vec3f way = hit.t * ray.direction, sizes = glm::abs(ray.origin) + glm::abs(way);
-    return filter.leavesOut(hit.instance, ray.origin + way, 0x1p-21f * std::max({sizes.x, sizes.y, sizes.z}));
+    return filter.leavesOutAlong(hit.instance, ray.origin, ray.direction, hit.t);
 }
 
 exact::Triangle inRaySpace(const RayInstance& instance, std::uint32_t triangle) {
@@ -236,8 +234,7 @@ Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const
     // nothing, so those around its place are met one by one, in double precision.
     const Vec3f at = ray.origin + leftOut.t * ray.direction;
     float radius = roundingAt(ray.origin, at);
-    const Mesh& mesh = *instances_[leftOut.instance].mesh;
-    if (!leftOut.isCap() && mesh.strokeCount == 0) radius += 2 * glm::length(point(leftOut).error);
+    if (!leftOut.isCap()) radius += 2 * glm::length(point(leftOut).error);
 
     Hit best;
     const Bounds& kept = filter_->keptBounds();
@@ -368,7 +365,7 @@ void RayView::meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const {
     bvh::StrokeHit stroke;
     Ray rest = ray;
     rest.tMax = std::min(rest.tMax, hit.t);
-    if (!tables_->strokes.intersect(rest, lens_, kind, stroke)) return;
+    if (!tables_->strokes.intersect(rest, {lens_, kind, filter_}, stroke)) return;
     hit = {stroke.t, stroke.slot, stroke.stroke, stroke.u, 0, -glm::normalize(ray.direction)};
 }
 
@@ -379,7 +376,7 @@ bool RayView::occluded(const Ray& ray, RayKind kind) const {
         return false;
     }
     if (filter_) return static_cast<bool>(meetCaps(ray, intersectFiltered(ray, kind), kind));
-    return tables_->top.occluded(ray, kind) || (seesStrokes(kind) && tables_->strokes.occluded(ray, lens_, kind));
+    return tables_->top.occluded(ray, kind) || (seesStrokes(kind) && tables_->strokes.occluded(ray, {lens_, kind}));
 }
 
 std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind) const {
@@ -403,14 +400,14 @@ std::uint32_t RayView::intersectAll(RayPacket16& rays, const std::int32_t* valid
     std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind, known);
     // Most packets come nowhere near a line or point.
     if (seesStrokes(kind) && comeNear(rays, strokesMiddle_, strokesRadiusSquared_))
-        hits |= tables_->strokes.intersect(rays, valid, lens_, kind);
+        hits |= tables_->strokes.intersect(rays, valid, {lens_, kind, filter_});
     return hits;
 }
 
 std::uint32_t RayView::occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
     std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind);
     if (seesStrokes(kind) && comeNear(rays, strokesMiddle_, strokesRadiusSquared_))
-        blocked |= tables_->strokes.occluded(rays, valid, lens_, kind);
+        blocked |= tables_->strokes.occluded(rays, valid, {lens_, kind, filter_});
     return blocked;
 }
 

@@ -34,7 +34,7 @@ constexpr unsigned kSealedOnly = 1, kFirst = 2, kBehavioursOff = 4, kNextId = 8;
 constexpr unsigned kRefused = 4, kAgainNow = 8, kAgainAt = 16;  // a call's tag, beside its kind
 constexpr unsigned kEffectElsewhere = 4;                        // an effect's tag, beside its kind
 constexpr std::uint64_t kCallCost = sizeof(BehaviourCall), kEffectCost = sizeof(BehaviourEffect) + 16;  // charges
-constexpr unsigned kDeterministic = 1, kHasAccepts = 2, kHasOnEvent = 4, kHasOnTime = 8;
+constexpr unsigned kDeterministic = 1, kHasAccepts = 2, kHasOnEvent = 4, kHasOnTime = 8, kComesLast = 16;
 
 class BlockWriter {
   public:
@@ -133,7 +133,7 @@ void putUses(BlockWriter& out, const std::vector<BehaviourUse>& uses) {
         body.putVarint(use.type.value);
         body.put(static_cast<std::uint8_t>((use.deterministic ? kDeterministic : 0u) |
                                            (use.accepts ? kHasAccepts : 0u) | (use.onEvent ? kHasOnEvent : 0u) |
-                                           (use.onTime ? kHasOnTime : 0u)));
+                                           (use.onTime ? kHasOnTime : 0u) | (use.last ? kComesLast : 0u)));
     }
     out.end(kBehaviours, uses.size());
 }
@@ -150,6 +150,7 @@ std::vector<BehaviourUse> readUses(Reader& in, std::size_t count) {
         use.accepts = flags & kHasAccepts;
         use.onEvent = flags & kHasOnEvent;
         use.onTime = flags & kHasOnTime;
+        use.last = flags & kComesLast;
     }
     return uses;
 }

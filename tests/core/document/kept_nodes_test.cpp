@@ -1,5 +1,7 @@
 // What is in the wrong place, of an unknown type, or spelled as in another version: nothing of it is lost, and what
 // refers to it still finds it.
+#include <fstream>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -9,6 +11,7 @@
 
 #include "core/reading.h"
 #include "core/scene_check.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
@@ -175,7 +178,8 @@ TEST(Versions, FieldsOfEarlierVersionsAreReadAndWrittenUnderTheirNames) {
         "<ImageTexture containerField='back'/><ImageTexture "
         "containerField='top'/></ComposedCubeMapTexture></Appearance>"
         "<LoadSensor><ImageTexture containerField='watchList'/></LoadSensor>"
-        "<ParticleSystem><Color containerField='colorRamp'/></ParticleSystem></Scene></X3D>";
+        "<ParticleSystem><Color containerField='colorRamp'/></ParticleSystem>"
+        "<LayerSet><Layer isPickable='false'/><LayoutLayer isPickable='false'/></LayerSet></Scene></X3D>";
     const Read r(old);
     EXPECT_EQ(r.complaints(), "");
     for (const char* line : {"begin ImageTexture in backTexture", "begin ImageTexture in topTexture",
@@ -184,6 +188,7 @@ TEST(Versions, FieldsOfEarlierVersionsAreReadAndWrittenUnderTheirNames) {
     for (const Encoding encoding : {Encoding::xml, Encoding::classicVrml, Encoding::json}) {
         const std::string text = convert(old, encoding);
         EXPECT_THAT(text, HasSubstr("watchList"));
+        EXPECT_THAT(text, HasSubstr("isPickable"));
         EXPECT_THAT(text, Not(HasSubstr("backTexture")));
         EXPECT_EQ(convert(text, Encoding::xml), convert(old, Encoding::xml));
     }
@@ -210,6 +215,38 @@ TEST(Versions, APrototypeMayHaveTheNameOfALaterNode) {
     loadText(scene, "#X3D V4.0 utf8\nPROTO Delay [ ] { Group { } }\nDEF D Delay { }", diagnostics);
     EXPECT_EQ(diagnostics.errors(), 1u) << allText(diagnostics);
     EXPECT_EQ(scene.node(scene.findName("D")).type().kind, NodeType::Kind::builtin);
+}
+
+/// As Xj3D's and Titania's files have it: the node of a later version is meant where it has all the fields.
+TEST(Versions, AnExternPrototypeMayHaveTheNameOfALaterNodeThatIsAnotherThing) {
+    const test::TempFolder folder;
+    const auto write = [&](const char* name, std::string_view text) { std::ofstream(folder / name) << text; };
+    write("delay.wrl", "#VRML V2.0 utf8\nPROTO Delay [ exposedField SFTime cycleInterval 1 ] { Group { } }\n");
+    const std::string classic = "#VRML V2.0 utf8\nEXTERNPROTO Delay [ exposedField SFTime cycleInterval ] ";
+    const std::string use = "\nDEF D Delay { cycleInterval 3 }";
+    const std::string xml =
+        "<X3D profile='Full' version='3.3'><Scene><ExternProtoDeclare name='Delay' url='\"delay.wrl#Delay\"'>"
+        "<field name='cycleInterval' type='SFTime' accessType='inputOutput'/></ExternProtoDeclare>"
+        "<ProtoInstance DEF='D' name='Delay'><fieldValue name='cycleInterval' "
+        "value='3'/></ProtoInstance></Scene></X3D>";
+    for (const std::string& text : {classic + "\"delay.wrl\"" + use, classic + "\"delay.wrl#Delay\"" + use, xml}) {
+        write("scene", text);
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadFile(scene, folder / "scene", diagnostics));
+        EXPECT_EQ(diagnostics.errors(), 0u) << allText(diagnostics);
+        EXPECT_THAT(allText(diagnostics), HasSubstr("it is called Delay_ from here on"));
+        const Node& node = scene.node(scene.findName("D"));
+        EXPECT_EQ(node.type().kind, NodeType::Kind::externProto);
+        EXPECT_EQ(node.value(node.type().find("cycleInterval")).as<Time>(), Time(3));
+    }
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene,
+                         "#VRML V2.0 utf8\nEXTERNPROTO Delay [ exposedField SFTime delayTime ] \"none.wrl\"\n"
+                         "DEF D Delay { delayTime 2 }",
+                         diagnostics));
+    EXPECT_EQ(scene.node(scene.findName("D")).type().kind, NodeType::Kind::builtin) << allText(diagnostics);
 }
 
 TEST(Versions, VRML97IsToldOfNodesItDoesNotHave) {

@@ -49,6 +49,30 @@ TEST(SceneBuilder, UseOfAnAncestorIsRefused) {
     EXPECT_EQ(l.nodes(transform, "children").size(), 1u);
 }
 
+/// 4.4.4.3: what an instance is given stands where its body says, and a Script there may refer to anything.
+TEST(SceneBuilder, AnInstanceMayReferToWhatContainsIt) {
+    const std::string proto =
+        "PROTO P [ initializeOnly SFNode about NULL inputOutput MFNode children [] ] "
+        "{ Group { children IS children } Script { initializeOnly SFNode about IS about } } ";
+    Loaded l(proto +
+             "DEF G Group { children DEF T Transform { children DEF A P { about USE G } } } "
+             "DEF O P { children DEF B P { about USE O } } DEF S P { about USE S }");
+    EXPECT_EQ(l.problems(), "");
+    const auto about = [&](const char* name) {
+        const Node& node = l.scene.node(l.named(name));
+        return node.value(node.type().findExact("about")).as<NodeId>();
+    };
+    EXPECT_EQ(about("A"), l.named("G"));
+    EXPECT_EQ(about("B"), l.named("O"));
+    EXPECT_EQ(about("S"), l.named("S"));
+    // But not hang there: the instance is left out.
+    Loaded cycle(proto + "DEF G Group { children [ DEF A P { children USE G } DEF T Transform { } ] }");
+    EXPECT_THAT(cycle.problems(), HasSubstr("cannot contain itself"));
+    const Array<NodeId> left = cycle.nodes(cycle.named("G"), "children");
+    ASSERT_EQ(left.size(), 1u);
+    EXPECT_EQ(left[0], cycle.named("T"));
+}
+
 TEST(SceneBuilder, ALaterDefTakesTheNameOver) {
     Loaded l("DEF A Group { } DEF A Transform { } Group { children USE A }");
     EXPECT_THAT(l.problems(), HasSubstr("warning: DEF 'A' is used twice"));

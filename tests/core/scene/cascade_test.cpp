@@ -1,7 +1,9 @@
 // What travels in one frame: routes that come too late, edits meanwhile, IS connections that go both ways, and forged
 // ones.
 #include <functional>
+#include <map>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -31,6 +33,47 @@ TEST(Cascade, ARouteAddedWhileItsEventTravelsWaitsForTheNext) {
     ASSERT_TRUE(scene.sendEvent(node[0], field, Vec3f(2)));
     scene.newFrame(1);
     EXPECT_EQ(scene.node(node[2]).get(x3d::Transform::translation), Vec3f(2));
+}
+
+/// 4.4.4.3, 29.2: the interface of a PROTO or a Script is its author's. What its fields are called says nothing of what
+/// they do, and nothing of their types.
+TEST(Cascade, AnAuthorsFieldIsNoFieldOfANodeOfThatName) {
+    const std::string inputs =
+        "inputOnly MFNode addChildren inputOnly SFInt32 removeChildren inputOnly SFBool set_bind ";
+    const std::string lists =
+        "inputOnly MFNode removeChildren inputOnly SFString addChildren inputOutput MFNode children [] ";
+    std::string text = "#X3D V4.0 utf8\nPROTO Both [ " + inputs +
+                       "inputOutput SFVec3f children 0 0 0 ] { Group { } }\n" + "PROTO None [ " + inputs +
+                       "] { Group { } }\nPROTO Lists [ " + lists + "] { Group { } }\n" +
+                       "PROTO Is [ inputOnly MFNode addChildren ] { DEF G Group { addChildren IS addChildren } }\n";
+    for (const char* one : {"Both", "None", "Lists", "Is"}) text += fmt::format("DEF {0} {0} {{ }}\n", one);
+    text += "DEF S1 Script { " + inputs + "}\nDEF S2 Script { " + lists + "}\nDEF Child Group { }\n";
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene, text, diagnostics));
+    EXPECT_EQ(diagnostics.errors(), 0u);
+    Array<NodeId> child;
+    child.push_back(scene.findName("Child"));
+    const std::map<FieldType, Value> values = {{FieldType::MFNode, Value(child)},
+                                               {FieldType::SFInt32, Value(1 << 30)},
+                                               {FieldType::SFBool, Value(true)},
+                                               {FieldType::SFString, Value(String("x"))}};
+    int sent = 0;
+    for (const char* name : {"Both", "None", "Lists", "S1", "S2", "Is"}) {
+        const NodeType& type = scene.node(scene.findName(name)).type();
+        for (const char* field : {"addChildren", "removeChildren", "set_bind"})
+            if (const FieldIndex index = type.findExact(field); index != kNoField)
+                sent += bool(scene.sendEvent(scene.findName(name), index, values.at(type.fields[index].type)));
+    }
+    EXPECT_EQ(sent, 14);
+    scene.newFrame(0);
+    for (const char* name : {"Lists", "S2"}) {
+        const Node& node = scene.node(scene.findName(name));
+        EXPECT_TRUE(node.value(node.type().findExact("children")).as<Array<NodeId>>().empty()) << name;
+    }
+    const Node* body = scene.effectiveNode(scene.findName("Is"));
+    ASSERT_TRUE(body);
+    EXPECT_EQ(body->get(x3d::Group::children), child) << "what it is connected to gets it";
 }
 
 /// Fields whose numbers are 16 apart are told apart, whichever of their routes came first, and when some are gone.

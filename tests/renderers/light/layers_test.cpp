@@ -218,6 +218,36 @@ TEST(Layers, WhatAClipPlaneCutsHidesNothingThatCoincides) {
     }
 }
 
+/// Rays of a parallel eye may start within lines and points that are left out, however many.
+TEST(Layers, PointsAndLinesOfOthersHideNothingBeforeAParallelEye) {
+    std::string points, more;
+    for (int i = 0; i < 300; ++i) points += " 0 0 10", more += fmt::format(" 0 0 {}", 10 + 1e-5 * i);
+    const std::string big =
+        "Appearance { pointProperties PointProperties { pointSizeMinValue 40 pointSizeMaxValue 40 } "
+        "lineProperties LineProperties { linewidthScaleFactor 40 } material UnlitMaterial { } }";
+    const auto shape = [&](const std::string& geometry) {
+        return "Shape { appearance " + big + " geometry " + geometry + " }";
+    };
+    for (const std::string& hidden : {shape("PointSet { coord Coordinate { point [" + points + " ] } }"),
+                                      shape("PointSet { coord Coordinate { point [" + more + " ] } }"),
+                                      shape("LineSet { vertexCount 2 coord Coordinate { point [ 0 0 9 0 0 11 ] } }")}) {
+        const std::string seen = "OrthoViewpoint { position 0 0 10 } " + square(.5, unlit("1 0 0"));
+        EXPECT_EQ(
+            LightScene(hidden + " LayerSet { order [ 0 1 ] layers [ Layer { children [ " + seen + " ] } ] }").center(),
+            Vec3f(1, 0, 0));
+        // And where a plane cuts them away: nothing of them is at z = 8 or less.
+        const std::string cut =
+            "Transform { translation 0 0 8 children [ ClipPlane { plane 0 0 -1 0 } "
+            "Transform { translation 0 0 -8 children " +
+            hidden + " } ] }";
+        EXPECT_EQ(LightScene(seen + cut).center(), Vec3f(1, 0, 0));
+        // Of those left out none hides one that is there.
+        const std::string kept = "Transform { translation 0 0 -5 children " +
+                                 shape("PointSet { coord Coordinate { point [ 0 0 7 ] } }") + " }";
+        EXPECT_EQ(LightScene(seen + kept + cut).center(), Vec3f(1));
+    }
+}
+
 TEST(Layers, ArePickedWhereTheyCoincide) {
     for (const char* turn : kTurns) {
         LightScene s(turnedSquare(turn, 2, "0 1 0") + "LayerSet { order [ 0 1 ] layers [ Layer { children [ " +

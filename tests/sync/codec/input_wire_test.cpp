@@ -192,6 +192,46 @@ std::string troop(int figures, int joints) {
     return text;
 }
 
+/// As a collection of rigid bodies beside a script: who comes last does so again where its calls are played back,
+/// though its number is the lower one.
+TEST(InputWire, WhoComesLastDoesSoWhereItsCallsArePlayedBack) {
+    Scene origin, copy;
+    origin.setInputRecording(true);
+    const auto mover = [](bool last) {
+        Behaviour behaviour;
+        behaviour.deterministic = false;
+        behaviour.last = last;
+        behaviour.onTime = [](Cascade& cascade, const Node& node) {
+            cascade.store(node, Field<float>{node.type().findExact("cycle")}, static_cast<float>(cascade.now()));
+            return cascade.now();
+        };
+        return behaviour;
+    };
+    std::vector<TypeIndex> types;
+    for (const bool last : {true, false}) {
+        auto type = std::make_shared<NodeType>();
+        type->name = last ? "Last" : "First";
+        type->kind = NodeType::Kind::user;
+        FieldDef def;
+        def.name = "cycle";
+        def.type = FieldType::SFFloat;
+        def.defaultValue = Value(0.0f);
+        type->fields.push_back(def);
+        ASSERT_TRUE(type->finish());
+        const auto index = origin.defineType(type);
+        ASSERT_TRUE(index);
+        origin.registerBehaviour(*index, mover(last));
+        types.push_back(*index);
+    }
+    for (const TypeIndex type : types) ASSERT_TRUE(origin.createNode(type));
+    InputWire wire(copy);
+    for (int frame = 0; frame < 4; ++frame) {
+        ASSERT_EQ(wire.take(*origin.newFrame(frame)), "");
+        ASSERT_EQ(copy.hash(), origin.hash()) << frame;
+    }
+    for (const Diagnostic& one : copy.diagnostics().all()) ADD_FAILURE() << one.text;
+}
+
 TEST(InputWire, WhatDerivesFromTheClockCostsATenthOfAByte) {
     Scene origin, copy;
     origin.setInputRecording(true);

@@ -41,6 +41,7 @@ struct BehaviourUse {
     TypeIndex type;
     bool deterministic = false;  // the replica must have it too; else its calls are played back
     bool accepts = false, onEvent = false, onTime = false;
+    bool last = false;  // Behaviour::last: without it calls that are played back would come in another order
     friend bool operator==(const BehaviourUse&, const BehaviourUse&) = default;
 };
 

@@ -3,6 +3,7 @@
 // Ray space is world space minus RayWorld::origin(), in float. Threading: values.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -47,6 +48,11 @@ class RayFilter {
     /// Whether a place of it, in ray space, is. `error`: how far off it may be, in metres; what lies that close to the
     /// bound of what is left out stays.
     virtual bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const = 0;
+    /// As above, of the place at `t` of a ray: as exact as floats make it, of the ray's start and of the way to it.
+    bool leavesOutAlong(std::uint32_t slot, const Vec3f& origin, const Vec3f& direction, float t) const {
+        const Vec3f way = t * direction, sizes = glm::abs(origin) + glm::abs(way);
+        return leavesOut(slot, origin + way, 0x1p-21f * std::max({sizes.x, sizes.y, sizes.z}));
+    }
     /// Ray space; around all that it concerns, so that rays elsewhere need not ask.
     const Bounds& bounds() const { return bounds_; }
     /// Ray space; around all surfaces that it may keep, so that elsewhere nobody need look for one.
