@@ -35,6 +35,7 @@
         add(v) { return this.zip(v, (a, b) => a + b); }
         subtract(v) { return this.zip(v, (a, b) => a - b); }
         multiply(s) { return this.map(a => a * s); }
+        multiple(s) { return this.multiply(s); }  // the name in the standard
         divide(s) { return this.map(a => a / s); }
         multVec(v) { return this.zip(v, (a, b) => a * b); }
         divVec(v) { return this.zip(v, (a, b) => a / b); }
@@ -102,6 +103,7 @@
             const [x, y, z, w] = this.quaternion(), q = new v.constructor(x, y, z), t = q.cross(v).multiply(2);
             return v.add(t.multiply(w)).add(q.cross(t));
         }
+        multiVec(v) { return this.multVec(v); }  // the name in the standard
         slerp(to, t) {
             const a = this.quaternion();
             let b = to.quaternion(), cosine = a.reduce((sum, c, i) => sum + c * b[i], 0);
@@ -148,6 +150,7 @@
         }
         get order() { return Math.sqrt(this.constructor.keys.length); }
         made(numbers) { return new this.constructor(...numbers); }
+        assign(numbers) { numbers.forEach((c, i) => { this[i] = c; }); }
         transpose() { const n = this.order, c = this.components(); return this.made(c.map((_, i) => c[i % n * n + Math.trunc(i / n)])); }
         inverse() {
             const {inverse} = Matrix.solve(this.components(), this.order);
@@ -192,7 +195,7 @@
             if (center) parts.push(moved(center, 1));
             if (translation) parts.push(moved(translation, 1));
             const whole = parts.reduce((product, part) => Matrix.product(product, part, 3), moved({x: 0, y: 0}, 1));
-            whole.forEach((c, i) => { this[i] = c; });
+            this.assign(whole);
         }
         // Fills in the vectors that are given; of a rotation cosine, sine and angle. Exact for what has no shear.
         getTransform(translation, rotation, scale) {
@@ -221,7 +224,7 @@
             if (center) parts.push(moved(center, 1));
             if (translation) parts.push(moved(translation, 1));
             const whole = parts.reduce((product, part) => Matrix.product(product, part, 4), moved({x: 0, y: 0, z: 0}, 1));
-            whole.forEach((c, i) => { this[i] = c; });
+            this.assign(whole);
         }
         // Fills in the objects that are given. Exact for what has no shear.
         getTransform(translation, rotation, scale) {
@@ -253,7 +256,8 @@
         names[name] = maker;
     }
     // Written out for each class, which is several times as fast as a loop over its components.
-    function defineTuple(code, name, base, keys, zero = keys.map(() => 0)) {
+    // `zero`: what the type has by default; `missing`: what the constructor takes for components that are not given.
+    function defineTuple(code, name, base, keys, zero = keys.map(() => 0), missing = zero) {
         const parameters = keys.map((_, i) => `a${i}`), property = key => /^\d/.test(key) ? `[${key}]` : `.${key}`;
         const each = (f, between) => keys.map(f).join(between);
         const special = base === Rotation ? "if (a0 instanceof Vector3) { [a0, a1, a2, a3] = Rotation.given(a0, a1); count = 4; }"
@@ -263,7 +267,7 @@
             let count = arguments.length;
             ${special}
             if (count === 1 && a0 instanceof Tuple) { const from = a0.components(); count = from.length; [${parameters}] = from; }
-            ${each((key, i) => `this${property(key)} = count > ${i} ? Number(a${i}) : ${zero[i]};`, " ")}
+            ${each((key, i) => `this${property(key)} = count > ${i} ? Number(a${i}) : ${missing[i]};`, " ")}
         }`)(Tuple, Vector3, Rotation, Matrix);
         made.keys = keys;
         made.zero = zero;
@@ -290,10 +294,32 @@
     defineTuple(26, "SFVec3d", Vector3, ["x", "y", "z"]);
     defineTuple(28, "SFVec4f", Vector, ["x", "y", "z", "w"]);
     defineTuple(30, "SFVec4d", Vector, ["x", "y", "z", "w"]);
-    defineTuple(SFRotation, "SFRotation", Rotation, ["x", "y", "z", "angle"], [0, 0, 1, 0]);
+    defineTuple(SFRotation, "SFRotation", Rotation, ["x", "y", "z", "angle"], [0, 0, 1, 0], [0, 1, 0, 0]);
     [[34, "SFMatrix3f", 3], [36, "SFMatrix3d", 3], [38, "SFMatrix4f", 4], [40, "SFMatrix4d", 4]].forEach(([code, name, n]) =>
         defineTuple(code, name, n === 3 ? Matrix3 : Matrix4, Array.from({length: n * n}, (_, i) => String(i)),
                     Array.from({length: n * n}, (_, i) => i % (n + 1) ? 0 : 1)));
+
+    // Matrices that are no field's value, whose elements are m[row][column].
+    const cells = new WeakMap();
+    const row = (numbers, n, i) => Object.defineProperties({}, Object.fromEntries(Array.from({length: n}, (_, j) => [j, {
+        enumerable: true, get: () => numbers[i * n + j], set: value => { numbers[i * n + j] = Number(value); }}])));
+    function defineRows(name, base, n) {
+        const made = {[name]: class extends base {
+            constructor(...given) {
+                super();
+                const from = given.length === 1 && given[0] instanceof Tuple ? given[0].components() : Matrix.rows(given);
+                cells.set(this, Array.from({length: n * n}, (_, i) => i < from.length ? Number(from[i]) : i % (n + 1) ? 0 : 1));
+            }
+            components() { return cells.get(this).slice(); }
+            assign(numbers) { const own = cells.get(this); numbers.forEach((c, i) => { own[i] = c; }); }
+            get order() { return n; }
+        }}[name];
+        for (let i = 0; i < n; ++i) Object.defineProperty(made.prototype, i, {get() { return row(cells.get(this), n, i); }});
+        publishClass(name, made);
+    }
+    defineRows("X3DMatrix3", Matrix3, 3);
+    defineRows("X3DMatrix4", Matrix4, 4);
+    defineRows("VrmlMatrix", Matrix4, 4);  // ISO/IEC 14772-1 C.6.19
 
     class SFImage_ {
         constructor(width = 0, height = 0, comp = 0, array = []) {
@@ -350,7 +376,7 @@
         const element = 2 * i;
         made.filler = () => {
             const tuple = tuples.get(element);
-            return tuple ? new tuple() : element === SFString ? "" : element === SFNode ? null : element === SFImage ? new SFImage_()
+            return tuple ? new tuple(...tuple.zero) : element === SFString ? "" : element === SFNode ? null : element === SFImage ? new SFImage_()
                 : element === 0 ? false : 0;
         };
         if (element === SFString)  // as a file has it

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "core/scene_check.h"
 #include "core/script/script_scene.h"
 #include "support/temp_folder.h"
 
@@ -568,6 +569,49 @@ TEST(Script, MatricesHaveTheirMethods) {
     EXPECT_EQ(evaluated("(m => { try { return m.inverse(); } catch (e) { return e.name; } })"
                         "(SFMatrix3f(1, 1, 1, 1, 1, 1, 1, 1, 1))"),
               "RangeError");
+}
+
+/// 19777-1 clause 7 and 14772-1 C.6.19: matrices that are no field's value, by row and column.
+TEST(Script, MatricesByRowAndColumn) {
+    EXPECT_EQ(evaluated("X3DMatrix3()"), "1 0 0 0 1 0 0 0 1");
+    EXPECT_EQ(evaluated("new X3DMatrix4(1, 2)"), "1 2 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+    EXPECT_EQ(evaluated("(m => { m[1][2] = 5; return [m[0][1], m[1][2], m, m.transpose()].join(', '); })"
+                        "(X3DMatrix3(1, 2, 3, 4, 9, 6, 7, 8, 10))"),
+              "2, 5, 1 2 3 4 9 5 7 8 10, 1 4 7 2 9 8 3 5 10");
+    EXPECT_EQ(evaluated("(m => { const row = m[3]; m.setTransform(SFVec3f(1, 2, 3)); row[0] += 4; return m; })"
+                        "(new VrmlMatrix())"),
+              "1 0 0 0 0 1 0 0 0 0 1 0 5 2 3 1");
+    EXPECT_EQ(evaluated("VrmlMatrix(1, 2, 3, 4, 0, 1, 0, 2, 0, 0, 1, 5, -2, 4, 0, 1).multRight("
+                        "X3DMatrix4(1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 4))"),
+              "1 4 9 16 0 2 0 8 0 0 3 20 -2 8 0 4");
+    EXPECT_EQ(evaluated("X3DMatrix3(0, 1, 0, 1, 0, 0, 0, 0, 1).inverse() instanceof X3DMatrix3"), "true");
+    EXPECT_EQ(evaluated("SFMatrix3f(X3DMatrix3(1, 2, 3, 4, 5, 6, 7, 8, 9))"), "1 2 3 4 5 6 7 8 9");
+    EXPECT_EQ(evaluated("X3DMatrix4(SFMatrix4f()).equals(X3DMatrix4())"), "true");
+}
+
+/// 19777-1 clause 7: a rotation's components that are not given are 0, but for y.
+TEST(Script, NamesAndDefaultsOfTheStandard) {
+    EXPECT_EQ(evaluated("SFRotation()"), "0 1 0 0");
+    EXPECT_EQ(evaluated("new SFRotation(1)"), "1 1 0 0");
+    EXPECT_EQ(evaluated("(r => { r.length = 1; return r[0]; })(new MFRotation())"), "0 0 1 0") << "the field's default";
+    EXPECT_EQ(evaluated("SFVec3d(1, 2, 3).multiple(2)"), "2 4 6");
+    EXPECT_EQ(evaluated("(v => [v.x, v.y].map(c => c.toFixed(6)).join(' '))"
+                        "(SFRotation(0, 0, 1, Math.PI / 2).multiVec(SFVec3f(1, 0, 0)))"),
+              "0.000000 1.000000");
+}
+
+/// `lines.coordIndex = ...` of a node whose coordIndex no event sets is `lines.set_coordIndex = ...`.
+TEST(Script, WhatAnInputSetsIsAssignedByTheNameOfTheField) {
+    test::Loaded l(
+        "DEF L Shape { geometry DEF I IndexedLineSet { coordIndex [ 0 1 -1 ] } }\n"
+        "DEF E Shape { geometry DEF G ElevationGrid { xDimension 2 zDimension 2 height [ 0 0 0 0 ] } }\n"
+        "DEF S Script { directOutput TRUE initializeOnly SFNode lines USE I initializeOnly SFNode grid USE G "
+        "url \"ecmascript: function initialize() { lines.coordIndex = new MFInt32(1, 0, -1); grid.height[2] = 5; "
+        "try { grid.xDimension = 3; } catch (e) { print(e.message); } }\" }");
+    l.scene.newFrame(0);
+    EXPECT_EQ(l.scene.node(l.named("I")).get(x3d::IndexedLineSet::coordIndex), (Array<std::int32_t>{1, 0, -1}));
+    EXPECT_EQ(l.scene.node(l.named("G")).get(x3d::ElevationGrid::height), (Array<float>{0, 0, 5, 0}));
+    EXPECT_EQ(l.scene.node(l.named("G")).get(x3d::ElevationGrid::xDimension), 2) << "has no input";
 }
 
 TEST(Script, AFunctionNamedLikeAFieldHandlesItsEvents) {
