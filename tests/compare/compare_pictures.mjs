@@ -83,12 +83,6 @@ function eachNode(value, edit) {
 }
 const kShapes = new Set(['Shape', 'ParticleSystem', 'VolumeData', 'SegmentedVolumeData', 'IsoSurfaceVolumeData', 'CADFace']);
 
-/** Whether a file that an Inline names, from `folder`, may bring a viewpoint: it holds the word, or it cannot be looked into. */
-function mayHaveViewpoint(inline, folder) {
-  const files = (inline['@url'] ?? []).map((url) => path.resolve(folder, url)).filter(existsSync);
-  return !files.length || files.some((file) => !/\.(x3d|x3dv|wrl|json)$/.test(file) || /Viewpoint|Inline/.test(readFileSync(file, 'utf8')));
-}
-
 /** Whether a texture's files are all missing. */
 function isGone(type, fields, folder) {
   return type === 'ImageTexture' && Boolean(fields['@url']?.length) &&
@@ -127,9 +121,7 @@ function prepare(scene, name) {
     let seen = false;
     const own = structuredClone(document);
     eachNode(own, (type, fields) => { if (type === 'HAnimHumanoid') delete fields['-viewpoints']; });
-    eachNode(own, (type, fields) => {
-      seen ||= /^(Ortho|Geo)?Viewpoint$/.test(type) || type === 'Inline' && mayHaveViewpoint(fields, path.dirname(scene));
-    });
+    eachNode(own, (type) => { seen ||= /^(Ortho|Geo)?Viewpoint$/.test(type); });  // those in Inlines are bound by nobody (7.2.2)
     if (!seen) (document.X3D.Scene['-children'] ??= []).unshift({Viewpoint: {}});
     if (document.X3D) document.X3D['@version'] = '4.0', document.X3D['@profile'] = 'Full';
     writeFileSync(json, JSON.stringify(document));

@@ -87,11 +87,13 @@ Vec3f generatedCoordinates(const TexCoords& channel, const GeneratorInput& in) {
         case G::sphere:
             return onSphere(in.normal);
         case G::cameraSpaceNormal:
+        case G::worldSpaceNormal:
             return in.normal;
         case G::cameraSpacePosition:
         case G::coordEye:
             return in.position;
         case G::cameraSpaceReflection:
+        case G::worldSpaceReflection:
             return bounced(unit(in.position), in.normal, 0);
         case G::sphereLocal:
             return onSphere(in.localNormal);

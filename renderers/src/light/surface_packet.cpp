@@ -41,8 +41,14 @@ struct TextureLookup {
         const Mesh& mesh = *instance.mesh;
         in.localPosition = mesh.position(hit.triangle, hit.u, hit.v);
         in.localNormal = mesh.shadingNormal(hit.triangle, hit.u, hit.v);
-        return generatedCoordinates(channel, in);
+        const Vec3f made = generatedCoordinates(channel, in);
+        return isInWorld(channel.generator) ? fromCamera(made) : made;
     }
+    static bool isInWorld(TexCoords::Generator generator) {
+        return generator == TexCoords::Generator::worldSpaceNormal ||
+               generator == TexCoords::Generator::worldSpaceReflection;
+    }
+    Vec3f fromCamera(const Vec3f& v) const { return v.x * scene->right + v.y * scene->up - v.z * scene->forward; }
     /// Where authors gave no coordinates: of a cube the direction from the shape's middle, of a block the place in the
     /// box around the shape, r from its front to its back.
     Vec4f solid(const TextureUse& use) const {
@@ -60,7 +66,8 @@ struct TextureLookup {
         const bool ofCamera = generator == G::cameraSpaceNormal || generator == G::cameraSpacePosition ||
                               generator == G::cameraSpaceReflection || generator == G::coordEye ||
                               generator == G::sphereReflect;
-        if (ofCamera) return v.x * scene->right + v.y * scene->up - v.z * scene->forward;
+        if (ofCamera) return fromCamera(v);
+        if (isInWorld(generator)) return v;
         return glm::mat3(instance.rayFromLocal) * v;
     }
     /// A RenderedTexture lies on a surface as other pictures do.

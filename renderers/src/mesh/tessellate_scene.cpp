@@ -138,6 +138,8 @@ class PropertyReader {
                 {"NOISE-EYE", G::noiseEye},
                 {"SPHERE-REFLECT", G::sphereReflect},
                 {"SPHERE-REFLECT-LOCAL", G::sphereReflectLocal},
+                {"WORLDSPACENORMAL", G::worldSpaceNormal},
+                {"WORLDSPACEREFLECTIONVECTOR", G::worldSpaceReflection},
             };
             for (const auto& [name, generator] : kModes)
                 if (mode.view() == name) channel.generator = generator;

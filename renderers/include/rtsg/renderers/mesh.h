@@ -119,6 +119,8 @@ struct TexCoords {
         noiseEye,
         sphereReflect,
         sphereReflectLocal,
+        worldSpaceNormal,  // no modes of the standard: as Castle Game Engine and InstantReality have them
+        worldSpaceReflection,
     };
     Generator generator = Generator::none;
     std::vector<float> parameter;  // as the node has it
