@@ -89,7 +89,8 @@ std::vector<Frame> framesOfDistinct(const std::vector<Vec3d>& p) {
     return frames;
 }
 
-/// One frame per spine point; coincident neighbours share theirs. Empty when there is only one distinct point.
+/// One frame per spine point; coincident neighbours share theirs. Where all points coincide, cross sections lie as they
+/// are given: orientation and scale alone make a surface of them (a ball of a turned half circle, a ring).
 std::vector<Frame> spineFrames(const Array<Vec3f>& spine) {
     std::vector<Vec3d> distinct;
     std::vector<std::size_t> which;
@@ -97,7 +98,7 @@ std::vector<Frame> spineFrames(const Array<Vec3f>& spine) {
         if (distinct.empty() || Vec3d(point) != distinct.back()) distinct.emplace_back(point);
         which.push_back(distinct.size() - 1);
     }
-    if (distinct.size() < 2) return {};
+    if (distinct.size() < 2) return std::vector<Frame>(which.size(), Frame(1));
     const std::vector<Frame> frames = framesOfDistinct(distinct);
     std::vector<Frame> result;
     result.reserve(which.size());
@@ -171,10 +172,6 @@ class Extruder {
 
     bool placeRings() {
         const std::vector<Frame> frames = spineFrames(p_.spine);
-        if (frames.empty()) {
-            warn(mesh_, "spine has one distinct point: nothing is drawn");
-            return false;
-        }
         for (std::size_t i = 0; i < frames.size(); ++i) {
             const Vec2f scale = valueAt(p_.scale, i, Vec2f(1));
             const Frame placed = frames[i] * rotationOf(valueAt(p_.orientation, i, Rotation{}));
