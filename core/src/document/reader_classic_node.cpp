@@ -332,7 +332,10 @@ void ClassicReader::unknownField(std::string_view name, const char* where, const
     }
     p_ = start;
     if (!ifNoNodes.empty()) error(where, ifNoNodes);
-    if (complain && !findField(shape, name)) error(where, noField(shape, name));
+    if (complain && !findField(shape, name)) {
+        const std::string dropped = droppedField(shape, name);
+        dropped.empty() ? error(where, noField(shape, name)) : report(Severity::warning, where, dropped);
+    }
     if (next == "IS" && !isList && !shape.known()) {
         word();
         const std::string_view protoField = this->name();

@@ -191,7 +191,10 @@ void ElementReader::setAttribute(const char* name, const char* text) {
     attributeName_ = name;
     attributeValue_ = text;
     if (!field) {
-        diagnostics_.error(locate(text), noField(frame.shape, name));
+        if (const std::string dropped = droppedField(frame.shape, name); !dropped.empty())
+            diagnostics_.warning(locate(text), dropped);
+        else
+            diagnostics_.error(locate(text), noField(frame.shape, name));
     } else if (!field.takesValue()) {
         diagnostics_.error(locate(text), std::string(name) + " of " + node + " is an event, it takes no value");
     } else if (sf(field.type) == FieldType::SFNode) {

@@ -2,7 +2,10 @@
 #include "suggestion.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
+
+#include <fmt/format.h>
 
 namespace rtsg::detail {
 
@@ -69,6 +72,21 @@ std::string noField(const NodeShape& shape, std::string_view field) {
         for (const FieldDeclaration& one : shape.proto->fields.all()) known.push_back(one.name);
     return std::string(shape.name()) + " has no field '" + std::string(field.substr(0, 80)) + "'" +
            didYouMean(field, known);
+}
+
+std::string droppedField(const NodeShape& shape, std::string_view field) {
+    struct Dropped {
+        std::string_view node, field, last;
+    };
+    constexpr std::array<Dropped, 3> kDropped = {{
+        {"GeoViewpoint", "headlight", "3.2"},
+        {"GeoViewpoint", "navType", "3.2"},
+        {"SurfaceEmitter", "coordIndex", "3.3"},
+    }};
+    for (const Dropped& one : kDropped)
+        if (shape.type && shape.type->name == one.node && field == one.field)
+            return fmt::format("{}.{} is a field up to X3D {} only: it is left out", one.node, one.field, one.last);
+    return {};
 }
 
 std::string noField(const NodeType& type, std::string_view described, std::string_view field) {

@@ -22,6 +22,8 @@ std::string didYouMean(std::string_view word, const std::vector<std::string_view
 std::string unknownType(std::string_view type);
 /// "Transform has no field 'translaton' (did you mean translation?)".
 std::string noField(const NodeShape& shape, std::string_view field);
+/// What is said of a field that versions of X3D before had, and that is left out; empty where none had it.
+std::string droppedField(const NodeShape& shape, std::string_view field);
 std::string noField(const NodeType& type, std::string_view described, std::string_view field);
 /// The same where the field was given nodes.
 inline std::string noFieldForNodes(const NodeShape& shape, std::string_view field) {

@@ -197,6 +197,28 @@ TEST(Versions, FieldsOfEarlierVersionsAreReadAndWrittenUnderTheirNames) {
     EXPECT_THAT(convert(now, Encoding::xml), HasSubstr("backTexture"));
 }
 
+TEST(Versions, FieldsThatLaterVersionsDroppedAreLeftOutWithAWarning) {
+    const char* classic =
+        "#X3D V3.2 utf8\nPROFILE Full\nDEF V GeoViewpoint { headlight FALSE navType [ \"WALK\" ] description \"x\" }\n"
+        "ParticleSystem { emitter SurfaceEmitter { coordIndex [ -1 ] surface Box { } } }";
+    const char* xml =
+        "<X3D profile='Full' version='3.2'><Scene><GeoViewpoint DEF='V' headlight='false' navType='\"WALK\"' "
+        "description='x'/><ParticleSystem><SurfaceEmitter coordIndex='-1'><Box containerField='surface'/>"
+        "</SurfaceEmitter></ParticleSystem></Scene></X3D>";
+    for (const char* text : {classic, xml}) {
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene, text, diagnostics));
+        EXPECT_EQ(diagnostics.errors(), 0u) << allText(diagnostics);
+        for (const char* said :
+             {"GeoViewpoint.headlight is a field up to X3D 3.2 only", "GeoViewpoint.navType is a field",
+              "SurfaceEmitter.coordIndex is a field up to X3D 3.3 only"})
+            EXPECT_THAT(allText(diagnostics), HasSubstr(said));
+        const Node& view = scene.node(scene.findName("V"));
+        EXPECT_EQ(view.value(view.type().findExact("description")).as<String>(), "x");
+    }
+}
+
 TEST(Versions, APrototypeMayHaveTheNameOfALaterNode) {
     for (const char* header : {"#VRML V2.0 utf8\n", "#X3D V3.3 utf8\n"}) {
         Scene scene;
