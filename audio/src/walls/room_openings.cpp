@@ -172,7 +172,7 @@ RoomOpening::Beside besideOf(const RayInstance& instance) {
 RoomOpening described(const RayView& rays, const Felt& felt, const std::vector<std::size_t>& by,
                       std::span<const EscapedRay> exits, const Bands& all, const Bands& escaped, double volume) {
     constexpr std::size_t kNamed = 3;
-    constexpr double kLeastOfRim = 0.05;
+    constexpr double kLeastOfRim = 0.05, kFresh = 1;
     RoomOpening result;
     result.center = felt.outline.center;
     result.normal = felt.outline.normal;
@@ -191,9 +191,12 @@ RoomOpening described(const RayView& rays, const Felt& felt, const std::vector<s
     double half = 0;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         const double unit = all[b] > 0 ? escaped[b] / all[b] : 0;
-        // Bands are of the same rays: their errors go together.
-        half += 1.96 * std::sqrt(squares[b]) * unit / kBandCount;
         result.share[b] *= unit;
+        if (!(squares[b] > 0)) continue;
+        // Each is a Poisson event. Those that carry most, fresh from the source, are few, and that none came does not
+        // say that none can: so one more counts as if it had, as in the wider side of an exact interval (Garwood 1936)
+        // where all are equal. Bands are of the same rays: their errors go together.
+        half += 1.96 * (std::sqrt(squares[b] + kFresh * kFresh) + kFresh) * unit / kBandCount;
     }
     result.shareCi95 = half;
     result.rays = by.size();

@@ -227,6 +227,29 @@ TEST(RoomOpenings, SeveralAreToldApartAndADoorIsNoLeak) {
     EXPECT_GT(std::abs(one.center.x - other.center.x), 3);
 }
 
+/// Two to five rays that went through are few: a root of their number is no interval then.
+TEST(RoomOpenings, TheShareIsWithinItsIntervalThoughFewRaysTell) {
+    LeakyRoom room;
+    std::vector<Quad> quads = facesOf({0, 0, 0}, {6, 5, 3});
+    quads.erase(quads.begin() + 1);
+    addFaceWithHole(quads, 6, {0, 0}, {5, 3}, {3, 1}, {3.1f, 1.1f});
+    room.add(meshOf(quads));
+    const double expected = .01 / (.01 + .1 * (126 - .01));
+    int found = 0, within = 0, byFew = 0;
+    for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+        const RoomOpenings openings = room.find(kInside, 600, seed);
+        if (openings.openings.empty()) continue;
+        const RoomOpening& hole = openings.openings[0];
+        ++found;
+        within += std::abs(hole.meanShare() - expected) <= hole.shareCi95;
+        byFew += hole.rays <= 3;
+    }
+    RecordProperty("found", found), RecordProperty("within", within), RecordProperty("few", byFew);
+    EXPECT_GT(found, 40);
+    EXPECT_GT(byFew, 10);
+    EXPECT_GE(within, found - 2);
+}
+
 /// In a sphere the rim is round and the walls are not flat.
 TEST(RoomOpenings, AHoleInACurvedWall) {
     std::vector<Quad> quads;

@@ -49,7 +49,8 @@ struct RoomOpening {
     /// Straight edges of the open boundary of a mesh that it is; 0: it is none, and was felt by rays alone.
     std::size_t boundaryEdges = 0;
     std::vector<Beside> beside;  // most of the rim first, three at most
-    /// Of the energy that the source emits, and the 95 % half width of its mean over bands.
+    /// Of the energy that the source emits, and the 95 % half width of its mean over bands: that of the side which is
+    /// wider where few rays tell.
     Bands share{};
     double shareCi95 = 0;
     std::size_t rays = 0;  // that went through it, of those that are known
