@@ -246,7 +246,10 @@ void SceneBuilder::State::connect(OpenNode& node, const IsRequest& request) {
     const FieldIndex target = node.type->find(request.nodeField);
     if (target == kNoField) return refuse("the node has no such field");
     const FieldDef& def = node.type->fields[target];
+    // 4.4.4.3: X3DPrototypeInstance has metadata as every node has, declared or not.
+    static const InterfaceField metadata{{Access::inputOutput, FieldType::SFNode, "metadata"}, {}, {}, {}};
     const InterfaceField* declared = in.proto->findField(request.protoField);
+    if (!declared && request.protoField == "metadata") declared = &metadata;
     const FieldIndex source = instance.type().find(request.protoField);
     if (!declared) return refuse(fmt::format("PROTO {} has no such field", in.proto->name));
     if (declared->declaration.type != def.type)

@@ -101,7 +101,12 @@ FieldRef findField(const NodeShape& shape, std::string_view name) {
                 return findField(shape, renamed.now);
         return {};
     }
-    return shape.proto ? findField(shape.proto->fields, name) : FieldRef{};
+    if (!shape.proto) return {};
+    if (const FieldRef declared = findField(shape.proto->fields, name)) return declared;
+    // 4.4.4.3: X3DPrototypeInstance has metadata as every node has, declared or not.
+    static const NodeShape anyNode{findBuiltinType("Group"), {}, {}, {}};
+    const FieldRef metadata = findField(anyNode, name);
+    return metadata.name == "metadata" ? metadata : FieldRef{};
 }
 
 std::string_view formerName(const NodeType& type, std::string_view field, std::string_view version) {

@@ -1,7 +1,9 @@
 // ISO/IEC 19775-1 V4.0 4.4.4 and 4.4.5: prototypes.
 #include <gmock/gmock.h>
 
+#include <rtsg/core/loader.h>
 #include <rtsg/core/scene_builder.h>
+#include <rtsg/core/writer.h>
 #include <rtsg/core/x3d.h>
 
 #include "core/scene_check.h"
@@ -36,6 +38,48 @@ TEST(Proto, AnInstanceHasItsOwnBodyWithTheValuesGiven) {
     EXPECT_EQ(l.get(l.named("M", b), "diffuseColor"), "0 1 0");
     EXPECT_FALSE(l.named("M")) << "DEF inside a PROTO is not visible outside";
     EXPECT_EQ(l.scene.node(bodyNode(l, a)).scope(), a);
+}
+
+/// 4.4.4.3: X3DPrototypeInstance has metadata as every node has, whether its interface says so or not.
+TEST(Proto, EveryInstanceHasMetadata) {
+    const char* classic =
+        "#X3D V4.0 utf8\nPROFILE Full\nPROTO P [ ] { DEF T Transform { metadata IS metadata } }\n"
+        "PROTO Own [ initializeOnly SFInt32 metadata 3 ] { Group { } }\n"
+        "DEF I P { metadata MetadataString { name \"a\" value \"b\" } }\nDEF O Own { metadata 4 }\nDEF N P { }";
+    const char* xml =
+        "<X3D profile='Full' version='4.0'><Scene><ProtoDeclare name='P'><ProtoBody><Transform DEF='T'><IS>"
+        "<connect nodeField='metadata' protoField='metadata'/></IS></Transform></ProtoBody></ProtoDeclare>"
+        "<ProtoDeclare name='Own'><ProtoInterface><field name='metadata' type='SFInt32' accessType='initializeOnly' "
+        "value='3'/></ProtoInterface><ProtoBody><Group/></ProtoBody></ProtoDeclare>"
+        "<ProtoInstance DEF='I' name='P'><MetadataString containerField='metadata' name='a' value='\"b\"'/>"
+        "</ProtoInstance><ProtoInstance DEF='O' name='Own'><fieldValue name='metadata' value='4'/></ProtoInstance>"
+        "<ProtoInstance DEF='N' name='P'/></Scene></X3D>";
+    for (const char* text : {classic, xml}) {
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene, text, diagnostics));
+        EXPECT_EQ(test::allText(diagnostics), "");
+        const auto metadata = [&](const Node& node) {
+            return node.value(node.type().findExact("metadata")).as<NodeId>();
+        };
+        const NodeId given = metadata(scene.node(scene.findName("I")));
+        ASSERT_TRUE(given);
+        EXPECT_EQ(scene.node(given).get(x3d::MetadataString::name), "a");
+        EXPECT_EQ(metadata(*scene.effectiveNode(scene.findName("I"))), given);
+        EXPECT_FALSE(metadata(scene.node(scene.findName("N"))));
+        const Node& own = scene.node(scene.findName("O"));
+        EXPECT_EQ(own.value(own.type().findExact("metadata")).as<std::int32_t>(), 4);
+        for (const Encoding encoding : {Encoding::classicVrml, Encoding::xml, Encoding::json}) {
+            std::string out;
+            Diagnostics ignored;
+            const auto writer = makeWriter(encoding, [&](std::string_view piece) { out += piece; }, ignored);
+            readDocument(text, *writer, ignored);
+            Scene again;
+            ASSERT_TRUE(loadText(again, out, ignored));
+            EXPECT_EQ(test::allText(ignored), "");
+            EXPECT_EQ(again.hash(), scene.hash()) << out;
+        }
+    }
 }
 
 TEST(Proto, EventsPassThroughIs) {
