@@ -364,22 +364,23 @@ std::string walls() {
 
 TEST(GeneratedCubeMap, ShowsWhatIsAroundTheShape) {
     const char* generated = "GeneratedCubeMapTexture { update \"ALWAYS\" size 32 }";
-    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
-        // Facing the eye it mirrors what is behind the eye; half turned about y, what is to the side.
-        for (const auto& [normal, side] : {std::pair(Vec3d(0, 0, 1), 1),
-                                           {glm::normalize(Vec3d(1, 0, 1)), 3},
-                                           {glm::normalize(Vec3d(0, -1, 1)), 5}}) {
-            LightScene s(walls() + plane(normal, "CAMERASPACEREFLECTIONVECTOR", generated));
-            s.options.settings.integrator = integrator;
-            EXPECT_LT(glm::distance(s.center(), kSeen[side]), 1e-5f) << side;
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path})
+        for (const char* mode : {"CAMERASPACEREFLECTIONVECTOR", "WORLDSPACEREFLECTIONVECTOR"}) {
+            // Facing the eye it mirrors what is behind the eye; half turned about y, what is to the side.
+            for (const auto& [normal, side] : {std::pair(Vec3d(0, 0, 1), 1),
+                                               {glm::normalize(Vec3d(1, 0, 1)), 3},
+                                               {glm::normalize(Vec3d(0, -1, 1)), 5}}) {
+                LightScene s(walls() + plane(normal, mode, generated));
+                s.options.settings.integrator = integrator;
+                EXPECT_LT(glm::distance(s.center(), kSeen[side]), 1e-5f) << mode << ' ' << side;
+            }
+            // However the eye is turned, the world stays where it is.
+            LightScene turned("Viewpoint { position 10 0 0 orientation 0 1 0 1.57079633 } " + walls() +
+                              "Transform { rotation 0 1 0 1.57079633 children [ " + plane({0, 0, 1}, mode, generated) +
+                              " ] }");
+            turned.options.settings.integrator = integrator;
+            EXPECT_LT(glm::distance(turned.center(), kSeen[3]), 1e-5f) << mode;
         }
-        // However the eye is turned, the world stays where it is.
-        LightScene turned("Viewpoint { position 10 0 0 orientation 0 1 0 1.57079633 } " + walls() +
-                          "Transform { rotation 0 1 0 1.57079633 children [ " +
-                          plane({0, 0, 1}, "CAMERASPACEREFLECTIONVECTOR", generated) + " ] }");
-        turned.options.settings.integrator = integrator;
-        EXPECT_LT(glm::distance(turned.center(), kSeen[3]), 1e-5f);
-    }
 }
 
 TEST(GeneratedCubeMap, FollowsTheSceneAndShowsNothingUntilAsked) {
