@@ -269,6 +269,12 @@ TEST(Versions, AnExternPrototypeMayHaveTheNameOfALaterNodeThatIsAnotherThing) {
                          "DEF D Delay { delayTime 2 }",
                          diagnostics));
     EXPECT_EQ(scene.node(scene.findName("D")).type().kind, NodeType::Kind::builtin) << allText(diagnostics);
+    // A field of that name and another type makes it another thing, too.
+    Scene other;
+    loadText(other,
+             "#VRML V2.0 utf8\nEXTERNPROTO Delay [ exposedField SFInt32 delayTime ] \"none.wrl\"\nDEF D Delay { }",
+             diagnostics);
+    EXPECT_EQ(other.node(other.findName("D")).type().kind, NodeType::Kind::externProto);
 }
 
 TEST(Versions, VRML97IsToldOfNodesItDoesNotHave) {

@@ -2,6 +2,7 @@
 // ones.
 #include <functional>
 #include <map>
+#include <tuple>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -41,7 +42,7 @@ TEST(Cascade, AnAuthorsFieldIsNoFieldOfANodeOfThatName) {
     const std::string inputs =
         "inputOnly MFNode addChildren inputOnly SFInt32 removeChildren inputOnly SFBool set_bind ";
     const std::string lists =
-        "inputOnly MFNode removeChildren inputOnly SFString addChildren inputOutput MFNode children [] ";
+        "inputOnly SFString removeChildren inputOnly MFNode addChildren inputOutput MFNode children [] ";
     std::string text = "#X3D V4.0 utf8\nPROTO Both [ " + inputs +
                        "inputOutput SFVec3f children 0 0 0 ] { Group { } }\n" + "PROTO None [ " + inputs +
                        "] { Group { } }\nPROTO Lists [ " + lists + "] { Group { } }\n" +
@@ -66,6 +67,19 @@ TEST(Cascade, AnAuthorsFieldIsNoFieldOfANodeOfThatName) {
                 sent += bool(scene.sendEvent(scene.findName(name), index, values.at(type.fields[index].type)));
     }
     EXPECT_EQ(sent, 14);
+    // A user's own type has what its table says, if that can be it at all.
+    const auto type = std::make_shared<NodeType>();
+    type->name = "Odd";
+    type->kind = NodeType::Kind::user;
+    for (const auto& [name, kind, access] : {std::tuple("children", FieldType::MFNode, Access::inputOutput),
+                                             {"addChildren", FieldType::SFInt32, Access::inputOnly}}) {
+        FieldDef& def = type->fields.emplace_back();
+        def.name = name, def.type = kind, def.access = access;
+    }
+    ASSERT_TRUE(type->finish());
+    const auto odd = scene.defineType(type);
+    ASSERT_TRUE(odd);
+    EXPECT_TRUE(scene.sendEvent(scene.createNode(*odd), type->findExact("addChildren"), Value(1 << 30)));
     scene.newFrame(0);
     for (const char* name : {"Lists", "S2"}) {
         const Node& node = scene.node(scene.findName(name));
