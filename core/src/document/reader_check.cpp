@@ -41,9 +41,17 @@ std::string axisComplaint(const Rotation* rotations, std::size_t count) {
     return {};
 }
 
+/// Values that the standard has not, and that mean something here.
+bool isKnownBesides(const FieldDef& field, std::string_view word) {
+    return field.type == FieldType::SFString && field.name == "mode" &&
+           (word == "WORLDSPACENORMAL" || word == "WORLDSPACEREFLECTIONVECTOR");
+}
+
 std::string wordComplaint(const FieldDef& field, const String* words, std::size_t count) {
     for (std::size_t i = 0; i < count; ++i) {
-        if (std::ranges::find(field.allowed, words[i].view()) != field.allowed.end()) continue;
+        if (std::ranges::find(field.allowed, words[i].view()) != field.allowed.end() ||
+            isKnownBesides(field, words[i].view()))
+            continue;
         std::string known;
         for (const std::string& word : field.allowed) known += (known.empty() ? "" : ", ") + word;
         return "'" + words[i].str() + "' is none of the values of " + field.name + " (" + known + ")";

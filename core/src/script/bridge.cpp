@@ -187,13 +187,13 @@ bool reader(JSContext* cx, unsigned count, JS::Value* vp) {
     return true;
 }
 
-/// What an assignment to the field of another node reaches: of one that is initializeOnly, in a node that stands
-/// somewhere, the input that sets it, if there is one (`faces.coordIndex = ...` is `faces.set_coordIndex = ...`).
-FieldIndex inputFor(const Call& call, const Node* script, const Node* node, FieldIndex index) {
+/// What an assignment to the field of another node reaches: of one that is initializeOnly the input that sets it, if
+/// there is one (`faces.coordIndex = ...` is `faces.set_coordIndex = ...`).
+FieldIndex inputFor(const Node* script, const Node* node, FieldIndex index) {
     if (!node || node == script || index >= node->type().fields.size()) return index;
     const NodeType& type = node->type();
     const FieldDef& def = type.fields[index];
-    if (def.access != Access::initializeOnly || call.scene.parents(node->id()).empty()) return index;
+    if (def.access != Access::initializeOnly) return index;
     const FieldIndex input = type.findExact("set_" + def.name);
     if (input == kNoField || type.fields[input].access != Access::inputOnly || type.fields[input].type != def.type)
         return index;
@@ -220,7 +220,7 @@ bool mayWrite(JSContext* cx, unsigned count, JS::Value* vp) {
     const Node* script = call.scene.find(nodeArgument(args, 0));
     const Node* node = call.scene.find(nodeArgument(args, 1));
     const auto index = static_cast<FieldIndex>(args.get(2).isNumber() ? args.get(2).toNumber() : kNoField);
-    return answer(cx, args, writeRefusal(call, script, node, inputFor(call, script, node, index)));
+    return answer(cx, args, writeRefusal(call, script, node, inputFor(script, node, index)));
 }
 
 /// mayHold(node, field, plain value): why the field cannot hold these nodes, or nothing.
@@ -270,7 +270,7 @@ bool write(JSContext* cx, unsigned count, JS::Value* vp) {
             return true;
         }
     }
-    index = inputFor(call, script, node, index);
+    index = inputFor(script, node, index);
     if (const std::string refusal = writeRefusal(call, script, node, index); !refusal.empty())
         return answer(cx, args, refusal);
     const FieldDef& def = node->type().fields[index];

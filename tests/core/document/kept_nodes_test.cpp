@@ -239,7 +239,7 @@ TEST(Versions, APrototypeMayHaveTheNameOfALaterNode) {
     EXPECT_EQ(scene.node(scene.findName("D")).type().kind, NodeType::Kind::builtin);
 }
 
-/// As Xj3D's and Titania's files have it: the node of a later version is meant where it has all the fields.
+/// As VRML97 files of a library have it: the node of a later version is meant where it has all the fields.
 TEST(Versions, AnExternPrototypeMayHaveTheNameOfALaterNodeThatIsAnotherThing) {
     const test::TempFolder folder;
     const auto write = [&](const char* name, std::string_view text) { std::ofstream(folder / name) << text; };

@@ -119,7 +119,7 @@ struct TexCoords {
         noiseEye,
         sphereReflect,
         sphereReflectLocal,
-        worldSpaceNormal,  // no modes of the standard: as Castle Game Engine and InstantReality have them
+        worldSpaceNormal,  // no modes of the standard; other browsers have them
         worldSpaceReflection,
     };
     Generator generator = Generator::none;
