@@ -50,6 +50,10 @@ std::string_view strange(std::string_view head) {
     if (head.starts_with("\xEF\xBB\xBF")) head.remove_prefix(3);
     const bool isUtf16 = head.starts_with("\xFE\xFF") || head.starts_with("\xFF\xFE") ||
                          head.starts_with(std::string_view("<\0", 2)) || head.starts_with(std::string_view("\0<", 2));
+    // By its first sign, which may follow spaces.
+    if (const std::size_t sign = isUtf16 ? head.find_first_of("<#{") : head.npos;
+        sign != head.npos && head[sign] != '<')
+        return "ClassicVRML or JSON in UTF-16, which by their standards are in UTF-8 alone";
     const std::size_t start = std::min(head.find_first_not_of(" \t\r\n"), head.size());
     if (isUtf16 || start == head.size() || std::string_view("<{#").contains(head[start])) return {};
     if (head.contains('\0'))

@@ -200,6 +200,12 @@ TEST(ReaderXml, Utf16AndLatin1AreConverted) {
     const Read utf16(wide);
     EXPECT_EQ(utf16.complaints(), "");
     EXPECT_THAT(utf16.handler.lines, ElementsAre("begin Group", "end"));
+    // The other encodings have one, and are not taken for faulty XML.
+    for (const char* text : {"#X3D V3.0 utf8\nGroup { }", " {\"X3D\":{}}"}) {
+        std::string other("\xFF\xFE", 2);
+        for (const char* c = text; *c; ++c) other += {*c, '\0'};
+        EXPECT_THAT(Read(other).complaints(), testing::HasSubstr("ClassicVRML or JSON in UTF-16"));
+    }
 }
 
 // What is declared has no other field in which a second node could be kept.
