@@ -54,4 +54,12 @@ struct ScriptScene {
     }
 };
 
+/// What a program makes of an expression, as text.
+inline std::string evaluated(const std::string& expression) {
+    ScriptScene s("outputOnly SFString text", "function initialize() { text = String(" + expression + "); }");
+    s.frame();
+    EXPECT_EQ(s.problems(), "") << expression;
+    return std::string(s.get<String>("text").view());
+}
+
 }  // namespace rtsg::test

@@ -59,26 +59,37 @@ std::string plane(const Vec3d& normal, const char* mode, const std::string& text
         texture, mode, n, n, n, n);
 }
 
+/// Of the picture of a plane with these normals, that each pixel shows the side that `lookedUp` tells for the direction
+/// of its ray.
+template <class LookedUp>
+void expectSides(LightScene& s, const Vec3d& n, const LookedUp& lookedUp) {
+    const Picture p = s.picture();
+    int compared = 0;
+    for (int y = 0; y < 17; y += 4)
+        for (int x = 0; x < 17; x += 4) {
+            const Vec3d d = pixelDirection(x, y, 17, 17, .7854);
+            if (glm::dot(d, n) > -.05) continue;  // seen from behind, where the normal is turned
+            const Vec3d v = lookedUp(d);
+            Vec3d a = glm::abs(v);
+            std::sort(&a.x, &a.x + 3);
+            if (a.z - a.y < 1e-3) continue;  // on the edge between two
+            EXPECT_EQ(Vec3f(p.at(x, y)), kSeen[sideOf(v)]) << x << " " << y;
+            ++compared;
+        }
+    EXPECT_GT(compared, 10);
+}
+Vec3d mirrored(const Vec3d& d, const Vec3d& n) {
+    return d - 2 * glm::dot(d, n) * n;
+}
+
 TEST(CubeMap, ReflectionsFollowTheMirroredRay) {
     std::mt19937 random(3);
     std::uniform_real_distribution<double> slope(-1.2, 1.2);
     for (int round = 0; round < 12; ++round) {
+        SCOPED_TRACE(round);
         const Vec3d n = glm::normalize(Vec3d(slope(random), slope(random), 1));
         LightScene s(plane(n, "CAMERASPACEREFLECTIONVECTOR", composed()), 17, 17);
-        const Picture p = s.picture();
-        int compared = 0;
-        for (int y = 0; y < 17; y += 4)
-            for (int x = 0; x < 17; x += 4) {
-                const Vec3d d = pixelDirection(x, y, 17, 17, .7854);
-                if (glm::dot(d, n) > -.05) continue;  // seen from behind, where the normal is turned
-                const Vec3d r = d - 2 * glm::dot(d, n) * n;
-                Vec3d a = glm::abs(r);
-                std::sort(&a.x, &a.x + 3);
-                if (a.z - a.y < 1e-3) continue;
-                EXPECT_EQ(Vec3f(p.at(x, y)), kSeen[sideOf(r)]) << x << " " << y << " round " << round;
-                ++compared;
-            }
-        EXPECT_GT(compared, 10);
+        expectSides(s, n, [&](const Vec3d& d) { return mirrored(d, n); });
     }
 }
 
@@ -87,32 +98,21 @@ TEST(CubeMap, WorldSpaceVectorsDoNotTurnWithTheEye) {
     std::mt19937 random(9);
     std::uniform_real_distribution<double> slope(-1.2, 1.2), angle(-3, 3);
     for (int round = 0; round < 12; ++round) {
+        SCOPED_TRACE(round);
         const Vec3d n = glm::normalize(Vec3d(slope(random), slope(random), 1));
         const double turn = angle(random);
         // All turned about y: eye, surface and its normals. The cube stays.
         const auto turned = [&](const Vec3d& v) {
             return Vec3d(v.x * std::cos(turn) + v.z * std::sin(turn), v.y, v.z * std::cos(turn) - v.x * std::sin(turn));
         };
-        for (const bool reflects : {true, false}) {
-            const char* mode = reflects ? "WORLDSPACEREFLECTIONVECTOR" : "WORLDSPACENORMAL";
-            LightScene s(fmt::format("Transform {{ rotation 0 1 0 {} children [ Viewpoint {{ }} {} ] }}", turn,
-                                     plane(n, mode, composed())),
-                         17, 17);
-            const Picture p = s.picture();
-            int compared = 0;
-            for (int y = 0; y < 17; y += 4)
-                for (int x = 0; x < 17; x += 4) {
-                    const Vec3d d = pixelDirection(x, y, 17, 17, .7854);
-                    if (glm::dot(d, n) > -.05) continue;  // seen from behind, where the normal is turned
-                    const Vec3d r = turned(reflects ? d - 2 * glm::dot(d, n) * n : n);
-                    Vec3d a = glm::abs(r);
-                    std::sort(&a.x, &a.x + 3);
-                    if (a.z - a.y < 1e-3) continue;
-                    EXPECT_EQ(Vec3f(p.at(x, y)), kSeen[sideOf(r)]) << x << " " << y << " round " << round;
-                    ++compared;
-                }
-            EXPECT_GT(compared, 10);
-        }
+        const auto scene = [&](const char* mode) {
+            return fmt::format("Transform {{ rotation 0 1 0 {} children [ Viewpoint {{ }} {} ] }}", turn,
+                               plane(n, mode, composed()));
+        };
+        LightScene reflecting(scene("WORLDSPACEREFLECTIONVECTOR"), 17, 17);
+        expectSides(reflecting, n, [&](const Vec3d& d) { return turned(mirrored(d, n)); });
+        LightScene facing(scene("WORLDSPACENORMAL"), 17, 17);
+        expectSides(facing, n, [&](const Vec3d&) { return turned(n); });
     }
 }
 
