@@ -188,12 +188,14 @@ bool reader(JSContext* cx, unsigned count, JS::Value* vp) {
 }
 
 /// What an assignment to the field of another node reaches: of one that is initializeOnly the input that sets it, if
-/// there is one (`faces.coordIndex = ...` is `faces.set_coordIndex = ...`).
+/// there is one (`faces.coordIndex = ...` is `faces.set_coordIndex = ...`). In the interface of a PROTO or a Script an
+/// input of that name is another field.
 FieldIndex inputFor(const Node* script, const Node* node, FieldIndex index) {
     if (!node || node == script || index >= node->type().fields.size()) return index;
     const NodeType& type = node->type();
     const FieldDef& def = type.fields[index];
-    if (def.access != Access::initializeOnly) return index;
+    const bool fromTable = type.kind == NodeType::Kind::builtin || type.kind == NodeType::Kind::user;
+    if (!fromTable || def.access != Access::initializeOnly) return index;
     const FieldIndex input = type.findExact("set_" + def.name);
     if (input == kNoField || type.fields[input].access != Access::inputOnly || type.fields[input].type != def.type)
         return index;

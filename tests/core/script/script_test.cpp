@@ -485,6 +485,19 @@ TEST(Script, WhatAnInputSetsIsAssignedByTheNameOfTheField) {
     EXPECT_EQ(l.scene.node(l.named("G")).get(x3d::ElevationGrid::xDimension), 2) << "has no input";
 }
 
+/// In a PROTO's interface `set_n` is a field of its own.
+TEST(Script, AnAuthorsInputSetsNothingByItsName) {
+    test::Loaded l(
+        "PROTO P [ initializeOnly SFInt32 n 1 inputOnly SFInt32 set_n ] { Group { } }\nDEF P P { }\n"
+        "DEF S Script { directOutput TRUE initializeOnly SFNode p USE P outputOnly SFString said "
+        "url \"ecmascript: function initialize() { try { p.n = 5; said = 'taken'; } catch (e) { said = e.message; } "
+        "}\" }");
+    l.scene.newFrame(0);
+    const Node& script = l.scene.node(l.named("S"));
+    EXPECT_EQ(script.value(script.type().findExact("said")).as<String>(), "n: P.n takes no events");
+    EXPECT_EQ(l.get(l.named("P"), "n"), "1");
+}
+
 TEST(Script, AFunctionNamedLikeAFieldHandlesItsEvents) {
     ScriptScene s("inputOutput SFInt32 size 1 inputOutput SFInt32 depth 1 outputOnly SFString text",
                   "function size(n) { text = 'size ' + n; } function depth(n) { text = 'no'; } "
