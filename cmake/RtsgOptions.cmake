@@ -31,6 +31,7 @@ option(RTSG_WERROR "Treat warnings as errors" OFF)
 option(RTSG_FUZZ "Build the libFuzzer targets (clang only)" OFF)
 set(RTSG_ARCH "x86-64-v3" CACHE STRING "Value of -march; empty for the compiler's default")
 set(RTSG_SANITIZE "" CACHE STRING "Value of -fsanitize for every target")
+set(RTSG_SANITIZE_NOT "" CACHE STRING "Value of -fno-sanitize beside it")
 
 add_library(rtsg_options INTERFACE)
 # Of sources that are compiled together a local name shadows nothing that a neighbour has at its top level.
@@ -61,6 +62,9 @@ add_compile_options(-ffp-contract=off)
 if(RTSG_SANITIZE)
   add_compile_options(-fsanitize=${RTSG_SANITIZE} -fno-omit-frame-pointer)
   add_link_options(-fsanitize=${RTSG_SANITIZE})
+  if(RTSG_SANITIZE_NOT)
+    add_compile_options(-fno-sanitize=${RTSG_SANITIZE_NOT})
+  endif()
   if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     # What the sanitizers add makes GCC believe that members of std::function are never set; and fences of libraries, which
     # ThreadSanitizer does not know, are no fault of ours. Builds without sanitizers still look.

@@ -134,36 +134,81 @@ class ClipFilter final : public RayFilter {
     std::vector<Cap> caps_;
 };
 
-/// Leaves out some instances besides what another filter does.
-class HidingFilter final : public RayFilter {
+/// Leaves out whole instances besides what another filter does. `Hides`: which ones, called with a slot.
+template <class Base, class Hides>
+class InstanceFilter : public Base {
   public:
-    HidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other)
-        : hidden_(std::move(hidden)), other_(std::move(other)) {}
-    bool concerns(std::uint32_t slot) const override { return isHidden(slot) || (other_ && other_->concerns(slot)); }
+    InstanceFilter(Hides hides, std::shared_ptr<const RayFilter> other)
+        : hides_(std::move(hides)), other_(std::move(other)) {}
+    bool concerns(std::uint32_t slot) const override { return hides_(slot) || (other_ && other_->concerns(slot)); }
     bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const override {
-        return isHidden(slot) || (other_ && other_->leavesOut(slot, at, error));
+        return hides_(slot) || (other_ && other_->leavesOut(slot, at, error));
     }
     bool makesCaps() const override { return other_ && other_->makesCaps(); }
-    bool findNext(const Ray& ray, Crossing& at) const override { return other_ && other_->findNext(ray, at); }
+    bool findNext(const Ray& ray, RayFilter::Crossing& at) const override {
+        return other_ && other_->findNext(ray, at);
+    }
     bool isCapped(std::uint32_t slot, std::uint32_t plane, const Vec3f& at) const override {
-        return !isHidden(slot) && other_->isCapped(slot, plane, at);
+        return !hides_(slot) && other_->isCapped(slot, plane, at);
     }
-    void findKept(const RayView& world) {
-        Bounds around;
-        for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot) {
-            const RayInstance& instance = world.instances()[slot];
-            if (!instance.info.id || !instance.mesh || isHidden(slot)) continue;
-            if (instance.mesh->strokeCount > 0) return;  // as wide as pixels make them
-            const Bounds box = boxAround(instance);
-            around.extend(box.min), around.extend(box.max);
-        }
-        kept_ = around;
-    }
+    /// Around the instances that are not hidden.
+    void setKept(const Bounds& kept) { this->kept_ = kept; }
+
+  protected:
+    Hides hides_;
 
   private:
-    bool isHidden(std::uint32_t slot) const { return slot < hidden_.size() && hidden_[slot]; }
-    std::vector<bool> hidden_;
     std::shared_ptr<const RayFilter> other_;
+};
+
+struct IsListed {
+    std::vector<bool> hidden;
+    bool operator()(std::uint32_t slot) const { return slot < hidden.size() && hidden[slot]; }
+};
+using HidingFilter = InstanceFilter<RayFilter, IsListed>;
+
+/// Scopes by number, and the one that each instance is in.
+struct ScopeTree {
+    explicit ScopeTree(const LightState& state)
+        : slots(state.slots), around(std::max<std::size_t>(state.scopes.size(), 1)) {
+        for (std::size_t i = 0; i < state.scopes.size(); ++i) around[i] = state.scopes[i].around;
+    }
+    std::uint32_t of(std::uint32_t slot) const { return slot < slots.size() ? slots[slot].lights : 0; }
+    SlotPages slots;
+    std::vector<std::uint32_t> around;
+};
+
+struct IsOutside {
+    std::shared_ptr<const ScopeTree> tree;
+    std::uint32_t scope = 0;
+    bool operator()(std::uint32_t slot) const {
+        for (std::uint32_t at = tree->of(slot); at != scope; at = tree->around[at])
+            if (at == 0) return true;
+        return false;
+    }
+};
+class OutsideFilter final : public InstanceFilter<ScopeFilter, IsOutside> {
+  public:
+    using InstanceFilter::InstanceFilter;
+    bool isOutside(std::uint32_t slot) const override { return hides_(slot); }
+};
+
+bool mayShade(const RayInstance& instance) {
+    return instance.info.castShadow || instance.info.volume;
+}
+
+/// What instances take up, as long as that can be said.
+struct Extent {
+    Bounds box;
+    bool known = true;
+    std::size_t casters = 0;
+    void add(const RayInstance& instance) {
+        casters += mayShade(instance);
+        if (instance.mesh->strokeCount > 0) known = false;  // as wide as pixels make them
+        if (!known) return;
+        const Bounds around = boxAround(instance);
+        box.extend(around.min), box.extend(around.max);
+    }
 };
 
 }  // namespace
@@ -175,10 +220,45 @@ std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayVi
 
 std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other,
                                               const RayView& world, const RenderSettings& settings) {
-    auto filter = std::make_shared<HidingFilter>(std::move(hidden), std::move(other));
+    const IsListed isHidden{std::move(hidden)};
+    Extent kept;
     // While a shutter is open things are elsewhere, too.
-    if (settings.shutter == 0) filter->findKept(world);
+    if (settings.shutter == 0)
+        for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot) {
+            const RayInstance& instance = world.instances()[slot];
+            if (instance.info.id && instance.mesh && !isHidden(slot)) kept.add(instance);
+        }
+    auto filter = std::make_shared<HidingFilter>(isHidden, std::move(other));
+    if (settings.shutter == 0 && kept.known) filter->setKept(kept.box);
     return filter;
+}
+
+std::vector<std::shared_ptr<const ScopeFilter>> scopeFilters(std::span<const std::uint32_t> scopes,
+                                                             const std::shared_ptr<const RayFilter>& other,
+                                                             const LightState& state, const RayView& world,
+                                                             const RenderSettings& settings) {
+    std::vector<std::shared_ptr<const ScopeFilter>> filters(scopes.size());
+    if (scopes.empty()) return filters;
+    const auto tree = std::make_shared<const ScopeTree>(state);
+    constexpr std::uint32_t kNone = 0xFFFFFFFF;
+    std::vector<std::uint32_t> placeOf(tree->around.size(), kNone);
+    for (std::uint32_t i = 0; i < scopes.size(); ++i) placeOf[scopes[i]] = i;
+    std::vector<Extent> inside(scopes.size());
+    std::size_t casters = 0;
+    for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot) {
+        const RayInstance& instance = world.instances()[slot];
+        if (!instance.info.id || !instance.mesh) continue;
+        casters += mayShade(instance);
+        for (std::uint32_t at = tree->of(slot); at != 0; at = tree->around[at])
+            if (placeOf[at] != kNone) inside[placeOf[at]].add(instance);
+    }
+    for (std::size_t i = 0; i < scopes.size(); ++i) {
+        if (inside[i].casters == casters) continue;
+        auto filter = std::make_shared<OutsideFilter>(IsOutside{tree, scopes[i]}, other);
+        if (settings.shutter == 0 && inside[i].known) filter->setKept(inside[i].box);
+        filters[i] = std::move(filter);
+    }
+    return filters;
 }
 
 }  // namespace rtsg::trace

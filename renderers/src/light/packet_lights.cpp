@@ -7,6 +7,7 @@
 
 #include "bsdf.h"
 #include "lanes.h"
+#include "left_out.h"
 #include "packet_kernels.h"
 #include "surface_packet.h"
 #include "volume_march.h"
@@ -104,13 +105,14 @@ bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float
 }
 
 /// leftOnTheWay() side by side of those rays of a packet that have met something clear.
-void passClear(const TraceScene& scene, RayPacket16& rays, std::uint32_t met, float tMax, Vec3f* left) {
+void passClear(const TraceScene& scene, const RayView& world, RayPacket16& rays, std::uint32_t met, float tMax,
+               Vec3f* left) {
     for (int step = 0; met; ++step) {
         std::uint32_t on = 0;
         for (int lane = 0; lane < 16; ++lane) {
             if (met >> lane & 1u) {
                 Ray ray = rays.ray(lane);
-                const Hit hit = scene.world->hit(rays, lane);
+                const Hit hit = world.hit(rays, lane);
                 if (passOn(scene, hit, straightTransmittance(scene, hit, ray.direction), tMax, ray, left[lane])) {
                     rays.set(lane, ray);
                     on |= 1u << lane;
@@ -121,17 +123,18 @@ void passClear(const TraceScene& scene, RayPacket16& rays, std::uint32_t met, fl
         }
         if (step + 1 == kMostPassed)
             for (; on; on &= on - 1) left[std::countr_zero(on)] = Vec3f(0);
-        met = on ? scene.world->intersect(rays, false, RayKind::shadow) & on : 0;
+        met = on ? world.intersect(rays, false, RayKind::shadow) & on : 0;
     }
 }
 
 /// Which rays, to a light at `tMax`, are blocked, and in `clear` which of them by something that may let light through:
-/// `left` tells how much. What an opaque thing blocks needs no closer look, whatever else the scene holds.
-std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint32_t tested, float tMax, bool coherent,
-                          std::uint32_t& clear, Vec3f* left) {
+/// `left` tells how much. `world`: what they may meet. What an opaque thing blocks needs no closer look, whatever else
+/// the scene holds.
+std::uint32_t findBlocked(const TraceScene& scene, const RayView& world, RayPacket16& rays, std::uint32_t tested,
+                          float tMax, bool coherent, std::uint32_t& clear, Vec3f* left) {
     clear = 0;
     const std::uint32_t near = nearClear(scene, rays, tested);
-    if (!near) return scene.world->occluded(rays, coherent) & tested;
+    if (!near) return world.occluded(rays, coherent) & tested;
     std::uint32_t blocked = 0;
     RayPacket16 closer = rays;
     std::int32_t active[16];
@@ -141,15 +144,15 @@ std::uint32_t findBlocked(const TraceScene& scene, RayPacket16& rays, std::uint3
         if (!isNear) closer.skip(lane);
         if (isNear) rays.skip(lane);
     }
-    if (tested & ~near) blocked = scene.world->occluded(rays, coherent) & tested & ~near;
-    const std::uint32_t met = scene.world->intersect(closer, coherent, RayKind::shadow) & near;
+    if (tested & ~near) blocked = world.occluded(rays, coherent) & tested & ~near;
+    const std::uint32_t met = world.intersect(closer, coherent, RayKind::shadow) & near;
     for (std::uint32_t rest = met; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        if (!letsThrough(scene, scene.world->hit(closer, lane).instance)) continue;
+        if (!letsThrough(scene, world.hit(closer, lane).instance)) continue;
         clear |= 1u << lane;
         left[lane] = Vec3f(1);
     }
-    passClear(scene, closer, clear, tMax, left);
+    passClear(scene, world, closer, clear, tMax, left);
     std::memcpy(rays.active, active, sizeof active);  // who asked looks at them
     return blocked | met;
 }
@@ -171,7 +174,8 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     }
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
     std::uint32_t clear = 0;
-    const std::uint32_t blocked = findBlocked(scene, rays, tested, tMax, s.fromEye, clear, leftBehind);
+    const ViewOfLight world(scene, light);
+    const std::uint32_t blocked = findBlocked(scene, *world, rays, tested, tMax, s.fromEye, clear, leftBehind);
     const std::uint32_t hazy =
         scene.volumes.empty() ? 0 : meetBox(rays, scene.volumeBounds) & tested & ~(blocked & ~clear);
     for (std::uint32_t rest = blocked | behind | hazy; rest; rest &= rest - 1) {
@@ -181,7 +185,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
         Ray ray = rays.ray(lane);
         ray.tMax = tMax;
         if (clear >> lane & 1u) left = leftBehind[lane];
-        if ((hazy >> lane & 1u) && left != Vec3f(0)) left *= volumesLeft(scene, ray);
+        if ((hazy >> lane & 1u) && left != Vec3f(0)) left *= volumesLeft(scene, ray, light.scope);
         if (behind >> lane & 1u) left *= through[lane];
         in.visible.set(lane, Vec3f(1) - light.shadowIntensity * (Vec3f(1) - left));
     }
@@ -196,11 +200,11 @@ bool isNoBack(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
 
 }  // namespace
 
-Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind) {
+Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind) {
     Vec3f left(1);
     const float tMax = ray.tMax;
     for (int step = 0; step < kMostPassed; ++step) {
-        const Hit hit = scene.world->intersect(ray, kind);
+        const Hit hit = world.intersect(ray, kind);
         if (!hit) return left;
         const bool isNone = kind == RayKind::eye && isNoBack(scene, hit, ray.direction);
         const Vec3f through = isNone ? Vec3f(1) : straightTransmittance(scene, hit, ray.direction);

@@ -208,7 +208,7 @@ class Paths {
         if (!(clear > 0)) return 0;
         const Ray ray{RayWorld::leave(surfaces_.point(lane), direction), kLeave, direction,
                       std::numeric_limits<float>::infinity()};
-        const float left = clear * largest(leftOnTheWay(scene_, ray, RayKind::eye));
+        const float left = clear * largest(leftOnTheWay(scene_, *scene_.world, ray, RayKind::eye));
         return left > 0 && !scene_.volumes.empty() ? left * volumesLeft(scene_, ray) : left;
     }
 

@@ -347,7 +347,7 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom&
         if (asked.shadowed >> lane & 1u) {
             const Ray ray = asked.rays.ray(lane);
             Vec3f left(blocked >> lane & 1u ? 0.0f : 1.0f);
-            if ((blocked >> lane & 1u) && scene.anyTransmits) left = leftOnTheWay(scene, ray);
+            if ((blocked >> lane & 1u) && scene.anyTransmits) left = leftOnTheWay(scene, *scene.world, ray);
             left *= volumesLeft(scene, ray);
             visible -= light.shadowIntensity * (Vec3f(1) - left);
         }

@@ -82,8 +82,8 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f
 /// as the empty parts of textures, become so many before nothing is left.
 constexpr int kMostPassed = 10'000;
 
-/// What is left of light along a ray, which ends at tMax or goes on for ever.
-Vec3f leftOnTheWay(const TraceScene& scene, Ray ray, RayKind kind = RayKind::shadow);
+/// What is left of light along a ray, which ends at tMax or goes on for ever. `world`: what it may meet.
+Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind = RayKind::shadow);
 
 /// What an opaque surface itself sends out at a hit, in linear light. `footprint`: metres, of a pixel there.
 Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint);

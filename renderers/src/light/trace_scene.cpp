@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <span>
 #include <tuple>
 
 #include <rtsg/renderers/parallel_for.h>
@@ -138,6 +139,21 @@ auto traceLights(const LightState& state, const RayView& world, const RenderSett
     };
 }
 
+/// "Behind illuminated X3DShapeNode geometry" (17.3.1) are shadows: what a light does not reach by its scope casts
+/// none.
+void limitShadows(const LightState& state, const RayView& world, const RenderSettings& settings, TraceScene& scene) {
+    LightGroups& groups = scene.lightGroups;
+    std::vector<std::uint32_t> scopes;
+    const auto lightsOf = [&](std::uint32_t scope) {
+        return std::span(groups.lights).subspan(groups.groups[scope].first, groups.groups[scope].count);
+    };
+    for (std::uint32_t scope = 1; scope < groups.groups.size(); ++scope)
+        if (std::ranges::any_of(lightsOf(scope), &TraceLight::shadows)) scopes.push_back(scope);
+    scene.scopeFilters = scopeFilters(scopes, scene.filter, state, world, settings);
+    for (std::size_t i = 0; i < scopes.size(); ++i)
+        for (TraceLight& light : lightsOf(scopes[i])) light.scope = scene.scopeFilters[i].get();
+}
+
 }  // namespace
 
 void TraceScene::placeInPicture(const Camera& camera) {
@@ -193,6 +209,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     const Navigation* navigation = activeNavigation(state, layer);
     const bool lit = !navigation || navigation->headlight;
     scene.lightGroups = groupLights<TraceLight>(state, layer, traceLights(state, world, settings));
+    limitShadows(state, world, settings, scene);
     scene.environments = groupLights<TraceEnvironment>(state, layer, traceEnvironment);
     if (settings.integrator == Integrator::whitted && !scene.environments.lights.empty())
         withThreads(settings.threads, [&] {

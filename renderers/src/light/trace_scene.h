@@ -23,6 +23,7 @@
 namespace rtsg::trace {
 
 class Environment;
+class ScopeFilter;
 struct Volume;
 
 /// What an instance slot is drawn with.
@@ -79,6 +80,8 @@ struct TraceLight {
     Vec4f extent{0};
     float nearDistance = 0, farDistance = 0;
     const Texture* picture = nullptr;
+    /// Leaves out what casts no shadow in this light because it is outside its scope; null: nothing.
+    const ScopeFilter* scope = nullptr;
 };
 
 /// An EnvironmentLight.
@@ -192,6 +195,7 @@ struct TraceScene {
     MaterialList materials;
     SlotPages slots;
     LightGroups lightGroups;
+    std::vector<std::shared_ptr<const ScopeFilter>> scopeFilters;  // that lights name
     EnvironmentGroups environments;  // bounces find their light; what shades without these adds it by addEnvironments()
     /// Of all that is computed; automatic: of PhysicalMaterials linear, of all else display.
     ColorSpace space = ColorSpace::linear;

@@ -6,6 +6,7 @@
 
 #include <rtsg/renderers/shading.h>
 
+#include "left_out.h"
 #include "light_tables.h"
 
 namespace rtsg::trace {
@@ -33,11 +34,14 @@ struct Way {
 
 class March {
   public:
-    March(const TraceScene& scene, const Ray& ray, bool asLight, bool colors, float line)
-        : scene_(scene), ray_(ray), asLight_(asLight), colors_(colors), line_(line) {}
+    March(const TraceScene& scene, const Ray& ray, bool asLight, bool colors, float line,
+          const ScopeFilter* scope = nullptr)
+        : scene_(scene), ray_(ray), asLight_(asLight), colors_(colors), line_(line) {
+        for (const TraceVolume& volume : scene.volumes)
+            if (!scope || !scope->isOutside(volume.slot)) enter(volume);
+    }
 
     VolumeLight run() {
-        for (const TraceVolume& volume : scene_.volumes) enter(volume);
         if (ways_.empty()) return {};
         speed_ = glm::length(ray_.direction);
         view_ = -ray_.direction / speed_;
@@ -251,8 +255,8 @@ VolumeLight marchVolumes(const TraceScene& scene, const Ray& ray, bool asLight, 
     return March(scene, ray, asLight, true, line).run();
 }
 
-float volumesLeft(const TraceScene& scene, const Ray& ray) {
-    return scene.volumes.empty() ? 1 : March(scene, ray, true, false, 0).run().left;
+float volumesLeft(const TraceScene& scene, const Ray& ray, const ScopeFilter* scope) {
+    return scene.volumes.empty() ? 1 : March(scene, ray, true, false, 0, scope).run().left;
 }
 
 void findVolumes(const LightState& state, const RayView& world, const std::vector<bool>& hidden,

@@ -24,8 +24,8 @@ struct VolumeLight {
 /// before the ray's origin, for fog.
 VolumeLight marchVolumes(const TraceScene& scene, const Ray& ray, bool asLight, float line);
 
-/// What is left of light along the ray.
-float volumesLeft(const TraceScene& scene, const Ray& ray);
+/// What is left of light along the ray. `scope`: what leaves out those that cast no shadow in it; null: all do.
+float volumesLeft(const TraceScene& scene, const Ray& ray, const ScopeFilter* scope = nullptr);
 
 /// The volumes of a picture: `hidden` as in Part.
 void findVolumes(const LightState& state, const RayView& world, const std::vector<bool>& hidden,

@@ -6,6 +6,7 @@
 #include <rtsg/core/color_blend.h>
 #include <rtsg/renderers/shading.h>
 
+#include "left_out.h"
 #include "surface_packet.h"
 #include "volume_march.h"
 
@@ -194,17 +195,18 @@ void StyledPlace::apply(const ToneMapped& step, const Vec3f& normal, Vec4f& colo
 
 float StyledPlace::visible(const TraceLight& light, const Vec3f& direction, float distance) const {
     Ray ray{at_, kLeave, direction, distance};
-    float left = scene_.world->occluded(ray) ? 0.0f : 1.0f;
+    const ViewOfLight world(scene_, light);
+    float left = (*world).occluded(ray) ? 0.0f : 1.0f;
     if (left == 0 && scene_.anyTransmits) {
         // A light at a place is one length of the direction away there.
         if (std::isfinite(distance)) ray.direction = direction * distance, ray.tMax = 1;
-        const Vec3f through = leftOnTheWay(scene_, ray);
+        const Vec3f through = leftOnTheWay(scene_, *world, ray);
         left = (through.x + through.y + through.z) / 3;
     }
     // A surface is no farther off than half a voxel from where it was met.
     const Vec3f step = glm::mat3(volume_.placeFromRay) * direction * Vec3f(volume_.volume->voxels->size());
     const float from = onSurface_ ? .5f / std::max(glm::length(step), 1e-20f) : 0;
-    if (left > 0 && from < distance) left *= volumesLeft(scene_, {at_, from, direction, distance});
+    if (left > 0 && from < distance) left *= volumesLeft(scene_, {at_, from, direction, distance}, light.scope);
     return 1 - light.shadowIntensity * (1 - left);
 }
 

@@ -92,6 +92,64 @@ TEST(LightTracer, ShadowsFalseCountsWhereAnyLightSaysTrue) {
 }
 
 // Vertex colours whose alpha is a half let half of the light through, though no material is see-through.
+TEST(LightTracer, OnlyWhatALightReachesByItsScopeCastsItsShadow) {
+    // 17.3.1 speaks of shadows "behind illuminated X3DShapeNode geometry". The ball is between lamp and floor.
+    const std::string floor = square(100, matte("1 1 1"));
+    const auto ball = [](const char* shape = "appearance Appearance { material Material { } }") {
+        return fmt::format("Transform {{ translation 0 0 2 children Shape {{ {} geometry Sphere {{ radius .5 }} }} }}",
+                           shape);
+    };
+    const auto lit = [](const std::string& body, Integrator integrator) {
+        LightScene s("Viewpoint { position 0 0 1 } NavigationInfo { headlight FALSE } " + body);
+        s.options.settings.shadows = Shadows::all, s.options.settings.integrator = integrator;
+        s.options.settings.colorSpace = ColorSpace::linear;
+        return s.center().r;
+    };
+    const std::string lamp = "PointLight { location 0 0 9 global FALSE } ",
+                      sun = "DirectionalLight { direction 0 0 -1 } ", global = "PointLight { location 0 0 9 } ";
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        for (const std::string& light : {lamp, sun}) {
+            EXPECT_NEAR(lit("Group { children [ " + light + floor + " ] } " + ball(), integrator), 1, 1e-5);
+            EXPECT_EQ(lit("Group { children [ " + light + floor + ball() + " ] }", integrator), 0);
+            EXPECT_EQ(lit("Group { children [ " + light + floor + "Group { children " + ball() + " } ] }", integrator),
+                      0)
+                << "what is within a part of it is reached too";
+            EXPECT_EQ(lit("Group { children [ " + light + floor + "Group { children [ " + sun + ball() + " ] } ] }",
+                          integrator),
+                      0)
+                << "whatever else shines there";
+        }
+        EXPECT_EQ(lit(global + "Group { children [ " + floor + " ] } " + ball(), integrator), 0);
+        // A clear ball outside takes nothing, one inside takes its share: front and back.
+        const char* clear = "appearance Appearance { material Material { transparency .5 } }";
+        EXPECT_NEAR(lit("Group { children [ " + lamp + floor + " ] } " + ball(clear), integrator), 1, 1e-5);
+        EXPECT_NEAR(lit("Group { children [ " + lamp + floor + ball(clear) + " ] }", integrator), .25, 1e-5);
+    }
+}
+
+TEST(LightTracer, TwoScopesHaveShadowsOfTheirOwn) {
+    // Both lamps reach the floor, the inner one by the outer group alone: red from the whole, green from within.
+    const auto lit = [](const std::string& inner, const std::string& outer) {
+        LightScene s(
+            "Viewpoint { position 0 0 1 } NavigationInfo { headlight FALSE } "
+            "PointLight { location 0 0 9 color 1 0 0 } Group { children [ "
+            "PointLight { location 0 0 9 color 0 1 0 global FALSE } " +
+            square(100, matte("1 1 1")) + inner + " ] } " + outer);
+        s.options.settings.shadows = Shadows::all;
+        return s.center();
+    };
+    const std::string ball =
+        "Transform { translation 0 0 2 children Shape { appearance Appearance { material Material "
+        "{ } } geometry Sphere { radius .5 } } }";
+    EXPECT_EQ(lit("", ""), Vec3f(1, 1, 0));
+    EXPECT_EQ(lit(ball, ""), Vec3f(0));
+    EXPECT_EQ(lit("", ball), Vec3f(0, 1, 0));
+    // A plane that cuts the ball away for one scope does so for its light as well.
+    EXPECT_EQ(lit("Group { children [ ClipPlane { plane 0 0 -1 1 } " + ball + " ] }", ""), Vec3f(1, 1, 0));
+    // A ball beyond the scope that coincides with one in it hides none of its shadow.
+    EXPECT_EQ(lit(ball, ball), Vec3f(0));
+}
+
 TEST(LightTracer, VertexColorsWithAlphaLetShadowRaysThrough) {
     LightScene s(
         "Viewpoint { position 0 0 1 } PointLight { location 0 0 9 } " + square(100, matte("1 1 1")) +

@@ -211,6 +211,27 @@ TEST(Trail, OnlyWhatALampShinesOnIsTracedAgain) {
     share("no end");
 }
 
+TEST(Trail, WhatCastsNoShadowInALightLeavesItsPixels) {
+    // The lamp's scope is a group; a thing goes through its light beside the group, and one within it.
+    LightScene s(
+        "Viewpoint { position 0 0 12 } NavigationInfo { headlight FALSE } Group { children [ DEF LAMP PointLight { "
+        "location 3 2 9 global FALSE shadows TRUE } Transform { translation 0 0 -5 children Shape { appearance "
+        "Appearance { material Material { } } geometry Box { size 200 200 1 } } } DEF T1 Transform { translation 1 1 0 "
+        "children DEF SHAPE Shape { appearance Appearance { material Material { } } geometry Box { size .5 .5 .5 } } } "
+        "] } DEF T0 Transform { children USE SHAPE }",
+        90, 60);
+    next(s);
+    for (const char* moved : {"T0", "T1", "T0", "T1"})
+        for (const Vec3f& to : {Vec3f(1, 1.5f, 3), Vec3f(-2, 0, 1)}) {
+            ASSERT_TRUE(s.scene.set(s.node(moved), x3d::Transform::translation, to));
+            s.scene.newFrame(s.scene.now() + 1);
+            expectAsTracedAnew(s, moved);
+        }
+    ASSERT_TRUE(s.scene.set(s.node("LAMP"), x3d::PointLight::global, true));
+    s.scene.newFrame(s.scene.now() + 1);
+    expectAsTracedAnew(s, "the lamp shines everywhere");
+}
+
 TEST(Trail, AConeMeetsABoxWhereItShinesOnIt) {
     const trace::LightReach cone{{1, 2, 3}, {0, 0, -1}, 10, .3f};
     std::mt19937 random(7);

@@ -143,6 +143,19 @@ TEST(VolumeStyles, ShadingIsThatOfMaterials) {
         Vec3d(0), 1e-4);
 }
 
+TEST(VolumeStyles, WhatIsBeyondALightsScopeThrowsNoShadow) {
+    const std::string wall =
+        "Transform { translation 30 0 40 rotation 0 1 0 .6435 children " + square(9, unlit("1 1 1")) + " } ";
+    const auto of = [&](const std::string& within, const std::string& beyond) {
+        return styled("Group { children [ DirectionalLight { direction -.6 0 -.8 shadows TRUE } " + within +
+                      volume(evenVoxels(30, 1, 1, 8), "ShadedVolumeStyle { lighting TRUE shadows TRUE }") + " ] } " +
+                      beyond);
+    };
+    EXPECT_EQ(of(wall, ""), Vec3f(0));
+    EXPECT_GT(of("", "").r, 0);
+    EXPECT_EQ(of("", wall), of("", ""));
+}
+
 // A dense volume is dark where its own body hides the light.
 TEST(VolumeStyles, ShadowsOfAVolumeFallOnItself) {
     const double v = 30 / 255.;

@@ -177,6 +177,17 @@ TEST(Volume, ThrowsShadows) {
     expectColor(seenVolume(lit("DirectionalLight { shadows TRUE shadowIntensity .5 }"), Integrator::whitted,
                            ColorSpace::linear),
                 Vec3d(1 - .5 * (1 - left)), 1e-4);
+    // Out of a light's scope it takes nothing.
+    const auto scoped = [&](const std::string& within, const std::string& beyond) {
+        return "Viewpoint { position 0 0 -1.5 } Group { children [ DirectionalLight { shadows TRUE } Transform { "
+               "translation 0 0 -3 children " +
+               square(9, matte("1 1 1")) + " } " + within + " ] } " + beyond;
+    };
+    const std::string veil = volume(black + " ] }");
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        expectColor(seenVolume(scoped(veil, ""), integrator, ColorSpace::linear), Vec3d(left), 1e-4);
+        expectColor(seenVolume(scoped("", veil), integrator, ColorSpace::linear), Vec3d(1), 1e-4);
+    }
 }
 
 // Law 2: the same picture as from a scene that was always so.

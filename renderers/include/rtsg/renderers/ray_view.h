@@ -180,6 +180,8 @@ class LensedView final : public RayView {
     /// `views`: what rays of the kind view are here.
     LensedView(const RayView& view, const PixelLens& lens, const RayFilter* filter = nullptr,
                RayKind views = RayKind::view);
+    /// The same with another filter in place of its own.
+    LensedView(const LensedView& view, const RayFilter* filter) : RayView(view) { filter_ = filter; }
 };
 
 }  // namespace rtsg
