@@ -90,7 +90,7 @@ class Film final : public MovieFile {
     /// Formats that neither say how long they are nor find a time: they are read through.
     bool isCounted() {
         const std::string_view name = file_.format().iformat->name;
-        return name == "mpeg" || name == "mpegvideo" || name == "gif";
+        return name == "mpeg" || name == "mpegvideo" || name == "gif" || name == "apng";
     }
 
     double countedSeconds() {

@@ -35,6 +35,23 @@ Result<std::unique_ptr<MovieFile>> openFile(const Resource& named, MovieBytes by
     return film;
 }
 
+/// Whether a PNG file says before its picture that it is animated: chunk acTL (PNG, third edition, 11.3.6.1).
+bool isAnimatedPng(const Resource& file) {
+    constexpr int kMostChunks = 64;  // of colours, sizes and texts
+    constexpr std::uint64_t kSignature = 8, kAround = 12;
+    std::uint64_t at = kSignature;
+    for (int i = 0; i < kMostChunks; ++i) {
+        const std::string head = file.readAt(at, 8);
+        if (head.size() < 8 || head.ends_with("IDAT")) return false;
+        if (head.ends_with("acTL")) return true;
+        std::uint32_t length = 0;
+        for (int k = 0; k < 4; ++k)
+            length = length << 8 | static_cast<unsigned char>(head[static_cast<std::size_t>(k)]);
+        at += kAround + length;
+    }
+    return false;
+}
+
 }  // namespace
 
 bool Movie::isMovie(const Resource& file) {
@@ -45,7 +62,7 @@ bool Movie::isMovie(const Resource& file) {
     return all.substr(4, 4) == "ftyp"sv || all.substr(4, 4) == "moov"sv || all.substr(4, 4) == "mdat"sv ||
            all.starts_with("\x1A\x45\xDF\xA3"sv) || (all.starts_with("RIFF"sv) && all.substr(8, 4) == "AVI "sv) ||
            all.starts_with("OggS"sv) || all.starts_with("\0\0\1\xBA"sv) || all.starts_with("\0\0\1\xB3"sv) ||
-           all.starts_with("GIF8"sv);
+           all.starts_with("GIF8"sv) || (all.starts_with("\x89PNG\r\n\x1A\n"sv) && isAnimatedPng(file));
 }
 
 Result<Movie> Movie::open(Resource file, std::uint64_t maximumPixels) {

@@ -11,6 +11,7 @@
 #include <rtsg/renderers/picture.h>
 
 #include "renderers/light/light_scene.h"
+#include "support/animated_png.h"
 #include "support/plain_film.h"
 #include "support/temp_folder.h"
 #include "test_paths.h"
@@ -98,11 +99,19 @@ TEST_F(Films, OfAnyKindShowTheSameWhateverWasAskedBefore) {
     ASSERT_TRUE(writeAnimation(pictures, folder_.path() / "film.gif", 4));
     std::ifstream file(folder_.path() / "film.gif", std::ios::binary);
     const std::string gif{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+    std::vector<std::string> pixels;
+    for (int i = 0; i < 8; ++i) {
+        pixels.emplace_back();
+        for (int k = 0; k < 64; ++k)
+            for (const int c : {i & 1 ? 255 : 0, i & 2 ? 255 : 0, i & 4 ? 255 : 0, 255})
+                pixels.back() += static_cast<char>(c);
+    }
     struct {
         std::string bytes;
         int frames;
         double rate, seconds;
     } films[] = {{gif, 8, 4, 2},
+                 {test::animatedPng(8, 8, pixels, 1, 4), 8, 4, 2},
                  {dataFile("film.mp4"), 10, 25, .4},
                  {dataFile("film.mpg"), 10, 25, .4},
                  {dataFile("film.webm"), 10, 25, .4},
@@ -177,6 +186,14 @@ TEST_F(Films, AreRefusedWithAReason) {
     EXPECT_THAT(why(plainFilm(2, 10, 64, 64), 1000), HasSubstr("at most 1000"));
     EXPECT_EQ(why(plainFilm(2, 10, 64, 64), 64 * 64), "");
     EXPECT_THAT(why(dataFile("film.mp4"), 100), HasSubstr("film"));
+    const std::string pixel[] = {"abcd", "efgh"};
+    const std::string moving = test::animatedPng(1, 1, pixel, 1, 2);
+    EXPECT_EQ(why(moving), "");
+    std::string still = moving;
+    for (std::size_t at = still.find("acTL"); at != std::string::npos; at = still.find("acTL")) still[at] = 'b';
+    EXPECT_THAT(why(still), HasSubstr("no film of a format")) << "what follows a chunk that is not known";
+    EXPECT_THAT(why(moving.substr(0, 40)), HasSubstr("film"));
+    EXPECT_THAT(why(moving.substr(0, moving.find("acTL"))), HasSubstr("no film of a format"));
 }
 
 TEST_F(Films, ThatAreDamagedEndInAPictureOrAReason) {
