@@ -1,4 +1,4 @@
-// Reads and writes sound files by libsndfile, resamples by libsamplerate.
+// Reads and writes sound files by libsndfile, resamples whole sounds by libsoxr.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -7,8 +7,8 @@
 #include <memory>
 
 #include <fmt/format.h>
-#include <samplerate.h>
 #include <sndfile.h>
+#include <soxr.h>
 
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
@@ -179,22 +179,39 @@ Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate) {
         same.sampleRate = sampleRate;
         return same;
     }
-    SoundBuffer result{sampleRate, sound.channels, {}};
+    // Beyond, the converter's filters grow without end.
+    constexpr double kMostRatio = 256;
     const double ratio = static_cast<double>(sampleRate) / sound.sampleRate;
-    if (src_is_valid_ratio(ratio) == 0)  // before memory is taken for it
-        return fail(fmt::format("cannot convert from {} to {} Hz", sound.sampleRate, sampleRate));
-    const auto frames = static_cast<long>(std::ceil(static_cast<double>(sound.frames()) * ratio)) + 1;
-    result.samples.resize(static_cast<std::size_t>(frames * sound.channels));
-    SRC_DATA data{};
-    data.data_in = sound.samples.data();
-    data.input_frames = static_cast<long>(sound.frames());
-    data.data_out = result.samples.data();
-    data.output_frames = frames;
-    data.src_ratio = ratio;
-    if (const int error = src_simple(&data, SRC_SINC_MEDIUM_QUALITY, sound.channels))
-        return fail(
-            fmt::format("cannot convert from {} to {} Hz: {}", sound.sampleRate, sampleRate, src_strerror(error)));
-    result.samples.resize(static_cast<std::size_t>(data.output_frames_gen * sound.channels));
+    const auto cannot = [&](const std::string& why) {
+        return fail(fmt::format("cannot convert from {} to {} Hz{}", sound.sampleRate, sampleRate, why));
+    };
+    if (!(ratio <= kMostRatio && ratio >= 1 / kMostRatio)) return cannot("");
+    const soxr_io_spec_t floats = soxr_io_spec(SOXR_FLOAT32_I, SOXR_FLOAT32_I);
+    const soxr_quality_spec_t best = soxr_quality_spec(SOXR_VHQ, 0);
+    const char* error = nullptr;
+    const std::unique_ptr<soxr, void (*)(soxr_t)> converter(
+        soxr_create(sound.sampleRate, sampleRate, static_cast<unsigned>(sound.channels), &error, &floats, &best,
+                    nullptr),
+        soxr_delete);
+    if (!converter || error) return cannot(fmt::format(": {}", error ? error : "no memory"));
+    const auto channels = static_cast<std::size_t>(sound.channels);
+    SoundBuffer result{sampleRate, sound.channels, {}};
+    result.samples.resize((static_cast<std::size_t>(std::ceil(static_cast<double>(sound.frames()) * ratio)) + 1) *
+                          channels);
+    // In pieces: the converter keeps a copy of what it is given at once. After the last one it gives what it holds
+    // back.
+    constexpr std::size_t kPiece = 1 << 16;
+    std::size_t taken = 0, made = 0, piece = 0, some = 0;
+    do {
+        piece = std::min(kPiece, sound.frames() - taken);
+        std::size_t used = 0;
+        error =
+            soxr_process(converter.get(), piece > 0 ? sound.samples.data() + taken * channels : nullptr, piece, &used,
+                         result.samples.data() + made * channels, result.samples.size() / channels - made, &some);
+        if (error) return cannot(fmt::format(": {}", error));
+        taken += used, made += some;
+    } while (piece > 0 || some > 0);
+    result.samples.resize(made * channels);
     return result;
 }
 

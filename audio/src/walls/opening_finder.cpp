@@ -39,7 +39,6 @@ OpeningFinder::OpeningFinder(const RayView& rays, const glm::dvec3& source) : ra
 
 /// How much of what the source sees is sky, and how large the rest is.
 void OpeningFinder::look(const glm::dvec3& source) {
-    sky_ = skyShare(source);
     double cubes = 0;
     int walls = 0;
     for (const Vec3f& direction : directions_) {
@@ -48,24 +47,29 @@ void OpeningFinder::look(const glm::dvec3& source) {
         cubes += std::pow(double{hit.t}, 3);
         ++walls;
     }
+    sky_ = 1 - walls / double{kDirections};
     if (walls > 0) volume_ = 4 * std::numbers::pi / 3 * cubes / walls;
 }
 
-double OpeningFinder::skyShare(const glm::dvec3& at) const {
+/// Whether at least this share of all directions leads to the sky. Once that is known, no more are asked about.
+bool OpeningFinder::seesSky(const glm::dvec3& at, double share) const {
+    constexpr int kPacket = 16;
+    static_assert(kDirections % kPacket == 0);
+    const int least = static_cast<int>(std::ceil(share * kDirections));
     const Vec3f origin = rays_.fromWorld(at);
     int seen = 0;
-    for (std::size_t first = 0; first < kDirections; first += 16) {
+    for (int first = 0; first < kDirections && seen < least && seen + kDirections - first >= least; first += kPacket) {
         RayPacket16 packet;
-        for (int i = 0; i < 16; ++i) {
+        for (int i = 0; i < kPacket; ++i) {
             Ray ray;
             ray.origin = origin;
-            ray.direction = directions_[first + static_cast<std::size_t>(i)];
+            ray.direction = directions_[static_cast<std::size_t>(first + i)];
             ray.tMax = RayView::kMaxCoordinate;
             packet.set(i, ray);
         }
-        seen += 16 - std::popcount(rays_.occluded(packet, false, RayKind::sound));
+        seen += kPacket - std::popcount(rays_.occluded(packet, false, RayKind::sound));
     }
-    return seen / double{kDirections};
+    return seen >= least;
 }
 
 Hit OpeningFinder::meet(const glm::dvec3& from, const glm::dvec3& direction) const {
@@ -83,17 +87,17 @@ bool OpeningFinder::goesOn(const glm::dvec3& from, const glm::dvec3& direction, 
     // Far enough before what was met that floats tell the two apart, also where it is near.
     const double t = met.t;
     const double back = std::min(t / 2, std::max(1e-3 * t, 2e-6 * (1 + glm::length(from))));
-    return t > wall && skyShare(from + direction * (t - back)) >= sky;
+    return t > wall && seesSky(from + direction * (t - back), sky);
 }
 
 /// The last place on its way that is not outside; none if it starts there.
 std::optional<glm::dvec3> OpeningFinder::placeBefore(const EscapedRay& ray) const {
     double far = glm::distance(ray.origin, middle_) + radius_;
     double near = std::min(1e-3, 1e-3 * far);
-    if (skyShare(ray.origin + ray.direction * near) >= kOutside) return std::nullopt;
+    if (seesSky(ray.origin + ray.direction * near, kOutside)) return std::nullopt;
     while (far - near > 1e-6 * (1 + near)) {
         const double between = (near + far) / 2;
-        (skyShare(ray.origin + ray.direction * between) < kOutside ? near : far) = between;
+        (seesSky(ray.origin + ray.direction * between, kOutside) ? far : near) = between;
     }
     return ray.origin + ray.direction * near;
 }

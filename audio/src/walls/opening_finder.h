@@ -41,7 +41,7 @@ class OpeningFinder {
     static constexpr double kOutdoors = 0.3;
 
     void look(const glm::dvec3& source);
-    double skyShare(const glm::dvec3& at) const;
+    bool seesSky(const glm::dvec3& at, double share) const;
     Hit meet(const glm::dvec3& from, const glm::dvec3& direction) const;
     bool goesOn(const glm::dvec3& from, const glm::dvec3& direction, double wall, double sky, Hit& met) const;
     std::optional<glm::dvec3> placeBefore(const EscapedRay& ray) const;

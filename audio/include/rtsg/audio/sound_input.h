@@ -80,7 +80,7 @@ class SoundFeed {
     void put(std::span<const float> samples);
 
     SoundInput& input_;
-    void* converter_ = nullptr;  // libsamplerate's
+    void* converter_ = nullptr;  // libsamplerate's, which holds back less than libsoxr does
     double ratio_ = 1;
     std::vector<float> converted_;
 };
