@@ -100,6 +100,7 @@ struct AcousticEngine::Impl {
     double seconds() const { return static_cast<double>(samples) / options.sampleRate; }
     void noteWallsChanged(EmitterState& state) const;
     bool shallSeekLeaks(const EmitterState& state) const;
+    bool leaksKnownFrom(const glm::dvec3& source) const;
     void noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds, const RoomOpenings& openings);
 
     AcousticOptions options;

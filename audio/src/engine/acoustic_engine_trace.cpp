@@ -46,6 +46,14 @@ bool AcousticEngine::Impl::shallSeekLeaks(const EmitterState& state) const {
            seconds() >= state.wallsChanged->first + kMostMotion;
 }
 
+/// Sources at one place have one room around them: whose leaks were told as another one's are not looked for again.
+bool AcousticEngine::Impl::leaksKnownFrom(const glm::dvec3& source) const {
+    return std::ranges::any_of(states, [&](const auto& other) {
+        const EmitterState& state = other.second;
+        return state.leaksSought && state.openings.openings.empty() && state.tracedSource == source;
+    });
+}
+
 void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                                  const ListenerPose& listener) {
     TraceJob job;
@@ -56,8 +64,9 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.tracing = options.trace;
     job.tracing.air = air;
     if (shallSeekLeaks(state)) {
-        job.tracing.exits = kLeakExits;
         state.wallsChanged.reset();
+        state.leaksSought = leaksKnownFrom(source);
+        if (!state.leaksSought) job.tracing.exits = kLeakExits;
     }
     job.tracing.pattern = patternOf(emitter, source, listener.position, options.levels == AcousticOptions::Levels::x3d);
     job.error = options.error;

@@ -79,6 +79,24 @@ struct SoundRenderer::Impl {
     std::size_t toldSealed = 0, toldLeaks = 0;
     bool hadSounds = false;
     double measured = 0;  // share of a survey
+    /// The openings that were looked for last, by what tells them: sources at one place have the same.
+    struct {
+        glm::dvec3 source{0};
+        std::vector<EscapedRay> exits;
+        Bands escaped{};
+        RoomOpenings openings;
+        bool known = false;
+    } sought;
+
+    const RoomOpenings& openingsBy(const OpenedGeometry& room, const glm::dvec3& source, const TraceResult& trace) {
+        const auto same = [](const EscapedRay& a, const EscapedRay& b) {
+            return a.origin == b.origin && a.direction == b.direction && a.energy == b.energy;
+        };
+        if (!sought.known || source != sought.source || trace.escaped != sought.escaped ||
+            !std::ranges::equal(trace.exits, sought.exits, same))
+            sought = {source, trace.exits, trace.escaped, room.openings(source, trace.exits, trace.escaped), true};
+        return sought.openings;
+    }
 
     /// By its directivity; nothing for listeners that it sends to as to all others. Cones send the same whoever
     /// listens, so that all share their rays; what ellipsoids send is told by how far away the listener is.
@@ -234,7 +252,7 @@ Result<std::vector<ListenReport::Source>> SoundRenderer::measureAt(const SoundEm
     if (s.options.impulseResponses && !cancelled) directed = s.traceDirected(tracer, emitter, listeners, tracing);
     if (cancelled) return fail("cancelled");
     RoomOpenings openings;
-    if (!traces.empty()) openings = room.openings(position, traces.front().exits, traces.front().escaped);
+    if (!traces.empty()) openings = s.openingsBy(room, position, traces.front());
     nameShapes(world().scene(), openings);
     s.renderer->note(emitter, world().scene().now(), openings);
     for (std::size_t i = 0; i < listeners.size(); ++i) {
@@ -257,6 +275,7 @@ Result<> SoundRenderer::measure() {
     if (!s.refused.empty()) return fail("listening failed: " + s.refused);
     if (auto ok = begin(); !ok) return ok;
     const SoundScene& sounds = s.renderer->scene();
+    s.sought = {};
     s.report.listener = sounds.listener();
     s.report.air = s.renderer->air();
     s.report.responses = s.options.responses;
@@ -291,6 +310,7 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
     const ListenerPose& pose = sounds.listener();
     const glm::dmat3 axes(pose.right, pose.up, pose.back);
     const bool levels = s.options.render.levels == AcousticOptions::Levels::x3d;
+    s.sought = {};
     RoomReport report;
     report.title = "Room acoustics";
     report.air = s.renderer->air();

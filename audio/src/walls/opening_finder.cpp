@@ -228,7 +228,7 @@ std::optional<Felt> OpeningFinder::feel(const EscapedRay& ray) {
         felt.outline = std::move(next);
         if (rim.closed && std::abs(felt.outline.area - area) < 0.02 * felt.outline.area) break;
     }
-    if (!feelRim(felt.outline, 128, 14, rim)) return std::nullopt;
+    if (!feelRim(felt.outline, 128, 10, rim)) return std::nullopt;
     felt.outline = outlineOf(rim.corners, felt.outline.normal);
     for (std::size_t i = 0, n = rim.corners.size(); i < n; ++i)
         if (rim.slots[i] != kNoInstance)
