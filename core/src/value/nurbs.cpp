@@ -23,14 +23,17 @@ bool areUsable(std::span<const double> knots, int order, std::size_t count) {
 
 }  // namespace
 
-NurbsBasis::NurbsBasis(int order, std::size_t count, std::span<const double> knots, bool* replaced)
+NurbsBasis::NurbsBasis(int order, std::size_t count, std::span<const double> knots, bool* replaced, EvenEnds ends)
     : order_(order), count_(count), knots_(knots.begin(), knots.end()) {
     const bool good = areUsable(knots, order, count);
     if (replaced) *replaced = !good;
     if (good) return;
-    const std::size_t size = count + static_cast<std::size_t>(order);
-    knots_.resize(size);
-    for (std::size_t i = 0; i < size; ++i) knots_[i] = static_cast<double>(i) / static_cast<double>(size - 1);
+    knots_.clear();
+    const auto inner = static_cast<std::ptrdiff_t>(count) - order + 1;  // pieces
+    for (std::ptrdiff_t i = 1 - order; i <= inner + order - 1; ++i) {
+        const std::ptrdiff_t at = ends == EvenEnds::clamped ? std::clamp<std::ptrdiff_t>(i, 0, inner) : i;
+        knots_.push_back(static_cast<double>(at) / static_cast<double>(inner));
+    }
 }
 
 std::vector<double> NurbsBasis::breaks() const {

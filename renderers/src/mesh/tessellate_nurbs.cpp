@@ -328,15 +328,17 @@ class SurfaceMesher {
 
 // ---- nodes --------------------------------------------------------------------------------------------------------
 
-/// Closed ones without knots of their own go around evenly: the first points come again after the last.
-void closeEvenly(int order, std::vector<Vec3d>& points, std::vector<double>& weights) {
-    if (points.size() < 2 || points.front() != points.back()) return;
+/// Closed ones without knots of their own go around evenly: the first points come again after the last. False: they do
+/// not end where they begin.
+bool closeEvenly(int order, std::vector<Vec3d>& points, std::vector<double>& weights) {
+    if (points.size() < 2 || points.front() != points.back()) return false;
     const std::size_t n = points.size() - 1;
     weights.resize(points.size(), 1);
     for (int i = 1; i + 1 < order; ++i) {
         points.push_back(points[static_cast<std::size_t>(i) % n]);
         weights.push_back(weights[static_cast<std::size_t>(i) % n]);
     }
+    return true;
 }
 
 class NurbsReader {
@@ -383,7 +385,10 @@ class NurbsReader {
             }
         return list;
     }
-    bool basis(int order, std::size_t count, std::span<const double> knots, const char* name, NurbsBasis& out) {
+    /// `around`: the first points come again in the end.
+    bool basis(int order, std::size_t count, std::span<const double> knots, const char* name, bool around,
+               NurbsBasis& out) {
+        using Ends = NurbsBasis::EvenEnds;
         if (!NurbsBasis::fits(order, count)) {
             warn(mesh_,
                  fmt::format("{} control points{} for an order of {}: it is from 2 to {}, and there are as many points "
@@ -392,7 +397,7 @@ class NurbsReader {
             return false;
         }
         bool replaced = false;
-        out = NurbsBasis(order, count, knots, &replaced);
+        out = NurbsBasis(order, count, knots, &replaced, around ? Ends::periodic : Ends::clamped);
         if (replaced && !knots.empty())
             warn(mesh_, fmt::format("the knots{} do not fit {} control points of order {}: taken as even", name, count,
                                     order));
@@ -407,9 +412,9 @@ class NurbsReader {
     bool make(std::vector<Vec3d> list, const Array<double>& weight, const Array<double>& knot, int order, bool closed,
               NurbsCurve& out) {
         std::vector<double> weights(weight.begin(), weight.end());
-        if (closed && knot.empty()) closeEvenly(order, list, weights);
+        const bool around = closed && knot.empty() && closeEvenly(order, list, weights);
         out.points = nurbsPoints(list, weights);
-        return basis(order, list.size(), spanOf(knot), "", out.basis);
+        return basis(order, list.size(), spanOf(knot), "", around, out.basis);
     }
     /// A NurbsCurve2D, or a ContourPolyline2D, which is one of order 2.
     bool readFlat(NodeId id, NurbsCurve& out, std::int32_t& tessellation) {
@@ -493,10 +498,12 @@ class NurbsReader {
         weights.resize(list.size(), 1);
         const int orderU = node_.get(T::uOrder), orderV = node_.get(T::vOrder);
         const std::size_t plainU = nu, plainV = nv;
-        if (node_.get(T::uClosed) && node_.get(T::uKnot).empty()) closeU(orderU, nu, nv, list, weights);
-        if (node_.get(T::vClosed) && node_.get(T::vKnot).empty()) closeV(orderV, nu, nv, list, weights);
-        if (!basis(orderU, nu, spanOf(node_.get(T::uKnot)), " along u", s.u) ||
-            !basis(orderV, nv, spanOf(node_.get(T::vKnot)), " along v", s.v))
+        const bool aroundU =
+            node_.get(T::uClosed) && node_.get(T::uKnot).empty() && closeU(orderU, nu, nv, list, weights);
+        const bool aroundV =
+            node_.get(T::vClosed) && node_.get(T::vKnot).empty() && closeV(orderV, nu, nv, list, weights);
+        if (!basis(orderU, nu, spanOf(node_.get(T::uKnot)), " along u", aroundU, s.u) ||
+            !basis(orderV, nv, spanOf(node_.get(T::vKnot)), " along v", aroundV, s.v))
             return;
         s.points = nurbsPoints(list, weights);
         SurfaceTexture texture;
@@ -504,10 +511,10 @@ class NurbsReader {
         readTexture(node_.get(T::texCoord), s, plainU == nu && plainV == nv, texture);
         surface(s, texture, node_.get(T::uTessellation), node_.get(T::vTessellation), trim);
     }
-    static void closeU(int order, std::size_t& nu, std::size_t nv, std::vector<Vec3d>& list,
+    static bool closeU(int order, std::size_t& nu, std::size_t nv, std::vector<Vec3d>& list,
                        std::vector<double>& weights) {
         for (std::size_t j = 0; j < nv; ++j)
-            if (nu < 2 || list[j * nu] != list[j * nu + nu - 1]) return;
+            if (nu < 2 || list[j * nu] != list[j * nu + nu - 1]) return false;
         std::vector<Vec3d> closed;
         std::vector<double> closedWeights;
         std::size_t wide = nu;
@@ -521,17 +528,19 @@ class NurbsReader {
             closedWeights.insert(closedWeights.end(), rowWeights.begin(), rowWeights.end());
         }
         list = std::move(closed), weights = std::move(closedWeights), nu = wide;
+        return true;
     }
-    static void closeV(int order, std::size_t nu, std::size_t& nv, std::vector<Vec3d>& list,
+    static bool closeV(int order, std::size_t nu, std::size_t& nv, std::vector<Vec3d>& list,
                        std::vector<double>& weights) {
         for (std::size_t i = 0; i < nu; ++i)
-            if (nv < 2 || list[i] != list[(nv - 1) * nu + i]) return;
+            if (nv < 2 || list[i] != list[(nv - 1) * nu + i]) return false;
         const std::size_t rows = nv - 1;
         for (int k = 1; k + 1 < order; ++k, ++nv)
             for (std::size_t i = 0; i < nu; ++i) {
                 const std::size_t from = static_cast<std::size_t>(k) % rows * nu + i;
                 list.emplace_back(list[from]), weights.push_back(double{weights[from]});
             }
+        return true;
     }
 
     void readTexture(NodeId id, const NurbsSurface& s, bool plain, SurfaceTexture& out) {
@@ -560,8 +569,8 @@ class NurbsReader {
                 return;
             }
             list.resize(nu * nv);
-            if (!basis(node->get(T::uOrder), nu, spanOf(node->get(T::uKnot)), " of texCoord along u", made.u) ||
-                !basis(node->get(T::vOrder), nv, spanOf(node->get(T::vKnot)), " of texCoord along v", made.v))
+            if (!basis(node->get(T::uOrder), nu, spanOf(node->get(T::uKnot)), " of texCoord along u", false, made.u) ||
+                !basis(node->get(T::vOrder), nv, spanOf(node->get(T::vKnot)), " of texCoord along v", false, made.v))
                 return;
             made.points = nurbsPoints(list, spanOf(node->get(T::weight)));
             out.coordinates = std::move(made);

@@ -72,9 +72,19 @@ TEST(NurbsBasis, KnotsThatDoNotFitAreReplaced) {
          {std::vector<double>{}, {0, 1}, {0, 1, 2, 1, 4, 5}, {0, 0, 0, 0, 0, 0}, {0, 1, 2, NAN, 4, 5}}) {
         const NurbsBasis basis(3, 3, bad, &replaced);
         EXPECT_TRUE(replaced);
-        EXPECT_DOUBLE_EQ(basis.first(), .4);
-        EXPECT_DOUBLE_EQ(basis.last(), .6);
+        EXPECT_EQ(basis.breaks(), (std::vector<double>{0, 1}));
         (void)basis.at(NAN), (void)basis.at(1e300), (void)basis.at(-1e300);
+    }
+    // Five of order 3: three pieces, whose ends are the outer points, or that go on beyond as they began.
+    const NurbsBasis clamped(3, 5, {}), periodic(3, 5, {}, nullptr, NurbsBasis::EvenEnds::periodic);
+    const std::vector<double> thirds{0, 1 / 3., 2 / 3., 1};
+    EXPECT_EQ(clamped.breaks(), thirds);
+    EXPECT_EQ(periodic.breaks(), thirds);
+    EXPECT_EQ(clamped.at(0).value[0], 1);
+    EXPECT_EQ(clamped.at(1).value[2], 1);
+    for (const double u : {0., 1 / 3., 2 / 3.}) {
+        EXPECT_NEAR(periodic.at(u).value[0], .5, 1e-12) << u;
+        EXPECT_NEAR(periodic.at(u).value[1], .5, 1e-12) << u;
     }
     EXPECT_FALSE(NurbsBasis::fits(1, 5));
     EXPECT_FALSE(NurbsBasis::fits(3, 2));

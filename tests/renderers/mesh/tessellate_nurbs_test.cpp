@@ -87,17 +87,50 @@ TEST(NurbsCurves, KnotsThatDoNotFitAreEven) {
     EXPECT_TRUE(said(line).empty()) << said(line);
     ASSERT_EQ(line.strokeCount, 2u);
     EXPECT_EQ(line.vertex(0, 1), Vec3f(1, 2, 0));
-    // An even quadratic goes through the middles of its polygon's sides.
+    // An even quadratic reaches its ends, and in between the middle of its polygon's inner side.
     const Mesh even = nurbsMesh(
-        "NurbsCurve { order 3 knot [ 3 2 1 0 0 0 ] controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0 ] } }");
+        "NurbsCurve { order 3 tessellation 2 knot [ 3 2 1 0 0 0 0 ] controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 "
+        "2 "
+        "0, 5 2 0 ] } }");
     EXPECT_NE(said(even).find("even"), std::string::npos);
-    ASSERT_GT(even.strokeCount, 2u);
-    EXPECT_LT(glm::distance(even.vertex(0, 0), Vec3f(1, 0, 0)), 1e-6f);
-    EXPECT_LT(glm::distance(even.vertex(even.strokeCount - 1, 1), Vec3f(2, 1, 0)), 1e-6f);
+    ASSERT_EQ(even.strokeCount, 2u);
+    EXPECT_LT(glm::distance(even.vertex(0, 0), Vec3f(0, 0, 0)), 1e-6f);
+    EXPECT_LT(glm::distance(even.vertex(0, 1), Vec3f(2, 1, 0)), 1e-6f);
+    EXPECT_LT(glm::distance(even.vertex(1, 1), Vec3f(5, 2, 0)), 1e-6f);
     // Closed it comes back to where it began.
     const Mesh closed = nurbsMesh(
         "NurbsCurve { order 3 closed TRUE controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0, 0 2 0, 0 0 0 ] } }");
     EXPECT_LT(glm::distance(closed.vertex(0, 0), closed.vertex(closed.strokeCount - 1, 1)), 1e-6f);
+    EXPECT_LT(glm::distance(closed.vertex(0, 0), Vec3f(1, 0, 0)), 1e-6f) << "rounded everywhere alike";
+    // What does not end where it begins is not closed, whatever the field says.
+    const Mesh open = nurbsMesh(
+        "NurbsCurve { order 3 closed TRUE controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0, 0 2 0 ] } }");
+    EXPECT_EQ(open.vertex(0, 0), Vec3f(0));
+    EXPECT_LT(glm::distance(open.vertex(open.strokeCount - 1, 1), Vec3f(0, 2, 0)), 1e-6f);
+}
+
+TEST(NurbsSurfaces, ReachTheirCornersWithoutKnots) {
+    const Mesh patch = nurbsMesh(
+        "NurbsPatchSurface { uDimension 4 vDimension 3 controlPoint Coordinate { point [ 0 0 0, 1 1 0, 2 1 0, 3 0 0, 0 "
+        "1 "
+        "1, 1 2 1, 2 2 1, 3 1 1, 0 0 2, 1 1 2, 2 1 2, 3 0 2 ] } }");
+    EXPECT_TRUE(said(patch).empty()) << said(patch);
+    EXPECT_LT(glm::distance(patch.bounds.min, Vec3f(0)), 1e-6f);
+    EXPECT_NEAR(patch.bounds.max.x, 3, 1e-6);
+    EXPECT_NEAR(patch.bounds.max.z, 2, 1e-6);
+    // Closed along u it is a ring, whose seam is rounded as the rest is.
+    const Mesh ring = nurbsMesh(
+        "NurbsPatchSurface { uClosed TRUE uDimension 5 vDimension 2 vOrder 2 controlPoint Coordinate { point [ 1 0 1, "
+        "-1 0 "
+        "1, -1 0 -1, 1 0 -1, 1 0 1, 1 2 1, -1 2 1, -1 2 -1, 1 2 -1, 1 2 1 ] } }");
+    EXPECT_NEAR(ring.bounds.max.x, 1, 1e-5) << "the middles of the sides";
+    EXPECT_NEAR(ring.bounds.min.z, -1, 1e-5);
+    EXPECT_NEAR(ring.bounds.max.y, 2, 1e-6);
+    for (std::uint32_t t = 0; t < ring.triangleCount; ++t)
+        for (std::uint32_t c = 0; c < 3; ++c) {
+            const Vec3f p = ring.vertex(t, c);
+            EXPECT_LT(std::hypot(p.x, p.z), 1.13) << "no corner is reached";
+        }
 }
 
 /// A surface of revolution about y: rows of circles through (r, y) of the profile's points.

@@ -1,13 +1,16 @@
 // NURBS: points and derivatives of non-uniform rational B-splines, for what is drawn of them and for interpolators.
 //
 // Invariant: a knot vector that does not fit (another number than control points plus order, falling, or more than
-// order - 1 equal ones inside) is replaced by an even one, as the standard wants; evaluation then never fails.
+// order - 1 equal ones inside) is replaced by an even one, as the standard wants; evaluation then never fails. Of "a
+// default uniform knot vector" the clause does not say whether what is open reaches its first and last control point:
+// here it does, as in X_ITE and Xj3D.
 // Weights that are missing, or not above 0, count as 1. Threading: plain data, const members re-entrant.
 // Source: ISO/IEC 19775-1 V4.0 27.2; Piegl and Tiller, The NURBS Book (1997), algorithms A2.2, A3.1 and A4.3.
 #pragma once
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -21,8 +24,12 @@ class NurbsBasis {
     static constexpr int kMostOrder = 16;
 
     NurbsBasis() = default;
+    /// Ends of even knots: at the outer control points (order equal knots at each end), or going on evenly, for points
+    /// of which the first order - 1 come again in the end.
+    enum class EvenEnds : std::uint8_t { clamped, periodic };
     /// Precondition: fits(order, count). `replaced` is set if the knots do not fit.
-    NurbsBasis(int order, std::size_t count, std::span<const double> knots, bool* replaced = nullptr);
+    NurbsBasis(int order, std::size_t count, std::span<const double> knots, bool* replaced = nullptr,
+               EvenEnds ends = EvenEnds::clamped);
     static bool fits(int order, std::size_t count) {
         return order >= 2 && order <= kMostOrder && count >= static_cast<std::size_t>(order);
     }
