@@ -63,7 +63,7 @@ bool OpeningFinder::seesSky(const glm::dvec3& at, double share) const {
         for (int i = 0; i < kPacket; ++i) {
             Ray ray;
             ray.origin = origin;
-            ray.direction = directions_[static_cast<std::size_t>(first + i)];
+            ray.direction = directions_[static_cast<std::size_t>(first) + static_cast<std::size_t>(i)];
             ray.tMax = RayView::kMaxCoordinate;
             packet.set(i, ray);
         }
