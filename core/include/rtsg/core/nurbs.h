@@ -3,7 +3,7 @@
 // Invariant: a knot vector that does not fit (another number than control points plus order, falling, or more than
 // order - 1 equal ones inside) is replaced by an even one, as the standard wants; evaluation then never fails. Of "a
 // default uniform knot vector" the clause does not say whether what is open reaches its first and last control point:
-// here it does, as in X_ITE and Xj3D.
+// here it does, as in X_ITE.
 // Weights that are missing, or not above 0, count as 1. Threading: plain data, const members re-entrant.
 // Source: ISO/IEC 19775-1 V4.0 27.2; Piegl and Tiller, The NURBS Book (1997), algorithms A2.2, A3.1 and A4.3.
 #pragma once
