@@ -50,7 +50,7 @@ bool AcousticEngine::Impl::shallSeekLeaks(const EmitterState& state) const {
 bool AcousticEngine::Impl::leaksKnownFrom(const glm::dvec3& source) const {
     return std::ranges::any_of(states, [&](const auto& other) {
         const EmitterState& state = other.second;
-        return state.leaksSought && state.openings.openings.empty() && state.tracedSource == source;
+        return state.leaksSought && state.openings.openings.empty() && state.leaksSoughtFrom == source;
     });
 }
 
@@ -66,6 +66,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     if (shallSeekLeaks(state)) {
         state.wallsChanged.reset();
         state.leaksSought = leaksKnownFrom(source);
+        state.leaksSoughtFrom = source;
         if (!state.leaksSought) job.tracing.exits = kLeakExits;
     }
     job.tracing.pattern = patternOf(emitter, source, listener.position, options.levels == AcousticOptions::Levels::x3d);

@@ -65,7 +65,8 @@ struct EmitterState {
     std::size_t responseFrames = 0;
     std::optional<Seal> seal;  // nothing arrived, and why; until it was told
     RoomOpenings openings;     // of the room, until they were told
-    bool leaksSought = false;  // and some found, since walls changed
+    bool leaksSought = false;  // and some found, since walls changed,
+    glm::dvec3 leaksSoughtFrom{0};
     bool countsAsSearch = false;
     /// When walls changed since leaks were looked for: first and last.
     std::optional<std::pair<double, double>> wallsChanged;

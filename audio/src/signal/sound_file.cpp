@@ -201,16 +201,15 @@ Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate) {
     // In pieces: the converter keeps a copy of what it is given at once. After the last one it gives what it holds
     // back.
     constexpr std::size_t kPiece = 1 << 16;
-    std::size_t taken = 0, made = 0, piece = 0, some = 0;
+    std::size_t taken = 0, made = 0, used = 0, some = 0;
     do {
-        piece = std::min(kPiece, sound.frames() - taken);
-        std::size_t used = 0;
+        const std::size_t piece = std::min(kPiece, sound.frames() - taken);
         error =
             soxr_process(converter.get(), piece > 0 ? sound.samples.data() + taken * channels : nullptr, piece, &used,
                          result.samples.data() + made * channels, result.samples.size() / channels - made, &some);
         if (error) return cannot(fmt::format(": {}", error));
         taken += used, made += some;
-    } while (piece > 0 || some > 0);
+    } while (used > 0 || some > 0);
     result.samples.resize(made * channels);
     return result;
 }

@@ -220,7 +220,7 @@ std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayVi
 
 std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other,
                                               const RayView& world, const RenderSettings& settings) {
-    const IsListed isHidden{std::move(hidden)};
+    IsListed isHidden{std::move(hidden)};
     Extent kept;
     // While a shutter is open things are elsewhere, too.
     if (settings.shutter == 0)
@@ -228,7 +228,7 @@ std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::sha
             const RayInstance& instance = world.instances()[slot];
             if (instance.info.id && instance.mesh && !isHidden(slot)) kept.add(instance);
         }
-    auto filter = std::make_shared<HidingFilter>(isHidden, std::move(other));
+    auto filter = std::make_shared<HidingFilter>(std::move(isHidden), std::move(other));
     if (settings.shutter == 0 && kept.known) filter->setKept(kept.box);
     return filter;
 }

@@ -5,6 +5,7 @@
 #include <functional>
 #include <regex>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "listen_scene.h"
@@ -158,6 +159,33 @@ TEST_F(ListenLeak, WhatOpensLaterIsToldToo) {
     ASSERT_EQ(both.size(), 2u);
     EXPECT_NE(both[0].find("North"), std::string::npos) << both[0];
     EXPECT_NE(both[1].find("East (Box, "), std::string::npos) << both[1];
+}
+
+/// Two rooms with a crack each. The first source goes from one to the other, with the listener; what it sought in the
+/// one says nothing of the other, where the second comes beside it.
+TEST_F(ListenLeak, ASourceThatCameAlongSaysNothingOfTheRoom) {
+    const auto voice = [](const char* name, const char* enabled) {
+        return fmt::format(
+            "DEF To{0} Transform {{ children DEF {0} Sound {{ enabled {1} location 1 1 1.5 minBack 90 minFront 90 "
+            "maxBack 200 maxFront 200 source OscillatorSource {{ frequency 440 }} }} }}\n",
+            name, enabled);
+    };
+    const std::string unnamed = std::regex_replace(slabs(.04), std::regex("DEF [A-Z][a-z]* "), "");
+    const auto told = heardWhile(
+        slabs(.04) + "Transform { translation 30 0 0 children [ " + unnamed + " ] }\n" + voice("First", "TRUE") +
+            voice("Second", "TRUE") + "DEF ToEar Transform { children Viewpoint { position 4 3 1.5 } }\n",
+        2, [](Scene& scene, double t) {
+            const Vec3f at(t > .5 ? 30 : 0, 0, 0);
+            for (const char* moved : {"ToFirst", "ToEar"})
+                static_cast<void>(scene.set(scene.findName(moved), x3d::Transform::translation, at));
+            static_cast<void>(
+                scene.set(scene.findName("ToSecond"), x3d::Transform::translation, Vec3f(30, t > 1.2 ? 0 : 500, 0)));
+        });
+    ASSERT_EQ(told.size(), 2u) << testing::PrintToString(told);
+    EXPECT_TRUE(told[0].starts_with("there is a crack at 6.0") && told[0].find("First") != std::string::npos)
+        << told[0];
+    EXPECT_TRUE(told[1].starts_with("there is a crack at 36.0") && told[1].find("Second") != std::string::npos)
+        << told[1];
 }
 
 /// A vent, for instance: the metadata of a shape beside say so, whoever finds it.

@@ -89,9 +89,8 @@ TEST(NurbsCurves, KnotsThatDoNotFitAreEven) {
     EXPECT_EQ(line.vertex(0, 1), Vec3f(1, 2, 0));
     // An even quadratic reaches its ends, and in between the middle of its polygon's inner side.
     const Mesh even = nurbsMesh(
-        "NurbsCurve { order 3 tessellation 2 knot [ 3 2 1 0 0 0 0 ] controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 "
-        "2 "
-        "0, 5 2 0 ] } }");
+        "NurbsCurve { order 3 tessellation 2 knot [ 3 2 1 0 0 0 0 ] "
+        "controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0, 5 2 0 ] } }");
     EXPECT_NE(said(even).find("even"), std::string::npos);
     ASSERT_EQ(even.strokeCount, 2u);
     EXPECT_LT(glm::distance(even.vertex(0, 0), Vec3f(0, 0, 0)), 1e-6f);
@@ -111,18 +110,16 @@ TEST(NurbsCurves, KnotsThatDoNotFitAreEven) {
 
 TEST(NurbsSurfaces, ReachTheirCornersWithoutKnots) {
     const Mesh patch = nurbsMesh(
-        "NurbsPatchSurface { uDimension 4 vDimension 3 controlPoint Coordinate { point [ 0 0 0, 1 1 0, 2 1 0, 3 0 0, 0 "
-        "1 "
-        "1, 1 2 1, 2 2 1, 3 1 1, 0 0 2, 1 1 2, 2 1 2, 3 0 2 ] } }");
+        "NurbsPatchSurface { uDimension 4 vDimension 3 controlPoint Coordinate { point [ "
+        "0 0 0, 1 1 0, 2 1 0, 3 0 0, 0 1 1, 1 2 1, 2 2 1, 3 1 1, 0 0 2, 1 1 2, 2 1 2, 3 0 2 ] } }");
     EXPECT_TRUE(said(patch).empty()) << said(patch);
     EXPECT_LT(glm::distance(patch.bounds.min, Vec3f(0)), 1e-6f);
     EXPECT_NEAR(patch.bounds.max.x, 3, 1e-6);
     EXPECT_NEAR(patch.bounds.max.z, 2, 1e-6);
     // Closed along u it is a ring, whose seam is rounded as the rest is.
     const Mesh ring = nurbsMesh(
-        "NurbsPatchSurface { uClosed TRUE uDimension 5 vDimension 2 vOrder 2 controlPoint Coordinate { point [ 1 0 1, "
-        "-1 0 "
-        "1, -1 0 -1, 1 0 -1, 1 0 1, 1 2 1, -1 2 1, -1 2 -1, 1 2 -1, 1 2 1 ] } }");
+        "NurbsPatchSurface { uClosed TRUE uDimension 5 vDimension 2 vOrder 2 controlPoint Coordinate { point [ "
+        "1 0 1, -1 0 1, -1 0 -1, 1 0 -1, 1 0 1, 1 2 1, -1 2 1, -1 2 -1, 1 2 -1, 1 2 1 ] } }");
     EXPECT_NEAR(ring.bounds.max.x, 1, 1e-5) << "the middles of the sides";
     EXPECT_NEAR(ring.bounds.min.z, -1, 1e-5);
     EXPECT_NEAR(ring.bounds.max.y, 2, 1e-6);
