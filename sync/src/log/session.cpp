@@ -12,20 +12,25 @@ namespace rtsg {
 
 namespace {
 
-/// The newest sets, as many as are wanted, each following the one before.
-class Recent {
+/// The newest sets, as many as are wanted, each following the one before. Of the replayed scene: a log in input mode
+/// has no changes of its own.
+class Recent final : public Subscriber {
   public:
     explicit Recent(const ResumeOptions& options) : options_(options) {}
 
-    void add(const ChangeSet& set) {
+    std::string subscriberName() const override { return "what peers may lack"; }
+    Result<> apply(const Scene& scene, const ChangeSet& set) override {
         if (set.isSnapshot() || (!sets_.empty() && sets_.back()->to != set.from)) clear();
-        if (set.isSnapshot()) return;
+        if (set.isSnapshot()) return {};
         changes_ += set.changes.size();
-        sets_.push_back(std::make_shared<const ChangeSet>(set));
+        auto kept = std::make_shared<ChangeSet>(set);
+        kept->hash = scene.hash();  // logs of before have it of another kind
+        sets_.push_back(std::move(kept));
         while (!sets_.empty() && (changes_ > options_.mostChanges || sets_.size() > options_.mostSets)) {
             changes_ -= sets_.front()->changes.size();
             sets_.pop_front();
         }
+        return {};
     }
     std::vector<std::shared_ptr<const ChangeSet>> take() { return {sets_.begin(), sets_.end()}; }
 
@@ -64,6 +69,7 @@ Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& sc
     if (replayer.log().beingWritten()) return fail("another log writer has the file open", {}, log.string());
     // Every state, from the first: numbers of nodes that are gone must not be given again.
     Recent recent(options);
+    const Attachment attachment = replayer.scene().bus().attach(recent);
     ResumedSession session;
     while (true) {
         const Result<bool> more = replayer.step();
@@ -76,7 +82,6 @@ Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& sc
         if (session.epoch != replayer.head().epoch) session.start = replayer.head().start.value_or(last.now());
         session.epoch = replayer.head().epoch;
         ++session.states;
-        if (replayer.head().mode.mode != Mode::input) recent.add(replayer.lastSet());
         if (options.progress) options.progress(replayer.log().position(), replayer.log().size());
     }
     const auto failed = [&](std::string text) { return fail(std::move(text), {}, log.string()); };

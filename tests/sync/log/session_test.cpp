@@ -73,6 +73,7 @@ ROUTE OPENING.isActive TO LAMP.on
     /// One whose process is killed after `frames` frames.
     std::uint64_t kill(int frames, LogOptions options = {}) {
         Scene scene;
+        scene.setInputRecording(options.mode.mode == Mode::input);
         build(scene);
         auto log = LogWriter::create(file(), builtinTypes(), options);
         EXPECT_TRUE(log);
@@ -127,6 +128,28 @@ TEST_F(Sessions, GoOnAsIfNothingHadHappened) {
         EXPECT_EQ((*replayer)->gaps(), 0u);
         EXPECT_EQ((*replayer)->verified(), (*replayer)->frames());
         EXPECT_EQ((*replayer)->scene().hash(), expected.back());
+    }
+}
+
+/// A log of what came in holds no changes: they are made again.
+TEST_F(Sessions, PeersLackTheSameOfALogInInputMode) {
+    std::vector<std::shared_ptr<const ChangeSet>> changes[2];
+    for (const Mode mode : {Mode::state, Mode::input}) {
+        LogOptions options;
+        options.mode.mode = mode;
+        kill(60, options);
+        Scene scene;
+        const auto session = resumeSession(file(), scene);
+        ASSERT_TRUE(session) << session.error().format();
+        changes[mode == Mode::input] = session->before;
+    }
+    ASSERT_EQ(changes[0].size(), 60u);
+    ASSERT_EQ(changes[1].size(), 60u);
+    for (std::size_t i = 0; i < 60; ++i) {
+        EXPECT_EQ(changes[1][i]->from, changes[0][i]->from);
+        EXPECT_EQ(changes[1][i]->to, changes[0][i]->to);
+        EXPECT_EQ(changes[1][i]->hash, changes[0][i]->hash) << i;
+        EXPECT_EQ(changes[1][i]->changes.size(), changes[0][i]->changes.size()) << i;
     }
 }
 

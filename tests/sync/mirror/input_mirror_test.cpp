@@ -4,9 +4,13 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/sync/log.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
+#include <rtsg/sync/session.h>
 
+#include "mirror_support.h"
+#include "support/log_support.h"
 #include "sync/input_support.h"
 
 namespace rtsg {
@@ -143,6 +147,52 @@ TEST(InputMirror, BothSidesHaveToWantIt) {
         }
         EXPECT_EQ(pair.client->statistics().inputs, 0u);
     }
+}
+
+class InputMirrorLog : public LogFolder {};
+
+/// The server is killed while its replica runs the scene itself: the one that goes on from the log sends the changes of
+/// what was missed, and then inputs again.
+TEST_F(InputMirrorLog, GoesOnWithoutASnapshot) {
+    Scene first, second, replica;
+    MirrorServerOptions options;
+    LogOptions logOptions;
+    options.mode.mode = logOptions.mode.mode = Mode::input;
+    first.setInputRecording(true);
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(first, kMovingScene, diagnostics));
+    auto log = LogWriter::create(file(), builtinTypes(), logOptions);
+    ASSERT_TRUE(log);
+    Attachment attachment = first.bus().attach(**log);
+    options.epoch = (*log)->epoch();
+    auto server = *MirrorServer::start(first, kAnyPort, options);
+    const std::string endpoint = server->endpoint();
+    MirrorClientOptions clientOptions;
+    clientOptions.inputs = true;
+    const auto client = *MirrorClient::connect(replica, endpoint, clientOptions);
+    for (int frame = 0; frame < 20; ++frame) {
+        first.newFrame(frame * .01);
+        ASSERT_TRUE(pollUntilAt(*client, first)) << frame;
+    }
+    EXPECT_GT(client->statistics().inputs, 5u);
+    server.reset();
+    for (int frame = 20; frame < 25; ++frame) first.newFrame(frame * .01);
+    attachment.detach();
+    (*log)->abandon();
+
+    const auto session = resumeSession(file(), second);
+    ASSERT_TRUE(session) << session.error().format();
+    options.epoch = session->epoch, options.before = session->before;
+    server = *MirrorServer::start(second, endpoint, options);
+    ASSERT_TRUE(pollUntilAt(*client, second));
+    const std::uint64_t before = client->statistics().inputs;
+    for (int frame = 25; frame < 50; ++frame) {
+        second.newFrame(frame * .01);
+        ASSERT_TRUE(pollUntilAt(*client, second)) << frame;
+    }
+    EXPECT_EQ(client->statistics().snapshots, 1u);
+    EXPECT_GT(client->statistics().inputs, before + 10);
+    EXPECT_EQ(client->statistics().divergences, 0u);
 }
 
 }  // namespace
