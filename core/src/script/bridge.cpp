@@ -209,8 +209,6 @@ std::string writeRefusal(const Call& call, const Node* script, const Node* node,
     const FieldDef& def = node->type().fields[index];
     if (node == script)
         return def.access == Access::inputOnly ? "an input-only field cannot be written by its own script" : "";
-    if (!script->get(x3d::Script::directOutput))
-        return fmt::format("the script's directOutput is FALSE, so it may not write to {}", node->type().name);
     if (def.writable()) return "";
     if (def.access == Access::initializeOnly && call.scene.parents(node->id()).empty()) return "";
     return fmt::format("{}.{} takes no events", node->type().name, def.name);
@@ -276,6 +274,9 @@ bool write(JSContext* cx, unsigned count, JS::Value* vp) {
     if (const std::string refusal = writeRefusal(call, script, node, index); !refusal.empty())
         return answer(cx, args, refusal);
     const FieldDef& def = node->type().fields[index];
+    // VRML97 leaves open what happens then (6.40), and browsers do what the program says.
+    if (node != script && !script->get(x3d::Script::directOutput))
+        call.cascade->warn(*script, "writes to other nodes though its directOutput is FALSE; it is done all the same");
     if (node != script && def.access == Access::initializeOnly)
         return answer(cx, args, call.scene.setField(node->id(), index, std::move(value)));
     if (node != script) return answer(cx, args, call.cascade->deliver(node->id(), index, value));

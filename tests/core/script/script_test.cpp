@@ -183,19 +183,27 @@ TEST(Script, AChangeInPlaceIsSentWhereItIsAllThatACallDoes) {
     EXPECT_EQ(s.problems(), "");
 }
 
-TEST(Script, DirectOutputNeedsTheFlag) {
+/// Authors forget it, and browsers do not ask for it.
+TEST(Script, DirectOutputWithoutTheFlagIsToldOnce) {
     const std::string program =
-        "function initialize() { target.translation = new SFVec3f(1, 2, 3); print(target.translation); }";
-    ScriptScene refused("initializeOnly SFNode target DEF T Transform { }", program);
-    refused.frame();
-    EXPECT_EQ(refused.get<Vec3f>("translation", "T"), Vec3f(0));
-    EXPECT_NE(refused.problems().find("directOutput"), std::string::npos) << refused.problems();
-    EXPECT_NE(refused.problems().find("line 1"), std::string::npos) << refused.problems();
-
-    ScriptScene allowed("directOutput TRUE initializeOnly SFNode target DEF T Transform { }", program);
-    allowed.frame();
-    EXPECT_EQ(allowed.get<Vec3f>("translation", "T"), Vec3f(1, 2, 3)) << allowed.problems();
-    EXPECT_EQ(allowed.printed, "1 2 3\n");
+        "function initialize() { target.translation = new SFVec3f(1, 2, 3); print(target.translation); }"
+        "function go() { target.scale = new SFVec3f(2, 2, 2); target.bboxCenter = new SFVec3f(1, 1, 1); }";
+    for (const bool direct : {false, true}) {
+        ScriptScene s(std::string(direct ? "directOutput TRUE " : "") +
+                          "initializeOnly SFNode target DEF T Transform { } inputOnly SFBool go",
+                      program);
+        s.frame();
+        EXPECT_EQ(s.get<Vec3f>("translation", "T"), Vec3f(1, 2, 3)) << s.problems();
+        EXPECT_EQ(s.printed, "1 2 3\n");
+        s.send("go", true);
+        s.frame();
+        EXPECT_EQ(s.get<Vec3f>("scale", "T"), Vec3f(2)) << s.problems();
+        const std::string problems = s.problems();
+        EXPECT_NE(problems.find("bboxCenter"), std::string::npos) << "other rules hold: " << problems;
+        const std::size_t told = problems.find("directOutput");
+        EXPECT_EQ(told == std::string::npos, direct) << problems;
+        if (!direct) EXPECT_EQ(problems.find("directOutput", told + 1), std::string::npos) << problems;
+    }
 }
 
 TEST(Script, PrepareEventsComesEveryFrameAndEventsProcessedAfterEvents) {

@@ -324,6 +324,23 @@ TEST(Texture3D, LiesInTheBoxAroundWhatHasNoCoordinates) {
     EXPECT_NEAR(grey("Transform { rotation 0 1 0 3.14159265 children " + shape + " }"), 200, .01);
 }
 
+/// They are single textures, as those of two dimensions are: a material's, and one of a MultiTexture's.
+TEST(Texture3D, AndCubeMapsAreTexturesOfMaterialsToo) {
+    const auto shown = [](const std::string& appearance) {
+        return "Shape { appearance Appearance { " + appearance + " } geometry Box { size 2 2 2 } }";
+    };
+    const std::string block = "PixelTexture3D { image [ 1 1 1 2 50 200 ] }";
+    EXPECT_NEAR(grey(shown("material UnlitMaterial { emissiveColor .5 .5 .5 emissiveTexture " + block + " }")), 25,
+                .01);
+    EXPECT_NEAR(grey(shown("material Material { diffuseTexture " + block + " }")), 50 * .8, .01);
+    EXPECT_NEAR(grey(shown("material UnlitMaterial { } texture MultiTexture { texture [ " + block +
+                           " PixelTexture { image 1 1 1 51 } ] }")),
+                10, .01);
+    LightScene s("Transform { rotation 0 1 0 3.14159265 children " +
+                 shown("material UnlitMaterial { emissiveTexture " + composed() + " }") + " }");
+    EXPECT_EQ(s.center(), kSeen[0]);
+}
+
 TEST_F(CubeFiles, LayersOfADdsFileAreABlock) {
     std::vector<std::uint32_t> pixels;
     for (std::uint32_t z = 0; z < 4; ++z)
