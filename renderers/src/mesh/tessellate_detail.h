@@ -44,6 +44,9 @@ Array<T> toArray(const std::vector<T>& elements) {
 inline void warn(Mesh& mesh, std::string text) {
     mesh.diagnostics.warning({}, std::move(text));
 }
+/// Of a grid with `given` heights: all of its rows, as missing heights are 0 and other browsers have it so. Of one too
+/// large for a mistake only those that are complete, so that a false dimension cannot fill the memory. Warns of both.
+std::size_t gridRowsToDraw(Mesh& mesh, std::size_t given, std::size_t columns, std::size_t rows);
 /// Whether a size can be drawn; warns of one that cannot.
 inline bool isPositive(Mesh& mesh, const char* field, float value) {
     if (value > 0.0f && usable(value)) return true;

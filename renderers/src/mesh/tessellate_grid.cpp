@@ -48,6 +48,14 @@ void cutQuadrilaterals(Mesh& mesh, bool ccw, std::size_t columns, std::size_t ro
 
 }  // namespace
 
+std::size_t detail::gridRowsToDraw(Mesh& mesh, std::size_t given, std::size_t columns, std::size_t rows) {
+    if (given / columns >= rows) return rows;
+    const bool fill = rows <= kMostFilledHeights / columns;
+    warn(mesh, fmt::format("height has {} values, xDimension {} * zDimension {} needs more: {}", given, columns, rows,
+                           fill ? "the others are 0" : "only complete rows are drawn"));
+    return fill ? rows : given / columns;
+}
+
 Mesh tessellate(const ElevationGridParams& params) {
     Mesh mesh;
     mesh.solid = params.solid;
@@ -63,18 +71,10 @@ Mesh tessellate(const ElevationGridParams& params) {
                                params.zSpacing));
         return mesh;
     }
-    // Missing heights are 0, as other browsers have it. In a grid too large for a mistake only the complete rows are
-    // drawn, so that a false dimension cannot fill the memory.
     const auto columns = static_cast<std::size_t>(params.xDimension);
-    auto rows = static_cast<std::size_t>(params.zDimension);
     const std::size_t given = params.height.size();
-    if (given / columns < rows) {
-        const bool fill = rows <= kMostFilledHeights / columns;
-        if (!fill) rows = given / columns;
-        warn(mesh, fmt::format("height has {} values, xDimension {} * zDimension {} needs more: {}", given, columns,
-                               params.zDimension, fill ? "the others are 0" : "only complete rows are drawn"));
-        if (rows < 2) return mesh;
-    }
+    const std::size_t rows = detail::gridRowsToDraw(mesh, given, columns, static_cast<std::size_t>(params.zDimension));
+    if (rows < 2) return mesh;
 
     Array<Vec3f> positions = Array<Vec3f>::ofSize(columns * rows);
     Vec3f* point = positions.mutableData();

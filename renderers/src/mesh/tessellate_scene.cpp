@@ -347,15 +347,9 @@ class SceneTessellator {
             return none;
         }
         const Array<double>& height = get(T::height);
-        const auto count = static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows);
-        std::size_t drawn = static_cast<std::size_t>(rows);
-        if (height.size() < count) {
-            drawn = height.size() / static_cast<std::size_t>(columns);
-            warn(none, fmt::format("height has {} values, xDimension {} * zDimension {} needs more: only complete rows "
-                                   "are drawn",
-                                   height.size(), columns, rows));
-            if (drawn < 2) return none;
-        }
+        const std::size_t drawn = detail::gridRowsToDraw(none, height.size(), static_cast<std::size_t>(columns),
+                                                         static_cast<std::size_t>(rows));
+        if (drawn < 2) return none;
         PointGridParams p;
         surface(p);
         p.columns = columns;
@@ -363,10 +357,12 @@ class SceneTessellator {
         p.anchor = geoAnchor(scene_, node_).value_or(Vec3d(0));
         p.coord = Array<Vec3f>::ofSize(drawn * static_cast<std::size_t>(columns));
         Vec3f* out = p.coord.mutableData();
-        const double* h = height.data();
+        std::size_t at = 0;
         for (std::size_t j = 0; j < drawn; ++j)
-            for (std::int32_t i = 0; i < columns; ++i)
-                *out++ = Vec3f(reference->toScene(gridPoint(*reference, i, double(j), *h++)) - p.anchor);
+            for (std::int32_t i = 0; i < columns; ++i, ++at) {
+                const double up = at < height.size() ? height[at] : 0;
+                *out++ = Vec3f(reference->toScene(gridPoint(*reference, i, double(j), up)) - p.anchor);
+            }
         Mesh mesh = tessellate(p);
         mesh.diagnostics.append(none.diagnostics);
         return mesh;

@@ -117,15 +117,19 @@ TEST(Geo, AGridGoesEastAndNorthAndUp) {
 
 TEST(Geo, GridsSayWhatTheyLack) {
     const auto complaint = [](const std::string& fields) {
-        LightScene s(std::string(kAbove) + "Shape { geometry DEF E GeoElevationGrid { xDimension 2 zDimension 3 " +
-                     fields + " } }");
+        LightScene s(std::string(kAbove) + "Shape { geometry DEF E GeoElevationGrid { xDimension 2 " +
+                     (fields.find("zDimension") == fields.npos ? "zDimension 3 " : "") + fields + " } }");
         const auto mesh = tessellate(s.scene, s.node("E"));
         std::string text;
         for (const Diagnostic& d : (*mesh)->diagnostics.all()) text += d.text;
         return text + " " + std::to_string((*mesh)->triangleCount);
     };
-    EXPECT_NE(complaint("height [ 1 2 3 4 5 ]").find("only complete rows"), std::string::npos);
-    EXPECT_TRUE(complaint("height [ 1 2 3 4 5 ]").ends_with(" 2"));
+    EXPECT_NE(complaint("height [ 1 2 3 4 5 ]").find("the others are 0"), std::string::npos);
+    EXPECT_TRUE(complaint("height [ 1 2 3 4 5 ]").ends_with(" 4"));
+    EXPECT_TRUE(complaint("height [ ]").ends_with(" 4"));
+    const std::string large = complaint("height [ 1 2 3 4 5 ] zDimension 2000000000");
+    EXPECT_NE(large.find("only complete rows"), std::string::npos) << large;
+    EXPECT_TRUE(large.ends_with(" 2")) << large;
     EXPECT_NE(complaint("height [ 1 2 3 4 5 6 ] geoSystem \"GC\"").find("GC"), std::string::npos);
     EXPECT_NE(complaint("height [ 1 2 3 4 5 6 ] geoSystem \"UTM\"").find("zone"), std::string::npos);
     EXPECT_EQ(complaint("height [ 1 2 3 4 5 6 ]"), " 4");

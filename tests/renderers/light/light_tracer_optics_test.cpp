@@ -79,6 +79,24 @@ TEST(LightTracer, MirrorCorridorIsFollowedUntilNothingIsLeft) {
     EXPECT_NEAR(perfect.stats.missing, 1, 1e-6);
 }
 
+// What is cut off is dark and not clear: of a mirror that shines its own light stays, under the mirror's full alpha.
+TEST(LightTracer, WhatIsCutOffHidesWhatIsBehindIt) {
+    const std::string shiny = "material PhysicalMaterial { emissiveColor .25 .5 1 roughness 0 baseColor 1 1 1 }";
+    for (const std::string& appearance : {shiny, mirror(".5"), glass(1.5)}) {
+        LightScene s("NavigationInfo { headlight FALSE } " + square(100, appearance), 3, 3);
+        const Picture whole = s.picture();
+        s.options.settings.maxDepth = 0;
+        const Picture cut = s.picture();
+        EXPECT_NEAR(cut.at(1, 1).a, 1, 1e-4) << appearance;
+        EXPECT_GT(s.stats.missing, .01) << appearance;
+        EXPECT_NEAR(whole.at(1, 1).a, 1, 1e-4) << appearance;
+    }
+    LightScene s("NavigationInfo { headlight FALSE } " + square(100, shiny), 3, 3);
+    s.options.settings.maxDepth = 0;
+    s.options.settings.colorSpace = ColorSpace::linear;
+    EXPECT_NEAR(s.center().g, .5, 1e-3);
+}
+
 // (1 - R) / (1 + R) of a plate in front of white, with all the mirrorings inside.
 TEST(LightTracer, PlateTransmitsWhatTwoSurfacesLetThrough) {
     LightScene s("Transform { translation 0 0 2 children Shape { appearance Appearance { " + glass(1.5) +
