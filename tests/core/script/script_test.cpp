@@ -202,7 +202,9 @@ TEST(Script, DirectOutputWithoutTheFlagIsToldOnce) {
         EXPECT_NE(problems.find("bboxCenter"), std::string::npos) << "other rules hold: " << problems;
         const std::size_t told = problems.find("directOutput");
         EXPECT_EQ(told == std::string::npos, direct) << problems;
-        if (!direct) EXPECT_EQ(problems.find("directOutput", told + 1), std::string::npos) << problems;
+        if (!direct) {
+            EXPECT_EQ(problems.find("directOutput", told + 1), std::string::npos) << problems;
+        }
     }
 }
 
