@@ -229,9 +229,13 @@ double parseSeconds(const std::string& text) {
     double value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     const std::string_view unit(end, static_cast<std::size_t>(text.data() + text.size() - end));
-    const double scale = unit == "ms" ? 1e-3 : unit.empty() || unit == "s" ? 1 : unit == "min" ? 60 : 0;
+    const double scale = unit == "ms"                   ? 1e-3
+                         : unit.empty() || unit == "s" ? 1
+                         : unit == "min"               ? 60
+                         : unit == "h"                 ? 3600
+                                                       : 0;
     if (error != std::errc() || scale == 0 || !(value >= 0) || value > 1e9)
-        throw UsageError(text, "expected a duration such as 2s, 500ms or 1.5");
+        throw UsageError(text, "expected a duration such as 2s, 500ms, 1.5, 10min or 1h");
     return value * scale;
 }
 

@@ -85,6 +85,10 @@ int diffScenes(const DiffArguments& options) {
     if (const auto unmatched = fields.unmatched(); !unmatched.empty())
         return printError(fmt::format("{}: {}: no such field, so nothing was compared", options.a, unmatched.front())),
                kBad;
+    if (fields.fieldCount() == 0)
+        return printError(
+                   fmt::format("{}: all of the fields that were asked for are left out, so nothing was compared", options.a)),
+               kBad;
     std::vector<Divergence> found;
     for (const FieldDifference& d : fields.differences()) {
         found.push_back(toDivergence(d, 0));

@@ -150,6 +150,7 @@ class Session {
     Session(const ServeArguments& options, double duration)
         : options_(options),
           duration_(duration),
+          linger_(millisecondsFrom(options.linger)),
           running_(options.scene.empty() ? options.resume : options.scene, options.resources, options.start) {}
 
     /// Each gives what the program ends with if it is not kDone.
@@ -166,6 +167,7 @@ class Session {
 
     const ServeArguments& options_;
     const double duration_;
+    const std::chrono::milliseconds linger_;
     RunningScene running_;
     std::optional<ResumedSession> resumed_;
     std::unique_ptr<LossyScene> lossy_;
@@ -228,8 +230,9 @@ int Session::startLog() {
     auto created = LogRecorder::start(running_.scene(), logFile(), logOptions);
     if (!created) return printError(created.error()), kBad;
     log_ = std::move(*created);
-    // The state that the log ends with, again, before the first new one: so that none is missing between.
-    if (resumed_) log_->waitFor(running_.scene().sequence(), std::chrono::seconds(10));
+    // The state that there is, before the first new one: that of the document, or the one that the log ends with, again.
+    // Else the recorder begins with whatever is newest once it has its file.
+    log_->waitFor(running_.scene().sequence(), std::chrono::seconds(10));
     return kDone;
 }
 
@@ -292,7 +295,7 @@ void Session::print(const MirrorServerStatistics& statistics) const {
 int Session::close() {
     running_.printDiagnostics(log_ ? log_->failure() : "");
     // Mirrors that are behind, with a picture say, may still catch up.
-    if (!interrupted() && !server_->drain(millisecondsFrom(options_.linger)))
+    if (!interrupted() && !server_->drain(linger_))
         fmt::print(stderr, "not all mirrors have caught up\n");
     const MirrorServerStatistics statistics = server_->statistics();
     printServerNews(*server_);

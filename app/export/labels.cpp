@@ -4,11 +4,12 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/field_text.h>
+#include <rtsg/core/terminal.h>
 
 namespace rtsg::app {
 
 std::string jsonString(std::string_view text) {
-    return printFieldText(Value(String(text)), TextSyntax::json);
+    return printFieldText(Value(String(asUtf8(text))), TextSyntax::json);
 }
 
 std::string nodeLabel(const Scene& scene, NodeId id) {

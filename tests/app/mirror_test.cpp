@@ -135,6 +135,14 @@ TEST_F(Mirror, PortsThatDoNotExistAreNoOthers) {
         EXPECT_EQ(outcome.status, 2) << arguments[0];
         EXPECT_THAT(outcome.err, HasSubstr("at most 65535")) << arguments[0];
     }
+    for (const char* port : {"22x", "1 2", "80/"})
+        for (const std::vector<std::string>& arguments :
+             {std::vector<std::string>{"serve", file, "--for", "50ms", "--bind", std::string("tcp://127.0.0.1:") + port},
+              {"mirror", std::string("tcp://127.0.0.1:") + port, "--wait", "50ms"}}) {
+            const Outcome outcome = rtsg(arguments);
+            EXPECT_EQ(outcome.status, 2) << arguments[0];
+            EXPECT_THAT(outcome.err, HasSubstr(std::string("'") + port + "' is no port")) << arguments[0];
+        }
     for (const std::vector<std::string>& arguments :
          {std::vector<std::string>{"serve", file, "--bind", "nowhere"}, {"mirror", "nowhere"}, {"relay", "nowhere"}}) {
         const Outcome outcome = rtsg(arguments);

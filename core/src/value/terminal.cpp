@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include "utf8.h"
+
 namespace rtsg {
 
 namespace {
@@ -56,6 +58,11 @@ std::string terminalText(std::string_view text, Lines lines) {
         i += c.length == 0 ? 1 : c.length;
     }
     return result;
+}
+
+std::string asUtf8(std::string_view text) {
+    std::size_t count = 0;
+    return detail::replaceInvalidUtf8(text, count);
 }
 
 }  // namespace rtsg

@@ -1,6 +1,9 @@
 // The command rtsg-log: what it prints of a log, and with which status it ends.
 import assert from 'node:assert/strict';
 import {spawnSync} from 'node:child_process';
+import {mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
+import {tmpdir} from 'node:os';
+import path from 'node:path';
 import {test} from 'node:test';
 import {fileURLToPath} from 'node:url';
 
@@ -20,4 +23,27 @@ test('a session within a log that was not closed is told, as rtsg replay --verif
   assert.equal(unclosed.closed, true);  // the last one was
   assert.equal(unclosed.verified, unclosed.states);
   assert.equal(unclosed.gaps, 0);
+});
+
+test('a log that ends without having been closed has no good status', () => {
+  const scratch = mkdtempSync(path.join(tmpdir(), 'rtsg-'));
+  try {
+    const bytes = readFileSync(new URL('raw.rlog', folder)), file = path.join(scratch, 'cut.rlog');
+    writeFileSync(file, bytes.subarray(0, bytes.lastIndexOf('RTSGrec1')));  // at a record's boundary: nothing is damaged
+    const {status, stdout} = spawnSync(process.execPath, [command, file], {encoding: 'utf8'});
+    const outcome = JSON.parse(stdout);
+    assert.equal(outcomeOf('raw.rlog').closed, true);
+    assert.equal(outcome.closed, false);
+    assert.equal(outcome.damage.length, 0);
+    assert.equal(outcome.verified, outcome.states);
+    assert.equal(status, 1);
+  } finally {
+    rmSync(scratch, {recursive: true});
+  }
+});
+
+test('a file that is not there is told in one line', () => {
+  const {status, stderr} = spawnSync(process.execPath, [command, '/nowhere.rlog'], {encoding: 'utf8'});
+  assert.equal(status, 1);
+  assert.match(stderr, /^\/nowhere.rlog: .*ENOENT.*\n$/);
 });

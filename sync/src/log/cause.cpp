@@ -1,6 +1,8 @@
 // Follows routes back from a field to what began it in that frame.
 #include "cause.h"
 
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include <rtsg/core/frame_input.h>
@@ -42,11 +44,17 @@ std::string FrameTouches::authorOf(NodeId node, FieldIndex field) const {
     return followed && !ofOther.empty() ? ofOther : ofNode;
 }
 
-/// One step back, to a field that changed as well. `anyField`: of what came into the node, whatever its field.
-std::string FrameTouches::routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField) const {
-    for (const Route& r : scene.routesTo(node)) {
+/// One step back, to a field that changed as well and that is none of the way so far. `anyField`: of what came into the
+/// node, whatever its field. ROUTEs before ISs, by which an instance's field has also what its inside only gives back.
+std::string FrameTouches::routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField,
+                                    std::vector<std::uint64_t>& way) const {
+    std::vector<Route> routes = scene.routesTo(node);
+    std::ranges::stable_partition(routes, [](const Route& r) { return !r.isConnection; });
+    for (const Route& r : routes) {
         if (!anyField && r.toField != field) continue;
         if (!has(r.fromNode, r.fromField)) continue;
+        if (std::ranges::find(way, key(r.fromNode, r.fromField)) != way.end()) continue;
+        way.push_back(key(r.fromNode, r.fromField));
         const auto name = [&](NodeId id, FieldIndex index) {
             return fmt::format("{}.{}", nodeLabel(scene, id), scene.node(id).type().fields[index].name);
         };
@@ -66,7 +74,8 @@ bool FrameTouches::anyFromOutside(const Scene& scene, NodeId node) const {
 
 FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIndex field) const {
     const bool made = isMade(node);
-    constexpr int kLongest = 16;  // steps back; cascades may have circles
+    constexpr int kLongest = 16;  // steps back
+    std::vector<std::uint64_t> way{key(node, field)};
     std::string text;
     bool outside = false;
     for (int step = 0; step < kLongest; ++step) {
@@ -76,10 +85,10 @@ FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIn
         // Into the very field, or, of what a node has sent, through what it made that of.
         const NodeType& type = scene.node(node).type();
         const FieldDef& def = type.fields[field];
-        std::string route = routeInto(scene, node, field, step > 0 || !def.writable());
+        std::string route = routeInto(scene, node, field, step > 0 || !def.writable(), way);
         // Some write to their own fields what came in by others, as BooleanToggle does; of the rest nothing is guessed.
         if (route.empty() && step == 0 && (type.writesInputs || type.kind == NodeType::Kind::script))
-            route = routeInto(scene, node, field, true);
+            route = routeInto(scene, node, field, true, way);
         if (route.empty()) {
             // A node that was made has all of its fields from there, those with their defaults too.
             outside = step > 0 ? anyFromOutside(scene, node) : made && found == places_.end();

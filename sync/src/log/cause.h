@@ -39,7 +39,8 @@ class FrameTouches {
     /// By the application or whoever asked it, in this state.
     bool isMade(NodeId node) const;
     bool anyFromOutside(const Scene& scene, NodeId node) const;
-    std::string routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField) const;
+    std::string routeInto(const Scene& scene, NodeId& node, FieldIndex& field, bool anyField,
+                          std::vector<std::uint64_t>& way) const;
 
     std::string authorOf(NodeId node, FieldIndex field) const;
 

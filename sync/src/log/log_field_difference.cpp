@@ -85,6 +85,8 @@ Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::
     report.differences = fields.differences();
     if (const auto unmatched = fields.unmatched(); !unmatched.empty())
         return fail(fmt::format("{}: no such field, so nothing was compared", unmatched.front()), {}, a.string());
+    if (report.fields == 0)
+        return fail("all of the fields that were asked for are left out, so nothing was compared", {}, a.string());
     return report;
 }
 

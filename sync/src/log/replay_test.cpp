@@ -87,6 +87,8 @@ class Run {
         }
         if (const auto unmatched = fields_->unmatched(); !unmatched.empty())
             diverge(fmt::format("{}: the log has no such field, so nothing was compared", unmatched.front()));
+        else if (report_.fields == 0)
+            diverge("all of the fields that were asked for are left out, so nothing was compared");
     }
 
     /// Only by one that is whole: the old one is all there is of the session.

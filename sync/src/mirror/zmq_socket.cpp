@@ -46,7 +46,11 @@ Result<> checkPort(std::string_view endpoint) {
     const std::string_view port = endpoint.substr(endpoint.rfind(':') + 1);
     std::uint32_t number = 0;
     const auto [end, problem] = std::from_chars(port.data(), port.data() + port.size(), number);
-    if (problem == std::errc::invalid_argument || (problem == std::errc() && number <= 65535)) return {};
+    if (problem == std::errc::invalid_argument) return {};  // `*`, or what ZeroMQ refuses itself
+    // It takes the digits that a port begins with for the port.
+    if (problem == std::errc() && end != port.data() + port.size())
+        return fail(fmt::format("{}: '{}' is no port", endpoint, port));
+    if (problem == std::errc() && number <= 65535) return {};
     return fail(fmt::format("{}: ports are at most 65535", endpoint));
 }
 
