@@ -229,7 +229,7 @@ double parseSeconds(const std::string& text) {
     double value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     const std::string_view unit(end, static_cast<std::size_t>(text.data() + text.size() - end));
-    const double scale = unit == "ms"                   ? 1e-3
+    const double scale = unit == "ms"                  ? 1e-3
                          : unit.empty() || unit == "s" ? 1
                          : unit == "min"               ? 60
                          : unit == "h"                 ? 3600

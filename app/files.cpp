@@ -140,10 +140,15 @@ void tellOfEarlierPieces(const std::string& log) {
     fmt::print(stderr, "{}: note: the last piece of a log; {} before it: {}{}\n", terminalText(log), pieces.size(),
                terminalText(pieces.front().string()),
                pieces.size() > 1 ? " to " + terminalText(pieces.back().string()) : "");
-    fmt::print(stderr, "  to have it as one: cat {}.????{} {} > all{}\n",
-               terminalText(std::filesystem::path(log).replace_extension().string()),
-               std::filesystem::path(log).extension().string(), terminalText(log),
-               std::filesystem::path(log).extension().string());
+    const std::string extension = std::filesystem::path(log).extension().string();
+    const std::string name = terminalText(std::filesystem::path(log).replace_extension().string());
+    // In this order whatever the shell sorts by: from the ten thousandth on they have a digit more.
+    constexpr std::size_t kDigits = 4;
+    const std::size_t longest = pieces.back().stem().extension().string().size() - 1;
+    std::string all;
+    for (std::size_t digits = kDigits; digits <= longest; ++digits)
+        all += fmt::format("{}.{}{} ", name, std::string(digits, '?'), extension);
+    fmt::print(stderr, "  to have it as one: cat {}{} > all{}\n", all, terminalText(log), extension);
 }
 
 }  // namespace rtsg::app

@@ -86,8 +86,8 @@ int diffScenes(const DiffArguments& options) {
         return printError(fmt::format("{}: {}: no such field, so nothing was compared", options.a, unmatched.front())),
                kBad;
     if (fields.fieldCount() == 0)
-        return printError(
-                   fmt::format("{}: all of the fields that were asked for are left out, so nothing was compared", options.a)),
+        return printError(fmt::format("{}: all of the fields that were asked for are left out, so nothing was compared",
+                                      options.a)),
                kBad;
     std::vector<Divergence> found;
     for (const FieldDifference& d : fields.differences()) {

@@ -230,8 +230,8 @@ int Session::startLog() {
     auto created = LogRecorder::start(running_.scene(), logFile(), logOptions);
     if (!created) return printError(created.error()), kBad;
     log_ = std::move(*created);
-    // The state that there is, before the first new one: that of the document, or the one that the log ends with, again.
-    // Else the recorder begins with whatever is newest once it has its file.
+    // The state that there is, before the first new one: that of the document, or the one that the log ends with,
+    // again. Else the recorder begins with whatever is newest once it has its file.
     log_->waitFor(running_.scene().sequence(), std::chrono::seconds(10));
     return kDone;
 }
@@ -295,8 +295,7 @@ void Session::print(const MirrorServerStatistics& statistics) const {
 int Session::close() {
     running_.printDiagnostics(log_ ? log_->failure() : "");
     // Mirrors that are behind, with a picture say, may still catch up.
-    if (!interrupted() && !server_->drain(linger_))
-        fmt::print(stderr, "not all mirrors have caught up\n");
+    if (!interrupted() && !server_->drain(linger_)) fmt::print(stderr, "not all mirrors have caught up\n");
     const MirrorServerStatistics statistics = server_->statistics();
     printServerNews(*server_);
     server_.reset();

@@ -27,5 +27,23 @@ TEST_F(BlameOption, ListsEachValueThatSomebodySet) {
     EXPECT_THAT(driven.out, HasSubstr("changes)"));
 }
 
+/// What an instance's field gets by a ROUTE its inside gives back by an IS: the way leads out, and in no circle.
+TEST_F(BlameOption, LeadsOutOfAPrototypeToWhatSetIt) {
+    const std::string lamp = folder / "lamp.x3dv", log = folder / "b.rlog";
+    writeFile(
+        lamp,
+        "#X3D V4.0 utf8\nPROFILE Full\nPROTO Lamp [ inputOutput SFBool on FALSE ] { DEF L PointLight { on IS on } }\n"
+        "DEF LAMP Lamp { }\nDEF PRESSED BooleanFilter { }\nDEF SWITCH BooleanToggle { }\n"
+        "ROUTE PRESSED.inputTrue TO SWITCH.set_boolean\nROUTE SWITCH.toggle TO LAMP.on\n");
+    const Outcome made =
+        rtsg({"record", lamp, "-o", log, "--for", "1s", "--fps", "20", "--set", "PRESSED.set_boolean=TRUE@0.5"});
+    ASSERT_EQ(made.status, 0) << made.err;
+    const Outcome told = rtsg({"replay", log, "--blame", "LAMP.on"});
+    EXPECT_EQ(told.status, 0) << told.err;
+    EXPECT_THAT(told.out, HasSubstr("SWITCH.toggle > LAMP.on"));
+    EXPECT_THAT(told.out, HasSubstr("set from outside"));
+    EXPECT_THAT(told.out, Not(HasSubstr("LAMP.on > L.on")));
+}
+
 }  // namespace
 }  // namespace rtsg::test

@@ -122,6 +122,40 @@ TEST_F(Mirror, PartsThatNobodyFollowsMakeRoom) {
     EXPECT_THAT(third.err, HasSubstr("as many parts"));
 }
 
+/// A test is taken from a live session, too: its log begins with the document's state, and not with what is newest when
+/// the log has been begun.
+TEST_F(Mirror, ALogOfASessionHoldsItsFirstState) {
+    for (int i = 0; i < 6; ++i) {
+        const std::string log = folder / ("first" + std::to_string(i) + ".rlog");
+        serve({"--for", "300ms", "--record", log}, "ipc://" + folder / ("s" + std::to_string(i)));
+        EXPECT_EQ(server->wait().status, 0);
+        const Outcome again = rtsg({"replay", log, "--rerun", file});
+        EXPECT_EQ(again.status, 0) << again.out << again.err;
+    }
+}
+
+/// What a stranger calls itself breaks no report.
+TEST_F(Mirror, NamesThatAreNoUtf8LeaveReportsThatAre) {
+    const std::string log = folder / "named.rlog", other = folder / "other.x3dv", junit = folder / "a.xml",
+                      page = folder / "a.html";
+    serve({"--for", "30s", "--record", log, "--upstream", "events"}, "ipc://" + folder / "named");
+    const Outcome mirror =
+        rtsg({"mirror", endpoint, "--name", "\xff\x1b]]><b>", "--set", "BOX.set_scale=2 1 1@0", "--for", "500ms"});
+    EXPECT_EQ(mirror.status, 0) << mirror.err;
+    server->signal(SIGINT);
+    EXPECT_NE(server->wait().status, -1);
+    const Outcome blame = rtsg({"replay", log, "--blame", "BOX.scale", "--json"});
+    EXPECT_THAT(blame.out, HasSubstr("\xEF\xBF\xBD"));
+    EXPECT_EQ(blame.out.find('\xff'), std::string::npos);
+    (void)rtsg({"replay", log, "--rerun", file, "--field", "BOX.scale", "--junit", junit, "--page", page});
+    for (const std::string& report : {junit, page}) {
+        const std::string text = readFile(report);
+        EXPECT_NE(text.find("BOX"), std::string::npos) << report;
+        EXPECT_EQ(text.find('\xff'), std::string::npos) << report;
+        EXPECT_EQ(text.find('\x1b'), std::string::npos) << report;
+    }
+}
+
 TEST_F(Mirror, PortsThatDoNotExistAreNoOthers) {
     const std::string log = folder / "played.rlog";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0s"}).status, 0);
@@ -137,7 +171,8 @@ TEST_F(Mirror, PortsThatDoNotExistAreNoOthers) {
     }
     for (const char* port : {"22x", "1 2", "80/"})
         for (const std::vector<std::string>& arguments :
-             {std::vector<std::string>{"serve", file, "--for", "50ms", "--bind", std::string("tcp://127.0.0.1:") + port},
+             {std::vector<std::string>{"serve", file, "--for", "50ms", "--bind",
+                                       std::string("tcp://127.0.0.1:") + port},
               {"mirror", std::string("tcp://127.0.0.1:") + port, "--wait", "50ms"}}) {
             const Outcome outcome = rtsg(arguments);
             EXPECT_EQ(outcome.status, 2) << arguments[0];

@@ -108,6 +108,19 @@ TEST_F(ReplayAsTest, ChosenFieldsOutliveEditsOfTheDocument) {
     EXPECT_GT(json::parse(fields.out)["fields"], 2);
 }
 
+TEST_F(ReplayAsTest, WhatComparesNothingDoesNotPass) {
+    for (const char* ignored : {"BOX.*", "*.*"}) {
+        const Outcome rerunOfNothing = rerun({"--field", "BOX.*", "--ignore", ignored});
+        EXPECT_EQ(rerunOfNothing.status, 1) << ignored;
+        EXPECT_NE(rerunOfNothing.out.find("nothing was compared"), std::string::npos) << rerunOfNothing.out;
+        for (const std::string& one : {file, log}) {
+            const Outcome diff = rtsg({"diff", one, one, "--field", "BOX.*", "--ignore", ignored});
+            EXPECT_EQ(diff.status, 1) << one;
+            EXPECT_NE(diff.err.find("nothing was compared"), std::string::npos) << diff.err;
+        }
+    }
+}
+
 TEST_F(ReplayAsTest, AFailureLeavesAPageAndJUnitXml) {
     const std::string page = folder / "a.html", junit = folder / "a.xml";
     ASSERT_EQ(rerun(withPicture({"--update"})).status, 0);

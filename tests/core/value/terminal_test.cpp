@@ -7,6 +7,15 @@
 namespace rtsg {
 namespace {
 
+TEST(AsUtf8, ReplacesWhatIsNone) {
+    EXPECT_EQ(asUtf8("plain, grüße, 日本, 🙂"), "plain, grüße, 日本, 🙂");
+    EXPECT_EQ(asUtf8("a\xff"
+                     "b\xc3"),
+              "a\xEF\xBF\xBD"
+              "b\xEF\xBF\xBD");
+    EXPECT_EQ(asUtf8(""), "");
+}
+
 TEST(TerminalText, ControlCharactersAreShown) {
     EXPECT_EQ(terminalText("plain, grüße, 日本, 🙂"), "plain, grüße, 日本, 🙂");
     EXPECT_EQ(terminalText("\x1b[2Jgone"), "\\x1b[2Jgone");
