@@ -101,6 +101,13 @@ void GivenSoundArguments::check(const std::vector<std::string>& inputs) const {
             throw UsageError(source.option, "standard input is read by something else already");
 }
 
+std::vector<std::string> GivenSoundArguments::files() const {
+    std::vector<std::string> names;
+    for (const GivenSource& source : parseAll(*this))
+        if (source.kind != GivenSource::Kind::device && source.name != "-") names.push_back(source.name);
+    return names;
+}
+
 ClipLibrary::UsersSounds GivenSoundArguments::open(bool live, double seconds, int sampleRate) const {
     ClipLibrary::UsersSounds sounds;
     for (const GivenSource& source : parseAll(*this)) {

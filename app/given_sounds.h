@@ -25,6 +25,8 @@ struct GivenSoundArguments {
     /// What can be said without opening anything. `inputs` of the verb: standard input serves one only. Throws
     /// UsageError.
     void check(const std::vector<std::string>& inputs) const;
+    /// Names of files and pipes, which nothing is to be written over. Throws UsageError.
+    std::vector<std::string> files() const;
     /// `seconds` of pipes are read if it is not live. Throws UsageError for what cannot be opened.
     ClipLibrary::UsersSounds open(bool live, double seconds, int sampleRate) const;
 };

@@ -176,6 +176,12 @@ void OutputArguments::addTo(Command& command, Options which) {
     sound.addTo(command);
 }
 
+std::vector<std::string> SoundArguments::files() const {
+    std::vector<std::string> names = given.files();
+    if (!sofa.empty()) names.push_back(sofa);
+    return names;
+}
+
 bool OutputArguments::animated() const {
     return PictureFiles(render, picturesPerSecond).takesSeveral();
 }
@@ -194,9 +200,12 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
     if (picture.shutter > 0 && !animated())
         throw UsageError("--shutter",
                          "needs pictures in a row, into %04d, a .mp4 or .gif: it is open between two of them");
+    if (onDevice() && sound.ambisonic > 0) throw UsageError("--ambisonic", "is of files: a device plays two channels");
     if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
     std::ranges::move(names(), std::back_inserter(more));
-    return checkFiles(inputs, more, force);
+    std::vector<std::string> all = inputs;
+    std::ranges::move(sound.files(), std::back_inserter(all));
+    return checkFiles(all, more, force);
 }
 
 std::vector<OutputName> OutputArguments::names() const {

@@ -63,6 +63,8 @@ struct SoundArguments {
     void addTo(Command& command);
     /// Without what is given: GivenSoundArguments::open().
     ListenOptions parse() const;
+    /// What the sound is made from besides the scene.
+    std::vector<std::string> files() const;
 };
 
 struct OutputArguments {

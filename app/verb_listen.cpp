@@ -35,6 +35,7 @@ int listenLive(const ListenArguments& options) {
     if (!options.out.empty() || !options.ir.empty() || !options.report.empty() || options.metrics ||
         !options.sent.given.empty())
         throw UsageError("--live plays and reports; files and figures are made without it");
+    if (options.sound.ambisonic > 0) throw UsageError("--ambisonic", "is of files: a device plays two channels");
     options.sound.given.check({options.scene});
     StartTime start = options.start;
     start.kind = StartTime::Kind::live;
@@ -135,7 +136,9 @@ int listenTo(const ListenArguments& options) {
                                     {"--ir", options.ir, isSofa(options.ir) ? OutputKind::report : OutputKind::sound},
                                     {"--report", options.report, OutputKind::report}};
     for (const std::string& file : options.sent.files()) outputs.push_back({"--stream-out", file, OutputKind::sound});
-    if (auto ok = checkFiles({options.scene}, outputs, false); !ok) return printError(ok.error()), kBad;
+    std::vector<std::string> inputs = options.sound.files();
+    inputs.push_back(options.scene);
+    if (auto ok = checkFiles(inputs, outputs, false); !ok) return printError(ok.error()), kBad;
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
@@ -158,6 +161,8 @@ int listenTo(const ListenArguments& options) {
     if (progress) progress(1, 1);
     if (interrupted()) return printError("interrupted: nothing was written"), kBad;
     if (!report) return printError(report.error()), kBad;
+    // A program may have had other clips played since.
+    keepResources(running.scene(), running.resources(), outputs);
     running.printDiagnostics();
     print(report->diagnostics);
     tellGain(*report);

@@ -102,6 +102,37 @@ TEST_F(GivenSounds, FilesPipesAndStandardInputAreHeardFromTheirBeginning) {
     writer.join();
 }
 
+/// Nothing replaces what it is made from.
+TEST_F(GivenSounds, AreNotWrittenOver) {
+    const std::string ramp = folder_ / "ramp.wav", before = readFile(ramp), streams = folder_ / "over";
+    const std::vector<std::string> given{"--for", "0.1s", "--microphone", "left=" + ramp};
+    for (std::vector<std::string> arguments : {std::vector<std::string>{"listen", scene_, "-o", ramp},
+                                               {"listen", scene_, "--stream-out", ramp},
+                                               {"listen", scene_, "--ir", ramp},
+                                               {"run", scene_, "--listen", ramp}}) {
+        arguments.insert(arguments.end(), given.begin(), given.end());
+        const Outcome refused = Program(arguments, streams).wait();
+        EXPECT_EQ(refused.status, 2) << arguments[0] << refused.err;
+        EXPECT_THAT(refused.err, HasSubstr("is the input itself")) << arguments[0];
+        ASSERT_EQ(readFile(ramp), before) << arguments[2];
+    }
+    const std::string head = folder_ / "head.sofa";
+    writeFile(head, "a head");
+    EXPECT_EQ(Program({"listen", scene_, "--binaural", "--sofa", head, "--ir", head}, streams).wait().status, 2);
+    EXPECT_EQ(readFile(head), "a head");
+}
+
+/// A device plays two channels: ambisonics are refused and not played as something else.
+TEST_F(GivenSounds, AmbisonicsAreNotLive) {
+    for (const std::vector<std::string>& arguments :
+         {std::vector<std::string>{"listen", scene_, "--live", "--ambisonic", "1"},
+          {"run", scene_, "--live", "--listen", "device", "--ambisonic", "1"}}) {
+        const Outcome refused = Program(arguments, folder_ / "live").wait();
+        EXPECT_EQ(refused.status, 2) << refused.err;
+        EXPECT_THAT(refused.err, HasSubstr("--ambisonic")) << refused.err;
+    }
+}
+
 TEST_F(GivenSounds, StreamsGoToTheFilesThatTheUserNames) {
     const std::string scene = folder_ / "streams.x3dv", one = folder_ / "one.wav", all = folder_ / "all.wav";
     writeFile(scene,

@@ -102,12 +102,13 @@ double SoundNode::level(const glm::dvec3& listener) const {
     const double distance = glm::length(to);
     if (law == Law::none) return 1;
     if (law != Law::ellipsoids) {
-        const double reference = std::max(1e-6, referenceDistance), limit = std::max(reference, maxDistance);
-        const double d = std::clamp(distance, reference, limit);
-        if (law == Law::linear)
-            return limit > reference
-                       ? std::max(0.0, 1 - std::clamp(rolloff, 0.0, 1.0) * (d - reference) / (limit - reference))
-                       : 1;
+        const double reference = std::max(1e-6, referenceDistance);
+        if (law == Law::linear) {
+            // Web Audio API, PannerNode: the two distances in order, and where they are one all is beyond them.
+            const double near = std::min(reference, maxDistance), far = std::max(reference, maxDistance);
+            const double part = far > near ? (std::clamp(distance, near, far) - near) / (far - near) : 1;
+            return 1 - std::clamp(rolloff, 0.0, 1.0) * part;
+        }
         if (law == Law::inverse)
             return reference / (reference + std::max(0.0, rolloff) * (std::max(distance, reference) - reference));
         return std::pow(std::max(distance, reference) / reference, -std::max(0.0, rolloff));

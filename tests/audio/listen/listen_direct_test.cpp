@@ -241,6 +241,13 @@ TEST_F(Listen, EllipsoidsAndDistanceLaws) {
     sound.law = SoundNode::Law::linear;
     sound.maxDistance = 11;
     EXPECT_NEAR(sound.level({0, 6, 0}), 0.5, 1e-12);
+    // Web Audio API, PannerNode: distances in the wrong order are turned round; where they are one, all is beyond.
+    sound.referenceDistance = 10, sound.maxDistance = 1;
+    EXPECT_NEAR(sound.level({0, 5, 0}), 1 - 4.0 / 9, 1e-12);
+    sound.referenceDistance = sound.maxDistance = 3, sound.rolloff = .7;
+    EXPECT_NEAR(sound.level({0, 1, 0}), .3, 1e-12);
+    EXPECT_NEAR(sound.level({0, 5, 0}), .3, 1e-12);
+    sound.referenceDistance = 1, sound.maxDistance = 11, sound.rolloff = 1;
     sound.law = SoundNode::Law::exponential;
     sound.rolloff = 2;
     EXPECT_NEAR(sound.level({0, 3, 0}), 1.0 / 9, 1e-12);
