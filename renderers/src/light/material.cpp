@@ -482,13 +482,16 @@ bool Hatching::isLine(const Vec2f& pixel) const {
     }
 }
 
+bool Material::stagesHaveAlpha() const {
+    return std::ranges::any_of(stages, [](const TextureStage& s) { return s.use.hasAlpha(); }) ||
+           (!stages.empty() && factor.a < 1);
+}
+
 bool Material::transmits() const {
     if (!hatching.filled) return true;
     if (alphaMode == AlphaMode::opaque) return false;
     if (opacity < 1) return true;
-    if (std::ranges::any_of(stages, [](const TextureStage& s) { return s.use.hasAlpha(); }) ||
-        (!stages.empty() && factor.a < 1))
-        return true;
+    if (stagesHaveAlpha()) return true;
     const TextureUse& main = texture(TextureRole::base);
     return main.hasAlpha() || (back && back->transmits());
 }

@@ -192,8 +192,10 @@ Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Ve
 }
 
 /// The whole alpha that a MultiTexture made, as a share that the textures cover of the material's opacity: what is less
-/// than that was cut out by textures, what is more is the opacity itself.
-void splitAlpha(float made, float& coverage, float& opacity) {
+/// than that was cut out by textures, what is more is the opacity itself. Where nothing has an alpha its formulas make
+/// none, as browsers have it: SUBTRACT of two opaque textures would be clear.
+void splitAlpha(const Material& material, float made, float& coverage, float& opacity) {
+    if (opacity >= 1 && !material.stagesHaveAlpha()) return;
     if (made < opacity) {
         coverage = made / opacity;
     } else {
@@ -266,7 +268,7 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
         opacity = share(opacity);
         const Vec4f made = applyStages(look, material, base, specular, opacity);
         base = ambientBase = Vec3f(made);
-        splitAlpha(made.a, alpha, opacity);
+        splitAlpha(material, made.a, alpha, opacity);
     }
     if (material.texture(TextureRole::emissive)) emissive *= Vec3f(look.sample(material, TextureRole::emissive));
     if (material.texture(TextureRole::specular)) specular *= Vec3f(look.sample(material, TextureRole::specular));
@@ -615,7 +617,7 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f
         const TextureLookup look{instance,  slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position,
                                  hit.normal};
         const float made = applyStages(look, material, material.linear.base, material.linear.specular, opacity).a;
-        splitAlpha(made, alpha, opacity);
+        splitAlpha(material, made, alpha, opacity);
     }
     return throughPlain(material, alpha, opacity);
 }

@@ -118,7 +118,7 @@ Result<Pick> LightTracer::pick(const Picker& picker, const std::vector<LayerView
         const auto [from, to] = camera.reach(ray.direction);
         if (!(to > from)) continue;
         auto found = picker.ray(ray.origin + from * ray.direction, ray.direction, camera.layer, to - from,
-                                camera.orthographic ? Picker::kPixel : height);
+                                camera.orthographic ? PickPixel{0, height} : PickPixel{height, 0});
         if (found && *found) found->distance += from;
         if (!found || *found) return found;
     }

@@ -154,25 +154,27 @@ class UnmetByRays final : public RayView {
 }  // namespace
 
 Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, double maximum, double pixel) const {
-    return pick(origin, direction, maximum, pixel, nullptr);
+    return pick(origin, direction, maximum, {pixel, 0}, nullptr);
 }
 
 Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
-                         double pixel) const {
+                         const PickPixel& pixel) const {
     const LayerFilter filter(*world_, layer);
     return pick(origin, direction, maximum, pixel, &filter);
 }
 
-Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double maximum, double pixel,
+Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double maximum, const PickPixel& pixel,
                           const RayFilter* filter) const {
     if (auto ok = checkPoint(*world_, origin, "the ray's origin"); !ok) return std::unexpected(ok.error());
     const double largest = std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});
     if (!isFinite(direction) || !(largest > 0)) return fail("the ray's direction is zero or not finite");
     if (std::isnan(maximum)) return fail("the largest distance is not a number");
     const Vec3d unit = glm::normalize(direction / largest);
-    if (!(pixel >= 0) || !std::isfinite(pixel)) return fail("the pixel's width is negative or not finite");
+    if (!(pixel.radians >= 0 && pixel.metres >= 0) || !std::isfinite(pixel.radians + pixel.metres))
+        return fail("the pixel's width is negative or not finite");
     const Vec3f eye = world_->fromWorld(origin), forward(unit);
-    const LensedView view(*world_, {eye, forward, static_cast<float>(pixel), 0}, filter);
+    const LensedView view(*world_, {eye, forward, static_cast<float>(pixel.radians), static_cast<float>(pixel.metres)},
+                          filter);
     const Hit hit = view.intersect({eye, 0, forward, std::numeric_limits<float>::infinity()});
     Candidate candidate;
     if (hit) {

@@ -42,7 +42,8 @@ std::optional<PictureHit> WorldQueries::throughPicture(double x, double y, std::
         const double across = (x - left) / (right - left), down = (y - top) / (bottom - top);
         if (!layer && !(across >= 0 && across <= 1 && down >= 0 && down <= 1)) continue;
         const auto [origin, direction] = sight->ray(across, down);
-        const double pixel = sight->kind == LayerSight::Kind::parallel ? Picker::kPixel : sight->pixel();
+        const bool isParallel = sight->kind == LayerSight::Kind::parallel;
+        const PickPixel pixel = isParallel ? PickPixel{0, sight->pixel()} : PickPixel{sight->pixel(), 0};
         const auto pick = Picker(world_.rays(), flattener).ray(origin, direction, sight->layer, sight->limit, pixel);
         if (!pick) continue;
         PictureHit seen{origin, direction, hitOf(*pick)};

@@ -537,5 +537,24 @@ TEST(TextureProperties, BorderColoursLieBeyondTheEdge) {
     expectColor(seen(-7), {.2, .6, 1}, 1e-5);
 }
 
+/// A border is as clear as its alpha says, whatever the texture itself is; the default one is clear.
+TEST(TextureProperties, ClearBordersAreSeenThrough) {
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path})
+        for (const auto& [border, sky] : {std::pair{"", 1.f}, {"borderColor 0 0 0 1", 0.f}}) {
+            LightScene s(std::string("NavigationInfo { headlight FALSE } Background { skyColor 0 1 0 } ") +
+                             "OrthoViewpoint { fieldOfView [ -1 -1 1 1 ] } Shape { appearance Appearance { material "
+                             "UnlitMaterial { } texture PixelTexture { image 1 1 3 0xFF0000 textureProperties "
+                             "TextureProperties { boundaryModeS \"CLAMP_TO_BOUNDARY\" " +
+                             border +
+                             " } } } geometry IndexedFaceSet { coordIndex [ 0 1 2 3 ] texCoord TextureCoordinate { "
+                             "point [ 2 0, 2 0, 2 1, 2 1 ] } coord Coordinate { point [ -1 -1 0, 1 -1 0, 1 1 0, -1 1 "
+                             "0 ] } } }",
+                         9, 9);
+            s.options.settings.integrator = integrator;
+            s.options.settings.colorSpace = ColorSpace::linear;
+            expectColor(s.center(), {0, sky, 0}, 1e-5);
+        }
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -162,6 +162,28 @@ TEST(TextureCoordinateGenerator, SphereFollowsTheNormal) {
     EXPECT_EQ(generated("SPHERE-LOCAL", ".6 .48 .64", turned), Vec3f(1));
 }
 
+/// By its formula the alpha of SUBTRACT and DOTPRODUCT3 is less than one even of opaque textures; browsers show them
+/// opaque, before whatever is behind.
+TEST(MultiTexture, OpaqueTexturesStayOpaqueInEveryMode) {
+    for (const char* mode : {"SUBTRACT", "DOTPRODUCT3", "MODULATEINVALPHA_ADDCOLOR", "MODULATE"})
+        for (const char* function : {"", "function [ \"\" \"COMPLEMENT\" ]"}) {
+            Vec3f seen[2];
+            for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+                LightScene s(
+                    "NavigationInfo { headlight FALSE } Background { skyColor 1 1 1 } " +
+                        square(10, fmt::format("material UnlitMaterial {{ }} texture MultiTexture {{ texture "
+                                               "[ {} {} ] mode [ \"REPLACE\" \"{}\" ] {} }}",
+                                               texel(153, 51, 255, 255), texel(102, 204, 51, 255), mode, function)),
+                    9, 9);
+                s.options.settings.integrator = integrator;
+                s.options.settings.colorSpace = ColorSpace::linear;
+                seen[integrator == Integrator::path] = s.center();
+            }
+            expectColor(seen[1], Vec3d(seen[0]), 1e-5);
+            EXPECT_LT(std::min({seen[0].r, seen[0].g, seen[0].b}), .95f) << mode << " " << function;
+        }
+}
+
 TEST(TextureCoordinateGenerator, EveryModeIsItsFormula) {
     using G = TexCoords::Generator;
     trace::GeneratorInput in;

@@ -55,7 +55,12 @@ struct TextureUse {
     std::shared_ptr<const glm::mat4> matrix3;  // of a transform of three coordinates, in place of `matrix`
     String mapping;                            // of TexCoords::mapping; empty: the first channel
     explicit operator bool() const { return texture || space || generated; }
-    bool hasAlpha() const { return texture ? texture->hasAlpha() : space && space->hasAlpha(); }
+    /// Of its pixels, or of what lies beyond its edges.
+    bool hasAlpha() const {
+        const auto shows = [&](TextureWrap wrap) { return wrap == TextureWrap::border && access.border.a < 1; };
+        if (texture) return texture->hasAlpha() || shows(access.wrapS) || shows(access.wrapT);
+        return space && (space->hasAlpha() || shows(access.wrapS) || shows(access.wrapT) || shows(access.wrapR));
+    }
 };
 
 /// One texture of a MultiTexture (18.4.3): it and what is there so far, starting with the material's colour, make the
@@ -152,6 +157,8 @@ struct Material {
     bool textured() const;
     /// Whether anything can be seen through it: shadow rays then have to look closer.
     bool transmits() const;
+    /// Whether any texture of a MultiTexture, or its own `alpha`, is less than opaque somewhere.
+    bool stagesHaveAlpha() const;
     /// Whether it sends mirror rays.
     bool mirrors() const;
 };

@@ -41,6 +41,12 @@ struct Pick {
 /// (Instance::felt).
 enum class Surfaces : std::uint8_t { seen, felt };
 
+/// How wide a pixel is for which lines and points are some pixels wide: of a perspective, or else the same everywhere.
+struct PickPixel {
+    double radians = 0;
+    double metres = 0;
+};
+
 class Picker {
   public:
     /// Both must outlive the picker and have applied the same states.
@@ -54,7 +60,7 @@ class Picker {
                      double maximum = std::numeric_limits<double>::infinity(), double pixel = kPixel) const;
     /// The first surface of one layer of a LayerSet; 0: of what is in none.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
-                     double pixel) const;
+                     const PickPixel& pixel) const;
     static constexpr double kPixel = .001;
     /// Every surface within `maximum` metres, from either side, nearest first; 10,000 at most. Two that are nearer to
     /// each other than a millionth of the way there count as one: the triangles beside an edge, but also faces of two
@@ -78,7 +84,7 @@ class Picker {
 
   private:
     struct Candidate;
-    Result<Pick> pick(const Vec3d& origin, const Vec3d& direction, double maximum, double pixel,
+    Result<Pick> pick(const Vec3d& origin, const Vec3d& direction, double maximum, const PickPixel& pixel,
                       const RayFilter* filter) const;
     Pick finish(const Candidate& candidate) const;
     const RayWorld* world_;
