@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -22,6 +23,16 @@ bool isLinearFormat(const std::string& extension) {
 
 Result<> checkSize(const Picture& picture, const std::filesystem::path& file) {
     if (picture.width <= 0 || picture.height <= 0) return fail("the picture is empty", {}, file.string());
+    // libjpeg ends the process, and a GIF's fields hold no more and would have the rest.
+    constexpr int kLargestJpeg = 65500, kLargestGif = 65535;
+    const std::string extension = lowerExtension(file);
+    const bool jpeg = extension == ".jpg" || extension == ".jpeg" || extension == ".jpe" || extension == ".jif" ||
+                      extension == ".jfif" || extension == ".jfi";
+    const int largest = jpeg ? kLargestJpeg : extension == ".gif" ? kLargestGif : std::numeric_limits<int>::max();
+    if (std::max(picture.width, picture.height) > largest)
+        return fail(fmt::format("{} x {} pixels: a {} has at most {} a side", picture.width, picture.height,
+                                jpeg ? "JPEG" : "GIF", largest),
+                    {}, file.string());
     return {};
 }
 

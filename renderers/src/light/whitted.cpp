@@ -254,10 +254,9 @@ class Tile {
         };
 
         const bool deeper = from.depth < settings_.maxDepth;
-        // What is cut off is dark, and not clear: a surface is there.
         const auto cut = [&](const Vec3f& share) {
             const float most = std::max({share.x, share.y, share.z});
-            loop_.sumOf(pixel).a += (share.x + share.y + share.z) / 3;
+            loop_.sumOf(pixel).a += (share.x + share.y + share.z) / 3;  // dark, and not clear
             if (most >= cutoff_) loop_.resultOf(pixel).addMissing(pixel % kTilePixels, most);
         };
         const Vec3f mirrored = weight * coverage * w.mirror;

@@ -97,6 +97,21 @@ TEST(Irradiance, APlaceOnAWallIsBeforeIt) {
     expectIrradiance(floor.at({0, 100, 0}, {0, 1, 0}), kPi);
 }
 
+// The place is lifted by what floats are off and no more: not by metres far from the origin, nor past what is near.
+TEST(Irradiance, IsRightFarAwayAndCloseBy) {
+    for (const auto& [x, slack] : {std::pair{300., .001}, {4000., .002}, {100000., .015}}) {
+        Measured panel(fmt::format("Transform {{ translation {} 0 0 children {} }}", x,
+                                   above(1, "Rectangle2D { size 2 2 solid FALSE }")));
+        SCOPED_TRACE(x);
+        expectIrradiance(panel.at({x, 0, 0}, {0, 1, 0}), kPi * .5541264, slack);
+    }
+    for (const double small : {1e-2, 1e-3, 1e-4}) {
+        Measured disk(above(small, fmt::format("Disk2D {{ outerRadius {} solid FALSE }}", small)));
+        SCOPED_TRACE(small);
+        expectIrradiance(disk.at({0, 0, 0}, {0, 1, 0}), kPi / 2, .015);
+    }
+}
+
 TEST(Irradiance, IntervalsHoldTheTruthAsOftenAsTheySay) {
     Measured panel(above(1, "Rectangle2D { size 2 2 solid FALSE }"));
     panel.settings.error = 0.02;

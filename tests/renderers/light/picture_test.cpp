@@ -218,5 +218,26 @@ TEST(Picture, ComparisonFindsTheWorstPixel) {
     EXPECT_EQ(compare(a, b)->worstX, 1) << "NaN is worst";
 }
 
+// libjpeg ends the process where a picture is too large for it; GIFs were written with a width of nothing.
+TEST(Picture, LargerThanTheirFormatAreRefused) {
+    const std::filesystem::path folder = temporary("rtsg_too_large");
+    std::filesystem::create_directories(folder);
+    for (const auto& [name, width, height, fits] : {std::tuple{"a.jpg", 65501, 1, false},
+                                                    {"a.JPEG", 1, 70000, false},
+                                                    {"a.gif", 65536, 1, false},
+                                                    {"b.gif", 1, 65536, false},
+                                                    {"b.jpg", 65500, 1, true},
+                                                    {"c.gif", 65535, 1, true},
+                                                    {"a.png", 70000, 1, true}}) {
+        const auto written = writePicture(Picture(width, height), folder / name);
+        EXPECT_EQ(static_cast<bool>(written), fits) << name << " " << (written ? "" : written.error().format());
+        if (!written) {
+            EXPECT_NE(written.error().text.find(" a side"), std::string::npos) << written.error().text;
+        }
+        EXPECT_EQ(std::filesystem::exists(folder / name), fits) << name;
+    }
+    std::filesystem::remove_all(folder);
+}
+
 }  // namespace
 }  // namespace rtsg

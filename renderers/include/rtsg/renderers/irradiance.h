@@ -30,9 +30,9 @@ struct Irradiance {
     bool reached = false;  // the error, by `luminous`; nothing at all counts as reached
 };
 
-/// On a small white surface at `place` that faces `normal` (world space, any length), and 10 um before it, so that a
-/// place on a wall is seen from the wall's front. The same for any number of threads. Errors: a normal without length,
-/// numbers that are not finite, an error that is not positive.
+/// On a small white surface at `place` that faces `normal` (world space, any length), and as far before it as floats
+/// are off there (some 2^-22 of its coordinates), so that a place on a wall is seen from the wall's front. The same for
+/// any number of threads. Errors: a normal without length, numbers that are not finite, an error that is not positive.
 Result<Irradiance> measureIrradiance(const LightState& state, const RayView& world, const Vec3d& place,
                                      const Vec3d& normal, const IrradianceSettings& settings = {});
 
