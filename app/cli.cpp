@@ -187,9 +187,24 @@ struct Damage {
 
 }  // namespace
 
+namespace {
+
+/// A scene file holds a whole state, which only a scene that has none takes: its clock, if that goes already, is set
+/// again.
+Result<> readState(Scene& scene, const std::string& file) {
+    const double clock = scene.now();
+    if (scene.sequence() > 0)
+        if (auto ok = scene.reset(); !ok) return ok;
+    if (auto ok = readSceneFile(scene, file); !ok) return ok;
+    if (clock > scene.now()) scene.newFrame(clock);
+    return {};
+}
+
+}  // namespace
+
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
     if (file != "-" && isSceneFile(file)) {
-        if (const auto read = readSceneFile(scene, file); !read) diagnostics.add(read.error());
+        if (const auto read = readState(scene, file); !read) diagnostics.add(read.error());
         print(diagnostics);
         return diagnostics.errors() == 0;
     }

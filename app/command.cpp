@@ -113,25 +113,25 @@ Option* Command::addOption(const std::string& names, std::string& into, const st
     return add(notEmpty(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, int& into, const std::string& description) {
-    return add(parser_->add_option(names, into, description));
+    return add(notEmpty(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, unsigned& into, const std::string& description) {
-    return add(parser_->add_option(names, into, description));
+    return add(notEmpty(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, std::uint64_t& into, const std::string& description) {
-    return add(notNegative(parser_->add_option(names, into, description)));
+    return add(notEmpty(notNegative(parser_->add_option(names, into, description))));
 }
 Option* Command::addOption(const std::string& names, double& into, const std::string& description) {
-    return add(finite(parser_->add_option(names, into, description)));
+    return add(notEmpty(finite(parser_->add_option(names, into, description))));
 }
 Option* Command::addOption(const std::string& names, std::optional<double>& into, const std::string& description) {
-    return add(finite(parser_->add_option(names, into, description)));
+    return add(notEmpty(finite(parser_->add_option(names, into, description))));
 }
 Option* Command::addOption(const std::string& names, std::vector<std::string>& into, const std::string& description) {
     return add(notEmpty(parser_->add_option(names, into, description)));
 }
 Option* Command::addOption(const std::string& names, std::vector<double>& into, const std::string& description) {
-    return add(finite(parser_->add_option(names, into, description)));
+    return add(notEmpty(finite(parser_->add_option(names, into, description))));
 }
 Option* Command::addFlag(const std::string& names, bool& into, const std::string& description) {
     return add(parser_->add_flag(names, into, description));

@@ -132,6 +132,13 @@ void addFieldSelection(Command& command, FieldSelection& selection) {
         ->preset();
 }
 
+void warnOf(const std::vector<std::string>& ignoredInVain) {
+    Diagnostics warnings;
+    for (const std::string& pattern : ignoredInVain)
+        warnings.warning({}, fmt::format("--ignore {}: there is no such field", pattern));
+    print(warnings);
+}
+
 void check(const FieldSelection& selection) {
     if (!(selection.tolerance >= 0))
         throw UsageError("--tolerance", fmt::format("{} is not 0 or more", selection.tolerance));
@@ -395,6 +402,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     checkInputs(outcome, arguments, diagnostics);
     compareWithExpected(outcome, arguments, picture, sound);
     outcome.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
+    warnOf(outcome.report.ignoredInVain);
     printOutcome(outcome, json);
     if (auto ok = writeReports(arguments, outcome); !ok) return printError(ok.error()), kBad;
     return outcome.passed() ? kDone : kBad;

@@ -4,6 +4,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <rtsg/sync/field_comparison.h>
 
@@ -27,6 +28,8 @@ struct ReplayTestArguments {
 
 /// --field, --ignore and --tolerance.
 void addFieldSelection(Command& command, FieldSelection& selection);
+/// Of FieldComparison::ignoredInVain().
+void warnOf(const std::vector<std::string>& ignoredInVain);
 /// Throws UsageError.
 void check(const FieldSelection& selection);
 

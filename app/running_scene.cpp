@@ -1,6 +1,7 @@
 // The one loop in which all verbs run a scene file.
 #include "running_scene.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <thread>
@@ -82,6 +83,7 @@ bool RunningScene::load() {
     setClock(scene_, start_);
     Diagnostics diagnostics(file_);
     if (!app::load(scene_, file_, diagnostics, resources_)) return false;
+    start_ = std::max(start_, scene_.now());  // that of a state in a scene file, which time does not go back from
     followInlines();
     return true;
 }

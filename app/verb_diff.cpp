@@ -62,6 +62,7 @@ int diffLogs(const DiffArguments& options) {
     }
     const auto fields = diffLogFields(options.a, options.b, options.selection);
     if (!fields) return printError(fields.error()), kBad;
+    warnOf(fields->ignoredInVain);
     const double start = logStart(options.a);
     for (const FieldDifference& d : fields->differences) found.push_back(toDivergence(d, start));
     if (!fields->unequalEnds.empty()) found.push_back({0, fields->end, "", "", fields->unequalEnds});
@@ -82,13 +83,9 @@ int diffScenes(const DiffArguments& options) {
     }
     FieldComparison fields(options.selection, scenes[0], scenes[1], {"first", "second"});
     fields.first();
-    if (const auto unmatched = fields.unmatched(); !unmatched.empty())
-        return printError(fmt::format("{}: {}: no such field, so nothing was compared", options.a, unmatched.front())),
-               kBad;
-    if (fields.fieldCount() == 0)
-        return printError(fmt::format("{}: all of the fields that were asked for are left out, so nothing was compared",
-                                      options.a)),
-               kBad;
+    if (const std::string why = fields.nothingCompared(); !why.empty())
+        return printError(fmt::format("{}: {}", options.a, why)), kBad;
+    warnOf(fields.ignoredInVain());
     std::vector<Divergence> found;
     for (const FieldDifference& d : fields.differences()) {
         found.push_back(toDivergence(d, 0));

@@ -116,6 +116,7 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     if (!options.key.empty()) {
         auto keys = MirrorKeys::load(options.key);
         if (!keys) return std::unexpected(keys.error());
+        if (auto ok = keys->checkForClient(); !ok) return fail(ok.error().text, {}, options.key);
         result.keys = std::move(*keys);
     }
     result.name = options.name;

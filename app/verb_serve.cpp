@@ -57,6 +57,7 @@ Result<std::optional<MirrorKeys>> serverKeysFrom(const std::string& file) {
     }
     auto keys = MirrorKeys::load(file);
     if (!keys) return std::unexpected(keys.error());
+    if (auto ok = keys->checkForServer(); !ok) return fail(ok.error().text, {}, file);
     return std::optional(std::move(*keys));
 }
 

@@ -27,6 +27,24 @@ TEST_F(BlameOption, ListsEachValueThatSomebodySet) {
     EXPECT_THAT(driven.out, HasSubstr("changes)"));
 }
 
+/// Those without a name have a number, as pages and reports write it; and names may hold a slash.
+TEST_F(BlameOption, NodesWithoutANameHaveTheirNumber) {
+    const std::string named = folder / "slash.x3dv", log = folder / "c.rlog";
+    writeFile(named, "#X3D V4.0 utf8\nPROFILE Full\nDEF A/B Transform { }\n");
+    ASSERT_EQ(rtsg({"record", named, "-o", log, "--for", "0.2s", "--set", "A/B.scale=2 1 1@0.1"}).status, 0);
+    const Outcome told = rtsg({"replay", log, "--blame", "A/B.scale"});
+    EXPECT_EQ(told.status, 0) << told.err;
+    EXPECT_THAT(told.out, HasSubstr("set from outside"));
+    int found = 0;
+    for (int number = 1; number < 8; ++number) {
+        const Outcome numbered = rtsg({"replay", log, "--blame", "#" + std::to_string(number) + ".scale"});
+        found += numbered.status == 0;
+        EXPECT_TRUE(numbered.status != 0 || numbered.out.contains("set from outside")) << numbered.out;
+    }
+    EXPECT_EQ(found, 1);
+    EXPECT_THAT(rtsg({"replay", log, "--blame", "#4000.scale"}).err, HasSubstr("no node is named #4000"));
+}
+
 /// What an instance's field gets by a ROUTE its inside gives back by an IS: the way leads out, and in no circle.
 TEST_F(BlameOption, LeadsOutOfAPrototypeToWhatSetIt) {
     const std::string lamp = folder / "lamp.x3dv", log = folder / "b.rlog";

@@ -288,6 +288,12 @@ TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
     EXPECT_EQ(b.status, 1) << b.out;
     EXPECT_EQ(json::parse(b.out).at("frames"), 0);
     EXPECT_THAT(b.err, HasSubstr("does not answer without --key"));
+    const std::string empty = folder / "empty";
+    writeFile(empty, "");
+    EXPECT_THAT(rtsg({"mirror", endpoint, "--key", empty}).err,
+                HasSubstr("empty: error: a client needs server-public"));
+    EXPECT_THAT(rtsg({"serve", file, "--key", empty, "--for", "0s"}).err,
+                HasSubstr("empty: error: a server needs server-public and server-secret"));
     // Nor has it those whose key is another's.
     const std::string others = folder / "others";
     EXPECT_EQ(rtsg({"serve", file, "--key", others, "--for", "0s", "--bind", "ipc://" + folder / "alone"}).status, 0);

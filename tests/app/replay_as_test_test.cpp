@@ -121,6 +121,65 @@ TEST_F(ReplayAsTest, WhatComparesNothingDoesNotPass) {
     }
 }
 
+/// A test goes on without, as what was left out may be gone from the scene.
+TEST_F(ReplayAsTest, WhatIsIgnoredInVainIsTold) {
+    const Outcome told = rerun({"--ignore", "PATHH.keyValue", "--ignore", "FLAG.*"});
+    EXPECT_EQ(told.status, 0) << told.err;
+    EXPECT_THAT(told.err, HasSubstr("warning: --ignore PATHH.keyValue: there is no such field"));
+    EXPECT_THAT(told.err, testing::Not(HasSubstr("FLAG")));
+    const Outcome diff = rtsg({"diff", log, log, "--ignore", "FLAGG.*"});
+    EXPECT_EQ(diff.status, 0) << diff.err;
+    EXPECT_THAT(diff.err, HasSubstr("warning: --ignore FLAGG.*: there is no such field"));
+    EXPECT_THAT(rtsg({"diff", file, file, "--ignore", "FLAGG.*"}).err, HasSubstr("FLAGG"));
+}
+
+/// What came before is in other files: neither a test of the whole session, nor one that may be written anew.
+TEST_F(ReplayAsTest, ALaterPieceOfALogIsNotRunAgain) {
+    const std::string pieces = folder / "pieces.rlog";
+    const Outcome made = rtsg({"serve", file, "--for", "1.2s", "--fps", "20", "--record", pieces, "--rotate", "0.4s"});
+    ASSERT_EQ(made.status, 0) << made.err;
+    const auto before = std::filesystem::file_size(pieces);
+    for (const bool updates : {false, true}) {
+        const Outcome refused =
+            updates ? rtsg({"replay", pieces, "--rerun", file, "--update"}) : rtsg({"replay", pieces, "--rerun", file});
+        EXPECT_EQ(refused.status, 1);
+        EXPECT_THAT(refused.err, HasSubstr("pieces.rlog: error: this is a later piece of a log, from "));
+    }
+    EXPECT_EQ(std::filesystem::file_size(pieces), before);
+    EXPECT_EQ(rtsg({"replay", folder / "pieces.0001.rlog", "--rerun", file}).status, 0) << "the first one";
+}
+
+/// An empty number, a variable of a shell that is not set say, is not 0.
+TEST_F(ReplayAsTest, AnEmptyNumberIsWrongUsage) {
+    for (const char* option : {"--tolerance", "--picture-tolerance", "--fps"})
+        EXPECT_EQ(rerun({option, ""}).status, 2) << option;
+    EXPECT_THAT(rerun({"--tolerance", ""}).err, HasSubstr("--tolerance: a value is empty"));
+}
+
+/// A scene file, and a log as the scene that it begins with, at a clock of today and at one that begins with 0.
+TEST_F(ReplayAsTest, ASceneFileRunsAsItsDocument) {
+    const std::string compact = folder / "a.rtsgb", run = folder / "run.rlog", other = folder / "other.png";
+    ASSERT_EQ(rtsg({"convert", file, compact}).status, 0);
+    for (const std::string at : {"2000-01-01", "0"}) {
+        const auto render = [&](const std::string& scene, const std::string& into) {
+            const Outcome made = rtsg({"render", "--at", at, scene, "-o", into, "--size", "48x32", "--time", "0s"});
+            EXPECT_EQ(made.status, 0) << scene << made.err;
+            return readFile(into);
+        };
+        const std::string expected = render(file, picture);
+        EXPECT_EQ(render(compact, other), expected) << at;
+        EXPECT_EQ(render(log, other), expected) << at;
+        const Outcome made =
+            rtsg({"record", "--at", at, compact, "-o", run, "--for", "1s", "--set", "BOX.scale=2 1 1@0.5", "--force"});
+        ASSERT_EQ(made.status, 0) << made.err;
+        const Outcome again = rtsg({"replay", run, "--rerun", compact, "--json"});
+        EXPECT_EQ(again.status, 0) << again.err;
+        EXPECT_GT(json::parse(again.out)["verified"], 60);
+        const Outcome moved = rtsg({"replay", run, "--blame", "BOX.translation"});
+        EXPECT_THAT(moved.out, HasSubstr("changes)")) << "its clock runs";
+    }
+}
+
 TEST_F(ReplayAsTest, AFailureLeavesAPageAndJUnitXml) {
     const std::string page = folder / "a.html", junit = folder / "a.xml";
     ASSERT_EQ(rerun(withPicture({"--update"})).status, 0);

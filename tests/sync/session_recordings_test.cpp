@@ -26,7 +26,7 @@ using mirror::Message;
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kPatience = 60s;  // only a failing test waits this long
+constexpr auto kMostPatience = 60s;  // only a failing test waits this long
 
 // ---- recording -------------------------------------------------------------------------------------------------
 
@@ -88,7 +88,7 @@ class Recorder {
         session.push_back({Said::By::server, std::move(first), std::move(second)});
     }
     bool hearUntil(MirrorServer* server, const std::function<bool()>& condition) {
-        const auto end = Clock::now() + kPatience;
+        const auto end = Clock::now() + kMostPatience;
         while (!condition() && Clock::now() < end) {
             if (server) server->service();
             std::vector<std::string> parts = receiveParts(socket_, 2);
@@ -174,13 +174,13 @@ class Recorder {
 };
 
 /// A scene that moves, and its server.
-struct Origin {
+struct RecordedOrigin {
     Scene scene;
     MovingThings motion{scene};
     std::unique_ptr<MirrorServer> server;
     int frames = 0;
 
-    explicit Origin(std::uint64_t epoch, Coding coding = Coding::compact, MirrorServerOptions options = {}) {
+    explicit RecordedOrigin(std::uint64_t epoch, Coding coding = Coding::compact, MirrorServerOptions options = {}) {
         for (int i = 0; i < 3; ++i) frame();
         options.epoch = epoch;
         options.creator = "conformance";
@@ -212,14 +212,14 @@ struct Origin {
 };
 
 void recordJoin(Recorder& recorder) {
-    Origin origin(0x5001, Coding::smallest);
+    RecordedOrigin origin(0x5001, Coding::smallest);
     origin.join(recorder);
     origin.follow(recorder, 12);
     origin.leave(recorder);
 }
 
 void recordParts(Recorder& recorder) {
-    Origin origin(0x5002);
+    RecordedOrigin origin(0x5002);
     recorder.longestPart = 150;
     origin.join(recorder);
     origin.follow(recorder, 4);
@@ -228,7 +228,7 @@ void recordParts(Recorder& recorder) {
 
 /// The connection is cut, the scene goes on, and the client has it go on from where it was.
 void recordReturn(Recorder& recorder) {
-    Origin origin(0x5003);
+    RecordedOrigin origin(0x5003);
     origin.join(recorder);
     origin.follow(recorder, 3);
     recorder.cut();
@@ -241,12 +241,12 @@ void recordReturn(Recorder& recorder) {
 /// The server that answers after the cut is another run, with states of the same numbers.
 void recordAnotherRun(Recorder& recorder) {
     {
-        Origin origin(0x5004);
+        RecordedOrigin origin(0x5004);
         origin.join(recorder);
         origin.follow(recorder, 3);
         recorder.cut();
     }
-    Origin other(0x5005);
+    RecordedOrigin other(0x5005);
     EXPECT_TRUE(other.scene.setName(other.scene.root(), "OTHER"));
     for (int i = 0; i < 8; ++i) other.frame();
     other.join(recorder);
@@ -256,7 +256,7 @@ void recordAnotherRun(Recorder& recorder) {
 
 /// The client wants few frames: those between come merged.
 void recordMerged(Recorder& recorder) {
-    Origin origin(0x5006);
+    RecordedOrigin origin(0x5006);
     recorder.wishes.wishes.milliFrames = 20'000;
     origin.join(recorder);
     for (int i = 0; i < 30; ++i) {
@@ -270,7 +270,7 @@ void recordMerged(Recorder& recorder) {
 
 /// A frame is lost, then one comes with a wrong byte: each time the client says hello with the state it has.
 void recordLoss(Recorder& recorder) {
-    Origin origin(0x5007);
+    RecordedOrigin origin(0x5007);
     origin.join(recorder);
     origin.follow(recorder, 2);
     for (const bool isLost : {true, false}) {
@@ -299,7 +299,7 @@ void recordLoss(Recorder& recorder) {
 
 /// Between what counts comes what does not: other protocols, short messages, unknown types, data of other sessions.
 void recordStrangeMessages(Recorder& recorder) {
-    Origin origin(0x5008);
+    RecordedOrigin origin(0x5008);
     origin.join(recorder);
     const std::string prologue = {'R', 'T', 'S', 'G', 1};
     recorder.hearStrange("GET / HTTP/1.1");
@@ -326,7 +326,7 @@ void recordStrangeMessages(Recorder& recorder) {
 }
 
 void recordRefusal(Recorder& recorder) {
-    Origin origin(0x5009);
+    RecordedOrigin origin(0x5009);
     recorder.wishes.wishes.parts = {"region:EYE"};
     recorder.connect(origin.server->endpoint());
     EXPECT_TRUE(recorder.hearUntil(origin.server.get(), [&] { return recorder.heard(Message::refused) > 0; }));
@@ -334,7 +334,7 @@ void recordRefusal(Recorder& recorder) {
 
 /// One part of the scene, by name.
 void recordPart(Recorder& recorder) {
-    Origin origin(0x500a);
+    RecordedOrigin origin(0x500a);
     const NodeId thing = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[2];
     EXPECT_TRUE(origin.scene.setName(thing, "THING"));
     origin.frame();
@@ -353,7 +353,7 @@ Change changeOf(ChangeKind kind, NodeId node) {
 
 /// An edit, a node that is created, a lock, an undo, and a request that is refused.
 void recordRequests(Recorder& recorder) {
-    Origin origin(0x500b);
+    RecordedOrigin origin(0x500b);
     const NodeId thing = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[0];
     EXPECT_TRUE(origin.scene.setName(thing, "THING"));
     origin.frame();
@@ -394,7 +394,7 @@ void recordRequests(Recorder& recorder) {
 }
 
 void recordPlaying(Recorder& recorder) {
-    Origin origin(0x500c);
+    RecordedOrigin origin(0x500c);
     origin.server->onControl([](std::string_view command) {
         return command == "pause" ? std::string(R"({"t":1,"length":2,"state":7,"paused":true,"rate":1,"loop":false})")
                                   : "refused: no such command";
@@ -411,7 +411,7 @@ void recordPlaying(Recorder& recorder) {
 
 /// What a client asks that has found another hash: first about ranges, then about nodes, at last for what is wrong.
 void recordQuestions(Recorder& recorder) {
-    Origin origin(0x500d);
+    RecordedOrigin origin(0x500d);
     const NodeId thing = origin.scene.node(origin.scene.root()).get(x3d::RtsgScene::children)[3];
     origin.join(recorder);
     origin.follow(recorder, 2);
@@ -538,7 +538,7 @@ class Player {
                                    v.request, v.state, jsonText(v.refusal), created, jsonText(v.kept)));
     }
     void wait(const std::function<bool()>& condition) {
-        const auto end = Clock::now() + kPatience;
+        const auto end = Clock::now() + kMostPatience;
         while (!failed && !condition()) {
             hear();
             failed = Clock::now() > end;

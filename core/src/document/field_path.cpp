@@ -1,4 +1,5 @@
 // Fields by the names of their nodes: finding them, and their values as text.
+#include <charconv>
 #include <sstream>
 
 #include <fmt/format.h>
@@ -22,10 +23,21 @@ std::vector<std::string_view> namesIn(const Scene& scene, NodeId scope) {
     return names;
 }
 
-/// A node by its name, behind those of the Inlines and PROTO instances that it is in.
+/// "#12": a node by its number, which is how those without a name are written. None if it is no such text or node.
+NodeId byNumber(const Scene& scene, std::string_view path) {
+    std::uint32_t number = 0;
+    if (!path.starts_with('#')) return {};
+    const auto [end, problem] = std::from_chars(path.data() + 1, path.data() + path.size(), number);
+    return problem == std::errc() && end == path.data() + path.size() && scene.find(NodeId{number}) ? NodeId{number}
+                                                                                                    : NodeId{};
+}
+
+/// A node by its name, behind those of the Inlines and PROTO instances that it is in. Names may hold slashes, too.
 Result<NodeId> findNode(const Scene& scene, std::string_view path) {
     NodeId at;
     for (std::size_t from = 0;;) {
+        if (const NodeId whole = scene.findName(path.substr(from), at)) return whole;
+        if (const NodeId numbered = from == 0 ? byNumber(scene, path) : NodeId{}) return numbered;
         const std::size_t slash = path.find('/', from);
         const std::string_view name = path.substr(from, slash == path.npos ? path.npos : slash - from);
         const NodeId next = scene.findName(name, at);

@@ -163,7 +163,10 @@ struct FieldComparison::State {
         bool any = false;
         for (Pattern& p : fields)
             if (p.fits(path, field)) p.used = any = true;
-        return any && std::ranges::none_of(ignored, [&](const Pattern& p) { return p.fits(path, field); });
+        bool ignores = false;
+        for (Pattern& p : ignored)
+            if (any && p.fits(path, field)) p.used = ignores = true;
+        return any && !ignores;
     }
 
     /// Fields of the second scene are looked at only where the first has them.
@@ -373,9 +376,15 @@ std::vector<FieldHistory> FieldComparison::histories() const {
     return result;
 }
 
-std::vector<std::string> FieldComparison::unmatched() const {
-    std::vector<std::string> result;
+std::string FieldComparison::nothingCompared() const {
     for (const Pattern& p : state_->fields)
+        if (!p.used) return fmt::format("{}: no such field, so nothing was compared", p.text);
+    return state_->watches.empty() ? "all of the fields that were asked for are left out, so nothing was compared" : "";
+}
+
+std::vector<std::string> FieldComparison::ignoredInVain() const {
+    std::vector<std::string> result;
+    for (const Pattern& p : state_->ignored)
         if (!p.used) result.push_back(p.text);
     return result;
 }

@@ -83,10 +83,8 @@ Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::
             fmt::format("{} ends before {} does", (x.more() ? b : a).string(), (x.more() ? a : b).string());
     report.fields = fields.fieldCount();
     report.differences = fields.differences();
-    if (const auto unmatched = fields.unmatched(); !unmatched.empty())
-        return fail(fmt::format("{}: no such field, so nothing was compared", unmatched.front()), {}, a.string());
-    if (report.fields == 0)
-        return fail("all of the fields that were asked for are left out, so nothing was compared", {}, a.string());
+    report.ignoredInVain = fields.ignoredInVain();
+    if (std::string why = fields.nothingCompared(); !why.empty()) return fail(std::move(why), {}, a.string());
     return report;
 }
 

@@ -85,10 +85,8 @@ class Run {
             report_.divergence = Divergence{d.frame, d.time, d.node, d.field,
                                             d.cause.empty() ? d.text : fmt::format("{}, by {}", d.text, d.cause)};
         }
-        if (const auto unmatched = fields_->unmatched(); !unmatched.empty())
-            diverge(fmt::format("{}: the log has no such field, so nothing was compared", unmatched.front()));
-        else if (report_.fields == 0)
-            diverge("all of the fields that were asked for are left out, so nothing was compared");
+        report_.ignoredInVain = fields_->ignoredInVain();
+        if (std::string why = fields_->nothingCompared(); !why.empty()) diverge(std::move(why));
     }
 
     /// Only by one that is whole: the old one is all there is of the session.
@@ -113,11 +111,23 @@ class Run {
         report_.divergence = Divergence{s.sequence(), s.now(), {}, {}, std::move(text)};
     }
 
+    /// What led to the first state of a later piece is in the ones before.
+    Result<> checkBegin() const {
+        const std::optional<double> began = recorded_.head().start;
+        const double before = began ? recorded_.scene().now() - *began : 0;
+        if (!test_.build || !(before > 0)) return {};
+        return fail(fmt::format("this is a later piece of a log, from {:.6g} s on: a scene can be run again from the "
+                                "session's start only, so join the pieces first (cat)",
+                                before),
+                    {}, test_.log.string());
+    }
+
     /// The first state, before anything runs.
     Result<> start() {
         const Result<bool> first = check_.step();
         if (!first) return std::unexpected(first.error());
         if (!*first) return fail("no intact state", {}, test_.log.string());
+        if (auto ok = checkBegin(); !ok) return ok;
         if (test_.build) {
             // What is loaded is there from the same time on as in the session.
             if (const double t = recorded_.scene().now(); t > 0) scene_.newFrame(t);
@@ -275,6 +285,8 @@ int replayTestMain(int argc, char** argv, ReplayTest test) {
         fmt::print(stderr, "{}\n", report.error().format());
         return 1;
     }
+    for (const std::string& p : report->ignoredInVain)
+        fmt::print(stderr, "warning: --ignore {}: there is no such field\n", p);
     fmt::print(report->passed() ? stdout : stderr, "{}: {}\n", argv[1], report->format());
     return report->passed() ? 0 : 1;
 }

@@ -3,9 +3,14 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstring>
 #include <random>
 
+#include <arpa/inet.h>
 #include <fmt/format.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <netinet/in.h>
 
 #include <rtsg/core/module.h>
 
@@ -38,6 +43,25 @@ Result<Place> placeFrom(const std::string& text) {
 
 bool isLoopback(const std::string& address) {
     return address == "::1" || address.starts_with("127.");
+}
+
+/// What other machines call this one, where all its addresses are served: the first that is not this machine's alone.
+std::string ownAddress() {
+    std::string found = "localhost";
+    ifaddrs* all = nullptr;
+    if (getifaddrs(&all) != 0) return found;
+    for (const ifaddrs* a = all; a; a = a->ifa_next) {
+        const unsigned wanted = IFF_UP | IFF_RUNNING;
+        if (!a->ifa_addr || a->ifa_addr->sa_family != AF_INET) continue;
+        if ((a->ifa_flags & wanted) != wanted || (a->ifa_flags & IFF_LOOPBACK)) continue;
+        sockaddr_in address;
+        std::memcpy(&address, a->ifa_addr, sizeof(address));
+        char text[INET_ADDRSTRLEN];
+        if (inet_ntop(AF_INET, &address.sin_addr, text, sizeof(text))) found = text;
+        break;
+    }
+    freeifaddrs(all);
+    return found;
 }
 
 std::string madeUpToken() {
@@ -145,7 +169,7 @@ Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options)
     gateway->module_ = (*startWeb)(settings, problem);
     if (!gateway->module_) return fail(problem);
     const bool anywhere = settings.address == "0.0.0.0" || settings.address == "::";
-    const std::string host = anywhere                                          ? "localhost"
+    const std::string host = anywhere                                          ? ownAddress()
                              : settings.address.find(':') != std::string::npos ? "[" + settings.address + "]"
                                                                                : settings.address;
     gateway->url_ = fmt::format("{}://{}:{}/{}", settings.certificate.empty() ? "http" : "https", host,

@@ -82,8 +82,11 @@ class FieldComparison {
     const std::vector<FieldDifference>& differences() const;
     /// Of the fields that differed, as far as they are numbers: at most 64 fields and 4096 samples each.
     std::vector<FieldHistory> histories() const;
-    /// Patterns that no field of the first scene has matched: what they were to compare was not compared.
-    std::vector<std::string> unmatched() const;
+    /// Why the comparison says nothing: a pattern that no field of the first scene has matched, or all that was chosen
+    /// is ignored. Empty if there was something to compare.
+    std::string nothingCompared() const;
+    /// What was to be ignored and is not there: patterns that were misspelled, or of nodes that are gone.
+    std::vector<std::string> ignoredInVain() const;
     /// Fields that were looked at.
     std::size_t fieldCount() const;
 
@@ -97,6 +100,7 @@ struct LogFieldReport {
     std::vector<FieldDifference> differences;  // frames and times are those of `a`
     std::uint64_t states = 0;                  // compared
     std::size_t fields = 0;
+    std::vector<std::string> ignoredInVain;
     double end = 0;           // of what both hold, seconds since the start
     std::string unequalEnds;  // which one ends before the other, if one does by more than a microsecond
 };

@@ -63,6 +63,7 @@ struct ReplayReport {
     std::size_t fields = 0;
     std::vector<FieldDifference> differences;
     std::vector<FieldHistory> histories;
+    std::vector<std::string> ignoredInVain;  // FieldComparison::ignoredInVain()
 
     bool passed() const { return frames > 0 && verified == frames && !divergence; }
     /// One line for a test's output.
