@@ -45,10 +45,12 @@ glm::dvec3 turned(const glm::dvec3& direction, double degrees) {
 
 }  // namespace
 
-void AcousticEngine::Impl::play(const SoundNode& sound, EmitterState& state, Block& block) {
+void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state, Block& block) {
+    const SoundNode& sound = *emitter.sound;
     block.dry.resize(std::max<std::size_t>(1, state.inputs.size()));
     if (sound.enabled) {
-        state.mix.render(sound.voices, sound.processes, clips, samples, options.blockSize, block.dry, sound.discrete);
+        state.mix.render(sound.voices, sound.processes, {clips, samples, options.blockSize, emitter, block.listener},
+                         block.dry, sound.discrete);
         if (silenceNoSound(block.dry, sound.intensity)) clips.noteNoSound(sound.name);
         return;
     }
@@ -302,12 +304,12 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const HeardLevel& to,
 Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
     const SoundNode& sound = *emitter.sound;
     if (sound.stream) {
-        if (options.keepStreams) streamOut(sound, state, block);
+        if (options.keepStreams) streamOut(emitter, state, block);
         return {};
     }
     const double start = static_cast<double>(samples), end = start + static_cast<double>(options.blockSize);
     state.motion.advance(end);
-    play(sound, state, block);
+    play(emitter, state, block);
     if (auto made = makeInputs(state, block.dry.size()); !made) return made;
     HeardLevel to;
     if (!state.started) findDelay(state.motion, static_cast<double>(samples), state.level.delay, state.level.slope);

@@ -67,8 +67,8 @@ struct AcousticEngine::Impl {
 
     Result<> block(double alpha);
     Result<> renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block);
-    void play(const SoundNode& sound, EmitterState& state, Block& block);
-    void streamOut(const SoundNode& sound, EmitterState& state, Block& block);
+    void play(const SoundEmitter& emitter, EmitterState& state, Block& block);
+    void streamOut(const SoundEmitter& emitter, EmitterState& state, Block& block);
     void endStreams();
     Result<> makeInputs(EmitterState& state, std::size_t count);
     void findDelay(const Trajectory& motion, double time, double& delay, double& slope) const;

@@ -5,7 +5,8 @@
 
 namespace rtsg {
 
-void AcousticEngine::Impl::streamOut(const SoundNode& sound, EmitterState& state, Block& block) {
+void AcousticEngine::Impl::streamOut(const SoundEmitter& emitter, EmitterState& state, Block& block) {
+    const SoundNode& sound = *emitter.sound;
     const std::size_t size = options.blockSize;
     const auto since = static_cast<std::size_t>(samples - firstSample);
     auto found = std::ranges::find(streams, sound.node, &StreamedSound::node);
@@ -16,7 +17,7 @@ void AcousticEngine::Impl::streamOut(const SoundNode& sound, EmitterState& state
     StreamedSound& stream = *found;
     stream.identifiers = *sound.stream;
     if (stream.sound.frames() > since) return;  // in two places it is one stream all the same
-    play(sound, state, block);
+    play(emitter, state, block);
     const std::size_t inputs = block.dry.size();
     if (inputs > static_cast<std::size_t>(stream.sound.channels))
         stream.sound = spread(stream.sound, static_cast<int>(inputs));

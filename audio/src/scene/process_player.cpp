@@ -6,6 +6,8 @@
 #include <numbers>
 #include <span>
 
+#include <rtsg/audio/panning.h>
+
 namespace rtsg {
 namespace {
 
@@ -92,8 +94,11 @@ bool silenceNoSound(AudioChannels& out, double gain) {
 }
 
 void AudioMix::render(const std::vector<SoundVoice>& voices,
-                      const std::vector<std::shared_ptr<const AudioProcess>>& processes, ClipLibrary& clips,
-                      std::int64_t first, std::size_t frames, AudioChannels& out, bool discrete) {
+                      const std::vector<std::shared_ptr<const AudioProcess>>& processes, const GraphBlock& block,
+                      AudioChannels& out, bool discrete) {
+    ClipLibrary& clips = block.clips;
+    const std::int64_t first = block.first;
+    const std::size_t frames = block.frames;
     std::size_t channels = std::max<std::size_t>(1, out.size());
     std::vector<VoicePlayer*> players;
     std::map<std::uint32_t, unsigned> ways;
@@ -111,7 +116,7 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
     for (std::size_t i = 0; i < processes.size(); ++i) {
         if (!processes_[i] || !processes_[i]->is(*processes[i]))
             processes_[i] = std::make_unique<ProcessPlayer>(*processes[i]);
-        processes_[i]->render(*processes[i], clips, first, frames, processed[i]);
+        processes_[i]->render(*processes[i], block, processed[i]);
         channels = std::max(channels, processed[i].size());
     }
     out.resize(channels);
@@ -129,14 +134,49 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
     for (const AudioChannels& one : processed) mixInto(out, one, discrete);
 }
 
-void ProcessPlayer::merge(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
-                          AudioChannels& out) {
+/// The PannerNode of the Web Audio API: of more than two channels it mixes down, and what comes out are left and right.
+/// Level and direction are on their way from those of the block before.
+void ProcessPlayer::pan(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
+    const SoundNode& sound = *process.placed;
+    const SoundEmitter at{{}, process.placed, block.emitter.worldFromLocal, {}};
+    const glm::dvec3 way = at.position() - block.listener.position, local = at.localFrom(-way);
+    const double level = sound.intensity * sound.level(local) * sound.coneGain(local);
+    PanGains gains{{{level, 0}, {0, level}}};
+    if (sound.spatialize) {
+        AudioChannels ears(std::min<std::size_t>(out.size(), 2), std::vector<float>(block.frames));
+        mixInto(ears, out, false);
+        const bool stereo = ears.size() == 2;
+        gains = equalPowerGains(glm::length(way) > 0 ? block.listener.toLocal(way) : glm::dvec3(0, 0, -1), stereo);
+        for (auto& row : gains)
+            for (double& gain : row) gain *= level;
+        ears.resize(2, std::vector<float>(block.frames));
+        out = std::move(ears);
+    }
+    const PanGains before = panned_.value_or(gains);
+    panned_ = gains;
+    for (std::size_t i = 0; i < block.frames; ++i) {
+        const double w = static_cast<double>(i + 1) / static_cast<double>(block.frames);
+        const auto gain = [&](std::size_t to, std::size_t from) {
+            return static_cast<float>(before[to][from] + (gains[to][from] - before[to][from]) * w);
+        };
+        if (!sound.spatialize) {
+            for (std::vector<float>& channel : out) channel[i] *= gain(0, 0);
+            continue;
+        }
+        const float left = out[0][i], right = out[1][i];
+        out[0][i] = gain(0, 0) * left + gain(0, 1) * right;
+        out[1][i] = gain(1, 0) * left + gain(1, 1) * right;
+    }
+}
+
+void ProcessPlayer::merge(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
+    const std::size_t frames = block.frames;
     merged_.resize(process.inputs.size());
     for (std::size_t i = 0; i < process.inputs.size(); ++i) {
         const AudioProcess& input = *process.inputs[i];
         if (!merged_[i] || !merged_[i]->is(input)) merged_[i] = std::make_unique<ProcessPlayer>(input);
         AudioChannels one;
-        merged_[i]->render(input, clips, first, frames, one);
+        merged_[i]->render(input, block, one);
         if (input.kind == AudioProcess::Kind::splitter) {
             out.insert(out.end(), one.begin(), one.end());
             continue;
@@ -236,15 +276,14 @@ void AudioMix::analyse(AudioFindings& found) {
         if (process) process->analyse(found);
 }
 
-void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
-                           AudioChannels& out) {
+void ProcessPlayer::render(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
     using Kind = AudioProcess::Kind;
-    const double rate = clips.sampleRate();
+    const double rate = block.clips.sampleRate();
     out.clear();
     if (process.kind == Kind::merger)
-        merge(process, clips, first, frames, out);
+        merge(process, block, out);
     else
-        inputs_.render(process.voices, process.inputs, clips, first, frames, out, process.discrete);
+        inputs_.render(process.voices, process.inputs, block, out, process.discrete);
     filters_.resize(std::max(filters_.size(), out.size()));
     delays_.resize(std::max(delays_.size(), out.size()));
     switch (process.kind) {
@@ -265,11 +304,14 @@ void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std:
             break;
         case Kind::selector: {
             const auto chosen = static_cast<std::size_t>(std::max(0, process.selection));
-            out = {chosen < out.size() ? out[chosen] : std::vector<float>(frames)};
+            out = {chosen < out.size() ? out[chosen] : std::vector<float>(block.frames)};
             break;
         }
         case Kind::analyser:
             listenTo(process, out);
+            break;
+        case Kind::panner:
+            pan(process, block, out);
             break;
         case Kind::mix:
         case Kind::splitter:
@@ -279,7 +321,7 @@ void ProcessPlayer::render(const AudioProcess& process, ClipLibrary& clips, std:
     if (process.gain != 1)
         for (std::vector<float>& channel : out)
             for (float& sample : channel) sample *= static_cast<float>(process.gain);
-    if (silenceNoSound(out, 1)) clips.noteNoSound(process.name);
+    if (silenceNoSound(out, 1)) block.clips.noteNoSound(process.name);
 }
 
 }  // namespace rtsg

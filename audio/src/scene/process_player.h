@@ -3,6 +3,7 @@
 // Threading: the engine's thread.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -26,13 +27,21 @@ void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete);
 /// any: one such sample would be all that is heard of everything that it is mixed with.
 bool silenceNoSound(AudioChannels& out, double gain);
 
+/// What a piece of a graph is rendered from.
+struct GraphBlock {
+    ClipLibrary& clips;
+    std::int64_t first;            // sample
+    std::size_t frames;            // all blocks of a graph have as many
+    const SoundEmitter& emitter;   // that the graph leads to: what is panned in it is placed in its frame
+    const ListenerPose& listener;  // at the end of the block
+};
+
 /// What voices and processes give together, in as many channels as the one with the most.
 class AudioMix {
   public:
-    /// The next `frames` samples; all calls with as many.
     void render(const std::vector<SoundVoice>& voices,
-                const std::vector<std::shared_ptr<const AudioProcess>>& processes, ClipLibrary& clips,
-                std::int64_t first, std::size_t frames, AudioChannels& out, bool discrete = false);
+                const std::vector<std::shared_ptr<const AudioProcess>>& processes, const GraphBlock& block,
+                AudioChannels& out, bool discrete = false);
     /// Adds what each Analyser and DynamicsCompressor finds now; its smoothing goes from call to call.
     void analyse(AudioFindings& found);
 
@@ -50,8 +59,7 @@ class ProcessPlayer {
   public:
     explicit ProcessPlayer(const AudioProcess& process) : node_(process.node), kind_(process.kind) {}
     bool is(const AudioProcess& process) const { return node_ == process.node && kind_ == process.kind; }
-    void render(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
-                AudioChannels& out);
+    void render(const AudioProcess& process, const GraphBlock& block, AudioChannels& out);
     void analyse(AudioFindings& found);
 
   private:
@@ -59,8 +67,8 @@ class ProcessPlayer {
     void filter(const AudioProcess& process, double rate, AudioChannels& out);
     void convolve(const AudioProcess& process, double rate, AudioChannels& out);
     void shape(const AudioProcess& process, AudioChannels& out);
-    void merge(const AudioProcess& process, ClipLibrary& clips, std::int64_t first, std::size_t frames,
-               AudioChannels& out);
+    void merge(const AudioProcess& process, const GraphBlock& block, AudioChannels& out);
+    void pan(const AudioProcess& process, const GraphBlock& block, AudioChannels& out);
 
     NodeId node_;
     AudioProcess::Kind kind_;
@@ -80,6 +88,8 @@ class ProcessPlayer {
     double smoothing_ = 0;
     Array<float> response_;
     bool normalized_ = false;
+    using PanGains = std::array<std::array<double, 2>, 2>;  // see equalPowerGains()
+    std::optional<PanGains> panned_;                        // at the end of the last block
 };
 
 }  // namespace rtsg

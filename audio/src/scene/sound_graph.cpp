@@ -49,6 +49,48 @@ Biquad::Type filterType(std::string_view name) {
     return lowpass;
 }
 
+/// Where a Sound or SpatialSound is and how loud; false: it is neither.
+bool readPlace(const Node& node, SoundNode& sound) {
+    if (node.is(x3d::Sound::type)) {
+        using S = x3d::Sound;
+        sound.enabled = node.get(S::enabled);
+        sound.spatialize = node.get(S::spatialize);
+        sound.intensity = std::clamp(number(node.get(S::intensity), 0), 0.0, 1.0);
+        sound.location = node.get(S::location);
+        sound.direction = node.get(S::direction);
+        sound.minBack = number(node.get(S::minBack), 0);
+        sound.minFront = number(node.get(S::minFront), 0);
+        sound.maxBack = number(node.get(S::maxBack), 0);
+        sound.maxFront = number(node.get(S::maxFront), 0);
+        return true;
+    }
+    if (!node.is(x3d::SpatialSound::type)) return false;
+    using S = x3d::SpatialSound;
+    sound.enabled = node.get(S::enabled);
+    sound.spatialize = node.get(S::spatialize);
+    sound.doppler = node.get(S::dopplerEnabled);
+    sound.intensity = std::clamp(number(node.get(S::intensity), 0), 0.0, 1.0) * number(node.get(S::gain), 0);
+    sound.location = node.get(S::location);
+    sound.direction = node.get(S::direction);
+    const std::string_view model = node.get(S::distanceModel).view();
+    sound.law = model == "LINEAR"        ? SoundNode::Law::linear
+                : model == "EXPONENTIAL" ? SoundNode::Law::exponential
+                                         : SoundNode::Law::inverse;
+    sound.referenceDistance = number(node.get(S::referenceDistance), 0);
+    sound.maxDistance = number(node.get(S::maxDistance), 0);
+    sound.rolloff = number(node.get(S::rolloffFactor), 0);
+    sound.coneInner = number(node.get(S::coneInnerAngle), 0);
+    sound.coneOuter = number(node.get(S::coneOuterAngle), 0);
+    sound.coneOuterGain = number(node.get(S::coneOuterGain), 0);
+    return true;
+}
+
+/// What leads into a Sound or SpatialSound.
+Array<NodeId> inputsOf(const Node& node) {
+    if (node.is(x3d::Sound::type)) return {node.get(x3d::Sound::source)};
+    return node.get(x3d::SpatialSound::children);
+}
+
 bool isDiscrete(const Node& node) {
     return fieldOr(node, "channelInterpretation", String()).view() == "DISCRETE";
 }
@@ -204,6 +246,22 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
     return true;
 }
 
+/// A Sound or SpatialSound between other nodes: 16.4 has the latter as the PannerNode of the Web Audio API.
+bool SoundScene::readPanner(const Scene& scene, const Node& node, double above, int depth, Branch to) {
+    auto placed = std::make_shared<SoundNode>();
+    if (!readPlace(node, *placed)) return false;
+    auto panner = std::make_shared<AudioProcess>();
+    panner->kind = AudioProcess::Kind::panner;
+    panner->node = node.id();
+    panner->name = nameOf(scene, node);
+    panner->gain = above;
+    panner->placed = std::move(placed);
+    for (const NodeId child : inputsOf(node))
+        readVoices(scene, child, 1, depth + 1, {panner->voices, panner->inputs, to.sound});
+    to.processes.push_back(std::move(panner));
+    return true;
+}
+
 /// What becomes a channel of its own.
 void SoundScene::readMerged(const Scene& scene, NodeId id, int depth, AudioProcess& merger, Branch to) {
     auto input = std::make_shared<AudioProcess>();
@@ -256,7 +314,7 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
                                                     node->type().name, to.sound));
         return;
     }
-    if (readProcess(scene, *node, above, depth, to)) return;
+    if (readPanner(scene, *node, above, depth, to) || readProcess(scene, *node, above, depth, to)) return;
     // What is left passes its children on; what else it does is not modelled and said so.
     const FieldIndex children = node->type().findExact("children");
     const bool silent = children == kNoField || node->type().fields[children].type != FieldType::MFNode;
@@ -289,37 +347,8 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
         for (const NodeId child : node.get(D::children))
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     };
-    if (node.is(x3d::Sound::type)) {
-        using S = x3d::Sound;
-        sound.enabled = node.get(S::enabled);
-        sound.spatialize = node.get(S::spatialize);
-        sound.intensity = std::clamp(number(node.get(S::intensity), 0), 0.0, 1.0);
-        sound.location = node.get(S::location);
-        sound.direction = node.get(S::direction);
-        sound.minBack = number(node.get(S::minBack), 0);
-        sound.minFront = number(node.get(S::minFront), 0);
-        sound.maxBack = number(node.get(S::maxBack), 0);
-        sound.maxFront = number(node.get(S::maxFront), 0);
-        readVoices(scene, node.get(S::source), 1, 0, {sound.voices, sound.processes, sound.name});
-    } else if (node.is(x3d::SpatialSound::type)) {
-        using S = x3d::SpatialSound;
-        sound.enabled = node.get(S::enabled);
-        sound.spatialize = node.get(S::spatialize);
-        sound.doppler = node.get(S::dopplerEnabled);
-        sound.intensity = std::clamp(number(node.get(S::intensity), 0), 0.0, 1.0) * number(node.get(S::gain), 0);
-        sound.location = node.get(S::location);
-        sound.direction = node.get(S::direction);
-        const std::string_view model = node.get(S::distanceModel).view();
-        sound.law = model == "LINEAR"        ? SoundNode::Law::linear
-                    : model == "EXPONENTIAL" ? SoundNode::Law::exponential
-                                             : SoundNode::Law::inverse;
-        sound.referenceDistance = number(node.get(S::referenceDistance), 0);
-        sound.maxDistance = number(node.get(S::maxDistance), 0);
-        sound.rolloff = number(node.get(S::rolloffFactor), 0);
-        sound.coneInner = number(node.get(S::coneInnerAngle), 0);
-        sound.coneOuter = number(node.get(S::coneOuterAngle), 0);
-        sound.coneOuterGain = number(node.get(S::coneOuterGain), 0);
-        for (const NodeId child : node.get(S::children))
+    if (readPlace(node, sound)) {
+        for (const NodeId child : inputsOf(node))
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     } else if (node.is(x3d::AudioDestination::type)) {
         readDestination.template operator()<x3d::AudioDestination>();

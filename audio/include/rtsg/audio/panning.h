@@ -1,12 +1,14 @@
 // Panning: which share of a sound two channels get by the direction that it comes from.
 //
-// Both channels together carry the same energy whatever the direction, 1 each from ahead, above and behind; the far one
-// keeps a twentieth of all, so that nothing is hard left or right. Threading: pure functions.
+// Of what the listener hears both channels together carry the same energy whatever the direction, 1 each from ahead,
+// above and behind; the far one keeps a twentieth of all, so that nothing is hard left or right. Within an audio graph
+// panning is that of the Web Audio API. Threading: pure functions. Source: W3C Web Audio API 1.1, PannerNode.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
 
 #include <glm/glm.hpp>
 
@@ -16,6 +18,22 @@ namespace rtsg {
 inline std::array<double, 2> stereoGains(const glm::dvec3& direction) {
     const double right = 0.9 * std::clamp(direction.x, -1.0, 1.0);
     return {std::sqrt(1 - right), std::sqrt(1 + right)};
+}
+
+/// Amplitudes that left and right (rows) get of each channel of a sound (columns; one channel: the first) by the
+/// "equalpower" panning of the Web Audio API, for a direction in the listener's frame of any length.
+inline std::array<std::array<double, 2>, 2> equalPowerGains(const glm::dvec3& direction, bool stereo) {
+    constexpr double kQuarter = std::numbers::pi / 2;
+    // To the right of ahead in the plane of the ears; what is behind sounds as if it were ahead.
+    double azimuth = std::atan2(direction.x, -direction.z);
+    if (azimuth > kQuarter) azimuth = 2 * kQuarter - azimuth;
+    if (azimuth < -kQuarter) azimuth = -2 * kQuarter - azimuth;
+    if (!stereo) {
+        const double x = (azimuth + kQuarter) / 2;
+        return {{{std::cos(x), 0}, {std::sin(x), 0}}};
+    }
+    if (azimuth <= 0) return {{{1, std::cos(azimuth + kQuarter)}, {0, std::sin(azimuth + kQuarter)}}};
+    return {{{std::cos(azimuth), 0}, {std::sin(azimuth), 1}}};
 }
 
 }  // namespace rtsg

@@ -59,6 +59,8 @@ struct SoundVoice {
     bool active(double t) const;
 };
 
+struct SoundNode;
+
 /// A node that does something with what leads into it. A tree: what is USEd more than once is several.
 struct AudioProcess {
     enum class Kind : std::uint8_t {
@@ -71,7 +73,8 @@ struct AudioProcess {
         splitter,
         merger,
         selector,
-        analyser
+        analyser,
+        panner
     };
     Kind kind = Kind::mix;
     NodeId node;
@@ -89,6 +92,7 @@ struct AudioProcess {
     int selection = 0;           // selector
     std::size_t fftSize = 2048;  // analyser: a power of two
     double smoothing = .8;
+    std::shared_ptr<const SoundNode> placed;  // panner: where it is and how loud, without what leads into it
     std::vector<SoundVoice> voices;
     std::vector<std::shared_ptr<const AudioProcess>> inputs;
 };
@@ -221,6 +225,7 @@ class SoundScene {
     bool readSource(const Scene& scene, const Node& node, double gain, Branch to);
     bool readProcess(const Scene& scene, const Node& node, double gain, int depth, Branch to);
     void readMerged(const Scene& scene, NodeId id, int depth, AudioProcess& merger, Branch to);
+    bool readPanner(const Scene& scene, const Node& node, double gain, int depth, Branch to);
     bool readOutputs(const Scene& scene, const Node& splitter, int depth, AudioProcess& process, Branch to);
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node) const;
     void chooseListener(const Scene& scene);
