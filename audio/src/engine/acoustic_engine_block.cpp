@@ -49,8 +49,12 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
     const SoundNode& sound = *emitter.sound;
     block.dry.resize(std::max<std::size_t>(1, state.inputs.size()));
     if (sound.enabled) {
+        // Two loudspeakers: what leads into a destination is mixed up or down to them as into any node.
+        const bool speakers = sound.law == SoundNode::Law::none && !sound.stream && options.ambisonicOrder == 0;
+        const auto exactly = static_cast<std::size_t>(speakers ? std::min(sound.maxChannels, 2) : 0);
         state.mix.render(sound.voices, sound.processes, {clips, samples, options.blockSize, emitter, block.listener},
-                         block.dry, sound.discrete);
+                         block.dry, sound.discrete, exactly);
+        if (exactly == 1) block.dry = {block.dry[0], block.dry[0]};
         if (silenceNoSound(block.dry, sound.intensity)) clips.noteNoSound(sound.name);
         return;
     }

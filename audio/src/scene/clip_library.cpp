@@ -182,8 +182,13 @@ void VoicePlayer::playInput(const SoundVoice& voice, double rate, std::int64_t f
     }
 }
 
+/// Of what is used of the clip, in samples.
+double VoicePlayer::lengthOf(const SoundVoice& voice, double rate) const {
+    return std::min(static_cast<double>(clip_->frames()), std::max(1.0, std::round(voice.duration * rate)));
+}
+
 VoicePlayer::Loop VoicePlayer::loopOf(const SoundVoice& voice, double rate) const {
-    const auto length = static_cast<double>(clip_->frames());
+    const double length = lengthOf(voice, rate);
     const bool region = voice.loopEnd > voice.loopStart && voice.loopStart >= 0 && voice.loopStart * rate < length;
     if (!region) return {0, length};
     // Seconds in single precision are whole samples where they nearly are.
@@ -203,11 +208,10 @@ double VoicePlayer::inLoop(const Loop* loop, double at) const {
 
 /// Of the clip, where it has got to; between samples by the sinc. Faster than it was made what lies above half the
 /// sample rate by then is left out: the sinc is as much wider as it is played faster.
-float VoicePlayer::sampleAt(const Loop* loop, std::size_t channel, double faster) const {
+float VoicePlayer::sampleAt(const Loop* loop, double length, std::size_t channel, double faster) const {
     static const SincTable sinc;
     constexpr int kTaps = 2 * SincTable::kHalf;
     const auto count = static_cast<std::size_t>(clip_->channels);
-    const auto length = static_cast<double>(clip_->frames());
     const auto clip = [&](double place) {
         const double at = inLoop(loop, place);
         return at < 0 || at >= length ? 0.0f : clip_->samples[static_cast<std::size_t>(at) * count + channel];
@@ -251,7 +255,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
     const bool oscillator = voice.kind == SoundVoice::Kind::oscillator;
     load(voice, clips);
     if (input_ && !oscillator) return playInput(voice, rate, first, out);
-    const double length = oscillator ? 0 : static_cast<double>(clip_->frames());
+    const double length = oscillator ? 0 : lengthOf(voice, rate);
     const Loop loop = oscillator ? Loop{} : loopOf(voice, rate);
     const std::size_t channels = oscillator ? 1 : static_cast<std::size_t>(clip_->channels);
     const double step = oscillator ? voice.frequency / rate : voice.pitch;
@@ -292,7 +296,7 @@ void VoicePlayer::play(const SoundVoice& voice, ClipLibrary& clips, std::int64_t
             if (oscillator)
                 out[c][i] += static_cast<float>(voice.gain * tone);
             else if (channels == 1 || c < channels)
-                out[c][i] += gain * sampleAt(voice.loop ? &loop : nullptr, channels == 1 ? 0 : c, faster);
+                out[c][i] += gain * sampleAt(voice.loop ? &loop : nullptr, length, channels == 1 ? 0 : c, faster);
         }
         phase_ += step;
         if (oscillator) phase_ -= std::floor(phase_);

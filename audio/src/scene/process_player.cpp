@@ -95,7 +95,7 @@ bool silenceNoSound(AudioChannels& out, double gain) {
 
 void AudioMix::render(const std::vector<SoundVoice>& voices,
                       const std::vector<std::shared_ptr<const AudioProcess>>& processes, const GraphBlock& block,
-                      AudioChannels& out, bool discrete) {
+                      AudioChannels& out, bool discrete, std::size_t exactly) {
     ClipLibrary& clips = block.clips;
     const std::int64_t first = block.first;
     const std::size_t frames = block.frames;
@@ -119,6 +119,7 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
         processes_[i]->render(*processes[i], block, processed[i]);
         channels = std::max(channels, processed[i].size());
     }
+    if (exactly > 0) channels = exactly;
     out.resize(channels);
     for (std::vector<float>& channel : out) channel.assign(frames, 0.0f);
     for (std::size_t i = 0; i < voices.size(); ++i) {
@@ -284,6 +285,9 @@ void ProcessPlayer::render(const AudioProcess& process, const GraphBlock& block,
         merge(process, block, out);
     else
         inputs_.render(process.voices, process.inputs, block, out, process.discrete);
+    // What has no times is active always; others as they are at the samples.
+    AudioChannels before;
+    if (process.times != SoundTimes()) before = out;
     filters_.resize(std::max(filters_.size(), out.size()));
     delays_.resize(std::max(delays_.size(), out.size()));
     switch (process.kind) {
@@ -321,6 +325,11 @@ void ProcessPlayer::render(const AudioProcess& process, const GraphBlock& block,
     if (process.gain != 1)
         for (std::vector<float>& channel : out)
             for (float& sample : channel) sample *= static_cast<float>(process.gain);
+    for (std::size_t i = 0; !before.empty() && i < block.frames; ++i) {
+        const double t = (static_cast<double>(block.first) + static_cast<double>(i) + 0.5) / rate;
+        if (process.times.active(t)) continue;
+        for (std::size_t k = 0; k < out.size(); ++k) out[k][i] = before[k][i] * static_cast<float>(process.above);
+    }
     if (silenceNoSound(out, 1)) block.clips.noteNoSound(process.name);
 }
 

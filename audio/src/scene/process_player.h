@@ -36,12 +36,12 @@ struct GraphBlock {
     const ListenerPose& listener;  // at the end of the block
 };
 
-/// What voices and processes give together, in as many channels as the one with the most.
+/// What voices and processes give together, in as many channels as the one with the most, or `exactly` so many.
 class AudioMix {
   public:
     void render(const std::vector<SoundVoice>& voices,
                 const std::vector<std::shared_ptr<const AudioProcess>>& processes, const GraphBlock& block,
-                AudioChannels& out, bool discrete = false);
+                AudioChannels& out, bool discrete = false, std::size_t exactly = 0);
     /// Adds what each Analyser and DynamicsCompressor finds now; its smoothing goes from call to call.
     void analyse(AudioFindings& found);
 

@@ -15,14 +15,14 @@ namespace {
 
 constexpr int kMostAudioNodes = 1000;  // looked at for one Sound
 
-template <class N>
-void readTimes(const Node& node, SoundVoice& voice) {
-    voice.startTime = number(node.get(N::startTime).seconds, 0);
-    voice.stopTime = number(node.get(N::stopTime).seconds, 0);
-    voice.pauseTime = number(node.get(N::pauseTime).seconds, 0);
-    voice.resumeTime = number(node.get(N::resumeTime).seconds, 0);
-    voice.pausedTotal = number(node.get(N::_pausedTotal).seconds, 0);
-    voice.paused = node.get(N::isPaused);
+void readTimes(const Node& node, SoundTimes& times) {
+    const auto seconds = [&](std::string_view name) { return number(fieldOr(node, name, Time{}).seconds, 0); };
+    times.startTime = seconds("startTime");
+    times.stopTime = seconds("stopTime");
+    times.pauseTime = seconds("pauseTime");
+    times.resumeTime = seconds("resumeTime");
+    times.pausedTotal = seconds("_pausedTotal");
+    times.paused = fieldOr(node, "isPaused", false);
 }
 
 /// Of an OscillatorSource, where the tables know of one; null: a sine's.
@@ -110,6 +110,13 @@ std::vector<float> numbersOf(const Scene& scene, const Node& node, std::string_v
 
 }  // namespace
 
+bool SoundScene::tellPitch(const Scene& scene, const Node& node, double pitch) {
+    if (pitch > 0) return true;
+    warnOnce(scene.placeOf(node.id()),
+             fmt::format("{} is silent: its pitch of {:g} is not above 0", nameOf(scene, node), pitch));
+    return false;
+}
+
 bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, Branch to) {
     SoundVoice voice;
     voice.node = node.id();
@@ -121,8 +128,9 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         for (const String& url : node.get(x3d::AudioClip::url)) voice.urls.push_back(url.str());
         voice.folders = foldersOf(scene, node);
         voice.loop = node.get(x3d::AudioClip::loop);
-        voice.pitch = std::clamp(number(node.get(x3d::AudioClip::pitch), 1), 1e-3, 1e3);
-        readTimes<x3d::AudioClip>(node, voice);
+        const double pitch = number(node.get(x3d::AudioClip::pitch), 0);
+        if (!tellPitch(scene, node, pitch)) return true;
+        voice.pitch = std::clamp(pitch, 1e-3, 1e3);
     } else if (node.is(x3d::MovieTexture::type)) {
         using M = x3d::MovieTexture;
         const double speed = number(node.get(M::speed), 1);
@@ -131,8 +139,9 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         for (const String& url : node.get(M::url)) voice.urls.push_back(url.str());
         voice.folders = foldersOf(scene, node);
         voice.loop = node.get(M::loop);
-        voice.pitch = std::clamp(speed * number(node.get(M::pitch), 1), 1e-3, 1e3);
-        readTimes<M>(node, voice);
+        const double pitch = number(node.get(M::pitch), 0);
+        if (!tellPitch(scene, node, pitch)) return true;
+        voice.pitch = std::clamp(speed * pitch, 1e-3, 1e3);
     } else if (node.is(x3d::BufferAudioSource::type)) {
         using B = x3d::BufferAudioSource;
         voice.kind = SoundVoice::Kind::buffer;
@@ -147,7 +156,7 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         voice.pitch = std::clamp(
             number(node.get(B::playbackRate), 1) * std::pow(2.0, number(node.get(B::detune), 0) / 1200), -1e3, 1e3);
         if (voice.buffer.empty()) voice.kind = SoundVoice::Kind::clip;
-        readTimes<B>(node, voice);
+        if (const double used = number(node.get(B::bufferDuration).seconds, 0); used > 0) voice.duration = used;
     } else if (node.is(x3d::OscillatorSource::type)) {
         using O = x3d::OscillatorSource;
         voice.kind = SoundVoice::Kind::oscillator;
@@ -155,20 +164,18 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
             number(node.get(O::frequency), 0) * std::pow(2.0, number(node.get(O::detune), 0) / 1200), -1e5, 1e5);
         voice.loop = true;
         voice.wave = waveOf(scene, node);
-        readTimes<O>(node, voice);
     } else if (node.is(x3d::StreamAudioSource::type) && !node.get(x3d::StreamAudioSource::streamIdentifier).empty()) {
         // What a stream is called names a file here, unless the user has said what it is.
         voice.kind = SoundVoice::Kind::stream;
         for (const String& name : node.get(x3d::StreamAudioSource::streamIdentifier)) voice.urls.push_back(name.str());
         voice.folders = resources_.foldersOf(scene, node, x3d::StreamAudioSource::streamIdentifier.index);
-        readTimes<x3d::StreamAudioSource>(node, voice);
     } else if (node.is(x3d::MicrophoneSource::type)) {
         voice.kind = SoundVoice::Kind::microphone;
         voice.urls.push_back(node.get(x3d::MicrophoneSource::mediaDeviceID).str());
-        readTimes<x3d::MicrophoneSource>(node, voice);
     } else {
         return false;
     }
+    readTimes(node, voice);
     to.voices.push_back(std::move(voice));
     return true;
 }
@@ -180,7 +187,9 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
     process.node = node.id();
     process.name = nameOf(scene, node);
     process.gain = above * number(fieldOr(node, "gain", 1.0f), 0);
+    process.above = above;
     process.discrete = isDiscrete(node);
+    if (!node.type().isA("X3DSoundChannelNode")) readTimes(node, process.times);
     if (node.is(x3d::BiquadFilter::type)) {
         using B = x3d::BiquadFilter;
         process.kind = Kind::biquad;
@@ -229,6 +238,8 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
                      fmt::format("fftSize {} of {} is no power of two from 32 to 32768: {} is used", asked,
                                  nameOf(scene, node), process.fftSize));
         process.smoothing = std::clamp(number(node.get(A::smoothingTimeConstant), 0), 0.0, 1.0);
+    } else if (node.is(x3d::Gain::type) && process.times != SoundTimes()) {
+        process.kind = Kind::mix;  // one that always amplifies is a factor
     } else {
         return false;
     }
@@ -352,6 +363,7 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     } else if (node.is(x3d::AudioDestination::type)) {
         readDestination.template operator()<x3d::AudioDestination>();
+        sound.maxChannels = std::max(1, node.get(x3d::AudioDestination::maxChannelCount));
     } else if (node.is(x3d::StreamAudioDestination::type)) {
         readDestination.template operator()<x3d::StreamAudioDestination>();
         sound.stream.emplace();

@@ -89,7 +89,7 @@ AcousticMaterial acousticMaterial(const Scene& scene, const Node& node, const Ac
     return material;
 }
 
-bool SoundVoice::active(double t) const {
+bool SoundTimes::active(double t) const {
     if (t < startTime || (stopTime > startTime && t >= stopTime)) return false;
     if (pauseTime < startTime || t < pauseTime) return true;
     // 8.2.4.4: what resumes after its pause had to be paused by then, or it never was.

@@ -2,6 +2,7 @@
 // (MovieTexture). How long a file plays is found out between frames by whoever loads (InlineLoader) and stands in
 // _duration; so replays and replicas need no files. What plays for ever is active until its stopTime. What a
 // DynamicsCompressor takes away (16.4.8) is found by whoever makes the sound, in the same way.
+#include <algorithm>
 #include <cmath>
 
 #include <rtsg/core/x3d.h>
@@ -19,10 +20,16 @@ double lengthOf(const Node& node) {
         using B = x3d::BufferAudioSource;
         const auto frames = static_cast<double>(node.get(B::length));
         const double rate = node.get(B::sampleRate);
-        if (!node.get(B::buffer).empty()) return frames / (rate > 0 && std::isfinite(rate) ? rate : 48'000);
-        return node.get(B::_duration).seconds;
+        const double length = node.get(B::buffer).empty() ? node.get(B::_duration).seconds
+                                                          : frames / (rate > 0 && std::isfinite(rate) ? rate : 48'000);
+        const double used = node.get(B::bufferDuration).seconds;  // of it; 0: all
+        return used > 0 ? std::min(length, used) : length;
     }
-    if (node.is(x3d::AudioClip::type)) return node.get(x3d::AudioClip::_duration).seconds;
+    if (node.is(x3d::AudioClip::type)) {
+        // Its pitch is above 0 (16.4.2): with another it does not play.
+        const bool plays = node.get(x3d::AudioClip::pitch) > 0;
+        return plays ? node.get(x3d::AudioClip::_duration).seconds : 0;
+    }
     if (node.is(x3d::MovieTexture::type)) return node.get(x3d::MovieTexture::_duration).seconds;
     return kNever;
 }

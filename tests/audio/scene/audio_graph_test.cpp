@@ -1,6 +1,8 @@
 // Audio graphs of scenes, heard through an AudioDestination: what each node does to known sounds.
 #include <cmath>
 #include <complex>
+#include <fstream>
+#include <iterator>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -12,20 +14,23 @@
 
 #include "scene/process_player.h"
 #include "support/plain_film.h"
+#include "support/temp_folder.h"
 
 namespace rtsg {
 namespace {
 
 constexpr double kGraphRate = 48000;
 
-/// Left and right of `seconds` of a graph. `told`: takes what is said of it, which is nothing otherwise.
-std::array<std::vector<double>, 2> hear(const std::string& graph, double seconds = .5, std::string* told = nullptr) {
+/// Left and right of `seconds` of a graph. `told`: takes what is said of it, which is nothing otherwise. `fields`: of
+/// the destination.
+std::array<std::vector<double>, 2> hear(const std::string& graph, double seconds = .5, std::string* told = nullptr,
+                                        const std::string& fields = "") {
     Scene scene;
     Diagnostics diagnostics;
-    EXPECT_TRUE(loadText(
-        scene,
-        "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { children [ " + graph + " ] }\nViewpoint { position 0 0 0 }\n",
-        diagnostics));
+    EXPECT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { " + fields + " children [ " + graph +
+                             " ] }\nViewpoint { position 0 0 0 }\n",
+                         diagnostics));
     for (const Diagnostic& d : diagnostics.all())
         if (!told) ADD_FAILURE() << d.format();
     ListenOptions options;
@@ -408,6 +413,101 @@ TEST(AudioGraph, APannerIsWhereItsDestinationIsAndFollows) {
     EXPECT_NEAR(last[0], .125, 1e-6);
     EXPECT_NEAR(last[1], 0, 1e-6);
     for (const double most : step) EXPECT_LT(most, .002);
+}
+
+/// Whatever leads into a destination is mixed to its two loudspeakers as into any node, or to as many as it has.
+TEST(AudioGraph, ADestinationMixesToItsLoudspeakers) {
+    const float h = std::sqrt(.5f);
+    const std::string four =
+                          "BufferAudioSource { numberOfChannels 4 sampleRate 48000 loop TRUE buffer [ .1 .2 .3 .4 ] }",
+                      six =
+                          "BufferAudioSource { numberOfChannels 6 sampleRate 48000 loop TRUE buffer [ .1 .2 .3 .4 .5 "
+                          "-.6 ] }",
+                      three = "BufferAudioSource { numberOfChannels 3 sampleRate 48000 loop TRUE buffer [ .1 .2 .3 ] }";
+    const auto heard = [](const std::string& graph, const std::string& fields = "") {
+        const auto both = hear(graph, .1, nullptr, fields);
+        return std::pair(both[0][2000], both[1][2000]);
+    };
+    const auto both = [](double left, double right) {
+        return testing::Pair(testing::DoubleNear(left, 1e-6), testing::DoubleNear(right, 1e-6));
+    };
+    EXPECT_THAT(heard(four), both(.5 * .4, .5 * .6));
+    EXPECT_THAT(heard(six), both(.1 + h * .8, .2 + h * -.3));
+    EXPECT_THAT(heard(three), both(.1, .2));
+    EXPECT_THAT(heard(kSteady), both(.25, .25));
+    // Each as if alone: what is mono does not go to the middle of six.
+    EXPECT_THAT(heard(kSteady + " " + six), both(.25 + .1 + h * .8, .25 + .2 + h * -.3));
+    const std::string own = "channelInterpretation \"DISCRETE\"";
+    EXPECT_THAT(heard(four, own), both(.1, .2));
+    EXPECT_THAT(heard(kSteady + " " + six, own), both(.25 + .1, .2));
+    EXPECT_THAT(heard(four, "maxChannelCount 1"), both(.25, .25));
+    EXPECT_THAT(heard(kSteadyPair, "maxChannelCount 1"), both(.125, .125));
+    EXPECT_THAT(heard(four, "maxChannelCount 6"), both(.5 * .4, .5 * .6));
+}
+
+/// Outside its times what leads into it comes out as it is.
+TEST(AudioGraph, ANodeProcessesWhileItIsActive) {
+    for (const char* node : {"Gain { gain 2", "WaveShaper { gain 2"}) {
+        SCOPED_TRACE(node);
+        const auto x = hear(
+            "Gain { gain .5 children " + std::string(node) + " startTime .1 stopTime .2 children " + kSteady + " } }",
+            .3)[0];
+        for (std::size_t i = 0; i < x.size(); ++i) ASSERT_NEAR(x[i], i >= 4800 && i < 9600 ? .25 : .125, 1e-6) << i;
+    }
+    const auto paused = hear("Gain { gain 2 pauseTime .1 children " + kSteady + " }", .2)[0];
+    EXPECT_NEAR(paused[4700], .5, 1e-6);
+    EXPECT_NEAR(paused[4900], .25, 1e-6);
+}
+
+/// bufferDuration: what is used of it; loops go round there.
+TEST(AudioGraph, ABufferIsUsedAsFarAsItIsTold) {
+    const std::string buffer = "BufferAudioSource { sampleRate 48000 bufferDuration 4.1666667e-5 buffer [ .1 .2 .3 ] ";
+    const auto round = hear(buffer + "loop TRUE }", .1)[0], once = hear(buffer + "}", .1)[0];
+    for (std::size_t i = 0; i < 600; ++i) {
+        ASSERT_NEAR(round[i], i % 2 == 0 ? .1 : .2, 1e-6) << i;
+        ASSERT_NEAR(once[i], i == 0 ? .1 : i == 1 ? .2 : 0, 1e-6) << i;
+    }
+    const auto all = hear("BufferAudioSource { sampleRate 48000 bufferDuration 9 loop TRUE buffer [ .1 .2 .3 ] }", .1);
+    EXPECT_NEAR(all[0][302], .3, 1e-6);
+}
+
+/// A pitch is above 0 (16.4.2): with another a clip neither plays nor says that it does.
+TEST(AudioGraph, AClipWithoutAPitchIsSilentAndNotActive) {
+    SoundBuffer tone{48000, 1, std::vector<float>(4800, .25f)};
+    const test::TempFolder folder;
+    const auto file = folder.path() / "tone.wav";
+    ASSERT_TRUE(writeWav(file.string(), tone, WavFormat::float32));
+    std::ifstream written(file, std::ios::binary);
+    const std::string url = test::dataUrl(
+        "audio/wav", std::string(std::istreambuf_iterator<char>(written), std::istreambuf_iterator<char>()));
+    for (const double pitch : {-1., 0., 1.}) {
+        SCOPED_TRACE(pitch);
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(
+            loadText(scene,
+                     fmt::format("#X3D V4.0 utf8\nPROFILE Full\nViewpoint {{ position 0 0 0 }} AudioDestination "
+                                 "{{ children DEF C AudioClip {{ pitch {} loop TRUE url \"{}\" }} }}",
+                                 pitch, url),
+                     diagnostics));
+        ASSERT_TRUE(scene.set(scene.findName("C"), x3d::AudioClip::_duration, Time{.1}));
+        SharedWorld world(scene);
+        ListenOptions options;
+        options.metrics = false;
+        SoundRenderer sound(world, options);
+        float loudest = 0;
+        for (int frame = 1; frame < 9; ++frame) {
+            scene.newFrame(frame / 60.0);
+            ASSERT_TRUE(sound.renderFrame());
+            for (const float sample : sound.block()) loudest = std::max(loudest, std::abs(sample));
+        }
+        EXPECT_EQ(scene.node(scene.findName("C")).get(x3d::AudioClip::isActive), pitch > 0);
+        EXPECT_NEAR(loudest, pitch > 0 ? .25 : 0, 1e-6);
+        std::string told;
+        const ListenReport report = sound.finish();
+        for (const Diagnostic& d : report.diagnostics.all()) told += d.text + '\n';
+        EXPECT_EQ(told, pitch > 0 ? "" : fmt::format("C is silent: its pitch of {:g} is not above 0\n", pitch));
+    }
 }
 
 /// One channel's samples after the other's, as Web Audio has them (16.4.5 goes by that).

@@ -86,10 +86,11 @@ class VoicePlayer {
     struct Loop {
         double begin, end;
     };
+    double lengthOf(const SoundVoice& voice, double rate) const;
     Loop loopOf(const SoundVoice& voice, double rate) const;
     double inLoop(const Loop* loop, double at) const;
     bool goOn(const Loop* loop, double step, double length);
-    float sampleAt(const Loop* loop, std::size_t channel, double faster) const;
+    float sampleAt(const Loop* loop, double length, std::size_t channel, double faster) const;
 
     std::shared_ptr<const SoundBuffer> clip_;
     std::shared_ptr<SoundInput> input_;  // instead of a clip

@@ -33,8 +33,20 @@ class Walls;
 /// A node's acoustic material; `defaults` while it is not enabled.
 AcousticMaterial acousticMaterial(const Scene& scene, const Node& acousticProperties, const AcousticMaterial& defaults);
 
+/// When a time-dependent node is active (8.2.4), in seconds of scene time.
+struct SoundTimes {
+    double startTime = 0, stopTime = 0, pauseTime = 0, resumeTime = 0;
+    /// Seconds that it was paused for since its start, and whether it is: of the state that this was read from.
+    double pausedTotal = 0;
+    bool paused = false;
+
+    /// Whether it is at scene time `t`, but for a clip's end.
+    bool active(double t) const;
+    friend bool operator==(const SoundTimes&, const SoundTimes&) = default;
+};
+
 /// One generator of sound.
-struct SoundVoice {
+struct SoundVoice : SoundTimes {
     enum class Kind : std::uint8_t { clip, buffer, oscillator, microphone, stream };
     Kind kind = Kind::clip;
     NodeId node;
@@ -48,15 +60,9 @@ struct SoundVoice {
     double loopStart = 0, loopEnd = 0;         // seconds; no region unless the end is after the start
     std::shared_ptr<const PeriodicWave> wave;  // oscillator; null: a sine
     double gain = 1, pitch = 1;
-    double frequency = 440;  // oscillator, Hz
+    double frequency = 440;                                     // oscillator, Hz
+    double duration = std::numeric_limits<double>::infinity();  // seconds of it that are used
     bool loop = false;
-    double startTime = 0, stopTime = 0, pauseTime = 0, resumeTime = 0;
-    /// Seconds that it was paused for since its start, and whether it is: of the state that this was read from.
-    double pausedTotal = 0;
-    bool paused = false;
-
-    /// Whether it sounds at scene time `t`, but for a clip's end.
-    bool active(double t) const;
 };
 
 struct SoundNode;
@@ -79,8 +85,10 @@ struct AudioProcess {
     Kind kind = Kind::mix;
     NodeId node;
     std::string name;       // for messages
-    double gain = 1;        // of what comes out
+    double gain = 1;        // of what comes out,
+    double above = 1;       // and of it what nodes above it make
     bool discrete = false;  // channelInterpretation of what leads in
+    SoundTimes times;       // outside of them what leads in comes out as it is
     Biquad::Type filter = Biquad::Type::lowpass;
     double frequency = 350, quality = 1, filterGainDb = 0;  // biquad: Hz, detuned already
     double delay = 0;                                       // s
@@ -122,6 +130,7 @@ struct SoundNode {
     bool enabled = true, spatialize = true, doppler = true;
     bool reflected = true;  // heard by way of walls too
     bool discrete = false;  // channelInterpretation of a destination
+    int maxChannels = 2;    // that a destination has, at least 1
     /// Of a StreamAudioDestination, which nobody in the scene hears: the names that its stream has.
     std::optional<std::vector<std::string>> stream;
     double intensity = 1;  // with gain
@@ -222,6 +231,8 @@ class SoundScene {
         std::shared_ptr<const AudioProcess> fed = nullptr;  // what the node on top gets besides its children
     };
     void readVoices(const Scene& scene, NodeId id, double gain, int depth, Branch to);
+    /// Whether it is one that a sound may have; else it is told.
+    bool tellPitch(const Scene& scene, const Node& node, double pitch);
     bool readSource(const Scene& scene, const Node& node, double gain, Branch to);
     bool readProcess(const Scene& scene, const Node& node, double gain, int depth, Branch to);
     void readMerged(const Scene& scene, NodeId id, int depth, AudioProcess& merger, Branch to);
