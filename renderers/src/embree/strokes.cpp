@@ -246,16 +246,13 @@ F8 nearestInPicture(const V8& apartA, const V8& apartB, F8 depthA, F8 depthB) {
     return first + (last - first) * (v * z1) / max(z0 * (1.0f - v) + z1 * v, all(1e-30f));
 }
 
-/// Rays that a parallel eye sends: they start in its plane and lead forwards.
-I8 areFromParallelEye(const V8& o, const V8& d, const Width& width) {
-    const V8 from = o - width.eye;
-    const F8 depth = dot(from, width.forward), ahead = dot(d, width.forward);
-    const F8 rounding = 0x1p-20f * simd::sqrt(dot(o, o) + dot(width.eye, width.eye));
-    return (absolute(depth) <= rounding) & (ahead > 0.0f) & (ahead * ahead >= (1 - 1e-6f) * dot(d, d));
-}
+/// How much nearer a stroke counts than it is, in metres: what lies in a surface, to within the roundings of both, is
+/// seen. Also in what lies so far away, or is seen from there.
+constexpr float kTie = 0x1p-19f;
 
-/// Eight rays, from `tMin` on, and eight strokes, pair by pair.
-Met meet(const V8& o, const V8& d, F8 tMin, const V8& a, const V8& b, const Width& width) {
+/// Eight rays and eight strokes, pair by pair. Where the rays lead forwards or backwards a stroke is met at its axis'
+/// depth, as if it were a ribbon that faces the eye; elsewhere at the place of the ray that is nearest to its axis.
+Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width) {
     const V8 toA = a - o, along = b - a;
     const F8 dd = 1.0f / dot(d, d), da = dot(d, toA), dw = dot(d, along), ww = dot(along, along);
     // The place on the axis that the ray's line comes nearest to.
@@ -272,13 +269,14 @@ Met meet(const V8& o, const V8& d, F8 tMin, const V8& a, const V8& b, const Widt
         u = select(both | some, min(max(seen, all(0)), all(1)), u);
     }
     const F8 axis = (da + u * dw) * dd;
-    const V8 apart = toA + along * u - d * axis, from = a + along * u - width.eye;
-    F8 offset = dot(apart, apart), reach, pixelSquared;
+    const V8 apart = toA + along * u - d * axis, place = a + along * u, from = place - width.eye;
+    const F8 square = dot(apart, apart), lean = dot(apart, width.forward);
+    F8 offset = square, reach, pixelSquared;
     if (width.spreadSquared > 0) {
         // A pixel is as wide as its depth says. Beside the picture's middle, what is seen at an angle f looks longer
         // by 1 / cos f away from the middle: there the tube is narrower by as much. Beyond 60 degrees it is left as
         // it is there.
-        const F8 far = dot(from, from), depth = dot(from, width.forward), lean = dot(apart, width.forward);
+        const F8 far = dot(from, from), depth = dot(from, width.forward);
         const F8 squared = max(max(depth * depth, .25f * far), all(1e-30f));
         offset += lean * lean * (far / squared);
         pixelSquared = width.spreadSquared * squared;
@@ -287,10 +285,12 @@ Met meet(const V8& o, const V8& d, F8 tMin, const V8& a, const V8& b, const Widt
         pixelSquared = all(width.sizeSquared);
         reach = width.halfSquared(sqrt(dot(from, from))) * pixelSquared;
     }
-    F8 t = axis - sqrt(max(reach - offset, all(0)) * dd);
-    // Before a parallel eye a line is as wide as in the picture however near it is: rays may start within it.
-    const I8 within = (t < tMin) & (axis >= tMin);
-    if (width.spreadSquared == 0 && any(within)) t = select(within & areFromParallelEye(o, d, width), tMin, t);
+    // No farther from the axis than the stroke is wide, so that the boxes around it hold the place.
+    const F8 ahead = dot(d, width.forward), most = sqrt(max(reach - square, all(0)) * dd);
+    const I8 faces = ahead * ahead * dd >= .25f;
+    const F8 step = min(max(select(faces, lean / select(faces, ahead, all(1)), all(0)), -most), most);
+    const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(place, place)));
+    const F8 t = axis + step - tie * sqrt(dd);
     return {offset <= reach, t, u, sqrt(pixelSquared)};
 }
 
@@ -352,7 +352,13 @@ class LeafEnds {
     alignas(32) float lanes_[6][8] = {};
 };
 
-constexpr float kRoom = 1.01f;  // for where the entry lies before the place nearest to the axis, and roundings
+constexpr float kRoom = 1.01f;  // for roundings
+
+/// How far behind a surface that far away strokes may be that lie in it.
+float roomBehind(const PixelLens& lens, float halfWidth, float distance) {
+    constexpr float kSlant = 16;  // depth over width: beyond it a surface is seen edge on
+    return kSlant * halfWidth * (lens.spread * distance + lens.size);
+}
 
 /// The factor that bounds a pixel's width by the way along a ray: beyond the axis' distance from the eye by the width.
 float growthOf(const PixelLens& lens, float halfWidth) {
@@ -403,6 +409,9 @@ struct StrokeView::Rays {
     float start = 0, end = 0;  // metres
     V8 o[2], d[2];
     F8 tMin[2], tMax[2], length[2];
+    F8 surface[2];   // tMax as it was
+    int lane = 0;    // which of the query's the first of these is
+    float room = 0;  // metres: how far behind a surface strokes are looked for that lie in it
     I8 active[2];
     F8 u[2];
     I8 hitSlot[2], hitStroke[2];
@@ -417,7 +426,7 @@ struct StrokeView::Rays {
         start = ray.tMin * size;
         halves = 1;
         o[0] = broadcast(ray.origin), d[0] = broadcast(ray.direction);
-        tMin[0] = all(ray.tMin), tMax[0] = all(ray.tMax), length[0] = all(size);
+        tMin[0] = all(ray.tMin), tMax[0] = surface[0] = all(ray.tMax), length[0] = all(size);
         active[0] = I8{-1};  // one lane of eight
         findEnd();
     }
@@ -429,10 +438,26 @@ struct StrokeView::Rays {
                 hit[k] = 0;
         return any(hit);
     }
+    /// Of those that meet a stroke behind a surface, the ones that meet one which lies in it: at a slant half of its
+    /// width is behind, which belongs to the picture as the half before does.
+    void findLying(const StrokeSurface& met, int h, const Vec3f& a, const Vec3f& b, const Met& m, I8 behind, F8& t,
+                   I8& hit) const {
+        for (int k = 0; k < 8; ++k) {
+            if (!behind[k] || tMax[h][k] < surface[h][k]) continue;
+            const std::optional<Vec3f> normal = met.normal(lane + 8 * h + k);
+            if (!normal) continue;
+            const Vec3f from(o[h].x[k], o[h].y[k], o[h].z[k]), along(d[h].x[k], d[h].y[k], d[h].z[k]);
+            const Vec3f place = a + m.u[k] * (b - a), at = from + surface[h][k] * along;
+            const float tie = kTie * (glm::length(from) + glm::length(place));
+            if (!(std::abs(glm::dot(place - at, *normal)) <= tie)) continue;
+            t[k] = surface[h][k] - tie / length[h][k];
+            hit[k] = -static_cast<std::int32_t>(t[k] >= tMin[h][k]);
+        }
+    }
     void findEnd() {
         F8 last = all(-HUGE_VALF);
         for (int h = 0; h < halves; ++h) last = max(last, select(active[h], tMax[h] * length[h], last));
-        end = largest(last);
+        end = largest(last) + room;
     }
 };
 
@@ -440,11 +465,16 @@ template <bool kAny>
 void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
     const PixelLens& lens = query.lens;
     const float away = glm::length(rays.origin - lens.eye) + rays.originSpread;
+    if (query.surface && std::isfinite(rays.end)) {
+        rays.room = roomBehind(lens, widest_, away + rays.end);
+        rays.findEnd();
+    }
+    const float rounding = kTie * kRoom * 2 * (glm::length(rays.origin) + rays.originSpread);
     const auto coneOf = [&](float halfWidth) {
-        const float growth = growthOf(lens, halfWidth);
+        const float growth = growthOf(lens, halfWidth) + kTie * kRoom;
         Cone cone;
         cone.origin = rays.origin, cone.direction = rays.direction;
-        cone.reach = Vec3f(rays.originSpread + growth * away + kRoom * halfWidth * lens.size);
+        cone.reach = Vec3f(rays.originSpread + growth * away + kRoom * halfWidth * lens.size + rounding);
         cone.growth = Vec3f(rays.directionSpread + growth);
         cone.start = rays.start, cone.end = rays.end;
         return cone;
@@ -478,8 +508,12 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
                     const std::uint32_t i = first + static_cast<std::uint32_t>(which);
                     const Vec3f a = ends.a(which), b = ends.b(which);
                     for (int h = 0; h < rays.halves; ++h) {
-                        Met m = rtsg::bvh::meet(rays.o[h], rays.d[h], rays.tMin[h], broadcast(a), broadcast(b), width);
-                        m.hit &= (m.t >= rays.tMin[h]) & (m.t <= rays.tMax[h]) & rays.active[h];
+                        Met m = rtsg::bvh::meet(rays.o[h], rays.d[h], broadcast(a), broadcast(b), width);
+                        m.hit &= (m.t >= rays.tMin[h]) & rays.active[h];
+                        const I8 behind = m.hit & (m.t > rays.tMax[h]);
+                        m.hit &= m.t <= rays.tMax[h];
+                        if (query.surface && any(behind))
+                            rays.findLying(*query.surface, h, a, b, m, behind, m.t, m.hit);
                         if (!any(m.hit)) continue;
                         if (type > 1) {
                             const float size = glm::length(b - a);
@@ -534,9 +568,12 @@ Bounds StrokeView::reach(const PixelLens& lens) const {
 }
 
 /// Which lanes may meet a line or point at all.
-bool StrokeView::comesNear(const RayPacket16& packet, const std::int32_t* valid, const PixelLens& lens,
+bool StrokeView::comesNear(const RayPacket16& packet, const std::int32_t* valid, const StrokeQuery& query,
                            I8* near) const {
+    const PixelLens& lens = query.lens;
     const Reach reach(box_, lens, widest_);
+    const Vec3f far = glm::max(glm::abs(reach.lower - lens.eye), glm::abs(reach.upper - lens.eye));
+    const float room = query.surface ? roomBehind(lens, widest_, glm::length(far)) : 0;
     for (int h = 0; h < 2; ++h) {
         const int at = 8 * h;
         const F8 tMin = load(packet.tMin + at), tMax = load(packet.tMax + at);
@@ -544,7 +581,8 @@ bool StrokeView::comesNear(const RayPacket16& packet, const std::int32_t* valid,
         const V8 d{load(packet.directionX + at), load(packet.directionY + at), load(packet.directionZ + at)};
         I8 wanted;
         std::memcpy(&wanted, valid + at, sizeof wanted);
-        near[h] = (wanted != 0) & (tMin <= tMax) & reach.mayMeet(o, d, tMin, tMax);
+        const F8 end = room > 0 ? tMax + room / sqrt(dot(d, d)) : tMax;
+        near[h] = (wanted != 0) & (tMin <= tMax) & reach.mayMeet(o, d, tMin, end);
     }
     return any(near[0]) || any(near[1]);
 }
@@ -552,7 +590,7 @@ bool StrokeView::comesNear(const RayPacket16& packet, const std::int32_t* valid,
 template <bool kAny>
 std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid, const StrokeQuery& query) const {
     I8 near[2];
-    if (!comesNear(packet, valid, query.lens, near)) return 0;
+    if (!comesNear(packet, valid, query, near)) return 0;
     Rays rays;
     Vec3f low(HUGE_VALF), high(-HUGE_VALF), sum(0);
     int count = 0;
@@ -575,7 +613,7 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
         rays.o[h] = {load(packet.originX + at), load(packet.originY + at), load(packet.originZ + at)};
         rays.d[h] = {load(packet.directionX + at), load(packet.directionY + at), load(packet.directionZ + at)};
         rays.length[h] = sqrt(dot(rays.d[h], rays.d[h]));
-        rays.tMin[h] = load(packet.tMin + at), rays.tMax[h] = load(packet.tMax + at);
+        rays.tMin[h] = load(packet.tMin + at), rays.tMax[h] = rays.surface[h] = load(packet.tMax + at);
         rays.active[h] = near[h];
     }
     // Rays that run together look for boxes as one; others each for itself.
@@ -599,6 +637,7 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
                          packet.tMin[i],
                          {packet.directionX[i], packet.directionY[i], packet.directionZ[i]},
                          packet.tMax[i]});
+            one.lane = i;
             traverse<kAny>(one, query);
             const int h = i / 8, k = i % 8;
             rays.tMax[h][k] = one.tMax[0][0], rays.u[h][k] = one.u[0][0];

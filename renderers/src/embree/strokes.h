@@ -1,14 +1,15 @@
 // Strokes: all lines and points there are to trace, beside the triangles of top.h, and what queries see of them.
 //
 // Invariant: as of TopView: a frozen StrokeView answers as the Strokes did at that moment. Rays that reach it have been
-// checked. A stroke is met where a ray enters it: a tube (or ball) as thick at each point of its axis as the style's
-// pixels are there; squeezed towards the middle of the picture as perspective stretches away from it, so that its width
-// is the same everywhere in the picture.
-// Threading: changes on one thread; tracing from any, in between; frozen views from any at any time.
+// checked. A stroke is as wide at each point of its axis as the style's pixels are there, squeezed towards the middle
+// of the picture as perspective stretches away from it, so that its width is the same everywhere in the picture. It has
+// no thickness: rays meet it at the depth of its axis, so what is nearer hides it, however close before it. Threading:
+// changes on one thread; tracing from any, in between; frozen views from any at any time.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include <rtsg/renderers/instance_delta.h>
@@ -36,12 +37,21 @@ struct StrokeHit {
     std::uint32_t slot = kNoInstance, stroke = 0;
 };
 
+/// What rays have met already, at their tMax: a stroke that lies in that surface is seen as a whole.
+class StrokeSurface {
+  public:
+    virtual ~StrokeSurface() = default;
+    /// Unit, in ray space; none: nothing was met.
+    virtual std::optional<Vec3f> normal(int lane) const = 0;
+};
+
 /// What rays ask for: the strokes of some kinds, as wide as an eye sees them, but for the places that a filter leaves
 /// out (null: none).
 struct StrokeQuery {
     const PixelLens& lens;
     RayKind kind;
     const RayFilter* filter = nullptr;
+    const StrokeSurface* surface = nullptr;  // null: nothing has been met
 };
 
 class StrokeView {
@@ -66,7 +76,8 @@ class StrokeView {
     friend class Strokes;
     static constexpr std::size_t kObjectsPerPage = 16;
     struct Rays;
-    bool comesNear(const RayPacket16& packet, const std::int32_t* valid, const PixelLens& lens, simd::I8* near) const;
+    bool comesNear(const RayPacket16& packet, const std::int32_t* valid, const StrokeQuery& query,
+                   simd::I8* near) const;
     template <bool kAny>
     void traverse(Rays& rays, const StrokeQuery& query) const;
     template <bool kAny>

@@ -94,7 +94,7 @@ bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float
         left = Vec3f(0);
         return false;
     }
-    const Vec3f next = RayView::leave(scene.world->point(hit, ray.origin + hit.t * ray.direction), ray.direction);
+    const Vec3f next = RayView::leave(scene.world->point(hit, ray), ray.direction);
     // For a light at a place, t counts in shares of the way that is left.
     if (std::isfinite(tMax)) {
         ray.direction = ray.origin + ray.direction - next;

@@ -30,7 +30,7 @@ Vec3f passes(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
 
 /// Where the ray that made a hit goes on.
 Vec3f behind(const TraceScene& scene, const Hit& hit, const Ray& ray) {
-    return RayView::leave(scene.world->point(hit, ray.origin + hit.t * ray.direction), ray.direction);
+    return RayView::leave(scene.world->point(hit, ray), ray.direction);
 }
 
 /// Follows a ray, which has made this hit, to its emitter through what is clear; false: something is in the way.

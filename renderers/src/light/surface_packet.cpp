@@ -555,15 +555,9 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
     }
     for (std::uint32_t rest = alone; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        if (isStroke(lane)) {
-            // Where the ray came in; a hundredth of a pixel further on it does not come in again.
-            const Vec3f at = s.position.get(lane);
-            const float far = std::max({std::abs(at.x), std::abs(at.y), std::abs(at.z), s.distance[lane]});
-            s.exact.set(lane, at);
-            s.error.set(lane, Vec3f(.01f * (scene.pixelSpread * s.distance[lane] + scene.pixelSize) + 0x1p-20f * far));
-            continue;
-        }
-        const HitPoint point = scene.world->point(s.hit(lane), s.position.get(lane));
+        const Vec3f back = s.view.get(lane);
+        const Ray ray{s.position.get(lane) + s.distance[lane] * back, 0, -back};
+        const HitPoint point = scene.world->point(s.hit(lane), ray);
         s.exact.set(lane, point.position);
         s.error.set(lane, point.error);
     }

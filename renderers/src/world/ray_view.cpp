@@ -365,7 +365,13 @@ void RayView::meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const {
     bvh::StrokeHit stroke;
     Ray rest = ray;
     rest.tMax = std::min(rest.tMax, hit.t);
-    if (!tables_->strokes.intersect(rest, {lens_, kind, filter_}, stroke)) return;
+    struct Met final : bvh::StrokeSurface {
+        const Hit& hit;
+        explicit Met(const Hit& met) : hit(met) {}
+        std::optional<Vec3f> normal(int) const override { return hit.normal; }
+    };
+    const Met met(hit);
+    if (!tables_->strokes.intersect(rest, {lens_, kind, filter_, hit ? &met : nullptr}, stroke)) return;
     hit = {stroke.t, stroke.slot, stroke.stroke, stroke.u, 0, -glm::normalize(ray.direction)};
 }
 
@@ -399,9 +405,19 @@ std::uint32_t RayView::intersectAll(RayPacket16& rays, const std::int32_t* valid
                                     const bvh::PrimaryBlock* known) const {
     std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind, known);
     // Most packets come nowhere near a line or point.
-    if (seesStrokes(kind) && comeNear(rays, strokesMiddle_, strokesRadiusSquared_))
-        hits |= tables_->strokes.intersect(rays, valid, {lens_, kind, filter_});
-    return hits;
+    if (!seesStrokes(kind) || !comeNear(rays, strokesMiddle_, strokesRadiusSquared_)) return hits;
+    struct Met final : bvh::StrokeSurface {
+        const RayView& view;
+        const RayPacket16& rays;
+        std::uint32_t hits;
+        Met(const RayView& v, const RayPacket16& r, std::uint32_t h) : view(v), rays(r), hits(h) {}
+        std::optional<Vec3f> normal(int lane) const override {
+            if (!(hits >> lane & 1u)) return std::nullopt;
+            return view.hit(rays, lane).normal;
+        }
+    };
+    const Met met(*this, rays, hits);
+    return hits | tables_->strokes.intersect(rays, valid, {lens_, kind, filter_, hits ? &met : nullptr});
 }
 
 std::uint32_t RayView::occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
@@ -527,12 +543,13 @@ HitPoint RayView::point(const Hit& hit) const {
     return result;
 }
 
-HitPoint RayView::point(const Hit& hit, const Vec3f& place) const {
-    if (!hit.isCap()) return point(hit);
-    // The plane is known as well as its numbers are rounded, in ray space.
+HitPoint RayView::point(const Hit& hit, const Ray& ray) const {
+    const bool stroke = hit && !hit.isCap() && instances_[hit.instance].mesh->strokeCount > 0;
+    if (hit && !hit.isCap() && !stroke) return point(hit);
+    // The place is as exact as the ray's start and the way from there are; a cap's plane is not known better.
     constexpr float eps = 0x1p-24f;
-    const float far = std::max(std::max(std::abs(place.x), std::abs(place.y)), std::abs(place.z));
-    return {place, Vec3f(16 * eps * far), hit.normal};
+    const Vec3f way = hit.t * ray.direction, sizes = glm::abs(ray.origin) + glm::abs(way);
+    return {ray.origin + way, Vec3f(16 * eps * std::max({sizes.x, sizes.y, sizes.z})), hit.normal};
 }
 
 Vec3f RayView::leave(const HitPoint& from, const Vec3f& direction) {

@@ -148,8 +148,50 @@ TEST(StrokesInPictures, TheNearerOneIsSeen) {
     };
     EXPECT_EQ(at(1), Vec3f(1));
     EXPECT_EQ(at(-1), Vec3f(1, 0, 0));
-    EXPECT_EQ(at(0), Vec3f(1)) << "on a surface, half of it is before it";
+    EXPECT_EQ(at(0), Vec3f(1)) << "on a surface";
     EXPECT_EQ(at(11), Vec3f(1, 0, 0)) << "behind the eye";
+}
+
+/// Turned by 1.1 about the x axis.
+std::string aslant(const std::string& shapes) {
+    return "Transform { rotation 1 0 0 1.1 children [ " + shapes + " ] } ";
+}
+
+TEST(StrokesInPictures, CountFromTheirAxisHoweverWideTheyAre) {
+    const std::string black = square(4, unlit("0 0 0")), line = lines("-1 0 0, 1 0 0", 10), dot = points("0 0 0", 20);
+    const double whole = 10 * 100 + kPi * 25, disc = kPi * 100;
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        const auto seen = [&](const std::string& shapes) {
+            return covered(Fine(kParallel + shapes, integrator).picture());
+        };
+        const auto wall = [&](double z) {
+            return fmt::format("Transform {{ translation 0 0 {} children {} }} ", z, black);
+        };
+        for (const double z : {.001, .05}) {
+            EXPECT_EQ(seen(wall(z) + line), 0) << "the wall is " << z << " m before it";
+            EXPECT_EQ(seen(wall(z) + dot), 0) << z;
+            EXPECT_NEAR(seen(wall(-z) + line), whole, 10) << "behind it";
+            EXPECT_NEAR(seen(wall(-z) + dot), disc, 3) << z;
+        }
+        EXPECT_EQ(covered(Fine(wall(.001) + line, integrator).picture()), 0) << "in perspective";
+    }
+}
+
+// Half of such a line is behind the surface and half before it; edges drawn on faces are seen as a whole.
+TEST(StrokesInPictures, WhatLiesInASurfaceIsSeenAsAWhole) {
+    const std::string black = square(4, unlit("0 0 0")), line = lines("-1 0 0, 1 0 0", 10), dot = points("0 0 0", 20);
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        const auto expectSame = [&](const std::string& eye, const std::string& shapes) {
+            const double alone = covered(Fine(eye + aslant(shapes), integrator).picture());
+            EXPECT_GT(alone, 300);
+            EXPECT_NEAR(covered(Fine(eye + aslant(black + shapes), integrator).picture()), alone, 1) << eye;
+        };
+        for (const std::string& eye : {kParallel, std::string("Viewpoint { position 0 .3 4 } ")})
+            for (const std::string& shapes : {line, dot}) expectSame(eye, shapes);
+        // Of a line that is .01 m behind the surface less than half is before it.
+        const std::string behind = aslant("Transform { translation 0 0 -.01 children [ " + line + " ] }");
+        EXPECT_LT(covered(Fine(kParallel + aslant(black) + behind, integrator).picture()), 520);
+    }
 }
 
 TEST(StrokesInPictures, ThrowShadowsAsThickAsTheyAre) {

@@ -107,10 +107,11 @@ class RayView {
     const RayInstance& instance(std::uint32_t slot) const { return instances_[slot]; }
     /// Indexed by slot, with holes: a hole's info.id is no instance.
     const RayInstances& instances() const { return instances_; }
-    /// The exact point of a hit and the bound of its rounding error. Precondition: not on a cap.
+    /// The exact point of a hit and the bound of its rounding error; of a line or point, on its axis. Precondition: not
+    /// on a cap.
     HitPoint point(const Hit& hit) const;
-    /// The same, also of caps, which only the ray that met it tells: `place` is about there.
-    HitPoint point(const Hit& hit, const Vec3f& place) const;
+    /// The same of any hit, of which `ray` met it: on lines and points where it did, and on caps, which it alone tells.
+    HitPoint point(const Hit& hit, const Ray& ray) const;
     /// Where a ray leaving `from` towards `direction` should start so that it does not hit the surface it leaves.
     static Vec3f leave(const HitPoint& from, const Vec3f& direction);
 
