@@ -629,4 +629,10 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
     return material;
 }
 
+Material readMultiTexture(const Scene& scene, const Node& node, TextureStore& textures, Diagnostics& diagnostics) {
+    Material material;
+    Reader{scene, textures, diagnostics}.readStages(material, node);
+    return material;
+}
+
 }  // namespace rtsg

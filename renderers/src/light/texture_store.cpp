@@ -1,6 +1,7 @@
 // Finding the pictures of textures, and keeping each once.
 #include "texture_store.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <span>
@@ -231,6 +232,71 @@ std::shared_ptr<const Texture> TextureStore::ofMovie(const Scene& scene, const N
     return film.shown;
 }
 
+namespace {
+
+/// What the stages of a MultiTexture make of white, as one picture of the largest one's size; null: they have none.
+std::optional<Texture> combined(const Material& material, Texture::Content content) {
+    int width = 0, height = 0;
+    bool wide = false;
+    for (const TextureStage& stage : material.stages)
+        if (const auto& texture = stage.use.texture) {
+            width = std::max(width, texture->width()), height = std::max(height, texture->height());
+            wide = wide || texture->bytesPerPixel() > 4;
+        }
+    if (width == 0) return std::nullopt;
+    std::vector<std::uint8_t> bytes;
+    std::vector<Vec4f> light;
+    for (int i = 0; i < width * height; ++i) {
+        const float s = (static_cast<float>(i % width) + .5f) / static_cast<float>(width),
+                    t = (static_cast<float>(i / width) + .5f) / static_cast<float>(height);
+        Vec4f current(1);
+        for (const TextureStage& stage : material.stages) {
+            if (!stage.use.texture) continue;
+            const Vec4f texel = stage.use.texture->sample(s, t, 0, stage.use.access, ColorSpace::display);
+            using S = TextureStage::Source;
+            const Vec4f with = stage.source == S::previous ? current
+                               : stage.source == S::factor ? material.factor
+                                                           : Vec4f(1);
+            current = combine(stage, texel, with, current, 1, material.factor.a);
+        }
+        if (!material.stagesHaveAlpha()) current.a = 1;
+        if (wide && content == Texture::Content::color)
+            light.emplace_back(linearFromSrgb(Vec3f(current)), current.a);
+        else if (wide)
+            light.push_back(current);
+        else
+            for (int c = 0; c < 4; ++c)
+                bytes.push_back(static_cast<std::uint8_t>(std::lround(255 * std::clamp(current[c], 0.0f, 1.0f))));
+    }
+    auto made = wide ? Texture::fromFloats(std::move(light), width, height, 4, content)
+                     : Texture::fromBytes(bytes, width, height, 4, content);
+    if (!made) return std::nullopt;
+    return std::move(*made);
+}
+
+}  // namespace
+
+std::shared_ptr<const Texture> TextureStore::ofMulti(const Scene& scene, const Node& node, Texture::Content content,
+                                                     Diagnostics& diagnostics) {
+    const Material stages = readMultiTexture(scene, node, *this, diagnostics);
+    std::uint64_t most = 0;
+    for (const TextureStage& stage : stages.stages)
+        if (!stage.use.texture)
+            diagnostics.warningAt(scene.placeOf(node.id()),
+                                  "MultiTexture: what is looked up by three coordinates is left out here");
+        else
+            most += static_cast<std::uint64_t>(stage.use.texture->width()) *
+                    static_cast<std::uint64_t>(stage.use.texture->height()) * stage.use.texture->bytesPerPixel() / 4;
+    Film& entry = films_[nameOfNode(node, content)];
+    if (!entry.shown && !countPixels(most, entry.why)) {
+        tellOfNone(scene, node, entry.why, diagnostics);
+        return nullptr;
+    }
+    auto made = combined(stages, content);
+    entry.shown = made ? std::make_shared<const Texture>(std::move(*made)) : nullptr;
+    return entry.shown;
+}
+
 std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const Node& node, Texture::Content content,
                                                     Diagnostics& diagnostics) {
     if (node.is(x3d::ImageTexture::type)) {
@@ -252,11 +318,7 @@ std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const No
                                                                         scene.name(node.id()), texture.error().text));
         return entry.texture;
     }
-    if (node.is(x3d::MultiTexture::type)) {
-        for (const NodeId id : node.get(x3d::MultiTexture::texture))
-            if (const Node* first = scene.effectiveNode(id)) return ofNode(scene, *first, content, diagnostics);
-        return nullptr;
-    }
+    if (node.is(x3d::MultiTexture::type)) return ofMulti(scene, node, content, diagnostics);
     diagnostics.warningAt(
         scene.placeOf(node.id()),
         fmt::format("{} is not drawn by the light tracer; surfaces show without it", node.type().name));

@@ -26,8 +26,8 @@ class TextureStore {
   public:
     explicit TextureStore(Resources resources = {}) : resources_(std::move(resources)) {}
 
-    /// Of an ImageTexture, PixelTexture, MovieTexture (what it shows now) or MultiTexture (its first) node; null with a
-    /// diagnostic if it cannot be had, null without one if it names nothing.
+    /// Of an ImageTexture, PixelTexture, MovieTexture (what it shows now) or MultiTexture (what its stages make of
+    /// white) node; null with a diagnostic if it cannot be had, null without one if it names nothing.
     std::shared_ptr<const Texture> ofNode(const Scene& scene, const Node& node, Texture::Content content,
                                           Diagnostics& diagnostics);
     /// `node` is the one whose url list it is; for the folder and the report.
@@ -49,6 +49,8 @@ class TextureStore {
 
   private:
     std::shared_ptr<const Texture> ofMovie(const Scene& scene, const Node& node, Texture::Content content,
+                                           Diagnostics& diagnostics);
+    std::shared_ptr<const Texture> ofMulti(const Scene& scene, const Node& node, Texture::Content content,
                                            Diagnostics& diagnostics);
     std::shared_ptr<const Texture> ofResource(Resource resource, Texture::Content content, std::string& why);
     std::shared_ptr<const SpaceTexture> blockOfResource(Resource resource, Texture::Content content, std::string& why);
@@ -90,7 +92,7 @@ class TextureStore {
         std::string why;  // there is none
         std::shared_ptr<const Texture> shown;
     };
-    std::unordered_map<std::uint64_t, Film> films_;  // by node and content
+    std::unordered_map<std::uint64_t, Film> films_;  // and MultiTextures; by node and content
     struct Cube {
         std::shared_ptr<const Texture> picture;
         std::shared_ptr<const SpaceTexture> cube;

@@ -30,6 +30,35 @@ TEST(MultiTexture, TexturesMultiplyOneAfterTheOther) {
                 {.8 * .2, .6 * 128 / 255, .4 * .2}, 1e-5);
 }
 
+// Where no material is behind it, it begins with white: on the sides of a TextureBackground.
+TEST(MultiTexture, StandsForOnePictureWhereNoSurfaceIs) {
+    const std::string two = texel(255, 128, 51, 255) + texel(51, 255, 255, 255);
+    const auto sky = [](const std::string& multi, Integrator integrator) {
+        LightScene s("TextureBackground { skyColor 0 0 1 frontTexture MultiTexture { " + multi + " } }");
+        s.options.settings.integrator = integrator;
+        return s.center();
+    };
+    const auto shown = [](const Vec3d& display, Integrator integrator) {
+        return integrator == Integrator::path ? Vec3d(linearFromSrgb(Vec3f(display))) : display;
+    };
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        const auto expect = [&](const std::string& multi, const Vec3d& display) {
+            expectColor(sky(multi, integrator), shown(display, integrator), 2e-3);
+        };
+        expect("texture [ " + two + " ]", {51 / 255., 128 / 255., 51 / 255.});
+        expect("mode [ \"REPLACE\" \"ADD\" ] texture [ " + two + " ]", {1, 1, 1});
+        expect("color 1 0 .4 mode [ \"REPLACE\" \"MODULATE\" ] source [ \"\" \"FACTOR\" ] texture [ " + two + " ]",
+               {51 / 255., 0, .4});
+        // Two by one texels over one: the larger size is kept.
+        expect("mode [ \"REPLACE\" \"SELECTARG2\" ] texture [ PixelTexture { image 2 1 1 51 51 } " +
+                   texel(255, 255, 255, 255) + " ]",
+               {.2, .2, .2});
+        // An alpha of a fifth, over the sky's blue.
+        expectColor(sky("texture [ " + texel(255, 0, 0, 255) + texel(255, 255, 255, 51) + " ]", integrator),
+                    {.2, 0, .8}, 1e-5);
+    }
+}
+
 TEST(MultiTexture, EveryModeIsItsFormula) {
     const Vec3d x(102 / 255., 204 / 255., 51 / 255.), y(153 / 255., 51 / 255., 255 / 255.);
     const std::string a = texel(102, 204, 51, 255), b = texel(153, 51, 255, 255);

@@ -170,6 +170,9 @@ Material defaultMaterial();
 /// left out, as the standard wants.
 Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textures, Diagnostics& diagnostics);
 
+/// The stages of a MultiTexture, and its `factor`, where no material is around it.
+Material readMultiTexture(const Scene& scene, const Node& node, TextureStore& textures, Diagnostics& diagnostics);
+
 struct Light {
     /// projector and projectorParallel: what lies in the pyramid or the box before them gets the colours of a picture.
     /// environment: from all around, infinitely far away.
