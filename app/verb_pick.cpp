@@ -79,7 +79,7 @@ int runPick(const PickArguments& options) {
                 world.setViewer(EyePlace(camera->position, camera->up), LightTracer::sights(views, width, height));
             !ok)
             return std::unexpected(ok.error());
-        return LightTracer::pick(picker, views, options.pixel[0], options.pixel[1]);
+        return tracer.pick(picker, world.rays(), views, options.pixel[0], options.pixel[1]);
     };
     const auto pick = !options.pixel.empty() ? inPicture()
                       : !options.ray.empty() ? picker.ray(at(options.ray, 0), at(options.ray, 3))

@@ -454,6 +454,11 @@ struct StrokeView::Rays {
             hit[k] = -static_cast<std::int32_t>(t[k] >= tMin[h][k]);
         }
     }
+    void makeRoom(float behind) {
+        if (!std::isfinite(end)) return;
+        room = behind;
+        findEnd();
+    }
     void findEnd() {
         F8 last = all(-HUGE_VALF);
         for (int h = 0; h < halves; ++h) last = max(last, select(active[h], tMax[h] * length[h], last));
@@ -465,10 +470,7 @@ template <bool kAny>
 void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
     const PixelLens& lens = query.lens;
     const float away = glm::length(rays.origin - lens.eye) + rays.originSpread;
-    if (query.surface && std::isfinite(rays.end)) {
-        rays.room = roomBehind(lens, widest_, away + rays.end);
-        rays.findEnd();
-    }
+    if (query.surface) rays.makeRoom(roomBehind(lens, widest_, away + rays.end));
     const float rounding = kTie * kRoom * 2 * (glm::length(rays.origin) + rays.originSpread);
     const auto coneOf = [&](float halfWidth) {
         const float growth = growthOf(lens, halfWidth) + kTie * kRoom;

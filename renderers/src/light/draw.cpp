@@ -198,8 +198,8 @@ void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
 
 void lookForLight(TraceScene& scene, Sources& sources) {
     scene.plain = &sources.plain.emplace(scene);
-    sources.emitters = Emitters(scene);
-    if (pathParts().emitters && !sources.emitters.empty()) scene.emitters = &sources.emitters;
+    sources.emitters = scene.emitterTable ? scene.emitterTable->of(scene) : std::make_shared<const Emitters>(scene);
+    if (pathParts().emitters && !sources.emitters->empty()) scene.emitters = sources.emitters.get();
     sources.lamps = Lamps(scene.lightGroups);
     if (!sources.lamps.empty()) scene.lamps = &sources.lamps;
     if (!scene.environments.lights.empty())

@@ -3,6 +3,7 @@
 // Threading: re-entrant; a picture's tiles are drawn by several threads.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -35,7 +36,7 @@ void drawCubes(const LightState& state, const RayView& world, const Camera& came
 
 /// What paths look for, and what they need not look at closely.
 struct Sources {
-    Emitters emitters;
+    std::shared_ptr<const Emitters> emitters;
     Lamps lamps;
     std::optional<SkyLight> sky;
     std::optional<PlainSurfaces> plain;

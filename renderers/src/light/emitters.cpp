@@ -82,10 +82,42 @@ LightTree::Cluster asLikelyAsAny(const LightTree::Cluster& cluster) {
 
 }  // namespace
 
-Emitters::Emitters(const TraceScene& scene) {
-    std::vector<LightTree::Cluster> clusters;
+std::shared_ptr<const Emitters> EmitterTable::of(const TraceScene& scene) {
+    std::vector<Emitters::Source> sources = Emitters::sourcesIn(scene);
+    const bool withTree = pathParts().lightTree;
+    const std::scoped_lock lock(mutex_);
+    if (last_ && withTree == withTree_ && sources == sources_) return last_;
+    last_ = std::make_shared<const Emitters>(sources);
+    sources_ = std::move(sources), withTree_ = withTree;
+    return last_;
+}
+
+std::vector<Emitters::Source> Emitters::sourcesIn(const TraceScene& scene) {
+    std::vector<Source> sources;
     const RayInstances& instances = scene.world->instances();
-    for (std::uint32_t slot = 0; slot < instances.size(); ++slot) add(scene, slot, clusters);
+    for (std::uint32_t slot = 0; slot < instances.size(); ++slot) {
+        const RayInstance& instance = instances[slot];
+        if (scene.shutter && scene.shutter->moves(slot)) continue;  // it is not in one place
+        if (!instance.mesh || slot >= scene.slots.size()) continue;
+        if (!instance.info.seen || instance.info.clear) continue;  // no ray of light meets it
+        const Mesh& mesh = *instance.mesh;
+        const Material& front = scene.materials[scene.slots[slot].material].material;
+        if (mesh.triangleCount == 0 || (mesh.colors.present() && mesh.colors.components() == 4)) continue;
+        const float glow = std::max(emission(front, mesh), front.back ? emission(*front.back, mesh) : 0.0f);
+        if (!(glow > 0)) continue;
+        const Material& behind = front.back ? *front.back : front;
+        Source source{slot, instance.mesh, instance.rayFromLocal, instance.sign, glow};
+        source.even = isEven(front, mesh) && isEven(behind, mesh);
+        if (source.even) source.front = evenRadiance(front), source.behind = evenRadiance(behind);
+        sources.push_back(std::move(source));
+    }
+    return sources;
+}
+
+Emitters::Emitters(const std::vector<Source>& sources) {
+    std::vector<LightTree::Cluster> clusters;
+    if (!sources.empty()) firstOf_.resize(sources.back().slot + std::size_t{1}, kNone);
+    for (const Source& source : sources) add(source, clusters);
     if (emitters_.empty()) return;
     findContested();
     if (!pathParts().lightTree)
@@ -99,37 +131,26 @@ Emitters::Emitters(const TraceScene& scene) {
     for (const Emitter& e : emitters_) packed_.emplace_back(e);
 }
 
-void Emitters::add(const TraceScene& scene, std::uint32_t slot, std::vector<LightTree::Cluster>& clusters) {
-    const RayInstance& instance = scene.world->instance(slot);
-    if (scene.shutter && scene.shutter->moves(slot)) return;  // it is not in one place
-    if (!instance.mesh || slot >= scene.slots.size()) return;
-    if (!instance.info.seen || instance.info.clear) return;  // no ray of light meets it
-    const Mesh& mesh = *instance.mesh;
-    const Material& front = scene.materials[scene.slots[slot].material].material;
-    if (mesh.colors.present() && mesh.colors.components() == 4) return;
-    const float glow = std::max(emission(front, mesh), front.back ? emission(*front.back, mesh) : 0.0f);
-    if (!(glow > 0) || mesh.triangleCount == 0 || emitters_.size() + mesh.triangleCount > kMost) return;
-    firstOf_.resize(scene.world->instances().size(), kNone);
-    firstOf_[slot] = static_cast<std::uint32_t>(emitters_.size());
+void Emitters::add(const Source& source, std::vector<LightTree::Cluster>& clusters) {
+    const Mesh& mesh = *source.mesh;
+    if (emitters_.size() + mesh.triangleCount > kMost) return;
+    firstOf_[source.slot] = static_cast<std::uint32_t>(emitters_.size());
     const bool bothSides = !mesh.solid;
-    const Material& behind = front.back ? *front.back : front;
-    const bool even = isEven(front, mesh) && isEven(behind, mesh);
     for (std::uint32_t triangle = 0; triangle < mesh.triangleCount; ++triangle) {
         Emitter e;
         const auto place = [&](std::uint32_t corner) {
-            return instance.rayFromLocal * Vec4f(mesh.vertex(triangle, corner), 1);
+            return source.rayFromLocal * Vec4f(mesh.vertex(triangle, corner), 1);
         };
         e.corner = place(0), e.ab = place(1) - e.corner, e.ac = place(2) - e.corner;
         const Vec3d normal = glm::cross(Vec3d(e.ab), Vec3d(e.ac));
         const double twice = glm::length(normal);
         const bool good = twice > 0 && std::isfinite(twice);
         e.area = good ? static_cast<float>(twice / 2) : 0.0f;
-        if (good) e.normal = Vec3f(normal / twice) * static_cast<float>(instance.sign);
-        e.instance = slot, e.triangle = triangle, e.bothSides = bothSides;
-        e.even = even;
-        if (even) e.front = evenRadiance(front), e.behind = evenRadiance(behind);
+        if (good) e.normal = Vec3f(normal / twice) * static_cast<float>(source.sign);
+        e.instance = source.slot, e.triangle = triangle, e.bothSides = bothSides;
+        e.even = source.even, e.front = source.front, e.behind = source.behind;
         emitters_.push_back(e);
-        const float power = glow * e.area * (bothSides ? 2.0f : 1.0f);
+        const float power = source.glow * e.area * (bothSides ? 2.0f : 1.0f);
         LightTree::Cluster cluster;
         for (const Vec3f& at : {e.corner, e.corner + e.ab, e.corner + e.ac}) cluster.bounds.extend(at);
         cluster.axis = e.normal;

@@ -3,11 +3,13 @@
 // Holds those of materials that emit, are opaque and do not mirror, and that rest while the shutter is open; what else
 // shines is found by bounces alone.
 // Invariant: an emitter that lights a point at all is chosen there with a probability above 0, and density() is the one
-// that sample() chooses with. Built for one picture, in ray space; it reads the scene's meshes, which must outlive it.
+// that sample() chooses with. In ray space.
 // Threading: const once built.
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <mutex>
 #include <vector>
 
 #include <rtsg/core/value.h>
@@ -37,8 +39,22 @@ class Emitters {
         float probability = 0;
     };
 
+    /// Something that shines, and all that the table depends on.
+    struct Source {
+        std::uint32_t slot = 0;
+        std::shared_ptr<const Mesh> mesh;
+        glm::mat4x3 rayFromLocal{1.0f};
+        int sign = 1;
+        float glow = 0;  // what it sends at most
+        bool even = false;
+        Vec3f front{0}, behind{0};  // as Emitter's
+        friend bool operator==(const Source&, const Source&) = default;
+    };
+    static std::vector<Source> sourcesIn(const TraceScene& scene);
+
     Emitters() = default;
-    explicit Emitters(const TraceScene& scene);
+    explicit Emitters(const std::vector<Source>& sources);
+    explicit Emitters(const TraceScene& scene) : Emitters(sourcesIn(scene)) {}
 
     bool empty() const { return emitters_.empty(); }
     /// Whether all send the same from everywhere, and none is contested.
@@ -66,7 +82,7 @@ class Emitters {
     std::uint32_t find(std::uint32_t instance, std::uint32_t triangle) const;
 
   private:
-    void add(const TraceScene& scene, std::uint32_t slot, std::vector<LightTree::Cluster>& clusters);
+    void add(const Source& source, std::vector<LightTree::Cluster>& clusters);
     void findContested();
 
     /// What eight() tells, four numbers at a time.
@@ -80,6 +96,18 @@ class Emitters {
     LightTree tree_;
     bool even_ = true;
     std::vector<std::uint32_t> firstOf_;  // by instance slot: its first emitter or kNone; triangles follow each other
+};
+
+/// The table of the last picture, for as long as the same things shine in the same places. Threading: any.
+class EmitterTable {
+  public:
+    std::shared_ptr<const Emitters> of(const TraceScene& scene);
+
+  private:
+    std::mutex mutex_;
+    std::vector<Emitters::Source> sources_;  // of `last_`
+    bool withTree_ = true;
+    std::shared_ptr<const Emitters> last_;
 };
 
 }  // namespace rtsg::trace

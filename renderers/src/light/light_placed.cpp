@@ -65,6 +65,20 @@ View readView(const Scene& scene, const Node& node) {
     return view;
 }
 
+/// Angles lie between colours (24.2.1).
+void checkColors(const Scene& scene, const Node& node, const Sky& sky, Diagnostics& diagnostics) {
+    const auto check = [&](const char* kind, std::size_t colors, std::size_t angles) {
+        if (colors == angles + 1 || (colors == 0 && angles == 0)) return;
+        const std::string_view name = scene.name(node.id());
+        diagnostics.warningAt(scene.placeOf(node.id()),
+                              fmt::format("{}{}{}: {}Color has {} colours, which is not one more than the {} of "
+                                          "{}Angle: those without a partner are left out",
+                                          node.type().name, name.empty() ? "" : " ", name, kind, colors, angles, kind));
+    };
+    check("sky", sky.skyColors.size(), sky.skyAngles.size());
+    check("ground", sky.groundColors.size(), sky.groundAngles.size());
+}
+
 template <class S>
 void readColors(const Node& node, Sky& sky, const S*) {
     const auto colors = [](const Array<Color>& from) {
@@ -231,6 +245,7 @@ SkyEntry LightTables::readSky(const Scene& scene, const Node& node, const WorldF
             if (const Node* side = scene.effectiveNode(node.get(sides[i])))
                 entry.sky.panorama[i] = textures_->ofNode(scene, *side, color, diagnostics_);
     }
+    checkColors(scene, node, entry.sky, diagnostics_);
     entry.sky.localFromWorld = glm::mat3(glm::transpose(turningOf(worldFromLocal)));
     return entry;
 }

@@ -1,6 +1,8 @@
 // Light's tables: materials by instance, lights by scope, and the versions of both.
 #include "light_tables.h"
 
+#include "emitters.h"
+
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -29,7 +31,8 @@ void LightTables::tellOfDamage() {
     textures_->tellOfDamage(said_);
 }
 
-LightTables::LightTables(std::shared_ptr<TextureStore> textures) : textures_(std::move(textures)) {
+LightTables::LightTables(std::shared_ptr<TextureStore> textures)
+    : textures_(std::move(textures)), emitterTable_(std::make_shared<EmitterTable>()) {
     uses_.resize(1);
     materials_.resize(1);
     materials_.change(0) = std::make_shared<const MaterialEntry>();
@@ -63,7 +66,7 @@ void LightTables::apply(const Scene& scene, const ChangeSet& changes, const Inst
 
 LightState LightTables::now() const {
     return {shading_.now(), materials_.now(), lightScopes_.now(), placed_.now(), anyTransmits(),
-            clearSlots(),   layers_,          volumeSlots()};
+            clearSlots(),   layers_,          volumeSlots(),      emitterTable_};
 }
 
 std::shared_ptr<const std::vector<std::uint32_t>> LightTables::clearSlots() const {
@@ -90,9 +93,9 @@ std::shared_ptr<const std::vector<std::uint32_t>> LightTables::volumeSlots() con
 
 std::shared_ptr<const LightState> LightTables::latest() {
     if (!latest_)
-        latest_ =
-            std::make_shared<const LightState>(shading_.freeze(), materials_.freeze(), lightScopes_.freeze(),
-                                               placed_.freeze(), anyTransmits(), clearSlots(), layers_, volumeSlots());
+        latest_ = std::make_shared<const LightState>(shading_.freeze(), materials_.freeze(), lightScopes_.freeze(),
+                                                     placed_.freeze(), anyTransmits(), clearSlots(), layers_,
+                                                     volumeSlots(), emitterTable_);
     return latest_;
 }
 

@@ -29,6 +29,8 @@ namespace rtsg {
 
 namespace trace {
 
+class EmitterTable;
+
 /// How a bindable node stands (7.2.2). Nothing is bound before a scene's first frame: then the first one counts that
 /// would be, which no node of an Inline is.
 enum class Binding : std::uint8_t { bound, first, inlined, unbound };
@@ -115,6 +117,7 @@ struct LightState {
     static constexpr std::size_t kMostClear = 256;
     std::shared_ptr<const trace::LayerList> layers;                 // null: all is in one
     std::shared_ptr<const std::vector<std::uint32_t>> volumeSlots;  // null: there are none
+    std::shared_ptr<trace::EmitterTable> emitterTable;              // of all versions; may be null
 };
 
 class LightTables {
@@ -183,6 +186,7 @@ class LightTables {
     Light readLitPlace(const Scene& scene, const Node& node, const Placed& placed);
 
     std::shared_ptr<TextureStore> textures_;
+    std::shared_ptr<trace::EmitterTable> emitterTable_;
     Diagnostics diagnostics_;  // of this apply() so far
     Diagnostics said_;         // since the start, each once
     ToldOnce told_;

@@ -601,6 +601,13 @@ Material readMaterial(const Scene& scene, NodeId appearance, TextureStore& textu
     if (!material.texture(TextureRole::base) && material.stages.empty())
         reader.set(material, TextureRole::base, node->get(A::texture), String());
 
+    if (const Node* line = scene.effectiveNode(node->get(A::lineProperties));
+        line && line->is(x3d::LineProperties::type) && line->get(x3d::LineProperties::applied)) {
+        const std::int32_t type = line->get(x3d::LineProperties::linetype);
+        if (type < 1 || type > 5)
+            diagnostics.warningAt(scene.placeOf(line->id()),
+                                  "linetype " + std::to_string(type) + " is none of 1 to 5: drawn as a solid line");
+    }
     if (const Node* fill = scene.effectiveNode(node->get(A::fillProperties));
         fill && fill->is(x3d::FillProperties::type)) {
         using F = x3d::FillProperties;

@@ -349,11 +349,18 @@ std::shared_ptr<const SpaceTexture> TextureStore::composed(const Scene& scene, c
                                         C::rightTexture, C::topTexture,  C::bottomTexture};
         std::array<std::shared_ptr<const Texture>, 6> sides;
         bool any = false;
+        std::string missing;
+        constexpr std::string_view kNames[] = {"front", "back", "left", "right", "top", "bottom"};
         for (std::size_t i = 0; i < 6; ++i)
             if (const Node* side = scene.effectiveNode(node.get(fields[i]))) {
                 sides[i] = ofNode(scene, *side, content, diagnostics);
                 any = any || sides[i];
+            } else {
+                missing.append(missing.empty() ? "" : ", ").append(kNames[i]).append("Texture");
             }
+        if (any && !missing.empty())
+            diagnostics.warningAt(scene.placeOf(node.id()),
+                                  "ComposedCubeMapTexture has no " + missing + ": nothing is shown on these sides");
         return any ? std::make_shared<const SpaceTexture>(SpaceTexture::cube(sides)) : nullptr;
     }
     SpaceTexture::Layers layers;

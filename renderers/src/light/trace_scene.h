@@ -171,6 +171,7 @@ class Fogs {
 };
 
 class Emitters;
+class EmitterTable;
 class Lamps;
 class PlainSurfaces;
 class SkyLight;
@@ -186,6 +187,7 @@ struct TraceScene {
     Vec3f eye{0}, forward{0, 0, -1};
     Vec3f right{1, 0, 0}, up{0, 1, 0};  // times an offset from the eye: pixels' heights for 1 ahead
     void placeInPicture(const Camera& camera);
+    EmitterTable* emitterTable = nullptr;  // that of the scene's last picture
     const Emitters* emitters = nullptr;    // of paths, where anything shines
     const Lamps* lamps = nullptr;          // of paths, where there are many
     const SkyLight* skyLight = nullptr;    // of paths, where the sky is so uneven that it must be looked for

@@ -11,6 +11,7 @@
 #include <rtsg/renderers/shared_world.h>
 
 #include "draw.h"
+#include "left_out.h"
 #include "light_tables.h"
 
 namespace rtsg {
@@ -108,7 +109,12 @@ Result<Picture> LightTracer::render(const RayView& world, const Camera& camera, 
     return render(impl_->tables.now(), world, camera, settings, stats);
 }
 
-Result<Pick> LightTracer::pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y) {
+namespace {
+
+/// `cutFor`: what is left out of what an eye sees.
+template <class CutFor>
+Result<Pick> pickIn(const Picker& picker, const std::vector<LayerView>& views, double x, double y,
+                    const CutFor& cutFor) {
     for (auto view = views.rbegin(); view != views.rend(); ++view) {
         const double across = (x - view->left) / view->width, down = (y - view->top) / view->height;
         if (!(across >= 0 && across <= 1 && down >= 0 && down <= 1)) continue;
@@ -117,12 +123,26 @@ Result<Pick> LightTracer::pick(const Picker& picker, const std::vector<LayerView
         const double height = camera.pixel(view->height);
         const auto [from, to] = camera.reach(ray.direction);
         if (!(to > from)) continue;
+        const std::shared_ptr<const RayFilter> cut = cutFor(camera);
         auto found = picker.ray(ray.origin + from * ray.direction, ray.direction, camera.layer, to - from,
-                                camera.orthographic ? PickPixel{0, height} : PickPixel{height, 0});
+                                camera.orthographic ? PickPixel{0, height} : PickPixel{height, 0}, cut.get());
         if (found && *found) found->distance += from;
         if (!found || *found) return found;
     }
     return Pick();
+}
+
+}  // namespace
+
+Result<Pick> LightTracer::pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y) {
+    return pickIn(picker, views, x, y, [](const Camera&) { return std::shared_ptr<const RayFilter>(); });
+}
+
+Result<Pick> LightTracer::pick(const Picker& picker, const RayView& world, const std::vector<LayerView>& views,
+                               double x, double y) const {
+    const LightState state = impl_->tables.now();
+    return pickIn(picker, views, x, y,
+                  [&](const Camera& camera) { return clipFilter(state, world, RenderSettings(), &camera); });
 }
 
 std::vector<LayerView> LightTracer::layers(const RayView& world, const Camera& camera, int width, int height) const {

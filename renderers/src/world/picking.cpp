@@ -81,13 +81,18 @@ namespace {
 /// Leaves out all but one layer.
 class LayerFilter final : public RayFilter {
   public:
-    LayerFilter(const RayWorld& world, std::uint16_t layer) : world_(world), layer_(layer) {}
-    bool concerns(std::uint32_t slot) const override { return world_.instance(slot).info.layer != layer_; }
-    bool leavesOut(std::uint32_t slot, const Vec3f&, float) const override { return concerns(slot); }
+    LayerFilter(const RayWorld& world, std::uint16_t layer, const RayFilter* cut)
+        : world_(world), layer_(layer), cut_(cut) {}
+    bool concerns(std::uint32_t slot) const override { return isElsewhere(slot) || (cut_ && cut_->concerns(slot)); }
+    bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const override {
+        return isElsewhere(slot) || (cut_ && cut_->leavesOut(slot, at, error));
+    }
 
   private:
+    bool isElsewhere(std::uint32_t slot) const { return world_.instance(slot).info.layer != layer_; }
     const RayWorld& world_;
     std::uint16_t layer_;
+    const RayFilter* cut_;
 };
 
 /// Whether a ray may meet the box around a mesh as it stands in the world; a little too often.
@@ -158,8 +163,8 @@ Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, double max
 }
 
 Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
-                         const PickPixel& pixel) const {
-    const LayerFilter filter(*world_, layer);
+                         const PickPixel& pixel, const RayFilter* cut) const {
+    const LayerFilter filter(*world_, layer, cut);
     return pick(origin, direction, maximum, pixel, &filter);
 }
 

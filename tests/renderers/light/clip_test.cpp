@@ -4,6 +4,8 @@
 
 #include <rtsg/core/x3d.h>
 
+#include <rtsg/renderers/picking.h>
+
 #include "light_scene.h"
 
 namespace rtsg {
@@ -323,6 +325,60 @@ TEST_P(ClipCaps, StayInPlaceFarFromTheOrigin) {
         s.options.settings.caps = true;
         EXPECT_NEAR(lit(s.picture(), 0), .25, .01) << far;
     }
+}
+
+TEST(ClipPlane, WhatIsCutAwayIsNotPickedInAPicture) {
+    LightScene s(
+        "ClipPlane { plane 0 0 -1 1.5 } Transform { translation 0 0 3 children DEF NEAR Shape { geometry Box { } } "
+        "} DEF FAR Shape { geometry Box { } }");
+    s.picture();
+    const Picker picker(s.world->rays(), s.world->flattener());
+    const LightTracer& tracer = s.light->tracer();
+    const auto camera = tracer.camera(s.world->rays(), 1);
+    ASSERT_TRUE(camera);
+    const auto views = tracer.layers(s.world->rays(), *camera, 100, 100);
+    const auto seen = tracer.pick(picker, s.world->rays(), views, 50.5, 50.5);
+    ASSERT_TRUE(seen && *seen);
+    EXPECT_EQ(seen->shape, s.node("FAR"));
+    const auto there = LightTracer::pick(picker, views, 50.5, 50.5);
+    ASSERT_TRUE(there && *there);
+    EXPECT_EQ(there->shape, s.node("NEAR"));
+}
+
+TEST(LeftOut, IsToldOnceWithItsPlace) {
+    const auto told = [](const std::string& body) {
+        LightScene s(body);
+        s.picture();
+        s.picture();
+        std::vector<std::string> all;
+        for (const Diagnostic& d : s.light->diagnostics().all()) {
+            EXPECT_GT(d.where.line, 0u) << d.text;
+            all.push_back(d.text);
+        }
+        return all;
+    };
+    const auto expect = [&](const std::string& body, const char* words) {
+        const auto all = told(body);
+        ASSERT_EQ(all.size(), 1u) << body;
+        EXPECT_NE(all[0].find(words), std::string::npos) << all[0];
+    };
+    const auto line = [](int type) {
+        return fmt::format(
+            "Shape {{ appearance Appearance {{ lineProperties LineProperties {{ linetype {} }} }} geometry "
+            "LineSet {{ vertexCount 2 coord Coordinate {{ point [ 0 0 0, 1 0 0 ] }} }} }}",
+            type);
+    };
+    expect(line(6), "linetype 6");
+    EXPECT_TRUE(told(line(5)).empty());
+    expect("Background { skyColor [ 1 0 0, 0 1 0 ] skyAngle [ .5 1 ] }", "skyColor has 2 colours");
+    expect("Background { groundAngle .5 groundColor 1 0 0 }", "groundColor has 1 colours");
+    EXPECT_TRUE(
+        told("Background { skyColor [ 1 0 0, 0 1 0 ] skyAngle 1 groundAngle 1 groundColor [ 1 0 0, 0 1 0 ] }").empty());
+    expect(
+        "Shape { appearance Appearance { texture ComposedCubeMapTexture { frontTexture PixelTexture { image 1 1 1 255 "
+        "} "
+        "} } geometry Box { } }",
+        "no backTexture, leftTexture");
 }
 
 }  // namespace

@@ -356,5 +356,47 @@ TEST(PathEmitters, SidesTexturesAndColorsShineAsTheyShow) {
     EXPECT_NEAR(colored, below, 0.02 * below);
 }
 
+// Listed anew only when something that shines changes: its place, its colour, its shape; or what shines.
+TEST(EmitterTable, StaysWhileTheSameThingsShineInTheSamePlaces) {
+    LightScene s(
+        "DEF EYE Viewpoint { } DEF T Transform { children DEF S Shape { appearance Appearance { material DEF M "
+        "Material { emissiveColor 1 1 1 } } geometry DEF B Box { } } } DEF OTHER Transform { translation 5 0 0 "
+        "children Shape { appearance Appearance { material DEF DARK Material { } } geometry Box { } } }");
+    LightTracer tracer;
+    s.world->add(tracer);
+    double time = 0;
+    std::shared_ptr<const Emitters> last;
+    const auto isAnew = [&] {
+        s.scene.newFrame(time += 1);
+        EXPECT_TRUE(s.world->update());
+        const auto state = tracer.latest();
+        trace::TraceScene scene;
+        scene.world = &s.world->rays();
+        scene.materials = trace::MaterialList(state->materials);
+        scene.slots = trace::SlotPages(state->slots);
+        const auto now = state->emitterTable->of(scene);
+        EXPECT_EQ(now->size(), Emitters(scene).size());
+        return std::exchange(last, now) != now;
+    };
+    EXPECT_TRUE(isAnew());
+    EXPECT_EQ(last->size(), 12u);
+    EXPECT_FALSE(isAnew());
+    ASSERT_TRUE(s.scene.set(s.node("EYE"), x3d::Viewpoint::position, Vec3f(0, 0, 20)));
+    EXPECT_FALSE(isAnew());
+    ASSERT_TRUE(s.scene.set(s.node("OTHER"), x3d::Transform::translation, Vec3f(6, 0, 0)));
+    EXPECT_FALSE(isAnew()) << "it does not shine";
+    ASSERT_TRUE(s.scene.set(s.node("T"), x3d::Transform::translation, Vec3f(0, 1, 0)));
+    EXPECT_TRUE(isAnew());
+    EXPECT_NEAR((*last)[0].corner.y, 1, 1.001);
+    ASSERT_TRUE(s.scene.set(s.node("M"), x3d::Material::emissiveColor, Color{.5f, 1, 1}));
+    EXPECT_TRUE(isAnew());
+    ASSERT_TRUE(s.scene.set(s.node("B"), x3d::Box::size, Vec3f(1, 2, 3)));
+    EXPECT_TRUE(isAnew());
+    ASSERT_TRUE(s.scene.set(s.node("DARK"), x3d::Material::emissiveColor, Color{1, 1, 1}));
+    EXPECT_TRUE(isAnew());
+    EXPECT_EQ(last->size(), 24u);
+    EXPECT_FALSE(isAnew());
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -157,6 +157,9 @@ class LightTracer final : public InstanceSubscriber {
     /// What is seen at a place of such a picture, in pixels from the left and the top: the first surface of the
     /// frontmost layer that has one there. Error: as Picker::ray().
     static Result<Pick> pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y);
+    /// The same without what ClipPlanes and Viewports cut off. `world`: the picker's.
+    Result<Pick> pick(const Picker& picker, const RayView& world, const std::vector<LayerView>& views, double x,
+                      double y) const;
 
     /// Errors: a size or a number of samples that is not positive or is absurd; an error to reach that is negative or
     /// no number; paths in the display's space; a shutter with one sample a pixel, or outside of 0 to 1.

@@ -58,9 +58,10 @@ class Picker {
     /// Error: origin or direction not finite, direction zero, origin farther than RayWorld::kMaxCoordinate.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction,
                      double maximum = std::numeric_limits<double>::infinity(), double pixel = kPixel) const;
-    /// The first surface of one layer of a LayerSet; 0: of what is in none.
+    /// The first surface of one layer of a LayerSet; 0: of what is in none. `cut`: what is left out besides; may be
+    /// null.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
-                     const PickPixel& pixel) const;
+                     const PickPixel& pixel, const RayFilter* cut = nullptr) const;
     static constexpr double kPixel = .001;
     /// Every surface within `maximum` metres, from either side, nearest first; 10,000 at most. Two that are nearer to
     /// each other than a millionth of the way there count as one: the triangles beside an edge, but also faces of two
