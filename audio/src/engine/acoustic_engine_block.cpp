@@ -346,7 +346,11 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
         // Source, listener and walls of one instant, that of the scene, which the block is on its way to.
         // Who will be somewhere else when the frame ends is not there yet.
         const bool there = !state.hasResponse || !(state.jumps || listenerJumps);
-        if (audible && there && mustTrace(emitter, state, state.to, now)) trace(state, emitter, state.to, now);
+        if (audible && there) {
+            const Renewal renewal = renewalOf(emitter, state, state.to, now);
+            if (renewal == Renewal::trace) trace(state, emitter, state.to, now);
+            if (renewal == Renewal::turn) turn(state, emitter, now);
+        }
         renderLate(state, to, block);
     }
     noteSilence(state, block);

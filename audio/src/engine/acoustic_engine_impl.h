@@ -90,8 +90,13 @@ struct AcousticEngine::Impl {
     void fadeOut(Block& block);
     Result<> mixDown(const Block& block);
 
-    bool mustTrace(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
-                   const ListenerPose& listener) const;
+    /// What a response needs: nothing, to be made again for how the listener's head is turned, or to be traced again.
+    enum class Renewal : std::uint8_t { none, turn, trace };
+    Renewal renewalOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
+                      const ListenerPose& listener) const;
+    void turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener);
+    ImpulseResponseOptions responseFor(const SoundEmitter& emitter, const ListenerPose& listener) const;
+    void submit(EmitterState& state, TraceJob job, const ListenerPose& listener);
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                const ListenerPose& listener);
     void takeResponse(TracedResponse traced);

@@ -16,18 +16,21 @@ constexpr int kLeakSearches = 8, kLeakExits = 32;
 
 }  // namespace
 
-bool AcousticEngine::Impl::mustTrace(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
-                                     const ListenerPose& listener) const {
-    if (worker && !worker->idle()) return false;
-    if (!state.hasResponse) return true;
+AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter& emitter, const EmitterState& state,
+                                                              const glm::dvec3& source,
+                                                              const ListenerPose& listener) const {
+    if (worker && !worker->idle()) return Renewal::none;
+    if (!state.hasResponse) return Renewal::trace;
+    if (seconds() < state.tracedAt + options.retraceSeconds) return Renewal::none;
     const bool aimed = emitter.sound->directional(options.levels == AcousticOptions::Levels::x3d);
     const bool moved = state.stale || glm::distance(state.tracedSource, source) > options.moveTolerance ||
                        glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
-                       glm::dot(state.tracedRight, listener.right) < kTurned ||
-                       (options.ambisonicOrder > 0 && glm::dot(state.tracedBack, listener.back) < kTurned) ||
                        (aimed && !(glm::dot(state.tracedAim, emitter.aim()) >= kTurned));
-    return (moved || (state.wallsChanged && shallSeekLeaks(state))) &&
-           seconds() >= state.tracedAt + options.retraceSeconds;
+    if (moved || (state.wallsChanged && shallSeekLeaks(state))) return Renewal::trace;
+    const bool turned =
+        glm::dot(state.tracedRight, listener.right) < kTurned ||
+        ((options.ambisonicOrder > 0 || options.hrtf) && glm::dot(state.tracedBack, listener.back) < kTurned);
+    return turned && state.traced ? Renewal::turn : Renewal::none;
 }
 
 void AcousticEngine::Impl::noteWallsChanged(EmitterState& state) const {
@@ -74,50 +77,70 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.maxRays = options.maxRays;
     job.longest = longest;
     job.block = options.blockSize;
-    using Channels = ImpulseResponseOptions::Channels;
-    job.response.channels = options.ambisonicOrder > 0 ? Channels::ambisonic
-                            : options.binaural         ? Channels::binaural
-                                                       : Channels::stereo;
-    job.response.ambisonicOrder = options.ambisonicOrder;
-    job.response.hrtf = options.hrtf;
-    job.response.sampleRate = options.sampleRate;
-    job.response.listenerRight = listener.right;
-    job.response.listenerUp = listener.up;
-    job.response.listenerBack = listener.back;
-    job.response.firstOrder = 1;
-    job.response.cutShare = 1e-6;
-    job.response.speedOfSound = air.speedOfSound;
-    // The same noise each time, another for each emitter: crossfades then do not rustle.
-    job.response.seed = emitter.id.slot + 1;
-    state.hasResponse = true;
-    state.tracedAt = seconds();
+    job.response = responseFor(emitter, listener);
     state.tracedSource = source;
     state.tracedListener = listener.position;
-    state.tracedRight = listener.right;
-    state.tracedBack = listener.back;
     state.tracedAim = emitter.aim();
     state.stale = false;
-    if (!worker) {
-        takeResponse(traceResponse(job, geometry));
-        return;
-    }
+    state.tracing = worker != nullptr;
+    submit(state, std::move(job), listener);
+}
+
+/// Ways and levels are what they were; only where they come from, seen from the head, is another.
+void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener) {
+    TraceJob job;
+    job.emitter = emitter.id;
+    job.block = options.blockSize;
+    job.response = responseFor(emitter, listener);
+    job.traced = state.traced;
+    submit(state, std::move(job), listener);
+}
+
+ImpulseResponseOptions AcousticEngine::Impl::responseFor(const SoundEmitter& emitter,
+                                                         const ListenerPose& listener) const {
+    using Channels = ImpulseResponseOptions::Channels;
+    ImpulseResponseOptions response;
+    response.channels = options.ambisonicOrder > 0 ? Channels::ambisonic
+                        : options.binaural         ? Channels::binaural
+                                                   : Channels::stereo;
+    response.ambisonicOrder = options.ambisonicOrder;
+    response.hrtf = options.hrtf;
+    response.sampleRate = options.sampleRate;
+    response.listenerRight = listener.right;
+    response.listenerUp = listener.up;
+    response.listenerBack = listener.back;
+    response.firstOrder = 1;
+    response.cutShare = 1e-6;
+    response.speedOfSound = air.speedOfSound;
+    // The same noise each time, another for each emitter: crossfades then do not rustle.
+    response.seed = emitter.id.slot + 1;
+    return response;
+}
+
+void AcousticEngine::Impl::submit(EmitterState& state, TraceJob job, const ListenerPose& listener) {
+    state.hasResponse = true;
+    state.tracedAt = seconds();
+    state.tracedRight = listener.right;
+    state.tracedBack = listener.back;
+    if (!worker) return takeResponse(traceResponse(job, geometry));
     job.state = liveState;
     job.rays = liveRays;
-    state.tracing = true;
     worker->submit(std::move(job));
 }
 
 void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
-    ++heard.responses;
+    ++(traced.turned ? heard.turned : heard.responses);
     heard.rays = std::max(heard.rays, traced.rays);
     heard.images = std::max(heard.images, traced.images);
-    if (!std::isnan(traced.error))
+    if (!std::isnan(traced.error) && !traced.turned)
         heard.error = std::isnan(heard.error) ? traced.error : std::max(heard.error, traced.error);
     const auto found = states.find(traced.emitter);
     if (found == states.end()) return;
     EmitterState& state = found->second;
     for (std::size_t c = 0; c < channels; ++c) state.late[c].setResponse(std::move(traced.channels[c]));
     state.responseFrames = std::max(state.responseFrames, traced.frames);
+    if (traced.turned) return;
+    state.traced = std::move(traced.traced);
     state.reached = traced.reached;
     state.tracing = false;
     state.seal = std::move(traced.seal);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -11,6 +12,7 @@
 #include <rtsg/audio/acoustic_box.h>
 #include <rtsg/audio/clip_library.h>
 #include <rtsg/audio/convolver.h>
+#include <rtsg/audio/echogram.h>
 #include <rtsg/audio/world_geometry.h>
 
 #include "scene/process_player.h"
@@ -60,8 +62,9 @@ struct EmitterState {
     bool tracing = false;  // in the background: where its paths go is not known yet
     double tracedAt = 0;
     glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0}, tracedBack{0}, tracedAim{0};
-    AcousticBox reached;  // by its paths
-    bool stale = false;   // something changed there since
+    std::shared_ptr<const Echogram> traced;  // for when the listener turns
+    AcousticBox reached;                     // by its paths
+    bool stale = false;                      // something changed there since
     std::size_t responseFrames = 0;
     std::optional<Seal> seal;  // nothing arrived, and why; until it was told
     RoomOpenings openings;     // of the room, until they were told

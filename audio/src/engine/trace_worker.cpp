@@ -21,7 +21,27 @@ constexpr Clock::duration kLongestRest = std::chrono::seconds(1);
 
 }  // namespace
 
+namespace {
+
+/// The response for how the listener's head is turned.
+void makeChannels(const TraceJob& job, TracedResponse& result) {
+    const ImpulseResponse ir = makeImpulseResponse(*result.traced, job.response);
+    for (const std::vector<float>& channel : ir.channels)
+        result.channels.push_back(Convolver::prepare(job.block, channel));
+    result.frames = ir.frames();
+}
+
+}  // namespace
+
 TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry) {
+    if (job.traced) {
+        TracedResponse turned;
+        turned.emitter = job.emitter;
+        turned.traced = job.traced;
+        turned.turned = true;
+        makeChannels(job, turned);
+        return turned;
+    }
     const OpenedGeometry room(geometry, job.body);
     const ReachRecorder recorder(room, job.longest);
     const AcousticTracer tracer(recorder);
@@ -33,10 +53,8 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
     if (job.error > 0 && !result.seal)
         result.error = tracer.refineTo(traced, job.source, job.listener, job.tracing, job.error, job.maxRays);
     if (!traced.exits.empty()) result.openings = room.openings(job.source, traced.exits, traced.escaped);
-    const ImpulseResponse ir = makeImpulseResponse(traced.echogram(), job.response);
-    for (const std::vector<float>& channel : ir.channels)
-        result.channels.push_back(Convolver::prepare(job.block, channel));
-    result.frames = ir.frames();
+    result.traced = std::make_shared<const Echogram>(traced.echogram());
+    makeChannels(job, result);
     result.reached = recorder.reached();
     // The receiver's ball shrinks before a wall: what comes near the listener counts as well.
     result.reached.extend(job.listener - traced.receiverRadius / 0.4);

@@ -16,6 +16,7 @@
 #include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/convolver.h>
+#include <rtsg/audio/echogram.h>
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/world_geometry.h>
 
@@ -31,6 +32,8 @@ struct TraceJob {
     double longest = 0;  // metres that sound goes within a response
     ImpulseResponseOptions response;
     std::size_t block = 256;
+    /// What was traced before, where only the listener's head has turned since: nothing is traced then.
+    std::shared_ptr<const Echogram> traced;
     // Of the worker alone.
     std::shared_ptr<const AcousticState> state;
     std::shared_ptr<const RayView> rays;
@@ -40,6 +43,8 @@ struct TracedResponse {
     InstanceId emitter;
     std::vector<Convolver::Response> channels;
     std::size_t frames = 0;
+    std::shared_ptr<const Echogram> traced;
+    bool turned = false;  // it is the job's: all below says nothing
     AcousticBox reached;  // by its paths
     std::uint64_t rays = 0;
     std::size_t images = 0;

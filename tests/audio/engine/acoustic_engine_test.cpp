@@ -22,7 +22,7 @@ const char* const kRooms =
     "DEF In Transform { translation 5 4 1 children Shape { geometry Box { size .4 .4 .4 } } }\n"
     "DEF Out Transform { translation 12 4 1 children Shape { geometry Box { size 2 2 2 } } }\n"
     "DEF Voice Transform { children Sound { location 1 1 1.5 minBack 30 minFront 30 maxBack 60 maxFront 60 source "
-    "OscillatorSource { frequency 440 } } }\nViewpoint { position 4 3 1.5 }\n";
+    "OscillatorSource { frequency 440 } } }\nDEF Eye Viewpoint { position 4 3 1.5 }\n";
 
 /// Rays that can be frozen.
 struct OwnRays final : InstanceSubscriber {
@@ -105,6 +105,41 @@ TEST(AcousticEngine, TracesAgainOnlyWhatAChangeCanReach) {
     EXPECT_EQ(inside.first, 4u);  // every .2 s
     EXPECT_EQ(through.first, 2u);
     EXPECT_NE(through.second, still.second);
+}
+
+/// A head that turns traces nothing, and hears in the end what one does that was turned so from the start.
+TEST(AcousticEngine, AHeadThatTurnsTracesNothing) {
+    const auto heard = [](int turnedAt, bool live) {
+        Stage stage;
+        AcousticOptions options = few();
+        auto engine = *AcousticEngine::create(options);
+        const SoundBuffer sound = stage.render(*engine, .8, [&](int frame) {
+            const NodeId eye = stage.scene.findName("Eye");
+            if (frame == turnedAt) {
+                ASSERT_TRUE(stage.scene.set(eye, x3d::Viewpoint::orientation, Rotation{0, 1, 0, 1.2f}));
+            }
+            if (frame > 1 && live) {  // every frame, by 6 degrees
+                ASSERT_TRUE(stage.scene.set(eye, x3d::Viewpoint::orientation,
+                                            Rotation{0, 1, 0, .1f * static_cast<float>(frame)}));
+            }
+        });
+        return std::pair(engine->heard(), sound);
+    };
+    const auto before = heard(1, false), later = heard(20, false), never = heard(0, false), always = heard(0, true);
+    EXPECT_EQ(before.first.responses, 1u);
+    EXPECT_EQ(before.first.turned, 0u);
+    EXPECT_EQ(later.first.responses, 1u);
+    EXPECT_EQ(later.first.turned, 1u);
+    EXPECT_EQ(later.first.rays, before.first.rays);
+    EXPECT_EQ(always.first.responses, 1u);
+    EXPECT_EQ(always.first.turned, 3u) << "every .2 s";
+    double most = 0, other = 0;
+    for (std::size_t i = 2 * 48000 * 6 / 10; i < later.second.samples.size(); ++i) {
+        most = std::max(most, double{std::abs(later.second.samples[i] - before.second.samples[i])});
+        other = std::max(other, double{std::abs(later.second.samples[i] - never.second.samples[i])});
+    }
+    EXPECT_LT(most, 1e-5 * before.second.peak());
+    EXPECT_GT(other, .02 * before.second.peak());
 }
 
 TEST(AcousticEngine, WhatCannotBeReachedChangesNoPath) {

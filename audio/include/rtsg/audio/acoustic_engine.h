@@ -90,6 +90,7 @@ struct AcousticOptions {
 /// The responses that were heard.
 struct HeardResponses {
     std::uint64_t responses = 0;  // traced
+    std::uint64_t turned = 0;     // made again from what had been traced, as the listener turned
     std::uint64_t rays = 0;       // the most in one
     std::size_t images = 0;       // the most in one
     // The largest in just noticeable differences; NaN unless asked for.
