@@ -247,8 +247,9 @@ std::optional<Texture> combined(const Material& material, Texture::Content conte
     std::vector<std::uint8_t> bytes;
     std::vector<Vec4f> light;
     for (int i = 0; i < width * height; ++i) {
-        const float s = (static_cast<float>(i % width) + .5f) / static_cast<float>(width),
-                    t = (static_cast<float>(i / width) + .5f) / static_cast<float>(height);
+        const int x = i % width, y = i / width;
+        const float s = (static_cast<float>(x) + .5f) / static_cast<float>(width),
+                    t = (static_cast<float>(y) + .5f) / static_cast<float>(height);
         Vec4f current(1);
         for (const TextureStage& stage : material.stages) {
             if (!stage.use.texture) continue;
