@@ -26,6 +26,7 @@
 
 namespace rtsg {
 
+class Node;
 class Scene;
 class TextureStore;
 namespace trace {
