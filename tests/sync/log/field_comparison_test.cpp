@@ -278,10 +278,15 @@ TEST(FieldHistories, AreLimited) {
     std::size_t most = 0;
     for (const FieldHistory& history : histories) most = std::max(most, history.samples.size());
     EXPECT_EQ(most, 4096U);
-    EXPECT_TRUE(comparison.unmatched().empty());
+    EXPECT_EQ(comparison.nothingCompared(), "");
+    EXPECT_TRUE(comparison.ignoredInVain().empty());
     FieldComparison none({{"NOBODY.*"}, {}, 0}, a, b);
     none.first();
-    EXPECT_EQ(none.unmatched(), std::vector<std::string>{"NOBODY.*"});
+    EXPECT_EQ(none.nothingCompared(), "NOBODY.*: no such field, so nothing was compared");
+    FieldComparison left({{"*.translation"}, {"*.translation", "NOBODY.x", "initial"}, 0}, a, b);
+    left.first();
+    EXPECT_EQ(left.nothingCompared(), "all of the fields that were asked for are left out, so nothing was compared");
+    EXPECT_EQ(left.ignoredInVain(), std::vector<std::string>{"NOBODY.x"});
 }
 
 }  // namespace
