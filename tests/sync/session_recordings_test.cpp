@@ -469,8 +469,12 @@ class Player {
         options.scrub = 0ms;
         client_ = std::move(*MirrorClient::connect(replica_, endpoint_, options));
         for (const Said& said : session) play(said);
-        const auto taken = Clock::now() + 100ms;  // what is said after this says nothing new
-        while (Clock::now() < taken) hear();
+        const auto says = [&](Message what) {
+            return std::ranges::any_of(session, [what](const Said& s) { return s.isBy(Said::By::server, what); });
+        };
+        if (says(Message::bye)) wait([&] { return client_->serverLeft(); });
+        if (says(Message::refused)) wait([&] { return !refused_.empty(); });
+        hear();
     }
     ~Player() {
         close();
@@ -488,6 +492,8 @@ class Player {
     }
     const Scene& replica() const { return replica_; }
     bool failed = false;
+    /// The recording is of a program with other node types, whose requests this client cannot write.
+    bool otherTypes = false;
 
   private:
     struct Listening : Subscriber {
@@ -525,8 +531,6 @@ class Player {
                 sessionNumber_ = hello.session;
                 ++said_;
                 add(hellos_, fmt::format("[{},{}]", hello.epoch, hello.sequence));
-            } else if (type == Message::ack && mirror::read(in, acknowledged_)) {
-                ++acknowledgements_;
             }
         }
     }
@@ -554,8 +558,19 @@ class Player {
         } else if (isClient && said.type() == Message::hello) {
             ++expected_;
             wait([&] { return said_ >= expected_; });
+        } else if (isClient && said.type() == Message::ack) {
+            // One after the other, as it was: the client has come to this state before the server goes on.
+            wire::Reader in = readerOf(said.first);
+            (void)mirror::readPrologue(in);
+            std::uint64_t numbers[3];  // session, state, bytes
+            ASSERT_TRUE(mirror::read(in, numbers));
+            wait([&] { return numbers[1] == 0 || listening_.newest == numbers[1]; });
         } else if (isClient && said.type() == Message::submit) {
-            EXPECT_TRUE(client_->undo());  // what it says is its own, its number is that of the recorded one
+            // What it says is its own, its number is that of the recorded one.
+            if (const auto asked = client_->undo(); !asked) {
+                EXPECT_EQ(asked.error().text, "the origin's node types are others than ours");
+                otherTypes = true;
+            }
             hear();
         } else if (isClient && said.type() == Message::control) {
             wire::Reader in = readerOf(said.first);
@@ -575,12 +590,6 @@ class Player {
         if (number >= 1000) std::memcpy(said.first.data() + 8, &sessionNumber_, 8);  // others are of no session
         sendParts(socket_,
                   said.second.empty() ? std::vector{peer_, said.first} : std::vector{peer_, said.first, said.second});
-        // One after the other, as it was: the client has read each data message before the next one.
-        if (said.type() == Message::data && number >= 1000) {
-            const std::uint64_t before = acknowledgements_;
-            const auto end = Clock::now() + 300ms;
-            while (acknowledgements_ == before && said_ == expected_ && Clock::now() < end) hear();
-        }
         hear();
     }
 
@@ -590,7 +599,7 @@ class Player {
     Listening listening_;
     Attachment attachment_;
     std::unique_ptr<MirrorClient> client_;
-    std::uint64_t sessionNumber_ = 0, acknowledgements_ = 0, acknowledged_[3] = {};
+    std::uint64_t sessionNumber_ = 0;
     int said_ = 0, expected_ = 0;
     std::string hellos_, verdicts_, replies_, refused_;
 };
@@ -609,11 +618,18 @@ TEST(SessionRecordings, CanBeMade) {
         Recorder recorder;
         record(recorder);
         writeSession(folder / (std::string(name) + ".session"), recorder.session);
-        if (!given) continue;
         const Player player(recorder.session);
+        EXPECT_FALSE(player.otherTypes);
+        EXPECT_EQ(player.result().contains("{\"request\":5,"), std::string(name) == "requests");
+        if (!given) continue;
         writeAll(folder / (std::string(name) + ".json"), player.result());
     }
     if (!given) fs::remove_all(folder);
+}
+
+std::string withoutVerdicts(std::string text) {
+    const std::size_t from = text.find("\"verdicts\":");
+    return text.erase(from, text.find("\n", from) - from);
 }
 
 /// A client that is held up for seconds says hello again by itself, which the recording does not have: then once more.
@@ -625,9 +641,15 @@ TEST(SessionRecordings, AreFollowedAsExpected) {
         const std::vector<Said> session = readSession(kFolder / (std::string(name) + ".session"));
         ASSERT_GT(session.size(), 1u);
         const std::string expected = readAll(kFolder / (std::string(name) + ".json"));
-        std::string given;
-        for (int attempt = 0; attempt < 3 && given != expected; ++attempt) given = Player(session).result();
-        EXPECT_EQ(given, expected);
+        for (int attempt = 1;; ++attempt) {
+            const Player player(session);
+            const auto compared = [&](const std::string& text) {
+                return player.otherTypes ? withoutVerdicts(text) : text;
+            };
+            if (attempt < 3 && compared(player.result()) != compared(expected)) continue;
+            EXPECT_EQ(compared(player.result()), compared(expected));
+            break;
+        }
     }
     EXPECT_EQ(sessions, std::size(kSessions));
 }
