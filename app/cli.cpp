@@ -185,10 +185,6 @@ struct Damage {
     bool unsent = false;
 } damage;
 
-}  // namespace
-
-namespace {
-
 /// A scene file holds a whole state, which only a scene that has none takes: its clock, if that goes already, is set
 /// again.
 Result<> readState(Scene& scene, const std::string& file) {

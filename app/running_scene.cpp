@@ -6,6 +6,8 @@
 #include <cmath>
 #include <thread>
 
+#include <fmt/format.h>
+
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/renderers/movie.h>
 #include <rtsg/renderers/text_measure.h>
@@ -65,6 +67,7 @@ RunningScene::RunningScene(std::string file, const ResourceArguments& arguments,
     : file_(std::move(file)),
       resources_(arguments.ofFile(file_)),
       start_(start.seconds()),
+      startWasGiven_(!start.at.empty()),
       inlineDiagnostics_(file_),
       world_(scene_, resources_) {}
 
@@ -83,7 +86,12 @@ bool RunningScene::load() {
     setClock(scene_, start_);
     Diagnostics diagnostics(file_);
     if (!app::load(scene_, file_, diagnostics, resources_)) return false;
-    start_ = std::max(start_, scene_.now());  // that of a state in a scene file, which time does not go back from
+    // A scene file, or a log, begins with a state of its own time, which the scene does not go back from.
+    if (startWasGiven_ && scene_.now() > start_) {
+        printError(fmt::format("{}: --at: it begins with a state of a later time, {} s", file_, scene_.now()));
+        return false;
+    }
+    start_ = std::max(start_, scene_.now());
     followInlines();
     return true;
 }

@@ -85,6 +85,7 @@ class RunningScene {
     std::string file_;
     Resources resources_;
     double start_, time_ = 0;
+    bool startWasGiven_;
     Scene scene_;
     Diagnostics inlineDiagnostics_;
     std::unique_ptr<InlineLoader> inlines_;

@@ -178,6 +178,12 @@ TEST_F(ReplayAsTest, ASceneFileRunsAsItsDocument) {
         const Outcome moved = rtsg({"replay", run, "--blame", "BOX.translation"});
         EXPECT_THAT(moved.out, HasSubstr("changes)")) << "its clock runs";
     }
+    // Time does not go back from the state that a log begins with.
+    const std::string later = folder / "later.rlog";
+    ASSERT_EQ(rtsg({"record", "--at", "2020-01-01", file, "-o", later, "--for", "0.1s"}).status, 0);
+    const Outcome back = rtsg({"render", "--at", "2000-01-01", later, "-o", other, "--size", "48x32"});
+    EXPECT_EQ(back.status, 1);
+    EXPECT_THAT(back.err, HasSubstr("--at: it begins with a state of a later time, 1577836800 s"));
 }
 
 TEST_F(ReplayAsTest, AFailureLeavesAPageAndJUnitXml) {

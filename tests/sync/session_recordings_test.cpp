@@ -10,11 +10,13 @@
 #include <rtsg/sync/record.h>
 
 #include "conformance_support.h"
+#include "mirror/mirror_support.h"
 #include "mirror/questions.h"
 #include "mirror/request.h"
 #include "mirror/upstream.h"
 #include "session_recordings.h"
 #include "support/log_support.h"
+#include "support/temp_folder.h"
 #include "test_paths.h"
 
 namespace rtsg {
@@ -25,8 +27,6 @@ using namespace std::chrono_literals;
 using mirror::Message;
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
-
-constexpr auto kMostPatience = 60s;  // only a failing test waits this long
 
 // ---- recording -------------------------------------------------------------------------------------------------
 
@@ -88,7 +88,7 @@ class Recorder {
         session.push_back({Said::By::server, std::move(first), std::move(second)});
     }
     bool hearUntil(MirrorServer* server, const std::function<bool()>& condition) {
-        const auto end = Clock::now() + kMostPatience;
+        const auto end = Clock::now() + test::kPatience;
         while (!condition() && Clock::now() < end) {
             if (server) server->service();
             std::vector<std::string> parts = receiveParts(socket_, 2);
@@ -542,7 +542,7 @@ class Player {
                                    v.request, v.state, jsonText(v.refusal), created, jsonText(v.kept)));
     }
     void wait(const std::function<bool()>& condition) {
-        const auto end = Clock::now() + kMostPatience;
+        const auto end = Clock::now() + test::kPatience;
         while (!failed && !condition()) {
             hear();
             failed = Clock::now() > end;
@@ -610,8 +610,8 @@ const fs::path kFolder = RTSG_SOURCE_DIR "/tests/sync/conformance/mirror";
 
 TEST(SessionRecordings, CanBeMade) {
     const char* given = std::getenv("RTSG_WRITE_CONFORMANCE");
-    char pattern[] = "/tmp/rtsg-conformance-XXXXXX";
-    const fs::path folder = given ? fs::path(given) / "mirror" : fs::path(mkdtemp(pattern));
+    const TempFolder unkept;
+    const fs::path folder = given ? fs::path(given) / "mirror" : unkept.path();
     fs::create_directories(folder);
     for (const auto& [name, record] : kSessions) {
         SCOPED_TRACE(name);
@@ -624,7 +624,6 @@ TEST(SessionRecordings, CanBeMade) {
         if (!given) continue;
         writeAll(folder / (std::string(name) + ".json"), player.result());
     }
-    if (!given) fs::remove_all(folder);
 }
 
 std::string withoutVerdicts(std::string text) {

@@ -234,20 +234,34 @@ std::shared_ptr<const Texture> TextureStore::ofMovie(const Scene& scene, const N
 
 namespace {
 
-/// What the stages of a MultiTexture make of white, as one picture of the largest one's size; null: they have none.
-std::optional<Texture> combined(const Material& material, Texture::Content content) {
+/// Of the picture that the stages of a MultiTexture make together: as wide and as high as the largest ones are.
+struct CombinedSize {
     int width = 0, height = 0;
-    bool wide = false;
-    for (const TextureStage& stage : material.stages)
-        if (const auto& texture = stage.use.texture) {
+    bool wide = false;  // more than a byte for each number
+
+    explicit CombinedSize(const Material& material) {
+        for (const TextureStage& stage : material.stages) {
+            const Texture* texture = stage.use.texture.get();
+            if (!texture) continue;
             width = std::max(width, texture->width()), height = std::max(height, texture->height());
             wide = wide || texture->bytesPerPixel() > 4;
         }
+    }
+    /// As the policy counts them: four bytes are one.
+    std::uint64_t pixels() const {
+        return static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) * (wide ? 4 : 1);
+    }
+};
+
+/// What the stages make of white; null: they have no picture, or none of such a size can be had.
+std::optional<Texture> combined(const Material& material, const CombinedSize& size, Texture::Content content) {
+    const auto [width, height, wide] = size;
     if (width == 0) return std::nullopt;
     std::vector<std::uint8_t> bytes;
     std::vector<Vec4f> light;
-    for (int i = 0; i < width * height; ++i) {
-        const int x = i % width, y = i / width;
+    const auto count = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+    for (std::size_t i = 0; i < count; ++i) {
+        const std::size_t x = i % static_cast<std::size_t>(width), y = i / static_cast<std::size_t>(width);
         const float s = (static_cast<float>(x) + .5f) / static_cast<float>(width),
                     t = (static_cast<float>(y) + .5f) / static_cast<float>(height);
         Vec4f current(1);
@@ -280,20 +294,19 @@ std::optional<Texture> combined(const Material& material, Texture::Content conte
 std::shared_ptr<const Texture> TextureStore::ofMulti(const Scene& scene, const Node& node, Texture::Content content,
                                                      Diagnostics& diagnostics) {
     const Material stages = readMultiTexture(scene, node, *this, diagnostics);
-    std::uint64_t most = 0;
     for (const TextureStage& stage : stages.stages)
         if (!stage.use.texture)
             diagnostics.warningAt(scene.placeOf(node.id()),
                                   "MultiTexture: what is looked up by three coordinates is left out here");
-        else
-            most += static_cast<std::uint64_t>(stage.use.texture->width()) *
-                    static_cast<std::uint64_t>(stage.use.texture->height()) * stage.use.texture->bytesPerPixel() / 4;
+    const CombinedSize size(stages);
     Film& entry = films_[nameOfNode(node, content)];
-    if (!entry.shown && !countPixels(most, entry.why)) {
+    if (entry.shown) pixelsInUse_ -= std::min(pixelsInUse_, pixelsOf(*entry.shown));  // it is made anew
+    entry.shown = nullptr;
+    if (!countPixels(size.pixels(), entry.why)) {
         tellOfNone(scene, node, entry.why, diagnostics);
         return nullptr;
     }
-    auto made = combined(stages, content);
+    auto made = combined(stages, size, content);
     entry.shown = made ? std::make_shared<const Texture>(std::move(*made)) : nullptr;
     return entry.shown;
 }

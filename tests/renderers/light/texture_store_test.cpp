@@ -29,7 +29,7 @@ class TextureUrls : public testing::Test {
     void write(const std::string& name, const std::string& bytes) const {
         std::ofstream(folder / name, std::ios::binary) << bytes;
     }
-    /// The textures of all ImageTextures of a document in `folder`.
+    /// The textures of all ImageTextures and MultiTextures of a document in `folder`.
     std::vector<std::shared_ptr<const Texture>> texturesOf(const std::string& text, ResourcePolicy policy = {}) {
         write("main.x3dv", "#X3D V4.0 utf8\nPROFILE Full\n" + text);
         Scene scene;
@@ -43,7 +43,7 @@ class TextureUrls : public testing::Test {
         std::vector<std::shared_ptr<const Texture>> result;
         Diagnostics diagnostics;
         scene.forEachNode([&](const Node& node) {
-            if (node.is(x3d::ImageTexture::type))
+            if (node.is(x3d::ImageTexture::type) || node.is(x3d::MultiTexture::type))
                 result.push_back(store.ofNode(scene, node, Texture::Content::color, diagnostics));
         });
         problems.clear();
@@ -129,6 +129,26 @@ TEST_F(TextureUrls, TogetherHaveLimitedPixels) {
     EXPECT_EQ(std::ranges::count(textures, nullptr), 2);
     EXPECT_FALSE(textures.at(8));
     EXPECT_THAT(problems, HasSubstr("the scene's pictures have more than 400 pixels"));
+}
+
+/// What is combined is as wide as one and as high as the other, which may be far more than both together.
+TEST_F(TextureUrls, CombinedHaveLimitedPixels) {
+    ResourcePolicy policy;
+    policy.maximumPixels = 400;
+    write("wide.pgm", picture(30, 1));
+    write("high.pgm", picture(1, 30));
+    write("low.pgm", picture(1, 10));
+    const auto told = [&](const std::string& other) {
+        problems.clear();
+        texturesOf(
+            "TextureBackground { frontTexture MultiTexture { texture [ ImageTexture { url \"wide.pgm\" } "
+            "ImageTexture { url \"" +
+                other + "\" } ] } }\n",
+            policy);
+        return problems;
+    };
+    EXPECT_THAT(told("high.pgm"), HasSubstr("the scene's pictures have more than 400 pixels"));
+    EXPECT_EQ(told("low.pgm"), "");
 }
 
 /// Two renderers of one world, one after the other, and in between the file goes: what is shared needs it no more.

@@ -13,6 +13,8 @@
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
 
+#include "support/zmq_parts.h"
+
 namespace rtsg::test {
 
 using namespace std::chrono_literals;
@@ -79,39 +81,22 @@ class Middleman {
     std::string endpoint;
 
   private:
-    static Parts receive(void* socket) {
-        Parts parts;
-        int more = 1;
-        while (more) {
-            zmq_msg_t message;
-            zmq_msg_init(&message);
-            zmq_msg_recv(&message, socket, 0);
-            parts.emplace_back(static_cast<const char*>(zmq_msg_data(&message)), zmq_msg_size(&message));
-            more = zmq_msg_more(&message);
-            zmq_msg_close(&message);
-        }
-        return parts;
-    }
-    static void send(void* socket, const Parts& parts) {
-        for (std::size_t i = 0; i < parts.size(); ++i)
-            zmq_send(socket, parts[i].data(), parts[i].size(), i + 1 < parts.size() ? ZMQ_SNDMORE : 0);
-    }
     void run() {
         std::string client;
         while (!stop_) {
             zmq_pollitem_t items[] = {{front_, 0, ZMQ_POLLIN, 0}, {back_, 0, ZMQ_POLLIN, 0}};
             zmq_poll(items, 2, 20);
             if (items[0].revents) {
-                Parts parts = receive(front_);
+                Parts parts = receiveParts(front_, 0);
                 client = parts.front();
                 parts.erase(parts.begin());
-                if (filter_(false, parts)) send(back_, parts);
+                if (filter_(false, parts)) sendParts(back_, parts);
             }
             if (items[1].revents) {
-                Parts parts = receive(back_);
+                Parts parts = receiveParts(back_, 0);
                 if (!filter_(true, parts) || client.empty()) continue;
                 parts.insert(parts.begin(), client);
-                send(front_, parts);
+                sendParts(front_, parts);
             }
         }
     }
