@@ -472,6 +472,37 @@ TEST(AudioGraph, FollowsEdits) {
     for (const float sample : sound.block()) ASSERT_LT(std::abs(sample), 1.3f);
 }
 
+/// Another response counts, and so does the same one made as loud as others are.
+TEST(AudioGraph, AConvolverFollowsEdits) {
+    Scene scene;
+    Diagnostics diagnostics;
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { children DEF C Convolver { buffer [ .5 ] "
+                         "normalize FALSE children " +
+                             kSteady + " } }\nViewpoint { }\n",
+                         diagnostics));
+    ListenOptions options;
+    options.metrics = false;
+    SharedWorld world(scene);
+    SoundRenderer sound(world, options);
+    const NodeId convolver = scene.findName("C");
+    const auto level = [&](double until) {
+        scene.seal();  // what was edited is heard from now on
+        EXPECT_TRUE(sound.renderFrame());
+        scene.newFrame(until);
+        EXPECT_TRUE(sound.renderFrame());
+        return sound.block().back();
+    };
+    EXPECT_NEAR(level(.2), .25 * .5, 1e-5);
+    ASSERT_TRUE(scene.set(convolver, x3d::Convolver::buffer, Array<float>{.25f}));
+    EXPECT_NEAR(level(.6), .25 * .25, 1e-5);
+    ASSERT_TRUE(scene.set(convolver, x3d::Convolver::normalize, true));
+    const float normalized = level(1);
+    EXPECT_GT(std::abs(normalized - .25f * .25f), 1e-4f);
+    ASSERT_TRUE(scene.set(convolver, x3d::Convolver::buffer, Array<float>{.5f}));
+    EXPECT_NEAR(level(1.4), normalized, 1e-5) << "as loud as any";
+}
+
 /// The spectrum of a tone in the middle of a bin, in the scene and along a route.
 TEST(AudioGraph, WhatAnAnalyserFindsComesAsEvents) {
     Scene scene;
