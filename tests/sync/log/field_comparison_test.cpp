@@ -289,5 +289,35 @@ TEST(FieldHistories, AreLimited) {
     EXPECT_EQ(left.ignoredInVain(), std::vector<std::string>{"NOBODY.x"});
 }
 
+/// One that goes differs from then on, and one of the same name that comes in its place is compared again.
+TEST(FieldComparison, WhatIsDestroyedInOneSceneDiffers) {
+    Scene a, b;
+    const auto make = [](Scene& scene) {
+        const NodeId node = scene.createNode(x3d::Transform::type);
+        EXPECT_TRUE(scene.setName(node, "N"));
+        EXPECT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(1, 2, 3)));
+        return node;
+    };
+    make(a);
+    const NodeId gone = make(b);
+    a.newFrame(0);
+    b.newFrame(0);
+    FieldComparison comparison({{"N.translation"}, {}, 0}, a, b);
+    EXPECT_TRUE(comparison.first());
+    const auto step = [&](double t) {
+        comparison.changedA(*a.newFrame(t));
+        comparison.changedB(*b.newFrame(t));
+        return comparison.compare();
+    };
+    EXPECT_TRUE(step(1));
+    ASSERT_TRUE(b.destroyNode(gone));
+    EXPECT_FALSE(step(2));
+    EXPECT_FALSE(step(3));
+    make(b);
+    EXPECT_TRUE(step(4));
+    ASSERT_EQ(comparison.differences().size(), 1U);
+    EXPECT_EQ(comparison.differences()[0].states, 2U);
+}
+
 }  // namespace
 }  // namespace rtsg
