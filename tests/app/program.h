@@ -60,6 +60,7 @@ class Program {
         argv.push_back(nullptr);
         pid_ = ::fork();
         if (pid_ != 0) return;
+        leaveCurrentFolder();
         redirect(".in", O_RDONLY, STDIN_FILENO);
         redirect(".out", O_WRONLY | O_CREAT | O_TRUNC, STDOUT_FILENO);
         redirect(".err", O_WRONLY | O_CREAT | O_TRUNC, STDERR_FILENO);
@@ -111,12 +112,21 @@ class Program {
     /// The scenes of these tests start their clocks at small times.
     static void startAtZero(std::vector<std::string>& arguments) {
         constexpr std::string_view kRunning[] = {"run", "render", "listen", "pick", "record", "serve"};
-        if (arguments.empty() || std::ranges::find(kRunning, arguments.front()) == std::end(kRunning)) return;
+        if (std::getenv("RTSG_TODAY") || arguments.empty() || std::ranges::find(kRunning, arguments.front()) == std::end(kRunning)) return;
         // A log has its own clock.
         if (std::ranges::find(arguments, "--resume") != arguments.end()) return;
         if (arguments.size() > 1 && arguments[0] == "serve" && arguments[1].ends_with(".rlog")) return;
         if (std::ranges::none_of(arguments, [](const std::string& a) { return a.starts_with("--at"); }))
             arguments.insert(arguments.begin() + 1, {"--at", "0"});
+    }
+
+    /// What the program makes in the current folder (pictures that differ) shall not stay in the sources. Scenes may
+    /// read what lies there, so it is empty.
+    void leaveCurrentFolder() const {
+        const std::filesystem::path empty = std::filesystem::absolute(streams_).parent_path() / "current";
+        std::error_code ignored;  // it is there already
+        std::filesystem::create_directory(empty, ignored);
+        if (::chdir(empty.c_str()) != 0) ::_exit(126);
     }
 
     void redirect(const char* suffix, int flags, int to) const {

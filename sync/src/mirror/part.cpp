@@ -122,11 +122,12 @@ Value MirrorPart::valueOf(const Node& node, FieldIndex field) const {
         return holds(id) ? id : NodeId{};
     }
     if (type != FieldType::MFNode) return node.value(field);
-    Array<NodeId> result;
+    std::vector<NodeId> result;
     forEachReference(node, field, [&](NodeId id) {
         if (holds(id)) result.push_back(id);
     });
-    return result;
+    if (region_ && field == ShapePlaces::listOf(node.type())) std::ranges::sort(result);
+    return Array<NodeId>(std::move(result));
 }
 
 /// Frames that move no node: those of their changes that concern the part.
@@ -281,8 +282,9 @@ class MirrorPart::Links {
     void insert(NodeId group, NodeId child, std::size_t times) {
         std::vector<NodeId>& children = list(group);
         for (; times > 0; --times) {
-            change(ChangeKind::insertChild, group, child, children.size());
-            children.push_back(child);
+            const auto place = std::ranges::upper_bound(children, child);
+            change(ChangeKind::insertChild, group, child, static_cast<std::size_t>(place - children.begin()));
+            children.insert(place, child);
         }
     }
     /// Of what stays: what refers to a node that goes.

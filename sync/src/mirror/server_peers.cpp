@@ -149,10 +149,9 @@ std::optional<std::uint32_t> MirrorServer::Io::streamFor(const mirror::Hello& he
     question.kind = Kind::open;
     question.part = part;
     question.wishes = stream.wishes;
-    // Of a server that has gone on from its log, say, it may have the part as it was a while ago. Which nodes a region
-    // has depends on how its viewer went.
-    if (hello.epoch == (shared_->epoch ^ stream.epochMix) && !isPartByRegion(wishes))
-        question.frames = history_.allSince(hello.sequence);
+    // Of a server that has gone on from its log, say, it may have the part as it was a while ago. Which nodes at the
+    // margin a region has depends on how its viewer went: if there are others now, their hash differs.
+    if (hello.epoch == (shared_->epoch ^ stream.epochMix)) question.frames = history_.allSince(hello.sequence);
     shadow_.ask(std::move(question));
     return part;
 }

@@ -166,8 +166,11 @@ bool MirrorShadow::openEarlier(const Scene& scene, const Question& question) {
     Scene past;
     past.setBehavioursEnabled(false);
     std::vector<Answer> steps;
+    ShapePlaces places(mostPlaces_);  // as they were then
+    if (part.region()) places.coverRadius(part.region()->radius);
     const auto step = [&](const Scene& whole, const ChangeSet* set) {
-        Answer frame = frameOf(part, whole, set, 0);
+        const bool follows = !part.region() || places.follow(whole, set);
+        Answer frame = frameOf(part, whole, set, follows ? &places : nullptr, 0);
         frame.part = question.part;
         const bool good = frame.record != nullptr;
         steps.push_back(std::move(frame));
@@ -190,7 +193,7 @@ void MirrorShadow::openPart(const Scene& scene, const Question& question) {
     const auto [part, fresh] = parts_.try_emplace(question.part, question.wishes);
     if (!fresh) return;
     findPlaces(scene, nullptr);
-    Answer first = frameOf(part->second, scene, nullptr, 0);
+    Answer first = frameOf(part->second, scene, nullptr, places_.get(), 0);
     first.part = question.part;
     if (!first.record) parts_.erase(part);
     reply(std::move(first));
@@ -198,15 +201,15 @@ void MirrorShadow::openPart(const Scene& scene, const Question& question) {
 
 /// The part's next step; without a record if it cannot be followed any more.
 MirrorShadow::Answer MirrorShadow::frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set,
-                                           std::uint64_t published) {
+                                           const ShapePlaces* places, std::uint64_t published) {
     Answer frame;
     frame.kind = Question::Kind::frame;
-    if (part.region() && !places_) {
+    if (part.region() && !places) {
         frame.why = fmt::format("shapes stand in more than {} places, the most among which regions are followed here",
                                 mostPlaces_);
         return frame;
     }
-    if (const auto step = part.follow(scene, set, places_.get())) {
+    if (const auto step = part.follow(scene, set, places)) {
         const std::shared_ptr<EncodedRecord> record = encode(**step);
         record->published = published;
         frame.record = record;
@@ -234,7 +237,7 @@ void MirrorShadow::findPlaces(const Scene& scene, const ChangeSet* set) {
 void MirrorShadow::followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published) {
     findPlaces(scene, set);
     for (auto part = parts_.begin(); part != parts_.end();) {
-        Answer frame = frameOf(part->second, scene, set, published);
+        Answer frame = frameOf(part->second, scene, set, places_.get(), published);
         frame.part = part->first;
         part = frame.record ? std::next(part) : parts_.erase(part);
         reply(std::move(frame));

@@ -82,7 +82,8 @@ class MirrorShadow {
     void openPart(const Scene& scene, const Question& question);
     bool openEarlier(const Scene& scene, const Question& question);
     void findPlaces(const Scene& scene, const ChangeSet* set);
-    Answer frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set, std::uint64_t published);
+    Answer frameOf(MirrorPart& part, const Scene& scene, const ChangeSet* set, const ShapePlaces* places,
+                   std::uint64_t published);
     void reply(Answer answer);
     Answer answer(const Scene& whole, const Question& question);
     SharedRecord keyframe(const Scene& scene);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 
 #include <rtsg/core/placement.h>
@@ -14,17 +15,6 @@ namespace {
 
 constexpr int kLowestLevel = -40, kHighestLevel = 100;  // cells of 2^level metres
 constexpr double kFarthestCell = 1e15;                  // in cells from the origin; what is farther shares the last
-
-/// The field whose nodes a group of this type holds one beside the other; kNoField for all that are no such groups.
-FieldIndex listOf(const NodeType& type) {
-    static constexpr std::array kGroups{"RtsgScene",    "Group",     "Transform",     "StaticGroup",
-                                        "Anchor",       "Collision", "PickableGroup", "GeoLocation",
-                                        "GeoTransform", "Inline",    "CADPart",       "CADAssembly"};
-    if (type.kind != NodeType::Kind::builtin || type.below.size() != 1) return kNoField;
-    const FieldIndex list = type.below.front();
-    if (type.fields[list].type != FieldType::MFNode) return kNoField;
-    return std::ranges::find(kGroups, std::string_view(type.name)) != kGroups.end() ? list : kNoField;
-}
 
 bool comesWithItsGroup(const NodeType& type) {
     return type.role == "sensor" || type.role == "clipPlane" || type.role == "localFog";
@@ -70,6 +60,16 @@ void ShapePlaces::clear() {
     edges_.clear();
     tooMany_ = false;
     root_ = kNone;
+}
+
+FieldIndex ShapePlaces::listOf(const NodeType& type) {
+    static constexpr std::array kGroups{"RtsgScene",    "Group",     "Transform",     "StaticGroup",
+                                        "Anchor",       "Collision", "PickableGroup", "GeoLocation",
+                                        "GeoTransform", "Inline",    "CADPart",       "CADAssembly"};
+    if (type.kind != NodeType::Kind::builtin || type.below.size() != 1) return kNoField;
+    const FieldIndex list = type.below.front();
+    if (type.fields[list].type != FieldType::MFNode) return kNoField;
+    return std::ranges::find(kGroups, std::string_view(type.name)) != kGroups.end() ? list : kNoField;
 }
 
 std::span<const NodeId> ShapePlaces::nodesOf(NodeId top) const {
@@ -420,6 +420,7 @@ void ShapePlaces::move(const Scene& whole) {
 }
 
 bool ShapePlaces::follow(const Scene& whole, const ChangeSet* set) {
+    static std::atomic<std::uint64_t> beginnings{0};  // of all places
     ++step_;
     const bool anew = !set || set->isSnapshot() || set->from != state_ || root_ == kNone || tooMany_;
     state_ = whole.sequence();
@@ -430,7 +431,7 @@ bool ShapePlaces::follow(const Scene& whole, const ChangeSet* set) {
     edges_.clear();
     if (anew) {
         clear();
-        beginning_ = step_;
+        beginning_ = ++beginnings;
         root_ = static_cast<PlaceId>(0);
         addPlaces(whole, whole.root(), kNone);
     } else {

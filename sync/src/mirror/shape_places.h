@@ -62,7 +62,7 @@ class ShapePlaces {
     bool follow(const Scene& whole, const ChangeSet* set);
 
     std::uint64_t state() const { return state_; }
-    /// The last step that began from scratch: numbers of places from before mean nothing.
+    /// Of the last step that began from scratch; other places have other numbers. PlaceIds from before mean nothing.
     std::uint64_t beginning() const { return beginning_; }
     /// Of the last step. What was removed is still there to be looked at; it may be among the others too.
     std::span<const PlaceId> added() const { return added_; }
@@ -77,6 +77,8 @@ class ShapePlaces {
     std::span<const NodeId> nodesOf(NodeId top) const;
     /// Whether it is a group's list that edges() tells of, as it was before the last step.
     bool isListed(NodeId node, FieldIndex field) const;
+    /// The field whose nodes a group of this type holds one beside the other; kNoField for all that are no such groups.
+    static FieldIndex listOf(const NodeType& type);
     /// How often a group's list has the child.
     std::uint32_t count(NodeId group, NodeId child) const;
     /// All units with a box no farther than that, and maybe others.

@@ -302,6 +302,7 @@ TEST(MirrorRegion, FollowedThroughRandomEditsEqualsOneMadeFromScratch) {
             if (::testing::Test::HasFatalFailure()) FAIL() << "seed " << seed << " frame " << frame;
             Walk scratch(town.scene, "region:EYE,14,0");
             ASSERT_EQ(unordered(scratch.replica), unordered(walk.replica)) << "seed " << seed << " frame " << frame;
+            ASSERT_EQ(scratch.replica.hash(), walk.replica.hash()) << "seed " << seed << " frame " << frame;
         }
     }
 }
