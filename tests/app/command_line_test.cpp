@@ -261,7 +261,7 @@ TEST_F(Convert, BadInputIsStatusOne) {
 using Running = CommandLine;
 
 TEST_F(Running, PrintsWatchedEventsAsLines) {
-    const Outcome outcome = rtsg({"run", file, "--for", "1s", "--fps", "10", "--watch", "BOX.translation"});
+    const Outcome outcome = rtsg(atZero({"run", file, "--for", "1s", "--fps", "10", "--watch", "BOX.translation"}));
     ASSERT_EQ(outcome.status, 0) << outcome.err;
     const auto lines = jsonLines(outcome.out);
     ASSERT_EQ(lines.size(), 11u);

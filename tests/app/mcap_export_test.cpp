@@ -25,7 +25,7 @@ class McapExport : public CommandLine {
         Exported result;
         writeFile(file, text);
         const std::string log = folder / "a.rlog", mcap = folder / "a.mcap", lines = folder / "lines";
-        const Outcome recorded = rtsg({"record", file, "-o", log, "--for", duration, "--fps", "10"});
+        const Outcome recorded = rtsg(atZero({"record", file, "-o", log, "--for", duration, "--fps", "10"}));
         EXPECT_EQ(recorded.status, 0) << recorded.err;
         const Outcome made = rtsg({"replay", "--json", log, "--export", mcap, "--export-plain"});
         EXPECT_EQ(made.status, 0) << made.err;
@@ -372,7 +372,7 @@ TEST_F(McapExport, SessionsThatBeginEarlierFollowEachOther) {
     const std::string log = folder / "both.rlog", one = folder / "one.rlog", two = folder / "two.rlog";
     writeFile(file, scene());
     for (const std::string& part : {one, two})
-        ASSERT_EQ(rtsg({"record", file, "-o", part, "--for", "1s", "--fps", "10"}).status, 0);
+        ASSERT_EQ(rtsg(atZero({"record", file, "-o", part, "--for", "1s", "--fps", "10"})).status, 0);
     writeFile(log, readFile(one) + readFile(two));
     const std::string mcap = folder / "both.mcap", lines = folder / "both.lines";
     ASSERT_EQ(rtsg({"replay", log, "--export", mcap, "--export-plain"}).status, 0);

@@ -224,7 +224,7 @@ TEST_F(Mirror, PicturesAndSoundOfTheReplica) {
 
 TEST_F(CommandLine, ReplayWithPicturesSoundAndExportFlattensOnceAndCommitsOnceASet) {
     const std::string log = folder / "box.rlog";
-    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.9s", "--fps", "10"}).status, 0);  // moves in every frame
+    ASSERT_EQ(rtsg(atZero({"record", file, "-o", log, "--for", "0.9s", "--fps", "10"})).status, 0);  // moves in each
     const Outcome replayed =
         rtsg({"replay", log, "--render", folder / "p%02d.png", "--size", "16x9", "--fps", "10", "--listen",
               folder / "r.wav", "--rays", "100", "--export", folder / "r.mcap", "--json"});

@@ -19,6 +19,7 @@ using testing::HasSubstr;
 class MadeOutputs : public CommandLine {
   protected:
     void SetUp() override {
+        beginsAtZero = true;
         writeFile(folder / "part.x3dv",
                   "#X3D V4.0 utf8\nPROFILE Immersive\n"
                   "Shape { appearance Appearance { material Material { emissiveColor 1 1 0 } } geometry Sphere { } }\n"
@@ -66,9 +67,9 @@ ROUTE PATH.value_changed TO BOX.set_translation
     }
     json mirror(const std::string& name, const std::vector<std::string>& more = {}) {
         const std::string endpoint = "ipc://" + folder / "s";
-        Program server(
-            {"serve", file, "--for", "1.5s", "--fps", "10", "--bind", endpoint, "--await", "1", "--linger", "60s"},
-            streams());
+        Program server(atZero({"serve", file, "--for", "1.5s", "--fps", "10", "--bind", endpoint, "--await", "1",
+                               "--linger", "60s"}),
+                       streams());
         server.firstLine();
         const json report = make({"mirror", endpoint, "--base", folder / ""}, name, more);
         EXPECT_EQ(server.wait().status, 0);

@@ -42,6 +42,12 @@ inline std::string lastLine(const std::string& text) {
                        end - (begin == std::string::npos ? 0 : begin + 1) + 1);
 }
 
+/// With a clock that begins with 0, where a test says what happens when: by itself the program begins in 2000, or now.
+inline std::vector<std::string> atZero(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin() + 1, {"--at", "0"});
+    return arguments;
+}
+
 struct Outcome {
     int status = -1;  // of exit; 128 + n for signal n
     std::string out, err;
@@ -53,7 +59,6 @@ class Program {
     Program(std::vector<std::string> arguments, std::string streams, const std::string& input = {})
         : streams_(std::move(streams)) {
         writeFile(streams_ + ".in", input);
-        startAtZero(arguments);
         arguments.insert(arguments.begin(), RTSG_PROGRAM);
         std::vector<char*> argv;
         for (std::string& argument : arguments) argv.push_back(argument.data());
@@ -109,17 +114,6 @@ class Program {
     }
 
   private:
-    /// The scenes of these tests start their clocks at small times.
-    static void startAtZero(std::vector<std::string>& arguments) {
-        constexpr std::string_view kRunning[] = {"run", "render", "listen", "pick", "record", "serve"};
-        if (std::getenv("RTSG_TODAY") || arguments.empty() || std::ranges::find(kRunning, arguments.front()) == std::end(kRunning)) return;
-        // A log has its own clock.
-        if (std::ranges::find(arguments, "--resume") != arguments.end()) return;
-        if (arguments.size() > 1 && arguments[0] == "serve" && arguments[1].ends_with(".rlog")) return;
-        if (std::ranges::none_of(arguments, [](const std::string& a) { return a.starts_with("--at"); }))
-            arguments.insert(arguments.begin() + 1, {"--at", "0"});
-    }
-
     /// What the program makes in the current folder (pictures that differ) shall not stay in the sources. Scenes may
     /// read what lies there, so it is empty.
     void leaveCurrentFolder() const {
@@ -166,10 +160,15 @@ ROUTE PATH.value_changed TO BOX.set_translation
     void SetUp() override { writeFile(file, scene()); }
 
     Outcome rtsg(std::vector<std::string> arguments, const std::string& input = {}) {
+        constexpr std::string_view kRunning[] = {"run", "render", "listen", "pick", "record"};
+        if (beginsAtZero && std::ranges::find(kRunning, arguments.front()) != std::end(kRunning) &&
+            std::ranges::find(arguments, "--at") == arguments.end())
+            arguments = atZero(std::move(arguments));
         return Program(std::move(arguments), streams(), input).wait();
     }
     std::string streams() { return folder / ("stream" + std::to_string(++programs_)); }
 
+    bool beginsAtZero = false;  // what rtsg() runs
     TempFolder folder;
     const std::string file = folder / "scene.x3dv";
 

@@ -160,6 +160,7 @@ TEST_F(ReplayAsTest, AnEmptyNumberIsWrongUsage) {
 TEST_F(ReplayAsTest, ASceneFileRunsAsItsDocument) {
     const std::string compact = folder / "a.rtsgb", run = folder / "run.rlog", other = folder / "other.png";
     ASSERT_EQ(rtsg({"convert", file, compact}).status, 0);
+    ASSERT_EQ(rtsg(atZero({"record", file, "-o", log, "--for", "1s", "--force"})).status, 0);
     for (const std::string at : {"2000-01-01", "0"}) {
         const auto render = [&](const std::string& scene, const std::string& into) {
             const Outcome made = rtsg({"render", "--at", at, scene, "-o", into, "--size", "48x32", "--time", "0s"});

@@ -26,6 +26,7 @@ class LateInline : public CommandLine {
         "DEF THING Shape { appearance Appearance { material Material { emissiveColor 1 1 0 } } geometry Box { } }\n"
         "DEF TONE Sound { location 0 3 0 maxFront 50 maxBack 50 source OscillatorSource { frequency 440 } }\n";
     void SetUp() override {
+        beginsAtZero = true;
         writeFile(folder / "part.x3dv", kPart);
         writeFile(file, head() + R"(
 DEF LATER Inline { load FALSE url "part.x3dv" }
@@ -160,8 +161,9 @@ class AwaitedMirrors : public RunOutputs {};
 
 TEST_F(AwaitedMirrors, HaveEveryFrameFromTheStart) {
     const std::string endpoint = "ipc://" + folder / "s";
-    Program server({"serve", file, "--for", "1s", "--fps", "20", "--bind", endpoint, "--await", "1", "--linger", "60s"},
-                   streams());
+    Program server(
+        atZero({"serve", file, "--for", "1s", "--fps", "20", "--bind", endpoint, "--await", "1", "--linger", "60s"}),
+        streams());
     server.firstLine();
     std::this_thread::sleep_for(std::chrono::milliseconds(300));  // without --await a third of it would have gone by
     const Outcome mirrored = rtsg({"mirror", endpoint, "--for", "1s", "--fps", "10", "--render", folder / "r%d.png",
@@ -171,7 +173,7 @@ TEST_F(AwaitedMirrors, HaveEveryFrameFromTheStart) {
     EXPECT_EQ(pictures(), 10u);
     EXPECT_DOUBLE_EQ(seconds(folder / "r.wav"), 1);
     // The first picture is of the scene's start.
-    ASSERT_EQ(rtsg({"render", file, "-o", folder / "d.png", "--size", "16x9"}).status, 0);
+    ASSERT_EQ(rtsg(atZero({"render", file, "-o", folder / "d.png", "--size", "16x9"})).status, 0);
     EXPECT_EQ(readFile(folder / "r0.png"), readFile(folder / "d.png"));
 }
 

@@ -264,7 +264,7 @@ TEST_F(Mirror, ARelayPassesASessionOn) {
 
 TEST_F(Mirror, CommandsToAPlayerPassThroughRelays) {
     const std::string log = folder / "a.rlog";
-    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "3s", "--fps", "20"}).status, 0);
+    ASSERT_EQ(rtsg(atZero({"record", file, "-o", log, "--for", "3s", "--fps", "20"})).status, 0);
     server = std::make_unique<Program>(
         std::vector<std::string>{"serve", log, "--bind", "ipc://" + folder / "a", "--upstream", "events", "--paused",
                                  "--for", "60s", "--json"},
