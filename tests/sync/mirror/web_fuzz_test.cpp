@@ -23,7 +23,7 @@ std::size_t below(Random& random, std::size_t n) {
 }
 
 /// One frame of RFC 6455, with a kind, flags and a length of any kind: as often as not those that it should have.
-std::string frameOf(Random& random, std::string_view payload) {
+std::string webFrame(Random& random, std::string_view payload) {
     const bool right = below(random, 2) == 0;
     const char kinds[] = {'\x00', '\x01', '\x02', '\x03', '\x08', '\x09', '\x0A', '\x0F'};
     std::string frame(1, static_cast<char>(right ? 0x82 : kinds[below(random, 8)] | int(below(random, 16)) << 4));
@@ -38,7 +38,7 @@ std::string frameOf(Random& random, std::string_view payload) {
 }
 
 /// A message of the gateway's: a length, a part of that many bytes, another.
-std::string messageOf(Random& random, std::string_view first) {
+std::string webMessage(Random& random, std::string_view first) {
     auto size = static_cast<std::uint32_t>(first.size());
     if (below(random, 4) == 0) size = static_cast<std::uint32_t>(random());
     std::string message(reinterpret_cast<const char*>(&size), 4);
@@ -60,9 +60,9 @@ std::string conversation(Random& random, const ServedPage& served) {
     }
     text += "GET /mirror HTTP/1.1\r\nHost: " + served.host + "\r\n" + ServedPage::upgrade() + "\r\n";
     for (std::size_t frames = below(random, 6); frames > 0; --frames)
-        text += frameOf(random, below(random, 2) == 0
-                                    ? messageOf(random, helloOf(random()))
-                                    : std::string(below(random, 2) == 0 ? below(random, 200) : 60000, '\x07'));
+        text += webFrame(random, below(random, 2) == 0
+                                     ? webMessage(random, helloOf(random()))
+                                     : std::string(below(random, 2) == 0 ? below(random, 200) : 60000, '\x07'));
     return text;
 }
 
