@@ -437,6 +437,15 @@ TEST(MirrorRegion, BeginsAnewWithoutWhatHasGone) {
     EXPECT_FALSE(walk.replica.find(lamp));
 }
 
+/// A region that goes on beside other places of the same scene has to see that their numbers are others.
+TEST(MirrorRegion, PlacesTellThatTheyAreNotThoseOfBefore) {
+    Scene scene;
+    ShapePlaces one(100), other(100);
+    ASSERT_TRUE(one.follow(scene, nullptr));
+    ASSERT_TRUE(other.follow(scene, nullptr));
+    EXPECT_NE(one.beginning(), other.beginning());
+}
+
 TEST(MirrorRegion, SpellingsThatAreNoneAreRefusedWithWhatIsRight) {
     for (const char* good :
          {"region:10", "region:10,.2", "region:EYE,10", "region:EYE,10,0", "region:1,2,3,10", "region:-1,2e3,3,10,.5"})
