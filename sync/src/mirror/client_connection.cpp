@@ -293,9 +293,7 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
                                                           0ms, longestSleep());
         // There is something to be done, or what came may go on, as a keyframe and the frames behind it.
         if (more || cut_ || (helloPending_ && linked())) most = 0ms;
-        int messages = 0;
-        if (wait(most))
-            while (messages < kPortion && receiveOne()) ++messages;
+        const int messages = wait(most) ? receivePortion() : 0;
         statistics_.messages += static_cast<std::uint64_t>(messages);
         // Everything that came before an event of the connection was there when the event was read.
         if (messages == 0 && cut_) connectionLost();
@@ -303,13 +301,27 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
         playDue();
         if (received_ != acknowledged_ && (awaited_ || received_ - acknowledged_ > options_.window / 4)) acknowledge();
         spent = Clock::now() - start;
-        more = messages == kPortion && spent < longest;
+        more = messages > 0 && spent < longest && moreWaits_;
         if (more) continue;
         if (applied_ > 0 || spent >= timeout) break;
     }
     statistics_.sequence = state_;
     statistics_.originSequence = std::max({originAt_, newestHeard_, state_});
     return applied_;
+}
+
+/// Messages that have come, for a while: whoever makes pictures of each state takes long for a few of them, and the
+/// server has to hear something meanwhile.
+int MirrorClient::Impl::receivePortion() {
+    const Clock::time_point start = Clock::now();
+    int messages = 0;
+    moreWaits_ = true;
+    while (messages < kPortion && Clock::now() - start < kLongestTurn) {
+        moreWaits_ = receiveOne();
+        if (!moreWaits_) break;
+        ++messages;
+    }
+    return messages;
 }
 
 bool MirrorClient::Impl::receiveOne() {

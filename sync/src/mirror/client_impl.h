@@ -79,6 +79,7 @@ class MirrorClient::Impl {
     void pingNow(Clock::time_point now);
     bool wait(std::chrono::milliseconds most);
     std::chrono::milliseconds longestSleep() const;
+    int receivePortion();
     bool receiveOne();
     void receive(mirror::Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second);
     void hearOrigin(wire::Reader& in);
@@ -126,6 +127,7 @@ class MirrorClient::Impl {
     bool cut_ = false;        // one has ended; what came by it is still being read
     int descriptor_ = -1;     // of the newest connection
     bool relayLost_ = false;  // the server is a relay without an origin
+    bool moreWaits_ = false;  // not all that has come has been received
     bool quiet_ = false;      // nothing has been heard for longer than a heartbeat
     std::chrono::milliseconds heartbeat_{500};
     bool haveState_ = false;  // the replica is in a state of this epoch

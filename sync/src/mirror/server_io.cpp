@@ -442,7 +442,7 @@ void MirrorServer::Io::tick(Clock::time_point now) {
         bool gone = now - peer.heard > shared_->options.peerTimeout;
         if (gone) {
             ++statistics_.lost;
-            shared_->report(Severity::note, fmt::format("peer '{}' was silent for too long", peer.name));
+            shared_->report(Severity::note, fmt::format("peer '{}' was silent for too long", peer.author));
         } else if (news || now - peer.spoken > shared_->options.heartbeat) {
             peer.awaitedBytes = peer.sentBytes;
             peer.spoken = peer.awaitedAt = now;
@@ -503,7 +503,7 @@ void MirrorServer::Io::publishStatistics() {
         } else if (peer.behindSince == Clock::time_point{}) {
             peer.behindSince = now;
         } else if (now - peer.behindSince > shared_->options.blockFor) {
-            shared_->report(Severity::note, fmt::format("peer '{}' has held up the scene for long enough", peer.name));
+            shared_->report(Severity::note, fmt::format("peer '{}' has held up the scene for long enough", peer.author));
             peer.whenSlow = MirrorWhenSlow::coalesce;
         }
         heldUp |= peer.whenSlow == MirrorWhenSlow::block && behind(peer);

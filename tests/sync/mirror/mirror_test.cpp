@@ -330,6 +330,30 @@ TEST(MirrorFault, AForgottenClientResumesFromTheHistory) {
     EXPECT_TRUE(eventually([&] { return origin.server->statistics().resumed == 1; }));
 }
 
+/// Pictures of each state, say: many that have come at once take longer than the server waits for a sign of life.
+TEST(MirrorFault, AClientThatIsBusyWithWhatCameIsStillThere) {
+    struct Slow : Subscriber {
+        Result<> apply(const Scene&, const ChangeSet&) override {
+            std::this_thread::sleep_for(80ms);
+            return {};
+        }
+    } slow;
+    MirrorServerOptions options;
+    options.peerTimeout = 2s;
+    Origin origin(35, options);
+    Replica replica(origin.server->endpoint());
+    origin.step();
+    ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene));
+    Attachment attachment = replica.scene.bus().attach(slow);
+    for (int i = 0; i < 45; ++i) {
+        origin.step();
+        std::this_thread::sleep_for(2ms);  // so that they come one by one
+    }
+    ASSERT_TRUE(pollUntilAt(*replica.client, origin.scene));
+    expectEqual(origin, replica);
+    EXPECT_EQ(origin.server->statistics().lost, 0u);
+}
+
 TEST(MirrorFault, BeyondTheHistoryAForgottenClientGetsASnapshot) {
     MirrorServerOptions options;
     options.heartbeat = 20ms;
