@@ -388,13 +388,21 @@ ChangeDecoder::ChangeDecoder(TypeTable local, std::uint64_t localHash) : local_(
 ChangeDecoder::~ChangeDecoder() = default;
 
 Result<> ChangeDecoder::setHead(const StreamHead& head) {
-    mapping_.reset();
     columns_.reset();
+    // A stream that goes on describes no type again, and nodes stay what they were.
+    const std::array<std::uint64_t, 4> stream{head.epoch, head.dictionaryHash, head.builtinTypes, head.formatVersion};
+    const bool counts = counting_ && (mapping_ || head.formatVersion < kFormatVersion);
+    if (std::exchange(stream_, stream) == stream && counts == (origin_ != nullptr)) return {};
+    mapping_.reset();
     origin_.reset();
     if (head.dictionaryHash != localHash_) mapping_ = std::make_unique<TypeMapping>(local_, head.builtinTypes);
     if (counting_ && (mapping_ || head.formatVersion < kFormatVersion))
         origin_ = std::make_unique<OriginHash>(head, mapping_ ? TypeTable() : local_);
     return {};
+}
+
+FieldIndex ChangeDecoder::fieldAtWriter(NodeId node, FieldIndex field) const {
+    return mapping_ ? mapping_->fieldAtOrigin(node, field) : field;
 }
 
 std::optional<Hash128> ChangeDecoder::originHash() const {

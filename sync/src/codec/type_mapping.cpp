@@ -94,6 +94,15 @@ bool TypeMapping::mapField(NodeId node, FieldIndex& field, DecoderLosses& losses
     return true;
 }
 
+FieldIndex TypeMapping::fieldAtOrigin(NodeId node, FieldIndex field) const {
+    const auto found = typeOfNode_.find(node.value);
+    if (found == typeOfNode_.end() || found->second >= types_.size()) return kNoField;
+    const Type& type = types_[found->second];
+    if (type.identity) return field;
+    const auto at = std::ranges::find(type.fields, field);
+    return at == type.fields.end() ? kNoField : static_cast<FieldIndex>(at - type.fields.begin());
+}
+
 void TypeMapping::mapAuthors(ChangeSet& set) const {
     auto mapped = std::make_shared<std::vector<Authored>>();
     DecoderLosses ignored;  // the field's own change has been counted

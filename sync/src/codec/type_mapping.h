@@ -29,6 +29,8 @@ class TypeMapping {
     bool sameHere() const { return same_; }
     /// Then this does, at the cost of new nodes alone.
     Result<> renumber(ChangeSet& set) const;
+    /// The writer's number of a field that has this one here; kNoField where it has none.
+    FieldIndex fieldAtOrigin(NodeId node, FieldIndex field) const;
     /// Rewrites a decoded set; counts what has no counterpart here. What it adds is charged.
     Result<> toLocal(ChangeSet& set, wire::Budget& budget, DecoderLosses& losses);
 

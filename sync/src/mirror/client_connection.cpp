@@ -46,7 +46,8 @@ MirrorClient::Impl::Impl(Scene& replica, MirrorClientOptions options)
       socket_(context_, ZMQ_DEALER),
       monitor_(context_, ZMQ_PAIR),
       decoder_(builtinTypes()),
-      dictionaryHash_(decoder_.localHash()) {}
+      dictionaryHash_(decoder_.localHash()),
+      originTypes_(dictionaryHash_) {}
 
 MirrorClient::Impl::~Impl() {
     mirror::begin(message_, Message::bye);
@@ -437,6 +438,13 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         return;
     }
     inputsFit_ = inputDecoder_.setHead(*head).has_value();  // else the server sends none
+    if (decoder_.exact()) dictionaryHash_ = decoder_.localHash();
+    originTypes_ = head->dictionaryHash;
+    const auto misfits = [&](const Request& request) { return request.types != originTypes_; };
+    for (const Request& request : requests_)
+        if (misfits(request))
+            verdicts_.push_back({request.number, "the origin has other node types than when this was asked", 0, {}});
+    std::erase_if(requests_, misfits);
     if (numbers[1] != epoch_) {
         if (epoch_ != 0) {
             ++statistics_.restarts;

@@ -58,12 +58,14 @@ class MirrorClient::Impl {
         std::string author;
         std::size_t sent = 0;
         Clock::time_point sentAt{};
+        std::uint64_t types = 0;  // the origin's dictionary hash that it was written for
     };
     std::deque<Request> requests_;  // without an answer yet
 
   private:
     // Connection.
     bool send();
+    Result<> toOriginsNumbers(std::vector<Change>& changes) const;
     bool sendRequests();
     void report(Severity severity, std::string text);
     void garbage(std::string text);
@@ -117,7 +119,8 @@ class MirrorClient::Impl {
     mutable ChangeDecoder decoder_;
     ChangeEncoder encoder_;
     InputDecoder inputDecoder_;
-    std::uint64_t dictionaryHash_;
+    std::uint64_t dictionaryHash_;  // for hellos; 0 once something has been asked of an origin with other types
+    std::uint64_t originTypes_;     // its dictionary hash
     ByteBuffer message_;
 
     std::uint64_t session_ = 0, epoch_ = 0, client_ = 0, nextRequest_ = 1;

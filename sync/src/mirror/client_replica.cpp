@@ -384,7 +384,6 @@ void MirrorClient::Impl::repair(std::span<const std::byte> bytes, const RecordHe
 // ---- upstream ----------------------------------------------------------------------------------------------------
 
 Result<std::uint64_t> MirrorClient::Impl::submit(MirrorRequest asked) {
-    if (!decoder_.exact()) return fail("the origin's node types are others than ours");
     if (asked.author.size() > mirror::kLongestName) return fail("an author's name of over 200 bytes");
     if (asked.nodes.size() > MirrorRequest::kMostLocked)
         return fail(
@@ -394,15 +393,56 @@ Result<std::uint64_t> MirrorClient::Impl::submit(MirrorRequest asked) {
             fmt::format("a lease of {} ms, the most is {}", asked.lease.count(), MirrorRequest::kLongestLease.count()));
     Request request;
     request.author = asked.author;
-    mirror::writeRequest(encoder_, std::move(asked), std::max<std::uint64_t>(1, state_), request.record);
+    request.types = originTypes_;
+    const std::uint64_t state = std::max<std::uint64_t>(1, state_);
+    if (decoder_.exact()) {
+        mirror::writeRequest(encoder_, std::move(asked), state, request.record);
+    } else {
+        if (auto ok = toOriginsNumbers(asked.changes); !ok) return std::unexpected(ok.error());
+        ChangeEncoder describing;  // each request stands for itself
+        mirror::writeRequest(describing, std::move(asked), state, request.record);
+    }
     if (request.record.size() > mirror::kLongestSubmission)
         return fail(
             fmt::format("a request of {} bytes, the most is {}", request.record.size(), mirror::kLongestSubmission));
     request.number = nextRequest_++;
     const std::uint64_t number = request.number;
     requests_.push_back(std::move(request));
+    if (!decoder_.exact() && std::exchange(dictionaryHash_, 0) != 0)
+        hello(false);  // as who says: describe, and so do I
     if (connected_) sendRequests();
     return number;
+}
+
+/// Fields of nodes that are there have the numbers of the origin; those of nodes that the request creates are found by
+/// name, as their types are described in it.
+Result<> MirrorClient::Impl::toOriginsNumbers(std::vector<Change>& changes) const {
+    const auto map = [&](NodeId node, FieldIndex& field) -> Result<> {
+        if (node.value >= mirror::kFirstProvisional || field == kNoField) return {};
+        const FieldIndex ours = std::exchange(field, decoder_.fieldAtWriter(node, field));
+        if (field != kNoField) return {};
+        const Node* here = replica_.find(node);
+        if (!here || ours >= here->type().fields.size())
+            return fail(fmt::format("node {} has no such field", node.value));
+        return fail(fmt::format("{} has no field '{}' at the origin, which is of another version", here->type().name,
+                                here->type().fields[ours].name));
+    };
+    for (Change& change : changes) {
+        Result<> ok;
+        if (change.kind == ChangeKind::createNode) {
+            if (change.index >= builtinTypes().size())
+                return fail("instances of prototypes are not made at an origin of another version");
+        } else {
+            ok = map(change.node, change.field);
+        }
+        if (ok && (change.kind == ChangeKind::addRoute || change.kind == ChangeKind::removeRoute)) {
+            FieldIndex target = change.field2();
+            ok = map(change.other, target);
+            change.index = target;
+        }
+        if (!ok) return ok;
+    }
+    return {};
 }
 
 }  // namespace rtsg

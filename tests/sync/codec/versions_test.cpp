@@ -144,6 +144,16 @@ TEST_P(Versions, AReaderOneApartFollowsWhatItKnows) {
                 values[{change.node.value, type.fields[change.field].name}] = change.value;
             }
         }
+        // And back: fields that both have, by the numbers there.
+        for (const auto& [node, name, field] :
+             {std::tuple{1u, "RtsgScene", "children"}, {2u, "Transform", "rotation"}, {4u, "Box", "size"}}) {
+            const auto numberIn = [&](TypeTable types) { return types[numberOf(types, name)]->findExact(field); };
+            EXPECT_EQ(decoder.fieldAtWriter(NodeId{node}, numberIn(here)), numberIn(there)) << name;
+        }
+        if (newer) {
+            EXPECT_EQ(decoder.fieldAtWriter(NodeId{4}, here[numberOf(here, "Box")]->findExact("solid")), kNoField);
+        }
+        EXPECT_EQ(decoder.fieldAtWriter(NodeId{77}, 0), kNoField) << "a node that is not there";
         EXPECT_EQ(typeOf.at(2), numberOf(here, "Transform"));
         EXPECT_EQ(typeOf.at(4), numberOf(here, "Box"));
         EXPECT_EQ((values.at({1, "children"})), Value(Array<NodeId>{NodeId{2}}));

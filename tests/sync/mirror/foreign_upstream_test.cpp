@@ -162,5 +162,107 @@ TEST(ForeignUpstream, TypesThatItDescribesAreFoundByName) {
         std::string::npos);
 }
 
+/// A server that seems to be of another version: the head that it begins its stream with has another dictionary hash.
+class OtherVersion {
+  public:
+    explicit OtherVersion(const std::string& server)
+        : middle_(server, [this](bool toClient, auto& parts) {
+              wire::Reader in(std::as_bytes(std::span(parts[0])));
+              const auto type = mirror::readPrologue(in);
+              if (!toClient && type == Message::hello) {
+                  mirror::Hello hello;
+                  EXPECT_TRUE(hello.read(in));
+                  hashes.push_back(hello.dictionaryHash);
+              }
+              if (toClient && type == Message::welcome) parts[1] = test::withOtherTypes(parts[1]);
+              return true;
+          }) {}
+    const std::string& endpoint() const { return middle_.endpoint; }
+    std::vector<std::uint64_t> hashes;  // of the hellos
+
+  private:
+    test::Middleman middle_;
+};
+
+TEST(ForeignUpstream, AClientOfAnotherVersionAsksInTheOriginsNumbers) {
+    ForeignOrigin origin;
+    OtherVersion seeming(origin.server->endpoint());
+    Scene replica;
+    const auto client = *MirrorClient::connect(replica, seeming.endpoint());
+    const auto settle = [&] {
+        return test::pollUntil(*client, [&] {
+            origin.server->service();
+            return client->inStep() && replica.sequence() == origin.scene.sequence();
+        });
+    };
+    ASSERT_TRUE(settle());
+    const auto refusal = [&](const Result<std::uint64_t>& asked) {
+        std::string text = "none came";
+        if (!asked) return asked.error().text;
+        EXPECT_TRUE(test::pollUntil(*client, [&] {
+            origin.server->service();
+            const std::vector<MirrorVerdict> verdicts = client->takeVerdicts();
+            for (const MirrorVerdict& v : verdicts) text = v.refusal;
+            return !verdicts.empty();
+        }));
+        return text;
+    };
+    EXPECT_EQ(refusal(client->submitEdit(origin.box, x3d::Transform::translation.index, Vec3f(1, 2, 3))), "");
+    EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(1, 2, 3));
+    // Nodes that it makes, with fields, a name and a route to what is there.
+    const NodeId turn = client->newNode();
+    Change create, name, route, child;
+    create.kind = ChangeKind::createNode;
+    create.node = turn;
+    create.index = static_cast<std::uint32_t>(
+        std::ranges::find(builtinTypes(), "OrientationInterpolator", [](const auto& t) { return t->name; }) -
+        builtinTypes().begin());
+    name.kind = ChangeKind::setName;
+    name.node = turn;
+    name.value = String("TURN");
+    route.kind = ChangeKind::addRoute;
+    route.node = turn;
+    route.field = x3d::OrientationInterpolator::value_changed.index;
+    route.other = origin.box;
+    route.index = x3d::Transform::rotation.index;
+    child.kind = ChangeKind::insertChild;
+    child.node = origin.box;
+    child.field = x3d::Transform::children.index;
+    child.other = turn;
+    const Change key = foreignEdit(turn, x3d::OrientationInterpolator::key.index, Array<float>{0.f, 1.f});
+    EXPECT_EQ(refusal(client->submit({create, key, name, child, route})), "");
+    const NodeId made = origin.scene.findName("TURN");
+    ASSERT_TRUE(origin.scene.find(made));
+    EXPECT_EQ(origin.scene.node(made).get(x3d::OrientationInterpolator::key), (Array<float>{0.f, 1.f}));
+    EXPECT_EQ(origin.scene.routesTo(origin.box).size(), 1u);
+    ASSERT_TRUE(settle());
+    EXPECT_EQ(replica.hash(), origin.scene.hash());
+    EXPECT_EQ(client->statistics().snapshots, 1u) << "it says once that its types are others, and goes on";
+    ASSERT_EQ(seeming.hashes.size(), 2u);
+    EXPECT_NE(seeming.hashes[0], 0u);
+    EXPECT_EQ(seeming.hashes[1], 0u);
+    // What the origin has not is told here.
+    EXPECT_NE(refusal(client->submitEdit(NodeId{999}, 3, 1.f)).find("node 999"), std::string::npos);
+    create.index = static_cast<std::uint32_t>(builtinTypes().size());
+    EXPECT_NE(refusal(client->submit({create})).find("prototypes"), std::string::npos);
+}
+
+/// It was written for types like ours, before anybody knew that they are others.
+TEST(ForeignUpstream, WhatWasAskedBeforeTheTypesAreKnownIsRefused) {
+    ForeignOrigin origin;
+    OtherVersion seeming(origin.server->endpoint());
+    Scene replica;
+    const auto client = *MirrorClient::connect(replica, seeming.endpoint());
+    ASSERT_TRUE(client->submitEdit(origin.box, x3d::Transform::translation.index, Vec3f(1, 2, 3)));
+    std::vector<MirrorVerdict> verdicts;
+    ASSERT_TRUE(test::pollUntil(*client, [&] {
+        origin.server->service();
+        verdicts = client->takeVerdicts();
+        return !verdicts.empty();
+    }));
+    EXPECT_NE(verdicts[0].refusal.find("other node types"), std::string::npos);
+    EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(0));
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -3,15 +3,18 @@
 
 #include <atomic>
 #include <chrono>
+#include <cstring>
 #include <functional>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include <gtest/gtest.h>
 #include <zmq.h>
 
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
+#include <rtsg/sync/record.h>
 
 #include "support/zmq_parts.h"
 
@@ -43,6 +46,22 @@ inline bool pollUntil(MirrorClient& client, const std::function<bool()>& conditi
 
 inline bool pollUntilAt(MirrorClient& client, const Scene& origin) {
     return pollUntil(client, [&] { return client.inStep() && client.statistics().sequence == origin.sequence(); });
+}
+
+/// The same head with another dictionary hash, as of another version of the program.
+inline std::string withOtherTypes(const std::string& head) {
+    const auto bytes = std::as_bytes(std::span(head));
+    const RecordHeader header = *parseRecordHeader(bytes);
+    ByteBuffer record;
+    std::memcpy(record.room(head.size()), head.data(), head.size());
+    record.advance(head.size());
+    StreamHead parsed = *decodeHead(bytes);
+    const std::string_view hash(reinterpret_cast<const char*>(&parsed.dictionaryHash), 8);
+    const std::size_t at = head.find(hash, kRecordHeaderSize);
+    EXPECT_NE(at, std::string::npos);
+    record.data()[at] ^= std::byte{1};
+    sealRecord(record, header);
+    return {reinterpret_cast<const char*>(record.data()), record.size()};
 }
 
 /// Stands between one client and a server; every message passes `filter`, which may change or drop it.

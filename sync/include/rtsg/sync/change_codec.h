@@ -9,6 +9,7 @@
 // Threading: one thread an object; objects keep buffers, so that the steady state allocates nothing.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <span>
@@ -71,8 +72,9 @@ class ChangeDecoder {
     ChangeDecoder(TypeTable local, std::uint64_t localHash);
     ~ChangeDecoder();
 
-    /// Announces the stream; without this, it has to come from the same build. Types of another build are mapped by
-    /// name as they are described; one that is unknown here is defined in the scene at its first use.
+    /// Announces the stream, or that it goes on after an interruption; without this, it has to come from the same
+    /// build. Types of another build are mapped by name as they are described; one that is unknown here is defined in
+    /// the scene at its first use.
     Result<> setHead(const StreamHead& head);
     /// From the next head on, counts the state hash that the writer has, where a scene here may have another: in
     /// streams of another build or of an earlier format. Costs about what applying them does.
@@ -91,6 +93,8 @@ class ChangeDecoder {
     /// True while numbers are taken as they come: the state hash then has to agree with the origin's, unless that is of
     /// format 2.
     bool exact() const { return !mapping_; }
+    /// The number that a field of a node, of a number here, has with the writer; kNoField where that has no such field.
+    FieldIndex fieldAtWriter(NodeId node, FieldIndex field) const;
     const DecoderLosses& losses() const { return losses_; }
 
   private:
@@ -102,7 +106,8 @@ class ChangeDecoder {
 
     TypeTable local_;
     std::uint64_t localHash_ = 0;
-    std::unique_ptr<TypeMapping> mapping_;  // only for streams of another build
+    std::array<std::uint64_t, 4> stream_{};  // epoch, dictionary hash, built-in types and version of the last head
+    std::unique_ptr<TypeMapping> mapping_;   // only for streams of another build
     std::unique_ptr<OriginHash> origin_;
     bool counting_ = false;
     std::unique_ptr<wire::ColumnReader> columns_;
