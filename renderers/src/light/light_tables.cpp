@@ -7,6 +7,8 @@
 #include <cmath>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -61,6 +63,7 @@ void LightTables::apply(const Scene& scene, const ChangeSet& changes, const Inst
     if (!delta.removed.empty() || !delta.rebound.empty() || !delta.appearanceChanged.empty()) textures_->collect();
     followPlaced(scene, delta);
     followLights();
+    tellOfMappings(scene);
     if (!diagnostics_.all().empty()) told_.append(std::exchange(diagnostics_, Diagnostics()), said_);
 }
 
@@ -272,6 +275,7 @@ void LightTables::setMapped(std::uint32_t at, bool mapped) {
 
 /// Which of the mesh's texture coordinates each texture uses.
 void LightTables::findChannels(std::uint32_t slot) {
+    lookedUp_.push_back(slot);
     std::array<std::uint8_t, kTextureRoles> channels{};
     const auto mesh = namedMeshes_.find(slots_[slot].geometry.value);
     const Material& material = materials_[shading_[slot].material]->material;
@@ -285,6 +289,35 @@ void LightTables::findChannels(std::uint32_t slot) {
             }
     }
     if (shading_[slot].channels != channels) shading_.change(slot).channels = channels;
+}
+
+void LightTables::tellOfMappings(const Scene& scene) {
+    for (const std::uint32_t at : lookedUp_) {
+        const Slot& slot = slots_[at];
+        const Node* geometry = slot.used ? scene.effectiveNode(slot.geometry) : nullptr;
+        if (slot.mapped == kNone || !geometry) continue;
+        const NodeId appearance = uses_[shading_[at].material].appearance;
+        const auto mesh = namedMeshes_.find(slot.geometry.value);
+        for (const TextureUse& use : materials_[shading_[at].material]->material.textures) {
+            const auto isIt = [&](const TexCoords& coords) { return coords.mapping == use.mapping; };
+            if (use.mapping.empty() || use.namesTransform) continue;
+            if (mesh != namedMeshes_.end() && std::ranges::any_of(mesh->second->texCoords, isIt)) continue;
+            const Node* node = scene.effectiveNode(appearance);
+            const Node* material = node && node->is(x3d::Appearance::type)
+                                       ? scene.effectiveNode(node->get(x3d::Appearance::material))
+                                       : nullptr;
+            if (!material) continue;
+            const auto named = [&](const Node& of) {
+                const std::string_view name = scene.name(of.id());
+                return fmt::format("{}{}{}", of.type().name, name.empty() ? "" : " ", name);
+            };
+            diagnostics_.warningAt(scene.placeOf(material->id()),
+                                   fmt::format("{}: {} has no texture coordinates of the mapping \"{}\": the texture "
+                                               "is shown by its first ones",
+                                               named(*material), named(*geometry), use.mapping.view()));
+        }
+    }
+    lookedUp_.clear();
 }
 
 void LightTables::followGeometries(const InstanceDelta& delta) {

@@ -164,6 +164,8 @@ class LightTables {
     void bind(const Scene& scene, const Instance& instance);
     void release(std::uint32_t slot);
     void findChannels(std::uint32_t slot);
+    /// Of those in lookedUp_: textures that ask for coordinates which their geometry does not have.
+    void tellOfMappings(const Scene& scene);
     void setMapped(std::uint32_t slot, bool mapped);
     std::uint32_t scopeNumber(ScopeId scope);
     /// A light of this scope comes or goes.
@@ -206,6 +208,7 @@ class LightTables {
     std::set<std::uint32_t> layerSets_;                                  // node numbers
     std::shared_ptr<const trace::LayerList> layers_;
 
+    std::vector<std::uint32_t> lookedUp_;  // slots that findChannels() looked at in this apply()
     std::vector<Slot> slots_;
     std::vector<Use> uses_;  // by material
     std::vector<std::uint32_t> freeMaterials_;

@@ -269,7 +269,9 @@ struct Reader {
         if (node->is(x3d::PixelTexture::type) && result.texture && !node->get(x3d::PixelTexture::textureProperties))
             result.access.smooth = std::max(result.texture->width(), result.texture->height()) >= kLeastSmoothed;
         result.mapping = mapping;
-        setMatrix(result, transformFor(mapping));
+        const Node* moved = transformFor(mapping);
+        result.namesTransform = moved && mappingOf(*moved) == mapping;
+        setMatrix(result, moved);
         return result;
     }
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include <fmt/format.h>
-#include <gtest/gtest.h>
+#include <gmock/gmock.h>
 
 #include <rtsg/core/filter.h>
 #include <rtsg/core/writer.h>
@@ -123,6 +123,43 @@ TEST(LightTables, TheCoordinatesOfATextureFollowMaterialAndMesh) {
     ASSERT_TRUE(s.scene.set(s.node("SECOND"), x3d::TextureCoordinate::mapping, String("A")));
     map("A");
     shows(green, "they have changed places");
+}
+
+TEST(LightTables, AMappingThatNoCoordinatesHaveIsNamedWithItsLine) {
+    LightScene s(kMapped);
+    const auto told = [&] {
+        std::string all;
+        const Diagnostics found = s.light->diagnostics();
+        for (const Diagnostic& d : found.all()) all += d.format() + "\n";
+        return all;
+    };
+    const auto map = [&](const char* name) {
+        ASSERT_TRUE(s.scene.set(s.node("M"), x3d::UnlitMaterial::emissiveTextureMapping, String(name)));
+        s.scene.newFrame(s.scene.now() + 1);
+    };
+    map("B"), map("");
+    // Both at once: what holds in between is nothing to tell of.
+    ASSERT_TRUE(s.scene.set(s.node("SECOND"), x3d::TextureCoordinate::mapping, String("C")));
+    map("C");
+    EXPECT_EQ(told(), "");
+    map("uv2");
+    EXPECT_THAT(told(), testing::AllOf(testing::HasSubstr("7:36: "), testing::HasSubstr("warning: UnlitMaterial M"),
+                                       testing::HasSubstr("IndexedFaceSet has no texture coordinates of the mapping "
+                                                          "\"uv2\"")));
+    const std::string once = told();
+    map("C"), map("uv2");
+    EXPECT_EQ(told(), once);
+}
+
+// A Box's coordinates have no name that a file could give; the mapping says which transform is meant.
+TEST(LightTables, AMappingOfATextureTransformIsEnough) {
+    for (const char* named : {"uv2", "uv3"}) {
+        LightScene s(fmt::format(R"(Shape {{ geometry Box {{ }} appearance Appearance {{
+            textureTransform TextureTransform {{ mapping "{}" scale 2 2 }}
+            material UnlitMaterial {{ emissiveTextureMapping "uv2" emissiveTexture PixelTexture {{ image 1 1 3 0xFF }} }} }} }})",
+                                 named));
+        EXPECT_EQ(s.light->diagnostics().warnings(), named == std::string("uv2") ? 0u : 1u) << named;
+    }
 }
 
 TEST(LightTables, AllThatShareAMaterialFollowItWhoeverHasGone) {

@@ -55,6 +55,7 @@ struct TextureUse {
     TextureMatrix matrix;
     std::shared_ptr<const glm::mat4> matrix3;  // of a transform of three coordinates, in place of `matrix`
     String mapping;                            // of TexCoords::mapping; empty: the first channel
+    bool namesTransform = false;               // there is a texture transform of that name
     explicit operator bool() const { return texture || space || generated; }
     /// Of its pixels, or of what lies beyond its edges.
     bool hasAlpha() const {
