@@ -146,9 +146,7 @@ void RayWorld::Impl::setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh) 
                                                    : "it has no triangles";
     entry.usable = problem.empty();
     entry.strokesStale = true;
-    if (!entry.usable && entry.mesh && !entry.mesh->empty())
-        told.warning("geometry node " + std::to_string(node.value) + " is not traced: " + std::string(problem),
-                     diagnostics);
+    if (!entry.usable && entry.mesh && !entry.mesh->empty()) tellOfUntraced(node, problem);
     if (known) entry.deforms = true;
     // Others go on with the BVH that they had in common.
     if (entry.bvh.use_count() > 1)
@@ -244,12 +242,17 @@ void RayWorld::Impl::setPending(std::uint32_t slot) {
     if (!std::exchange(places[slot].pending, true)) pending.push_back(slot);
 }
 
-void RayWorld::Impl::cull(std::uint32_t slot, std::string reason) {
+void RayWorld::Impl::cull(std::uint32_t slot, std::string_view reason) {
     Place& place = places[slot];
     if (std::exchange(place.culled, true)) return;
-    told.warning(
-        "shape node " + std::to_string(instances[slot].info.shape.value) + " is not traced: " + std::move(reason),
-        diagnostics);
+    tellOfUntraced(instances[slot].info.shape, reason);
+}
+
+void RayWorld::Impl::tellOfUntraced(NodeId node, std::string_view reason) {
+    NamedNode named;
+    if (options.nodes) named = options.nodes(node);
+    if (named.name.empty()) named.name = "node " + std::to_string(node.value);
+    told.warning(named.name + " is not traced: " + std::string(reason), diagnostics, named.place);
 }
 
 void RayWorld::Impl::makeRoom(const std::vector<Instance>& added) {

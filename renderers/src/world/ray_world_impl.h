@@ -121,7 +121,8 @@ struct RayWorld::Impl {
     void link(std::uint32_t slot, NodeId geometry);
     void unlink(std::uint32_t slot);
     void setPending(std::uint32_t slot);
-    void cull(std::uint32_t slot, std::string reason);
+    void cull(std::uint32_t slot, std::string_view reason);
+    void tellOfUntraced(NodeId node, std::string_view reason);
     void commit();
 
     // ray_world_version.cpp: for readers on other threads

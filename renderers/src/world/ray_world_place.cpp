@@ -160,7 +160,7 @@ void RayWorld::Impl::placePending() {
         std::string reason;
         const Fitness fit = fitness(slot, reason);
         if (fit == Fitness::none) {
-            if (!reason.empty()) cull(slot, std::move(reason));
+            if (!reason.empty()) cull(slot, reason);
         } else if (fit == Fitness::bakeOnly || options.mapping == Mapping::merged) {
             atRest.push_back(slot);
         } else if (options.mapping == Mapping::perShape || place.mesh->deforms || !canMerge(slot)) {

@@ -381,6 +381,15 @@ const SharedWorld::Times& SharedWorld::times() const {
 const RayWorld& SharedWorld::rays() {
     Impl& s = *impl_;
     if (s.rays) return *s.rays;
+    if (!s.options.rays.nodes)
+        s.options.rays.nodes = [&scene = s.scene](NodeId id) -> RayWorld::NamedNode {
+            const Node* node = scene.find(id);
+            if (!node) return {};
+            const std::string_view name = scene.name(id);
+            // Of those without a name each is told.
+            const std::string which = name.empty() ? "#" + std::to_string(id.value) : " " + std::string(name);
+            return {node->type().name + which, scene.placeOf(id)};
+        };
     s.rays = std::make_unique<RayWorld>(s.options.rays);
     if (failure().empty())
         (void)s.outside([&]() -> Result<> {

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/mesh.h>
@@ -288,6 +289,28 @@ class ShapeCounter final : public WorldRenderer {
   public:
     bool follows = true;
 };
+
+TEST(SharedWorld, WhatIsNotTracedIsCalledByItsNameAndLine) {
+    Scene scene;
+    Diagnostics loading("flat.x3dv");
+    ASSERT_TRUE(loadText(scene, R"(#X3D V4.0 utf8
+PROFILE Immersive
+Transform { scale 1 0 0 children [
+  DEF FLAT Shape { geometry Box { } }
+  Shape { geometry Box { } }
+  Shape { geometry Box { } } ] }
+)",
+                         loading));
+    SharedWorld world(scene);
+    world.rays();
+    std::vector<std::string> told;
+    const Diagnostics found = world.diagnostics();
+    for (const Diagnostic& d : found.all()) told.push_back(d.format());
+    ASSERT_EQ(told.size(), 3u);
+    EXPECT_TRUE(told[0].starts_with("flat.x3dv:4:3: warning: Shape FLAT is not traced: its transform")) << told[0];
+    EXPECT_TRUE(told[1].starts_with("flat.x3dv:5:3: warning: Shape#")) << told[1];
+    EXPECT_TRUE(told[2].starts_with("flat.x3dv:6:3: warning: Shape#")) << told[2];
+}
 
 TEST(WorldRenderer, FollowsItsWorldAndSendsOperationsToNodesOfTheTypesRegistered) {
     Scene scene, other;

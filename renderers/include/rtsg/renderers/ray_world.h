@@ -13,7 +13,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
+#include <string>
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/renderers/instance_delta.h>
@@ -40,6 +42,10 @@ class RayWorld : public RayView {
     /// How instances become Embree objects; `hybrid` is the default and meant to win. See the paper's section 5.1.2.
     enum class Mapping : std::uint8_t { merged, perShape, hybrid };
 
+    struct NamedNode {
+        std::string name;  // its type and its DEF or number; empty: it is not known
+        NodePlace place;
+    };
     struct Options {
         Mapping mapping = Mapping::hybrid;
         /// Watertight intersection: no leaks at shared edges. Off gains little.
@@ -53,6 +59,8 @@ class RayWorld : public RayView {
         unsigned restFrames = 256;
         /// False: what else is left to a thread of its own is done by finishBackgroundWork() alone.
         bool background = true;
+        /// What a node is called and where it was read, for diagnostics; none: nodes are named by their numbers.
+        std::function<NamedNode(NodeId)> nodes{};
     };
 
     struct Stats {
