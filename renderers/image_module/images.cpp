@@ -164,7 +164,7 @@ class Files final : public ImageFiles {
                            FilePixels& out) const override {
         if (isKtx2(bytes)) return readKtx2(bytes, request, readBlocks, out);
         if (isPng(bytes))
-            if (std::string damage = damageOfPng(bytes); !damage.empty()) return damage;
+            if (std::string damage = damageOfPng(bytes, request.check); !damage.empty()) return damage;
         OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(bytes.data()), bytes.size());
         const auto input = openFor(request, name, &reader);
         return input ? readInput(*input, request, out) : inOneLine(OIIO::geterror());

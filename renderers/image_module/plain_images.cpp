@@ -85,6 +85,7 @@ bool readPng(std::span<const std::uint8_t> bytes, const ReadRequest& request, Fi
 struct JpegReading {
     jpeg_error_mgr errors{};  // first: what is told of errors knows nothing else
     std::jmp_buf after{};
+    char warning[JMSG_LENGTH_MAX] = {};  // the first
     jpeg_decompress_struct jpeg{};
     ~JpegReading() { jpeg_destroy_decompress(&jpeg); }
 };
@@ -97,7 +98,8 @@ bool readJpeg(std::span<const std::uint8_t> bytes, const ReadRequest& request, F
         std::longjmp(reinterpret_cast<JpegReading*>(common->err)->after, 1);
     };
     reading.errors.emit_message = [](j_common_ptr common, int level) {
-        if (level < 0) ++common->err->num_warnings;
+        auto& own = *reinterpret_cast<JpegReading*>(common->err);
+        if (level < 0 && common->err->num_warnings++ == 0) common->err->format_message(common, own.warning);
     };
     if (setjmp(reading.after)) return false;
     jpeg_create_decompress(&jpeg);
@@ -114,7 +116,8 @@ bool readJpeg(std::span<const std::uint8_t> bytes, const ReadRequest& request, F
         jpeg_read_scanlines(&jpeg, &to, 1);
     }
     jpeg_finish_decompress(&jpeg);
-    return reading.errors.num_warnings == 0;
+    out.damage = reading.warning;
+    return true;
 }
 
 }  // namespace

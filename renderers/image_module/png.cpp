@@ -1,9 +1,13 @@
-// Walks the chunks of a PNG file and compares the checksums of those that nothing can be shown without.
+// Walks the chunks of a PNG file, compares the checksums of those that nothing can be shown without, and reads the
+// pixels once, with errors that are ours.
 #include "png.h"
 
 #include <algorithm>
 #include <array>
+#include <csetjmp>
+#include <cstring>
 
+#include <png.h>
 #include <zlib.h>
 
 namespace rtsg {
@@ -19,11 +23,15 @@ std::uint32_t bigEndian32(std::span<const std::uint8_t> bytes) {
 }  // namespace
 
 bool isPng(std::span<const std::uint8_t> bytes) {
-    return bytes.size() >= kPngSignature.size() &&
-           std::equal(kPngSignature.begin(), kPngSignature.end(), bytes.begin());
+    constexpr std::size_t kNamed = 4;  // the others tell what a transfer as text has done to it
+    return bytes.size() >= kNamed && std::equal(bytes.begin(), bytes.begin() + kNamed, kPngSignature.begin());
 }
 
-std::string damageOfPng(std::span<const std::uint8_t> file) {
+namespace {
+
+std::string damageOfChunks(std::span<const std::uint8_t> file) {
+    if (file.size() < kPngSignature.size() || !std::ranges::equal(file.first(kPngSignature.size()), kPngSignature))
+        return "the PNG file is damaged in its first bytes, as by a transfer as text";
     bool pixels = false;
     for (std::size_t at = kPngSignature.size();;) {
         const std::span<const std::uint8_t> rest = file.subspan(at);
@@ -46,6 +54,57 @@ std::string damageOfPng(std::span<const std::uint8_t> file) {
         pixels |= type == "IDAT";
         at += 12 + length;
     }
+}
+
+/// Objects with destructors stay outside of what an error jumps out of.
+struct PixelsLookedAt {
+    std::span<const std::uint8_t> rest;
+    std::string damage;
+    png_structp png = nullptr;
+    png_infop info = nullptr;
+    ~PixelsLookedAt() { png_destroy_read_struct(&png, &info, nullptr); }
+};
+
+void readBytes(png_structp png, png_bytep to, std::size_t length) {
+    auto& looking = *static_cast<PixelsLookedAt*>(png_get_io_ptr(png));
+    if (length > looking.rest.size()) png_error(png, "the file ends too early");
+    std::memcpy(to, looking.rest.data(), length);
+    looking.rest = looking.rest.subspan(length);
+}
+void keepError(png_structp png, png_const_charp what) {
+    static_cast<PixelsLookedAt*>(png_get_error_ptr(png))->damage = what;
+    png_longjmp(png, 1);
+}
+void ignoreWarning(png_structp, png_const_charp) {}
+
+/// Reads the pixels and drops them.
+void lookAtPixels(PixelsLookedAt& looking,
+                  const std::function<std::string(int width, int height, int layers, bool eightBits)>& check) {
+    looking.png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &looking, keepError, ignoreWarning);
+    looking.info = looking.png ? png_create_info_struct(looking.png) : nullptr;
+    if (!looking.info || setjmp(png_jmpbuf(looking.png))) return;
+    png_set_read_fn(looking.png, &looking, readBytes);
+    png_read_info(looking.png, looking.info);
+    const auto width = png_get_image_width(looking.png, looking.info),
+               height = png_get_image_height(looking.png, looking.info);
+    const bool eightBits = png_get_bit_depth(looking.png, looking.info) <= 8;
+    if (check && !check(static_cast<int>(width), static_cast<int>(height), 1, eightBits).empty())
+        return;  // who reads it is told
+    const int passes = png_set_interlace_handling(looking.png);
+    png_read_update_info(looking.png, looking.info);
+    for (int pass = 0; pass < passes; ++pass)
+        for (png_uint_32 y = 0; y < height; ++y) png_read_row(looking.png, nullptr, nullptr);
+}
+
+}  // namespace
+
+std::string damageOfPng(std::span<const std::uint8_t> file,
+                        const std::function<std::string(int width, int height, int layers, bool eightBits)>& check) {
+    if (std::string damage = damageOfChunks(file); !damage.empty()) return damage;
+    PixelsLookedAt looking;
+    looking.rest = file;
+    lookAtPixels(looking, check);
+    return looking.damage.empty() ? std::string() : "the PNG file is damaged: " + looking.damage;
 }
 
 }  // namespace rtsg

@@ -22,6 +22,7 @@ namespace rtsg {
 struct FilePixels {
     int width = 0, height = 0, channels = 0;
     int layers = 1;
+    std::string damage;               // of a file that is shown as far as it could be read; a sentence
     bool encoded = false;             // numbers of an integer format: sRGB where they are colours
     std::vector<std::uint8_t> bytes;  // 8 bits a channel
     std::vector<float> values;        // all else, and what was asked for as floats; integers span [0, 1]
@@ -112,15 +113,16 @@ using EncodePng = const char* (*)(const Sheet& sheet, std::vector<unsigned char>
 Result<EncodePng> pngEncoder();
 
 /// Reads a PNG or JPEG file of the usual kinds, of 8 bits a channel, as ImageFiles::readMemory() would, bit for bit.
-/// False: it is of another kind or damaged, and ImageFiles is to look at it; or, with a sentence, it is refused.
+/// False: it is of another kind or damaged, and ImageFiles is to look at it; or, with a sentence, it is refused. A JPEG
+/// file that ends too early is read all the same, and says so.
 using ReadPlain = bool (*)(std::span<const std::uint8_t> bytes, const ReadRequest& request, FilePixels& out,
                            std::string& refused);
 /// Of the same module: most textures are such.
 Result<ReadPlain> plainReader();
 
 /// What the modules export under these names, which change whenever this header does.
-#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles6
+#define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles7
 #define RTSG_ENCODE_PNG_SYMBOL rtsgEncodePng1
-#define RTSG_READ_PLAIN_SYMBOL rtsgReadPlain1
+#define RTSG_READ_PLAIN_SYMBOL rtsgReadPlain2
 
 }  // namespace rtsg

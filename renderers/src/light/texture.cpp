@@ -188,8 +188,11 @@ Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const st
                                     std::uint64_t maximumPixels) {
     FilePixels pixels;
     std::string refused;
-    if (const auto plain = plainReader(); plain && (*plain)(file, request(maximumPixels, content), pixels, refused))
-        return textureFromPixels(pixels, content);
+    if (const auto plain = plainReader(); plain && (*plain)(file, request(maximumPixels, content), pixels, refused)) {
+        auto texture = textureFromPixels(pixels, content);
+        if (texture) texture->damage_ = std::move(pixels.damage);
+        return texture;
+    }
     if (!refused.empty()) return fail(refused, {}, name);
     pixels = {};
     const auto files = imageFiles();
@@ -252,7 +255,7 @@ Result<Texture> Texture::fromTiles(std::shared_ptr<const Resource> file, const s
 }
 
 std::string Texture::damage() const {
-    return tiles_ ? tiles_->damage() : std::string();
+    return tiles_ ? tiles_->damage() : damage_;
 }
 
 void Texture::readTiles(const Level& level, int x, int y, int columns, int rows, bool decode, Vec4f* out) const {

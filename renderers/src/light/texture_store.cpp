@@ -102,7 +102,7 @@ std::shared_ptr<const Texture> TextureStore::ofResource(Resource opened, Texture
 
 void TextureStore::tellOfDamage(Diagnostics& diagnostics) {
     for (const auto& [key, texture] : files_) {
-        std::string why = texture->damage();
+        std::string why = texture->inTiles() ? texture->damage() : std::string();
         if (why.empty() || !damaged_.insert(key).second) continue;
         diagnostics.warning({}, fmt::format("{}: parts of the picture are black: {}", key.substr(1), why));
     }
@@ -180,9 +180,18 @@ std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const No
     List& list = place->second;
     if (isNew)
         list.why = tryUrls(scene, node, urls, [&](Resource resource, std::string& why) {
+            const std::string name = resource.name();
             list.texture = ofResource(std::move(resource), content, why);
+            if (list.texture && !list.texture->inTiles() && !list.texture->damage().empty())
+                list.damage = fmt::format("{}: {}", name, list.texture->damage());
             return list.texture != nullptr;
         });
+    if (!list.damage.empty()) {
+        const std::string_view name = scene.name(node.id());
+        diagnostics.warningAt(scene.placeOf(node.id()),
+                              fmt::format("{}{}{} shows as much of its picture as can be read, which is damaged: {}",
+                                          node.type().name, name.empty() ? "" : " ", name, list.damage));
+    }
     if (list.texture) return list.texture;
     tellOfNone(scene, node, list.why, diagnostics);
     return nullptr;

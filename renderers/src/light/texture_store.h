@@ -80,7 +80,8 @@ class TextureStore {
     std::unordered_set<std::string> damaged_;                                // keys of files_ that were told of
     struct List {
         std::shared_ptr<const Texture> texture;
-        std::string why;  // there is none
+        std::string why;     // there is none
+        std::string damage;  // there is one, but not all of it
     };
     std::unordered_map<std::string, List> lists_;  // by folders and urls
     std::size_t kept_ = 0;

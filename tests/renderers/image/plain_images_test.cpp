@@ -1,4 +1,5 @@
 // PNG and JPEG files by their own libraries: the very pixels that the reader of all formats gives, or nothing at all.
+#include <algorithm>
 #include <random>
 
 #include <fmt/format.h>
@@ -82,13 +83,26 @@ Bytes jpegOf(int width, int height, std::mt19937& random) {
     return file;
 }
 
+/// Makes the checksums of a PNG file's chunks right, as far as there are whole chunks.
+void repair(Bytes& png) {
+    for (std::size_t at = 8; at + 12 <= png.size();) {
+        std::size_t length = 0;
+        for (std::size_t i = 0; i < 4; ++i) length = length << 8 | png[at + i];
+        if (length > png.size() - at - 12) return;
+        Bytes sum;
+        put32(sum, crcOf(std::span(png).subspan(at + 4, length + 4)));
+        at += 12 + length;
+        std::ranges::copy(sum, png.begin() + static_cast<std::ptrdiff_t>(at) - 4);
+    }
+}
+
 ReadRequest textureRequest(bool bottomRowFirst) {
     ReadRequest request;
     request.straight = true, request.bottomRowFirst = bottomRowFirst;
     return request;
 }
 
-/// Whether it was read; then as by the reader of all formats.
+/// Whether it was read, and whole; if it was read, then as by the reader of all formats.
 bool readsAlike(const Bytes& file, const char* name, const std::string& what) {
     FilePixels plain, all;
     std::string refused;
@@ -107,7 +121,7 @@ bool readsAlike(const Bytes& file, const char* name, const std::string& what) {
         EXPECT_TRUE(all.values.empty());
         EXPECT_EQ(plain.bytes, all.bytes) << what;
     }
-    return read;
+    return read && plain.damage.empty();
 }
 
 class PlainImages : public testing::Test {
@@ -197,6 +211,44 @@ TEST_F(PlainImages, WhatIsNotInOrderIsForTheOthers) {
             EXPECT_LT(read, 30) << "checksums tell";
         }
     }
+}
+
+// Libraries write what they find to the terminal, if they are let: it is the program's to say, with the file and node.
+TEST_F(PlainImages, WhatIsDamagedIsToldByTheirCallersAlone) {
+    const Bytes whole[] = {pngOf({2, 8}, 20, 20, random), pngOf({2, 16}, 20, 20, random),
+                           pngOf({3, 4, true}, 20, 20, random), jpegOf(40, 40, random)};
+    ReadRequest request = textureRequest(true);
+    request.check = [](int width, int height, int, bool) {
+        return std::int64_t{width} * height > 1'000'000 ? "too large" : "";
+    };
+    testing::internal::CaptureStderr();
+    int damaged = 0;
+    for (const Bytes& file : whole)
+        for (int i = 0; i < 400; ++i) {
+            Bytes bytes = file;
+            for (int flips = 0; flips < 3; ++flips)
+                bytes[random() % bytes.size()] ^= static_cast<std::uint8_t>(1u << random() % 8);
+            if (i % 4 == 0) bytes.resize(bytes.size() - 1 - random() % 100);
+            const bool png = file[0] == 0x89;
+            if (png) repair(bytes);  // or nobody would look at what is inside
+            FilePixels out;
+            std::string refused;
+            if ((*plainReader())(bytes, request, out, refused) || !refused.empty()) continue;
+            damaged += !(*imageFiles())->readMemory(bytes, png ? "x.png" : "x.jpg", request, out).empty();
+        }
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+    EXPECT_GT(damaged, 300);
+}
+
+TEST_F(PlainImages, AJpegThatEndsEarlySaysSo) {
+    Bytes file = jpegOf(200, 133, random);
+    FilePixels out;
+    std::string refused;
+    ASSERT_TRUE((*plainReader())(file, textureRequest(true), out, refused));
+    EXPECT_EQ(out.damage, "");
+    file.resize(file.size() / 2);
+    ASSERT_TRUE((*plainReader())(file, textureRequest(true), out, refused));
+    EXPECT_EQ(out.damage, "Premature end of JPEG file");
 }
 
 TEST_F(PlainImages, WhatIsRefusedTakesNoMemory) {

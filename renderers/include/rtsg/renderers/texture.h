@@ -78,7 +78,8 @@ class Texture {
     static Result<Texture> fromTiles(std::shared_ptr<const Resource> file, const std::string& name,
                                      Content content = Content::color);
     bool inTiles() const { return tiles_ != nullptr; }
-    /// Why a part of its file could not be read, and was black; empty if all was. From any thread.
+    /// Why a part of its file could not be read, and was black in tiles, else what a decoder makes of it; empty if all
+    /// was. From any thread.
     std::string damage() const;
 
     int width() const { return finest_.width; }
@@ -129,6 +130,7 @@ class Texture {
     Level finest_{};
     std::shared_ptr<std::array<Coarse, 2>> coarse_ = std::make_shared<std::array<Coarse, 2>>();  // as stored, decoded
     std::shared_ptr<const TiledPicture> tiles_;  // in place of pixels in the levels
+    std::string damage_;                         // of one that is kept
     int channels_ = 0;
     bool wide_ = false;  // kept as light, with more than 8 bits
     Content content_ = Content::color;
