@@ -9,6 +9,11 @@ namespace rtsg::detail {
 
 namespace {
 
+/// Beyond what the standard allows, and with a meaning here: what shines that bright is a lamp (docs/color.md).
+bool mayExceed(const FieldDef& field) {
+    return field.type == FieldType::SFColor && field.name == "emissiveColor";
+}
+
 template <class S>
 std::string outOfRange(const FieldDef& field, const S* numbers, std::size_t count) {
     S low = numbers[0], high = numbers[0];
@@ -21,7 +26,7 @@ std::string outOfRange(const FieldDef& field, const S* numbers, std::size_t coun
     const double least = field.min - slack(field.min), most = field.max + slack(field.max);
     const auto lowest = static_cast<double>(low);
     const bool below = field.exclusiveMin ? !(lowest > least) : lowest < least;
-    if (!below && static_cast<double>(high) <= most) return {};
+    if (!below && (static_cast<double>(high) <= most || mayExceed(field))) return {};
     const auto text = [](auto number) { return printFieldText(Value(number)); };
     std::string range = field.exclusiveMin ? "(" : "[";
     range += std::isinf(field.min) ? "-inf" : text(static_cast<float>(field.min));

@@ -195,6 +195,17 @@ TEST(BadInput, OutOfRangeIsAWarningAndKept) {
     EXPECT_THAT(r.handler.lines, Contains("set rotation SFRotation 0 0 0 1"));
 }
 
+// What shines beyond 1 is a lamp; other colours are shares of light, and none is less than nothing.
+TEST(BadInput, LampsMayShineBeyondTheRange) {
+    const Read lamp = readClassicScene(
+        "Material { emissiveColor 8 8 8 } UnlitMaterial { emissiveColor 0 0 2 } PhysicalMaterial { emissiveColor 30 1 "
+        "1 }");
+    EXPECT_EQ(lamp.complaints(), "");
+    EXPECT_THAT(lamp.handler.lines, Contains("set emissiveColor SFColor 8 8 8"));
+    for (const char* wrong : {"Material { emissiveColor 0 -1 0 }", "Material { specularColor 0 8 0 }"})
+        EXPECT_THAT(readClassicScene(wrong).complaints(), HasSubstr("is outside the range [0, 1] of ")) << wrong;
+}
+
 TEST(BadInput, BadUtf8IsReplaced) {
     const Read r("#VRML V2.0 utf8\nWorldInfo { title \"caf\xE9\" info \"\xED\xA0\x80\" } Group {}");
     EXPECT_EQ(r.diagnostics.errors(), 1u);
