@@ -66,15 +66,39 @@ void printIrradiance(const MeasureArguments& options, const std::array<double, 6
         fmt::print("\"ci95\":[{:.4g},{:.4g},{:.4g}],\"luminous\":{:.9g},\"luminous_ci95\":{:.4g},", i.x, i.y, i.z,
                    found.luminous, found.luminousInterval);
         if (options.candela > 0) fmt::print("\"lux\":{:.9g},\"lux_ci95\":{:.4g},", lux, luxInterval);
-        fmt::print("\"samples\":{},\"reached\":{}}}\n", found.samples, found.reached);
+        fmt::print("\"samples\":{},\"reached\":{},\"missing\":{:.4g}}}\n", found.samples, found.reached, found.missing);
         return;
     }
     fmt::print("({:g} {:g} {:g}) facing ({:g} {:g} {:g}): ", at[0], at[1], at[2], at[3], at[4], at[5]);
     fmt::print("{:.6g} +- {:.2g}", found.luminous, found.luminousInterval);
     if (options.candela > 0) fmt::print(", {:.6g} +- {:.2g} lux", lux, luxInterval);
     fmt::print("\n  red {:.6g} +- {:.2g}, green {:.6g} +- {:.2g}, blue {:.6g} +- {:.2g}; {} samples{}\n", v.x, i.x, v.y,
-               i.y, v.z, i.z, found.samples,
-               found.reached ? "" : ": fewer than the error needs, --samples allows more");
+               i.y, v.z, i.z, found.samples, found.reached ? "" : ": fewer than the error needs");
+}
+
+/// Lights that shine elsewhere.
+void tellOfLights(const Scene& scene, const LightState& state, Diagnostics& into) {
+    for (const NodeId id : lightsLeftOut(state)) {
+        const std::string_view name = scene.name(id);
+        into.warningAt(scene.placeOf(id),
+                       fmt::format("{}{}{} is of a group or a layer alone: it counts by what it lights there, and not "
+                                   "as a light on the place itself",
+                                   scene.node(id).type().name, name.empty() ? "" : " ", name));
+    }
+}
+
+/// What a value lacks.
+bool isWhole(const MeasureArguments& options, const std::string& place, const Irradiance& found) {
+    constexpr double kOfError = .1;
+    if (found.missing > kOfError * options.error)
+        fmt::print(stderr,
+                   "rtsg: warning: {}: ways of light were cut off after 10,000 bounces: up to {:.2g} % of what comes "
+                   "there is missing\n",
+                   place, 100 * found.missing);
+    if (found.reached) return true;
+    printError(fmt::format("missing: {}: the error {:g} needs more than {} samples; --samples allows more", place,
+                           options.error, found.samples));
+    return false;
 }
 
 int measure(const MeasureArguments& options) {
@@ -100,6 +124,8 @@ int measure(const MeasureArguments& options) {
                             "they give up to {:.1g} of their light too little",
                             coarse, options.error,
                             kLightOfChord * double{Tessellator::levelOptions(Tessellator::kLevels - 1).chordError}));
+    const auto state = tracer.latest();
+    tellOfLights(running.scene(), *state, found);
     app::print(found);
     IrradianceSettings settings;
     settings.error = options.error, settings.samples = options.samples;
@@ -109,15 +135,17 @@ int measure(const MeasureArguments& options) {
                        : options.shadows == "all"      ? Shadows::all
                                                        : Shadows::automatic;
     settings.progress = [](std::uint64_t) { return !interrupted(); };
-    const auto state = tracer.latest();
-    for (const auto& at : places) {
+    bool whole = true;
+    for (std::size_t i = 0; i < places.size(); ++i) {
+        const std::array<double, 6>& at = places[i];
         const auto result =
             measureIrradiance(*state, world.rays(), {at[0], at[1], at[2]}, {at[3], at[4], at[5]}, settings);
         if (!result) return printError(result.error()), kBad;
         printIrradiance(options, at, *result);
         if (interrupted()) return printError("interrupted"), kBad;
+        if (!isWhole(options, options.places[i], *result)) whole = false;
     }
-    return kDone;
+    return whole ? kDone : kBad;
 }
 
 }  // namespace

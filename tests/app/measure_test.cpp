@@ -57,8 +57,22 @@ TEST_F(Measure, CurvedLampsAreCutAsFinelyAsTheErrorNeeds) {
 TEST_F(Measure, SaysWhereCurvesCannotBeCutFinelyEnough) {
     const Outcome outcome =
         rtsg({"measure", sceneOf(kLamps[0]), "--irradiance", "0,0,0,0,1,0", "--error", "1e-5", "--samples", "1000"});
-    EXPECT_EQ(outcome.status, 0) << outcome.err;
     EXPECT_THAT(outcome.err, testing::HasSubstr("1 of the curved geometries cannot be cut finely enough"));
+    EXPECT_EQ(outcome.status, 1) << "the error was not reached";
+    EXPECT_THAT(outcome.err,
+                testing::HasSubstr("error: missing: 0,0,0,0,1,0: the error 1e-05 needs more than 8192 samples"));
+}
+
+TEST_F(Measure, NamesLightsThatDoNotShineOnThePlace) {
+    const std::string path = folder / "group.x3dv";
+    writeFile(path,
+              "#X3D V4.0 utf8\nPROFILE Full\nDirectionalLight { direction 0 -1 0 }\nGroup { children [\n"
+              "  DEF LAMP DirectionalLight { direction 0 -1 0 }\n  Shape { geometry Box { } } ] }\n");
+    const Outcome outcome = rtsg({"measure", path, "--irradiance", "0,5,0,0,1,0", "--json"});
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_THAT(outcome.err, testing::HasSubstr("group.x3dv:5:3: warning: DirectionalLight LAMP is of a group"));
+    EXPECT_NEAR(json::parse(outcome.out).at("luminous").get<double>(), kPi, .01) << "the one of the scene alone";
+    EXPECT_EQ(json::parse(outcome.out).at("missing"), 0);
 }
 
 }  // namespace

@@ -24,6 +24,7 @@ constexpr std::uint64_t kTileSamples = std::uint64_t{kTilePixels} * kGroupSample
 struct Sums {
     glm::dvec4 sum{0}, squares{0};
     std::uint64_t groups = 0;
+    double missing = 0;  // weights of samples
 
     void add(const TileResult& tile) {
         for (const Vec4f& pixel : tile.sum) {
@@ -33,14 +34,18 @@ struct Sums {
             sum += all, squares += all * all;
             ++groups;
         }
+        for (const float weight : tile.missing) missing += double{weight};
     }
-    void add(const Sums& other) { sum += other.sum, squares += other.squares, groups += other.groups; }
+    void add(const Sums& other) {
+        sum += other.sum, squares += other.squares, groups += other.groups, missing += other.missing;
+    }
     Irradiance irradiance() const {
         constexpr double kQuantile = 1.959963985, kPi = std::numbers::pi;
         const auto n = static_cast<double>(groups);
         const glm::dvec4 mean = sum / n, variance = glm::max(squares / n - mean * mean, glm::dvec4(0)) / (n - 1);
         const glm::dvec4 half = kPi * kQuantile * glm::sqrt(variance);
-        return {kPi * Vec3d(mean), Vec3d(half), kPi * mean.w, half.w, groups * kGroupSamples, false};
+        const std::uint64_t samples = groups * kGroupSamples;
+        return {kPi * Vec3d(mean), Vec3d(half), kPi * mean.w, half.w, samples, missing / static_cast<double>(samples)};
     }
 };
 
@@ -59,6 +64,19 @@ struct ProbeScene {
 };
 
 }  // namespace
+
+std::vector<NodeId> lightsLeftOut(const LightState& state) {
+    std::vector<NodeId> result;
+    for (std::size_t slot = 0; slot < state.placed.size(); ++slot) {
+        const PlacedEntry* entry = state.placed[slot].get();
+        const Light* light = entry ? std::get_if<Light>(&entry->what) : nullptr;
+        if (light && light->on && (light->scope != ScopeId() || entry->placed.layer != 0))
+            result.push_back(entry->placed.node);
+    }
+    std::ranges::sort(result, {}, &NodeId::value);
+    result.erase(std::ranges::unique(result).begin(), result.end());
+    return result;
+}
 
 Result<Irradiance> measureIrradiance(const LightState& state, const RayView& world, const Vec3d& place,
                                      const Vec3d& normal, const IrradianceSettings& settings) {

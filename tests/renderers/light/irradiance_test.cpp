@@ -135,6 +135,30 @@ TEST(Irradiance, IsTheSameForAnyNumberOfThreads) {
     EXPECT_EQ(one.interval, two.interval);
 }
 
+// Between two mirrors a metre apart and 300 m wide only what is within an angle of tangent .03 bounces 10,000 times.
+TEST(Irradiance, SaysWhatIsCutOffBetweenMirrors) {
+    Measured mirrors(
+        fmt::format("Transform {{ rotation 1 0 0 1.5707963267949 children [ {0} Transform {{ translation 0 0 -1 "
+                    "children {0} }} ] }}",
+                    square(300, mirror("1"))));
+    mirrors.settings.samples = 16'384;
+    const Irradiance found = mirrors.at({0, .5, 0}, {0, 1, 0});
+    EXPECT_GT(found.missing, 2e-4);
+    EXPECT_LT(found.missing, 4e-3);
+    Measured open(above(1, "Rectangle2D { size 2 2 solid FALSE }"));
+    EXPECT_EQ(open.at({0, 0, 0}, {0, 1, 0}).missing, 0);
+}
+
+TEST(Irradiance, LightsOfGroupsAndLayersAreListed) {
+    Measured some(R"(
+        DirectionalLight { direction 0 -1 0 }
+        Group { children [ DEF INSIDE DirectionalLight { direction 0 -1 0 } Shape { geometry Box { } } ] }
+        Group { children [ DEF OFF PointLight { global FALSE on FALSE } DEF GLOBAL PointLight { location 0 9 0 } ] })");
+    EXPECT_EQ(lightsLeftOut(*some.tracer.latest()), std::vector{some.s.node("INSIDE")});
+    Measured layered(R"(LayerSet { order [0 1] layers Layer { children DEF LAMP PointLight { } } })");
+    EXPECT_EQ(lightsLeftOut(*layered.tracer.latest()), std::vector{layered.s.node("LAMP")});
+}
+
 TEST(Irradiance, EndsWhereItMustAndRefusesWhatIsNoPlace) {
     Measured ball(above(3, "Sphere { radius 1 }"));
     ball.settings.error = 1e-9, ball.settings.samples = 20'000;

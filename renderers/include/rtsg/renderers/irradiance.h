@@ -8,6 +8,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <vector>
 
 #include <rtsg/renderers/light_tracer.h>
 
@@ -27,8 +28,15 @@ struct Irradiance {
     Vec3d value{0}, interval{0};                // red, green, blue; half the 95 % interval
     double luminous = 0, luminousInterval = 0;  // of all three as an eye weighs them (Rec. 709's Y)
     std::uint64_t samples = 0;
+    /// The share of the ways that light may come which was cut off after 10,000 bounces: so much of white light is
+    /// missing, and in no interval.
+    double missing = 0;
     bool reached = false;  // the error, by `luminous`; nothing at all counts as reached
 };
+
+/// The lights that are on and do not count: those that shine in their group alone (`global` FALSE), which such a place
+/// is not in, and those of layers. In order of their numbers.
+std::vector<NodeId> lightsLeftOut(const LightState& state);
 
 /// On a small white surface at `place` that faces `normal` (world space, any length), and as far before it as floats
 /// are off there (some 2^-22 of its coordinates), so that a place on a wall is seen from the wall's front. The same for
