@@ -93,6 +93,12 @@ ImageOptions PictureArguments::parse() const {
     return options;
 }
 
+void PictureArguments::checkSize(const std::string& file, const ImageOptions& options) {
+    if (file.empty()) return;
+    if (auto ok = checkPictureSize(file, options.fileWidth(), options.fileHeight()); !ok)
+        throw UsageError("--size", fmt::format("{}: {}", file, ok.error().text));
+}
+
 TessellationError PictureArguments::tessellationError() const {
     if (tessellation.empty()) return {};
     const std::string_view text = tessellation;
@@ -187,7 +193,7 @@ bool OutputArguments::animated() const {
 }
 
 Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
-    picture.parse();
+    PictureArguments::checkSize(render, picture.parse());
     sound.parse();
     if (picture.tessellationError().pixels > 0 && !listen.empty())
         throw UsageError("--tessellation",
@@ -320,6 +326,12 @@ Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments
     return report.sound.seconds();
 }
 
+std::string missingError(double error, double unreached) {
+    if (!(unreached > 0)) return {};
+    return fmt::format("the error {:g} in {:.2g} % of the pixels, which ran out of samples; --spp allows more", error,
+                       100 * unreached);
+}
+
 std::string missingSound(double made, double wanted, bool first) {
     if (!(made < wanted - 1e-4)) return {};
     return fmt::format("{}{:.4g} of {:.4g} s of sound", first ? "" : ", ", wanted - made, wanted);
@@ -387,6 +399,7 @@ Result<> Outputs::make(const Job& job) {
         report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : job.until);
         report_.pictureStates.push_back(light_->presented());
         report_.kept += light_->stats().kept;
+        report_.unreached = std::max(report_.unreached, light_->stats().unreached);
         report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
         if (auto ok = files_.add(std::exchange(light_->frame(), Picture())); !ok) return ok;
         if (!arguments_.animated()) return {};
@@ -477,11 +490,13 @@ OutputReport Outputs::report() const {
     OutputReport report = report_;
     if (world_.built()) report.world = world_.built()->counts();
     report.cuts = world_.cuts();
+    report.missing = missingError(arguments_.picture.error, report.unreached);
     if (!std::isfinite(arguments_.seconds)) return report;
     const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6);
     const auto made = static_cast<double>(report.pictureStates.size());
     if (light_ && arguments_.animated() && made < pictures)
-        report.missing = fmt::format("{} of {} pictures", pictures - made, pictures);
+        report.missing +=
+            fmt::format("{}{} of {} pictures", report.missing.empty() ? "" : ", ", pictures - made, pictures);
     if (sound_) report.missing += missingSound(report.soundSeconds, arguments_.seconds, report.missing.empty());
     return report;
 }

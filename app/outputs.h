@@ -45,6 +45,8 @@ struct PictureArguments {
     ImageOptions parse() const;
     /// As --tessellation has it; throws UsageError.
     TessellationError tessellationError() const;
+    /// Throws UsageError if such a picture does not fit into the file's format.
+    static void checkSize(const std::string& file, const ImageOptions& options);
     ToneMap toneMap() const { return {static_cast<float>(exposure)}; }
 };
 
@@ -94,6 +96,9 @@ struct OutputArguments {
 /// How a scene whose urls these are is flattened: with as many instances as their policy lets.
 SharedWorld::Options worldOptions(const Resources& resources);
 
+/// What a picture lacks of --error, whose pixels have run out of samples in the share `unreached`; empty: nothing.
+std::string missingError(double error, double unreached);
+
 /// ,"tessellation":… of a JSON object.
 std::string tessellationJson(const Flattener::Cuts& cuts);
 
@@ -123,7 +128,8 @@ struct OutputReport {
     /// made from (0: there is none); and the instant, in seconds from the start.
     std::vector<std::uint64_t> pictureStates, soundStates;
     std::vector<double> pictureTimes;
-    double kept = 0;  // RenderStats::kept, added up over the pictures
+    double kept = 0;       // RenderStats::kept, added up over the pictures
+    double unreached = 0;  // RenderStats::unreached, the most of a picture
     double soundSeconds = 0;
     double mostBehind = 0;         // seconds of scene time that the outputs ever were behind the scene
     std::uint64_t overlapped = 0;  // frames that came while what the one before asked for was still in the making

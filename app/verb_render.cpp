@@ -85,10 +85,7 @@ void tellResult(const RenderArguments& options, const RenderSettings& settings, 
                options.frames, options.frames == 1 ? "" : "s", all.seconds,
                options.frames == 1 ? "" : keptText(all.kept));
     if (settings.error > 0)
-        fmt::print("error {:.2g} (asked: {:g}) with {:.0f} samples a pixel{}\n", all.error, settings.error, all.samples,
-                   all.unreached > 0 ? fmt::format("; {:.1f} % of the pixels ran out of samples, --spp allows more",
-                                                   100 * all.unreached)
-                                     : "");
+        fmt::print("error {:.2g} (asked: {:g}) with {:.0f} samples a pixel\n", all.error, settings.error, all.samples);
 }
 
 int render(const RenderArguments& options) {
@@ -96,6 +93,7 @@ int render(const RenderArguments& options) {
     (void)options.picture.tessellationError();  // throws
     image.settings.layers = parseLayers(options.layers);
     addEye(options, image);
+    PictureArguments::checkSize(options.out, image);
     image.keep = options.frames > 1;
     const std::string extension = std::filesystem::path(options.out).extension();
     if (image.settings.layers != 0 && extension != ".exr" && extension != ".EXR")
@@ -161,6 +159,8 @@ int render(const RenderArguments& options) {
         return kBad;
     }
     tellResult(options, image.settings, all, world.rays().stats(), running.world().cuts());
+    if (const std::string missing = missingError(options.picture.error, all.unreached); !missing.empty())
+        return printError("missing: " + missing), kBad;
     return kDone;
 }
 

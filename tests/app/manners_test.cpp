@@ -252,6 +252,78 @@ TEST_F(Manners, InfoDescribesALog) {
     EXPECT_EQ(json::parse(damaged.out).at("damaged"), 1);
 }
 
+// docs/program.md: what becomes part of the scene is an error where it is missing, what a node shows or plays a
+// warning.
+TEST_F(Manners, StatusTellsOfMissingPartsOfTheScene) {
+    const std::string name = folder / "missing.x3dv";
+    const auto shape = [](const std::string& texture) {
+        return "Shape { geometry Box { } appearance Appearance { texture " + texture + " } }";
+    };
+    const std::pair<std::string, int> kMissing[] = {{"Inline { url \"nosuch\" }", 1},
+                                                    {"Shape { geometry InlineGeometry { url \"nosuch\" } }", 1},
+                                                    {"EXTERNPROTO P [ ] \"nosuch\" P { }", 1},
+                                                    {"FontLibrary { url \"nosuch\" family \"F\" }", 1},
+                                                    {shape("ImageTexture { url \"nosuch\" }"), 0},
+                                                    {shape("MovieTexture { url \"nosuch\" }"), 0},
+                                                    {"Background { frontUrl \"nosuch\" }", 0},
+                                                    {"Sound { source AudioClip { url \"nosuch\" } }", 0},
+                                                    {"Script { url \"nosuch\" }", 0}};
+    for (const auto& [text, status] : kMissing) {
+        writeFile(name, "#X3D V4.0 utf8\nPROFILE Full\n" + text + "\n");
+        for (const auto& verb : {std::vector<std::string>{"validate", name},
+                                 {"render", name, "-o", folder / "a.png", "--size", "8x8"},
+                                 {"listen", name, "-o", folder / "a.wav", "--for", ".01s"}}) {
+            const Outcome outcome = rtsg(verb);
+            EXPECT_EQ(outcome.status, status) << verb[0] << ": " << text;
+            const bool heardOf = status == 1 || verb[0] == "validate" ||
+                                 (verb[0] == "render" ? !text.starts_with("Sound") : text.starts_with("Sound"));
+            if (heardOf) {
+                EXPECT_THAT(outcome.err, HasSubstr("'nosuch' is not there")) << verb[0];
+            }
+        }
+    }
+}
+
+TEST_F(Manners, AnErrorThatIsNotReachedIsAMissingPart) {
+    const std::string name = folder / "lamp.x3dv";
+    writeFile(name,
+              "#X3D V4.0 utf8\nPROFILE Full\nShape { geometry Sphere { radius 3 } appearance Appearance { material "
+              "UnlitMaterial { } } }\n");
+    for (const auto& [samples, status] : {std::pair("16", 1), std::pair("16384", 0)}) {
+        const Outcome outcome = rtsg(
+            {"render", name, "-o", folder / "a.exr", "--size", "16x16", "--error", ".05", "--spp", samples, "--json"});
+        EXPECT_EQ(outcome.status, status) << outcome.err;
+        EXPECT_EQ(json::parse(outcome.out).at("unreached").get<double>() > 0, status == 1);
+        EXPECT_THAT(readFile(folder / "a.exr"), HasSubstr("interval.R"));
+        if (status == 0) {
+            EXPECT_EQ(outcome.err, "");
+        } else {
+            EXPECT_THAT(outcome.err, HasSubstr("error: missing: the error 0.05 in "));
+        }
+        const Outcome run = rtsg({"run", name, "--for", ".1s", "--render", folder / "b.png", "--size", "16x16",
+                                  "--error", ".05", "--spp", samples});
+        EXPECT_EQ(run.status, status) << run.err;
+    }
+}
+
+TEST_F(Manners, SizesThatAFormatHasNotAreRefusedAtOnce) {
+    for (const auto& [out, size, why] : {std::tuple{"a.webp", "16384x1", "a WebP has at most 16383 a side"},
+                                         {"a.jpg", "1x65501", "a JPEG has at most 65500 a side"},
+                                         {"a.mp4", "33x32", "the width and height of a film are even, not 33 x 32"},
+                                         {"a.mp4", "16386x2", "a film has at most 16384 a side"}}) {
+        for (const auto& verb : {std::vector<std::string>{"render", "nosuch.x3dv", "-o", folder / out},
+                                 {"run", "nosuch.x3dv", "--for", "1s", "--render", folder / out}}) {
+            std::vector<std::string> arguments = verb;
+            arguments.insert(arguments.end(), {"--size", size});
+            const Outcome outcome = rtsg(arguments);
+            EXPECT_EQ(outcome.status, 2) << out;
+            EXPECT_THAT(outcome.err, HasSubstr(why));
+        }
+    }
+    EXPECT_THAT(rtsg({"render", "nosuch.x3dv", "-o", folder / "a.webp", "--size", "8192x2", "--stereo", "beside"}).err,
+                HasSubstr("16384 x 2 pixels"));
+}
+
 TEST_F(Manners, ValidateLooksForWhatUrlsName) {
     const std::string there = folder / "there.js", other = folder / "other.x3dv";
     writeFile(there, "ecmascript:");

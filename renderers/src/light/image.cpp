@@ -95,6 +95,8 @@ Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file
                     file.string());
     if (options.settings.layers != 0 && lowerExtension(file) != ".exr")
         return fail("only .exr holds layers", {}, file.string());
+    if (auto ok = checkPictureSize(file, options.fileWidth(), options.fileHeight()); !ok)
+        return std::unexpected(ok.error());
     int done = 0;
     for (int i = 0; i < animation.frames; ++i) {
         const double t = animation.start + i / animation.framesPerSecond;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <limits>
 
 #include <fmt/format.h>
 
@@ -19,21 +18,6 @@ namespace {
 bool isLinearFormat(const std::string& extension) {
     return extension == ".exr" || extension == ".hdr" || extension == ".pfm" || extension == ".tif" ||
            extension == ".tiff";
-}
-
-Result<> checkSize(const Picture& picture, const std::filesystem::path& file) {
-    if (picture.width <= 0 || picture.height <= 0) return fail("the picture is empty", {}, file.string());
-    // libjpeg ends the process, and a GIF's fields hold no more and would have the rest.
-    constexpr int kLargestJpeg = 65500, kLargestGif = 65535;
-    const std::string extension = lowerExtension(file);
-    const bool jpeg = extension == ".jpg" || extension == ".jpeg" || extension == ".jpe" || extension == ".jif" ||
-                      extension == ".jfif" || extension == ".jfi";
-    const int largest = jpeg ? kLargestJpeg : extension == ".gif" ? kLargestGif : std::numeric_limits<int>::max();
-    if (std::max(picture.width, picture.height) > largest)
-        return fail(fmt::format("{} x {} pixels: a {} has at most {} a side", picture.width, picture.height,
-                                jpeg ? "JPEG" : "GIF", largest),
-                    {}, file.string());
-    return {};
 }
 
 /// Authors' colours such as .9 and .1 lie half way between two bytes: the last bits of a float must not choose.
@@ -113,10 +97,17 @@ Vec3f ToneMap::apply(Vec3f linear) const {
 Picture toLinear(Picture picture) {
     if (picture.space == ColorSpace::linear) return picture;
     picture.space = ColorSpace::linear;
-    picture.interval.clear();  // of display values
-    for (Vec4f& pixel : picture.pixels) {
+    for (std::size_t i = 0; i < picture.pixels.size(); ++i) {
+        Vec4f& pixel = picture.pixels[i];
         const float alpha = pixel.a > 0 ? pixel.a : 1;
-        pixel = Vec4f(linearFromSrgb(Vec3f(pixel) / alpha) * alpha, pixel.a);
+        const Vec3f shown = Vec3f(pixel) / alpha, light = linearFromSrgb(shown);
+        if (!picture.interval.empty()) {
+            // Of the decoded ends the farther one counts, so that the interval holds both.
+            Vec3f& interval = picture.interval[i];
+            const Vec3f off = interval / alpha;
+            interval = alpha * glm::max(linearFromSrgb(shown + off) - light, light - linearFromSrgb(shown - off));
+        }
+        pixel = Vec4f(light * alpha, pixel.a);
     }
     return picture;
 }
@@ -148,9 +139,35 @@ Result<> checkPictureName(const std::filesystem::path& file) {
     return fail("no kind of picture that can be written has such a name; there are:" + known, {}, file.string());
 }
 
+Result<> checkPictureSize(const std::filesystem::path& file, int width, int height) {
+    if (width <= 0 || height <= 0) return fail("the picture is empty", {}, file.string());
+    // The libraries say it late and in words of their own; libjpeg ends the process, and a GIF would have the rest.
+    struct Format {
+        std::string_view extensions, name;
+        int largest = 0;
+    };
+    constexpr Format kFormats[] = {{".jpg .jpeg .jpe .jif .jfif .jfi", "JPEG", 65500},
+                                   {".gif", "GIF", 65535},
+                                   {".tga", "TGA", 65535},
+                                   {".webp", "WebP", 16383},
+                                   {".mp4", "film", 16384}};
+    const std::string extension = lowerExtension(file);
+    for (const Format& format : kFormats) {
+        if (extension.empty() || !(std::string(format.extensions) + ' ').contains(extension + ' ')) continue;
+        if (std::max(width, height) > format.largest)
+            return fail(
+                fmt::format("{} x {} pixels: a {} has at most {} a side", width, height, format.name, format.largest),
+                {}, file.string());
+    }
+    if (extension == ".mp4" && (width % 2 != 0 || height % 2 != 0))
+        return fail(fmt::format("the width and height of a film are even, not {} x {}", width, height), {},
+                    file.string());
+    return {};
+}
+
 Result<> writePicture(const Picture& picture, const std::filesystem::path& file, const ToneMap& toneMap) {
     if (auto ok = checkPictureName(file); !ok) return ok;
-    if (auto ok = checkSize(picture, file); !ok) return ok;
+    if (auto ok = checkPictureSize(file, picture.width, picture.height); !ok) return ok;
     const std::string extension = lowerExtension(file);
     if (extension == ".gif") return writeAnimation({&picture, 1}, file, 1, toneMap);
     if (isLinearFormat(extension) && picture.space != ColorSpace::linear)
@@ -179,7 +196,7 @@ Result<> writeAnimation(std::span<const Picture> frames, const std::filesystem::
     std::vector<std::vector<std::uint8_t>> encoded;
     std::vector<Sheet> sheets;
     for (const Picture& frame : frames) {
-        if (auto ok = checkSize(frame, file); !ok) return ok;
+        if (auto ok = checkPictureSize(file, frame.width, frame.height); !ok) return ok;
         if (frame.width != frames[0].width || frame.height != frames[0].height)
             return fail("the frames differ in size", {}, file.string());
         encoded.push_back(toSrgb8(frame, toneMap));

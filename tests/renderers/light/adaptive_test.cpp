@@ -195,17 +195,22 @@ TEST(Adaptive, EdgesOfWhittedsMethodToo) {
 
 TEST(Adaptive, IntervalsAreALayerOfExr) {
     LightScene s(kPanelRoom, 16, 16);
-    byPaths(s, 0.2f);
-    const Picture p = s.picture();
-    const auto file = std::filesystem::temp_directory_path() / fmt::format("rtsg-interval-{}.exr", ::getpid());
-    ASSERT_TRUE(writePicture(p, file));
-    const auto back = readPicture(file);
-    ASSERT_TRUE(back) << back.error().format();
-    for (std::size_t i = 0; i < p.pixels.size(); ++i) EXPECT_EQ(Vec3f(back->pixels[i]), Vec3f(p.pixels[i]));
-    std::ifstream stream(file, std::ios::binary);
-    const std::string bytes((std::istreambuf_iterator<char>(stream)), {});
-    EXPECT_NE(bytes.find("interval.R"), std::string::npos);
-    std::filesystem::remove(file);
+    for (const bool path : {true, false}) {
+        SCOPED_TRACE(path ? "path" : "whitted, of display values");
+        byPaths(s, 0.2f);
+        if (!path) s.options.settings.integrator = Integrator::whitted;
+        const Picture p = s.picture();
+        const auto file = std::filesystem::temp_directory_path() / fmt::format("rtsg-interval-{}.exr", ::getpid());
+        ASSERT_TRUE(writePicture(p, file));
+        const auto back = readPicture(file);
+        ASSERT_TRUE(back) << back.error().format();
+        for (std::size_t i = 0; i < p.pixels.size(); ++i)
+            EXPECT_EQ(Vec3f(back->pixels[i]), Vec3f(toLinear(p).pixels[i]));
+        std::ifstream stream(file, std::ios::binary);
+        const std::string bytes((std::istreambuf_iterator<char>(stream)), {});
+        EXPECT_NE(bytes.find("interval.R"), std::string::npos);
+        std::filesystem::remove(file);
+    }
 }
 
 }  // namespace

@@ -218,6 +218,34 @@ TEST(Picture, ComparisonFindsTheWorstPixel) {
     EXPECT_EQ(compare(a, b)->worstX, 1) << "NaN is worst";
 }
 
+TEST(Picture, FilmsHaveEvenSidesAndNotTooManyPixels) {
+    EXPECT_TRUE(checkPictureSize("a.mp4", 16384, 2));
+    for (const auto& [width, height] : {std::pair(33, 32), std::pair(32, 33), std::pair(16386, 2), std::pair(0, 2)})
+        EXPECT_FALSE(checkPictureSize("a.MP4", width, height)) << width << " x " << height;
+}
+
+// Whatever lies in the interval of display values lies in that of their light.
+TEST(Picture, IntervalsAreDecodedWithTheirColours) {
+    for (const float alpha : {1.0f, .5f}) {
+        Picture shown(4, 1);
+        shown.space = ColorSpace::display;
+        shown.interval.resize(4);
+        const float colors[] = {.02f, .5f, .98f, 1.05f}, off[] = {.01f, .1f, .03f, .1f};
+        for (std::size_t i = 0; i < 4; ++i)
+            shown.pixels[i] = Vec4f(Vec3f(colors[i] * alpha), alpha), shown.interval[i] = Vec3f(off[i] * alpha);
+        const Picture light = toLinear(shown);
+        ASSERT_EQ(light.interval.size(), 4u);
+        for (std::size_t i = 0; i < 4; ++i) {
+            double farthest = 0;
+            for (int step = -10; step <= 10; ++step) {
+                const float value = linearFromSrgb(colors[i] + off[i] * static_cast<float>(step) / 10) * alpha;
+                farthest = std::max(farthest, std::abs(double{value} - light.pixels[i].r));
+            }
+            EXPECT_NEAR(light.interval[i].r, farthest, 1e-6) << i;
+        }
+    }
+}
+
 // libjpeg ends the process where a picture is too large for it; GIFs were written with a width of nothing.
 TEST(Picture, LargerThanTheirFormatAreRefused) {
     const std::filesystem::path folder = temporary("rtsg_too_large");
@@ -228,7 +256,11 @@ TEST(Picture, LargerThanTheirFormatAreRefused) {
                                                     {"b.gif", 1, 65536, false},
                                                     {"b.jpg", 65500, 1, true},
                                                     {"c.gif", 65535, 1, true},
+                                                    {"a.webp", 16384, 1, false},
+                                                    {"b.webp", 16383, 1, true},
+                                                    {"a.tga", 1, 65536, false},
                                                     {"a.png", 70000, 1, true}}) {
+        EXPECT_EQ(static_cast<bool>(checkPictureSize(folder / name, width, height)), fits) << name;
         const auto written = writePicture(Picture(width, height), folder / name);
         EXPECT_EQ(static_cast<bool>(written), fits) << name << " " << (written ? "" : written.error().format());
         if (!written) {

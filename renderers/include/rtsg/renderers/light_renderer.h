@@ -44,6 +44,10 @@ struct ImageOptions {
     /// costs nothing, and of `whitted` the tiles whose rays met nothing that is other than it was stay
     /// (RenderStats::kept). What is seen is the same. Holds a picture and a version of the world.
     bool keep = true;
+
+    /// Of the picture as a whole.
+    int fileWidth() const { return stereo == Stereo::beside ? 2 * settings.width : settings.width; }
+    int fileHeight() const { return stereo == Stereo::above ? 2 * settings.height : settings.height; }
 };
 
 class LightRenderer final : public WorldRenderer {

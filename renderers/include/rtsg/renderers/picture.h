@@ -30,7 +30,7 @@ struct Picture {
     ColorSpace space = ColorSpace::linear;  // or display
     std::vector<Vec4f> pixels;              // width * height
     /// Half the width of each pixel's 95 % interval, by channel, in `space`; empty unless an error was to be reached.
-    /// In .exr of linear pictures as layer "interval".
+    /// In .exr, whose pictures are linear, as layer "interval".
     std::vector<Vec3f> interval;
     /// Only .exr holds these; `notes` are its attributes, by name.
     std::vector<PictureLayer> layers;
@@ -56,7 +56,7 @@ struct ToneMap {
     Vec3f apply(Vec3f linear) const;
 };
 
-/// The same picture in linear light. Colours are decoded before alpha is multiplied in.
+/// The same picture in linear light. Colours are decoded before alpha is multiplied in; intervals stay intervals.
 Picture toLinear(Picture picture);
 
 /// 8-bit RGBA, sRGB-encoded, alpha not premultiplied. Linear pictures are tone-mapped; of display pictures what is
@@ -67,6 +67,8 @@ std::vector<std::uint8_t> toSrgb8(const Picture& picture, const ToneMap& toneMap
 std::string lowerExtension(const std::filesystem::path& file);
 /// Whether a picture can be written under this name, by its extension. The error names those there are.
 Result<> checkPictureName(const std::filesystem::path& file);
+/// Whether the format that the extension stands for, or a film (.mp4), has pictures of so many pixels.
+Result<> checkPictureSize(const std::filesystem::path& file, int width, int height);
 /// The extension chooses the format; the file is replaced once all of it is written. Errors: unknown extension, folder
 /// that cannot be written, empty picture.
 Result<> writePicture(const Picture& picture, const std::filesystem::path& file, const ToneMap& toneMap = {});
