@@ -188,6 +188,8 @@ void unbindWhatHasLeft(Cascade& cascade, const Node& holder, Kind kind) {
 /// 35.4.2: 0 is what is in no layer; what is no layer's number is taken as that.
 double layerSetOnTime(Cascade& cascade, const Node& node) {
     if (!isInScene(cascade.scene(), node.id())) return kNever;
+    for (const NodeId other : rootOf(cascade).get(x3d::RtsgScene::children))
+        if (other < node.id() && cascade.scene().node(other).is(x3d::LayerSet::type)) return kNever;  // that one counts
     const std::int32_t number = node.get(x3d::LayerSet::activeLayer);
     const auto& layers = node.get(x3d::LayerSet::layers);
     NodeId active;

@@ -149,8 +149,9 @@ struct SceneBuilder::State {
     bool linksFonts = false;                                                     // a FontLibrary has come
     std::set<std::pair<const DocumentSource*, std::string_view>> withoutEffect;  // types that were named, by file
     std::set<std::tuple<const DocumentSource*, std::uint32_t, std::uint32_t, std::string>>
-        oddValues;         // that were told: of bodies, once
-    bool isTrial = false;  // instancing into a scratch scene, for diagnostics only
+        oddValues;             // that were told: of bodies, once
+    bool hasLayerSet = false;  // one was built
+    bool isTrial = false;      // instancing into a scratch scene, for diagnostics only
 
     // The PROTO declaration being recorded. What is open in it, outermost first: the interface of a PROTO (i), its
     // body (b) or a node (n); what would not nest is left out, so that a recording can always be replayed.

@@ -4,6 +4,7 @@
 #include <array>
 #include <span>
 #include <string>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -138,6 +139,10 @@ void SceneBuilder::State::tellOfOddValues(NodeId id, SourceLocation where) {
     checkTextures(node, odd);
     checkLights(node, odd);
     checkLayering(node, odd);
+    if (node.is(x3d::LayerSet::type) && std::exchange(hasLayerSet, true))
+        odd.say(
+            "layers: there is a LayerSet before it, whose order, viewports and activeLayer count: these are drawn with "
+            "those of the same numbers");
     if (node.is(x3d::IsoSurfaceVolumeData::type) && node.get(x3d::IsoSurfaceVolumeData::surfaceValues).empty())
         odd.say("surfaceValues: none is given: it shows nothing");
     for (std::string& text : odd.take())

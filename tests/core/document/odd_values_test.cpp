@@ -42,6 +42,8 @@ TEST(OddValues, AreNamedWithWhatIsDoneInstead) {
         {"IsoSurfaceVolumeData { }", "IsoSurfaceVolumeData.surfaceValues: none is given: it shows nothing"},
         {"LayerSet { order [ 0 1 3 ] layers [ Layer { } Layer { } ] }",
          "LayerSet.order: there is no layer 3, the last one is 2: it is left out"},
+        {"Group { } LayerSet { order 0 }\nLayerSet { order 1 layers Layer { } }",
+         "4:1: warning: LayerSet.layers: there is a LayerSet before it, whose order, viewports and activeLayer count"},
         {"LayerSet { layers Layer { viewport Viewport { clipBoundary [ 0 .5 0 ] } } }",
          "Viewport.clipBoundary: has 3 numbers, not left, right, bottom and top: taken as 0 1 0 1"},
         {"LayerSet { layers Layer { viewport Viewport { clipBoundary [ .5 .5 0 1 ] } } }",
