@@ -116,6 +116,9 @@ std::vector<Emitters::Source> Emitters::sourcesIn(const TraceScene& scene) {
 
 Emitters::Emitters(const std::vector<Source>& sources) {
     std::vector<LightTree::Cluster> clusters;
+    std::size_t count = 0;
+    for (const Source& source : sources) count += source.mesh->triangleCount;
+    clusters.reserve(std::min<std::size_t>(count, kMost)), emitters_.reserve(clusters.capacity());
     if (!sources.empty()) firstOf_.resize(sources.back().slot + std::size_t{1}, kNone);
     for (const Source& source : sources) add(source, clusters);
     if (emitters_.empty()) return;

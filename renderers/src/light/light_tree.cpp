@@ -25,11 +25,12 @@ F8 sinOf(F8 cosine) {
 LightTree::LightTree(std::span<const Cluster> things, float least) : ways_(things.size()), least_(least) {
     for (std::uint32_t thing = 0; thing < things.size(); ++thing)
         if (things[thing].power > 0) {
-            order_.push_back(thing);
+            order_.push_back({things[thing].bounds.center(), thing});
             const Vec3f& falloff = things[thing].falloff;
             squaresOnly_ = squaresOnly_ && falloff.x == 0 && falloff.y == 0;
         }
     if (order_.empty()) return;
+    nodes_.reserve(order_.size() / 4 + 1);
     nodes_.emplace_back();
     build(things, 0, order_.size(), 0, 0, 0);
     order_ = {};
@@ -81,17 +82,16 @@ void LightTree::Node::set(std::size_t child, const Cluster& cluster) {
 }
 
 /// Sorts by the longest side of the middles' box as far as needed; returns where the second half begins.
-std::size_t LightTree::halve(std::span<const Cluster> things, std::size_t first, std::size_t last) {
+std::size_t LightTree::halve(std::size_t first, std::size_t last) {
     Bounds centers;
-    const auto middle = [&](std::uint32_t thing) { return things[thing].bounds.center(); };
-    for (std::size_t i = first; i < last; ++i) centers.extend(middle(order_[i]));
+    for (std::size_t i = first; i < last; ++i) centers.extend(order_[i].middle);
     const Vec3f size = centers.size();
     const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
     const std::size_t half = first + (last - first) / 2;
     const auto at = [&](std::size_t i) { return order_.begin() + static_cast<std::ptrdiff_t>(i); };
-    std::nth_element(at(first), at(half), at(last), [&](std::uint32_t a, std::uint32_t b) {
-        const float x = middle(a)[axis], y = middle(b)[axis];
-        return x != y ? x < y : a < b;
+    std::nth_element(at(first), at(half), at(last), [axis](const Placed& a, const Placed& b) {
+        const float x = a.middle[axis], y = b.middle[axis];
+        return x != y ? x < y : a.thing < b.thing;
     });
     return half;
 }
@@ -107,7 +107,7 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
     } else {
         for (; parts < kWide; parts *= 2) {
             for (std::size_t i = parts; i > 0; --i) ends[2 * i] = ends[i];
-            for (std::size_t i = 0; i < parts; ++i) ends[2 * i + 1] = halve(things, ends[2 * i], ends[2 * i + 2]);
+            for (std::size_t i = 0; i < parts; ++i) ends[2 * i + 1] = halve(ends[2 * i], ends[2 * i + 2]);
         }
     }
     Cluster whole;
@@ -116,7 +116,7 @@ LightTree::Cluster LightTree::build(std::span<const Cluster> things, std::size_t
         const std::uint64_t on = way | std::uint64_t{part} << (3 * depth);
         Cluster cluster;
         if (ends[part + 1] - ends[part] == 1) {
-            const std::uint32_t thing = order_[ends[part]];
+            const std::uint32_t thing = order_[ends[part]].thing;
             cluster = things[thing];
             ways_[thing] = on;
             nodes_[node].next[part] = thing;

@@ -63,7 +63,7 @@ class LightTree {
         void set(std::size_t child, const Cluster& cluster);
     };
     static Cluster join(const Cluster& a, const Cluster& b);
-    std::size_t halve(std::span<const Cluster> things, std::size_t first, std::size_t last);
+    std::size_t halve(std::size_t first, std::size_t last);
     Cluster build(std::span<const Cluster> things, std::size_t first, std::size_t last, std::uint32_t node,
                   std::uint32_t depth, std::uint64_t way);
     struct Shares;
@@ -84,8 +84,12 @@ class LightTree {
     };
     bool descend(Step& step, const Vec3f& point, const Vec3f& normal) const;
 
-    std::vector<std::uint64_t> ways_;   // by thing: three bits a node, from the root on: which child
-    std::vector<std::uint32_t> order_;  // while building
+    std::vector<std::uint64_t> ways_;  // by thing: three bits a node, from the root on: which child
+    struct Placed {
+        Vec3f middle;
+        std::uint32_t thing;
+    };
+    std::vector<Placed> order_;  // while building; with what it is sorted by, which is looked at some twenty times
     std::vector<Node> nodes_;
     float least_ = 1e-12f;
     bool squaresOnly_ = true;  // the light of each falls off with the square of the distance and nothing else
