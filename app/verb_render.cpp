@@ -115,16 +115,17 @@ int render(const RenderArguments& options) {
         return printError(ok.error().text), kUsage;
     keepResources(running.scene(), running.resources(), outputs);
     if (auto ok = running.world().cut(options.picture.tessellationError()); !ok) return printError(ok.error()), kBad;
+    // The picture before the first one is not made; what things have moved from since must be known all the same.
+    const double before = time - 1 / options.fps;
+    const bool remembers = (image.settings.shutter > 0 || (image.settings.layers & kMotion)) && before >= 0;
+    // Geometry follows from the first state that is seen: of those before it nothing is drawn.
+    running.runTo(remembers ? before : time);
     SharedWorld& world = running.world().get();
     LightRenderer light(world, LightRenderer::Options(running.resources()));
-    if (image.settings.shutter > 0 || (image.settings.layers & kMotion)) {
-        // The picture before the first one is not made; what things have moved from since must be known all the same.
-        if (const double before = time - 1 / options.fps; before >= 0) {
-            running.runTo(before);
-            if (auto ok = light.remember(image); !ok) return printError(ok.error()), kBad;
-        }
+    if (remembers) {
+        if (auto ok = light.remember(image); !ok) return printError(ok.error()), kBad;
+        running.runTo(time);
     }
-    running.runTo(time);
     animation.start = running.start() + time;
     animation.runTo = [&](double t) { running.frameAt(t); };
     const Progress progress = progressBar("rendering " + options.out);

@@ -99,6 +99,24 @@ TEST_F(MadeOutputs, AreTheSameInRunReplayAndMirrorAlsoWhereAnInlineLoads) {
     expectSameFiles("a", "d");
 }
 
+// What nothing shows is not tessellated, let alone told of; and what is shown is the same as if it had been.
+TEST_F(MadeOutputs, APictureOfALaterTimeIsOfThatStateAlone) {
+    const std::string scene = folder / "later.x3dv";
+    writeFile(scene,
+              "#X3D V4.0 utf8\nPROFILE Full\nDEF T Transform { scale 1 0 0 children Shape { geometry Sphere { } } }\n"
+              "ParticleSystem { emitter PointEmitter { speed 1 } geometryType \"QUAD\" particleSize .3 .3 }\n");
+    const std::vector<std::string> more{"--set", "T.scale=1 1 1@0.5", "--size", "40x30"};
+    const auto with = [&](std::vector<std::string> arguments) {
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return outcome.err;
+    };
+    EXPECT_THAT(with({"run", scene, "--for", "1s", "--render", folder / "run.png"}), HasSubstr("is not traced"));
+    EXPECT_EQ(with({"render", scene, "--time", "1s", "-o", folder / "late.png"}), "");
+    EXPECT_EQ(bytes("run.png"), bytes("late.png"));
+}
+
 // The box goes .2 m between two pictures. The first one has none before it; a single one is told of a time before.
 TEST_F(MadeOutputs, AShutterBlursThemAlikeWhicheverVerbMakesThem) {
     const std::vector<std::string> shutter{"--shutter", "1"};
