@@ -1,5 +1,7 @@
 // Each kind of content in all the ways there are to look at it: pictures by `whitted` and `path`, picking through them,
 // and the full traversal; as it is loaded, and after an edit that the world has followed.
+#include <algorithm>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -41,7 +43,7 @@ std::ostream& operator<<(std::ostream& out, const Feature& feature) {
 constexpr Vec3d kSeesBlack{0, 0, 0}, kSeesRed{1, 0, 0}, kSeesGreen{0, 1, 0}, kSeesBlue{0, 0, 1}, kSeesWhite{1, 1, 1};
 
 /// An unlit Shape called S.
-std::string shape(const std::string& geometry, const std::string& more = "", const char* color = "1 0 0") {
+std::string unlitShape(const std::string& geometry, const std::string& more = "", const char* color = "1 0 0") {
     return fmt::format(
         "DEF S Shape {{ appearance Appearance {{ material UnlitMaterial {{ emissiveColor {} }} {} }} geometry "
         "{} }}",
@@ -66,62 +68,77 @@ std::string patch(const char* type, const std::string& more = "") {
 
 const std::vector<Seen> kS{{kSeesRed, "S"}}, kNothing{{kSeesBlack, ""}};
 
-std::vector<Feature> features() {
+std::vector<Feature> strokesAndSurfaces() {
     return {
         {"text",
-         shape("DEF E Text { string \"I\" fontStyle FontStyle { size 6 justify \"MIDDLE\" } }"),
+         unlitShape("DEF E Text { string \"I\" fontStyle FontStyle { size 6 justify \"MIDDLE\" } }"),
          {{kSeesRed, "S", 16, 9}, {kSeesBlack, "", 4, 9}},
          "E",
          "string",
          "\"\"",
          kNothing},
         {"lines",
-         shape("LineSet { vertexCount 2 coord DEF E Coordinate { point [ -2 0 0, 2 0 0 ] } }",
-               "lineProperties LineProperties { linewidthScaleFactor 5 }"),
+         unlitShape("LineSet { vertexCount 2 coord DEF E Coordinate { point [ -2 0 0, 2 0 0 ] } }",
+                    "lineProperties LineProperties { linewidthScaleFactor 5 }"),
          kS, "E", "point", "[ -2 2 0, 2 2 0 ]", kNothing},
+        {"lines that move",
+         "DEF E Transform { children " +
+             unlitShape("LineSet { vertexCount 2 coord Coordinate { point [ -2 0 0, 2 0 0 ] } }",
+                        "lineProperties LineProperties { linewidthScaleFactor 5 }") +
+             " }",
+         kS,
+         "E",
+         "translation",
+         "0 2 0",
+         {{kSeesBlack, ""}, {kSeesRed, "S", 16, 8}}},
         {"indexed lines",
-         shape("IndexedLineSet { coordIndex [ 0 1 ] coord DEF E Coordinate { point [ -2 0 0, 2 0 0 ] } }",
-               "lineProperties LineProperties { linewidthScaleFactor 5 }"),
+         unlitShape("IndexedLineSet { coordIndex [ 0 1 ] coord DEF E Coordinate { point [ -2 0 0, 2 0 0 ] } }",
+                    "lineProperties LineProperties { linewidthScaleFactor 5 }"),
          kS, "E", "point", "[ -2 2 0, 2 2 0 ]", kNothing},
         {"lines in a plane",
-         shape("DEF E Polyline2D { lineSegments [ -2 0, 2 0 ] }"),
+         unlitShape("DEF E Polyline2D { lineSegments [ -2 0, 2 0 ] }"),
          {{kSeesRed, "S"}, {kSeesBlack, "", 16, 12}},
          "E",
          "lineSegments",
          "[ 0 -2, 0 2 ]",
          {{kSeesRed, "S"}, {kSeesRed, "S", 16, 12}}},
         {"points",
-         shape("PointSet { coord DEF E Coordinate { point 0 0 0 } }",
-               "pointProperties PointProperties { pointSizeScaleFactor 5 }"),
+         unlitShape("PointSet { coord DEF E Coordinate { point 0 0 0 } }",
+                    "pointProperties PointProperties { pointSizeScaleFactor 5 }"),
          kS, "E", "point", "0 2 0", kNothing},
         {"hatches",
-         shape("Rectangle2D { size 4 4 solid FALSE }",
-               "fillProperties DEF E FillProperties { filled FALSE hatched FALSE }"),
+         unlitShape("Rectangle2D { size 4 4 solid FALSE }",
+                    "fillProperties DEF E FillProperties { filled FALSE hatched FALSE }"),
          {{kSeesBlack, "S"}},
          "E",
          "filled",
          "TRUE",
          kS},
-        {"NURBS patch", shape(patch("NurbsPatchSurface")), kS, "E", "point", "[ -2 8 0, 2 8 0, -2 12 0, 2 12 0 ]",
+        {"NURBS patch", unlitShape(patch("NurbsPatchSurface")), kS, "E", "point", "[ -2 8 0, 2 8 0, -2 12 0, 2 12 0 ]",
          kNothing},
         {"NURBS swung",
-         shape("NurbsSwungSurface { solid FALSE profileCurve NurbsCurve2D { order 2 controlPoint [ 1 -2, 1 2 ] } "
-               "trajectoryCurve "
-               "DEF E NurbsCurve2D { order 2 controlPoint [ 1 0, 0 1, -1 0, 0 -1, 1 0 ] } }"),
+         unlitShape("NurbsSwungSurface { solid FALSE profileCurve NurbsCurve2D { order 2 controlPoint [ 1 -2, 1 2 ] } "
+                    "trajectoryCurve "
+                    "DEF E NurbsCurve2D { order 2 controlPoint [ 1 0, 0 1, -1 0, 0 -1, 1 0 ] } }"),
          kS, "E", "controlPoint", "[ .1 9, .1 9.1 ]", kNothing},
         {"NURBS curve",
-         shape("NurbsCurve { order 2 controlPoint DEF E Coordinate { point [ -2 0 0, 2 0 0 ] } }",
-               "lineProperties LineProperties { linewidthScaleFactor 5 }"),
+         unlitShape("NurbsCurve { order 2 controlPoint DEF E Coordinate { point [ -2 0 0, 2 0 0 ] } }",
+                    "lineProperties LineProperties { linewidthScaleFactor 5 }"),
          kS, "E", "point", "[ -2 2 0, 2 2 0 ]", kNothing},
         {"NURBS trimmed",
-         shape(patch("NurbsTrimmedSurface",
-                     "trimmingContour Contour2D { children ContourPolyline2D { controlPoint [ 0 0, .9 0, "
-                     ".9 .9, 0 .9, 0 0 ] } }")),
+         unlitShape(patch("NurbsTrimmedSurface",
+                          "trimmingContour Contour2D { children ContourPolyline2D { controlPoint [ 0 0, .9 0, "
+                          ".9 .9, 0 .9, 0 0 ] } }")),
          {{kSeesRed, "S"}, {kSeesBlack, "", 23, 9}},
          "E",
          "point",
          "[ -2 8 0, 2 8 0, -2 12 0, 2 12 0 ]",
          kNothing},
+    };
+}
+
+std::vector<Feature> texturesAndLight() {
+    return {
         {"MultiTexture",
          textured("DEF E MultiTexture { mode [ \"REPLACE\" \"MODULATE\" ] texture [ " + pixel("0xFFFF00") +
                   pixel("0x00FFFF") + " ] }"),
@@ -173,14 +190,19 @@ std::vector<Feature> features() {
          {{kSeesBlue, "S"}, {kSeesBlack, "S", 4, 16}}},
         {"local fog",
          "Group { children [ DEF E LocalFog { color 0 0 1 visibilityRange 20 } " +
-             shape("Rectangle2D { size 4 4 solid FALSE }") + " ] }",
+             unlitShape("Rectangle2D { size 4 4 solid FALSE }") + " ] }",
          {{{.5, 0, .5}, "S"}},
          "E",
          "visibilityRange",
          "0",
          kS},
+    };
+}
+
+std::vector<Feature> placesAndTimes() {
+    return {
         {"clip plane",
-         "Group { children [ DEF E ClipPlane { plane 1 0 0 -1 } " + shape("Rectangle2D { size 4 4 solid FALSE }") +
+         "Group { children [ DEF E ClipPlane { plane 1 0 0 -1 } " + unlitShape("Rectangle2D { size 4 4 solid FALSE }") +
              " ] } Transform { translation 0 0 -1 children DEF B Shape { appearance Appearance { material "
              "UnlitMaterial { emissiveColor 0 1 0 } } geometry Rectangle2D { size 9 9 solid FALSE } } }",
          {{kSeesGreen, "B"}, {kSeesRed, "S", 22, 16}},
@@ -190,7 +212,7 @@ std::vector<Feature> features() {
          kS},
         {"billboard",
          "DEF E Transform { rotation 0 1 0 1.5707963 children Billboard { children " +
-             shape("Rectangle2D { size 4 4 }") + " } }",
+             unlitShape("Rectangle2D { size 4 4 }") + " } }",
          kS, "E", "translation", "0 9 0", kNothing, false},
         {"layers",
          "LayerSet { order [ 1 2 ] layers [ DEF A Layer { children [ Viewpoint { } Transform { translation 0 0 2 "
@@ -198,7 +220,7 @@ std::vector<Feature> features() {
          "DEF B Shape { appearance Appearance { material UnlitMaterial { emissiveColor 0 1 0 } } geometry Rectangle2D "
          "{ "
          "size 2 2 } } } ] } DEF E Layer { children [ Viewpoint { } " +
-             shape("Rectangle2D { size 2 2 }") + " ] } ] }",
+             unlitShape("Rectangle2D { size 2 2 }") + " ] } ] }",
          kS,
          "E",
          "visible",
@@ -214,10 +236,10 @@ std::vector<Feature> features() {
          "emissiveColor",
          "0 0 1",
          {{kSeesBlue, "S"}}},
-        {"switch", "DEF E Switch { whichChoice 0 children [ " + shape("Rectangle2D { size 4 4 }") + " ] }", kS, "E",
-         "whichChoice", "-1", kNothing},
+        {"switch", "DEF E Switch { whichChoice 0 children [ " + unlitShape("Rectangle2D { size 4 4 }") + " ] }", kS,
+         "E", "whichChoice", "-1", kNothing},
         {"level of detail",
-         "DEF E LOD { level [ " + shape("Rectangle2D { size 4 4 }") +
+         "DEF E LOD { level [ " + unlitShape("Rectangle2D { size 4 4 }") +
              " DEF B Shape { appearance Appearance { material UnlitMaterial { emissiveColor 0 1 0 } } geometry "
              "Rectangle2D { size 4 4 } } ] range 20 }",
          kS,
@@ -227,6 +249,12 @@ std::vector<Feature> features() {
          {{kSeesGreen, "B"}},
          false},
     };
+}
+
+std::vector<Feature> features() {
+    std::vector<Feature> all = strokesAndSurfaces();
+    for (auto* more : {&texturesAndLight, &placesAndTimes}) std::ranges::copy(more(), std::back_inserter(all));
+    return all;
 }
 
 class EachFeature : public testing::TestWithParam<Feature> {
