@@ -23,16 +23,19 @@ namespace {
 constexpr double kFastest = 16;
 
 /// Sound files by their own library; films, and what else is packed as films are, by that of films.
-Result<SoundBuffer> readResource(Resource& file, std::uint64_t room) {
-    const bool isOgg = file.readAt(0, 4) == "OggS";
-    if (Movie::isMovie(file) && !(isOgg && soundSeconds(file))) {
+Result<SoundBuffer> readResource(Resource& file, std::uint64_t room, std::string& damage) {
+    // Ogg files may be either.
+    if (file.readAt(0, 4) == "OggS")
+        if (const auto bytes = file.read())
+            if (auto sound = readSoundBytes(*bytes, room, &damage); sound || !Movie::isMovie(file)) return sound;
+    if (Movie::isMovie(file)) {
         auto sound = movieSound(file, room);
         if (!sound) return std::unexpected(sound.error());
         return SoundBuffer{sound->sampleRate, sound->channels, std::move(sound->samples)};
     }
     const auto bytes = file.read();
     if (!bytes) return std::unexpected(bytes.error());
-    return readSoundBytes(*bytes, room);
+    return readSoundBytes(*bytes, room, &damage);
 }
 
 }  // namespace
@@ -45,11 +48,15 @@ Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string
     }
     if (!resource) return std::unexpected(resource.error());
     const std::uint64_t room = resources_.policy().maximumSamples - samplesRead_;
-    auto sound = readResource(*resource, room);
+    std::string damage;
+    auto sound = readResource(*resource, room, damage);
     if (sound) sound = converted(*sound, room);
     if (!sound) return fail(fmt::format("{}: {}", resource->name(), sound.error().text));
     samplesRead_ += sound->samples.size();
     if (sound->samples.empty()) return fail(fmt::format("{} is empty", resource->name()));
+    if (!damage.empty())
+        diagnostics_.warningAt(voice.place, fmt::format("{}: {} is damaged or cut short: {}", voice.name,
+                                                        resource->name(), damage));
     return sound;
 }
 

@@ -1,8 +1,9 @@
-// Reads and writes sound files by libsndfile, resamples whole sounds by libsoxr.
+// Reads sound files by libsndfile, MPEG audio by libmpg123; writes WAV; resamples whole sounds by libsoxr.
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
+#include <fstream>
 #include <limits>
 #include <memory>
 
@@ -13,6 +14,10 @@
 #include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
 
+#include "signal/mpeg_sound.h"
+#include "signal/sound_bytes.h"
+#include "signal/sound_length.h"
+
 namespace rtsg {
 namespace {
 
@@ -21,44 +26,43 @@ struct Close {
 };
 using File = std::unique_ptr<SNDFILE, Close>;
 
-/// The bytes of a file as libsndfile wants to see them.
-struct BytesFile {
-    std::string_view bytes;
-    const Resource* file = nullptr;  // instead of bytes
-    sf_count_t at = 0;
+SF_VIRTUAL_IO virtualFile() {
+    SF_VIRTUAL_IO io{};
+    io.get_filelen = [](void* data) -> sf_count_t { return static_cast<SoundBytes*>(data)->size; };
+    io.tell = [](void* data) -> sf_count_t { return static_cast<SoundBytes*>(data)->at; };
+    io.seek = [](sf_count_t offset, int whence, void* data) -> sf_count_t {
+        return static_cast<SoundBytes*>(data)->seek(offset, whence);
+    };
+    io.read = [](void* to, sf_count_t count, void* data) -> sf_count_t {
+        return static_cast<SoundBytes*>(data)->read(to, count);
+    };
+    io.write = [](const void*, sf_count_t, void*) { return sf_count_t{0}; };
+    return io;
+}
 
-    sf_count_t size() const { return static_cast<sf_count_t>(file ? file->size() : bytes.size()); }
-    static BytesFile& of(void* data) { return *static_cast<BytesFile*>(data); }
-    static SF_VIRTUAL_IO functions() {
-        SF_VIRTUAL_IO io{};
-        io.get_filelen = [](void* data) { return of(data).size(); };
-        io.tell = [](void* data) { return of(data).at; };
-        io.seek = [](sf_count_t offset, int whence, void* data) {
-            BytesFile& f = of(data);
-            const sf_count_t from = whence == SEEK_CUR ? f.at : whence == SEEK_END ? f.size() : 0;
-            // Sums of what a file says may be anything.
-            if (offset < -from || offset > f.size() - from) return sf_count_t{-1};
-            return f.at = from + offset;
-        };
-        io.read = [](void* to, sf_count_t count, void* data) {
-            BytesFile& f = of(data);
-            sf_count_t got = std::clamp<sf_count_t>(count, 0, f.size() - f.at);
-            if (f.file) {
-                const std::string part = f.file->readAt(std::uint64_t(f.at), static_cast<std::size_t>(got));
-                got = static_cast<sf_count_t>(part.size());
-                std::memcpy(to, part.data(), part.size());
-            } else {
-                std::memcpy(to, f.bytes.data() + f.at, static_cast<std::size_t>(got));
-            }
-            f.at += got;
-            return got;
-        };
-        io.write = [](const void*, sf_count_t, void*) { return sf_count_t{0}; };
-        return io;
-    }
-};
+bool isOgg(const SF_INFO& info) {
+    return (info.format & SF_FORMAT_TYPEMASK) == SF_FORMAT_OGG;
+}
 
-Result<SoundBuffer> readAll(SNDFILE* file, const SF_INFO& info, std::uint64_t maxSamples) {
+/// What libsndfile gave up at, or left out, of a sound that it has read.
+std::string damageOf(SNDFILE* file, const SF_INFO& info, const SoundBytes& bytes, const SoundBuffer& sound) {
+    if (info.frames < 0 || info.frames == SF_COUNT_MAX)
+        return isOgg(info) ? fmt::format("it ends after {:.3g} s, before the page that ends an Ogg stream", sound.seconds())
+                           : "";
+    const double promised = static_cast<double>(info.frames) * promisedShare(bytes);
+    std::string missing = missingSound(promised, sound);
+    if (missing.empty() && sf_error(file) != SF_ERR_NO_ERROR) missing = unreadableFrom(sound);
+    return missing;
+}
+
+constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 29;
+
+Result<SoundBuffer> readAll(SoundBytes bytes, std::uint64_t maxSamples, std::string& damage) {
+    if (isMpegSound(bytes)) return readMpegSound(std::move(bytes), maxSamples, damage);
+    SF_INFO info{};
+    SF_VIRTUAL_IO io = virtualFile();
+    const File opened(sf_open_virtual(&io, SFM_READ, &info, &bytes));
+    SNDFILE* file = opened.get();
     if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)));
     if (info.channels < 1 || info.channels > 64 || info.samplerate < 1 || info.samplerate > 1'000'000)
         return fail(fmt::format("sound has {} channels at {} Hz", info.channels, info.samplerate));
@@ -72,12 +76,12 @@ Result<SoundBuffer> readAll(SNDFILE* file, const SF_INFO& info, std::uint64_t ma
         sound.samples.resize(at + static_cast<std::size_t>(kPiece * info.channels));
         const sf_count_t got = std::max<sf_count_t>(0, sf_readf_float(file, sound.samples.data() + at, kPiece));
         sound.samples.resize(at + static_cast<std::size_t>(got * info.channels));
-        if (sound.samples.size() > maxSamples)
-            return fail(fmt::format("more than {} samples; --limit samples=N raises this", maxSamples));
+        if (sound.samples.size() > maxSamples) return tooManySamples(maxSamples);
         if (got < kPiece) break;
     }
     for (float& sample : sound.samples)
         if (!std::isfinite(sample)) sample = 0;
+    damage = damageOf(file, info, bytes, sound);
     return sound;
 }
 
@@ -89,28 +93,43 @@ float SoundBuffer::peak() const {
     return result;
 }
 
-Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples) {
-    SF_INFO info{};
-    const File file(sf_open(path.c_str(), SFM_READ, &info));
-    auto sound = readAll(file.get(), info, maxSamples);
+Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples, std::string* damage) {
+    std::ifstream file(path, std::ios::binary);
+    std::error_code error;
+    const std::uintmax_t size = std::filesystem::file_size(path, error);
+    if (!file || error)
+        return fail(fmt::format("cannot read sound: {}", error ? error.message() : std::strerror(errno)), {}, path);
+    SoundBytes bytes;
+    bytes.size = static_cast<std::int64_t>(size);
+    bytes.readAt = [&](std::uint64_t offset, std::span<char> to) {
+        file.clear();
+        file.seekg(static_cast<std::streamoff>(offset)).read(to.data(), static_cast<std::streamsize>(to.size()));
+        return static_cast<std::size_t>(file.gcount());
+    };
+    std::string found;
+    auto sound = readAll(std::move(bytes), maxSamples, damage ? *damage : found);
     if (!sound) sound.error().file = path;
     return sound;
 }
 
-Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples) {
-    SF_INFO info{};
-    BytesFile source{bytes};
-    SF_VIRTUAL_IO io = BytesFile::functions();
-    const File file(sf_open_virtual(&io, SFM_READ, &info, &source));
-    return readAll(file.get(), info, maxSamples);
+Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples, std::string* damage) {
+    std::string found;
+    return readAll(SoundBytes::of(bytes), maxSamples, damage ? *damage : found);
 }
 
 Result<double> soundSeconds(const Resource& resource) {
+    SoundBytes source = SoundBytes::of(resource);
+    if (isMpegSound(source)) return mpegSoundSeconds(std::move(source));
     SF_INFO info{};
-    BytesFile source{{}, &resource};
-    SF_VIRTUAL_IO io = BytesFile::functions();
+    SF_VIRTUAL_IO io = virtualFile();
     const File file(sf_open_virtual(&io, SFM_READ, &info, &source));
     if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)));
+    // An Ogg stream says at its end how long it is.
+    std::string damage;
+    if (isOgg(info) && info.frames == SF_COUNT_MAX) {
+        const auto sound = readAll(SoundBytes::of(resource), kMostSamples, damage);
+        return sound ? Result<double>(sound->seconds()) : std::unexpected(sound.error());
+    }
     if (info.samplerate < 1 || info.frames < 0 || info.frames == SF_COUNT_MAX)
         return fail("the header does not say how long the sound is");
     return static_cast<double>(info.frames) / info.samplerate;

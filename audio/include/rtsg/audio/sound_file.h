@@ -1,6 +1,6 @@
 // Sound in memory and in files.
 //
-// Reading takes what libsndfile does (WAV, AIFF, FLAC, Ogg Vorbis, ...). Writing is WAV; the same samples always give
+// Reading takes what libsndfile does (WAV, AIFF, FLAC, Ogg Vorbis, MP3, ...). Writing is WAV; the same samples always give
 // the same bytes (no time stamps). Full scale is 1; PCM formats refuse samples beyond it rather than clip them: see
 // normalise(). Threading: pure functions.
 #pragma once
@@ -25,11 +25,16 @@ struct SoundBuffer {
     float peak() const;
 };
 
-/// Refuses what has more than `maxSamples`, all channels counted: a small packed file may hold hours of silence.
-Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples = std::uint64_t{1} << 29);
+/// Refuses what has more than `maxSamples`, all channels counted: a small packed file may hold hours of silence. Of what
+/// is damaged or cut short it gives what can be read, and says in `damage`, else left empty, what is missing. Samples
+/// that are damaged in a file whose format is whole are not noticed.
+Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples = std::uint64_t{1} << 29,
+                              std::string* damage = nullptr);
 /// As above, of a file's content.
-Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples = std::uint64_t{1} << 29);
-/// How long a file plays by its header, which may lie; the sound itself is not read. In seconds.
+Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples = std::uint64_t{1} << 29,
+                                   std::string* damage = nullptr);
+/// How long a file plays by its header, which may lie; in seconds. The sound itself is not read, but of an Ogg stream
+/// that was cut short.
 Result<double> soundSeconds(const Resource& file);
 
 /// Whether a sound can be written under this name: fails, naming the kinds there are, unless it ends in .wav.
