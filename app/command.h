@@ -25,6 +25,11 @@ struct UsageError : std::runtime_error {
     UsageError(const std::string& option, const std::string& text) : std::runtime_error(option + ": " + text) {}
 };
 
+/// What an option names cannot be had or used, as a scene that cannot be read; exit status 1.
+struct InputError : std::runtime_error {
+    InputError(const std::string& option, const std::string& text) : std::runtime_error(option + ": " + text) {}
+};
+
 class Option {
   public:
     Option* required();

@@ -5,12 +5,20 @@
 
 #include <algorithm>
 #include <charconv>
+#include <set>
 #include <string_view>
 #include <utility>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/x3d.h>
 
 namespace rtsg::app {
 
 namespace {
+
+/// As those of clips are limited.
+constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 29;
 
 struct GivenSource {
     enum class Kind : std::uint8_t { file, pipe, device };
@@ -68,7 +76,7 @@ std::vector<GivenSource> parseAll(const GivenSoundArguments& arguments) {
 
 ClipLibrary::Given openSource(const GivenSource& source, bool live, double seconds, int sampleRate) {
     const auto opened = [&](auto result, const std::string& name) {
-        if (!result) throw UsageError(source.option, name + ": " + result.error().text);
+        if (!result) throw InputError(source.option, name + ": " + result.error().text);
         return std::move(*result);
     };
     if (source.kind == GivenSource::Kind::device) {
@@ -79,10 +87,36 @@ ClipLibrary::Given openSource(const GivenSource& source, bool live, double secon
     const std::string name = source.name == "-" ? "standard input" : source.name;
     if (source.kind == GivenSource::Kind::pipe && live)
         return opened(SoundInput::openPipe(source.name, sampleRate, source.raw), name);
-    SoundBuffer sound = source.kind == GivenSource::Kind::pipe
-                            ? opened(readPipe(source.name, source.raw, seconds, [] { return !interrupted(); }), name)
-                            : opened(readSound(source.name), name);
+    if (source.kind == GivenSource::Kind::pipe)
+        return std::make_shared<const SoundBuffer>(
+            opened(readPipe(source.name, source.raw, seconds, [] { return !interrupted(); }), name));
+    std::string damage;
+    SoundBuffer sound = opened(readSound(source.name, kMostSamples, &damage), name);
+    if (!damage.empty()) {
+        Diagnostics told;
+        told.warning({}, fmt::format("{}: {} is damaged or cut short: {}", source.option, name, damage));
+        print(told);
+    }
     return std::make_shared<const SoundBuffer>(std::move(sound));
+}
+
+/// Who hears what is given to an ID: the nodes of the scene that have it.
+void checkId(const GivenSource& source, const Scene& scene) {
+    const bool stream = source.option == "--stream";
+    std::set<std::string> known;
+    scene.forEachNode([&](const Node& node) {
+        if (!stream && node.is(x3d::MicrophoneSource::type))
+            known.insert(node.get(x3d::MicrophoneSource::mediaDeviceID).str());
+        if (stream && node.is(x3d::StreamAudioSource::type))
+            for (const String& id : node.get(x3d::StreamAudioSource::streamIdentifier)) known.insert(id.str());
+    });
+    if (source.id.empty() || known.contains(source.id)) return;
+    const std::string type = stream ? "StreamAudioSource" : "MicrophoneSource";
+    if (known.empty()) throw InputError(source.option, "the scene has no " + type);
+    std::string names;
+    for (const std::string& name : known) names += fmt::format("{}\"{}\"", names.empty() ? "" : ", ", name);
+    throw InputError(source.option, fmt::format("no {} has the {} \"{}\"; there are: {}", type,
+                                                stream ? "streamIdentifier" : "mediaDeviceID", source.id, names));
 }
 
 }  // namespace
@@ -108,9 +142,11 @@ std::vector<std::string> GivenSoundArguments::files() const {
     return names;
 }
 
-ClipLibrary::UsersSounds GivenSoundArguments::open(bool live, double seconds, int sampleRate) const {
+ClipLibrary::UsersSounds GivenSoundArguments::open(const Scene& scene, bool live, double seconds,
+                                                   int sampleRate) const {
     ClipLibrary::UsersSounds sounds;
     for (const GivenSource& source : parseAll(*this)) {
+        if (scene.nodeCount() > 0) checkId(source, scene);
         auto& to = source.option == "--stream" ? sounds.streams : sounds.microphones;
         to[source.id] = openSource(source, live, seconds, sampleRate);
     }

@@ -27,8 +27,9 @@ struct GivenSoundArguments {
     void check(const std::vector<std::string>& inputs) const;
     /// Names of files and pipes, which nothing is to be written over. Throws UsageError.
     std::vector<std::string> files() const;
-    /// `seconds` of pipes are read if it is not live. Throws UsageError for what cannot be opened.
-    ClipLibrary::UsersSounds open(bool live, double seconds, int sampleRate) const;
+    /// `seconds` of pipes are read if it is not live. The IDs are looked for in the scene, unless that is empty as yet.
+    /// Throws UsageError for a device that is not live, InputError for what cannot be opened and for unknown IDs.
+    ClipLibrary::UsersSounds open(const Scene& scene, bool live, double seconds, int sampleRate) const;
 };
 
 /// --stream-out: where what leads into StreamAudioDestinations goes, as the user says it: [ID=]FILE.wav.

@@ -51,7 +51,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
     if (!arguments_.listen.empty()) {
         ListenOptions options = arguments_.sound.parse();
         options.render.resources = resources;
-        options.render.given = arguments_.sound.given.open(true, arguments_.seconds, options.render.sampleRate);
+        options.render.given = arguments_.sound.given.open(scene_, true, arguments_.seconds, options.render.sampleRate);
         if (arguments_.onDevice()) {
             auto device = LiveSound::start(world_, {.render = options.render, .device = arguments_.device});
             if (!device) return std::unexpected(device.error());

@@ -140,7 +140,7 @@ ListenOptions SoundArguments::parse() const {
     if (!sofa.empty()) {
         if (!binaural) throw UsageError("--sofa is of --binaural");
         auto head = Hrtf::load(sofa, options.render.sampleRate);
-        if (!head) throw UsageError(head.error().text);
+        if (!head) throw InputError("--sofa", head.error().text);
         options.render.hrtf = std::move(*head);
     }
     options.render.document = document;
@@ -269,9 +269,10 @@ std::string jsonArray(const std::vector<T>& values) {
 
 std::string deviceJson(const LiveReport& report) {
     return fmt::format(
-        R"({{"name":{},"seconds":{:.3f},"blocks":{},"underruns":{},"latency_ms":{:.1f},"busy":{:.3f},"responses":{}}})",
+        R"({{"name":{},"seconds":{:.3f},"blocks":{},"underruns":{},"latency_ms":{:.1f},"busy":{:.3f},"responses":{},)"
+        R"("clipped_samples":{}}})",
         jsonString(report.device), report.seconds, report.blocks, report.underruns, 1e3 * report.latencySeconds,
-        report.busy, report.heard.responses);
+        report.busy, report.heard.responses, report.clipped);
 }
 
 }  // namespace
@@ -367,7 +368,8 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     if (!arguments.listen.empty()) {
         ListenOptions options = arguments.sound.parse();
         options.render.resources = resources;
-        options.render.given = arguments.sound.given.open(false, arguments.seconds, options.render.sampleRate);
+        options.render.given =
+            arguments.sound.given.open(world.scene(), false, arguments.seconds, options.render.sampleRate);
         outputs->sound_ = std::make_unique<SoundRenderer>(world.get(), options);
         if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }

@@ -45,7 +45,8 @@ int listenLive(const ListenArguments& options) {
     live.render = options.sound.parse().render;
     live.render.document = options.scene;
     live.render.resources = running.resources();
-    live.render.given = options.sound.given.open(true, parseSeconds(options.duration), live.render.sampleRate);
+    live.render.given =
+        options.sound.given.open(running.scene(), true, parseSeconds(options.duration), live.render.sampleRate);
     live.device = options.device;
     SharedWorld& world = running.world().get();
     auto sound = LiveSound::start(world, live);
@@ -63,9 +64,9 @@ int listenLive(const ListenArguments& options) {
     print(world.diagnostics());
     fmt::print(
         "{{\"device\":{},\"seconds\":{:.3f},\"blocks\":{},\"underruns\":{},\"latency_ms\":{:.1f},\"busy\":{:.3f},"
-        "\"responses\":{}}}\n",
+        "\"responses\":{},\"clipped_samples\":{}}}\n",
         jsonString(report.device), report.seconds, report.blocks, report.underruns, 1e3 * report.latencySeconds,
-        report.busy, report.heard.responses);
+        report.busy, report.heard.responses, report.clipped);
     if (!report.failure.empty()) return printError(report.failure), kBad;
     return kDone;
 }
@@ -120,8 +121,6 @@ Result<> writeSurvey(const ListenArguments& options, SoundRenderer& sound) {
 int listenTo(const ListenArguments& options) {
     if (options.live) return listenLive(options);
     if (!options.device.empty()) throw UsageError("--device is of --live");
-    ListenOptions listening = options.sound.parse();
-    listening.seconds = parseSeconds(options.duration);
     if (options.out.empty() && options.ir.empty() && options.report.empty() && !options.metrics && !options.json &&
         options.sent.given.empty())
         throw UsageError("-o, --ir, --report, --stream-out or --metrics is required");
@@ -139,12 +138,15 @@ int listenTo(const ListenArguments& options) {
     std::vector<std::string> inputs = options.sound.files();
     inputs.push_back(options.scene);
     if (auto ok = checkFiles(inputs, outputs, false); !ok) return printError(ok.error()), kBad;
+    ListenOptions listening = options.sound.parse();
+    listening.seconds = parseSeconds(options.duration);
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     keepResources(running.scene(), running.resources(), outputs);
     listening.render.document = options.scene;
     listening.render.resources = running.resources();
-    listening.render.given = options.sound.given.open(false, listening.seconds, listening.render.sampleRate);
+    listening.render.given =
+        options.sound.given.open(running.scene(), false, listening.seconds, listening.render.sampleRate);
     listening.runTo = [&](double t) { running.frameAt(t); };
     listening.sound = !options.out.empty() || !options.sent.given.empty();
     listening.render.keepStreams = !options.sent.given.empty();

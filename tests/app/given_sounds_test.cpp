@@ -172,9 +172,9 @@ TEST_F(GivenSounds, StreamsGoToTheFilesThatTheUserNames) {
 TEST_F(GivenSounds, WhatCannotBeHeardIsSaid) {
     const std::string out = folder_ / "out.wav";
     const auto says = [&](const std::string& option, const std::string& given, const std::string& text,
-                          const std::string& input = {}) {
+                          const std::string& input = {}, int status = 2) {
         const Outcome outcome = listen({"-o", out, option, given}, input);
-        EXPECT_EQ(outcome.status, 2) << given;
+        EXPECT_EQ(outcome.status, status) << given;
         EXPECT_THAT(outcome.err, HasSubstr(text));
         EXPECT_THAT(outcome.err, HasSubstr(option));
         EXPECT_FALSE(std::filesystem::exists(out));
@@ -182,19 +182,54 @@ TEST_F(GivenSounds, WhatCannotBeHeardIsSaid) {
     says("--microphone", "device", "live");
     says("--stream", "feed=device:front", "live");
     says("--microphone", "left=", "missing");
-    says("--microphone", folder_ / "nothing.wav", "nothing.wav");
+    // As of a scene that is not there.
+    says("--microphone", folder_ / "nothing.wav", "nothing.wav", "", 1);
+    says("--stream", folder_ / "nothing.wav", "nothing.wav", "", 1);
     says("--stream", "s16@0x1:-", "raw sound");
     says("--stream", "f32@48000:-", "raw sound");
-    says("--microphone", "-", "no WAV", "this is text and will never be sound");
-    says("--microphone", "-", "before any sound came");
+    says("--microphone", "-", "no WAV", "this is text and will never be sound", 1);
+    says("--microphone", "-", "before any sound came", "", 1);
+    const std::string ramp = folder_ / "ramp.wav";
+    says("--microphone", "right=" + ramp, "has the mediaDeviceID \"right\"; there are: \"left\"", "", 1);
+    says("--stream", "right=" + ramp, "has the streamIdentifier \"right\"; there are: \"feed\"", "", 1);
     const Outcome twice = listen({"-o", out, "--microphone", "-", "--stream", "-"});
     EXPECT_EQ(twice.status, 2);
     EXPECT_THAT(twice.err, HasSubstr("standard input"));
     ::setenv("ALSOFT_DRIVERS", "null", 1);
     const Outcome none = listen({"--live", "--microphone", "left=device:front"});
     ::unsetenv("ALSOFT_DRIVERS");
-    EXPECT_EQ(none.status, 2);
+    EXPECT_EQ(none.status, 1);
     EXPECT_THAT(none.err, HasSubstr("'front'"));
+}
+
+TEST_F(GivenSounds, ThatNobodyHearsAreErrorsInEveryVerb) {
+    const std::string out = folder_ / "out.wav", ramp = folder_ / "ramp.wav";
+    for (const std::vector<std::string>& verb :
+         {std::vector<std::string>{"listen", feed_, "-o", out}, {"run", feed_, "--listen", out}}) {
+        std::vector<std::string> arguments = verb;
+        arguments.insert(arguments.end(), {"--for", "0.1s", "--microphone", "left=" + ramp});
+        const Outcome outcome = Program(arguments, folder_ / "verb").wait();
+        EXPECT_EQ(outcome.status, 1) << verb[0];
+        EXPECT_THAT(outcome.err, HasSubstr("--microphone: the scene has no MicrophoneSource"));
+        EXPECT_FALSE(std::filesystem::exists(out));
+    }
+}
+
+TEST_F(GivenSounds, AHeadThatIsNotThereIsBadInputAsAMicrophoneIs) {
+    const std::string out = folder_ / "out.wav";
+    const Outcome outcome = listen({"-o", out, "--binaural", "--sofa", folder_ / "no.sofa"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("--sofa: "));
+    EXPECT_THAT(outcome.err, HasSubstr("no.sofa"));
+}
+
+TEST_F(GivenSounds, ThatWereCutShortAreNamed) {
+    const std::string out = folder_ / "out.wav", cut = folder_ / "cut.wav";
+    writeFile(cut, readFile(folder_ / "ramp.wav").substr(0, 44 + 19200));
+    const Outcome outcome = listen({"-o", out, "--microphone", "left=" + cut});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr("cut.wav is damaged or cut short: 0.1 s of the 0.2 s that its header gives"));
+    expectRamp(out);
 }
 
 /// OpenAL's device that is a file: what is heard live can be read.

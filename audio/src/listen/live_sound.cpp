@@ -1,9 +1,11 @@
 // Renders the newest state of a world into a sound device, block by block, on a thread of its own.
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <thread>
 #include <utility>
 #include <variant>
@@ -72,6 +74,7 @@ struct LiveSound::Impl {
             const std::lock_guard lock(mutex);
             if (look) found = std::move(seen);
             told.blocks = blocks;
+            told.clipped = clipped;
             told.seconds = static_cast<double>(blocks) * blockSeconds;
             told.underruns = device.underruns();
             told.latencySeconds = std::max(told.latencySeconds, device.latencySeconds());
@@ -97,11 +100,19 @@ struct LiveSound::Impl {
             if (auto done = engine->renderLive(sounds, state->rays, state->time + *ahead, until, sound); !done)
                 return done;
             std::copy_n(sound.samples.begin(), std::min(sound.samples.size(), out.size()), out.begin());
-            for (float& sample : out) sample = std::clamp(sample, -1.0f, 1.0f);
+            clip(out);
             time = until;
         }
         ++blocks;
         return device.write(out);
+    }
+
+    void clip(std::span<float> samples) {
+        for (float& sample : samples) {
+            if (std::abs(sample) > 1) ++clipped;
+            loudest = std::max(loudest, std::abs(sample));
+            sample = std::clamp(sample, -1.0f, 1.0f);
+        }
     }
 
     SharedWorld& world;
@@ -114,7 +125,8 @@ struct LiveSound::Impl {
     std::shared_ptr<const WorldState> state;
     double time = 0;              // of the end of the last block, as the scene counts
     std::optional<double> ahead;  // of the scene's places, s
-    std::uint64_t blocks = 0;
+    std::uint64_t blocks = 0, clipped = 0;
+    float loudest = 0;
     std::atomic<bool> stop = false;
     std::atomic<bool> wanted = true;  // what nodes find
     mutable std::mutex mutex;
@@ -190,6 +202,10 @@ void tellOf(const ClipLibrary::GivenSounds& sounds, std::string_view what, Diagn
 LiveReport LiveSound::stop() {
     impl_->end();
     LiveReport report = impl_->told;
+    if (report.clipped > 0)
+        report.diagnostics.warning(
+            {}, fmt::format("{} samples were beyond full scale, by up to {:.1f} dB, and were clipped", report.clipped,
+                            20 * std::log10(impl_->loudest)));
     tellOf(impl_->options.render.given.microphones, "microphone", report.diagnostics);
     tellOf(impl_->options.render.given.streams, "stream", report.diagnostics);
     report.diagnostics.append(impl_->tables.scene().diagnostics());

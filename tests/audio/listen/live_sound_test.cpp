@@ -21,7 +21,8 @@ const int kSilent = ::setenv("ALSOFT_DRIVERS", "null", 1);
 const char* const kRoom =
     "#X3D V4.0 utf8\nPROFILE Full\n"
     "Transform { translation 3 2.5 1.5 children Shape { geometry Box { size 6 5 3 solid FALSE } } }\n"
-    "DEF Voice Transform { children Sound { location 1 1 1.5 minBack 30 minFront 30 maxBack 60 maxFront 60 source "
+    "DEF Voice Transform { children Sound { intensity .1 location 1 1 1.5 minBack 30 minFront 30 maxBack 60 maxFront "
+    "60 source "
     "OscillatorSource { frequency 440 } } }\nViewpoint { position 4 3 1.5 }\n";
 
 AcousticOptions fewLive() {
@@ -80,7 +81,7 @@ TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
     EXPECT_GT(report.latencySeconds, 0);
     // Six blocks that wait and what the device says of itself: no matter how busy the machine is.
     EXPECT_LE(report.latencySeconds, .05);
-    EXPECT_TRUE(report.diagnostics.all().empty());
+    for (const Diagnostic& d : report.diagnostics.all()) ADD_FAILURE() << d.text;
     // The world goes on without it.
     scene.newFrame(t + 1);
     EXPECT_EQ(world.failure(), "");
@@ -126,6 +127,39 @@ TEST(LiveSound, WhatNodesFindComesBackWhileItPlays) {
     (*live)->sendEvents();
     scene.newFrame(scene.now() + 1);
     EXPECT_NEAR(reduction(), all, 1e-5);
+}
+
+TEST(LiveSound, WhatIsBeyondFullScaleIsCountedAndToldOnce) {
+    for (const char* gain : {"2", ".9"}) {
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene,
+                             std::string("#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { gain ") + gain +
+                                 " children BufferAudioSource { loop TRUE buffer [ 1 .1 -1 ] } }\nViewpoint { }\n",
+                             diagnostics));
+        SharedWorld world(scene);
+        LiveOptions options;
+        options.render = fewLive();
+        auto live = LiveSound::start(world, options);
+        ASSERT_TRUE(live) << live.error().text;
+        for (int i = 1; i <= 12'000 && (i < 10 || (*live)->report().blocks < 20); ++i) {
+            scene.newFrame(.005 * i);
+            std::this_thread::sleep_for(std::chrono::milliseconds(5));
+        }
+        const LiveReport report = (*live)->stop();
+        if (gain[0] == '.') {
+            EXPECT_EQ(report.clipped, 0u);
+            EXPECT_TRUE(report.diagnostics.all().empty());
+            continue;
+        }
+        // Two samples of three, in both channels.
+        EXPECT_GT(report.clipped, 0u);
+        EXPECT_LE(report.clipped, report.blocks * options.render.blockSize * 4 / 3 + 4);
+        ASSERT_EQ(report.diagnostics.all().size(), 1u);
+        EXPECT_NE(report.diagnostics.all()[0].text.find(" samples were beyond full scale, by up to 6.0 dB"),
+                  std::string::npos)
+            << report.diagnostics.all()[0].text;
+    }
 }
 
 /// Rays that can be frozen.

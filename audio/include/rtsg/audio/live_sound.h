@@ -32,6 +32,7 @@ struct LiveReport {
     double latencySeconds = 0;  // from rendering to hearing, the largest seen
     double busy = 0;            // share of the time that its thread needs
     std::uint64_t blocks = 0, underruns = 0;
+    std::uint64_t clipped = 0;  // samples beyond full scale, of both channels, which a device plays as 1
     HeardResponses heard;
     std::string failure;  // why it plays no longer; empty while it does
     Diagnostics diagnostics;
