@@ -1,6 +1,7 @@
 // What an emitter sends where: its directivity, as paths and rays are weighted by it.
 //
-// Source: ISO/IEC 19775-1 V4.0 16.4 (ellipsoids of Sound, cones of SpatialSound). Threading: pure function.
+// Source: ISO/IEC 19775-1 V4.0 16.4.17 (ellipsoids of Sound), 16.4.18 (cones of SpatialSound). Threading: pure
+// function.
 #pragma once
 
 #include <glm/glm.hpp>

@@ -1,7 +1,7 @@
 // The clocks of sounds and films: ISO/IEC 19775-1 V4.0, 8.2.4 (time-dependent nodes), 16.4 (sound sources), 18.4.2
 // (MovieTexture). How long a file plays is found out between frames by whoever loads (InlineLoader) and stands in
 // _duration; so replays and replicas need no files. What plays for ever is active until its stopTime. What a
-// DynamicsCompressor takes away (16.4.8) is found by whoever makes the sound, in the same way.
+// DynamicsCompressor takes away (16.4.11) is found by whoever makes the sound, in the same way.
 #include <algorithm>
 #include <cmath>
 

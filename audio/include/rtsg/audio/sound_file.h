@@ -1,8 +1,8 @@
 // Sound in memory and in files.
 //
-// Reading takes what libsndfile does (WAV, AIFF, FLAC, Ogg Vorbis, MP3, ...). Writing is WAV; the same samples always give
-// the same bytes (no time stamps). Full scale is 1; PCM formats refuse samples beyond it rather than clip them: see
-// normalise(). Threading: pure functions.
+// Reading takes what libsndfile does (WAV, AIFF, FLAC, Ogg Vorbis, MP3, ...). Writing is WAV; the same samples always
+// give the same bytes (no time stamps). Full scale is 1; PCM formats refuse samples beyond it rather than clip them:
+// see normalise(). Threading: pure functions.
 #pragma once
 
 #include <cstdint>
@@ -25,9 +25,9 @@ struct SoundBuffer {
     float peak() const;
 };
 
-/// Refuses what has more than `maxSamples`, all channels counted: a small packed file may hold hours of silence. Of what
-/// is damaged or cut short it gives what can be read, and says in `damage`, else left empty, what is missing. Samples
-/// that are damaged in a file whose format is whole are not noticed.
+/// Refuses what has more than `maxSamples`, all channels counted: a small packed file may hold hours of silence. Of
+/// what is damaged or cut short it gives what can be read, and says in `damage`, else left empty, what is missing.
+/// Samples that are damaged in a file whose format is whole are not noticed.
 Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples = std::uint64_t{1} << 29,
                               std::string* damage = nullptr);
 /// As above, of a file's content.
@@ -45,7 +45,7 @@ Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat f
 
 /// The mean of all channels.
 SoundBuffer mixToMono(const SoundBuffer& sound);
-/// In more channels, or as many: one goes to all of them, others stay where they are (ISO/IEC 19775-1 V4.0, 16.2.3).
+/// In more channels, or as many: one goes to all of them, others stay where they are (ISO/IEC 19775-1 V4.0, 16.2).
 SoundBuffer spread(const SoundBuffer& sound, int channels);
 /// Band-limited conversion. Error: the rates are more than 256 times apart.
 Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate);
