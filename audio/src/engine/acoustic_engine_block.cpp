@@ -55,7 +55,8 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
         state.mix.render(sound.voices, sound.processes, {clips, samples, options.blockSize, emitter, block.listener},
                          block.dry, sound.discrete, exactly);
         if (exactly == 1) block.dry = {block.dry[0], block.dry[0]};
-        if (silenceNoSound(block.dry, sound.intensity)) clips.noteNoSound(sound.name);
+        const double louder = std::max(1.0, std::abs(sound.coneOuterGain)) * std::abs(block.listener.gain);
+        if (silenceNoSound(block.dry, sound.intensity * louder)) clips.noteNoSound(sound.name);
         return;
     }
     for (std::vector<float>& dry : block.dry) dry.assign(options.blockSize, 0.0f);
@@ -149,9 +150,11 @@ std::vector<std::uint32_t> AcousticEngine::Impl::bodyAt(const EmitterState& stat
 void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
                                    const ListenerPose& listener, HeardLevel& to, bool& audible) const {
     const SoundNode& sound = *emitter.sound;
+    // What went out before a gain became that large is still on its way.
+    const auto bounded = [](double gain) { return std::isnan(gain) ? 0 : std::clamp(gain, -kLoudest, kLoudest); };
     if (sound.law == SoundNode::Law::none) {
         audible = true;
-        to.directGain = to.lateGain = sound.intensity * listener.gain;
+        to.directGain = to.lateGain = bounded(sound.intensity * listener.gain);
         return;
     }
     double distance = glm::distance(apparent, listener.position);
@@ -172,8 +175,8 @@ void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterSta
     }
     audible = level != 0;
     // In a response direct sound is 1 / d: times d, reflections keep their ratio to it.
-    to.directGain = level * sound.coneGain(local) * std::sqrt(open);
-    to.lateGain = level * std::max(distance, 0.1);
+    to.directGain = bounded(level * sound.coneGain(local) * std::sqrt(open));
+    to.lateGain = bounded(level * std::max(distance, 0.1));
 }
 
 /// What is heard of each input straight from the emitter, into `block.direct`.
@@ -429,7 +432,8 @@ Result<> AcousticEngine::Impl::mixDown(const Block& block) {
         for (std::size_t ch = 0; ch < channels; ++ch) {
             lateQueue.push_back(block.out[ch][i]);
             const float ear = block.ears.empty() ? 0 : block.ears[ch][i];
-            const float sample = mixed[channels * i + ch] + ear + lateQueue.front();
+            float sample = mixed[channels * i + ch] + ear + lateQueue.front();
+            if (!(std::abs(sample) <= static_cast<float>(kLoudest))) sample = 0;
             lateQueue.pop_front();
             if (toSkip > 0) {
                 --toSkip;

@@ -55,8 +55,8 @@ Result<SoundBuffer> ClipLibrary::read(const SoundVoice& voice, const std::string
     samplesRead_ += sound->samples.size();
     if (sound->samples.empty()) return fail(fmt::format("{} is empty", resource->name()));
     if (!damage.empty())
-        diagnostics_.warningAt(voice.place, fmt::format("{}: {} is damaged or cut short: {}", voice.name,
-                                                        resource->name(), damage));
+        diagnostics_.warningAt(voice.place,
+                               fmt::format("{}: {} is damaged or cut short: {}", voice.name, resource->name(), damage));
     return sound;
 }
 
@@ -129,11 +129,17 @@ std::shared_ptr<const SoundBuffer> ClipLibrary::get(const SoundVoice& voice) {
         const auto channels = static_cast<std::size_t>(sound.channels);
         const std::size_t frames = voice.buffer.size() / channels;
         sound.samples.reserve(frames * channels);
+        std::size_t none = 0;
         for (std::size_t frame = 0; frame < frames; ++frame)
             for (std::size_t channel = 0; channel < channels; ++channel) {
                 const float sample = voice.buffer[channel * frames + frame];
+                none += std::isfinite(sample) ? 0 : 1;
                 sound.samples.push_back(std::isfinite(sample) ? sample : 0);
             }
+        if (none > 0)
+            diagnostics_.warningAt(voice.place, fmt::format("{}: {} of the {} samples of its buffer are no finite "
+                                                            "numbers: 0 counts",
+                                                            voice.name, none, frames * channels));
         if (sound.samples.empty()) sound.samples.resize(static_cast<std::size_t>(sound.channels));
         auto fitting = converted(sound, resources_.policy().maximumSamples - samplesRead_);
         if (fitting) return std::make_shared<const SoundBuffer>(std::move(*fitting));

@@ -81,7 +81,6 @@ void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete) {
 }
 
 bool silenceNoSound(AudioChannels& out, double gain) {
-    constexpr double kLoudest = 1e9;
     const auto most = static_cast<float>(kLoudest / std::max(1.0, std::abs(gain)));
     bool any = false;
     for (std::vector<float>& channel : out)
@@ -203,8 +202,9 @@ void ProcessPlayer::convolve(const AudioProcess& process, double rate, AudioChan
         response_ = process.buffer;
         normalized_ = process.normalize;
         std::vector<float> response(process.buffer.begin(), process.buffer.end());
+        for (float& sample : response) sample = std::isfinite(sample) ? sample : 0;
         const auto scale = static_cast<float>(process.normalize ? loudness(response, rate) : 1);
-        for (float& sample : response) sample = std::isfinite(sample) ? sample * scale : 0;
+        for (float& sample : response) sample *= scale;
         for (std::size_t c = known; c < convolvers_.size(); ++c) convolvers_[c].setResponse(response);
     }
     for (std::size_t c = 0; c < out.size(); ++c) {

@@ -19,9 +19,12 @@ namespace rtsg {
 using AudioChannels = std::vector<std::vector<float>>;
 
 /// Adds what is in other channels: of one, two, four and six as loudspeakers are mixed up and down (Web Audio API 1.1,
-/// section 4, which 16.2.3 goes by), of other numbers and where it is `discrete` each into the one of its number; what
-/// has none is not heard.
+/// section 4, which 16.2, "Sound effects processing", goes by), of other numbers and where it is `discrete` each into
+/// the one of its number; what has none is not heard.
 void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete);
+
+/// What is beyond it is no sound.
+constexpr double kLoudest = 1e9;
 
 /// Silences what is no number, or too large for a sound once it is `gain` times as loud, and says whether there was
 /// any: one such sample would be all that is heard of everything that it is mixed with.

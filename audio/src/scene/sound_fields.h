@@ -1,7 +1,9 @@
 // Fields of nodes as sound reads them: whatever an event may have put there. Threading: pure functions.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -32,5 +34,59 @@ inline double number(float value, double otherwise) {
 inline double number(double value, double otherwise) {
     return std::isfinite(value) ? value : otherwise;
 }
+inline double number(Time value, double otherwise) {
+    return number(value.seconds, otherwise);
+}
+
+/// Numbers of one node, finite whatever the fields hold. What is told of a field does not name its value, which may be
+/// another one in every frame.
+class FieldNumbers {
+  public:
+    FieldNumbers(const Scene& scene, const Node& node, std::function<void(std::string)> tell)
+        : scene_(scene), node_(node), tell_(std::move(tell)) {}
+
+    /// `otherwise` for what is no finite number, which is told.
+    template <class T>
+    double any(Field<T> field, double otherwise) const {
+        const double value = number(node_.get(field), std::nan(""));
+        if (!std::isnan(value)) return value;
+        tell(field.index, "no finite number", otherwise);
+        return otherwise;
+    }
+    /// The nearest number of the field's range, too.
+    template <class T>
+    double within(Field<T> field, double otherwise) const {
+        const FieldDef& def = node_.type().fields[field.index];
+        const double value = any(field, otherwise), nearest = std::clamp(value, def.min, def.max);
+        if (value != nearest && !def.inRange(Value(node_.get(field))))
+            tell(field.index, value < nearest ? "too small" : "too large", nearest);
+        return nearest;
+    }
+    /// Of a field that not every type has.
+    double any(std::string_view name, double otherwise, double absent) const {
+        const FieldIndex field = node_.type().findExact(name);
+        if (field == kNoField) return absent;
+        const FieldType type = node_.type().fields[field].type;
+        if (type == FieldType::SFFloat) return any(Field<float>{field}, otherwise);
+        return type == FieldType::SFTime ? any(Field<Time>{field}, otherwise) : absent;
+    }
+    glm::dvec3 vector(Field<Vec3f> field, const glm::dvec3& otherwise, std::string_view outcome) const {
+        const glm::dvec3 value = node_.get(field);
+        if (std::isfinite(value.x + value.y + value.z)) return value;
+        tell_(fmt::format("{}: its {} is no finite vector: {}", nameOf(scene_, node_),
+                          node_.type().fields[field.index].name, outcome));
+        return otherwise;
+    }
+
+  private:
+    void tell(FieldIndex field, std::string_view what, double counts) const {
+        tell_(fmt::format("{}: its {} is {}: {:g} counts", nameOf(scene_, node_), node_.type().fields[field].name, what,
+                          counts));
+    }
+
+    const Scene& scene_;
+    const Node& node_;
+    std::function<void(std::string)> tell_;
+};
 
 }  // namespace rtsg

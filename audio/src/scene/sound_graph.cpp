@@ -15,8 +15,13 @@ namespace {
 
 constexpr int kMostAudioNodes = 1000;  // looked at for one Sound
 
-void readTimes(const Node& node, SoundTimes& times) {
-    const auto seconds = [&](std::string_view name) { return number(fieldOr(node, name, Time{}).seconds, 0); };
+/// The factor of so many cents, within the range that the Web Audio API gives them (1.3.2, nominal range of detune).
+double detuned(double cents) {
+    return std::pow(2.0, std::clamp(cents, -153'600.0, 153'600.0) / 1200);
+}
+
+void readTimes(const Node& node, const FieldNumbers& in, SoundTimes& times) {
+    const auto seconds = [&](std::string_view name) { return in.any(name, 0, 0); };
     times.startTime = seconds("startTime");
     times.stopTime = seconds("stopTime");
     times.pauseTime = seconds("pauseTime");
@@ -49,19 +54,22 @@ Biquad::Type filterType(std::string_view name) {
     return lowpass;
 }
 
+/// Of what is at no place: so far away that it is not heard.
+constexpr glm::dvec3 kOutOfHearing{1e12};
+
 /// Where a Sound or SpatialSound is and how loud; false: it is neither.
-bool readPlace(const Node& node, SoundNode& sound) {
+bool readPlace(const Node& node, const FieldNumbers& in, SoundNode& sound) {
     if (node.is(x3d::Sound::type)) {
         using S = x3d::Sound;
         sound.enabled = node.get(S::enabled);
         sound.spatialize = node.get(S::spatialize);
-        sound.intensity = std::clamp(number(node.get(S::intensity), 0), 0.0, 1.0);
-        sound.location = node.get(S::location);
-        sound.direction = node.get(S::direction);
-        sound.minBack = number(node.get(S::minBack), 0);
-        sound.minFront = number(node.get(S::minFront), 0);
-        sound.maxBack = number(node.get(S::maxBack), 0);
-        sound.maxFront = number(node.get(S::maxFront), 0);
+        sound.intensity = in.within(S::intensity, 0);
+        sound.location = in.vector(S::location, kOutOfHearing, "it is not heard");
+        sound.direction = in.vector(S::direction, {0, 0, 1}, "0 0 1 counts");
+        sound.minBack = in.within(S::minBack, 0);
+        sound.minFront = in.within(S::minFront, 0);
+        sound.maxBack = in.within(S::maxBack, 0);
+        sound.maxFront = in.within(S::maxFront, 0);
         return true;
     }
     if (!node.is(x3d::SpatialSound::type)) return false;
@@ -69,19 +77,19 @@ bool readPlace(const Node& node, SoundNode& sound) {
     sound.enabled = node.get(S::enabled);
     sound.spatialize = node.get(S::spatialize);
     sound.doppler = node.get(S::dopplerEnabled);
-    sound.intensity = std::clamp(number(node.get(S::intensity), 0), 0.0, 1.0) * number(node.get(S::gain), 0);
-    sound.location = node.get(S::location);
-    sound.direction = node.get(S::direction);
+    sound.intensity = in.within(S::intensity, 0) * in.any(S::gain, 0);
+    sound.location = in.vector(S::location, kOutOfHearing, "it is not heard");
+    sound.direction = in.vector(S::direction, {0, 0, 1}, "0 0 1 counts");
     const std::string_view model = node.get(S::distanceModel).view();
     sound.law = model == "LINEAR"        ? SoundNode::Law::linear
                 : model == "EXPONENTIAL" ? SoundNode::Law::exponential
                                          : SoundNode::Law::inverse;
-    sound.referenceDistance = number(node.get(S::referenceDistance), 0);
-    sound.maxDistance = number(node.get(S::maxDistance), 0);
-    sound.rolloff = number(node.get(S::rolloffFactor), 0);
-    sound.coneInner = number(node.get(S::coneInnerAngle), 0);
-    sound.coneOuter = number(node.get(S::coneOuterAngle), 0);
-    sound.coneOuterGain = number(node.get(S::coneOuterGain), 0);
+    sound.referenceDistance = in.within(S::referenceDistance, 0);
+    sound.maxDistance = in.within(S::maxDistance, 0);
+    sound.rolloff = in.within(S::rolloffFactor, 0);
+    sound.coneInner = in.within(S::coneInnerAngle, 0);
+    sound.coneOuter = in.within(S::coneOuterAngle, 0);
+    sound.coneOuterGain = in.any(S::coneOuterGain, 0);
     return true;
 }
 
@@ -112,12 +120,17 @@ std::vector<float> numbersOf(const Scene& scene, const Node& node, std::string_v
 
 bool SoundScene::tellPitch(const Scene& scene, const Node& node, double pitch) {
     if (pitch > 0) return true;
-    warnOnce(scene.placeOf(node.id()),
-             fmt::format("{} is silent: its pitch of {:g} is not above 0", nameOf(scene, node), pitch));
+    warnOnce(scene.placeOf(node.id()), fmt::format("{} is silent: its pitch is not above 0", nameOf(scene, node)));
     return false;
 }
 
+FieldNumbers SoundScene::numbersIn(const Scene& scene, const Node& node) {
+    return {scene, node,
+            [this, &scene, &node](std::string text) { warnOnce(scene.placeOf(node.id()), std::move(text)); }};
+}
+
 bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, Branch to) {
+    const FieldNumbers in = numbersIn(scene, node);
     SoundVoice voice;
     voice.node = node.id();
     voice.name = nameOf(scene, node);
@@ -128,18 +141,18 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         for (const String& url : node.get(x3d::AudioClip::url)) voice.urls.push_back(url.str());
         voice.folders = foldersOf(scene, node);
         voice.loop = node.get(x3d::AudioClip::loop);
-        const double pitch = number(node.get(x3d::AudioClip::pitch), 0);
+        const double pitch = in.any(x3d::AudioClip::pitch, 0);
         if (!tellPitch(scene, node, pitch)) return true;
         voice.pitch = std::clamp(pitch, 1e-3, 1e3);
     } else if (node.is(x3d::MovieTexture::type)) {
         using M = x3d::MovieTexture;
-        const double speed = number(node.get(M::speed), 1);
+        const double speed = in.any(M::speed, 1);
         // A film that runs backwards, or not at all, is silent.
         if (!node.get(M::load) || !(speed > 0)) return true;
         for (const String& url : node.get(M::url)) voice.urls.push_back(url.str());
         voice.folders = foldersOf(scene, node);
         voice.loop = node.get(M::loop);
-        const double pitch = number(node.get(M::pitch), 0);
+        const double pitch = in.any(M::pitch, 0);
         if (!tellPitch(scene, node, pitch)) return true;
         voice.pitch = std::clamp(speed * pitch, 1e-3, 1e3);
     } else if (node.is(x3d::BufferAudioSource::type)) {
@@ -151,17 +164,15 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
         if (node.get(B::sampleRate) > 0) voice.bufferRate = static_cast<double>(node.get(B::sampleRate));
         voice.bufferChannels = std::clamp(node.get(B::numberOfChannels), 1, 32);
         voice.loop = node.get(B::loop);
-        voice.loopStart = number(node.get(B::loopStart), 0);
-        voice.loopEnd = number(node.get(B::loopEnd), 0);
-        voice.pitch = std::clamp(
-            number(node.get(B::playbackRate), 1) * std::pow(2.0, number(node.get(B::detune), 0) / 1200), -1e3, 1e3);
+        voice.loopStart = in.any(B::loopStart, 0);
+        voice.loopEnd = in.any(B::loopEnd, 0);
+        voice.pitch = std::clamp(in.any(B::playbackRate, 1) * detuned(in.any(B::detune, 0)), -1e3, 1e3);
         if (voice.buffer.empty()) voice.kind = SoundVoice::Kind::clip;
-        if (const double used = number(node.get(B::bufferDuration).seconds, 0); used > 0) voice.duration = used;
+        if (const double used = in.any(B::bufferDuration, 0); used > 0) voice.duration = used;
     } else if (node.is(x3d::OscillatorSource::type)) {
         using O = x3d::OscillatorSource;
         voice.kind = SoundVoice::Kind::oscillator;
-        voice.frequency = std::clamp(
-            number(node.get(O::frequency), 0) * std::pow(2.0, number(node.get(O::detune), 0) / 1200), -1e5, 1e5);
+        voice.frequency = std::clamp(in.any(O::frequency, 0) * detuned(in.any(O::detune, 0)), -1e5, 1e5);
         voice.loop = true;
         voice.wave = waveOf(scene, node);
     } else if (node.is(x3d::StreamAudioSource::type) && !node.get(x3d::StreamAudioSource::streamIdentifier).empty()) {
@@ -175,37 +186,38 @@ bool SoundScene::readSource(const Scene& scene, const Node& node, double gain, B
     } else {
         return false;
     }
-    readTimes(node, voice);
+    readTimes(node, in, voice);
     to.voices.push_back(std::move(voice));
     return true;
 }
 
 bool SoundScene::readProcess(const Scene& scene, const Node& node, double above, int depth, Branch to) {
     using Kind = AudioProcess::Kind;
+    const FieldNumbers in = numbersIn(scene, node);
     auto made = std::make_shared<AudioProcess>();
     AudioProcess& process = *made;
     process.node = node.id();
     process.name = nameOf(scene, node);
-    process.gain = above * number(fieldOr(node, "gain", 1.0f), 0);
+    process.gain = above * in.any("gain", 0, 1);
     process.above = above;
     process.discrete = isDiscrete(node);
-    if (!node.type().isA("X3DSoundChannelNode")) readTimes(node, process.times);
+    if (!node.type().isA("X3DSoundChannelNode")) readTimes(node, in, process.times);
     if (node.is(x3d::BiquadFilter::type)) {
         using B = x3d::BiquadFilter;
         process.kind = Kind::biquad;
         process.filter = filterType(fieldOr(node, "type", String()).view());
-        process.frequency = number(node.get(B::frequency), 350) * std::pow(2.0, number(node.get(B::detune), 0) / 1200);
-        process.quality = number(node.get(B::qualityFactor), 1);
+        process.frequency = in.any(B::frequency, 350) * detuned(in.any(B::detune, 0));
+        process.quality = in.any(B::qualityFactor, 1);
         // Of shelves and peaks the gain is the filter's own, in decibels, and not of what comes out.
         using enum Biquad::Type;
         if (process.filter == lowshelf || process.filter == highshelf || process.filter == peaking) {
-            process.filterGainDb = number(node.get(B::gain), 0);
+            process.filterGainDb = in.any(B::gain, 0);
             process.gain = above;
         }
     } else if (node.is(x3d::Delay::type)) {
         process.kind = Kind::delay;
-        const double most = std::clamp(number(node.get(x3d::Delay::maxDelayTime).seconds, 1), 0.0, 180.0);
-        process.delay = std::clamp(number(node.get(x3d::Delay::delayTime).seconds, 0), 0.0, most);
+        const double most = std::min(in.within(x3d::Delay::maxDelayTime, 1), 180.0);
+        process.delay = std::min(in.within(x3d::Delay::delayTime, 0), most);
     } else if (node.is(x3d::Convolver::type)) {
         process.kind = Kind::convolver;
         process.buffer = node.get(x3d::Convolver::buffer);
@@ -213,9 +225,8 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
     } else if (node.is(x3d::DynamicsCompressor::type)) {
         using D = x3d::DynamicsCompressor;
         process.kind = Kind::compressor;
-        process.compressor = {number(node.get(D::threshold), -24), number(node.get(D::knee), 30),
-                              number(node.get(D::ratio), 12), number(node.get(D::attack).seconds, .003),
-                              number(node.get(D::release).seconds, .25)};
+        process.compressor = {in.any(D::threshold, -24), in.any(D::knee, 30), in.any(D::ratio, 12),
+                              in.any(D::attack, .003), in.any(D::release, .25)};
     } else if (node.is(x3d::WaveShaper::type)) {
         process.kind = Kind::shaper;
         process.curve = numbersOf(scene, node, "curve");
@@ -237,7 +248,7 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
             warnOnce(scene.placeOf(node.id()),
                      fmt::format("fftSize {} of {} is no power of two from 32 to 32768: {} is used", asked,
                                  nameOf(scene, node), process.fftSize));
-        process.smoothing = std::clamp(number(node.get(A::smoothingTimeConstant), 0), 0.0, 1.0);
+        process.smoothing = std::clamp(in.any(A::smoothingTimeConstant, 0), 0.0, 1.0);
     } else if (node.is(x3d::Gain::type) && process.times != SoundTimes()) {
         process.kind = Kind::mix;  // one that always amplifies is a factor
     } else {
@@ -257,10 +268,10 @@ bool SoundScene::readProcess(const Scene& scene, const Node& node, double above,
     return true;
 }
 
-/// A Sound or SpatialSound between other nodes: 16.4 has the latter as the PannerNode of the Web Audio API.
+/// A Sound or SpatialSound between other nodes: 16.4.18 has the latter as the PannerNode of the Web Audio API.
 bool SoundScene::readPanner(const Scene& scene, const Node& node, double above, int depth, Branch to) {
     auto placed = std::make_shared<SoundNode>();
-    if (!readPlace(node, *placed)) return false;
+    if (!readPlace(node, numbersIn(scene, node), *placed)) return false;
     auto panner = std::make_shared<AudioProcess>();
     panner->kind = AudioProcess::Kind::panner;
     panner->node = node.id();
@@ -317,7 +328,7 @@ void SoundScene::readVoices(const Scene& scene, NodeId id, double gain, int dept
                                     kMostAudioNodes));
     if (!fieldOr(*node, "enabled", true)) return;
     const double above = gain;
-    gain *= number(fieldOr(*node, "gain", 1.0f), 0);
+    gain *= numbersIn(scene, *node).any("gain", 0, 1);
     if (readSource(scene, *node, gain, to)) {
         if (to.fed)
             warnOnce(scene.placeOf(id), fmt::format("{} of {} is a source: as an output of a ChannelSplitter it hears "
@@ -349,16 +360,17 @@ std::shared_ptr<const SoundNode> SoundScene::readSound(const Scene& scene, const
     visits_ = 0;
     sound.node = node.id();
     sound.name = nameOf(scene, node);
+    const FieldNumbers in = numbersIn(scene, node);
     const auto readDestination = [&]<class D>() {
         sound.enabled = node.get(D::enabled);
         sound.spatialize = sound.doppler = sound.reflected = false;
         sound.law = SoundNode::Law::none;
-        sound.intensity = number(node.get(D::gain), 0);
+        sound.intensity = in.any(D::gain, 0);
         sound.discrete = isDiscrete(node);
         for (const NodeId child : node.get(D::children))
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     };
-    if (readPlace(node, sound)) {
+    if (readPlace(node, in, sound)) {
         for (const NodeId child : inputsOf(node))
             readVoices(scene, child, 1, 0, {sound.voices, sound.processes, sound.name});
     } else if (node.is(x3d::AudioDestination::type)) {

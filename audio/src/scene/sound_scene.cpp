@@ -259,7 +259,10 @@ void SoundScene::chooseListener(const Scene& scene) {
     if (!listener) return;
     const Node& node = scene.node(listener->node);
     if (!fieldOr(node, "trackCurrentView", false)) listener_ = poseOf(scene, *listener);
-    listener_.gain = number(fieldOr(node, "gain", 1.0f), 0);
+    const FieldNumbers in = numbersIn(scene, node);
+    if (node.is(x3d::ListenerPointSource::type))
+        in.vector(x3d::ListenerPointSource::position, {}, "0 0 10 in the world counts");
+    listener_.gain = in.any("gain", 0, 1);
     listener_.doppler = fieldOr(node, "dopplerEnabled", false);
 }
 

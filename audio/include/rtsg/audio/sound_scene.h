@@ -28,6 +28,7 @@
 
 namespace rtsg {
 
+class FieldNumbers;
 class Walls;
 
 /// A node's acoustic material; `defaults` while it is not enabled.
@@ -231,6 +232,8 @@ class SoundScene {
         std::shared_ptr<const AudioProcess> fed = nullptr;  // what the node on top gets besides its children
     };
     void readVoices(const Scene& scene, NodeId id, double gain, int depth, Branch to);
+    /// What its fields hold; numbers that are none are told.
+    FieldNumbers numbersIn(const Scene& scene, const Node& node);
     /// Whether it is one that a sound may have; else it is told.
     bool tellPitch(const Scene& scene, const Node& node, double pitch);
     bool readSource(const Scene& scene, const Node& node, double gain, Branch to);
