@@ -1,7 +1,8 @@
 // DelayLine: a signal read at a moving, fractional delay, which is how Doppler shift comes about.
 #pragma once
 
-#include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <span>
@@ -14,14 +15,12 @@ namespace rtsg {
 class DelayLine {
   public:
     void write(std::span<const float> block, std::size_t longestDelay) {
-        const std::size_t need = longestDelay + block.size() + 4 * SincTable::kHalf;
-        if (ring_.size() < need) {
-            std::vector<float> larger(2 * need);
-            for (std::size_t back = 1; back <= ring_.size() && back <= written_; ++back)
-                larger[(written_ - back) % larger.size()] = ring_[(written_ - back) % ring_.size()];
-            ring_ = std::move(larger);
+        grow(longestDelay + block.size() + 4 * SincTable::kHalf);
+        for (const float sample : block) {
+            const std::size_t i = written_++ & mask_;
+            ring_[i] = sample;
+            if (i < kTaps) ring_[mask_ + 1 + i] = sample;
         }
-        for (const float sample : block) ring_[written_++ % ring_.size()] = sample;
     }
 
     /// The sample `delay` before sample `index` (absolute, counted from the first written); what is not there yet is 0.
@@ -30,16 +29,20 @@ class DelayLine {
         if (delay < SincTable::kHalf) delay = std::round(delay);
         const double position = static_cast<double>(index) - delay;
         const double whole = std::floor(position), fraction = position - whole;
-        const auto first = static_cast<std::ptrdiff_t>(whole);
-        if (fraction == 0) return at(first);
-        float sum = 0;
-        for (int k = 0; k < 2 * SincTable::kHalf; ++k)
-            sum += at(first + k - (SincTable::kHalf - 1)) * sinc().tap(fraction, k);
-        return sum;
+        const auto place = static_cast<std::ptrdiff_t>(whole);
+        if (fraction == 0) return at(place);
+        const std::ptrdiff_t first = place - (SincTable::kHalf - 1);
+        if (first >= 0 && first + static_cast<std::ptrdiff_t>(kTaps) <= static_cast<std::ptrdiff_t>(written_) && written_ - static_cast<std::size_t>(first) <= mask_ + 1)
+            return sinc().weighted(fraction, ring_.data() + (static_cast<std::size_t>(first) & mask_));
+        std::array<float, kTaps> samples;
+        for (std::size_t k = 0; k < kTaps; ++k) samples[k] = at(first + static_cast<std::ptrdiff_t>(k));
+        return sinc().weighted(fraction, samples.data());
     }
     std::size_t written() const { return written_; }
 
   private:
+    static constexpr std::size_t kTaps = 2 * SincTable::kHalf;
+
     static const SincTable& sinc() {
         static const SincTable table;
         return table;
@@ -47,10 +50,24 @@ class DelayLine {
     float at(std::ptrdiff_t index) const {
         if (index < 0 || index >= static_cast<std::ptrdiff_t>(written_)) return 0;
         const auto i = static_cast<std::size_t>(index);
-        return written_ - i > ring_.size() ? 0 : ring_[i % ring_.size()];
+        return written_ - i > mask_ + 1 ? 0 : ring_[i & mask_];
     }
+    void grow(std::size_t need) {
+        if (!ring_.empty() && mask_ + 1 >= need) return;
+        const std::size_t size = std::bit_ceil(2 * need);
+        std::vector<float> larger(size + kTaps);
+        for (std::size_t back = 1; !ring_.empty() && back <= mask_ + 1 && back <= written_; ++back) {
+            const std::size_t i = (written_ - back) & (size - 1);
+            larger[i] = ring_[(written_ - back) & mask_];
+            if (i < kTaps) larger[size + i] = larger[i];
+        }
+        ring_ = std::move(larger);
+        mask_ = size - 1;
+    }
+
+    // As many samples as a power of two, and the first of them once more, so that any taps of them are in a row.
     std::vector<float> ring_;
-    std::size_t written_ = 0;
+    std::size_t mask_ = 0, written_ = 0;
 };
 
 }  // namespace rtsg

@@ -1,6 +1,7 @@
 // Band-limited reading between samples: a Kaiser-windowed sinc of 32 taps, exact at whole samples.
 #pragma once
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
@@ -33,6 +34,21 @@ class SincTable {
         const auto blend = static_cast<float>(position - static_cast<double>(phase));
         const std::size_t at = phase * 2 * kHalf + static_cast<std::size_t>(k);
         return taps_[at] + (taps_[at + 2 * kHalf] - taps_[at]) * blend;
+    }
+
+    /// The 2 * kHalf samples, one after the other, weighted by the taps of a fraction in [0, 1): in eight sums, which
+    /// machines add side by side.
+    float weighted(double fraction, const float* samples) const {
+        const double position = fraction * kPhases;
+        const auto phase = static_cast<std::size_t>(position);
+        const auto blend = static_cast<float>(position - static_cast<double>(phase));
+        const float* near = taps_.data() + phase * 2 * kHalf;
+        const float* next = near + 2 * kHalf;
+        std::array<float, 8> sums{};
+        for (std::size_t k = 0; k < 2 * kHalf; k += sums.size())
+            for (std::size_t i = 0; i < sums.size(); ++i)
+                sums[i] += samples[k + i] * (near[k + i] + (next[k + i] - near[k + i]) * blend);
+        return ((sums[0] + sums[1]) + (sums[2] + sums[3])) + ((sums[4] + sums[5]) + (sums[6] + sums[7]));
     }
 
   private:
