@@ -83,12 +83,17 @@ Result<> AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count
 }
 
 /// How long what arrives at `time` was under way, and how that changes; Newton's method from a guess.
-void AcousticEngine::Impl::findDelay(const Trajectory& motion, double time, double& delay, double& slope) const {
+void AcousticEngine::Impl::findDelay(const Trajectory& motion, const FollowedImage* image, double time, double& delay,
+                                     double& slope) const {
     const double speed = air.speedOfSound / options.sampleRate;  // metres a sample
     const Trajectory::Point at = listenerMotion.at(time);
     slope = 0;
     for (int step = 0; step < 8; ++step) {
-        const Trajectory::Point from = motion.at(time - delay);
+        Trajectory::Point from = motion.at(time - delay);
+        if (image) {
+            from.position = image->at(from.position);
+            from.velocity = image->turn * from.velocity;
+        }
         const glm::dvec3 way = from.position - at.position;
         const double distance = glm::length(way);
         // Written so that what is no number is far away.
@@ -116,7 +121,7 @@ void AcousticEngine::Impl::delaysOf(const EmitterState& state, HeardLevel& to, B
         const std::size_t next = std::min(size, at + kDelayStep);
         const double h = static_cast<double>(next - at);
         double delay = from + fromSlope * h, slope = 0;
-        findDelay(state.motion, static_cast<double>(samples) + static_cast<double>(next), delay, slope);
+        findDelay(state.motion, nullptr, static_cast<double>(samples) + static_cast<double>(next), delay, slope);
         const double way = delay - from, a = fromSlope * h, b = slope * h;
         for (std::size_t i = at; i < next; ++i) {
             const double u = static_cast<double>(i + 1 - at) / h;
@@ -288,24 +293,38 @@ void AcousticEngine::Impl::mixInput(EmitterInput& input, const std::vector<doubl
     input.gains = gains;
 }
 
-/// Reflections of what is played; left of two channels stays left.
-void AcousticEngine::Impl::renderLate(EmitterState& state, const HeardLevel& to, Block& block) {
+/// Reflections of what is played; left of two channels stays left. `emitter` is null once it is gone.
+void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to,
+                                      bool jumped, Block& block) {
     const std::size_t size = options.blockSize, inputs = state.inputs.size();
-    const auto fill = [&](std::size_t first, std::size_t count) {
+    const bool apart = inputs == 2 && channels == 2;
+    block.late.resize(apart ? 2 : 1);
+    for (std::size_t s = 0; s < block.late.size(); ++s) {
+        const std::size_t first = apart ? s : 0, count = apart ? 1 : inputs;
+        block.late[s].resize(size);
         for (std::size_t i = 0; i < size; ++i) {
             const double w = static_cast<double>(i + 1) / static_cast<double>(size);
             float sum = 0;
             for (std::size_t k = first; k < first + count; ++k) sum += block.dry[k][i];
-            block.late[i] = sum / static_cast<float>(count) *
-                            static_cast<float>(state.level.lateGain + (to.lateGain - state.level.lateGain) * w);
+            block.late[s][i] = sum / static_cast<float>(count) *
+                               static_cast<float>(state.level.lateGain + (to.lateGain - state.level.lateGain) * w);
         }
-    };
-    const bool apart = inputs == 2 && channels == 2;
-    if (!apart) fill(0, inputs);
-    for (std::size_t ch = 0; ch < channels; ++ch) {
-        if (apart) fill(ch, 1);
-        state.late[ch].process(block.late, block.out[ch]);
     }
+    for (std::size_t ch = 0; ch < channels; ++ch) state.late[ch].process(block.late[apart ? ch : 0], block.out[ch]);
+    const double start = static_cast<double>(samples), end = start + static_cast<double>(size);
+    const ImpulseResponseOptions response = responseFor(emitter ? emitter->id : InstanceId{}, block.listener);
+    const auto find = [&](const FollowedImage& image, int step, double& delay, double& slope) {
+        if (!emitter && step >= 0) {  // it is where it was
+            slope = 0;
+            return;
+        }
+        const double at = std::min(end, start + static_cast<double>(step + 1) * ImagePlayer::kStep);
+        findDelay(state.motion, &image, at, delay, slope);
+    };
+    const auto from = [&](const FollowedImage& image, double delay) {
+        return image.at(state.motion.at(end - delay).position) - block.listener.position;
+    };
+    state.images.render({block.late, find, from, response, jumped, block.out});
 }
 
 Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
@@ -319,7 +338,8 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     play(emitter, state, block);
     if (auto made = makeInputs(state, block.dry.size()); !made) return made;
     HeardLevel to;
-    if (!state.started) findDelay(state.motion, static_cast<double>(samples), state.level.delay, state.level.slope);
+    if (!state.started)
+        findDelay(state.motion, nullptr, static_cast<double>(samples), state.level.delay, state.level.slope);
     delaysOf(state, to, block);
     // Without Doppler shift sound keeps its delay as long as there is any: it takes the new one while it is silent.
     const bool silent = state.quiet > static_cast<std::size_t>(state.level.delay) + options.blockSize;
@@ -354,7 +374,7 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
             if (renewal == Renewal::trace) trace(state, emitter, state.to, now);
             if (renewal == Renewal::turn) turn(state, emitter, now);
         }
-        renderLate(state, to, block);
+        renderLate(state, &emitter, to, crossfade, block);
     }
     noteSilence(state, block);
     // What plays nothing as yet may be let out before it does.
@@ -407,7 +427,7 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
             else
                 mixInput(input, std::vector<double>(input.gains), block.direct[k], block);
         }
-        if (options.reflections) renderLate(state, state.level, block);
+        if (options.reflections) renderLate(state, nullptr, state.level, false, block);
         state.fading -= std::min(state.fading, size);
         if (state.fading > 0) {
             ++it;
@@ -452,7 +472,7 @@ Result<> AcousticEngine::Impl::block(double alpha) {
     listener.gain = playing.listener.gain;
     listener.doppler = playing.listener.doppler;
     const std::vector<std::vector<float>> silent(channels, std::vector<float>(size));
-    Block block{listener, {}, {}, std::vector<float>(size), {}, silent, {}};
+    Block block{listener, {}, {}, {}, {}, silent, {}};
     if (head()) block.ears = silent;
     for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
     for (const SoundEmitter& emitter : *playing.emitters)

@@ -43,10 +43,10 @@ struct AcousticEngine::Impl {
         ListenerPose listener;                   // at the end
         std::vector<std::vector<float>> dry;     // what an emitter plays, by input
         std::vector<std::vector<float>> direct;  // what comes of it straight, by input
-        std::vector<float> late;
-        std::vector<double> delays;            // by sample
-        std::vector<std::vector<float>> out;   // by channel: all but what goes to the mixer and through the head
-        std::vector<std::vector<float>> ears;  // by channel: what went through the head
+        std::vector<std::vector<float>> late;    // what is reflected: of all channels, or left and right
+        std::vector<double> delays;              // by sample
+        std::vector<std::vector<float>> out;     // by channel: all but what goes to the mixer and through the head
+        std::vector<std::vector<float>> ears;    // by channel: what went through the head
     };
 
     std::size_t latency() const { return mixer ? mixer->latency() : head() ? options.hrtf->early() : 0; }
@@ -71,7 +71,9 @@ struct AcousticEngine::Impl {
     void streamOut(const SoundEmitter& emitter, EmitterState& state, Block& block);
     void endStreams();
     Result<> makeInputs(EmitterState& state, std::size_t count);
-    void findDelay(const Trajectory& motion, double time, double& delay, double& slope) const;
+    /// Of the source, or of an image of it.
+    void findDelay(const Trajectory& motion, const FollowedImage* image, double time, double& delay,
+                   double& slope) const;
     void delaysOf(const EmitterState& state, HeardLevel& to, Block& block) const;
     glm::dvec3 apparentPosition(const EmitterState& state, double delay) const;
     std::vector<std::uint32_t> bodyAt(const EmitterState& state, const glm::dvec3& apparent,
@@ -85,7 +87,7 @@ struct AcousticEngine::Impl {
     void mixInput(EmitterInput& input, const std::vector<double>& gains, const std::vector<float>& direct,
                   Block& block) const;
     void putThroughHead(EmitterInput& input, const glm::dvec3& towards, std::vector<float> direct, Block& block) const;
-    void renderLate(EmitterState& state, const HeardLevel& to, Block& block);
+    void renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to, bool jumped, Block& block);
     void noteSilence(EmitterState& state, const Block& block) const;
     void fadeOut(Block& block);
     Result<> mixDown(const Block& block);
@@ -95,10 +97,12 @@ struct AcousticEngine::Impl {
     Renewal renewalOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                       const ListenerPose& listener) const;
     void turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener);
-    ImpulseResponseOptions responseFor(const SoundEmitter& emitter, const ListenerPose& listener) const;
+    ImpulseResponseOptions responseFor(InstanceId emitter, const ListenerPose& listener) const;
     void submit(EmitterState& state, TraceJob job, const ListenerPose& listener);
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                const ListenerPose& listener);
+    std::size_t followedOf(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
+                           const ListenerPose& listener) const;
     void takeResponse(TracedResponse traced);
     void noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener, double seconds,
                   Seal seal);

@@ -57,6 +57,21 @@ bool AcousticEngine::Impl::leaksKnownFrom(const glm::dvec3& source) const {
     });
 }
 
+/// How many images are to follow the source, or the listener, rather than be heard from where they were: of those that
+/// move the loudest, as long as they are few. Sound that is not to be shifted keeps its way, and a head of one's own
+/// has no room for more.
+std::size_t AcousticEngine::Impl::followedOf(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
+                                             const ListenerPose& listener) const {
+    constexpr std::size_t kMost = 8, kMostOfAll = 96;
+    const double little = 0.5 * options.moveTolerance;
+    state.moves = state.hasResponse && !state.jumps && !listenerJumps &&
+                  (glm::distance(state.tracedSource, source) > little ||
+                   glm::distance(state.tracedListener, listener.position) > little);
+    if (!state.moves || head() || !(emitter.sound->doppler || listener.doppler)) return 0;
+    const auto moving = std::ranges::count_if(states, [](const auto& other) { return other.second.moves; });
+    return std::clamp<std::size_t>(kMostOfAll / static_cast<std::size_t>(moving), 1, kMost);
+}
+
 void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                                  const ListenerPose& listener) {
     TraceJob job;
@@ -73,11 +88,12 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
         if (!state.leaksSought) job.tracing.exits = kLeakExits;
     }
     job.tracing.pattern = patternOf(emitter, source, listener.position, options.levels == AcousticOptions::Levels::x3d);
+    job.followed = followedOf(state, emitter, source, listener);
     job.error = options.error;
     job.maxRays = options.maxRays;
     job.longest = longest;
     job.block = options.blockSize;
-    job.response = responseFor(emitter, listener);
+    job.response = responseFor(emitter.id, listener);
     state.tracedSource = source;
     state.tracedListener = listener.position;
     state.tracedAim = emitter.aim();
@@ -91,13 +107,13 @@ void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter
     TraceJob job;
     job.emitter = emitter.id;
     job.block = options.blockSize;
-    job.response = responseFor(emitter, listener);
+    job.response = responseFor(emitter.id, listener);
     job.traced = state.traced;
+    job.images = state.tracedImages;
     submit(state, std::move(job), listener);
 }
 
-ImpulseResponseOptions AcousticEngine::Impl::responseFor(const SoundEmitter& emitter,
-                                                         const ListenerPose& listener) const {
+ImpulseResponseOptions AcousticEngine::Impl::responseFor(InstanceId emitter, const ListenerPose& listener) const {
     using Channels = ImpulseResponseOptions::Channels;
     ImpulseResponseOptions response;
     response.channels = options.ambisonicOrder > 0 ? Channels::ambisonic
@@ -113,7 +129,7 @@ ImpulseResponseOptions AcousticEngine::Impl::responseFor(const SoundEmitter& emi
     response.cutShare = 1e-6;
     response.speedOfSound = air.speedOfSound;
     // The same noise each time, another for each emitter: crossfades then do not rustle.
-    response.seed = emitter.id.slot + 1;
+    response.seed = emitter.slot + 1;
     return response;
 }
 
@@ -131,13 +147,15 @@ void AcousticEngine::Impl::submit(EmitterState& state, TraceJob job, const Liste
 void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     ++(traced.turned ? heard.turned : heard.responses);
     heard.rays = std::max(heard.rays, traced.rays);
-    heard.images = std::max(heard.images, traced.images);
+    heard.images = std::max(heard.images, traced.imageCount);
     if (!std::isnan(traced.error) && !traced.turned)
         heard.error = std::isnan(heard.error) ? traced.error : std::max(heard.error, traced.error);
     const auto found = states.find(traced.emitter);
     if (found == states.end()) return;
     EmitterState& state = found->second;
     for (std::size_t c = 0; c < channels; ++c) state.late[c].setResponse(std::move(traced.channels[c]));
+    state.tracedImages = traced.images;
+    state.images.set(std::move(traced.images));
     state.responseFrames = std::max(state.responseFrames, traced.frames);
     if (traced.turned) return;
     state.traced = std::move(traced.traced);

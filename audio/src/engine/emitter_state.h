@@ -15,6 +15,7 @@
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/world_geometry.h>
 
+#include "image_player.h"
 #include "scene/process_player.h"
 #include "signal/delay_line.h"
 #include "trajectory.h"
@@ -38,7 +39,7 @@ struct EmitterInput {
 };
 
 struct EmitterState {
-    EmitterState(std::size_t block, std::size_t channels, std::size_t fade) : motion(block) {
+    EmitterState(std::size_t block, std::size_t channels, std::size_t fade) : motion(block), images(block, fade) {
         for (std::size_t c = 0; c < channels; ++c) late.emplace_back(block, fade);
     }
 
@@ -46,6 +47,7 @@ struct EmitterState {
     std::vector<EmitterInput> inputs;
     Trajectory motion;
     std::vector<Convolver> late;        // by channel
+    ImagePlayer images;                 // those that `late` leaves out
     glm::dvec3 to{0};                   // where it is at the end of this frame
     std::vector<std::uint32_t> around;  // slots of the shapes that may be its body
     std::vector<std::uint32_t> body;    // of those, the ones that the listener is not in
@@ -63,6 +65,8 @@ struct EmitterState {
     double tracedAt = 0;
     glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0}, tracedBack{0}, tracedAim{0};
     std::shared_ptr<const Echogram> traced;  // for when the listener turns
+    ImagePlayer::Images tracedImages;        // that the response leaves out
+    bool moves = false;                      // it, or the listener, since it was traced before
     AcousticBox reached;                     // by its paths
     bool stale = false;                      // something changed there since
     std::size_t responseFrames = 0;

@@ -25,7 +25,9 @@ namespace {
 
 /// The response for how the listener's head is turned.
 void makeChannels(const TraceJob& job, TracedResponse& result) {
-    const ImpulseResponse ir = makeImpulseResponse(*result.traced, job.response);
+    const bool whole = !result.images || result.images->empty();
+    const ImpulseResponse ir =
+        makeImpulseResponse(whole ? *result.traced : without(*result.traced, *result.images), job.response);
     for (const std::vector<float>& channel : ir.channels)
         result.channels.push_back(Convolver::prepare(job.block, channel));
     result.frames = ir.frames();
@@ -38,6 +40,7 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
         TracedResponse turned;
         turned.emitter = job.emitter;
         turned.traced = job.traced;
+        turned.images = job.images;
         turned.turned = true;
         makeChannels(job, turned);
         return turned;
@@ -54,13 +57,17 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
         result.error = tracer.refineTo(traced, job.source, job.listener, job.tracing, job.error, job.maxRays);
     if (!traced.exits.empty()) result.openings = room.openings(job.source, traced.exits, traced.escaped);
     result.traced = std::make_shared<const Echogram>(traced.echogram());
+    if (job.followed > 0)
+        result.images = std::make_shared<const std::vector<FollowedImage>>(
+            followedImages(*result.traced, job.source, job.listener, job.response.speedOfSound, job.response.sampleRate,
+                           job.block, job.followed));
     makeChannels(job, result);
     result.reached = recorder.reached();
     // The receiver's ball shrinks before a wall: what comes near the listener counts as well.
     result.reached.extend(job.listener - traced.receiverRadius / 0.4);
     result.reached.extend(job.listener + traced.receiverRadius / 0.4);
     result.rays = traced.rays;
-    result.images = traced.arrivals.size();
+    result.imageCount = traced.arrivals.size();
     return result;
 }
 

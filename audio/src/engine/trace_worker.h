@@ -20,6 +20,8 @@
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/world_geometry.h>
 
+#include "trace/followed_images.h"
+
 namespace rtsg {
 
 struct TraceJob {
@@ -32,8 +34,11 @@ struct TraceJob {
     double longest = 0;  // metres that sound goes within a response
     ImpulseResponseOptions response;
     std::size_t block = 256;
+    /// So many images at most are left out of the response, to be rendered for themselves.
+    std::size_t followed = 0;
     /// What was traced before, where only the listener's head has turned since: nothing is traced then.
     std::shared_ptr<const Echogram> traced;
+    std::shared_ptr<const std::vector<FollowedImage>> images;  // that were left out then
     // Of the worker alone.
     std::shared_ptr<const AcousticState> state;
     std::shared_ptr<const RayView> rays;
@@ -44,10 +49,11 @@ struct TracedResponse {
     std::vector<Convolver::Response> channels;
     std::size_t frames = 0;
     std::shared_ptr<const Echogram> traced;
+    std::shared_ptr<const std::vector<FollowedImage>> images;
     bool turned = false;  // it is the job's: all below says nothing
     AcousticBox reached;  // by its paths
     std::uint64_t rays = 0;
-    std::size_t images = 0;
+    std::size_t imageCount = 0;
     double error = 0;          // NaN unless asked for
     std::optional<Seal> seal;  // nothing arrived, and why
     RoomOpenings openings;     // if job.tracing asked for exits

@@ -2,21 +2,11 @@
 #include <rtsg/audio/convolver.h>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "fade.h"
 #include "fft.h"
 
 namespace rtsg {
-namespace {
-
-/// From 0 to 1 with two continuous derivatives, so that a tone that fades over stays beside no line of its own.
-float fadeIn(double share) {
-    const double x = std::clamp(share, 0.0, 1.0);
-    return static_cast<float>(x - std::sin(2 * std::numbers::pi * x) / (2 * std::numbers::pi));
-}
-
-}  // namespace
-
 struct Convolver::Impl {
     using Spectrum = RealFft::Spectrum;
 

@@ -461,7 +461,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
     ImageSources result = candidates.found();
     const std::vector<Candidate>& all = candidates.impl().set.all;
     const glm::dvec3 source = all.front().position, listener = offWalls(geometry, to, source);
-    const auto keep = [&](Path path, const glm::dvec3& image) {
+    const auto keep = [&](Path path, const glm::dvec3& image, const glm::mat3& turn) {
         const double distance = glm::distance(image, listener);
         if (distance > options.maxDistance) return;
         // A source in the listener's head has no direction and, as for any nearer than a centimetre, no 1/r^2 either.
@@ -469,6 +469,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
         const double sent = options.pattern ? options.pattern(path.departure) : 1;
         if (!(sent > 0)) return;
         path.arrival.seconds = distance / speedOfSound;
+        path.arrival.turn = turn;
         path.arrival.direction = distance > 1e-9 ? (image - listener) / distance : glm::dvec3(0, 0, -1);
         const double spread = sent / (4 * std::numbers::pi * clamped * clamped);
         for (std::size_t b = 0; b < kBandCount; ++b)
@@ -479,7 +480,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
     direct.arrival.energy = directShare(geometry, source, listener);
     const double distance = glm::distance(source, listener);
     direct.departure = distance > 0 ? (listener - source) / distance : glm::dvec3(0, 0, -1);
-    if (direct.arrival.energy != Bands{}) keep(direct, source);
+    if (direct.arrival.energy != Bands{}) keep(direct, source, glm::mat3(1.0f));
 
     const WallShares shares(geometry);
     const WallsAround around(geometry, source);
@@ -495,7 +496,7 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
         retrace(geometry, ways, beside);
     });
     for (std::size_t i = 1; i < paths.size(); ++i)
-        for (const Path& path : paths[i]) keep(path, all[i].position);
+        for (const Path& path : paths[i]) keep(path, all[i].position, all[i].turn);
     std::stable_sort(result.arrivals.begin(), result.arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
     return result;

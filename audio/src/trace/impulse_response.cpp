@@ -13,6 +13,7 @@
 #include "signal/fft.h"
 #include "signal/fractional_delay.h"
 #include "signal/random.h"
+#include "trace/arrival_pan.h"
 
 namespace rtsg {
 namespace {
@@ -28,12 +29,9 @@ double gaussian(Random& random) {
     return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
 }
 
-struct Pan {
-    double gain = 1;
-    double delay = 0;  // s
-};
+}  // namespace
 
-Pan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options) {
+ArrivalPan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options) {
     if (options.channels == ImpulseResponseOptions::Channels::mono) return {};
     if (options.channels == ImpulseResponseOptions::Channels::ambisonic) {
         const glm::dvec3 local(glm::dot(direction, options.listenerRight), glm::dot(direction, options.listenerUp),
@@ -43,7 +41,7 @@ Pan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions
         return {gains[static_cast<std::size_t>(channel)], 0};
     }
     const double right = glm::dot(direction, options.listenerRight), towards = channel == 0 ? -right : right;
-    Pan pan;
+    ArrivalPan pan;
     pan.gain = stereoGains({right, 0, 0})[static_cast<std::size_t>(channel)];
     if (options.channels == ImpulseResponseOptions::Channels::binaural) {
         // Relative to the head's centre: the near ear hears earlier by r sin a, the far one later by r a.
@@ -52,6 +50,8 @@ Pan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions
     }
     return pan;
 }
+
+namespace {
 
 /// When every band has less than `share` of its energy left, s.
 double usefulDuration(const Echogram& echogram, double share) {
@@ -124,7 +124,7 @@ void addArrival(const Arrival& arrival, const HeadArrival* head, std::size_t ban
         }
         return;
     }
-    const Pan pan = panOf(arrival.direction, channel, options);
+    const ArrivalPan pan = panOf(arrival.direction, channel, options);
     const double position = std::max(0.0, (arrival.seconds + pan.delay) * options.sampleRate);
     const double whole = std::floor(position);
     const auto amplitude = static_cast<float>(pan.gain * pressure);

@@ -212,6 +212,86 @@ TEST(MovingSource, NewResponsesDoNotTick) {
     EXPECT_LE(farFromTheTone(sound, 1.05, 300), -125);
 }
 
+/// A wall that mirrors, behind a source that goes straight from it to the listener, or comes from there.
+const std::string kWall =
+    "Transform { translation 0 0 -80 children Shape { appearance Appearance { acousticProperties "
+    "AcousticProperties { specular 1 } } geometry IndexedFaceSet { solid FALSE coordIndex [ 0 1 2 3 ] coord Coordinate "
+    "{ point [ -900 -900 "
+    "0, 900 -900 0, 900 900 0, -900 900 0 ] } } } }\n";
+
+/// What comes by way of the wall alone: all, less what comes straight.
+SoundBuffer reflection(const std::string& text, AcousticOptions options, double fps, double seconds, double start,
+                       double speed) {
+    const auto place = [&](double t) { return glm::dvec3(0, 0, start + speed * t); };
+    options.trace.rays = 200;
+    options.trace.maxSeconds = .7;
+    SoundBuffer all = render(text, options, fps, seconds, place);
+    options.reflections = false;
+    const SoundBuffer straight = render(text, options, fps, seconds, place);
+    for (std::size_t i = 0; i < all.samples.size(); ++i) all.samples[i] -= straight.samples[i];
+    return all;
+}
+
+/// Its pitch is f / (1 + v / c), its level that of sound that left with the source's distance and came as far as the
+/// image is.
+void expectReflection(const AcousticOptions& options, double fps, double speed, const std::string& what) {
+    const double start = speed > 0 ? -60 : -30;
+    SoundBuffer sound = reflection(kCar + kWall, options, fps, 1.6, start, speed);
+    const auto channels = static_cast<std::size_t>(sound.channels);
+    for (std::size_t i = 0; i < sound.frames(); ++i) {
+        const double t = static_cast<double>(i) / kMovingRate;
+        // When it left the image, how far away that was, and how far the source was heard to be by then.
+        const double left = (t - (160 + start) / 343) / (1 + speed / 343);
+        const double image = 160 + start + speed * left;
+        const double heard = -(start + speed * (left + start / 343) / (1 - speed / 343));
+        sound.samples[channels * i] *= static_cast<float>(image / heard);
+    }
+    const Line line = fit(sound, kMovingTone / (1 + speed / 343), .9, 1.5);
+    EXPECT_LE(line.besideDb, -90) << what << ", " << speed << " m/s, " << fps << " frames a second";
+    EXPECT_NEAR(line.amplitude, 1, 2e-3) << what << ' ' << speed;
+}
+
+TEST(MovingSource, AReflectionFollowsInEveryBlock) {
+    for (const double speed : {1.0, 5.0, 34.0, -10.0})
+        for (const auto& [block, fps] : {std::pair(256u, 60.0), std::pair(64u, 24.7), std::pair(1000u, 60.0)}) {
+            AcousticOptions options;
+            options.blockSize = block;
+            expectReflection(options, fps, speed, "blocks of " + std::to_string(block));
+        }
+}
+
+TEST(MovingSource, AReflectionFollowsInOtherSoundThanStereo) {
+    AcousticOptions ambisonic;
+    ambisonic.ambisonicOrder = 2;
+    expectReflection(ambisonic, 60, 5, "ambisonic");
+    AcousticOptions binaural;
+    binaural.binaural = true;
+    if (AcousticEngine::create(binaural)) expectReflection(binaural, 60, 5, "binaural");
+}
+
+/// With what the wall leaves of its band, to a quarter of a decibel.
+TEST(MovingSource, AReflectionThatFollowsIsColouredByTheWall) {
+    std::string wall = kWall;
+    wall.insert(wall.find("specular"),
+                "metadata MetadataFloat { name \"absorption\" value [ .1 .1 .15 .2 .3 .4 .5 .6 .7 .7 ] } ");
+    const SoundBuffer sound = reflection(kCar + wall, {}, 60, 1.6, -30, 2);
+    double energy = 0;
+    constexpr std::size_t kFrom = 43'200, kTo = 72'000;
+    for (std::size_t i = kFrom; i < kTo; ++i) {
+        const double t = static_cast<double>(i) / kMovingRate, left = (t - 130.0 / 343) / (1 + 2.0 / 343);
+        const double heard = -(-30 + 2 * (left - 30.0 / 343) / (1 - 2.0 / 343));
+        energy += std::pow(static_cast<double>(sound.samples[2 * i]) * (130 + 2 * left) / heard, 2);
+    }
+    const double amplitude = std::sqrt(2 * energy / (kTo - kFrom));
+    EXPECT_NEAR(20 * std::log10(amplitude / std::sqrt(.6)), 0, .25);
+}
+
+/// Sound that is not shifted keeps its delays, and its reflections do.
+TEST(MovingSource, ReflectionsOfSoundThatIsNotShiftedKeepItsPitch) {
+    const SoundBuffer sound = reflection(kPlainCar + kWall, {}, 60, 1.6, -30, 5);
+    EXPECT_LE(farFromTheTone(sound, .8, 20), -40);
+}
+
 TEST(Trajectory, FollowsAParabolaExactlyAndGoesOnStraight) {
     Trajectory path(4);
     const auto at = [](double t) { return glm::dvec3(1 + .5 * t + .01 * t * t, 2 - .2 * t, 0); };

@@ -21,6 +21,8 @@ struct Arrival {
     Bands energy{};
     glm::dvec3 direction{0};  // unit, world frame, from the listener towards where it comes from
     std::uint32_t order = 0;  // reflections; 0 is direct sound
+    /// What comes from a mirror image of the source: where the source goes by `way`, it goes by turn * way. Else 0.
+    glm::mat3 turn{0.0f};
 };
 
 /// Bin k covers [k, k + 1) / binsPerSecond + start; the first also what comes earlier.

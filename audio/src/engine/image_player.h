@@ -1,0 +1,72 @@
+// ImagePlayer: images of a source that moves, each heard from where it is in every block.
+//
+// A set that comes fades over as a response of a Convolver of the same block and fade does, block by block beside it,
+// so that what one of them leaves out the other has. Threading: the engine's thread.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include <rtsg/audio/convolver.h>
+
+#include "signal/delay_line.h"
+#include "trace/arrival_pan.h"
+#include "trace/followed_images.h"
+
+namespace rtsg {
+
+class ImagePlayer {
+  public:
+    using Images = std::shared_ptr<const std::vector<FollowedImage>>;
+
+    ImagePlayer(std::size_t block, std::size_t fade) : block_(block), fade_(std::max<std::size_t>(1, fade)) {}
+
+    /// Null or empty: none.
+    void set(Images images) {
+        waiting_ = std::move(images);
+        waits_ = true;
+    }
+
+    /// What a block needs to be heard.
+    struct Block {
+        /// What is reflected in this block: of all channels, or of two that stay apart.
+        std::span<const std::vector<float>> late;
+        /// Delay and its slope, samples, at the end of step k of the block; `delay` comes with a guess. -1: its start.
+        std::function<void(const FollowedImage&, int step, double& delay, double& slope)> find;
+        /// Where the image was when that went out which arrives at the end of the block, from the listener.
+        std::function<glm::dvec3(const FollowedImage&, double delay)> from;
+        const ImpulseResponseOptions& response;  // the listener's axes and channels
+        bool jumps = false;                 // it was put somewhere else: from one delay to another within the block
+        std::span<std::vector<float>> out;  // by channel; is added to
+    };
+    /// Samples between the places that a block asks for.
+    static constexpr std::size_t kStep = 32;
+    void render(const Block& block);
+
+  private:
+    struct Voice {
+        double delay = 0, slope = 0;
+        bool started = false;
+        std::vector<ArrivalPan> pans;  // by channel, times pressure
+        std::vector<Convolver> filters;
+    };
+    struct Set {
+        Images images;
+        std::vector<Voice> voices;
+    };
+    void render(Set& set, const Block& block, bool arrives);
+    void render(const FollowedImage& image, Voice& voice, const Block& block, std::span<const float> weights);
+    std::vector<double> delaysOf(const FollowedImage& image, Voice& voice, const Block& block) const;
+
+    std::size_t block_, fade_;
+    std::array<DelayLine, 2> lines_;
+    Set current_, next_;
+    Images waiting_;
+    bool fading_ = false, waits_ = false, started_ = false;
+    std::size_t faded_ = 0;
+};
+
+}  // namespace rtsg

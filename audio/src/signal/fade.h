@@ -1,0 +1,16 @@
+// From one sound to another. Threading: pure function.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace rtsg {
+
+/// From 0 to 1 with two continuous derivatives, so that a tone that fades over stays beside no line of its own.
+inline float fadeIn(double share) {
+    const double x = std::clamp(share, 0.0, 1.0);
+    return static_cast<float>(x - std::sin(2 * std::numbers::pi * x) / (2 * std::numbers::pi));
+}
+
+}  // namespace rtsg

@@ -1,0 +1,38 @@
+// Images of a source that moves, for who renders each of them for itself: they are where the source takes them, while
+// what walls leave of them, and whether they are seen at all, is what it was when they were traced.
+//
+// Threading: pure functions.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <rtsg/audio/convolver.h>
+#include <rtsg/audio/echogram.h>
+
+namespace rtsg {
+
+struct FollowedImage {
+    std::size_t arrival = 0;  // which of the echogram's
+    glm::dmat3 turn{1.0};
+    glm::dvec3 offset{0};  // the image of a source at p is at turn * p + offset
+    /// Pressure at one metre from the image, where all bands have the same; else that is the filter's.
+    double pressure = 1;
+    bool filtered = false;
+    Convolver::Response filter;  // causal, of one block; the first is heard at once (minimum phase)
+
+    glm::dvec3 at(const glm::dvec3& source) const { return turn * source + offset; }
+};
+
+/// The loudest images, direct sound not counted, at most `most`, none of less than a thousandth of the energy of all.
+std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::dvec3& source,
+                                          const glm::dvec3& listener, double speedOfSound, int sampleRate,
+                                          std::size_t block, std::size_t most);
+
+/// What is left when these are rendered for themselves.
+Echogram without(const Echogram& echogram, const std::vector<FollowedImage>& images);
+
+/// A response of `length` samples whose spectrum has these amplitudes in octave bands, and no more delay than it needs.
+std::vector<float> minimumPhase(const Bands& amplitudes, int sampleRate, std::size_t length);
+
+}  // namespace rtsg
