@@ -465,14 +465,14 @@ TEST_F(Listen, ReportsRoomsOfManyPlaces) {
     EXPECT_TRUE(report.at("single").at("G_db").is_number());
     ASSERT_EQ(rtsg({"listen", file, "--report", text, "--rays", "300"}).status, 0);
     EXPECT_THAT(readFile(text), HasSubstr("single numbers (500 and 1000 Hz)"));
-    for (const std::vector<std::string>& wrong :
-         std::vector<std::vector<std::string>>{{"listen", file, "--report", folder / "a.pdf"},
-                                               {"listen", file, "--report", page, "--place", "1 2"},
-                                               {"listen", file, "--report", page, "--place", "1 2 3 4"},
-                                               {"listen", file, "--metrics", "--place", "1 2 3"},
-                                               {"listen", file, "-o", folder / "a.wav", "--sofa", folder / "none.sofa"},
-                                               {"listen", file, "-o", folder / "a.wav", "--binaural", "--sofa", file}})
+    for (const std::vector<std::string>& wrong : std::vector<std::vector<std::string>>{
+             {"listen", file, "--report", folder / "a.pdf"},
+             {"listen", file, "--report", page, "--place", "1 2"},
+             {"listen", file, "--report", page, "--place", "1 2 3 4"},
+             {"listen", file, "--metrics", "--place", "1 2 3"},
+             {"listen", file, "-o", folder / "a.wav", "--sofa", folder / "none.sofa"}})
         EXPECT_EQ(rtsg(wrong).status, 2) << testing::PrintToString(wrong);
+    EXPECT_EQ(rtsg({"listen", file, "-o", folder / "a.wav", "--binaural", "--sofa", file}).status, 1) << "bad input";
 }
 
 }  // namespace
