@@ -101,7 +101,8 @@ void ImagePlayer::render(const FollowedImage& image, Voice& voice, const Block& 
         const std::size_t first = line.written() - block_;
         for (std::size_t i = 0; i < block_; ++i) {
             const double w = static_cast<double>(i + 1) / static_cast<double>(block_);
-            const double later = was[s].delay + (pans[s].delay - was[s].delay) * w;
+            // An ear hears it so much later in its own time, not in that of the source.
+            const double later = (was[s].delay + (pans[s].delay - was[s].delay) * w) * (1 - voice.slope);
             const auto at = [&](double delay) { return line.read(first + i, std::max(0.0, delay + later)); };
             read[i] = block.jumps ? at(voice.delay) * static_cast<float>(w) + at(before) * static_cast<float>(1 - w)
                                   : at(delays[i]);

@@ -221,8 +221,8 @@ const std::string kWall =
 
 /// What comes by way of the wall alone: all, less what comes straight.
 SoundBuffer reflection(const std::string& text, AcousticOptions options, double fps, double seconds, double start,
-                       double speed) {
-    const auto place = [&](double t) { return glm::dvec3(0, 0, start + speed * t); };
+                       double speed, const glm::dvec3& axis = {0, 0, 1}) {
+    const auto place = [&](double t) { return axis * (start + speed * t); };
     options.trace.rays = 200;
     options.trace.maxSeconds = .7;
     SoundBuffer all = render(text, options, fps, seconds, place);
@@ -267,6 +267,27 @@ TEST(MovingSource, AReflectionFollowsInOtherSoundThanStereo) {
     AcousticOptions binaural;
     binaural.binaural = true;
     if (AcousticEngine::create(binaural)) expectReflection(binaural, 60, 5, "binaural");
+}
+
+/// From the left it is at the left ear earlier, by a sphere's radius, and at the right one later, by a quarter round
+/// it.
+TEST(MovingSource, AReflectionThatFollowsIsAtEachEarInItsTime) {
+    AcousticOptions options;
+    options.binaural = true;
+    if (!AcousticEngine::create(options)) GTEST_SKIP() << "no OpenAL";
+    std::string wall = kWall;
+    wall.replace(wall.find("0 0 -80"), 7, "-80 0 0 rotation 0 1 0 1.5707963");
+    const SoundBuffer sound = reflection(kCar + wall, options, 60, 1.6, -60, 5, {1, 0, 0});
+    const double w = 2 * std::numbers::pi * kMovingTone / (1 + 5.0 / 343);
+    std::complex<double> left = 0, right = 0;
+    for (std::size_t i = 43'200; i < 72'000; ++i) {
+        const auto turn = std::polar(1.0, -w * static_cast<double>(i) / kMovingRate);
+        left += static_cast<double>(sound.samples[2 * i]) * turn;
+        right += static_cast<double>(sound.samples[2 * i + 1]) * turn;
+    }
+    const double later = .0875 * (1 + std::numbers::pi / 2) / 343;
+    EXPECT_LT(std::abs(std::arg(left / right * std::polar(1.0, -w * later))), .01);
+    EXPECT_GT(std::abs(left), 2 * std::abs(right));
 }
 
 /// With what the wall leaves of its band, to a quarter of a decibel.
