@@ -32,7 +32,8 @@ class DelayLine {
         const auto place = static_cast<std::ptrdiff_t>(whole);
         if (fraction == 0) return at(place);
         const std::ptrdiff_t first = place - (SincTable::kHalf - 1);
-        if (first >= 0 && first + static_cast<std::ptrdiff_t>(kTaps) <= static_cast<std::ptrdiff_t>(written_) && written_ - static_cast<std::size_t>(first) <= mask_ + 1)
+        if (first >= 0 && first + static_cast<std::ptrdiff_t>(kTaps) <= static_cast<std::ptrdiff_t>(written_) &&
+            written_ - static_cast<std::size_t>(first) <= mask_ + 1)
             return sinc().weighted(fraction, ring_.data() + (static_cast<std::size_t>(first) & mask_));
         std::array<float, kTaps> samples;
         for (std::size_t k = 0; k < kTaps; ++k) samples[k] = at(first + static_cast<std::ptrdiff_t>(k));

@@ -33,8 +33,8 @@ struct SoundBytes {
 
     std::int64_t read(void* to, std::int64_t count) {
         count = std::clamp<std::int64_t>(count, 0, size - at);
-        const auto got = static_cast<std::int64_t>(readAt(
-            static_cast<std::uint64_t>(at), std::span(static_cast<char*>(to), static_cast<std::size_t>(count))));
+        const auto got = static_cast<std::int64_t>(
+            readAt(static_cast<std::uint64_t>(at), std::span(static_cast<char*>(to), static_cast<std::size_t>(count))));
         at += got;
         return got;
     }

@@ -47,8 +47,9 @@ bool isOgg(const SF_INFO& info) {
 /// What libsndfile gave up at, or left out, of a sound that it has read.
 std::string damageOf(SNDFILE* file, const SF_INFO& info, const SoundBytes& bytes, const SoundBuffer& sound) {
     if (info.frames < 0 || info.frames == SF_COUNT_MAX)
-        return isOgg(info) ? fmt::format("it ends after {:.3g} s, before the page that ends an Ogg stream", sound.seconds())
-                           : "";
+        return isOgg(info)
+                   ? fmt::format("it ends after {:.3g} s, before the page that ends an Ogg stream", sound.seconds())
+                   : "";
     const double promised = static_cast<double>(info.frames) * promisedShare(bytes);
     std::string missing = missingSound(promised, sound);
     if (missing.empty() && sf_error(file) != SF_ERR_NO_ERROR) missing = unreadableFrom(sound);
