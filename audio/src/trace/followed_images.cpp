@@ -47,9 +47,10 @@ std::vector<float> minimumPhase(const Bands& amplitudes, int sampleRate, std::si
     for (auto& bin : spectrum) bin = std::exp(bin);
     fft.inverse(spectrum, time);
     time.resize(length);
-    for (std::size_t i = length / 2; i < length; ++i)
-        time[i] *= static_cast<float>(0.5 + 0.5 * std::cos(std::numbers::pi * static_cast<double>(i - length / 2) /
-                                                           static_cast<double>(length - length / 2)));
+    const std::size_t half = length / 2;
+    const auto rest = static_cast<double>(length - half);
+    for (std::size_t i = half; i < length; ++i)
+        time[i] *= static_cast<float>(0.5 + 0.5 * std::cos(std::numbers::pi * static_cast<double>(i - half) / rest));
     return time;
 }
 
