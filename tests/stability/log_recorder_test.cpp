@@ -119,8 +119,10 @@ TEST_F(Recorder, AFullDiskIsReportedAndTheSceneGoesOn) {
     scene.bus().setReporter([&](const Diagnostic& d) { reported = d.text; });
     auto recorder = LogRecorder::start(scene, file());
     ASSERT_TRUE(recorder);
+    scene.newFrame(0);
+    ASSERT_TRUE((*recorder)->waitFor(scene.sequence(), 60s));  // else all frames may come as one, too long for the disk
     RandomEdits edits(scene, 5);
-    for (int frame = 0; frame < 20000 && reported.empty(); ++frame) {
+    for (int frame = 1; frame < 20000 && reported.empty(); ++frame) {
         for (int i = 0; i < 6; ++i) edits.step();
         scene.newFrame(frame);
     }
