@@ -6,9 +6,9 @@
 // the hash that a scene has that holds just this. Invariant: update by update == made from scratch. A frame that moves
 // no node in or out costs what it changes; one that does costs a walk over the part.
 //
-// A part by region (region.h) holds what is near instead. Its steps cost what changes in it. The lists of its groups are
-// in the order of the nodes' numbers: where something stood among what is not there would take a walk along the whole
-// list to find out. Threading: one thread.
+// A part by region (region.h) holds what is near instead. Its steps cost what changes in it. The lists of its groups
+// are in the order of the nodes' numbers: where something stood among what is not there would take a walk along the
+// whole list to find out. Threading: one thread.
 #pragma once
 
 #include <memory>
