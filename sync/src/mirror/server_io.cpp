@@ -503,7 +503,8 @@ void MirrorServer::Io::publishStatistics() {
         } else if (peer.behindSince == Clock::time_point{}) {
             peer.behindSince = now;
         } else if (now - peer.behindSince > shared_->options.blockFor) {
-            shared_->report(Severity::note, fmt::format("peer '{}' has held up the scene for long enough", peer.author));
+            shared_->report(Severity::note,
+                            fmt::format("peer '{}' has held up the scene for long enough", peer.author));
             peer.whenSlow = MirrorWhenSlow::coalesce;
         }
         heldUp |= peer.whenSlow == MirrorWhenSlow::block && behind(peer);
