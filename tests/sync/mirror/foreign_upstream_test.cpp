@@ -1,5 +1,7 @@
 // A client of another program, that knows only what PROTOCOL.md and the stream tell it: it joins with 0 for its types,
 // sends edits in the server's numbers, and describes types that the stream has not.
+#include <mutex>
+
 #include <gtest/gtest.h>
 
 #include <rtsg/core/x3d.h>
@@ -172,15 +174,21 @@ class OtherVersion {
               if (!toClient && type == Message::hello) {
                   mirror::Hello hello;
                   EXPECT_TRUE(hello.read(in));
-                  hashes.push_back(hello.dictionaryHash);
+                  const std::scoped_lock lock(mutex_);
+                  hashes_.push_back(hello.dictionaryHash);
               }
               if (toClient && type == Message::welcome) parts[1] = test::withOtherTypes(parts[1]);
               return true;
           }) {}
     const std::string& endpoint() const { return middle_.endpoint; }
-    std::vector<std::uint64_t> hashes;  // of the hellos
+    std::vector<std::uint64_t> hashes() const {  // of the hellos
+        const std::scoped_lock lock(mutex_);
+        return hashes_;
+    }
 
   private:
+    mutable std::mutex mutex_;
+    std::vector<std::uint64_t> hashes_;
     test::Middleman middle_;
 };
 
@@ -238,9 +246,10 @@ TEST(ForeignUpstream, AClientOfAnotherVersionAsksInTheOriginsNumbers) {
     ASSERT_TRUE(settle());
     EXPECT_EQ(replica.hash(), origin.scene.hash());
     EXPECT_EQ(client->statistics().snapshots, 1u) << "it says once that its types are others, and goes on";
-    ASSERT_EQ(seeming.hashes.size(), 2u);
-    EXPECT_NE(seeming.hashes[0], 0u);
-    EXPECT_EQ(seeming.hashes[1], 0u);
+    const std::vector<std::uint64_t> hashes = seeming.hashes();
+    ASSERT_EQ(hashes.size(), 2u);
+    EXPECT_NE(hashes[0], 0u);
+    EXPECT_EQ(hashes[1], 0u);
     // What the origin has not is told here.
     EXPECT_NE(refusal(client->submitEdit(NodeId{999}, 3, 1.f)).find("node 999"), std::string::npos);
     create.index = static_cast<std::uint32_t>(builtinTypes().size());
