@@ -252,6 +252,8 @@ TEST(ForeignUpstream, AClientOfAnotherVersionAsksInTheOriginsNumbers) {
     EXPECT_EQ(hashes[1], 0u);
     // What the origin has not is told here.
     EXPECT_NE(refusal(client->submitEdit(NodeId{999}, 3, 1.f)).find("node 999"), std::string::npos);
+    route.other = NodeId{999};
+    EXPECT_EQ(refusal(client->submit({create, route})), "node 999 has no such field");
     create.index = static_cast<std::uint32_t>(builtinTypes().size());
     EXPECT_NE(refusal(client->submit({create})).find("prototypes"), std::string::npos);
 }
@@ -270,6 +272,17 @@ TEST(ForeignUpstream, WhatWasAskedBeforeTheTypesAreKnownIsRefused) {
         return !verdicts.empty();
     }));
     EXPECT_NE(verdicts[0].refusal.find("other node types"), std::string::npos);
+    // Requests are carried out in order: by when a later one is, this one would be.
+    ASSERT_TRUE(test::pollUntilAt(*client, origin.scene));
+    const auto later = client->submitEdit(origin.box, x3d::Transform::scale.index, Vec3f(2));
+    ASSERT_TRUE(later);
+    ASSERT_TRUE(test::pollUntil(*client, [&] {
+        origin.server->service();
+        verdicts = client->takeVerdicts();
+        return !verdicts.empty();
+    }));
+    EXPECT_EQ(verdicts[0].request, *later);
+    EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::scale), Vec3f(2));
     EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(0));
 }
 
