@@ -276,7 +276,7 @@ Result<> AcousticEngine::render(const AcousticState& state, const RayView& rays,
 }
 
 Result<> AcousticEngine::renderLive(std::shared_ptr<const AcousticState> state, std::shared_ptr<const RayView> rays,
-                                    double poseSeconds, double untilSeconds, SoundBuffer& sound) {
+                                    double poseSeconds, SoundBuffer& sound) {
     Impl& s = *impl_;
     if (s.options.background && !s.worker) s.worker = std::make_unique<TraceWorker>();
     if (s.worker)
@@ -287,7 +287,12 @@ Result<> AcousticEngine::renderLive(std::shared_ptr<const AcousticState> state, 
         s.followState(*s.liveState, *s.liveRays, poseSeconds);
         s.takeOver(s.liveState->sounds, poseSeconds);
     }
-    return s.renderTo(s.liveState->sounds, untilSeconds, sound);
+    return s.renderTo(s.liveState->sounds, liveEnd(), sound);
+}
+
+double AcousticEngine::liveEnd() const {
+    const double rate = impl_->options.sampleRate;
+    return (std::round(impl_->renderedUntil * rate) + static_cast<double>(impl_->options.blockSize)) / rate;
 }
 
 }  // namespace rtsg

@@ -61,7 +61,7 @@ struct LiveSound::Impl {
                 continue;
             }
             const auto start = Clock::now();
-            if (auto played = playBlock(blockSeconds); !played) failure = played.error().text;
+            if (auto played = playBlock(); !played) failure = played.error().text;
             const auto now = Clock::now();
             working += now - start;
             // What takes most of a core must not take it from all others.
@@ -85,7 +85,7 @@ struct LiveSound::Impl {
         }
     }
 
-    Result<> playBlock(double blockSeconds) {
+    Result<> playBlock() {
         // The newest there is; the scene is asked for one that is newer, and not waited for.
         if (auto newest = world.latest(std::chrono::nanoseconds(0))) {
             const auto sounds = (*newest)->of(number);
@@ -93,15 +93,13 @@ struct LiveSound::Impl {
         }
         std::vector<float> out(2 * options.render.blockSize);
         if (state) {
-            const double until = time + blockSeconds;
+            const double until = engine->liveEnd();
             if (!ahead || std::abs(state->time + *ahead - until) > kApart) ahead = until - state->time;
             SoundBuffer sound;
             const auto sounds = std::static_pointer_cast<const AcousticState>(state->of(number));
-            if (auto done = engine->renderLive(sounds, state->rays, state->time + *ahead, until, sound); !done)
-                return done;
+            if (auto done = engine->renderLive(sounds, state->rays, state->time + *ahead, sound); !done) return done;
             std::copy_n(sound.samples.begin(), std::min(sound.samples.size(), out.size()), out.begin());
             clip(out);
-            time = until;
         }
         ++blocks;
         return device.write(out);
@@ -123,7 +121,6 @@ struct LiveSound::Impl {
     std::unique_ptr<AcousticEngine> engine;
     SoundDevice device;
     std::shared_ptr<const WorldState> state;
-    double time = 0;              // of the end of the last block, as the scene counts
     std::optional<double> ahead;  // of the scene's places, s
     std::uint64_t blocks = 0, clipped = 0;
     float loudest = 0;
@@ -154,7 +151,6 @@ Result<std::unique_ptr<LiveSound>> LiveSound::start(SharedWorld& world, const Li
     }();
     if (!device) return std::unexpected(device.error());
     auto impl = std::make_unique<Impl>(world, live, std::move(*engine), std::move(*device));
-    impl->time = live.render.startTime;
     impl->number = world.add(impl->tables);
     impl->added = true;
     impl->engine->prepare(*impl->tables.latest());

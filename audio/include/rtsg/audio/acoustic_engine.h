@@ -137,10 +137,13 @@ class AcousticEngine {
     /// call goes on from there. `rays` are of the same state and used in the call only.
     Result<> render(const AcousticState& state, const RayView& rays, double untilSeconds, SoundBuffer& sound);
 
-    /// The same for sound that does not wait: the poses are those at `poseSeconds`, which may lie before or after
-    /// `untilSeconds`. Responses come when they are ready, in the background if the options say so.
+    /// The same for sound that does not wait, of one block: the poses are those at `poseSeconds`, which may lie before
+    /// or after its end. Responses come when they are ready, in the background if the options say so.
     Result<> renderLive(std::shared_ptr<const AcousticState> state, std::shared_ptr<const RayView> rays,
-                        double poseSeconds, double untilSeconds, SoundBuffer& sound);
+                        double poseSeconds, SoundBuffer& sound);
+    /// When the next block of renderLive() ends, seconds. Counted in samples: times of today are too coarse to be added
+    /// up without losing one now and then.
+    double liveEnd() const;
 
     /// Reads the clips that the state names, so that none has to be read while sound is made.
     void prepare(const AcousticState& state);
