@@ -161,6 +161,13 @@ Result<> Injections::checkWithin(double end) const {
     return fail(fmt::format("--set ...@{}: that is after the end, {} s", late->time, end));
 }
 
+const Injections::Injection* Injections::findInput() const {
+    const auto input = std::ranges::find_if(all_, [this](const Injection& i) {
+        return scene_->node(i.target.node).type().fields[i.target.field].access == Access::inputOnly;
+    });
+    return input == all_.end() ? nullptr : &*input;
+}
+
 const Injections::Injection* Injections::next(double t) {
     return next_ < all_.size() && all_[next_].time <= t ? &all_[next_++] : nullptr;
 }

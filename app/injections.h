@@ -32,6 +32,8 @@ class Injections {
     const Injection* next(double t);
     /// Error: names the first that is due only after `end`, seconds.
     Result<> checkWithin(double end) const;
+    /// The first whose field takes events only, devices' included; null if none does.
+    const Injection* findInput() const;
     /// Each has been due.
     bool done() const { return next_ == all_.size(); }
     /// Queues those that are due for the frame at `t`, which is `start` later on the scene's clock. What the scene

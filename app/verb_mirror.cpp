@@ -16,8 +16,8 @@
 
 #include "behind.h"
 #include "cli.h"
-#include "injections.h"
 #include "live_outputs.h"
+#include "requests.h"
 
 namespace rtsg::app {
 
@@ -30,7 +30,8 @@ constexpr const char* kAspects[] = {"none",  "structure", "transform", "geometry
 
 struct MirrorArguments {
     std::string endpoint, duration, patience = "5s", key, name, latency = "0", whenSlow = "merge", mode = "state";
-    std::vector<std::string> set, control, parts, aspects;
+    std::vector<std::string> control, parts, aspects;
+    RequestArguments requests;
     double fps = 0;
     std::string maxLag;
     std::uint64_t maxRecord = kMaxPayload, maxRate = 0;
@@ -62,47 +63,6 @@ std::vector<std::string> missingParts(const Scene& replica, const std::vector<st
 double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
-
-/// --set: events for the origin, sent when the replica has come so far since it joined.
-class Requests {
-  public:
-    explicit Requests(const std::vector<std::string>& texts) : texts_(texts) {}
-    /// The names are known once there is a replica.
-    Result<> parse(Scene& replica) {
-        auto parsed = Injections::parse(replica, texts_);
-        if (!parsed) return std::unexpected(parsed.error());
-        injections_ = std::move(*parsed);
-        return {};
-    }
-    void turn(MirrorClient& client, double since, double now) {
-        while (const Injections::Injection* due = injections_.next(since)) {
-            if (const auto request =
-                    client.submitEvent(due->target.node, due->target.field, due->isNow ? Value(Time{now}) : due->value))
-                ++sent;
-            else
-                printError(request.error());
-        }
-        takeVerdicts(client);
-    }
-    void takeVerdicts(MirrorClient& client) {
-        for (const MirrorVerdict& verdict : client.takeVerdicts()) {
-            if (verdict.refusal.empty()) {
-                ++accepted;
-                continue;
-            }
-            ++refused;
-            printError(fmt::format("request {} refused: {}", verdict.request, verdict.refusal));
-        }
-    }
-    /// Verdicts are still to come.
-    bool open() const { return accepted + refused < sent; }
-    bool allSent() const { return injections_.done(); }
-    std::uint64_t sent = 0, accepted = 0, refused = 0;
-
-  private:
-    const std::vector<std::string>& texts_;
-    Injections injections_;
-};
 
 /// Of less a session's own messages would fill it.
 constexpr std::uint64_t kLeastRate = 1000;
@@ -194,7 +154,7 @@ class Mirroring {
           patience_(parseSeconds(options.patience)),
           latency_(parseSeconds(options.latency)),
           resources_(options.outputs.resources.ofReplica()),
-          requests_(options.set) {}
+          requests_(options.requests) {}
 
     int run();
 
@@ -366,11 +326,11 @@ void Mirroring::awaitAnswers() {
         control(*client_);
     }
     if (requests_.open())
-        fail(fmt::format("{} of {} events: no answer from {}", requests_.sent - requests_.accepted - requests_.refused,
-                         requests_.sent, options_.endpoint));
+        fail(fmt::format("{} of {} requests: no answer from {}",
+                         requests_.sent - requests_.accepted - requests_.refused, requests_.sent, options_.endpoint));
     if (replies_ < options_.control.size())
         fail(fmt::format("--control {}: no answer from {}", options_.control[replies_], options_.endpoint));
-    if (!requests_.allSent()) fail("--set: the replica ended before the time of an event, which was not sent");
+    if (!requests_.allSent()) fail("the replica ended before the time of a request, which was not sent");
 }
 
 void Mirroring::sayWhatIsMissing() {
@@ -417,7 +377,8 @@ void Mirroring::print() const {
         fmt::print("{} of these computed here from what came into them{}\n", framesText(statistics.inputs),
                    statistics.inputs == 0 ? ": the server sends states" : "");
     if (requests_.sent > 0)
-        fmt::print("{} events sent, {} accepted, {} refused\n", requests_.sent, requests_.accepted, requests_.refused);
+        fmt::print("{} requests sent, {} accepted, {} refused\n", requests_.sent, requests_.accepted,
+                   requests_.refused);
     if (joined() && options_.outputs.any()) fmt::print("{}\n", report_.text());
 }
 
@@ -478,12 +439,11 @@ Verb addMirror(Command& program) {
                     "give up after so long without a server, and not before with --for of a scene that stands "
                     "still")
         ->preset();
-    command->addOption("--name", options->name,
-                       "whose wish it is that --set asks for, in logs and for undo; a key file may say another");
-    command->addOption("--key", options->key, "key file, the server's or one with its public key and a pair");
     command->addOption(
-        "--set", options->set,
-        "send an event to the origin: DEF.field=VALUE@TIME or pointer=...@TIME, in scene time since joining");
+        "--name", options->name,
+        "whose wish it is that --set, --edit and so on ask for, in logs and for undo; a key file may say another");
+    command->addOption("--key", options->key, "key file, the server's or one with its public key and a pair");
+    options->requests.addTo(*command);
     command->addOption("--part", options->parts,
                        "follow only this subtree: a DEF name, or # and a node's number; or what is near: "
                        "region:[NAME,|x,y,z,]RADIUS[,MARGIN] round a node, a point or the bound viewpoint");
@@ -526,7 +486,7 @@ Verb addMirror(Command& program) {
         "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --size 320x180 "
         "--listen out.wav --base examples/demo\n"
         "Exit status 1 unless the replica had the origin's state hash in every frame, and the origin took every "
-        "event.");
+        "request.");
     return {command, [options] { return mirror(*options); }};
 }
 

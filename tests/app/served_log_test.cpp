@@ -161,7 +161,7 @@ TEST_F(Mirror, PicturesAndSoundGoOnWhereALogBeginsAgain) {
     const std::string log = folder / "again.rlog";
     endpoint = "ipc://" + folder / "again";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "500ms", "--fps", "20"}).status, 0);
-    Program player({"serve", log, "--loop", "--for", "6s", "--bind", endpoint, "--linger", "2s"}, streams());
+    Program player({"serve", log, "--loop", "--for", "3s", "--bind", endpoint, "--linger", "2s"}, streams());
     ASSERT_NE(player.firstLine(), "");
     const Outcome mirrored = rtsg({"mirror", endpoint, "--listen", folder / "again.wav", "--render",
                                    folder / "again%d.png", "--fps", "10", "--size", "16x9", "--rays", "10", "--json"});

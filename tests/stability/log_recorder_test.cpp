@@ -62,11 +62,36 @@ TEST_F(Recorder, OneThatIsWaitedForStartsWithTheFirstStateInTheFile) {
     }
 }
 
+/// Reads a pipe to its end, on a thread of its own.
+struct PipeDrain {
+    int reader;
+    std::atomic<bool> done{false};
+    std::string bytes;
+    std::thread thread;
+    explicit PipeDrain(int r) : reader(r) {}
+    void begin() {
+        thread = std::thread([this] {
+            char part[65536];
+            while (true) {
+                const ssize_t got = ::read(reader, part, sizeof(part));
+                if (got > 0) bytes.append(part, static_cast<std::size_t>(got));
+                if (got == 0 || (got < 0 && done)) break;
+                if (got < 0) std::this_thread::sleep_for(1ms);
+            }
+        });
+    }
+    void end() {
+        done = true;
+        thread.join();
+        ::close(reader);
+    }
+};
+
 /// A pipe that nobody empties is the slowest disk there is.
 TEST_F(Recorder, ADiskThatStandsStillDoesNotHoldUpTheScene) {
     ASSERT_EQ(::mkfifo(file("pipe").c_str(), 0600), 0);
-    const int reader = ::open(file("pipe").c_str(), O_RDONLY | O_NONBLOCK);
-    ASSERT_GE(reader, 0);
+    PipeDrain drain(::open(file("pipe").c_str(), O_RDONLY | O_NONBLOCK));
+    ASSERT_GE(drain.reader, 0);
     Scene scene;
     Recorded recorded;
     auto recorder = LogRecorder::start(scene, file("pipe"));
@@ -78,26 +103,13 @@ TEST_F(Recorder, ADiskThatStandsStillDoesNotHoldUpTheScene) {
         if (frame % 10 == 9 || frame < 300) recorded.dumps[scene.sequence()] = scene.dump();
     }
     EXPECT_LT((*recorder)->acknowledged(), scene.sequence());
-    // The disk comes back.
-    std::atomic<bool> done{false};
-    std::string bytes;
-    std::thread drain([&] {
-        char part[65536];
-        while (true) {
-            const ssize_t got = ::read(reader, part, sizeof(part));
-            if (got > 0) bytes.append(part, static_cast<std::size_t>(got));
-            if (got == 0 || (got < 0 && done)) break;
-            if (got < 0) std::this_thread::sleep_for(1ms);
-        }
-    });
+    drain.begin();  // the disk comes back
     EXPECT_TRUE((*recorder)->waitFor(scene.sequence(), 60s)) << (*recorder)->failure();
     const Result<> stopped = (*recorder)->stop();
     EXPECT_TRUE(stopped) << stopped.error().text;
-    done = true;
-    drain.join();
-    ::close(reader);
+    drain.end();
     EXPECT_GT((*recorder)->merged(), 0u);
-    writeAll(file(), bytes);
+    writeAll(file(), drain.bytes);
     auto replayer = Replayer::open(file());
     ASSERT_TRUE(replayer) << replayer.error().text;
     while (*(*replayer)->step()) {
@@ -105,6 +117,44 @@ TEST_F(Recorder, ADiskThatStandsStillDoesNotHoldUpTheScene) {
     EXPECT_EQ((*replayer)->scene().dump(), scene.dump());
     EXPECT_EQ((*replayer)->frames(), (*replayer)->verified());
     EXPECT_EQ((*replayer)->gaps(), 0u);
+}
+
+/// As a mirror's log whose server begins anew while the disk stands still.
+TEST_F(Recorder, OneThatIsWaitedForLosesNoStateWhenTheSceneStartsOver) {
+    ASSERT_EQ(::mkfifo(file("pipe").c_str(), 0600), 0);
+    PipeDrain drain(::open(file("pipe").c_str(), O_RDONLY | O_NONBLOCK));
+    ASSERT_GE(drain.reader, 0);
+    const auto anotherSession = [] {
+        Scene other;
+        RandomEdits edits(other, 8);
+        for (int i = 0; i < 60; ++i) edits.step();
+        other.newFrame(1);
+        return std::make_shared<const ChangeSet>(other.snapshot());
+    };
+    Scene scene;
+    auto recorder = LogRecorder::start(scene, file("pipe"), denseKeyframes(), LogRecorder::WhenBehind::wait);
+    ASSERT_TRUE(recorder) << recorder.error().text;
+    RandomEdits edits(scene, 7);
+    for (int frame = 0; frame < 100; ++frame) {
+        for (int i = 0; i < 20; ++i) edits.step();
+        scene.newFrame(frame * .1);
+    }
+    EXPECT_LT((*recorder)->acknowledged(), 100u) << "the pipe is full";
+    drain.begin();
+    ASSERT_TRUE(scene.reset());
+    EXPECT_EQ((*recorder)->acknowledged(), 100u) << "all that was";
+    ASSERT_TRUE(scene.apply(anotherSession()));
+    EXPECT_TRUE((*recorder)->stop()) << (*recorder)->failure();
+    drain.end();
+    writeAll(file(), drain.bytes);
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer) << replayer.error().text;
+    std::vector<std::uint64_t> states, wanted;
+    while (*(*replayer)->step()) states.push_back((*replayer)->scene().sequence());
+    for (std::uint64_t i = 0; i <= 100; ++i) wanted.push_back(i);
+    wanted.push_back(1);
+    EXPECT_EQ(states, wanted);
+    EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
 }
 
 TEST_F(Recorder, AFullDiskIsReportedAndTheSceneGoesOn) {

@@ -32,25 +32,6 @@ NodeId byNumber(const Scene& scene, std::string_view path) {
                                                                                                     : NodeId{};
 }
 
-/// A node by its name, behind those of the Inlines and PROTO instances that it is in. Names may hold slashes, too.
-Result<NodeId> findNode(const Scene& scene, std::string_view path) {
-    NodeId at;
-    for (std::size_t from = 0;;) {
-        if (const NodeId whole = scene.findName(path.substr(from), at)) return whole;
-        if (const NodeId numbered = from == 0 ? byNumber(scene, path) : NodeId{}) return numbered;
-        const std::size_t slash = path.find('/', from);
-        const std::string_view name = path.substr(from, slash == path.npos ? path.npos : slash - from);
-        const NodeId next = scene.findName(name, at);
-        if (!next)
-            return fail(DiagnosticCode("no-such-node"),
-                        fmt::format("no node is named {}{}", path.substr(0, from + name.size()),
-                                    detail::didYouMean(name, namesIn(scene, at))));
-        if (slash == path.npos) return next;
-        at = next;
-        from = slash + 1;
-    }
-}
-
 Result<Value> nodesFromText(const Scene& scene, FieldType type, std::string_view text) {
     std::string words(text);
     for (char& c : words)
@@ -89,6 +70,24 @@ Result<FieldValue> parsed(const Scene& scene, std::string_view path, std::string
 }
 
 }  // namespace
+
+Result<NodeId> findNode(const Scene& scene, std::string_view path) {
+    NodeId at;  // names may hold slashes, too
+    for (std::size_t from = 0;;) {
+        if (const NodeId whole = scene.findName(path.substr(from), at)) return whole;
+        if (const NodeId numbered = from == 0 ? byNumber(scene, path) : NodeId{}) return numbered;
+        const std::size_t slash = path.find('/', from);
+        const std::string_view name = path.substr(from, slash == path.npos ? path.npos : slash - from);
+        const NodeId next = scene.findName(name, at);
+        if (!next)
+            return fail(DiagnosticCode("no-such-node"),
+                        fmt::format("no node is named {}{}", path.substr(0, from + name.size()),
+                                    detail::didYouMean(name, namesIn(scene, at))));
+        if (slash == path.npos) return next;
+        at = next;
+        from = slash + 1;
+    }
+}
 
 Result<FieldRef> findField(const Scene& scene, std::string_view path) {
     const auto dot = path.rfind('.');

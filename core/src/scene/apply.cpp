@@ -215,6 +215,7 @@ Result<> Scene::State::releaseDestroyed(std::span<const Change> changes) {
 
 Result<> Scene::reset() {
     if (auto ok = state_->checkOutsideFrame(); !ok) return ok;
+    bus_->beforeRestart();
     if (state_->scripts) state_->scripts->forgetAll();
     auto fresh = std::make_unique<State>(*this);
     fresh->allocate(root(), state_->find(root())->typeIndex_, {});

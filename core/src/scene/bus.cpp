@@ -137,9 +137,10 @@ struct Attachment::Cursor {
     ChangeSet merged;
 
     /// Whatever the subscriber does, nothing is thrown across the bus.
-    Result<> call(const ChangeSet& set) {
+    template <typename Call>
+    static Result<> guarded(Call&& call) {
         try {
-            return subscriber->apply(*scene, set);
+            return call();
         } catch (const std::exception& e) {
             return fail(e.what());
         } catch (...) {
@@ -148,17 +149,30 @@ struct Attachment::Cursor {
     }
     /// False, and the subscriber is detached and reported, if it fails.
     bool deliver(const ChangeSet& set) {
-        const Result<> result = call(set);
+        const Result<> result = guarded([&] { return subscriber->apply(*scene, set); });
         {
             const std::scoped_lock lock(mutex);
             seen = set.to;
-            if (result) return true;
+        }
+        if (!result) detachFailed(result.error().text);
+        return result.has_value();
+    }
+    void tellBeforeRestart() {
+        {
+            const std::scoped_lock lock(mutex);
+            if (!attached) return;
+        }
+        const Result<> result = guarded([&] { return subscriber->beforeRestart(), Result<>(); });
+        if (!result) detachFailed(result.error().text);
+    }
+    void detachFailed(const std::string& why) {
+        {
+            const std::scoped_lock lock(mutex);
             attached = false;
-            failure = result.error().text;
+            failure = why;
             backlog.clear();
         }
-        reports->report({Severity::error, subscriber->subscriberName(), {}, "detached: " + result.error().text});
-        return false;
+        reports->report({Severity::error, subscriber->subscriberName(), {}, "detached: " + why});
     }
     /// Leaves the merged part in `composer`, the rest in the result. Give it back with putBack: a subscriber may poll
     /// from within its own apply.
@@ -419,6 +433,14 @@ void Bus::publish(std::shared_ptr<const ChangeSet> set) {
 
 std::size_t Bus::inDelivery() const {
     return state_->delivering ? state_->handedOut + state_->waiting.size() : 0;
+}
+
+void Bus::beforeRestart() {
+    // By index: a subscriber may detach others, or attach them.
+    for (std::size_t i = 0; i < state_->cursors.size(); ++i) {
+        const auto cursor = state_->cursors[i];
+        cursor->tellBeforeRestart();
+    }
 }
 
 void Bus::restart() {

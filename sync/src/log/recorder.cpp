@@ -27,6 +27,7 @@ struct LogRecorder::Impl {
     struct Bell final : Subscriber {
         Impl& impl;
         std::atomic<std::uint64_t> rung{0};
+        std::uint64_t told = 0;  // the scene's thread only: the last state it heard of
         explicit Bell(Impl& i) : impl(i) {}
         /// An error here has the bus report to the application that the log has ended.
         Result<> apply(const Scene&, const ChangeSet& changes) override {
@@ -34,7 +35,12 @@ struct LogRecorder::Impl {
             ring();
             if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait) impl.waitForRoom(changes);
             if (impl.ended) return impl.outcome();
+            told = changes.to;
             return {};
+        }
+        /// States of before that are not in the file yet would be dropped by the bus.
+        void beforeRestart() override {
+            if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait) impl.waitForAll(told);
         }
         void ring() {
             rung.fetch_add(1, std::memory_order_release);
@@ -98,6 +104,12 @@ struct LogRecorder::Impl {
             return ended || (acknowledged <= changes.to && changes.to - acknowledged <= most) ||
                    (acknowledged > changes.to && !changes.isSnapshot());
         });
+    }
+
+    /// On the scene's thread. Precondition: the log has what came before the snapshot that `last` counts from.
+    void waitForAll(std::uint64_t last) const {
+        std::unique_lock lock(mutex);
+        progress.wait(lock, [&] { return ended || acknowledged >= last; });
     }
 
     /// Until it is told to stop, or something goes wrong.

@@ -42,6 +42,10 @@ class Subscriber {
     /// snapshot; another one later means: forget what was before (a replica joined anew). Changes are valid during the
     /// call; to keep Values, copy them (cheap).
     virtual Result<> apply(const Scene& scene, const ChangeSet& changes) = 0;
+    /// On the scene's thread, when the scene is about to start over (Scene::reset) and still as it was: sets that
+    /// polled subscribers have not taken yet are dropped right after this. Who needs them waits here until they are
+    /// taken. Must not edit the scene.
+    virtual void beforeRestart() {}
     virtual std::string subscriberName() const { return "subscriber"; }
 };
 
@@ -93,6 +97,8 @@ class Bus {
     void publish(std::shared_ptr<const ChangeSet> set);
     /// Sets handed out since the outermost publish began, and waiting for it; 0 outside of one.
     std::size_t inDelivery() const;
+    /// Called by the scene before it is reset: tells all subscribers.
+    void beforeRestart();
     /// Called by the scene when it is reset: nobody has seen anything yet.
     void restart();
     /// Hears of each subscriber that is detached because it failed, on the thread where it did. Until one is set, and

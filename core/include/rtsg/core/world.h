@@ -35,13 +35,16 @@ namespace rtsg {
 
 // ---- fields by name ------------------------------------------------------------------------------------------------
 
+/// A node by its name. One within an Inline or a PROTO instance stands behind the name of that, and a slash:
+/// "HALL/DOOR"; a node without a name is "#12". Errors: what is not there, and what may have been meant.
+Result<NodeId> findNode(const Scene& scene, std::string_view path);
+
 struct FieldRef {
     NodeId node;
     FieldIndex field = kNoField;
 };
-/// "DOOR.translation"; the field may be written as set_x, x_changed or x. A name within an Inline or a PROTO instance
-/// stands behind the name of that, and a slash: "HALL/DOOR.translation"; a node without a name is "#12". Errors: what
-/// is not there, and what may have been meant.
+/// "DOOR.translation", a node as findNode has it; the field may be written as set_x, x_changed or x. Errors: what is
+/// not there, and what may have been meant.
 Result<FieldRef> findField(const Scene& scene, std::string_view path);
 /// The field's value as ClassicVRML has it.
 Result<std::string> fieldText(const Scene& scene, std::string_view path);

@@ -1,0 +1,109 @@
+// Parses what a mirror's user asks of the origin, sends what is due, and says what came of it.
+#include "requests.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/terminal.h>
+#include <rtsg/core/world.h>
+
+namespace rtsg::app {
+
+void RequestArguments::addTo(Command& command) {
+    command.addOption(
+        "--set", set,
+        "send an event to the origin: DEF.field=VALUE@TIME or pointer=...@TIME, in scene time since joining");
+    command.addOption("--edit", edit, "change a field at the origin, DEF.field=VALUE@TIME, as undo can take back");
+    command.addOption("--undo", undo, "TIME at which to take back the last request of edits by --name")->repeatable();
+    command.addOption("--redo", redo, "TIME at which to do again what was taken back last")->repeatable();
+    command.addOption("--lock", lock,
+                      "keep nodes for --name, DEF[,DEF...]=LEASE@TIME: nobody else may change them for so long, 60s at "
+                      "most; LEASE 0 lets go");
+}
+
+Result<> Requests::parseEdits(Scene& replica) {
+    auto parsed = Injections::parse(replica, arguments_.edit);
+    if (!parsed) return fail("--edit " + parsed.error().text);
+    edits_ = std::move(*parsed);
+    if (const Injections::Injection* event = edits_.findInput())
+        return fail(fmt::format("--edit {}: takes events only, which --set sends", event->text));
+    for (const auto& [texts, kind, option] : {std::tuple(&arguments_.undo, MirrorRequest::Kind::undo, "--undo"),
+                                              std::tuple(&arguments_.redo, MirrorRequest::Kind::redo, "--redo")}) {
+        for (const std::string& text : *texts) takenBack_.emplace_back(parseSeconds(text)).request.kind = kind;
+    }
+    std::ranges::stable_sort(takenBack_, {}, &Timed::time);
+    return {};
+}
+
+Result<> Requests::parseLocks(const Scene& replica) {
+    for (const std::string& text : arguments_.lock) {
+        const std::size_t at = text.rfind('@'), equals = text.rfind('=', at);
+        if (at == std::string::npos || equals == std::string::npos || equals == 0)
+            throw UsageError("--lock", text + ": expected DEF[,DEF...]=LEASE@TIME");
+        Timed lock{parseSeconds(text.substr(at + 1)), {}};
+        lock.request.kind = MirrorRequest::Kind::lock;
+        const double lease = parseSeconds(text.substr(equals + 1, at - equals - 1));
+        const double most = std::chrono::duration<double>(MirrorRequest::kLongestLease).count();
+        if (lease > most) throw UsageError("--lock", fmt::format("{}: {} s at most", text, most));
+        lock.request.lease = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * lease));
+        for (std::size_t from = 0; from <= equals;) {
+            const std::size_t comma = std::min(text.find(',', from), equals);
+            const auto node = findNode(replica, text.substr(from, comma - from));
+            if (!node) return fail(fmt::format("--lock {}: {}", text, node.error().text));
+            lock.request.nodes.push_back(*node);
+            from = comma + 1;
+        }
+        locks_.push_back(std::move(lock));
+    }
+    std::ranges::stable_sort(locks_, {}, &Timed::time);
+    return {};
+}
+
+Result<> Requests::parse(Scene& replica) {
+    auto parsed = Injections::parse(replica, arguments_.set);
+    if (!parsed) return std::unexpected(parsed.error());
+    events_ = std::move(*parsed);
+    if (auto ok = parseEdits(replica); !ok) return ok;
+    return parseLocks(replica);
+}
+
+void Requests::note(const Result<std::uint64_t>& request) {
+    if (request)
+        ++sent;
+    else
+        printError(request.error());
+}
+
+void Requests::turn(MirrorClient& client, double since, double now) {
+    for (; nextLock_ < locks_.size() && locks_[nextLock_].time <= since; ++nextLock_)
+        note(client.submit(locks_[nextLock_].request));
+    const auto valueOf = [now](const Injections::Injection& due) { return due.isNow ? Value(Time{now}) : due.value; };
+    while (const Injections::Injection* due = edits_.next(since))
+        note(client.submitEdit(due->target.node, due->target.field, valueOf(*due)));
+    while (const Injections::Injection* due = events_.next(since))
+        note(client.submitEvent(due->target.node, due->target.field, valueOf(*due)));
+    for (; nextTakenBack_ < takenBack_.size() && takenBack_[nextTakenBack_].time <= since; ++nextTakenBack_)
+        note(client.submit(takenBack_[nextTakenBack_].request));
+    takeVerdicts(client);
+}
+
+void Requests::takeVerdicts(MirrorClient& client) {
+    for (const MirrorVerdict& verdict : client.takeVerdicts()) {
+        if (!verdict.kept.empty())
+            fmt::print(stderr, "{}\n",
+                       terminalText(fmt::format("request {}: left as it is: {}", verdict.request, verdict.kept)));
+        if (verdict.refusal.empty()) {
+            ++accepted;
+            continue;
+        }
+        ++refused;
+        printError(fmt::format("request {} refused: {}", verdict.request, verdict.refusal));
+    }
+}
+
+bool Requests::allSent() const {
+    return events_.done() && edits_.done() && nextLock_ == locks_.size() && nextTakenBack_ == takenBack_.size();
+}
+
+}  // namespace rtsg::app
