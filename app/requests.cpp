@@ -69,10 +69,8 @@ Result<> Requests::parse(Scene& replica) {
 }
 
 void Requests::note(const Result<std::uint64_t>& request) {
-    if (request)
-        ++sent;
-    else
-        printError(request.error());
+    ++(request ? sent : unsent);
+    if (!request) printError(request.error());
 }
 
 void Requests::turn(MirrorClient& client, double since, double now) {

@@ -31,7 +31,7 @@ class Requests {
     /// Verdicts are still to come.
     bool open() const { return accepted + refused < sent; }
     bool allSent() const;
-    std::uint64_t sent = 0, accepted = 0, refused = 0;
+    std::uint64_t sent = 0, accepted = 0, refused = 0, unsent = 0;  // unsent: too large, say
 
   private:
     struct Timed {

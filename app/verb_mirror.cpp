@@ -359,7 +359,7 @@ void Mirroring::finish() {
         if (!report_.missing.empty()) fail("missing: " + report_.missing);
     }
     equal_ = statistics.equal && statistics.sequence == statistics.originSequence;
-    good_ = good_ && equal_ && statistics.divergences == 0 && requests_.refused == 0;
+    good_ = good_ && equal_ && statistics.divergences == 0 && requests_.refused + requests_.unsent == 0;
 }
 
 void Mirroring::print() const {

@@ -26,9 +26,9 @@ class ManyWriters : public Mirror {
     std::vector<std::pair<std::string, std::string>> sizes() {
         server->signal(SIGINT);
         EXPECT_NE(server->wait().status, -1);
+        const json blame = json::parse(rtsg({"replay", log, "--blame", "BOX.scale", "--json"}).out);
         std::vector<std::pair<std::string, std::string>> result;
-        for (const json& step : json::parse(rtsg({"replay", log, "--blame", "BOX.scale", "--json"}).out).at("steps"))
-            result.emplace_back(step.at("author"), step.at("value"));
+        for (const json& step : blame.at("steps")) result.emplace_back(step.at("author"), step.at("value"));
         return result;
     }
     std::string log;
@@ -52,7 +52,7 @@ TEST_F(ManyWriters, WhatAnotherHasChangedSinceIsLeftAndSaid) {
     EXPECT_EQ(ask("Bob", {"--edit", "BOX.scale=3 3 3@0"}).status, 0);
     const Outcome back = ask("Ann", {"--undo", "0"});
     EXPECT_EQ(back.status, 1);
-    EXPECT_THAT(back.err, HasSubstr("Bob"));
+    EXPECT_THAT(back.err, HasSubstr("refused: BOX.scale was changed since"));
     EXPECT_EQ(sizes(), (Sizes{{"", "1 1 1"}, {"Ann", "2 2 2"}, {"Bob", "3 3 3"}}));
 }
 
@@ -86,6 +86,11 @@ TEST_F(ManyWriters, WhatCannotBeAskedIsSaidWithTheOption) {
     const Outcome soon = ask("Ann", {"--undo", "soon"});
     EXPECT_EQ(soon.status, 2);
     EXPECT_THAT(soon.err, HasSubstr("soon: expected a duration"));
+    std::string many = "BOX";
+    for (int i = 0; i < 1024; ++i) many += ",BOX";
+    const Outcome tooMany = ask("Ann", {"--lock", many + "=1s@0"});
+    EXPECT_EQ(tooMany.status, 1);
+    EXPECT_THAT(tooMany.err, HasSubstr("1024"));
     const Outcome unsent = ask("Ann", {"--undo", "9"});
     EXPECT_EQ(unsent.status, 1);
     EXPECT_THAT(unsent.err, HasSubstr("not sent"));
