@@ -30,7 +30,8 @@ Result<> Requests::parseEdits(Scene& replica) {
         return fail(fmt::format("--edit {}: takes events only, which --set sends", event->text));
     for (const auto& [texts, kind, option] : {std::tuple(&arguments_.undo, MirrorRequest::Kind::undo, "--undo"),
                                               std::tuple(&arguments_.redo, MirrorRequest::Kind::redo, "--redo")}) {
-        for (const std::string& text : *texts) takenBack_.emplace_back(parseSeconds(text)).request.kind = kind;
+        for (const std::string& text : *texts)
+            takenBack_.emplace_back(parseSeconds(text), fmt::format("{} {}", option, text)).request.kind = kind;
     }
     std::ranges::stable_sort(takenBack_, {}, &Timed::time);
     return {};
@@ -41,7 +42,7 @@ Result<> Requests::parseLocks(const Scene& replica) {
         const std::size_t at = text.rfind('@'), equals = text.rfind('=', at);
         if (at == std::string::npos || equals == std::string::npos || equals == 0)
             throw UsageError("--lock", text + ": expected DEF[,DEF...]=LEASE@TIME");
-        Timed lock{parseSeconds(text.substr(at + 1)), {}};
+        Timed lock{parseSeconds(text.substr(at + 1)), "--lock " + text};
         lock.request.kind = MirrorRequest::Kind::lock;
         const double lease = parseSeconds(text.substr(equals + 1, at - equals - 1));
         const double most = std::chrono::duration<double>(MirrorRequest::kLongestLease).count();
@@ -68,35 +69,38 @@ Result<> Requests::parse(Scene& replica) {
     return parseLocks(replica);
 }
 
-void Requests::note(const Result<std::uint64_t>& request) {
+void Requests::note(const Result<std::uint64_t>& request, std::string text) {
     ++(request ? sent : unsent);
-    if (!request) printError(request.error());
+    if (request)
+        asked_.emplace(*request, std::move(text));
+    else
+        printError(fmt::format("{}: {}", text, request.error().text));
+}
+
+void Requests::sendDue(MirrorClient& client, std::vector<Timed>& requests, std::size_t& next, double since) {
+    for (; next < requests.size() && requests[next].time <= since; ++next)
+        note(client.submit(requests[next].request), requests[next].text);
 }
 
 void Requests::turn(MirrorClient& client, double since, double now) {
-    for (; nextLock_ < locks_.size() && locks_[nextLock_].time <= since; ++nextLock_)
-        note(client.submit(locks_[nextLock_].request));
+    sendDue(client, locks_, nextLock_, since);
     const auto valueOf = [now](const Injections::Injection& due) { return due.isNow ? Value(Time{now}) : due.value; };
     while (const Injections::Injection* due = edits_.next(since))
-        note(client.submitEdit(due->target.node, due->target.field, valueOf(*due)));
+        note(client.submitEdit(due->target.node, due->target.field, valueOf(*due)), "--edit " + due->text);
     while (const Injections::Injection* due = events_.next(since))
-        note(client.submitEvent(due->target.node, due->target.field, valueOf(*due)));
-    for (; nextTakenBack_ < takenBack_.size() && takenBack_[nextTakenBack_].time <= since; ++nextTakenBack_)
-        note(client.submit(takenBack_[nextTakenBack_].request));
+        note(client.submitEvent(due->target.node, due->target.field, valueOf(*due)), "--set " + due->text);
+    sendDue(client, takenBack_, nextTakenBack_, since);
     takeVerdicts(client);
 }
 
 void Requests::takeVerdicts(MirrorClient& client) {
     for (const MirrorVerdict& verdict : client.takeVerdicts()) {
+        const auto asked = asked_.extract(verdict.request);
+        const std::string text = asked ? asked.mapped() : fmt::format("request {}", verdict.request);
         if (!verdict.kept.empty())
-            fmt::print(stderr, "{}\n",
-                       terminalText(fmt::format("request {}: left as it is: {}", verdict.request, verdict.kept)));
-        if (verdict.refusal.empty()) {
-            ++accepted;
-            continue;
-        }
-        ++refused;
-        printError(fmt::format("request {} refused: {}", verdict.request, verdict.refusal));
+            fmt::print(stderr, "{}\n", terminalText(fmt::format("{}: left as it is: {}", text, verdict.kept)));
+        ++(verdict.refusal.empty() ? accepted : refused);
+        if (!verdict.refusal.empty()) printError(fmt::format("{}: refused: {}", text, verdict.refusal));
     }
 }
 

@@ -5,6 +5,7 @@
 // Threading: the replica's thread.
 #pragma once
 
+#include <map>
 #include <string>
 #include <vector>
 
@@ -35,17 +36,21 @@ class Requests {
 
   private:
     struct Timed {
-        double time = 0;  // seconds
+        double time = 0;   // seconds
+        std::string text;  // as it was typed
         MirrorRequest request{};
     };
     Result<> parseEdits(Scene& replica);
     Result<> parseLocks(const Scene& replica);
-    void note(const Result<std::uint64_t>& request);
+    void sendDue(MirrorClient& client, std::vector<Timed>& requests, std::size_t& next, double since);
+    /// `text`: what was asked, with its option.
+    void note(const Result<std::uint64_t>& request, std::string text);
 
     const RequestArguments& arguments_;
     Injections events_, edits_;
     std::vector<Timed> locks_, takenBack_;  // by time
     std::size_t nextLock_ = 0, nextTakenBack_ = 0;
+    std::map<std::uint64_t, std::string> asked_;  // requests without an answer yet
 };
 
 }  // namespace rtsg::app

@@ -7,6 +7,7 @@ namespace rtsg::test {
 namespace {
 
 using nlohmann::json;
+using testing::AllOf;
 using testing::HasSubstr;
 
 class ManyWriters : public Mirror {
@@ -52,7 +53,7 @@ TEST_F(ManyWriters, WhatAnotherHasChangedSinceIsLeftAndSaid) {
     EXPECT_EQ(ask("Bob", {"--edit", "BOX.scale=3 3 3@0"}).status, 0);
     const Outcome back = ask("Ann", {"--undo", "0"});
     EXPECT_EQ(back.status, 1);
-    EXPECT_THAT(back.err, HasSubstr("refused: BOX.scale was changed since"));
+    EXPECT_THAT(back.err, HasSubstr("--undo 0: refused: BOX.scale was changed since"));
     EXPECT_EQ(sizes(), (Sizes{{"", "1 1 1"}, {"Ann", "2 2 2"}, {"Bob", "3 3 3"}}));
 }
 
@@ -61,6 +62,7 @@ TEST_F(ManyWriters, WhatIsLockedIsKeptFromOthersUntilItIsLetGo) {
     for (const char* kind : {"--edit", "--set"}) {
         const Outcome kept = ask("Bob", {kind, "BOX.scale=3 3 3@0"});
         EXPECT_EQ(kept.status, 1);
+        EXPECT_THAT(kept.err, HasSubstr(std::string(kind) + " BOX.scale=3 3 3@0: refused: "));
         EXPECT_THAT(kept.err, HasSubstr("Ann"));
     }
     EXPECT_EQ(ask("Bob", {"--edit", "CLOCK.cycleInterval=3@0"}).status, 1);
@@ -90,7 +92,7 @@ TEST_F(ManyWriters, WhatCannotBeAskedIsSaidWithTheOption) {
     for (int i = 0; i < 1024; ++i) many += ",BOX";
     const Outcome tooMany = ask("Ann", {"--lock", many + "=1s@0"});
     EXPECT_EQ(tooMany.status, 1);
-    EXPECT_THAT(tooMany.err, HasSubstr("1024"));
+    EXPECT_THAT(tooMany.err, AllOf(HasSubstr("1024"), HasSubstr("--lock")));
     const Outcome unsent = ask("Ann", {"--undo", "9"});
     EXPECT_EQ(unsent.status, 1);
     EXPECT_THAT(unsent.err, HasSubstr("not sent"));
