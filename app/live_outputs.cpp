@@ -24,7 +24,7 @@ LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments)
     : scene_(world.scene()),
       arguments_(arguments),
       world_(world.get()),
-      files_(arguments_.render, arguments_.picturesPerSecond, arguments_.picture.toneMap()),
+      files_(pictureFiles(arguments_)),
       soundAt_(scene_.now()),
       time_(scene_.now()),
       starts_{scene_.now()},
@@ -227,18 +227,18 @@ Result<> LiveOutputs::finish() {
 Result<> LiveOutputs::write() {
     return allOf({[&] { return problem_; },
                   [&]() -> Result<> {
+                      if (!sound_) return {};
+                      const Result<double> seconds = writeSound(*sound_, arguments_, files_);
+                      report_.soundSeconds = seconds.value_or(0);
+                      return seconds ? Result<>() : std::unexpected(seconds.error());
+                  },
+                  [&]() -> Result<> {
                       if (!light_) return {};
                       const double skipped = arguments_.animated() ? lastDueAt(elapsed_) + 1 - nextPicture_ : 0;
                       live_.picturesSkipped += static_cast<std::uint64_t>(std::max(0.0, skipped));
                       const Result<> written = files_.finish(static_cast<std::uint64_t>(std::max(0.0, skipped)));
                       print(light_->diagnostics());
                       return written;
-                  },
-                  [&]() -> Result<> {
-                      if (!sound_) return {};
-                      const Result<double> seconds = writeSound(*sound_, arguments_);
-                      report_.soundSeconds = seconds.value_or(0);
-                      return seconds ? Result<>() : std::unexpected(seconds.error());
                   },
                   [&]() -> Result<> {
                       print(world_.diagnostics());

@@ -166,7 +166,8 @@ void OutputArguments::addTo(Command& command, Options which) {
     if (which != Options::ofRun)
         command.addOption("--fps", picturesPerSecond, "pictures a second of scene time")->preset()->range(1e-3, 1e3);
     command.addOption("--listen", listen,
-                      "WAV of what the listener hears; device: play it now (then pictures are --live)");
+                      "WAV of what the listener hears; the .mp4 of --render: into the film; device: play it now (then "
+                      "pictures are --live)");
     command.addOption("--device", device, "of --listen device; else the default one");
     command.addFlag("--live", live,
                     which == Options::ofMirror
@@ -188,6 +189,10 @@ std::vector<std::string> SoundArguments::files() const {
     return names;
 }
 
+bool OutputArguments::soundInFilm() const {
+    return MovieWriter::isName(listen) && listen == render;
+}
+
 bool OutputArguments::animated() const {
     return PictureFiles(render, picturesPerSecond).takesSeveral();
 }
@@ -207,6 +212,10 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
         throw UsageError("--shutter",
                          "needs pictures in a row, into %04d, a .mp4 or .gif: it is open between two of them");
     if (onDevice() && sound.ambisonic > 0) throw UsageError("--ambisonic", "is of files: a device plays two channels");
+    if (MovieWriter::isName(listen) && !soundInFilm())
+        throw UsageError("--listen", listen + ": sound goes into the film of --render, or into a .wav of its own");
+    if (soundInFilm() && sound.ambisonic > 0)
+        throw UsageError("--ambisonic", "is of .wav files: a film has two channels");
     if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
     std::ranges::move(names(), std::back_inserter(more));
     std::vector<std::string> all = inputs;
@@ -216,7 +225,7 @@ Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vec
 
 std::vector<OutputName> OutputArguments::names() const {
     return {{"--render", render, OutputKind::picture},
-            {"--listen", onDevice() ? std::string() : listen, OutputKind::sound},
+            {"--listen", onDevice() || soundInFilm() ? std::string() : listen, OutputKind::sound},
             {"--record", record, OutputKind::log},
             {"--save", save, OutputKind::scene}};
 }
@@ -316,15 +325,24 @@ void tellGain(const ListenReport& report) {
                    -20 * std::log10(static_cast<double>(report.gain)));
 }
 
-Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments) {
+Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments, PictureFiles& pictures) {
     ListenReport report = sound.finish();
     const double most = std::round(arguments.seconds * report.sound.sampleRate);
     if (most < static_cast<double>(report.sound.frames()))  // frames and blocks end a little later
         report.sound.samples.resize(static_cast<std::size_t>(most) * static_cast<std::size_t>(report.sound.channels));
     print(report.diagnostics);
     tellGain(report);
-    if (auto ok = writeWav(arguments.listen, report.sound); !ok) return std::unexpected(ok.error());
-    return report.sound.seconds();
+    const SoundBuffer& heard = report.sound;
+    const Result<> written = arguments.soundInFilm()
+                                 ? pictures.addSound(heard.samples, heard.sampleRate, heard.channels)
+                                 : writeWav(arguments.listen, heard);
+    if (!written) return std::unexpected(written.error());
+    return heard.seconds();
+}
+
+PictureFiles pictureFiles(const OutputArguments& arguments) {
+    return {arguments.render, arguments.picturesPerSecond, arguments.picture.toneMap(),
+            arguments.soundInFilm() ? MovieWriter::Sound::awaited : MovieWriter::Sound::none};
 }
 
 std::string missingError(double error, double unreached) {
@@ -463,12 +481,18 @@ Result<> Outputs::frame() {
 Result<> Outputs::finish() {
     Result<> made = ready();             // what was interrupted is not waited for
     afterInterruption_ = interrupted();  // what ended the run does not end what is made of its end
-    return allOf({[&] { return made; }, [&] { return finishPictures(); },
+    return allOf({[&] { return made; }, [&] { return lastPicture(); },
                   [&]() -> Result<> {
                       if (!sound_) return {};
-                      const Result<double> seconds = writeSound(*sound_, arguments_);
+                      const Result<double> seconds = writeSound(*sound_, arguments_, files_);
                       report_.soundSeconds = seconds.value_or(0);
                       return seconds ? Result<>() : std::unexpected(seconds.error());
+                  },
+                  [&]() -> Result<> {
+                      if (!light_) return {};
+                      const Result<> written = files_.finish();
+                      print(light_->diagnostics());
+                      return written;
                   },
                   [&]() -> Result<> {
                       if (world_.built()) print(world_.built()->diagnostics());
@@ -477,15 +501,10 @@ Result<> Outputs::finish() {
                   }});
 }
 
-Result<> Outputs::finishPictures() {
-    if (!light_) return {};
-    if (!arguments_.animated() && result_) {
-        if (auto ok = next(true, elapsed()); !ok) return ok;
-        if (auto ok = ready(); !ok) return ok;
-    }
-    if (auto ok = files_.finish(); !ok) return ok;
-    print(light_->diagnostics());
-    return {};
+Result<> Outputs::lastPicture() {
+    if (!light_ || arguments_.animated() || !result_) return {};
+    if (auto ok = next(true, elapsed()); !ok) return ok;
+    return ready();
 }
 
 OutputReport Outputs::report() const {

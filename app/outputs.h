@@ -83,6 +83,8 @@ struct OutputArguments {
     enum class Options : std::uint8_t { ofRun, ofReplay, ofMirror };
     void addTo(Command& command, Options which);
     bool animated() const;
+    /// --listen names the film of --render.
+    bool soundInFilm() const;
     /// Played, not written.
     bool onDevice() const { return listen == "device"; }
     bool isLive() const { return live || onDevice(); }
@@ -162,8 +164,11 @@ inline std::unexpected<Diagnostic> notWritten(const std::string& file) {
 /// A line on standard error if the sound had to be made softer.
 void tellGain(const ListenReport& report);
 
-/// Writes what was heard, as long as was asked for. Returns its length in seconds.
-Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments);
+/// Writes what was heard, as long as was asked for, into a file of its own or into the film. Returns its length in
+/// seconds.
+Result<double> writeSound(SoundRenderer& sound, const OutputArguments& arguments, PictureFiles& pictures);
+/// The files that arguments ask for.
+PictureFiles pictureFiles(const OutputArguments& arguments);
 
 /// "1.4 of 4 s of sound", after a comma unless it is the first that is missing; empty if nothing is.
 std::string missingSound(double made, double wanted, bool first);
@@ -228,10 +233,7 @@ class Outputs final : public OutputMaker {
 
   private:
     Outputs(WorldOnDemand& world, const OutputArguments& arguments)
-        : world_(world),
-          scene_(world.scene()),
-          arguments_(arguments),
-          files_(arguments_.render, arguments_.picturesPerSecond, arguments_.picture.toneMap()) {}
+        : world_(world), scene_(world.scene()), arguments_(arguments), files_(pictureFiles(arguments_)) {}
     /// What is to be made of one state.
     struct Job {
         std::shared_ptr<const WorldState> state;
@@ -242,7 +244,7 @@ class Outputs final : public OutputMaker {
     Result<> ready();
     void work();
     Result<> make(const Job& job);
-    Result<> finishPictures();
+    Result<> lastPicture();
     bool pictureIsDue(double t) const;
     double elapsed() { return elapsed_.at(scene_.now()); }
     /// Seconds from the start to the next picture.

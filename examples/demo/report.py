@@ -187,7 +187,7 @@ page = f"""<!doctype html><html lang="en"><meta charset="utf-8"><title>RTSG demo
 body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }}
 img {{ max-width: 100%; border-radius: 4px; }} .strip {{ display: grid; gap: 6px; grid-template-columns: repeat(4, 1fr); }}
 table {{ border-collapse: collapse; font-size: 14px; }} td, th {{ padding: 2px 10px 2px 0; text-align: right; white-space: nowrap; }}
-.wide {{ overflow-x: auto; }} .text td {{ white-space: normal; overflow-wrap: anywhere; }} .text td:first-child {{ white-space: nowrap; }} li {{ overflow-wrap: anywhere; }} svg {{ width: 100%; max-width: 40rem; height: auto; }} audio {{ max-width: 100%; }}
+.wide {{ overflow-x: auto; }} .text td {{ white-space: normal; overflow-wrap: anywhere; }} .text td:first-child {{ white-space: nowrap; }} li {{ overflow-wrap: anywhere; }} svg {{ width: 100%; max-width: 40rem; height: auto; }} audio, video {{ max-width: 100%; }}
 th:first-child, td:first-child {{ text-align: left; }} .ok {{ color: #17713a; }} .no {{ color: #b00020; font-weight: bold; }}
 code {{ background: #f2f2f2; padding: 1px 4px; border-radius: 3px; }}
 </style>
@@ -203,7 +203,8 @@ code {{ background: #f2f2f2; padding: 1px 4px; border-radius: 3px; }}
 <audio controls src="{embedded("replica.wav")}"></audio>
 <h2>Pictures of the replica, one a second</h2>
 <div class="strip">{"".join(f'<img src="{embedded(name)}" alt="{name}">' for name in pictures)}</div>
-<h2>The session, replayed from its log</h2><img src="{embedded("hall.gif")}" alt="animation">
+<h2>The session, replayed from its log</h2>
+<video controls loop playsinline src="{embedded("hall.mp4")}" aria-label="The session as a film with sound"></video>
 <h2>The hall's acoustics at the start</h2>
 <p>ISO 3382 figures by octave band, {listen['rays']} rays, {listen['seconds']:.1f} s of computing.</p>
 {decay}
@@ -213,7 +214,7 @@ code {{ background: #f2f2f2; padding: 1px 4px; border-radius: 3px; }}
 <li><code>rtsg mirror tcp://127.0.0.1:… --render … --listen …</code>: another process; a snapshot, then frames, into a replica
 that the light tracer and the acoustic tracer follow. After each frame the replica's state hash is compared with the origin's.</li>
 <li><code>rtsg replay session.rlog --verify</code>, <code>--diff mirror.rlog</code>, <code>--seek … --render hall.png</code>,
-<code>--render hall.gif</code>.</li></ol>
+<code>--render hall.mp4 --listen hall.mp4</code>.</li></ol>
 <p>Beside this page, where it was made: <a href="session.rlog">session.rlog</a>, <a href="mirror.rlog">mirror.rlog</a>, <a href="replica.x3dv">replica.x3dv</a>
 (the replica saved as a document), <a href="replica.wav">replica.wav</a>, and the JSON that this page was made from.</p>
 </html>

@@ -1,11 +1,13 @@
-// Pictures into MP4 files of H.264, by FFmpeg's libraries.
+// Pictures, and a sound, into MP4 files of H.264 and AAC, by FFmpeg's libraries.
 #include "film_maker.h"
 
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
+#include <vector>
 
 #include "film_file.h"
+#include "film_track.h"
 
 extern "C" {
 #include <libavutil/opt.h>
@@ -30,25 +32,26 @@ class FilmMaker final : public MovieMaker {
   public:
     explicit FilmMaker(MovieSink sink) : sink_(std::move(sink)) {}
 
-    std::string begin(int width, int height, double picturesPerSecond) {
+    std::string begin(const FilmShape& shape) {
+        const int width = shape.width, height = shape.height;
+        keeps_ = shape.hasSound;
         // Colours are kept for squares of 2 x 2 pixels.
         if (width < 2 || height < 2 || width % 2 != 0 || height % 2 != 0)
             return "the width and height of a film are even, not " + std::to_string(width) + " x " +
                    std::to_string(height);
         if (std::string error = openFile(); !error.empty()) return error;
-        if (std::string error = openCodec(width, height, av_d2q(picturesPerSecond, 100'000)); !error.empty())
+        if (std::string error = openCodec(width, height, av_d2q(shape.picturesPerSecond, 100'000)); !error.empty())
             return error;
         frame_.reset(av_frame_alloc());
-        packet_.reset(av_packet_alloc());
         scaler_.reset(sws_getContext(width, height, AV_PIX_FMT_RGBA, width, height, codec_->pix_fmt,
                                      SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP, nullptr, nullptr, nullptr));
-        if (!frame_ || !packet_ || !scaler_) return "there is no memory for its pictures";
+        if (!frame_ || !scaler_) return "there is no memory for its pictures";
         const int* bt709 = sws_getCoefficients(SWS_CS_ITU709);
         sws_setColorspaceDetails(scaler_.get(), bt709, 1, bt709, 0, 0, 1 << 16, 1 << 16);
         frame_->width = width, frame_->height = height, frame_->format = codec_->pix_fmt;
         frame_->color_range = codec_->color_range, frame_->colorspace = codec_->colorspace;
         if (const int error = av_frame_get_buffer(frame_.get(), 0); error < 0) return textOfError(error);
-        return toFile(avformat_write_header(format_.get(), nullptr));
+        return keeps_ ? std::string() : toFile(avformat_write_header(format_.get(), nullptr));
     }
 
     std::string add(std::span<const std::uint8_t> rgba) override {
@@ -65,8 +68,11 @@ class FilmMaker final : public MovieMaker {
         return encode(frame_.get());
     }
 
+    std::string sound(const FileSound& sound) override { return encodeSound(sound, *format_, sound_); }
+
     std::string finish() override {
         if (std::string error = encode(nullptr); !error.empty()) return error;
+        if (std::string error = keeps_ ? writeKept() : std::string(); !error.empty()) return error;
         if (std::string error = toFile(av_write_trailer(format_.get())); !error.empty()) return error;
         avio_flush(io_.get());
         return toFile(io_->error);
@@ -76,7 +82,7 @@ class FilmMaker final : public MovieMaker {
     std::string openFile() {
         constexpr int kBuffer = 1 << 16;
         auto* buffer = static_cast<unsigned char*>(av_malloc(kBuffer));
-        if (buffer) io_.reset(avio_alloc_context(buffer, kBuffer, 1, this, nullptr, &write, &seek));
+        if (buffer) io_.reset(avio_alloc_context(buffer, kBuffer, 1, this, nullptr, &writeBytes, &seek));
         AVFormatContext* format = nullptr;
         if (!io_ || avformat_alloc_output_context2(&format, nullptr, "mp4", nullptr) < 0)
             return "FFmpeg's libraries write no MP4 here";
@@ -114,23 +120,43 @@ class FilmMaker final : public MovieMaker {
     /// Null: what the encoder still holds.
     std::string encode(const AVFrame* frame) {
         if (const int error = avcodec_send_frame(codec_.get(), frame); error < 0) return textOfError(error);
-        for (;;) {
-            const int error = avcodec_receive_packet(codec_.get(), packet_.get());
-            if (error == AVERROR(EAGAIN) || error == AVERROR_EOF) return {};
-            if (error < 0) return textOfError(error);
-            packet_->duration = 1;
-            packet_->stream_index = stream_->index;
-            av_packet_rescale_ts(packet_.get(), codec_->time_base, stream_->time_base);
-            if (std::string failed = toFile(av_interleaved_write_frame(format_.get(), packet_.get())); !failed.empty())
-                return failed;
+        std::string error;
+        if (!takePackets(*codec_, pictures_, error)) return error;
+        for (const Owned<AVPacket>& packet : pictures_) packet->duration = 1;
+        if (keeps_) return {};
+        for (const Owned<AVPacket>& packet : pictures_)
+            if (error = write(*packet, *codec_, *stream_); !error.empty()) return error;
+        pictures_.clear();
+        return {};
+    }
+
+    /// In the order in which a player needs them.
+    std::string writeKept() {
+        if (std::string error = toFile(avformat_write_header(format_.get(), nullptr)); !error.empty()) return error;
+        auto heard = sound_.packets.begin();
+        const auto writeSound = [&] { return write(**heard++, *sound_.codec, *sound_.stream); };
+        for (const Owned<AVPacket>& packet : pictures_) {
+            while (heard != sound_.packets.end() &&
+                   av_compare_ts((*heard)->dts, sound_.codec->time_base, packet->dts, codec_->time_base) < 0)
+                if (std::string error = writeSound(); !error.empty()) return error;
+            if (std::string error = write(*packet, *codec_, *stream_); !error.empty()) return error;
         }
+        while (heard != sound_.packets.end())
+            if (std::string error = writeSound(); !error.empty()) return error;
+        return {};
+    }
+
+    std::string write(AVPacket& packet, const AVCodecContext& codec, const AVStream& stream) {
+        packet.stream_index = stream.index;
+        av_packet_rescale_ts(&packet, codec.time_base, stream.time_base);
+        return toFile(av_interleaved_write_frame(format_.get(), &packet));
     }
 
     std::string toFile(int error) const {
         return failed_ ? "it cannot be written" : error < 0 ? textOfError(error) : "";
     }
 
-    static int write(void* self, Written* from, int length) {
+    static int writeBytes(void* self, Written* from, int length) {
         auto& maker = *static_cast<FilmMaker*>(self);
         const auto size = static_cast<std::size_t>(std::max(length, 0));
         if (!maker.failed_ && !maker.sink_.write(maker.at_, {from, size})) maker.failed_ = true;
@@ -159,16 +185,17 @@ class FilmMaker final : public MovieMaker {
     AVStream* stream_ = nullptr;
     Owned<SwsContext> scaler_;
     Owned<AVFrame> frame_;
-    Owned<AVPacket> packet_;
+    std::vector<Owned<AVPacket>> pictures_;  // not written yet
+    FilmTrack sound_;
+    bool keeps_ = false;  // until finish(): the header says whether there is sound
     std::int64_t next_ = 0;
 };
 
 }  // namespace
 
-std::string makeFilm(MovieSink sink, int width, int height, double picturesPerSecond,
-                     std::unique_ptr<MovieMaker>& out) {
+std::string makeFilm(MovieSink sink, const FilmShape& shape, std::unique_ptr<MovieMaker>& out) {
     auto maker = std::make_unique<FilmMaker>(std::move(sink));
-    std::string error = maker->begin(width, height, picturesPerSecond);
+    std::string error = maker->begin(shape);
     if (error.empty()) out = std::move(maker);
     return error;
 }

@@ -9,6 +9,6 @@
 namespace rtsg {
 
 /// As MovieFiles::make().
-std::string makeFilm(MovieSink sink, int width, int height, double picturesPerSecond, std::unique_ptr<MovieMaker>& out);
+std::string makeFilm(MovieSink sink, const FilmShape& shape, std::unique_ptr<MovieMaker>& out);
 
 }  // namespace rtsg

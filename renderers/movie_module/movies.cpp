@@ -213,10 +213,9 @@ class Files final : public MovieFiles {
         if (error.empty()) out = std::move(film);
         return error;
     }
-    std::string make(MovieSink sink, int width, int height, double picturesPerSecond,
-                     std::unique_ptr<MovieMaker>& out) const override {
+    std::string make(MovieSink sink, const FilmShape& shape, std::unique_ptr<MovieMaker>& out) const override {
         av_log_set_level(AV_LOG_QUIET);
-        return makeFilm(std::move(sink), width, height, picturesPerSecond, out);
+        return makeFilm(std::move(sink), shape, out);
     }
     std::string readSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSound& out) const override {
         av_log_set_level(AV_LOG_QUIET);

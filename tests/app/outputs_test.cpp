@@ -179,6 +179,48 @@ TEST_F(MadeOutputs, SayBySoMuchThatLoudSoundIsSofter) {
     EXPECT_EQ(rtsg({"run", file, "--listen", wav, "--for", ".1s", "--set", "OUT.gain=.8@0"}).err, "");
 }
 
+TEST_F(MadeOutputs, AFilmHasTheSoundThatGoesIntoIt) {
+    const std::string film = folder / "film.mp4";
+    for (const bool live : {false, true}) {
+        std::vector<std::string> run{"run",      file, "--for",  "1s",   "--fps",  "10", "--render", film,
+                                     "--listen", film, "--size", "16x8", "--rays", "50", "--json"};
+        if (live) run.push_back("--live");
+        const Outcome made = rtsg(run);
+        ASSERT_EQ(made.status, 0) << made.err;
+        EXPECT_DOUBLE_EQ(json::parse(lastLine(made.out)).at("sound_seconds").get<double>(), 1);
+        const std::string player = folder / "player.x3dv";
+        writeFile(
+            player,
+            "#X3D V4.0 utf8\nPROFILE Full\nSound { spatialize FALSE maxFront 50 maxBack 50 source AudioClip { url "
+            "\"film.mp4\" startTime 0 stopTime -1 } }\n");
+        const Outcome heard = rtsg(atZero({"listen", player, "-o", folder / "heard.wav", "--for", "1s", "--json"}));
+        ASSERT_EQ(heard.status, 0) << heard.err;
+        EXPECT_EQ(heard.err, "");
+        const std::string wav = bytes("heard.wav");
+        int peak = 0;
+        for (std::size_t at = wav.find("data") + 10; at < wav.size(); at += 3)
+            peak = std::max(peak, std::abs(static_cast<signed char>(wav[at])));
+        EXPECT_GT(peak, 20) << "of 127";
+        std::filesystem::remove(film);
+    }
+}
+
+TEST_F(MadeOutputs, SoundGoesIntoNoFilmButThatOfThePictures) {
+    const std::string film = folder / "film.mp4";
+    const auto refused = [&](std::vector<std::string> more) {
+        std::vector<std::string> run{"run", file, "--for", "1s", "--fps", "10", "--listen", film, "--size", "16x8"};
+        run.insert(run.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(run);
+        EXPECT_EQ(outcome.status, 2);
+        EXPECT_FALSE(std::filesystem::exists(film));
+        return outcome.err;
+    };
+    EXPECT_THAT(refused({}), HasSubstr("the film of --render"));
+    EXPECT_THAT(refused({"--render", folder / "other.mp4"}), HasSubstr("the film of --render"));
+    EXPECT_THAT(refused({"--render", film, "--ambisonic", "1"}), HasSubstr("--ambisonic"));
+    EXPECT_THAT(refused({"--render", film, "--save", film}), HasSubstr("--save"));
+}
+
 TEST_F(MadeOutputs, WithoutSoundNameNoStateOfIt) {
     const Outcome outcome =
         rtsg({"run", file, "--for", "0.2s", "--fps", "10", "--render", folder / "p%d.png", "--size", "8x8", "--json"});

@@ -47,6 +47,12 @@ struct MovieSink {
     std::function<bool(std::uint64_t offset, std::span<const std::uint8_t> bytes)> write;
 };
 
+struct FilmShape {
+    int width = 0, height = 0;  // pixels
+    double picturesPerSecond = 0;
+    bool hasSound = false;  // sound() will be called, or there will be none: what is encoded is kept until finish()
+};
+
 class MovieMaker {
   public:
     virtual ~MovieMaker() = default;
@@ -54,15 +60,16 @@ class MovieMaker {
     virtual std::string add(std::span<const std::uint8_t> rgba) = 0;
     /// The last picture once more.
     virtual std::string repeat() = 0;
+    /// Once at most, of one or two channels, from the beginning of the first picture on. Of a shape that has sound.
+    virtual std::string sound(const FileSound& sound) = 0;
     virtual std::string finish() = 0;
 };
 
 class MovieFiles {
   public:
     virtual ~MovieFiles() = default;
-    /// An MP4 of H.264, the same bytes each time, whatever the number of cores.
-    virtual std::string make(MovieSink sink, int width, int height, double picturesPerSecond,
-                             std::unique_ptr<MovieMaker>& out) const = 0;
+    /// An MP4 of H.264 and AAC, the same bytes each time, whatever the number of cores.
+    virtual std::string make(MovieSink sink, const FilmShape& shape, std::unique_ptr<MovieMaker>& out) const = 0;
     /// Refuses pictures of more pixels than `maximumPixels`.
     virtual std::string open(MovieBytes bytes, std::uint64_t maximumPixels, std::unique_ptr<MovieFile>& out) const = 0;
     /// Refuses more than `maximumSamples`, all channels counted.
@@ -73,6 +80,6 @@ class MovieFiles {
 Result<const MovieFiles*> movieFiles();
 
 /// What the module exports under this name, which changes whenever this header does.
-#define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles3
+#define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles4
 
 }  // namespace rtsg

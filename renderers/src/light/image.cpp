@@ -36,8 +36,9 @@ std::optional<std::string> numberedName(const std::string& pattern, int number) 
     return result;
 }
 
-PictureFiles::PictureFiles(std::filesystem::path file, double picturesPerSecond, const ToneMap& toneMap)
-    : file_(std::move(file)), picturesPerSecond_(picturesPerSecond), toneMap_(toneMap) {
+PictureFiles::PictureFiles(std::filesystem::path file, double picturesPerSecond, const ToneMap& toneMap,
+                           MovieWriter::Sound sound)
+    : file_(std::move(file)), picturesPerSecond_(picturesPerSecond), toneMap_(toneMap), sound_(sound) {
     if (numberedName(file_.filename().string(), 0))
         kind_ = Kind::numbered;
     else if (MovieWriter::isName(file_))
@@ -66,7 +67,7 @@ Result<> PictureFiles::store(Picture picture) {
         return {};
     }
     if (!movie_) {
-        auto movie = MovieWriter::create(file_, picture.width, picture.height, picturesPerSecond_);
+        auto movie = MovieWriter::create(file_, picture.width, picture.height, picturesPerSecond_, sound_);
         if (!movie) return std::unexpected(movie.error());
         movie_.emplace(std::move(*movie));
     }
@@ -77,6 +78,11 @@ Result<> PictureFiles::hold(std::uint64_t pictures) {
     if (movie_) return movie_->hold(pictures);
     for (; pictures > 0; --pictures) frames_.emplace_back(frames_.back());
     return {};
+}
+
+Result<> PictureFiles::addSound(std::span<const float> samples, int sampleRate, int channels) {
+    if (!movie_) return fail("there is no film to put the sound into", {}, file_.string());
+    return movie_->addSound(samples, sampleRate, channels);
 }
 
 Result<> PictureFiles::finish(std::uint64_t skipped) {

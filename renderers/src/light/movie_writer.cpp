@@ -53,7 +53,7 @@ bool MovieWriter::isName(const std::filesystem::path& file) {
 }
 
 Result<MovieWriter> MovieWriter::create(const std::filesystem::path& file, int width, int height,
-                                        double picturesPerSecond) {
+                                        double picturesPerSecond, Sound sound) {
     if (!(picturesPerSecond > 0) || !std::isfinite(picturesPerSecond))
         return fail("pictures per second must be positive", {}, file.string());
     const auto files = movieFiles();
@@ -65,7 +65,9 @@ Result<MovieWriter> MovieWriter::create(const std::filesystem::path& file, int w
     MovieSink sink{[to = impl.get()](std::uint64_t offset, std::span<const std::uint8_t> bytes) {
         return to->write(offset, bytes);
     }};
-    if (auto ok = impl->done((*files)->make(std::move(sink), width, height, picturesPerSecond, impl->maker)); !ok)
+    if (auto ok = impl->done(
+            (*files)->make(std::move(sink), {width, height, picturesPerSecond, sound == Sound::awaited}, impl->maker));
+        !ok)
         return std::unexpected(ok.error());
     return MovieWriter(std::move(impl));
 }
@@ -89,7 +91,17 @@ Result<> MovieWriter::hold(std::uint64_t pictures) {
     return {};
 }
 
+Result<> MovieWriter::addSound(std::span<const float> samples, int sampleRate, int channels) {
+    FileSound sound{sampleRate, channels, {samples.begin(), samples.end()}};
+    if (auto ok = impl_->done(impl_->maker->sound(sound)); !ok) {
+        impl_->maker.reset();
+        return ok;
+    }
+    return {};
+}
+
 Result<> MovieWriter::finish() {
+    if (!impl_->maker) return fail("its sound could not be written", {}, impl_->file);
     if (auto ok = impl_->done(impl_->maker->finish()); !ok) return ok;
     return impl_->output.commit();
 }

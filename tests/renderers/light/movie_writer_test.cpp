@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 
 #include <gmock/gmock.h>
 
@@ -100,6 +101,77 @@ TEST_F(MadeFilms, HoldAPictureAsLongAsIsSaid) {
         ASSERT_TRUE(texture);
         if (*texture) shown = texelAt(**texture, 4, 12).r;
         EXPECT_NEAR(shown, t < .5 ? 51 : 204, 5) << t;
+    }
+}
+
+/// Two seconds at 48 kHz: on the left a tone of 1 kHz, on the right 10 ms of one of 3 kHz, one second after the
+/// beginning.
+std::vector<float> toneAndMark() {
+    constexpr int kRate = 48000, kMark = kRate / 100;
+    std::vector<float> samples;
+    for (int i = 0; i < 2 * kRate; ++i) {
+        const double t = double(i) / kRate, window = i >= kRate && i < kRate + kMark
+                                                         ? std::pow(std::sin(std::numbers::pi * (i - kRate) / kMark), 2)
+                                                         : 0;
+        samples.push_back(static_cast<float>(.5 * std::sin(2 * std::numbers::pi * 1000 * t)));
+        samples.push_back(static_cast<float>(.8 * window * std::sin(2 * std::numbers::pi * 3000 * t)));
+    }
+    return samples;
+}
+
+TEST_F(MadeFilms, AreHeardFromTheirFirstPictureOn) {
+    const std::vector<float> samples = toneAndMark();
+    for (const std::string name : {"one.mp4", "two.mp4"}) {
+        auto film = MovieWriter::create(folder_.path() / name, 32, 16, 25, MovieWriter::Sound::awaited);
+        ASSERT_TRUE(film) << film.error().format();
+        for (int i = 0; i < 50; ++i) ASSERT_TRUE(film->add(pictureOf(i / 5)));
+        ASSERT_TRUE(film->addSound(samples, 48000, 2));
+        ASSERT_TRUE(film->finish());
+    }
+    EXPECT_EQ(bytesOf("one.mp4"), bytesOf("two.mp4"));
+    auto movie = open("one.mp4");
+    ASSERT_TRUE(movie) << movie.error().format();
+    EXPECT_NEAR(movie->seconds(), 2, .025) << "a piece of sound is 21 ms";
+    auto texture = movie->frameAt(1.21);
+    ASSERT_TRUE(texture && *texture);
+    EXPECT_NEAR(texelAt(**texture, 4, 12).r, 25.5 * 6, 5);
+    const auto heard = movieSound(*Resources(folder_.path()).open(folder_.path(), "one.mp4"), 1 << 20);
+    ASSERT_TRUE(heard) << heard.error().format();
+    EXPECT_EQ(heard->sampleRate, 48000);
+    ASSERT_EQ(heard->channels, 2);
+    EXPECT_NEAR(double(heard->samples.size()) / 2, 96000, 1024);
+    double tone = 0, mark = 0, markAt = 0;
+    const std::size_t all = std::min<std::size_t>(heard->samples.size() / 2, 96000);
+    for (std::size_t i = 0; i < all; ++i) {
+        const double left = heard->samples[2 * i], right = heard->samples[2 * i + 1];
+        tone += left * left;
+        mark += right * right;
+        markAt += right * right * double(i);
+    }
+    EXPECT_NEAR(std::sqrt(tone / double(all)), .5 / std::numbers::sqrt2, .01);
+    EXPECT_NEAR(markAt / mark / 48000, 1.005, .0005) << "neither early nor late by what the coder delays";
+    EXPECT_NEAR(mark, .5 * .64 * .375 * 480, .05 * .5 * .64 * .375 * 480);
+}
+
+TEST_F(MadeFilms, ThatAwaitSoundAreFilmsWithoutIt) {
+    auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 25, MovieWriter::Sound::awaited);
+    ASSERT_TRUE(film);
+    for (int i = 0; i < 10; ++i) ASSERT_TRUE(film->add(pictureOf(i)));
+    ASSERT_TRUE(film->finish());
+    make("silent.mp4", 10);
+    EXPECT_EQ(bytesOf("film.mp4"), bytesOf("silent.mp4"));
+    EXPECT_FALSE(movieSound(*Resources(folder_.path()).open(folder_.path(), "film.mp4"), 1 << 20));
+}
+
+TEST_F(MadeFilms, RefuseSoundThatTheyCannotHold) {
+    const std::vector<float> samples(4096);
+    for (const auto& [rate, channels] : {std::pair(48000, 3), {48000, 0}, {12345, 2}, {0, 1}}) {
+        auto film = MovieWriter::create(folder_.path() / "film.mp4", 32, 16, 25, MovieWriter::Sound::awaited);
+        ASSERT_TRUE(film);
+        ASSERT_TRUE(film->add(pictureOf(1)));
+        EXPECT_FALSE(film->addSound(samples, rate, channels)) << rate << ' ' << channels;
+        EXPECT_FALSE(film->finish());
+        EXPECT_FALSE(fs::exists(folder_.path() / "film.mp4"));
     }
 }
 

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -39,7 +40,8 @@ Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file
 /// Threading: one thread.
 class PictureFiles {
   public:
-    PictureFiles(std::filesystem::path file, double picturesPerSecond, const ToneMap& toneMap = {});
+    PictureFiles(std::filesystem::path file, double picturesPerSecond, const ToneMap& toneMap = {},
+                 MovieWriter::Sound sound = MovieWriter::Sound::none);
 
     /// Whether there is room for more than one, and whether all of them are one file.
     bool takesSeveral() const { return kind_ != Kind::one; }
@@ -47,6 +49,8 @@ class PictureFiles {
     /// Of pictures of one file the one before stays as long as `skipped` more would have, the first one itself. Errors:
     /// as writePicture() and MovieWriter.
     Result<> add(Picture picture, std::uint64_t skipped = 0);
+    /// As MovieWriter::addSound(). Errors: there is no film, for want of a picture.
+    Result<> addSound(std::span<const float> samples, int sampleRate, int channels);
     /// The last one stays as long as `skipped` more. Without a picture there is no file.
     Result<> finish(std::uint64_t skipped = 0);
 
@@ -58,6 +62,7 @@ class PictureFiles {
     std::filesystem::path file_;
     double picturesPerSecond_;
     ToneMap toneMap_;
+    MovieWriter::Sound sound_;
     Kind kind_ = Kind::one;
     int count_ = 0;
     std::vector<Picture> frames_;       // of a GIF
