@@ -48,16 +48,24 @@ bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Ban
     return true;
 }
 
-ListenerPose poseFrom(const WorldFromLocal& m, const Vec3d& position, const Rotation& orientation) {
-    const Camera camera = Camera::perspective(m, position, orientation, 0.785, 1);
+/// Where a listener is, as far as that is finite: a Camera has a place and axes of its own for what is not.
+struct FoundPose {
     ListenerPose pose;
-    pose.position = camera.position;
+    bool isSomewhere, isTurned;
+};
+
+FoundPose poseFrom(const WorldFromLocal& m, const Vec3d& position, const Rotation& orientation) {
+    const Camera camera = Camera::perspective(m, position, orientation, 0.785, 1);
     const glm::dmat3 axes = camera.axes();
-    pose.right = axes[0];
-    pose.up = axes[1];
-    pose.back = axes[2];
-    const glm::dvec3 sum = pose.position + pose.right + pose.up + pose.back;
-    return std::isfinite(sum.x + sum.y + sum.z) ? pose : ListenerPose{};
+    FoundPose found;
+    found.pose.position = camera.position;
+    found.pose.right = axes[0];
+    found.pose.up = axes[1];
+    found.pose.back = axes[2];
+    found.isSomewhere = !camera.nowhere;
+    const glm::dvec3 turn = m[0] + m[1] + m[2] + glm::dvec3(orientation.x, orientation.y, orientation.z);
+    found.isTurned = std::isfinite(turn.x + turn.y + turn.z + double{orientation.angle});
+    return found;
 }
 
 }  // namespace
@@ -198,7 +206,7 @@ SoundVersion SoundScene::freeze() {
 
 namespace {
 
-ListenerPose poseOf(const Scene& scene, const Placed& placed) {
+FoundPose foundPose(const Scene& scene, const Placed& placed) {
     const Node& node = scene.node(placed.node);
     if (const auto moved = movedView(node))
         return poseFrom(placed.worldFromLocal, moved->position, orientationOf(*moved));
@@ -209,6 +217,24 @@ ListenerPose poseOf(const Scene& scene, const Placed& placed) {
 }
 
 }  // namespace
+
+/// What of it is not finite is what it was when it was last, or X3D's default.
+ListenerPose SoundScene::poseOf(const Scene& scene, const Placed& placed) {
+    const auto [now, isSomewhere, isTurned] = foundPose(scene, placed);
+    ListenerPose& pose = poses_[placed.id.slot];
+    const auto tell = [&](std::string_view text) {
+        warnOnce(scene.placeOf(placed.node), fmt::format("{}: its {}", nameOf(scene, scene.node(placed.node)), text));
+    };
+    if (isSomewhere)
+        pose.position = now.position;
+    else
+        tell("position in the world is no place: the last that was one counts, or 0 0 10");
+    if (isTurned)
+        pose.right = now.right, pose.up = now.up, pose.back = now.back;
+    else
+        tell("orientation in the world is no rotation: the last that was one counts, or 0 0 1 0");
+    return pose;
+}
 
 void SoundScene::findPlaces(const Scene& scene) {
     std::map<std::uint32_t, const Placed*> listeners, views;  // by slot
@@ -260,8 +286,6 @@ void SoundScene::chooseListener(const Scene& scene) {
     const Node& node = scene.node(listener->node);
     if (!fieldOr(node, "trackCurrentView", false)) listener_ = poseOf(scene, *listener);
     const FieldNumbers in = numbersIn(scene, node);
-    if (node.is(x3d::ListenerPointSource::type))
-        in.vector(x3d::ListenerPointSource::position, {}, "0 0 10 in the world counts");
     listener_.gain = in.any("gain", 0, 1);
     listener_.doppler = fieldOr(node, "dopplerEnabled", false);
 }
@@ -443,7 +467,10 @@ void SoundScene::apply(const Scene& scene, const ChangeSet& changes, const Insta
     readWalls(scene, changes, delta);
     if (placeEmitters(scene, delta) || changes.isSnapshot()) nameEmitters();
     // Listeners and views.
-    for (const InstanceId id : delta.placedRemoved) others_.erase(id.slot);
+    for (const InstanceId id : delta.placedRemoved) {
+        others_.erase(id.slot);
+        poses_.erase(id.slot);
+    }
     for (const auto* list : {&delta.placedAdded, &delta.placedRebound})
         for (const Placed& placed : *list)
             if (placed.kind == PlacedKind::listener || placed.kind == PlacedKind::view)

@@ -1,6 +1,8 @@
 // Following a scene is reading it anew: seeded random edits, one session from the start, one attached late each time.
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <limits>
 #include <random>
 #include <string>
 #include <tuple>
@@ -222,6 +224,62 @@ TEST(SoundScene, WhatIsNotHeardIsNamedOnce) {
                                 [&](const std::string& text) { return text.find(part) != std::string::npos; }),
                   1)
             << part << testing::PrintToString(said);
+}
+
+/// A listener stays where it was, and as it was turned, while one of the two is nothing that can be.
+TEST(SoundScene, AListenerKeepsTheLastPlaceThatIsOne) {
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    for (const std::string type : {"Viewpoint", "ListenerPointSource"}) {
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene,
+                             "#X3D V4.0 utf8\nPROFILE Full\nDEF T Transform { children DEF EARS " + type +
+                                 " { position 1 2 3 orientation 0 1 0 1.5707963 } }\n",
+                             diagnostics));
+        SharedWorld world(scene);
+        SoundRenderer renderer(world, quiet());
+        const SoundScene& sounds = renderer.renderer().scene();
+        int frame = 0;
+        const auto send = [&](const char* node, const char* field, const Value& value) {
+            const NodeId id = scene.findName(node);
+            ASSERT_TRUE(scene.sendEvent(id, scene.node(id).type().find(field), value)) << field;
+            scene.newFrame(++frame / 60.0);
+            ASSERT_TRUE(renderer.renderFrame());
+        };
+        const auto expect = [&](const glm::dvec3& position, const glm::dvec3& right, const std::string& what) {
+            EXPECT_LT(glm::distance(sounds.listener().position, position), 1e-6) << type << what;
+            EXPECT_LT(glm::distance(sounds.listener().right, right), 1e-6) << type << what;
+            ASSERT_EQ(sounds.places().size(), 1u);
+            EXPECT_LT(glm::distance(sounds.places()[0].position, position), 1e-6) << type << what;
+        };
+        send("T", "translation", Value(Vec3f(1, 0, 0)));
+        expect({2, 2, 3}, {0, 0, -1}, " at first");
+        for (const float strange : {static_cast<float>(NAN), kInfinity, -kInfinity}) {
+            send("EARS", "position", Value(Vec3f(0, strange, 0)));
+            expect({2, 2, 3}, {0, 0, -1}, " without a place");
+            // The other one of the two goes on.
+            send("EARS", "orientation", Value(Rotation{0, 1, 0, 0}));
+            expect({2, 2, 3}, {1, 0, 0}, " turned without a place");
+            send("EARS", "orientation", Value(Rotation{0, 1, 0, strange}));
+            send("EARS", "position", Value(Vec3f(0, 0, 7)));
+            expect({1, 0, 7}, {1, 0, 0}, " not turned");
+            send("EARS", "orientation", Value(Rotation{strange, 1, 0, 1}));
+            expect({1, 0, 7}, {1, 0, 0}, " round no axis");
+            send("T", "translation", Value(Vec3f(strange, 0, 0)));
+            expect({1, 0, 7}, {1, 0, 0}, " nowhere");
+            send("T", "translation", Value(Vec3f(1, 0, 0)));
+            send("EARS", "position", Value(Vec3f(1, 2, 3)));
+            send("EARS", "orientation", Value(Rotation{0, 1, 0, 1.5707963f}));
+            expect({2, 2, 3}, {0, 0, -1}, " again");
+        }
+        std::vector<std::string> said;
+        for (const Diagnostic& d : sounds.diagnostics().all()) said.push_back(d.text);
+        EXPECT_EQ(said, (std::vector<std::string>{
+                            "EARS: its position in the world is no place: the last that was one counts, or 0 0 10",
+                            "EARS: its orientation in the world is no rotation: the last that was one counts, or 0 0 "
+                            "1 0"}))
+            << type;
+    }
 }
 
 }  // namespace

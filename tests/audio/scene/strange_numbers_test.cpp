@@ -145,28 +145,31 @@ TEST_F(StrangeNumbers, AreTold) {
         const char* field;
         float number;
         const char* text;
-    } cases[] = {{"S.intensity", NAN, "S: its intensity is no finite number: 0 counts"},
-                 {"S.intensity", -2, "S: its intensity is too small: 0 counts"},
-                 {"S.intensity", 2, "S: its intensity is too large: 1 counts"},
-                 {"S.minFront", -1, "S: its minFront is too small: 0 counts"},
-                 {"S.location", NAN, "S: its location is no finite vector: it is not heard"},
-                 {"P.direction", kInfinity, "P: its direction is no finite vector: 0 0 1 counts"},
-                 {"P.gain", NAN, "P: its gain is no finite number: 0 counts"},
-                 {"P.rolloffFactor", -1, "P: its rolloffFactor is too small: 0 counts"},
-                 {"I.location", NAN, "I: its location is no finite vector: it is not heard"},
-                 {"B.playbackRate", NAN, "B: its playbackRate is no finite number: 1 counts"},
-                 {"B.buffer", NAN, "B: 1 of the 3 samples of its buffer are no finite numbers: 0 counts"},
-                 {"B.bufferDuration", NAN, "B: its bufferDuration is no finite number: 0 counts"},
-                 {"O.detune", kInfinity, "O: its detune is no finite number: 0 counts"},
-                 {"O.frequency", NAN, "O: its frequency is no finite number: 0 counts"},
-                 {"G.gain", NAN, "G: its gain is no finite number: 0 counts"},
-                 {"F.frequency", NAN, "F: its frequency is no finite number: 350 counts"},
-                 {"D.delayTime", -1, "D: its delayTime is too small: 0 counts"},
-                 {"D.delayTime", NAN, "D: its delayTime is no finite number: 0 counts"},
-                 {"C.ratio", NAN, "C: its ratio is no finite number: 12 counts"},
-                 {"A.gain", NAN, "A: its gain is no finite number: 0 counts"},
-                 {"L.gain", NAN, "L: its gain is no finite number: 0 counts"},
-                 {"L.position", NAN, "L: its position is no finite vector: 0 0 10 in the world counts"}};
+    } cases[] = {
+        {"S.intensity", NAN, "S: its intensity is no finite number: 0 counts"},
+        {"S.intensity", -2, "S: its intensity is too small: 0 counts"},
+        {"S.intensity", 2, "S: its intensity is too large: 1 counts"},
+        {"S.minFront", -1, "S: its minFront is too small: 0 counts"},
+        {"S.location", NAN, "S: its location is no finite vector: it is not heard"},
+        {"P.direction", kInfinity, "P: its direction is no finite vector: 0 0 1 counts"},
+        {"P.gain", NAN, "P: its gain is no finite number: 0 counts"},
+        {"P.rolloffFactor", -1, "P: its rolloffFactor is too small: 0 counts"},
+        {"I.location", NAN, "I: its location is no finite vector: it is not heard"},
+        {"B.playbackRate", NAN, "B: its playbackRate is no finite number: 1 counts"},
+        {"B.buffer", NAN, "B: 1 of the 3 samples of its buffer are no finite numbers: 0 counts"},
+        {"B.bufferDuration", NAN, "B: its bufferDuration is no finite number: 0 counts"},
+        {"O.detune", kInfinity, "O: its detune is no finite number: 0 counts"},
+        {"O.frequency", NAN, "O: its frequency is no finite number: 0 counts"},
+        {"G.gain", NAN, "G: its gain is no finite number: 0 counts"},
+        {"F.frequency", NAN, "F: its frequency is no finite number: 350 counts"},
+        {"D.delayTime", -1, "D: its delayTime is too small: 0 counts"},
+        {"D.delayTime", NAN, "D: its delayTime is no finite number: 0 counts"},
+        {"C.ratio", NAN, "C: its ratio is no finite number: 12 counts"},
+        {"A.gain", NAN, "A: its gain is no finite number: 0 counts"},
+        {"L.gain", NAN, "L: its gain is no finite number: 0 counts"},
+        {"L.position", NAN, "L: its position in the world is no place: the last that was one counts, or 0 0 10"},
+        {"L.orientation", kInfinity,
+         "L: its orientation in the world is no rotation: the last that was one counts, or 0 0 1 0"}};
     for (const auto& one : cases) {
         const NumberField field = fieldOf(one.field);
         for (int i = 0; i < 3; ++i) {

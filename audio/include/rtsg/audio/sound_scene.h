@@ -208,7 +208,8 @@ class SoundScene {
     const std::vector<SoundEmitter>& emitters() const { return *emitters_; }
     const SoundNode& sound(const SoundEmitter& emitter) const { return *emitter.sound; }
     glm::dvec3 position(const SoundEmitter& emitter) const { return emitter.position(); }
-    /// The first enabled ListenerPointSource, else the bound viewpoint, else X3D's default of 0 0 10.
+    /// The first enabled ListenerPointSource, else the bound viewpoint, else X3D's default of 0 0 10. Where its place
+    /// or its turn is no finite one the last that was counts, which is told once.
     const ListenerPose& listener() const { return listener_; }
     /// Where one may listen: at every enabled ListenerPointSource that does not follow the view, or if there is none at
     /// every viewpoint, or else where listener() is.
@@ -243,6 +244,7 @@ class SoundScene {
     bool readOutputs(const Scene& scene, const Node& splitter, int depth, AudioProcess& process, Branch to);
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node) const;
     void chooseListener(const Scene& scene);
+    ListenerPose poseOf(const Scene& scene, const Placed& placed);
     void findPlaces(const Scene& scene);
     void readAir(const Scene& scene, const ChangeSet& changes);
     void nameSilent(const Scene& scene, const ChangeSet& changes);
@@ -255,6 +257,7 @@ class SoundScene {
     int visits_ = 0;  // of readVoices, for the sound being read
     std::unordered_map<std::uint32_t, std::shared_ptr<const SoundNode>> sounds_;  // by NodeId
     std::unordered_map<std::uint32_t, Placed> others_;                            // listeners and views, by slot
+    std::unordered_map<std::uint32_t, ListenerPose> poses_;                       // of them, as far as they were finite
     std::unordered_set<std::uint32_t> acousticsKnown_;                            // by NodeId
     std::shared_ptr<std::vector<SoundEmitter>> emitters_ = std::make_shared<std::vector<SoundEmitter>>();
     bool shared_ = false;  // emitters_ belong to a version too
