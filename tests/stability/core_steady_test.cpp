@@ -1,39 +1,10 @@
 // No allocation in a steady frame: what animates for hours must not touch the heap once it has warmed up.
-//
-// malloc itself is counted (arrays come from calloc, not from operator new), on the calling thread only.
 #include <gtest/gtest.h>
-
-#include <cstdlib>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
-#include "support/own_heap.h"
-
-namespace {
-thread_local bool counting = false;
-thread_local std::size_t allocations = 0;
-}  // namespace
-
-#if RTSG_HEAP_IS_OURS
-extern "C" {
-void* __libc_malloc(std::size_t size);
-void* __libc_calloc(std::size_t count, std::size_t size);
-void* __libc_realloc(void* block, std::size_t size);
-void* malloc(std::size_t size) noexcept {
-    if (counting) ++allocations;
-    return __libc_malloc(size);
-}
-void* calloc(std::size_t count, std::size_t size) noexcept {
-    if (counting) ++allocations;
-    return __libc_calloc(count, size);
-}
-void* realloc(void* block, std::size_t size) noexcept {
-    if (counting) ++allocations;
-    return __libc_realloc(block, size);
-}
-}
-#endif
+#include "support/counted_heap.h"
 
 namespace rtsg {
 namespace {
@@ -96,10 +67,9 @@ TEST(Steady, AThousandAnimatedTransformsAllocateNothing) {
     for (; i < 300; ++i) frame(i);  // every clock has begun a cycle more than once
     // What was set up in the first frame is merged for those who poll.
     const std::size_t before = immediate.changes, polledBefore = polled.changes;
-    counting = true;
-    allocations = 0;
-    for (const int end = i + 100; i < end; ++i) frame(i);
-    counting = false;
+    const std::size_t allocations = test::allocationsOf([&] {
+        for (const int end = i + 100; i < end; ++i) frame(i);
+    });
     EXPECT_EQ(allocations, 0u);
     EXPECT_GE(immediate.changes - before, 100u * 2000u);  // it did move
     EXPECT_EQ(polled.changes - polledBefore, immediate.changes - before);
@@ -108,11 +78,12 @@ TEST(Steady, AThousandAnimatedTransformsAllocateNothing) {
 
 TEST(Steady, TheCountDoesCount) {
     if (!RTSG_HEAP_IS_OURS) GTEST_SKIP() << "the sanitizer owns the heap";
-    counting = true;
-    allocations = 0;
-    const Array<float> one{1, 2, 3};
-    const auto two = std::make_unique<int>(3);
-    counting = false;
+    Array<float> one;
+    std::unique_ptr<int> two;
+    const std::size_t allocations = test::allocationsOf([&] {
+        one = {1, 2, 3};
+        two = std::make_unique<int>(3);
+    });
     EXPECT_EQ(allocations, 2u);
     EXPECT_EQ(one.size() + static_cast<std::size_t>(*two), 6u);
 }

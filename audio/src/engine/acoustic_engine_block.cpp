@@ -1,6 +1,7 @@
 // One block of sound: direct sound through delay lines, reflections through traced responses.
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/panning.h>
@@ -254,7 +255,7 @@ void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& stat
         if (head() && spatialize) {
             std::vector<float> share = block.direct[k];
             for (float& sample : share) sample /= static_cast<float>(inputs);
-            putThroughHead(input, turned(towards, channelAngle(k, inputs)), std::move(share), block);
+            putThroughHead(input, turned(towards, channelAngle(k, inputs)), share, block);
             continue;
         }
         gainsOf(towards, spatialize, k, inputs, gains);
@@ -264,19 +265,10 @@ void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& stat
     state.spatialisedOnce = true;
 }
 
-/// What both ears hear of an input; from another direction it fades over within the block.
-void AcousticEngine::Impl::putThroughHead(EmitterInput& input, const glm::dvec3& towards, std::vector<float> direct,
+void AcousticEngine::Impl::putThroughHead(EmitterInput& input, const glm::dvec3& towards, std::span<const float> direct,
                                           Block& block) const {
-    constexpr double kTurn = 0.9999;  // cosine of .8 degrees
-    if (input.ears.empty() || glm::dot(towards, input.heardFrom) < kTurn) {
-        const Hrtf::Ears ears = options.hrtf->at(towards);
-        for (std::size_t e = 0; e < 2; ++e) {
-            if (input.ears.size() < 2) input.ears.emplace_back(options.blockSize, options.blockSize);
-            input.ears[e].setResponse(ears[e]);
-        }
-        input.heardFrom = towards;
-    }
-    for (std::size_t e = 0; e < 2; ++e) input.ears[e].process(direct, block.ears[e]);
+    input.head.turn(*options.hrtf, towards, options.blockSize);
+    for (std::size_t e = 0; e < 2; ++e) input.head.process(e, direct, block.ears[e]);
 }
 
 /// Adds an input to the output, with gains that go from the last block's to these.
@@ -324,7 +316,7 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* e
     const auto from = [&](const FollowedImage& image, double delay) {
         return image.at(state.motion.at(end - delay).position) - block.listener.position;
     };
-    state.images.render({block.late, find, from, response, jumped, block.out});
+    state.images.render({block.late, std::cref(find), std::cref(from), response, jumped, block.out, block.ears});
 }
 
 Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
@@ -422,8 +414,8 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
             if (mixer)
                 for (std::size_t i = 0; i < size; ++i)
                     blocks[input.mixerSource][i] = block.direct[k][i] / static_cast<float>(state.inputs.size());
-            else if (!input.ears.empty())
-                putThroughHead(input, input.heardFrom, block.direct[k], block);
+            else if (input.head.hasHeard())
+                putThroughHead(input, glm::dvec3(input.head.direction()), block.direct[k], block);
             else
                 mixInput(input, std::vector<double>(input.gains), block.direct[k], block);
         }

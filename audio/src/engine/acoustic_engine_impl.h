@@ -86,7 +86,8 @@ struct AcousticEngine::Impl {
                  std::vector<double>& gains) const;
     void mixInput(EmitterInput& input, const std::vector<double>& gains, const std::vector<float>& direct,
                   Block& block) const;
-    void putThroughHead(EmitterInput& input, const glm::dvec3& towards, std::vector<float> direct, Block& block) const;
+    void putThroughHead(EmitterInput& input, const glm::dvec3& towards, std::span<const float> direct,
+                        Block& block) const;
     void renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to, bool jumped, Block& block);
     void noteSilence(EmitterState& state, const Block& block) const;
     void fadeOut(Block& block);

@@ -58,18 +58,19 @@ bool AcousticEngine::Impl::leaksKnownFrom(const glm::dvec3& source) const {
 }
 
 /// How many images are to follow the source, or the listener, rather than be heard from where they were: of those that
-/// move the loudest, as long as they are few. Sound that is not to be shifted keeps its way, and a head of one's own
-/// has no room for more.
+/// move the loudest, as long as they are few, and fewer through a head, which takes more time. Sound that is not to be
+/// shifted keeps its way.
 std::size_t AcousticEngine::Impl::followedOf(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                                              const ListenerPose& listener) const {
-    constexpr std::size_t kMost = 8, kMostOfAll = 96;
+    constexpr std::size_t kMost = 8, kMostOfAll = 96, kMostThroughHead = 32;
     const double little = 0.5 * options.moveTolerance;
     state.moves = state.hasResponse && !state.jumps && !listenerJumps &&
                   (glm::distance(state.tracedSource, source) > little ||
                    glm::distance(state.tracedListener, listener.position) > little);
-    if (!state.moves || head() || !(emitter.sound->doppler || listener.doppler)) return 0;
+    if (!state.moves || !(emitter.sound->doppler || listener.doppler)) return 0;
     const auto moving = std::ranges::count_if(states, [](const auto& other) { return other.second.moves; });
-    return std::clamp<std::size_t>(kMostOfAll / static_cast<std::size_t>(moving), 1, kMost);
+    const std::size_t all = head() ? kMostThroughHead : kMostOfAll;
+    return std::clamp<std::size_t>(all / static_cast<std::size_t>(moving), 1, kMost);
 }
 
 void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,

@@ -15,6 +15,7 @@
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/world_geometry.h>
 
+#include "head_filter.h"
 #include "image_player.h"
 #include "scene/process_player.h"
 #include "signal/delay_line.h"
@@ -34,8 +35,7 @@ struct EmitterInput {
     DelayLine line;
     std::size_t mixerSource = 0;  // binaural
     std::vector<double> gains;    // otherwise: by channel of the output, at the end of the last block
-    std::vector<Convolver> ears;  // with a head of one's own, and the direction that they are for
-    glm::dvec3 heardFrom{0};
+    HeadFilter head;              // if there is one of one's own
 };
 
 struct EmitterState {

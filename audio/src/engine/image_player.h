@@ -1,7 +1,8 @@
 // ImagePlayer: images of a source that moves, each heard from where it is in every block.
 //
 // A set that comes fades over as a response of a Convolver of the same block and fade does, block by block beside it,
-// so that what one of them leaves out the other has. Threading: the engine's thread.
+// so that what one of them leaves out the other has. What sets and blocks need is kept for those that follow: once the
+// largest has been heard no block allocates. Threading: the engine's thread.
 #pragma once
 
 #include <array>
@@ -12,6 +13,7 @@
 
 #include <rtsg/audio/convolver.h>
 
+#include "head_filter.h"
 #include "signal/delay_line.h"
 #include "trace/arrival_pan.h"
 #include "trace/followed_images.h"
@@ -34,13 +36,16 @@ class ImagePlayer {
     struct Block {
         /// What is reflected in this block: of all channels, or of two that stay apart.
         std::span<const std::vector<float>> late;
-        /// Delay and its slope, samples, at the end of step k of the block; `delay` comes with a guess. -1: its start.
+        /// Of a caller whose blocks shall not allocate a reference. Delay and its slope, samples, at the end of step k
+        /// of the block; `delay` comes with a guess. -1: its start.
         std::function<void(const FollowedImage&, int step, double& delay, double& slope)> find;
         /// Where the image was when that went out which arrives at the end of the block, from the listener.
         std::function<glm::dvec3(const FollowedImage&, double delay)> from;
         const ImpulseResponseOptions& response;  // the listener's axes and channels
         bool jumps = false;                 // it was put somewhere else: from one delay to another within the block
         std::span<std::vector<float>> out;  // by channel; is added to
+        /// With a head of one's own, in place of `out`: by ear; it comes as much later as Hrtf::early() says.
+        std::span<std::vector<float>> ears = {};
     };
     /// Samples between the places that a block asks for.
     static constexpr std::size_t kStep = 32;
@@ -50,16 +55,25 @@ class ImagePlayer {
     struct Voice {
         double delay = 0, slope = 0;
         bool started = false;
-        std::vector<ArrivalPan> pans;  // by channel, times pressure
+        std::vector<ArrivalPan> pans, before;  // by channel, times pressure: of this block and the last
         std::vector<Convolver> filters;
+        std::size_t filtersInUse = 0;
+        HeadFilter head;
+
+        void restart();
     };
     struct Set {
         Images images;
-        std::vector<Voice> voices;
+        std::vector<Voice> voices;  // at least as many
+
+        std::size_t count() const { return images ? images->size() : 0; }
+        void start(Images what);
     };
     void render(Set& set, const Block& block, bool arrives);
-    void render(const FollowedImage& image, Voice& voice, const Block& block, std::span<const float> weights);
-    std::vector<double> delaysOf(const FollowedImage& image, Voice& voice, const Block& block) const;
+    void render(const FollowedImage& image, Voice& voice, const Block& block);
+    void panVoice(const FollowedImage& image, Voice& voice, bool fresh, const Block& block) const;
+    void readLine(const DelayLine& line, const Voice& voice, double before, std::size_t channel, bool jumps);
+    void findDelays(const FollowedImage& image, Voice& voice, const Block& block);
 
     std::size_t block_, fade_;
     std::array<DelayLine, 2> lines_;
@@ -67,6 +81,9 @@ class ImagePlayer {
     Images waiting_;
     bool fading_ = false, waits_ = false, started_ = false;
     std::size_t faded_ = 0;
+    // Of what is rendered at present, by sample.
+    std::vector<float> weights_, read_, heard_;
+    std::vector<double> delays_;
 };
 
 }  // namespace rtsg

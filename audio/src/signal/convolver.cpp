@@ -16,6 +16,7 @@ struct Convolver::Impl {
           fft(2 * size),
           window(2 * size),
           time(2 * size),
+          before(size),
           sum(fft.bins()) {}
 
     /// The last block of the input so far through `response`, into `time`'s second half.
@@ -43,20 +44,30 @@ struct Convolver::Impl {
         history.resize(partitions, Spectrum(fft.bins()));
     }
 
+    /// What is in `waiting` is next.
+    void wait() {
+        keep(std::max<std::size_t>(1, waiting.size()));
+        waits = true;
+    }
+
     /// Takes the response that waits, if there is one and none is fading in.
     void takeWaiting() {
         if (fading || !waits) return;
-        next = std::move(waiting);
+        std::swap(next, waiting);
+        // What is short is kept, to be written over.
+        if (waiting.size() > kShort) waiting.clear();
         waits = false;
-        if (!started) current = std::move(next);
+        if (!started) std::swap(current, next);
         fading = started;
         started = true;
         faded = 0;
     }
 
+    static constexpr std::size_t kShort = 16;  // parts
+
     std::size_t block, fadeLength;
     RealFft fft;
-    std::vector<float> window, time;
+    std::vector<float> window, time, before;
     Spectrum sum;
     std::vector<Spectrum> history;  // of the input, ring with the newest at `newest`
     std::size_t newest = 0;
@@ -75,26 +86,49 @@ std::size_t Convolver::blockSize() const {
     return impl_->block;
 }
 
-Convolver::Response Convolver::prepare(std::size_t blockSize, std::span<const float> response) {
-    const std::size_t block = std::max<std::size_t>(2, blockSize);
-    RealFft fft(2 * block);
-    Response result;
-    result.parts_.resize((response.size() + block - 1) / block);
-    std::vector<float> padded(2 * block);
-    for (std::size_t p = 0; p < result.parts_.size(); ++p) {
+namespace {
+
+/// Parts of a response, each as long as a block and as much silence behind it. `padded`: room for that.
+void transform(const RealFft& fft, std::span<const float> response, std::span<float> padded,
+               std::vector<RealFft::Spectrum>& parts) {
+    const std::size_t block = fft.size() / 2;
+    parts.resize((response.size() + block - 1) / block);
+    for (std::size_t p = 0; p < parts.size(); ++p) {
         const auto part = response.subspan(p * block, std::min(block, response.size() - p * block));
-        std::fill(padded.begin(), padded.end(), 0.0f);
-        std::copy(part.begin(), part.end(), padded.begin());
-        fft.forward(padded, result.parts_[p]);
+        std::fill(std::copy(part.begin(), part.end(), padded.begin()), padded.end(), 0.0f);
+        fft.forward(padded, parts[p]);
     }
+}
+
+}  // namespace
+
+Convolver::Response Convolver::prepare(std::size_t blockSize, std::span<const float> response) {
+    const RealFft fft(2 * std::max<std::size_t>(2, blockSize));
+    Response result;
+    std::vector<float> padded(fft.size());
+    transform(fft, response, padded, result.parts_);
     return result;
 }
 
-void Convolver::setResponse(Response response) {
+void Convolver::setResponse(std::span<const float> response) {
     Impl& s = *impl_;
-    s.waiting = std::move(response.parts_);
-    s.keep(std::max<std::size_t>(1, s.waiting.size()));
-    s.waits = true;
+    transform(s.fft, response, s.time, s.waiting);
+    s.wait();
+}
+void Convolver::setResponse(const Response& response) {
+    impl_->waiting = response.parts_;
+    impl_->wait();
+}
+void Convolver::setResponse(Response&& response) {
+    impl_->waiting = std::move(response.parts_);
+    impl_->wait();
+}
+
+void Convolver::restart() {
+    Impl& s = *impl_;
+    std::fill(s.window.begin(), s.window.end(), 0.0f);
+    for (Impl::Spectrum& spectrum : s.history) std::fill(spectrum.begin(), spectrum.end(), std::complex<float>{});
+    s.fading = s.waits = s.started = false;
 }
 
 void Convolver::process(std::span<const float> input, std::span<float> output) {
@@ -106,17 +140,17 @@ void Convolver::process(std::span<const float> input, std::span<float> output) {
     s.fft.forward(s.window, s.history[s.newest]);
     s.takeWaiting();
     if (!s.fading) {
-        if (s.current.empty()) return;
+        if (!s.started || s.current.empty()) return;
         const auto result = s.convolve(s.current);
         for (std::size_t i = 0; i < s.block; ++i) output[i] += result[i];
         return;
     }
     const auto old = s.convolve(s.current);
-    const std::vector<float> before(old.begin(), old.end());
+    std::copy(old.begin(), old.end(), s.before.begin());
     const auto fresh = s.convolve(s.next);
     for (std::size_t i = 0; i < s.block; ++i) {
         const float share = fadeIn(static_cast<double>(s.faded + i + 1) / static_cast<double>(s.fadeLength));
-        output[i] += before[i] + (fresh[i] - before[i]) * share;
+        output[i] += s.before[i] + (fresh[i] - s.before[i]) * share;
     }
     s.faded += s.block;
     if (s.faded < s.fadeLength) return;

@@ -1,7 +1,9 @@
 // Reads SOFA files by libmysofa, and puts what it gives where it belongs in time.
 #include <algorithm>
+#include <array>
 #include <cmath>
-#include <mutex>
+#include <limits>
+#include <span>
 
 #include <mysofa.h>
 
@@ -39,19 +41,38 @@ struct Hrtf::Impl {
         if (easy) mysofa_close(easy);
     }
 
-    /// Responses as measured, and by how many samples they come late.
-    std::array<double, 2> raw(const glm::dvec3& direction, std::array<std::vector<float>, 2>& ears) const {
-        for (std::vector<float>& ear : ears) ear.resize(length);
-        float left = 0, right = 0;
-        const std::lock_guard lock(mutex);  // the library interpolates into a place of its own
+    /// The measured direction that is next to one, which goes where it can be compared: the library's own search takes
+    /// from the heap.
+    int nearestTo(std::array<float, 3>& place) const {
+        const float size = std::sqrt(place[0] * place[0] + place[1] * place[1] + place[2] * place[2]);
+        const float radius = std::clamp(size, easy->lookup->radius_min, easy->lookup->radius_max);
+        if (size > 0)
+            for (float& x : place) x *= radius / size;
+        const float* at = easy->hrtf->SourcePosition.values;
+        unsigned nearest = 0;
+        float least = std::numeric_limits<float>::infinity();
+        for (unsigned m = 0; m < easy->hrtf->M; ++m, at += 3) {
+            const float x = at[0] - place[0], y = at[1] - place[1], z = at[2] - place[2];
+            const float squared = x * x + y * y + z * z;
+            if (squared < least) least = squared, nearest = m;
+        }
+        return static_cast<int>(nearest);
+    }
+
+    /// Responses as measured, left and then right in `length` samples of `room` each or elsewhere, and by how many
+    /// samples they come late.
+    std::array<double, 2> raw(const glm::dvec3& direction, float* room, const float*& responses) const {
         // SOFA's axes: ahead, left, up.
-        mysofa_getfilter_float(easy, static_cast<float>(-direction.z), static_cast<float>(-direction.x),
-                               static_cast<float>(direction.y), ears[0].data(), ears[1].data(), &left, &right);
-        return {static_cast<double>(left) * rate, static_cast<double>(right) * rate};
+        std::array<float, 3> place{static_cast<float>(-direction.z), static_cast<float>(-direction.x),
+                                   static_cast<float>(direction.y)};
+        const int nearest = nearestTo(place);
+        std::array<float, 2> delays{};
+        responses = mysofa_interpolate(easy->hrtf, place.data(), nearest,
+                                       mysofa_neighborhood(easy->neighborhood, nearest), room, delays.data());
+        return {static_cast<double>(delays[0]) * rate, static_cast<double>(delays[1]) * rate};
     }
 
     MYSOFA_EASY* easy = nullptr;
-    mutable std::mutex mutex;
     int rate = 48000;
     std::size_t length = 0;  // of a response
     double lead = 0;         // samples until sound from ahead begins in them
@@ -77,41 +98,54 @@ Result<std::shared_ptr<const Hrtf>> Hrtf::load(const std::filesystem::path& file
     impl->rate = sampleRate;
     impl->length = static_cast<std::size_t>(length);
     impl->early = static_cast<std::size_t>(std::ceil(kEarlySeconds * sampleRate));
-    Ears front;
-    const auto delays = impl->raw({0, 0, -1}, front);
+    std::vector<float> room(2 * impl->length);
+    const float* front = nullptr;
+    const auto delays = impl->raw({0, 0, -1}, room.data(), front);
     double lead = 0;
     for (std::size_t e = 0; e < 2; ++e) {
+        const std::span ear(front + e * impl->length, impl->length);
         float peak = 0;
-        for (const float sample : front[e]) peak = std::max(peak, std::abs(sample));
+        for (const float sample : ear) peak = std::max(peak, std::abs(sample));
         if (!(peak > 0) || !std::isfinite(peak)) return fail(file.string() + ": it has nothing for sound from ahead");
-        const auto onset = std::find_if(front[e].begin(), front[e].end(),
-                                        [&](float sample) { return std::abs(sample) >= kOnset * peak; });
-        lead += (static_cast<double>(onset - front[e].begin()) + delays[e]) / 2;
+        const auto onset =
+            std::find_if(ear.begin(), ear.end(), [&](float sample) { return std::abs(sample) >= kOnset * peak; });
+        lead += (static_cast<double>(onset - ear.begin()) + delays[e]) / 2;
     }
     impl->lead = lead;
     return std::shared_ptr<const Hrtf>(new Hrtf(std::move(impl)));
 }
 
 Hrtf::Ears Hrtf::at(const glm::dvec3& direction) const {
+    Ears ears;
+    at(direction, ears);
+    return ears;
+}
+
+void Hrtf::at(const glm::dvec3& direction, Ears& ears) const {
     static const SincTable sinc;
     const Impl& s = *impl_;
-    Ears measured, result;
-    const auto delays = s.raw(direction, measured);
     // A millisecond more for an ear that hears late by a delay instead of by its response.
     const auto size = s.length + s.early + static_cast<std::size_t>(0.001 * s.rate) + 2 * SincTable::kHalf;
+    // What was measured lies behind what is made of it for the left ear.
+    for (std::vector<float>& ear : ears) ear.assign(size + 2 * s.length, 0.0f);
+    const float* measured = nullptr;
+    const auto delays = s.raw(direction, ears[0].data() + size, measured);
     for (std::size_t e = 0; e < 2; ++e) {
-        result[e].resize(size);
         const double shift = static_cast<double>(s.early) - s.lead + delays[e], whole = std::floor(shift);
+        std::array<float, 2 * SincTable::kHalf> taps;
+        for (std::size_t k = 0; k < taps.size(); ++k) taps[k] = sinc.tap(shift - whole, static_cast<int>(k));
+        const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(whole) - (SincTable::kHalf - 1);
         for (std::size_t i = 0; i < s.length; ++i) {
-            if (measured[e][i] == 0) continue;
-            for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
-                const double at = static_cast<double>(i) + whole + k - (SincTable::kHalf - 1);
-                if (at >= 0 && at < static_cast<double>(size))
-                    result[e][static_cast<std::size_t>(at)] += measured[e][i] * sinc.tap(shift - whole, k);
-            }
+            const float sample = measured[e * s.length + i];
+            if (sample == 0) continue;
+            const std::ptrdiff_t start = first + static_cast<std::ptrdiff_t>(i);
+            const std::ptrdiff_t from = std::max<std::ptrdiff_t>(0, -start);
+            const auto to = std::min(std::ssize(taps), static_cast<std::ptrdiff_t>(size) - start);
+            for (std::ptrdiff_t k = from; k < to; ++k)
+                ears[e][static_cast<std::size_t>(start + k)] += sample * taps[static_cast<std::size_t>(k)];
         }
     }
-    return result;
+    for (std::vector<float>& ear : ears) ear.resize(size);
 }
 
 }  // namespace rtsg

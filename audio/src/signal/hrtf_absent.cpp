@@ -19,5 +19,8 @@ Result<std::shared_ptr<const Hrtf>> Hrtf::load(const std::filesystem::path&, int
 Hrtf::Ears Hrtf::at(const glm::dvec3&) const {
     return {std::vector<float>{1}, std::vector<float>{1}};
 }
+void Hrtf::at(const glm::dvec3& direction, Ears& ears) const {
+    ears = at(direction);
+}
 
 }  // namespace rtsg

@@ -1,6 +1,8 @@
 // Moving sources against the exact Doppler shift, and what is beside the line; responses that change without a tick.
+#include <array>
 #include <cmath>
 #include <complex>
+#include <filesystem>
 #include <numbers>
 
 #include <gtest/gtest.h>
@@ -288,6 +290,61 @@ TEST(MovingSource, AReflectionThatFollowsIsAtEachEarInItsTime) {
     const double later = .0875 * (1 + std::numbers::pi / 2) / 343;
     EXPECT_LT(std::abs(std::arg(left / right * std::polar(1.0, -w * later))), .01);
     EXPECT_GT(std::abs(left), 2 * std::abs(right));
+}
+
+/// Sound of one frequency in what each ear hears, from `from` to `to` seconds.
+std::array<std::complex<double>, 2> toneAtEars(const SoundBuffer& sound, double hz, double from, double to) {
+    const double w = 2 * std::numbers::pi * hz / kMovingRate;
+    std::array<std::complex<double>, 2> ears;
+    for (auto i = static_cast<std::size_t>(from * kMovingRate); i < static_cast<std::size_t>(to * kMovingRate); ++i)
+        for (std::size_t e = 0; e < 2; ++e)
+            ears[e] += static_cast<double>(sound.samples[2 * i + e]) * std::polar(1.0, -w * static_cast<double>(i));
+    return ears;
+}
+
+/// Through a head that was measured: shifted, and in each ear as the set has it for where the image is.
+TEST(MovingSource, AReflectionFollowsThroughAHead) {
+    const std::filesystem::path file = "/usr/share/libmysofa/default.sofa";
+    if (!std::filesystem::exists(file)) GTEST_SKIP() << file << " is not there";
+    AcousticOptions options;
+    options.binaural = true;
+    options.hrtf = *Hrtf::load(file, static_cast<int>(kMovingRate));
+    std::string wall = kWall;
+    wall.replace(wall.find("0 0 -80"), 7, "-80 0 0 rotation 0 1 0 1.5707963");
+    const double hz = kMovingTone / (1 + 5.0 / 343);
+    SoundBuffer sound = reflection(kCar + wall, options, 60, 1.6, -60, 5, {1, 0, 0});
+    for (std::size_t i = 0; i < sound.frames(); ++i) {
+        // When it left the image, and how far away image and source were heard to be by then.
+        const double left = (static_cast<double>(i) / kMovingRate - 100.0 / 343) / (1 + 5.0 / 343);
+        const double image = 100 + 5 * left, source = 60 - 5 * (left - 60.0 / 343) / (1 - 5.0 / 343);
+        for (std::size_t e = 0; e < 2; ++e) sound.samples[2 * i + e] *= static_cast<float>(image / source);
+    }
+    EXPECT_LE(fit(sound, hz, .9, 1.5).besideDb, -90);
+    const auto heard = toneAtEars(sound, hz, .9, 1.5);
+    const Hrtf::Ears measured = options.hrtf->at({-1, 0, 0});
+    std::array<std::complex<double>, 2> apart;
+    for (std::size_t e = 0; e < 2; ++e) {
+        std::complex<double> expected;
+        for (std::size_t i = 0; i < measured[e].size(); ++i)
+            expected += static_cast<double>(measured[e][i]) *
+                        std::polar(1.0, -2 * std::numbers::pi * hz * static_cast<double>(i) / kMovingRate);
+        EXPECT_NEAR(20 * std::log10(2 * std::abs(heard[e]) / (.6 * kMovingRate) / std::abs(expected)), 0, .05) << e;
+        apart[e] = heard[e] / expected;
+    }
+    EXPECT_NEAR(std::arg(apart[0] / apart[1]), 0, .01);
+}
+
+/// On its way round the head it passes from direction to direction without a tick.
+TEST(MovingSource, AReflectionThatGoesRoundAHeadDoesNotTick) {
+    const std::filesystem::path file = "/usr/share/libmysofa/default.sofa";
+    if (!std::filesystem::exists(file)) GTEST_SKIP() << file << " is not there";
+    AcousticOptions options;
+    options.binaural = true;
+    options.hrtf = *Hrtf::load(file, static_cast<int>(kMovingRate));
+    std::string wall = kWall;
+    wall.replace(wall.find("0 0 -80"), 7, "0 0 -4");
+    const SoundBuffer sound = reflection(kCar + wall, options, 60, 1.8, -6, 6, {1, 0, 0});
+    EXPECT_LE(farFromTheTone(sound, 1.05, 300), -70);
 }
 
 /// With what the wall leaves of its band, to a quarter of a decibel.

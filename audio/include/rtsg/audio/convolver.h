@@ -33,9 +33,13 @@ class Convolver {
 
     std::size_t blockSize() const;
     /// Empty for silence. Takes effect with the next block.
-    void setResponse(std::span<const float> response) { setResponse(prepare(blockSize(), response)); }
+    void setResponse(std::span<const float> response);
     /// Precondition: prepared for blocks of this size.
-    void setResponse(Response response);
+    void setResponse(const Response& response);
+    void setResponse(Response&& response);
+    /// Forgets what it heard and which response it had, as if it were new, and keeps its memory: where responses are
+    /// short, one that follows needs no other.
+    void restart();
     /// Adds to `output`; both of blockSize() samples.
     void process(std::span<const float> input, std::span<float> output);
 
