@@ -57,10 +57,10 @@ std::string readInput(OIIO::ImageInput& input, const ReadRequest& request, FileP
     };
     const int alpha = spec.alpha_channel;
     const auto divide = [&] {
-        // These two keep colours multiplied; the others have been asked not to multiply.
+        // These keep colours multiplied, or multiply them if asked not to; the others do as they are asked.
         const std::string format = input.format_name();
-        const bool multiplied =
-            (format == "openexr" || format == "tiff") && spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
+        const bool multiplied = (format == "openexr" || format == "tiff" || format == "webp") &&
+                                spec.get_int_attribute("oiio:UnassociatedAlpha") == 0;
         if (!request.straight || !multiplied || alpha < 0 || alpha >= out.channels) return;
         const auto channels = static_cast<std::size_t>(out.channels), at = static_cast<std::size_t>(alpha);
         for (std::size_t i = 0; i < out.values.size(); i += channels)
@@ -174,6 +174,9 @@ class Files final : public ImageFiles {
         if (!sheet.channels.empty() || !sheet.notes.empty()) return encodeLayers(name, sheet, file);
         const auto output = OIIO::ImageOutput::create(name);
         if (!output) return "cannot write this kind of picture: " + OIIO::geterror();
+        // It would divide the colours by an alpha that they were not multiplied with.
+        if (!sheet.opaque && output->format_name() == std::string("webp"))
+            return "a WebP file that lets through needs libwebp, which this program was built without";
         const bool linear = sheet.values != nullptr;
         const int channels = output->supports("alpha") && (linear || !sheet.opaque) ? 4 : 3;
         OIIO::ImageSpec spec(sheet.width, sheet.height, channels,

@@ -29,7 +29,11 @@ TEST(Start, ImageFilesComeAsAModuleWhenTheFirstIsAskedFor) {
         EXPECT_EQ(drawn.status, 0) << drawn.err;
         return drawn.err.find("OpenImageIO") != std::string::npos;
     };
-    EXPECT_FALSE(draw("s.png"));
+    for (const char* name : {"s.png", "s.jpg", "s.jpeg"}) EXPECT_FALSE(draw(name)) << name;
+    // These by modules that a build has if their libraries' headers are there.
+    for (const auto& [name, module] : {std::pair("s.exr", "librtsg_exr.so"), std::pair("s.webp", "librtsg_webp.so")})
+        EXPECT_EQ(draw(name), !std::filesystem::exists(std::filesystem::path(RTSG_PROGRAM).parent_path() / module))
+            << name;
     EXPECT_TRUE(readFile(folder / "s.png").starts_with("\x89PNG"));
     EXPECT_TRUE(draw("s.tif"));
 }

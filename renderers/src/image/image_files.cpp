@@ -1,6 +1,8 @@
 // Finds and loads the modules that read and write image files.
 #include "image_files.h"
 
+#include <algorithm>
+
 #include <rtsg/core/module.h>
 
 namespace rtsg {
@@ -10,10 +12,10 @@ namespace rtsg {
 Result<const ImageFiles*> imageFiles() {
     return fail("image files are neither read nor written: this build leaves them out (RTSG_IMAGES=OFF)");
 }
-Result<EncodePng> pngEncoder() {
+Result<EncodePlain> plainEncoder(std::string_view) {
     return std::unexpected(imageFiles().error());
 }
-Result<ReadPlain> plainReader() {
+Result<ReadPlain> plainReader(std::span<const std::uint8_t>) {
     return std::unexpected(imageFiles().error());
 }
 
@@ -30,28 +32,55 @@ Result<const ImageFiles*> load() {
     return reinterpret_cast<const ImageFiles* (*)()>(*symbol)();
 }
 
-Result<EncodePng> loadPngEncoder() {
-    const auto symbol = loadModule("rtsg_plain", RTSG_TEXT(RTSG_ENCODE_PNG_SYMBOL), "PNG files need");
+Result<EncodePlain> loadEncoder(const char* module, const char* name, std::string_view need) {
+    const auto symbol = loadModule(module, name, need);
     if (!symbol) return std::unexpected(symbol.error());
-    return reinterpret_cast<EncodePng>(*symbol);
+    return reinterpret_cast<EncodePlain>(*symbol);
 }
 
-Result<ReadPlain> loadPlainReader() {
-    const auto symbol = loadModule("rtsg_plain", RTSG_TEXT(RTSG_READ_PLAIN_SYMBOL), "PNG and JPEG files need");
+Result<ReadPlain> loadReader(const char* module, const char* name, std::string_view need) {
+    const auto symbol = loadModule(module, name, need);
     if (!symbol) return std::unexpected(symbol.error());
     return reinterpret_cast<ReadPlain>(*symbol);
 }
 
 }  // namespace
 
-Result<EncodePng> pngEncoder() {
-    static const Result<EncodePng> encoder = loadPngEncoder();
-    return encoder;
+Result<EncodePlain> plainEncoder(std::string_view extension) {
+    if (extension == ".png") {
+        static const auto png = loadEncoder("rtsg_plain", RTSG_TEXT(RTSG_ENCODE_PNG_SYMBOL), "PNG files need");
+        return png;
+    }
+    if (extension == ".jpg" || extension == ".jpeg") {
+        static const auto jpeg = loadEncoder("rtsg_plain", RTSG_TEXT(RTSG_ENCODE_JPEG_SYMBOL), "JPEG files need");
+        return jpeg;
+    }
+#ifdef RTSG_EXR_MODULE
+    if (extension == ".exr") {
+        static const auto exr = loadEncoder("rtsg_exr", RTSG_TEXT(RTSG_ENCODE_EXR_SYMBOL), ".exr files need");
+        return exr;
+    }
+#endif
+#ifdef RTSG_WEBP_MODULE
+    if (extension == ".webp") {
+        static const auto webp = loadEncoder("rtsg_webp", RTSG_TEXT(RTSG_ENCODE_WEBP_SYMBOL), ".webp files need");
+        return webp;
+    }
+#endif
+    return nullptr;
 }
 
-Result<ReadPlain> plainReader() {
-    static const Result<ReadPlain> reader = loadPlainReader();
-    return reader;
+Result<ReadPlain> plainReader([[maybe_unused]] std::span<const std::uint8_t> bytes) {
+#ifdef RTSG_WEBP_MODULE
+    constexpr std::string_view kFirst = "RIFF", kLater = "WEBP";  // four bytes of a length between
+    if (bytes.size() > 12 && std::ranges::equal(bytes.first(4), kFirst) &&
+        std::ranges::equal(bytes.subspan(8, 4), kLater)) {
+        static const auto webp = loadReader("rtsg_webp", RTSG_TEXT(RTSG_READ_WEBP_SYMBOL), ".webp files need");
+        return webp;
+    }
+#endif
+    static const auto plain = loadReader("rtsg_plain", RTSG_TEXT(RTSG_READ_PLAIN_SYMBOL), "PNG and JPEG files need");
+    return plain;
 }
 
 Result<const ImageFiles*> imageFiles() {

@@ -10,6 +10,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -107,22 +108,28 @@ class ImageFiles {
 /// libraries (beside the program, ../lib/rtsg, LD_LIBRARY_PATH).
 Result<const ImageFiles*> imageFiles();
 
-/// The whole PNG file of a sheet's bytes. Null: done; otherwise a sentence.
-using EncodePng = const char* (*)(const Sheet& sheet, std::vector<unsigned char>& file);
-/// Of a module of its own (librtsg_plain.so), which needs none of those libraries: most pictures are written so.
-Result<EncodePng> pngEncoder();
+/// The whole file of a sheet. Null: done; otherwise a sentence, which lasts until the thread's next call.
+using EncodePlain = const char* (*)(const Sheet& sheet, std::vector<unsigned char>& file);
+/// Of modules that need none of those libraries: .png and .jpg (librtsg_plain.so), and .exr (librtsg_exr.so) and .webp
+/// (librtsg_webp.so) where the headers of their libraries were there at build time. Null: a file with this extension is
+/// written by ImageFiles::encode(), which writes the same into those of all formats, but for .png its own way.
+Result<EncodePlain> plainEncoder(std::string_view extension);
 
-/// Reads a PNG or JPEG file of the usual kinds, of 8 bits a channel, as ImageFiles::readMemory() would, bit for bit.
-/// False: it is of another kind or damaged, and ImageFiles is to look at it; or, with a sentence, it is refused. A JPEG
-/// file that ends too early is read all the same, and says so.
+/// Reads a PNG, JPEG or WebP file of the usual kinds, of 8 bits a channel, as ImageFiles::readMemory() would, bit for
+/// bit. False: it is of another kind or damaged, and ImageFiles is to look at it; or, with a sentence, it is refused. A
+/// JPEG file that ends too early is read all the same, and says so.
 using ReadPlain = bool (*)(std::span<const std::uint8_t> bytes, const ReadRequest& request, FilePixels& out,
                            std::string& refused);
-/// Of the same module: most textures are such.
-Result<ReadPlain> plainReader();
+/// Of the same modules, for a file that begins so: most textures are such.
+Result<ReadPlain> plainReader(std::span<const std::uint8_t> bytes);
 
 /// What the modules export under these names, which change whenever this header does.
 #define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles7
-#define RTSG_ENCODE_PNG_SYMBOL rtsgEncodePng1
+#define RTSG_ENCODE_PNG_SYMBOL rtsgEncodePng2
+#define RTSG_ENCODE_JPEG_SYMBOL rtsgEncodeJpeg1
+#define RTSG_ENCODE_EXR_SYMBOL rtsgEncodeExr1
+#define RTSG_ENCODE_WEBP_SYMBOL rtsgEncodeWebp1
 #define RTSG_READ_PLAIN_SYMBOL rtsgReadPlain2
+#define RTSG_READ_WEBP_SYMBOL rtsgReadWebp1
 
 }  // namespace rtsg

@@ -62,9 +62,9 @@ void addLayers(const Picture& picture, Sheet& sheet) {
 }
 
 Result<> encodeSheet(const Sheet& sheet, const std::string& extension, const std::filesystem::path& file, Bytes& made) {
-    if (extension == ".png") {
-        const auto encode = pngEncoder();
-        if (!encode) return std::unexpected(encode.error());
+    const auto encode = plainEncoder(extension);
+    if (!encode) return std::unexpected(encode.error());
+    if (*encode) {
         if (const char* error = (*encode)(sheet, made)) return fail(error, {}, file.string());
         return {};
     }

@@ -1,4 +1,5 @@
-// PNG and JPEG files by their own libraries: the very pixels that the reader of all formats gives, or nothing at all.
+// PNG, JPEG and WebP files by their own libraries: the very pixels that the reader of all formats gives, or nothing at
+// all; the very bytes that the writer of all formats writes.
 #include <algorithm>
 #include <random>
 
@@ -102,6 +103,10 @@ ReadRequest textureRequest(bool bottomRowFirst) {
     return request;
 }
 
+bool readPlain(const Bytes& file, const ReadRequest& request, FilePixels& out, std::string& refused) {
+    return (*plainReader(file))(file, request, out, refused);
+}
+
 /// Whether it was read, and whole; if it was read, then as by the reader of all formats.
 bool readsAlike(const Bytes& file, const char* name, const std::string& what) {
     FilePixels plain, all;
@@ -109,7 +114,7 @@ bool readsAlike(const Bytes& file, const char* name, const std::string& what) {
     bool read = false;
     for (const bool bottomRowFirst : {false, true}) {
         const ReadRequest request = textureRequest(bottomRowFirst);
-        read = (*plainReader())(file, request, plain, refused);
+        read = readPlain(file, request, plain, refused);
         EXPECT_EQ(refused, "");
         if (!read) continue;
         EXPECT_EQ((*imageFiles())->readMemory(file, name, request, all), "") << what;
@@ -128,7 +133,7 @@ class PlainImages : public testing::Test {
   protected:
     void SetUp() override {
         if (!imageFiles()) GTEST_SKIP() << imageFiles().error().text;
-        ASSERT_TRUE(plainReader());
+        ASSERT_TRUE(plainReader({}));
     }
     std::mt19937 random{42};
 };
@@ -233,7 +238,7 @@ TEST_F(PlainImages, WhatIsDamagedIsToldByTheirCallersAlone) {
             if (png) repair(bytes);  // or nobody would look at what is inside
             FilePixels out;
             std::string refused;
-            if ((*plainReader())(bytes, request, out, refused) || !refused.empty()) continue;
+            if (readPlain(bytes, request, out, refused) || !refused.empty()) continue;
             damaged += !(*imageFiles())->readMemory(bytes, png ? "x.png" : "x.jpg", request, out).empty();
         }
     EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
@@ -244,10 +249,10 @@ TEST_F(PlainImages, AJpegThatEndsEarlySaysSo) {
     Bytes file = jpegOf(200, 133, random);
     FilePixels out;
     std::string refused;
-    ASSERT_TRUE((*plainReader())(file, textureRequest(true), out, refused));
+    ASSERT_TRUE(readPlain(file, textureRequest(true), out, refused));
     EXPECT_EQ(out.damage, "");
     file.resize(file.size() / 2);
-    ASSERT_TRUE((*plainReader())(file, textureRequest(true), out, refused));
+    ASSERT_TRUE(readPlain(file, textureRequest(true), out, refused));
     EXPECT_EQ(out.damage, "Premature end of JPEG file");
 }
 
@@ -259,7 +264,7 @@ TEST_F(PlainImages, WhatIsRefusedTakesNoMemory) {
         };
         FilePixels out;
         std::string refused;
-        EXPECT_FALSE((*plainReader())(file, request, out, refused));
+        EXPECT_FALSE(readPlain(file, request, out, refused));
         EXPECT_EQ(refused, "20 20 1 true");
         EXPECT_TRUE(out.bytes.empty());
     }
@@ -267,11 +272,87 @@ TEST_F(PlainImages, WhatIsRefusedTakesNoMemory) {
     floats.asFloats = true;
     FilePixels out;
     std::string refused;
-    EXPECT_FALSE((*plainReader())(pngOf({2, 8}, 2, 2, random), floats, out, refused));
+    EXPECT_FALSE(readPlain(pngOf({2, 8}, 2, 2, random), floats, out, refused));
     ReadRequest multiplied;
-    EXPECT_FALSE((*plainReader())(pngOf({6, 8}, 2, 2, random), multiplied, out, refused))
-        << "alpha is to be multiplied";
-    EXPECT_TRUE((*plainReader())(pngOf({2, 8}, 2, 2, random), multiplied, out, refused));
+    EXPECT_FALSE(readPlain(pngOf({6, 8}, 2, 2, random), multiplied, out, refused)) << "alpha is to be multiplied";
+    EXPECT_TRUE(readPlain(pngOf({2, 8}, 2, 2, random), multiplied, out, refused));
+}
+
+/// Empty: this build has no way of its own.
+std::string encode(const char* extension, const Sheet& sheet, Bytes& file) {
+    const auto encoder = plainEncoder(extension);
+    EXPECT_TRUE(encoder) << encoder.error().text;
+    if (!encoder || !*encoder) return "none";
+    const char* error = (*encoder)(sheet, file);
+    return error ? error : "";
+}
+
+TEST_F(PlainImages, FilesAreThoseThatTheOthersWrite) {
+    for (const char* extension : {".jpg", ".jpeg", ".webp"})
+        for (const auto& [width, height] : {std::pair(1, 1), std::pair(17, 9), std::pair(201, 83)})
+            for (const bool opaque : {false, true}) {
+                if (!opaque && extension == std::string(".webp")) continue;  // below
+                Bytes pixels(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 4);
+                for (std::uint8_t& byte : pixels) byte = static_cast<std::uint8_t>(random());
+                const Sheet sheet{
+                    .width = width, .height = height, .bytes = pixels.data(), .values = nullptr, .opaque = opaque};
+                Bytes own, others;
+                const std::string outcome = encode(extension, sheet, own);
+                if (outcome == "none") continue;
+                ASSERT_EQ(outcome, "");
+                ASSERT_EQ((*imageFiles())->encode(std::string("x") + extension, sheet, others), "");
+                EXPECT_TRUE(own == others) << extension << " " << width << " x " << height << " " << opaque << ": "
+                                           << own.size() << " and " << others.size() << " bytes";
+            }
+}
+
+// OpenImageIO divides colours by an alpha that they were not multiplied with.
+TEST_F(PlainImages, ClearWebpsKeepTheirColours) {
+    Bytes pixels;
+    for (int i = 0; i < 32 * 32; ++i)
+        for (const std::uint8_t byte : {128, 64, 32, 128}) pixels.push_back(byte);
+    const Sheet sheet{.width = 32, .height = 32, .bytes = pixels.data(), .values = nullptr, .opaque = false};
+    Bytes file;
+    EXPECT_NE((*imageFiles())->encode("x.webp", sheet, file), "");
+    const std::string outcome = encode(".webp", sheet, file);
+    if (outcome == "none") GTEST_SKIP() << "built without libwebp's headers";
+    ASSERT_EQ(outcome, "");
+    FilePixels out;
+    std::string refused;
+    ASSERT_TRUE(readPlain(file, textureRequest(false), out, refused));
+    ASSERT_EQ(out.channels, 4);
+    ASSERT_EQ(out.bytes.size(), pixels.size());
+    for (std::size_t i = 0; i < pixels.size(); ++i) ASSERT_NEAR(out.bytes[i], pixels[i], 1) << i;
+    ASSERT_EQ((*imageFiles())->readMemory(file, "x.webp", textureRequest(false), out), "");
+    ASSERT_EQ(out.bytes.size(), pixels.size());
+    for (std::size_t i = 0; i < pixels.size(); ++i) ASSERT_NEAR(out.bytes[i], pixels[i], 2) << i;
+    const ReadRequest multiplied;
+    EXPECT_FALSE(readPlain(file, multiplied, out, refused)) << "alpha is to be multiplied";
+}
+
+TEST_F(PlainImages, WebpsAreWhatTheyAreToTheOthers) {
+    for (const auto& [width, height] : {std::pair(1, 1), std::pair(17, 9), std::pair(120, 83)}) {
+        Bytes pixels(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 4), file;
+        for (std::uint8_t& byte : pixels) byte = static_cast<std::uint8_t>(random());
+        const Sheet sheet{.width = width, .height = height, .bytes = pixels.data(), .values = nullptr, .opaque = true};
+        ASSERT_EQ((*imageFiles())->encode("x.webp", sheet, file), "");
+        const bool own = readsAlike(file, "x.webp", fmt::format("{} x {}", width, height));
+        Bytes ignored;
+        EXPECT_EQ(own, encode(".webp", sheet, ignored) == "");
+        for (std::size_t length = 0; length + 2 < file.size(); length += 1 + length / 20)
+            EXPECT_FALSE(
+                readsAlike(Bytes(file.begin(), file.begin() + static_cast<std::ptrdiff_t>(length)), "x.webp", "cut"));
+    }
+}
+
+// Their libraries would end the process, or write nothing.
+TEST_F(PlainImages, WhatTheirFormatsCannotHoldIsToldByThoseThatWrite) {
+    const Bytes pixels(std::size_t{4} * 70'000);
+    Bytes file;
+    const Sheet sheet{.width = 70'000, .height = 1, .bytes = pixels.data(), .values = nullptr, .opaque = true};
+    EXPECT_NE(encode(".jpg", sheet, file).find("65500 pixels"), std::string::npos) << encode(".jpg", sheet, file);
+    const std::string webp = encode(".webp", sheet, file);
+    EXPECT_TRUE(webp == "none" || webp.find("16383 pixels") != std::string::npos) << webp;
 }
 
 }  // namespace

@@ -17,6 +17,7 @@
 
 #include <rtsg/core/x3d.h>
 
+#include "image/image_files.h"
 #include "light/data_layers.h"
 #include "renderers/light/light_scene.h"
 
@@ -227,6 +228,67 @@ TEST(DataLayers, FilesOfTwoRunsAreTheSameBytes) {
     EXPECT_EQ(one, bytes(2));
     // Two runs in one second would agree whatever the date.
     EXPECT_NE(one.find("1970:01:01 00:00:00"), std::string::npos);
+}
+
+/// What OpenImageIO finds in a file's bytes.
+struct Found {
+    OIIO::ImageSpec spec;
+    std::vector<std::byte> pixels;
+    explicit Found(const std::vector<unsigned char>& file) {
+        const auto name = temporaryLayers("found.exr");
+        std::ofstream(name, std::ios::binary)
+            .write(reinterpret_cast<const char*>(file.data()), static_cast<std::streamsize>(file.size()));
+        auto input = OIIO::ImageInput::open(name.string());
+        if (input) {
+            spec = input->spec();
+            pixels.resize(spec.image_bytes(true));
+            EXPECT_TRUE(input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UNKNOWN, pixels.data()))
+                << input->geterror();
+        }
+        EXPECT_TRUE(input) << OIIO::geterror();
+        std::filesystem::remove(name);
+    }
+    std::map<std::string, std::string> attributes() const {
+        std::map<std::string, std::string> all;
+        for (const auto& one : spec.extra_attribs) all[one.name().string()] = one.get_string();
+        return all;
+    }
+};
+
+// Written by OpenEXR itself a file holds what it holds when OpenImageIO writes it: channels of any name and both kinds,
+// attributes, the same bits.
+TEST(DataLayers, AreThoseThatOpenImageIoWrites) {
+    const auto plain = plainEncoder(".exr");
+    ASSERT_TRUE(plain) << plain.error().text;
+    if (!*plain) GTEST_SKIP() << "built without OpenEXR's headers";
+    for (const auto& [width, height] : {std::pair(1, 1), std::pair(37, 16), std::pair(61, 83)}) {
+        const auto pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+        std::vector<float> numbers(pixels * 7);
+        for (std::size_t i = 0; i < numbers.size(); ++i)
+            numbers[i] = std::bit_cast<float>(static_cast<std::uint32_t>(i * 2'654'435'761u) & 0xBF7F'FFFFu);
+        Sheet sheet{.width = width, .height = height, .values = numbers.data()};
+        for (const bool layers : {false, true}) {
+            if (layers) {
+                const std::string longName(100, 'n');
+                sheet.channels = {{"Z", &numbers[4 * pixels], 1, false},
+                                  {"node.id", &numbers[4 * pixels], 3, true},
+                                  {longName, &numbers[4 * pixels + 1], 3, false},
+                                  {"N.X", &numbers[4 * pixels + 2], 3, false}};
+                sheet.notes = {{"cryptomatte/3ae39a5/manifest", "{\"Böx\":\"0f1d7942\"}"}, {longName, "text"}};
+            }
+            std::vector<unsigned char> own, again, others;
+            ASSERT_EQ((*plain)(sheet, own), nullptr);
+            ASSERT_EQ((*plain)(sheet, again), nullptr);
+            EXPECT_EQ(own, again);
+            ASSERT_EQ((*imageFiles())->encode("x.exr", sheet, others), "");
+            const Found a(own), b(others);
+            EXPECT_EQ(a.spec.channelnames, b.spec.channelnames);
+            EXPECT_EQ(a.spec.channelformats, b.spec.channelformats);
+            EXPECT_EQ(a.attributes(), b.attributes());
+            EXPECT_GE(a.spec.nchannels, layers ? 8 : 4);
+            EXPECT_TRUE(a.pixels == b.pixels) << width << " x " << height << " " << layers;
+        }
+    }
 }
 
 TEST(DataLayers, LeaveTheColoursAsTheyAre) {
