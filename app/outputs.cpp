@@ -375,14 +375,10 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     if (auto ok = world.cut(arguments.picture.tessellationError()); !ok) return std::unexpected(ok.error());
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
     outputs->elapsed_ = ElapsedTime(world.scene().now());
-    if (!arguments.render.empty()) {
-        ImageOptions image = arguments.picture.parse();
-        image.settings.progress = [o = outputs.get()](double) {
-            return !o->abandoned_ && (o->afterInterruption_ || !interrupted());
-        };
-        outputs->light_ = std::make_unique<LightRenderer>(world.get(), LightRenderer::Options(resources, image));
-        if (!outputs->light_->attached()) return fail(outputs->light_->failure());
-    }
+    outputs->resources_ = resources;
+    // A picture of the end needs nothing of what was before: its geometry is made then.
+    if (arguments.animated())
+        if (auto ok = outputs->attachLight(); !ok) return std::unexpected(ok.error());
     if (!arguments.listen.empty()) {
         ListenOptions options = arguments.sound.parse();
         options.render.resources = resources;
@@ -392,6 +388,14 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
         if (!outputs->sound_->attached()) return fail(outputs->sound_->failure());
     }
     return outputs;
+}
+
+Result<> Outputs::attachLight() {
+    ImageOptions image = arguments_.picture.parse();
+    image.settings.progress = [this](double) { return !abandoned_ && (afterInterruption_ || !interrupted()); };
+    light_ = std::make_unique<LightRenderer>(world_.get(), LightRenderer::Options(resources_, image));
+    if (!light_->attached()) return fail(light_->failure());
+    return {};
 }
 
 Outputs::~Outputs() {
@@ -502,7 +506,9 @@ Result<> Outputs::finish() {
 }
 
 Result<> Outputs::lastPicture() {
-    if (!light_ || arguments_.animated() || !result_) return {};
+    if (arguments_.render.empty() || arguments_.animated() || !result_) return {};
+    if (!light_)
+        if (auto ok = attachLight(); !ok) return ok;
     if (auto ok = next(true, elapsed()); !ok) return ok;
     return ready();
 }

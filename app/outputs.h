@@ -244,6 +244,7 @@ class Outputs final : public OutputMaker {
     Result<> ready();
     void work();
     Result<> make(const Job& job);
+    Result<> attachLight();
     Result<> lastPicture();
     bool pictureIsDue(double t) const;
     double elapsed() { return elapsed_.at(scene_.now()); }
@@ -255,7 +256,8 @@ class Outputs final : public OutputMaker {
     WorldOnDemand& world_;
     Scene& scene_;
     OutputArguments arguments_;
-    std::unique_ptr<LightRenderer> light_;
+    Resources resources_;
+    std::unique_ptr<LightRenderer> light_;  // null until there is a picture to make
     std::unique_ptr<SoundRenderer> sound_;
     ElapsedTime elapsed_;
     std::atomic<bool> failed_{false}, afterInterruption_{false}, abandoned_{false};

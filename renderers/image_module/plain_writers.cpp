@@ -31,7 +31,7 @@ constexpr unsigned char kExif[] = {
     1,    0,    0x69, 0x87, 4, 0, 1,   0,   0,   0,   26,  0,   0, 0, 0, 0, 0, 0, 4, 0,  // ... the Exif entries
     0x00, 0x90, 7,    0,    4, 0, 0,   0,   '0', '2', '3', '0',                          // of this version
     0x01, 0x91, 7,    0,    4, 0, 0,   0,   1,   2,   3,   0,                            // Y Cb Cr
-    0x00, 0xA0, 7,    0,    4, 0, 0,   0,   '0', '1', '0', '0',                          // FlashPix version
+    0x00, 0xA0, 7,    0,    4, 0, 0,   0,   '0', '1', '0', '0',                          // another version
     0x01, 0xA0, 3,    0,    1, 0, 0,   0,   1,   0,   0,   0,   0, 0, 0, 0,              // sRGB; the end
 };
 

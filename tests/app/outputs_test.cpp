@@ -77,6 +77,22 @@ ROUTE PATH.value_changed TO BOX.set_translation
     }
 };
 
+// A picture of the end is the last of many, and nothing is made of what goes before it.
+TEST_F(MadeOutputs, OfTheEndTakeGeometryOfTheEndAlone) {
+    const auto run = [&](const std::string& duration, const std::string& picture) {
+        const Outcome made = rtsg(
+            {"run", file, "--for", duration, "--fps", "10", "--render", folder / picture, "--size", "16x9", "--json"});
+        EXPECT_EQ(made.status, 0) << made.err;
+        return json::parse(lastLine(made.out), nullptr, false);
+    };
+    const json many = run("1.1s", "many%d.png"), report = run("1s", "one.png");
+    EXPECT_GT(many.at("commits"), 10);
+    EXPECT_LE(report.at("commits"), 1);
+    EXPECT_EQ(report.at("pictures"), 1);
+    EXPECT_EQ(bytes("one.png"), bytes("many10.png"));
+    EXPECT_NE(bytes("one.png"), bytes("many0.png"));
+}
+
 TEST_F(MadeOutputs, AreTheSameInRunReplayAndMirrorAlsoWhereAnInlineLoads) {
     const json run = make({"run", file}, "a");
     ASSERT_EQ(rtsg({"record", file, "-o", folder / "s.rlog", "--for", "1s", "--fps", "10"}).status, 0);
@@ -112,7 +128,9 @@ TEST_F(MadeOutputs, APictureOfALaterTimeIsOfThatStateAlone) {
         EXPECT_EQ(outcome.status, 0) << outcome.err;
         return outcome.err;
     };
-    EXPECT_THAT(with({"run", scene, "--for", "1s", "--render", folder / "run.png"}), HasSubstr("is not traced"));
+    EXPECT_THAT(with({"run", scene, "--for", "1s", "--fps", "10", "--render", folder / "each%d.png"}),
+                HasSubstr("is not traced"));
+    EXPECT_EQ(with({"run", scene, "--for", "1s", "--render", folder / "run.png"}), "");
     EXPECT_EQ(with({"render", scene, "--time", "1s", "-o", folder / "late.png"}), "");
     EXPECT_EQ(bytes("run.png"), bytes("late.png"));
 }
