@@ -1,6 +1,7 @@
-// The module librtsg_plain.so, reading: PNG and JPEG files of the usual kinds by their own libraries, which load at
-// once. Links nothing of ours, throws nothing but for want of memory.
+// The module librtsg_plain.so, reading: PNG and JPEG files by their own libraries, which load at once. Links nothing of
+// ours, throws nothing but for want of memory.
 #include <algorithm>
+#include <bit>
 #include <csetjmp>
 #include <cstdio>  // before the next ones, which need it
 #include <cstring>
@@ -15,19 +16,24 @@ namespace rtsg {
 namespace {
 
 /// Takes memory for the pixels, if that is granted.
-bool begin(int width, int height, int channels, const ReadRequest& request, FilePixels& out, std::string& refused) {
-    if (request.check) refused = request.check(width, height, 1, true);
+bool begin(int width, int height, int channels, bool eightBits, const ReadRequest& request, FilePixels& out,
+           std::string& refused) {
+    if (request.check) refused = request.check(width, height, 1, eightBits);
     if (!refused.empty()) return false;
     out = {};
     out.width = width, out.height = height, out.channels = channels, out.encoded = true;
-    out.bytes.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height) *
-                     static_cast<std::size_t>(channels));
+    const std::size_t numbers =
+        static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * static_cast<std::size_t>(channels);
+    if (eightBits)
+        out.bytes.resize(numbers);
+    else
+        out.values.resize(numbers);
     return true;
 }
-std::uint8_t* row(FilePixels& out, int y, const ReadRequest& request) {
+/// Where a row's numbers begin.
+std::size_t placeOf(const FilePixels& out, int y, const ReadRequest& request) {
     const int at = request.bottomRowFirst ? out.height - 1 - y : y;
-    return out.bytes.data() +
-           static_cast<std::size_t>(at) * static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.channels);
+    return static_cast<std::size_t>(at) * static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.channels);
 }
 
 // ---- PNG -------------------------------------------------------------------------------------------------------
@@ -35,6 +41,7 @@ std::uint8_t* row(FilePixels& out, int y, const ReadRequest& request) {
 /// Objects with destructors stay outside of what an error jumps out of.
 struct PngReading {
     std::span<const std::uint8_t> rest;
+    std::vector<std::uint16_t> wide;
     bool warned = false;
     png_structp png = nullptr;
     png_infop info = nullptr;
@@ -63,19 +70,30 @@ bool readPng(std::span<const std::uint8_t> bytes, const ReadRequest& request, Fi
     if (!reading.info || setjmp(png_jmpbuf(reading.png))) return false;
     png_set_read_fn(reading.png, &reading, readPngBytes);
     png_read_info(reading.png, reading.info);
-    const int type = png_get_color_type(reading.png, reading.info),
-              depth = png_get_bit_depth(reading.png, reading.info);
-    if (depth > 8 || png_get_interlace_type(reading.png, reading.info) != PNG_INTERLACE_NONE) return false;
+    const int type = png_get_color_type(reading.png, reading.info);
+    const bool eightBits = png_get_bit_depth(reading.png, reading.info) <= 8;
     png_set_expand(reading.png);  // palettes to colours, grey to 8 bits, a transparent colour to alpha
+    if (!eightBits && std::endian::native == std::endian::little) png_set_swap(reading.png);
+    const int passes = png_set_interlace_handling(reading.png);
     png_read_update_info(reading.png, reading.info);
     const int channels = png_get_channels(reading.png, reading.info);
     if ((type & PNG_COLOR_MASK_ALPHA || channels == 2 || channels == 4) && !request.straight) return false;
     const auto width = png_get_image_width(reading.png, reading.info),
                height = png_get_image_height(reading.png, reading.info);
-    if (!begin(static_cast<int>(width), static_cast<int>(height), channels, request, out, refused)) return false;
-    if (png_get_rowbytes(reading.png, reading.info) != std::size_t{width} * static_cast<std::size_t>(channels))
+    if (!begin(static_cast<int>(width), static_cast<int>(height), channels, eightBits, request, out, refused))
         return false;
-    for (int y = 0; y < out.height; ++y) png_read_row(reading.png, row(out, y, request), nullptr);
+    if (png_get_rowbytes(reading.png, reading.info) !=
+        std::size_t{width} * static_cast<std::size_t>(channels) * (eightBits ? 1 : 2))
+        return false;
+    reading.wide.resize(out.values.size());
+    for (int pass = 0; pass < passes; ++pass)
+        for (int y = 0; y < out.height; ++y) {
+            const std::size_t at = placeOf(out, y, request);
+            png_read_row(reading.png, eightBits ? &out.bytes[at] : reinterpret_cast<png_bytep>(&reading.wide[at]),
+                         nullptr);
+        }
+    for (std::size_t i = 0; i < reading.wide.size(); ++i)
+        out.values[i] = static_cast<float>(reading.wide[i]) * (1.0f / 65535);
     png_read_end(reading.png, nullptr);
     return !reading.warned;
 }
@@ -86,9 +104,17 @@ struct JpegReading {
     jpeg_error_mgr errors{};  // first: what is told of errors knows nothing else
     std::jmp_buf after{};
     char warning[JMSG_LENGTH_MAX] = {};  // the first
+    std::vector<std::uint8_t> inks;      // a row of them
     jpeg_decompress_struct jpeg{};
     ~JpegReading() { jpeg_destroy_decompress(&jpeg); }
 };
+
+/// The light that paper sends: of each colour what its ink leaves of what black leaves. 255 is no ink.
+void lightOfInks(const std::vector<std::uint8_t>& inks, std::uint8_t* colors) {
+    for (std::size_t i = 0; i < inks.size(); i += 4)
+        for (std::size_t c = 0; c < 3; ++c)
+            *colors++ = static_cast<std::uint8_t>((2 * inks[i + c] * inks[i + 3] + 255) / 510);
+}
 
 bool readJpeg(std::span<const std::uint8_t> bytes, const ReadRequest& request, FilePixels& out, std::string& refused) {
     JpegReading reading;
@@ -105,15 +131,21 @@ bool readJpeg(std::span<const std::uint8_t> bytes, const ReadRequest& request, F
     jpeg_create_decompress(&jpeg);
     jpeg_mem_src(&jpeg, bytes.data(), static_cast<unsigned long>(bytes.size()));
     if (jpeg_read_header(&jpeg, TRUE) != JPEG_HEADER_OK) return false;
-    if ((jpeg.num_components != 1 && jpeg.num_components != 3) || jpeg.data_precision != 8) return false;
-    if (!begin(static_cast<int>(jpeg.image_width), static_cast<int>(jpeg.image_height), jpeg.num_components, request,
-               out, refused))
+    const bool isInks = jpeg.num_components == 4;
+    if ((jpeg.num_components != 1 && jpeg.num_components != 3 && !isInks) || jpeg.data_precision != 8) return false;
+    const int channels = isInks ? 3 : jpeg.num_components;
+    if (isInks) jpeg.out_color_space = JCS_CMYK;
+    if (!begin(static_cast<int>(jpeg.image_width), static_cast<int>(jpeg.image_height), channels, true, request, out,
+               refused))
         return false;
     jpeg_start_decompress(&jpeg);
-    if (jpeg.output_components != out.channels) return false;
+    if (jpeg.output_components != jpeg.num_components) return false;
+    if (isInks) reading.inks.resize(std::size_t{4} * jpeg.output_width);
     while (jpeg.output_scanline < jpeg.output_height) {
-        JSAMPROW to = row(out, static_cast<int>(jpeg.output_scanline), request);
+        std::uint8_t* const row = &out.bytes[placeOf(out, static_cast<int>(jpeg.output_scanline), request)];
+        JSAMPROW to = isInks ? reading.inks.data() : row;
         jpeg_read_scanlines(&jpeg, &to, 1);
+        if (isInks) lightOfInks(reading.inks, row);
     }
     jpeg_finish_decompress(&jpeg);
     out.damage = reading.warning;
