@@ -160,10 +160,11 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
 }
 
 Result<> LiveOutputs::hear(const WorldState& state) {
-    const bool again = !heard_.empty() && heard_.back().second == state.sequence && soundAt_ == state.time;
-    if (again || soundMade_ >= arguments_.seconds) return {};
     const std::size_t before = stretchHeard_;
     const double elapsed = elapsedAt(state, stretchHeard_);
+    // By the time that has gone by: a log that is played again comes to the same states at the same times.
+    const bool again = !heard_.empty() && heard_.back() == std::pair(elapsed, state.sequence);
+    if (again || soundMade_ >= arguments_.seconds) return {};
     if (stretchHeard_ != before && elapsed > soundMade_) {
         // What came between the last state that was heard and the time to which the scene went back: or sound would be
         // short of it.
