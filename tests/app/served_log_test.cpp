@@ -184,7 +184,7 @@ TEST_F(Mirror, SoundIsWholeWhereTheSameStateOfALogComesAgain) {
     ASSERT_NE(player.firstLine(), "");
     for (int round = 0; round < 3; ++round) {
         const Outcome mirrored = rtsg({"mirror", endpoint, "--for", "700ms", "--listen", folder / "round.wav", "--live",
-                                       "--rays", "20000", "--base", RTSG_SOURCE_DIR "/examples/demo", "--json"});
+                                       "--rays", "4000", "--base", RTSG_SOURCE_DIR "/examples/demo", "--json"});
         ASSERT_EQ(mirrored.status, 0) << mirrored.err;
         EXPECT_DOUBLE_EQ(json::parse(lastLine(mirrored.out)).at("sound_seconds").get<double>(), .7);
     }
