@@ -15,7 +15,13 @@ step("${CMAKE_CTEST_COMMAND}" --test-dir "${WORK}/build" --output-on-failure --n
 # Image files come as modules, PNG files by one of their own: the installed program finds them, and says what is missing without them.
 file(WRITE "${WORK}/box.x3dv" "#X3D V4.0 utf8\nPROFILE Interchange\nShape { geometry Box { } }\n")
 set(render "${WORK}/prefix/bin/rtsg" render "${WORK}/box.x3dv" --size 16x16 -o)
-foreach(pair images.tif plain.png)
+set(modules images.tif plain.png)
+foreach(module exr webp)  # of builds that found their libraries' headers
+  if(EXISTS "${BUILD}/librtsg_${module}.so")
+    list(APPEND modules ${module}.${module})
+  endif()
+endforeach()
+foreach(pair IN LISTS modules)
   string(REPLACE "." ";" pair "${pair}")
   list(GET pair 0 module)
   list(GET pair 1 extension)
