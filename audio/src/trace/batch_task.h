@@ -62,7 +62,7 @@ struct Shares {
 template <std::size_t N>
 struct Heard {
     std::vector<Energy<N>> bins;
-    Energy<N> tried{};
+    Energy<N> tried{};  // some of what might have arrived
 };
 
 /// Without what air takes.

@@ -45,6 +45,7 @@ class BatchTracer {
           looks_(ears_),
           choice_(task.planes.size()) {
         batch_.heard.resize(ears_.size());
+        wasTried_.resize(ears_.size());
         if (std::any_of(ears_.begin(), ears_.end(), [](const Ear& ear) { return !ear.images.all().empty(); }))
             for (std::size_t i = 0; i < ears_.size(); ++i) {
                 choice_.add({ears_[i].position, i, ListenerImages::kNone}, 1);
@@ -208,8 +209,24 @@ class BatchTracer {
 
     /// Of a ray that a mirror sent here, as far as it goes.
     void hearOnTheWay(int i, double length) {
-        for (std::size_t who = 0; who < ears_.size(); ++who)
-            if (countsInBall(i, ears_[who])) crossBall(i, who, length);
+        const glm::dvec3 origin = lanes_.rays.origin[i], direction = lanes_.rays.direction[i];
+        for (std::size_t who = 0; who < ears_.size(); ++who) {
+            const Ear& ear = ears_[who];
+            const glm::dvec3 toCenter = ear.position - origin;
+            const double nearest = glm::dot(toCenter, direction);
+            const double half2 = ear.radius * ear.radius - (glm::dot(toCenter, toCenter) - nearest * nearest);
+            // Most pass it by. Whether they would have counted matters as long as none has.
+            const bool crosses = half2 > 0;
+            if ((!crosses && wasTried_[who]) || !countsInBall(i, ear)) continue;
+            noteTried(who, lanes_.energyOf(i));
+            if (crosses) crossBall(i, who, length, nearest, std::sqrt(half2));
+        }
+    }
+    void noteTried(std::size_t who, const Energy<N>& energy) {
+        Energy<N>& tried = batch_.heard[who].tried;
+        add<N>(tried, energy);
+        wasTried_[who] = std::all_of(tried.begin(), tried.begin() + static_cast<std::ptrdiff_t>(task_.classes.count),
+                                     [](double e) { return e > 0; });
     }
     /// Not where it is one of the images of the source, nor where images of the listener were looked for.
     bool countsInBall(int i, const Ear& ear) const {
@@ -218,17 +235,10 @@ class BatchTracer {
     }
 
     /// Mean intensity over the ball is energy times chord over volume.
-    void crossBall(int i, std::size_t who, double length) {
+    void crossBall(int i, std::size_t who, double length, double nearest, double half) {
         const glm::dvec3 origin = lanes_.rays.origin[i], direction = lanes_.rays.direction[i];
-        const Energy<N> energy = lanes_.energyOf(i);
         const Ear& ear = ears_[who];
-        add<N>(batch_.heard[who].tried, energy);
-        const glm::dvec3 toCenter = ear.position - origin;
-        const double nearest = glm::dot(toCenter, direction);
-        const double half2 = ear.radius * ear.radius - (glm::dot(toCenter, toCenter) - nearest * nearest);
-        if (half2 <= 0) return;
-        const double half = std::sqrt(half2), from = std::max(0.0, nearest - half),
-                     to = std::min(length, nearest + half);
+        const double from = std::max(0.0, nearest - half), to = std::min(length, nearest + half);
         if (to <= from) return;
         double at = (from + to) / 2;
         if (ear.cut) {
@@ -239,7 +249,7 @@ class BatchTracer {
             AcousticHit hit;
             if (distance > 0 && geometry_.closest(ear.position, toPoint / distance, distance, kNoPlane, hit)) return;
         }
-        receive(who, energy, (to - from) / ear.volume, lanes_.travelled[i] + at);
+        receive(who, lanes_.energyOf(i), (to - from) / ear.volume, lanes_.travelled[i] + at);
     }
 
     void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled) {
@@ -441,6 +451,7 @@ class BatchTracer {
     std::span<const Ear> ears_;
     double maxDistance_, binsPerMetre_;
     Batch<N>& batch_;
+    std::vector<char> wasTried_;  // by ear: in every class of bands
     Random random_, exitRandom_;  // the latter changes nothing that is heard
     double initial_ = 1, shiftU_ = 0, shiftV_ = 0;
     RayLanes<N> lanes_;

@@ -7,6 +7,7 @@
 #include <rtsg/audio/plane_index.h>
 
 #include "even_direction.h"
+#include "few_walls.h"
 #include "wall_edges.h"
 #include "wall_planes.h"
 
@@ -50,7 +51,9 @@ void cornersOf(const Wall& wall, std::uint32_t triangle, glm::dvec3 (&corners)[3
 
 WorldGeometry::WorldGeometry() : WorldGeometry(Options{}) {}
 WorldGeometry::WorldGeometry(const Options& options)
-    : planes_(std::make_unique<WallPlanes>(options.maxPlanes)), edges_(std::make_unique<EdgeTable>()) {}
+    : planes_(std::make_unique<WallPlanes>(options.maxPlanes)),
+      edges_(std::make_unique<EdgeTable>()),
+      few_(std::make_unique<FewWalls>()) {}
 WorldGeometry::~WorldGeometry() = default;
 
 std::span<const ReflectingPlane> WorldGeometry::planes() const {
@@ -86,16 +89,20 @@ const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version,
     changes_.everything = !followed_;
     followed_ = true;
     followMaterials(version.materials);
+    bool changed = false;
     PagedArray<Wall>::differences(walls_.walls, version.walls,
                                   [&](std::size_t at, const Wall& before, const Wall& now) {
                                       ++compared_;
                                       if (before.stamp == now.stamp) return;
+                                      changed = true;
+                                      few_->change(static_cast<std::uint32_t>(at), before, now);
                                       planes_->change(static_cast<std::uint32_t>(at), now);
                                       edges_->change(static_cast<std::uint32_t>(at), now);
                                       for (const AcousticBox& box : {worldBox(before), worldBox(now)})
                                           if (!box.empty()) changes_.boxes.push_back(box);
                                   });
     planes_->settle(version.walls, materials_);
+    if (changed) few_->build(version.walls, *planes_, rays);
     walls_ = version;
     return changes_;
 }

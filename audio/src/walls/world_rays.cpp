@@ -6,6 +6,7 @@
 #include <rtsg/audio/plane_index.h>
 #include <rtsg/audio/world_geometry.h>
 
+#include "few_walls.h"
 #include "wall_planes.h"
 
 namespace rtsg {
@@ -92,6 +93,7 @@ inline bool WorldGeometry::meetsPlane(std::uint32_t instance, std::uint32_t tria
 
 std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays,
                                           AcousticHits& hits) const {
+    if (few_->usable() && open.empty()) return few_->closest(rays, hits);
     RayPacket16 packet;
     PacketHits16 found;
     alignas(64) double early[kLanes];  // metres that a ray starts before its origin
@@ -133,6 +135,7 @@ std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, c
 }
 
 std::uint32_t WorldGeometry::blockedOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays) const {
+    if (few_->usable() && open.empty()) return few_->blocked(rays);
     RayPacket16 packet;
     startLooks(rays, rays_->origin(), packet);
     std::uint32_t blocked = rays_->occluded(packet, false, RayKind::sound);

@@ -77,7 +77,7 @@ struct TraceResult {
     double seconds = 0;         // length of the echogram
     double receiverRadius = 0;  // used
     double receiverVolume = 0;  // m^3 of the ball that are seen from the listener
-    /// Share of the energy that might have arrived by chance; where it is more than 0 and nothing arrived, the figures
+    /// More than 0 in bands of which something might have arrived by chance; where nothing of them did, the figures
     /// have no interval.
     Bands tried{};
     /// Shares of the emitted energy: absorbed by surfaces and air, gone to infinity, still on its way at maxSeconds.

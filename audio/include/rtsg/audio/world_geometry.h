@@ -25,6 +25,7 @@
 namespace rtsg {
 
 class EdgeTable;
+class FewWalls;
 class WallPlanes;
 
 /// What keeps a source and a listener apart, so that nothing is heard.
@@ -139,6 +140,7 @@ class WorldGeometry final : public AcousticGeometry {
     std::vector<AcousticMaterial> materials_;
     std::unique_ptr<WallPlanes> planes_;
     std::unique_ptr<EdgeTable> edges_;
+    std::unique_ptr<FewWalls> few_;  // all of them, where they are so few
     Changes changes_;
     bool followed_ = false;
     std::uint64_t compared_ = 0;
