@@ -79,11 +79,16 @@ Surroundings surroundings(const AcousticGeometry& geometry, const glm::dvec3& li
 double visibleVolume(const AcousticGeometry& geometry, const glm::dvec3& listener, double radius) {
     constexpr int kDirections = 4096;
     double volume = 0;
-    for (int i = 0; i < kDirections; ++i) {
-        AcousticHit hit;
-        const double distance =
-            geometry.closest(listener, evenDirection(i, kDirections), radius, kNoPlane, hit) ? hit.distance : radius;
-        volume += 4 * std::numbers::pi / 3 * distance * distance * distance / kDirections;
+    for (int first = 0; first < kDirections; first += AcousticRays::kMost) {
+        AcousticRays rays;
+        for (int i = first; i < std::min(kDirections, first + AcousticRays::kMost); ++i)
+            rays.add(listener, glm::dvec3(0), evenDirection(i, kDirections), radius, kNoPlane);
+        AcousticHits hits;
+        const std::uint32_t met = geometry.closestOf(rays, hits);
+        for (int i = 0; i < rays.count; ++i) {
+            const double distance = (met >> i & 1) != 0 ? hits[static_cast<std::size_t>(i)].distance : radius;
+            volume += 4 * std::numbers::pi / 3 * distance * distance * distance / kDirections;
+        }
     }
     return volume;
 }
