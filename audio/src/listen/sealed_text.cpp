@@ -52,7 +52,8 @@ std::string shapeName(const Scene& scene, NodeId shape, NodeId geometry) {
     if (text.empty()) text = scene.name(geometry);
     if (!text.empty()) return text;
     const Node* made = scene.find(geometry);
-    return "a " + (made ? std::string(made->type().name) : "Shape");
+    const std::string name = made ? std::string(made->type().name) : "Shape";
+    return (std::string_view("AEIO").find(name[0]) != std::string_view::npos ? "an " : "a ") + name;
 }
 
 /// Where a document has a shape, if it says so.

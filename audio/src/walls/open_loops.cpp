@@ -48,16 +48,29 @@ std::vector<Ends> singleEdges(const std::vector<std::uint32_t>& corners) {
     return single;
 }
 
-bool goesStraightOn(const Vec3f& a, const Vec3f& b, const Vec3f& c) {
+/// Whether the way by these goes straight on, or back on itself: as along the edge of a floor whose wall stands on it
+/// in two parts.
+bool lieOnOneLine(const Vec3f& a, const Vec3f& b, const Vec3f& c) {
     const glm::dvec3 in = glm::dvec3(b) - glm::dvec3(a), out = glm::dvec3(c) - glm::dvec3(b);
-    return glm::dot(in, out) > 0 && glm::length(glm::cross(in, out)) <= 1e-5 * glm::length(in) * glm::length(out);
+    return glm::length(glm::cross(in, out)) <= 1e-5 * glm::length(in) * glm::length(out);
 }
 
-std::vector<Vec3f> withoutStraightCorners(const std::vector<Vec3f>& loop) {
+/// A loop's corners where it turns; none if it goes round nothing.
+std::vector<Vec3f> turnsOf(const std::vector<Vec3f>& loop) {
     std::vector<Vec3f> kept;
-    for (std::size_t i = 0; i < loop.size(); ++i)
-        if (!goesStraightOn(loop[(i + loop.size() - 1) % loop.size()], loop[i], loop[(i + 1) % loop.size()]))
-            kept.push_back(loop[i]);
+    for (const Vec3f& corner : loop) {
+        kept.push_back(corner);
+        for (std::size_t n = kept.size(); n >= 3 && lieOnOneLine(kept[n - 3], kept[n - 2], kept[n - 1]); --n)
+            kept.erase(kept.end() - 2);
+    }
+    for (std::size_t n = kept.size(); n >= 3; n = kept.size()) {
+        if (lieOnOneLine(kept[n - 2], kept[n - 1], kept[0]))
+            kept.pop_back();
+        else if (lieOnOneLine(kept[n - 1], kept[0], kept[1]))
+            kept.erase(kept.begin());
+        else
+            break;
+    }
     return kept;
 }
 
@@ -86,7 +99,7 @@ std::vector<std::vector<Vec3f>> openLoopsOf(const Mesh& mesh) {
             at = edges[*next][0] == at ? edges[*next][1] : edges[*next][0];
         }
         if (at != edges[first][0]) continue;
-        loop = withoutStraightCorners(loop);
+        loop = turnsOf(loop);
         if (loop.size() >= 3) loops.push_back(std::move(loop));
     }
     return loops;

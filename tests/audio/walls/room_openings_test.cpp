@@ -174,6 +174,26 @@ TEST(RoomOpenings, ACrackBetweenShapesIsFoundAllItsLength) {
     }
 }
 
+/// Floor and ceiling are whole where the wall stands in two parts, so that their edges run along those of both.
+TEST(RoomOpenings, ACrackIsAsWideAsItIsWhereEdgesMeetInTheirMiddle) {
+    for (const float width : {.02f, .1f}) {
+        LeakyRoom room;
+        std::vector<Quad> quads = facesOf({0, 0, 0}, {6, 5, 3});
+        quads.erase(quads.begin() + 1);
+        quads.push_back({Vec3f(6, 0, 0), Vec3f(6, 2, 0), Vec3f(6, 2, 3), Vec3f(6, 0, 3)});
+        quads.push_back({Vec3f(6, 2 + width, 0), Vec3f(6, 5, 0), Vec3f(6, 5, 3), Vec3f(6, 2 + width, 3)});
+        room.add(meshOf(quads));
+        const RoomOpenings found = room.find(kInside, 40'000);
+        ASSERT_EQ(found.openings.size(), 1u) << width;
+        const RoomOpening& crack = found.openings[0];
+        EXPECT_EQ(crack.boundaryEdges, 4u) << width;
+        EXPECT_NEAR(crack.length, 3, 1e-4) << width;
+        EXPECT_NEAR(crack.width, double{width}, 1e-4) << width;
+        EXPECT_LT(glm::distance(crack.center, glm::dvec3(6, 2 + width / 2, 1.5)), 1e-4) << width;
+        EXPECT_EQ(crack.leak, width < .05f);
+    }
+}
+
 /// A crack of 3 cm, whichever rays feel for it: one in five of them feels a plane aslant, or past the end.
 TEST(RoomOpenings, ACrackIsTheSameInEveryDraw) {
     LeakyRoom room(matte(.02));
