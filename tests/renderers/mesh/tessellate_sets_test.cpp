@@ -131,6 +131,80 @@ TEST(TessellateSets, BadInput) {
     EXPECT_EQ(warnings(set(Kind::indexedTriangleStripSet, ladder(), {0, 1, 2, 2, 3, 3, 4, 5}), 2), 0u);
 }
 
+// ---- lines and points ---------------------------------------------------------------------------------------------
+
+StrokeParams linesThrough(Array<std::int32_t> coordIndex) {
+    StrokeParams p;
+    p.coord = {{0, 0, 0}, {1, 0, 0}, {2, 0, 0}, {3, 0, 0}};
+    p.indexed = true;
+    p.coordIndex = std::move(coordIndex);
+    return p;
+}
+/// The numbers of the points that each stroke goes between.
+std::vector<std::pair<int, int>> endsOf(const Mesh& mesh) {
+    std::vector<std::pair<int, int>> ends;
+    for (unsigned i = 0; i < mesh.strokeCount; ++i)
+        ends.emplace_back(static_cast<int>(mesh.vertex(i, 0).x), static_cast<int>(mesh.vertex(i, 1).x));
+    return ends;
+}
+using Ends = std::vector<std::pair<int, int>>;
+
+TEST(TessellateStrokes, LinesGoThroughTheirPointsWhetherTheLastOneIsEndedOrNot) {
+    for (const bool ended : {false, true}) {
+        const Mesh mesh = tessellate(ended ? linesThrough({0, 1, 2, -1, 3, 0, -1}) : linesThrough({0, 1, 2, -1, 3, 0}));
+        EXPECT_EQ(endsOf(mesh), (Ends{{0, 1}, {1, 2}, {3, 0}}));
+        EXPECT_EQ(mesh.diagnostics.warnings(), 0u);
+        EXPECT_EQ(mesh.bounds.max, Vec3f(3, 0, 0));
+    }
+}
+
+// Those to a point that is not there, or nowhere, are left out one by one; 4 is the first number beyond.
+TEST(TessellateStrokes, WhatLeadsNowhereIsLeftOutAndCounted) {
+    const auto said = [](const Mesh& mesh) {
+        std::string all;
+        for (const Diagnostic& one : mesh.diagnostics.all()) all += one.text + '\n';
+        return all;
+    };
+    StrokeParams p = linesThrough({0, 4, -1, 4, 1, -1, 1, 2, -1, 3, -1, -1});
+    Mesh mesh = tessellate(p);
+    EXPECT_EQ(endsOf(mesh), (Ends{{1, 2}}));
+    EXPECT_EQ(said(mesh),
+              "2 lines of fewer than two points are left out\n"
+              "2 lines or points are left out: their coordinates do not exist or are not finite\n");
+    for (const float nowhere : {NAN, INFINITY}) {
+        p = linesThrough({0, 1, 2, 3});
+        p.coord = {{0, 0, 0}, {1, 0, 0}, {2, nowhere, 0}, {3, 0, 0}};
+        EXPECT_EQ(endsOf(tessellate(p)), (Ends{{0, 1}}));
+        p.indexed = false, p.kind = Mesh::Strokes::points;
+        EXPECT_EQ(endsOf(tessellate(p)), (Ends{{0, 0}, {1, 1}, {3, 3}}));
+    }
+    EXPECT_EQ(tessellate(linesThrough({})).strokes, Mesh::Strokes::none);
+}
+
+// 11.4.8: colours are one a point, by colorIndex in the places of coordIndex; the last one stands in for those that are
+// not there.
+TEST(TessellateStrokes, ColoursThatAreNotThereAreTheLastOne) {
+    const auto reds = [](const Mesh& mesh) {
+        Ends of;
+        for (unsigned i = 0; i < mesh.strokeCount; ++i)
+            of.emplace_back(static_cast<int>(mesh.colors.value(i, 0).x), static_cast<int>(mesh.colors.value(i, 1).x));
+        return of;
+    };
+    StrokeParams p = linesThrough({0, 1, 2, -1, 2, 3});
+    p.color = {{10, 0, 0}, {20, 0, 0}, {30, 0, 0}};
+    EXPECT_EQ(reds(tessellate(p)), (Ends{{10, 20}, {20, 30}, {30, 30}}));
+    EXPECT_EQ(tessellate(p).diagnostics.warnings(), 1u);
+    p.colorIndex = {2, 1, 0, -1, 0};  // one place less
+    EXPECT_EQ(reds(tessellate(p)), (Ends{{30, 20}, {20, 10}, {10, 30}}));
+    EXPECT_EQ(tessellate(p).diagnostics.warnings(), 1u);
+    p.colorIndex = {2, 1, 0, -1, 0, 1};
+    EXPECT_EQ(reds(tessellate(p)), (Ends{{30, 20}, {20, 10}, {10, 20}}));
+    EXPECT_EQ(tessellate(p).diagnostics.warnings(), 0u);
+    p.colorPerVertex = false, p.colorIndex = {1, 0};  // one a line
+    EXPECT_EQ(reds(tessellate(p)), (Ends{{20, 20}, {20, 20}, {10, 10}}));
+    EXPECT_EQ(tessellate(p).diagnostics.warnings(), 0u);
+}
+
 ElevationGridParams grid(int x, int z, Array<float> height) {
     ElevationGridParams p;
     p.xDimension = x;
