@@ -205,6 +205,47 @@ TEST(TessellateStrokes, ColoursThatAreNotThereAreTheLastOne) {
     EXPECT_EQ(tessellate(p).diagnostics.warnings(), 0u);
 }
 
+// 11.4.9: a LineSet's lines take their points one after the other; colours are one a line, or one a point.
+TEST(TessellateStrokes, LineSetsCountTheirPointsAndLines) {
+    StrokeParams p;
+    p.coord = linesThrough({}).coord;
+    p.vertexCount = {2, 2};
+    p.color = {{10, 0, 0}, {20, 0, 0}, {30, 0, 0}, {40, 0, 0}};
+    Mesh mesh = tessellate(p);
+    EXPECT_EQ(endsOf(mesh), (Ends{{0, 1}, {2, 3}}));
+    EXPECT_EQ(mesh.colors.value(1, 0).x, 30);
+    EXPECT_EQ(mesh.colors.value(1, 1).x, 40);
+    p.colorPerVertex = false;
+    mesh = tessellate(p);
+    EXPECT_EQ(mesh.colors.value(0, 0).x, 10);
+    EXPECT_EQ(mesh.colors.value(1, 0).x, 20);
+    EXPECT_EQ(mesh.diagnostics.warnings(), 0u);
+}
+
+TEST(TessellateStrokes, TheLastFogDepthGoesOn) {
+    StrokeParams p = linesThrough({0, 1, 2, 3});
+    p.fogDepth = {.1f, .2f};
+    const Mesh mesh = tessellate(p);
+    ASSERT_EQ(mesh.strokeCount, 3u);
+    EXPECT_EQ(mesh.fogDepths.value(0, 0).x, .1f);
+    for (const auto& [stroke, end] :
+         {std::pair(0, 1), std::pair(1, 0), std::pair(1, 1), std::pair(2, 0), std::pair(2, 1)})
+        EXPECT_EQ(mesh.fogDepths.value(static_cast<unsigned>(stroke), static_cast<unsigned>(end)).x, .2f);
+    EXPECT_EQ(mesh.diagnostics.warnings(), 1u);
+}
+
+TEST(TessellateStrokes, ArcsAreCutAsCirclesAreAndNeedTheirAngles) {
+    for (const auto& [start, end] : {std::pair(NAN, 1.0f), std::pair(0.0f, NAN), std::pair(0.0f, INFINITY)}) {
+        const Mesh mesh = tessellate(Arc2DParams{start, end, 1});
+        EXPECT_EQ(mesh.strokeCount, 0u);
+        EXPECT_EQ(mesh.diagnostics.warnings(), 1u);
+    }
+    const TessellationOptions options;
+    const auto around = static_cast<unsigned>(options.segmentsAround());
+    EXPECT_EQ(tessellate(Arc2DParams{0, 1.57f, 1}, options).strokeCount, (around + 3) / 4);
+    EXPECT_EQ(tessellate(Arc2DParams{0, 0, 1}, options).strokeCount, around);
+}
+
 ElevationGridParams grid(int x, int z, Array<float> height) {
     ElevationGridParams p;
     p.xDimension = x;
