@@ -47,12 +47,17 @@ glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, c
         sides.push_back(across > off ? 1 : across < -off ? -1 : innerSide(geometry, point, wall, off));
     }
     glm::dvec3 moved = point;
-    // In a corner that is no right one, leaving one wall leads back to the other a little: some rounds settle it.
-    for (int round = 0; round < 8; ++round)
+    // In a corner that is no right one, leaving one wall leads back to the other: the more acute it is, the more rounds
+    // settle it.
+    bool settled = false;
+    for (int round = 0; round < 128 && !settled; ++round) {
+        settled = true;
         for (std::size_t i = 0; i < walls.size(); ++i) {
             const double now = sides[i] * (walls[i].distance + glm::dot(moved - point, walls[i].normal));
             if (now < off) moved += walls[i].normal * (sides[i] * (off - now));
+            settled = settled && now > 0.99 * off;
         }
+    }
     return moved;
 }
 

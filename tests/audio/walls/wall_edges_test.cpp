@@ -139,5 +139,19 @@ TEST(WallEdges, ToldOfAnEdgeAreACornerOfEachSurfaceBesideItAndAtARimTwiceTheSame
     }
 }
 
+/// A triangle without area beside an edge is no surface that sound could bend round.
+TEST(WallEdges, BothSurfacesOfAnEdgeHaveADirection) {
+    const MeshEdge whole{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {.3f, 0, 1}};
+    WallEdge placed;
+    ASSERT_TRUE(placedEdge(whole, WorldFromLocal(1.0), placed));
+    EXPECT_LT(glm::distance(placed.faceA, glm::dvec3(0, 1, 0)), 1e-6);
+    EXPECT_LT(glm::distance(placed.faceB, glm::dvec3(0, 0, 1)), 1e-6);
+    for (const bool first : {true, false}) {
+        MeshEdge flat = whole;
+        (first ? flat.besideA : flat.besideB) = Vec3f(.5f, 0, 0);
+        EXPECT_FALSE(placedEdge(flat, WorldFromLocal(1.0), placed)) << first;
+    }
+}
+
 }  // namespace
 }  // namespace rtsg

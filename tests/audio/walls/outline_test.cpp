@@ -1,0 +1,52 @@
+// Outlines of openings: which places they hold, and how long and wide they are.
+#include <cmath>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "walls/outline.h"
+
+namespace rtsg {
+namespace {
+
+using opening::Outline;
+using opening::outlineOf;
+
+/// A parallelogram about `center`, in the plane z = 2.
+Outline parallelogram(double length, double width, double skew) {
+    const glm::dvec3 center(1, -3, 2), a(length / 2, 0, 0), b(skew / 2, width / 2, 0);
+    return outlineOf({center - a - b, center + a - b, center + a + b, center - a + b}, {0, 0, 1});
+}
+
+TEST(Outline, HoldsWhatIsInItOrNearer) {
+    const Outline outline = parallelogram(4, 1, 0);
+    EXPECT_NEAR(outline.area, 4, 1e-9);
+    EXPECT_LT(glm::distance(outline.center, glm::dvec3(1, -3, 2)), 1e-9);
+    for (const double height : {0.0, .7}) {  // above its plane or on it
+        const auto at = [&](double x, double y) { return glm::dvec3(1 + x, -3 + y, 2 + height); };
+        EXPECT_TRUE(outline.holds(at(0, 0), 1, 0));
+        EXPECT_TRUE(outline.holds(at(1.9, .45), 1, 0));
+        EXPECT_FALSE(outline.holds(at(2.1, 0), 1, .01));
+        EXPECT_TRUE(outline.holds(at(2.1, 0), 1, .11));
+        EXPECT_TRUE(outline.holds(at(0, -.6), 1, .11));
+        EXPECT_FALSE(outline.holds(at(2.1, .6), 1, .11));  // .14 from the corner
+        EXPECT_TRUE(outline.holds(at(2.1, .52), 1, .11));
+        // As one that is so much larger.
+        EXPECT_TRUE(outline.holds(at(2.1, 0), 1.06, 0));
+        EXPECT_FALSE(outline.holds(at(2.1, 0), 1.04, 0));
+        EXPECT_FALSE(outline.holds(at(2.1, 0), 1, 0));
+    }
+}
+
+TEST(Outline, WhatIsLongAndNarrowIsAsWideAsItsAreaSays) {
+    EXPECT_NEAR(parallelogram(4, 1, 0).length(), 4, 1e-9);
+    EXPECT_NEAR(parallelogram(4, 1, 0).width(), 1, 1e-9);
+    // Cut off aslant, it lies a little turned, and across its axis seems wider than it is.
+    const Outline crack = parallelogram(3, .02, .3);
+    EXPECT_NEAR(crack.width() * crack.length(), crack.area, 1e-9);
+    EXPECT_NEAR(crack.area, .06, 1e-9);
+    EXPECT_LT(crack.width(), .02);
+}
+
+}  // namespace
+}  // namespace rtsg
