@@ -115,9 +115,9 @@ using EncodePlain = const char* (*)(const Sheet& sheet, std::vector<unsigned cha
 /// written by ImageFiles::encode(), which writes the same into those of all formats, but for .png its own way.
 Result<EncodePlain> plainEncoder(std::string_view extension);
 
-/// Reads a PNG, JPEG or still WebP file, all but what is asked for as floats, as ImageFiles::readMemory() would, bit for
-/// bit. False: it is of another kind or damaged, and ImageFiles is to look at it; or, with a sentence, it is refused. A
-/// JPEG file that ends too early is read all the same, and says so.
+/// Reads a PNG, JPEG or still WebP file, all but what is asked for as floats, as ImageFiles::readMemory() would, bit
+/// for bit. False: it is of another kind or damaged, and ImageFiles is to look at it; or, with a sentence, it is
+/// refused. A JPEG file that ends too early is read all the same, and says so.
 using ReadPlain = bool (*)(std::span<const std::uint8_t> bytes, const ReadRequest& request, FilePixels& out,
                            std::string& refused);
 /// Of the same modules, for a file that begins so: most textures are such.

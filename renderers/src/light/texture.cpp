@@ -188,7 +188,8 @@ Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const st
                                     std::uint64_t maximumPixels) {
     FilePixels pixels;
     std::string refused;
-    if (const auto plain = plainReader(file); plain && (*plain)(file, request(maximumPixels, content), pixels, refused)) {
+    if (const auto plain = plainReader(file);
+        plain && (*plain)(file, request(maximumPixels, content), pixels, refused)) {
         auto texture = textureFromPixels(pixels, content);
         if (texture) texture->damage_ = std::move(pixels.damage);
         return texture;
