@@ -68,6 +68,29 @@ TEST_F(Listen, MeasuresTheReferenceBoxThroughTheWholePath) {
     EXPECT_NEAR(g.mean, 25.323, g.bound() + .015);
 }
 
+/// Schroeder's frequency is that of a room, which a box with a wall less is not.
+TEST_F(Listen, AnOpenRoomHasNoSchroederFrequency) {
+    const std::string walls =
+        "Shape { appearance Appearance { acousticProperties AcousticProperties { absorption .1 diffuse .45 specular "
+        ".45 "
+        "} } geometry IndexedFaceSet { solid FALSE coord Coordinate { point [ 0 0 0, 6 0 0, 6 5 0, 0 5 0, 0 0 3, 6 0 "
+        "3, "
+        "6 5 3, 0 5 3 ] } coordIndex [ 0 1 2 3 -1 4 5 6 7 -1 0 1 5 4 -1 3 2 6 7 -1 0 3 7 4 -1 ";
+    for (const bool open : {false, true}) {
+        Scene scene;
+        load(scene, walls + (open ? "" : "1 2 6 5 -1 ") + "] } }\n" + kPair);
+        ListenOptions o = options();
+        o.sound = false;
+        o.metrics = true;
+        o.trace.rays = 800;
+        const auto report = listen(scene, o);
+        ASSERT_TRUE(report) << report.error().text;
+        ASSERT_EQ(report->sources.size(), 1u);
+        EXPECT_TRUE(std::isfinite(report->sources[0].metrics.value.t20[kBand1k])) << open;
+        EXPECT_EQ(std::isnan(report->sources[0].schroederHz), open);
+    }
+}
+
 TEST_F(Listen, TheBodyOfWhatSoundsDoesNotEncloseIt) {
     const std::string view = "Viewpoint { position 0 0 3 }\n";
     const auto level = [&](const std::string& body) {
