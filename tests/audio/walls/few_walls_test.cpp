@@ -222,5 +222,39 @@ TEST(FewWalls, MayComeAndGo) {
     expectAsReference(room, random, 20, "one box again");
 }
 
+TEST(FewWalls, AreUsedWhileTheyAreFewAndFlat) {
+    FewRoom room;
+    FewWalls few;
+    WallPlanes planes(20'000);
+    WallsVersion known;
+    const auto usable = [&] {
+        room.commit();
+        const WallsVersion now = room.walls.freeze();
+        PagedArray<Wall>::differences(known.walls, now.walls,
+                                      [&](std::size_t at, const Wall& before, const Wall& after) {
+                                          if (before.stamp == after.stamp) return;
+                                          few.change(static_cast<std::uint32_t>(at), before, after);
+                                          planes.change(static_cast<std::uint32_t>(at), after);
+                                      });
+        planes.settle(now.walls, room.geometry.materials());
+        few.build(now.walls, planes, room.world);
+        known = now;
+        return few.usable();
+    };
+    const std::size_t box = room.box();
+    std::vector<InstanceId> boxes;
+    for (int i = 0; i < 4; ++i) boxes.push_back(room.add(box, turnedAndPlaced({2.0 * i, 0, 0}, {1, 1, 1}, .1 * i)));
+    EXPECT_TRUE(usable());
+    const InstanceId fifth = room.add(box, turnedAndPlaced({9, 0, 0}, {1, 1, 1}, .7));
+    EXPECT_FALSE(usable());
+    room.remove(fifth);
+    EXPECT_TRUE(usable());
+    // Two triangles in one plane as far as mirrors go, one of them half a tenth of a millimetre off.
+    const std::size_t bent = room.mesh({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 5e-5f}}, {0, 1, 2, 0, 2, 3});
+    room.remove(boxes[0]);
+    room.add(bent, turnedAndPlaced({0, 0, 3}, {4, 4, 1}, 0));
+    EXPECT_FALSE(usable());
+}
+
 }  // namespace
 }  // namespace rtsg
