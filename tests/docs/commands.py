@@ -3,7 +3,7 @@
 
 Takes each line of a code block in README.md and docs/*.md that begins with `rtsg` or `build/rtsg`, and each "Example:" of each verb's
 --help. Runs them one after the other in a scratch folder that holds the scenes they name, shortened (SHORTER), at endpoints of this
-run's own. A command that follows a server gets one. What is not run is listed in NOT_RUN with the reason; an entry there that no
+run's own. A command that follows a server gets one: that of its page, or one of the hall. What is not run is listed in NOT_RUN with the reason; an entry there that no
 text names any more is an error too. Exit status 1, with the command's own words, for each that fails.
 """
 import argparse
@@ -51,6 +51,12 @@ def shortened(arguments):
     return out
 
 
+def served(arguments):
+    """What a `serve` of a page serves to those who follow it."""
+    upstream = ["--upstream", arguments[arguments.index("--upstream") + 1]] if "--upstream" in arguments else []
+    return [arguments[1], *upstream]
+
+
 def free_endpoint():
     with socket.socket() as s:
         s.bind(("127.0.0.1", 0))
@@ -91,7 +97,10 @@ def main():
                 sys.exit(f"rtsg {' '.join(given)}: {made.stderr}")
         shutil.copy(folder / "door.rlog", folder / "other.rlog")
         shutil.copytree(folder, pristine)
+        page, scene = "", []
         for where, text in commands(program):
+            if where.partition(":")[0] != page:
+                page, scene = where.partition(":")[0], ["hall.x3dv"]
             arguments = shlex.split(text, comments=True)[1:]
             if arguments and arguments[-1] == "&":
                 arguments.pop()
@@ -110,12 +119,14 @@ def main():
                 (folder / made).unlink(missing_ok=True)
             if "--update" in arguments:
                 (folder / arguments[1]).unlink(missing_ok=True)
+            if arguments[0] == "serve" and "--upstream" in arguments and not arguments[1].endswith(".rlog"):
+                scene = served(arguments)
             if arguments[0] == "serve" and "--for" not in arguments:
                 arguments += ["--for", "1s"]
             if arguments[0] == "relay":
                 arguments[arguments.index("--bind") + 1] = free_endpoint()
             if arguments[0] in ("mirror", "relay"):
-                server = subprocess.Popen([program, "serve", "hall.x3dv", "--bind", endpoint, "--for", "20s", "--fps", "10"], cwd=folder,
+                server = subprocess.Popen([program, "serve", *scene, "--bind", endpoint, "--for", "20s", "--fps", "10"], cwd=folder,
                                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             try:
                 done = run(program, arguments, folder)
