@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstring>
 
 namespace rtsg {
 
@@ -37,10 +38,10 @@ std::string openEncoder(const FileSound& sound, AVFormatContext& format, FilmTra
 std::string fill(const FileSound& sound, std::size_t first, AVFrame& frame) {
     if (const int error = av_frame_make_writable(&frame); error < 0) return textOfError(error);
     const auto channels = static_cast<std::size_t>(sound.channels);
+    std::vector<float> plane(static_cast<std::size_t>(frame.nb_samples));
     for (std::size_t c = 0; c < channels; ++c) {
-        auto* plane = static_cast<float*>(static_cast<void*>(frame.data[c]));
-        for (std::size_t i = 0; i < static_cast<std::size_t>(frame.nb_samples); ++i)
-            plane[i] = sound.samples[(first + i) * channels + c];
+        for (std::size_t i = 0; i < plane.size(); ++i) plane[i] = sound.samples[(first + i) * channels + c];
+        std::memcpy(frame.data[c], plane.data(), plane.size() * sizeof(float));
     }
     frame.pts = static_cast<std::int64_t>(first);
     return {};

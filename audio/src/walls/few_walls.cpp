@@ -55,7 +55,8 @@ RTSG_INTO_EACH inline void findNearest(std::span<const FewWalls::Plane> planes,
                 return n.x * x[i] + n.y * y[i] + n.z * z[i] >= w.from[edge];
             };
             for (int i = 0; i < kFewLanes; ++i) {
-                const bool met = (t[i] >= 0) & inside(0, i) & inside(1, i) & inside(2, i);
+                const bool ahead = t[i] >= 0, first = inside(0, i), second = inside(1, i), third = inside(2, i);
+                const bool met = ahead & first & second & third;
                 nearest.distance[i] = met ? t[i] : nearest.distance[i];
                 nearest.triangle[i] = met ? std::int64_t{k} : nearest.triangle[i];
             }
@@ -71,7 +72,7 @@ void findNearestAnywhere(std::span<const FewWalls::Plane> planes, std::span<cons
     findNearest(planes, triangles, rays, nearest);
 }
 
-#if defined(__x86_64__) && defined(__GNUC__)
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)  // whose attribute has no widths
 // The same, number for number, with wider vectors.
 __attribute__((target("avx512f,avx512dq,avx512vl,prefer-vector-width=512"))) void findNearestAvx512(
     std::span<const FewWalls::Plane> planes, std::span<const FewWalls::Triangle> triangles, const AcousticRays& rays,
