@@ -63,24 +63,35 @@ bool mirrorThroughput(const SyncSizes& sizes, const Report& report) {
     Moving alone(sizes.transforms);
     const double copying = mirrorCopySeconds(alone.scene);
     if (copying < 0) return false;
+    int frame = 0;
+    const auto changesAlone = [&] {  // a second, without anybody following
+        const auto begin = Clock::now();
+        for (int i = 0; i < sizes.frames; ++i) alone.frame(++frame);
+        return double(sizes.transforms) * sizes.frames / secondsSince(begin);
+    };
+    double fastestAlone = 0;
     for (const auto& [name, endpoint] :
          {std::pair("mirror tcp", std::string(kAnyPort)), std::pair("mirror ipc", ipcEndpoint())}) {
         Flow best;
         double raw = 0;
-        for (int round = 0; round < 3; ++round) {  // the machine may be busy with other things
+        std::vector<double> shares;  // of neighbouring measurements: the machine may be busy with other things
+        for (int round = 0; round < 5; ++round) {
+            const double before = changesAlone();
             const Flow now = flow(endpoint, sizes.transforms, sizes.frames, 1);
             if (!now.good) return false;
+            const double after = changesAlone();
+            shares.push_back(now.changesPerSecond / ((before + after) / 2));
+            fastestAlone = std::max({fastestAlone, before, after});
             if (now.changesPerSecond > best.changesPerSecond) best = now;
             raw = std::max(raw, rawThroughput(endpoint, static_cast<std::size_t>(now.bytesPerFrame), sizes.frames));
         }
+        std::ranges::sort(shares);
         report({"sync", name, "verified transforms", "1/s", best.changesPerSecond, "the whole scene copied each frame",
                 sizes.transforms / copying, "raw ZeroMQ, same bytes", raw / best.bytesPerFrame * sizes.transforms});
+        report({"sync", name, "the same as a share of the scene alone, median of pairs", "1", shares[shares.size() / 2],
+                "asked for", .6, "nothing sent", 1});
     }
-    // What the scene alone costs, without anybody following.
-    const auto begin = Clock::now();
-    for (int i = 1; i <= sizes.frames; ++i) alone.frame(i);
-    report({"sync", "scene alone", "transforms", "1/s", double(sizes.transforms) * sizes.frames / secondsSince(begin),
-            "", 0, "", 0});
+    report({"sync", "scene alone", "transforms", "1/s", fastestAlone, "", 0, "", 0});
     return true;
 }
 

@@ -113,6 +113,10 @@ Result<> Scene::State::applyField(Node& node, const Change& c, bool pending) {
         return fail(kWrongType, fmt::format("{}.{}: wrong type", type.name, type.fields[c.field].name));
     if (sf(c.value.type()) == FieldType::SFNode)
         if (auto ok = checkNodes(node, c.field, c.value.storage()); !ok) return ok;
+    if (!pending && writing::isPlain(c.value.type())) {
+        writeSealedRun({&c, 1});
+        return {};
+    }
     if (pending)
         write(node, c.field, c.value.storage());
     else

@@ -139,108 +139,14 @@ void Scene::State::writeShared(Lane& lane, Node& node, FieldIndex field, const v
     if (header) lane.work += header->size * header->elementSize / kBytesPerEvent;
 }
 
-/// Adds the entry of a field about to be written, of a set that is applied. In such a set no field is marked as
-/// written: entries of one node are in a list, in which this sees whether a field comes again.
-[[gnu::always_inline]] inline WrittenField& Scene::State::newSealedEntry(Node& node, FieldIndex field,
-                                                                         const FieldSlot& slot) {
-    const std::uint32_t before = node.dirtySlot_;  // where the node's last entry was, in this set or an older one
-    WrittenField& entry = newPlainEntry(*this, node, field, slot);
-    if (before < slotOf(&entry) && written->at(before).node == node.id_) {
-        entry.next = before + 1;
-        if (!namesTwice && isNamedBefore(entry)) [[unlikely]]
-            doubtTerms(node, entry);
-    }
-    return entry;
-}
-
-/// True as well where the list is so long that to go through it for every field in it would take too long.
-bool Scene::State::isNamedBefore(const WrittenField& entry) const {
-    constexpr int kMost = 64;
-    int steps = 0;
-    for (std::uint32_t i = entry.next; i != 0; i = written->at(i - 1).next)
-        if (written->at(i - 1).field == entry.field || ++steps == kMost) return true;
-    return false;
-}
-
-void Scene::State::doubtTerms(const Node& node, WrittenField& entry) {
-    namesTwice = true;
-    forgetTerms();
-    const FieldSlot& slot = node.type_->slot(entry.field);
-    copyPlain(entry.before, node.block() + slot.offset, slot.size);
-    entry.hashed = false;
-}
-
 void Scene::State::writeSealed(Node& node, FieldIndex field, const Value& value) {
-    const FieldSlot& slot = node.type_->slot(field);
-    if (isShared(slot.type)) {
-        const std::uint32_t place = node.dirtySlot_;
-        WrittenField& entry = newEntry(*this, node, field, slot);
-        hash.subtract(entry.term());
-        store(node, field, value.storage());
-        hash.add(termOf(node, field));
-        entry.node = {};  // lists change in place: their terms do not last
-        node.dirtySlot_ = place;
-        return;
-    }
-    WrittenField& entry = newSealedEntry(node, field, slot);
+    const std::uint32_t place = node.dirtySlot_;
+    WrittenField& entry = newEntry(*this, node, field, node.type_->slot(field));
     hash.subtract(termBefore(node, entry));
     store(node, field, value.storage());
-    entry.setTerm(detail::plainTerm(node.id_, keyOf(node, field), node.block() + slot.offset,
-                                    node.type_->defaults() + slot.offset, slot.size));
-    hash.add(entry.term());
-}
-
-/// As writeSealed for each. Of a run like this most of what is looked up once serves all, and nodes are fetched ahead.
-[[gnu::flatten]] std::size_t Scene::State::writeSealedRun(std::span<const Change> changes) {
-    const NodeTable::View table = nodeTable.view();
-    const bool wakes = behavioursEnabled;
-    TypeIndex keyedType;
-    const FieldKey* keys = nullptr;
-    detail::StateHash sum;
-    constexpr std::size_t kAhead = 16;
-    Node* ahead[kAhead];
-    const auto lookUp = [&](std::size_t i) {
-        Node* node = table.find(changes[i].node);
-        ahead[i % kAhead] = node;
-        if (!node) return;
-        __builtin_prefetch(node, 1);
-        __builtin_prefetch(reinterpret_cast<const std::byte*>(node) + 64, 1);
-    };
-    for (std::size_t i = 0; i < std::min(kAhead, changes.size()); ++i) lookUp(i);
-    std::size_t done = 0;
-    for (; done < changes.size(); ++done) {
-        const Change& change = changes[done];
-        Node* const node = ahead[done % kAhead];
-        if (done + kAhead < changes.size()) lookUp(done + kAhead);
-        if (!node || change.kind != ChangeKind::setField || !writing::isPlain(change.value.type())) break;
-        const NodeType& type = *node->type_;
-        if (change.field >= type.fieldCount()) break;
-        const FieldSlot slot = type.slot(change.field);
-        if (slot.type != change.value.type() || slot.offset == FieldDef::kNoOffset) break;
-        if (node->typeIndex_ != keyedType || !keys) {
-            keyedType = node->typeIndex_;
-            keys = types[keyedType.value].keys;
-        }
-        const FieldKey key = keys[change.field];
-        WrittenField& entry = newSealedEntry(*node, change.field, slot);
-        std::byte* const target = node->block() + slot.offset;
-        const std::byte* fallback = type.defaults() + slot.offset;
-        detail::withPlainSize(slot.size, [&]<std::size_t size>() {
-            const auto termOfBytes = [&](const void* bytes) {
-                return detail::plainTermOfSize<size>(change.node, key, bytes, fallback);
-            };
-            // Of the bytes that come, not of those just stored, for which a processor would wait.
-            const void* value = change.value.storage();
-            const Hash128 after = termOfBytes(value);
-            sum.subtract(entry.hashed ? entry.term() : termOfBytes(entry.before));
-            sum.add(after);
-            std::memcpy(target, value, size);
-            entry.setTerm(after);
-        });
-        if (wakes) wake(*node);
-    }
-    hash.add(sum.value());
-    return done;
+    hash.add(termOf(node, field));
+    entry.node = {};  // lists change in place, so their terms do not last; what else comes here is rare
+    node.dirtySlot_ = place;
 }
 
 void Scene::State::keepTerms() {

@@ -31,6 +31,7 @@ class Places {
     void noteMoved(NodeId node) {
         if (isWatched(node)) moved_.push_back(node);
     }
+    bool watchesAny() const { return !isWatched_.empty(); }
     /// Whether a place that somebody has asked for hangs on the node.
     bool isWatched(NodeId node) const { return node.value < isWatched_.size() && isWatched_[node.value]; }
     /// Who asked for what has changed since the last call, each once; in no order.

@@ -241,7 +241,7 @@ struct Scene::State : Scene::Lane {
     WrittenField* entryOf(const Node& node, FieldIndex field);
     /// The entry of the last set, not the expected one, for a field about to be written, whose term is the value's;
     /// null if there is none.
-    WrittenField* knownElsewhere(Lane& lane, const Node& node, FieldIndex field) const;
+    [[gnu::noinline]] WrittenField* knownElsewhere(Lane& lane, const Node& node, FieldIndex field) const;
     /// Adds an entry with what is known of the field before it is written: its term, or the bytes it is made of.
     WrittenField& newEntry(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot);
     /// The same for a field of plain bytes.
@@ -251,7 +251,7 @@ struct Scene::State : Scene::Lane {
     bool writeAsBefore(Lane& lane, Node& node, FieldIndex field, const FieldSlot& slot, const void* value,
                        std::size_t size);
     void endPiece(Lane& lane);
-    void moreRoom(Lane& lane);
+    [[gnu::noinline]] void moreRoom(Lane& lane);
     /// As many as calls of newEntry since the last seal. Ends the piece of the scene's lane.
     std::size_t countWritten();
     template <class F>
@@ -265,9 +265,7 @@ struct Scene::State : Scene::Lane {
     /// None is there to be found: what has a number may no longer be what had it when the last set was sealed.
     void forgetTerms();
     bool namesTwice = false;  // the set that is applied names a field twice, or may: none of its terms is to be found
-    WrittenField& newSealedEntry(Node& node, FieldIndex field, const FieldSlot& slot);
-    bool isNamedBefore(const WrittenField& entry) const;
-    void doubtTerms(const Node& node, WrittenField& entry);
+    bool isNamedBefore(FieldIndex field, std::uint32_t newest) const;
     void beginWrite(Node& node, FieldIndex field);
     /// `isPlain`: it is known to be a field of plain bytes.
     template <bool isPlain = false>
@@ -281,10 +279,19 @@ struct Scene::State : Scene::Lane {
     void dropChildOps(const Node& node, FieldIndex field);
     bool setPlain(Node* node, FieldIndex field, FieldType type, const void* value);
     void prefetchPlace(NodeId id) const { nodeTable.prefetch(id); }
-    /// Writes what comes from a sealed set: into the hash at once, and not pending.
+    /// Writes what comes from a sealed set, and is not plain: into the hash at once, and not pending.
     void writeSealed(Node& node, FieldIndex field, const Value& value);
     /// As many from the first on as are plain values of fields that are there; returns how many.
     std::size_t writeSealedRun(std::span<const Change> changes);
+    struct KnownField;
+    class NodesAhead;
+    template <std::size_t size>
+    std::size_t writeAlike(std::span<const Change> changes, std::size_t begin, NodesAhead& nodes,
+                           const KnownField& known);
+    bool lookUp(KnownField& known, const Node& node, FieldIndex field);
+    template <std::size_t size>
+    void writeSealedPlain(Node& node, const KnownField& known, const void* value, detail::TermSum& sum);
+    const WrittenField* findSealed(const Node& node, FieldIndex field, std::uint32_t next);
     /// Stores only; precondition: beginWrite, or this comes from a sealed set.
     void store(Node& node, FieldIndex field, const void* value);
     void write(Lane& lane, Node& node, FieldIndex field, const void* value);  // writing.h
