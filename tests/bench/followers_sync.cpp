@@ -96,11 +96,12 @@ Flow flow(const std::string& endpoint, int transforms, int frames, int followers
     const int before = followers > 1 ? 100 : 0;
     show(1, before);
     waitFor(origin.scene.sequence());
-    const double start = wallSeconds();
+    const double start = wallSeconds(), cpuStart = cpuSeconds();
     show(before + 1, before + frames);
     waitFor(origin.scene.sequence());
     const double seconds = wallSeconds() - start;
     Flow result;
+    result.cpuSeconds = (cpuSeconds() - cpuStart) / frames;
     result.good = slowest() == origin.scene.sequence();
     result.changesPerSecond = double(transforms) * frames / seconds;
     result.framesPerSecond = frames / seconds;

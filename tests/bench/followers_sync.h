@@ -46,6 +46,7 @@ class Follower {
 
 struct Flow {
     double changesPerSecond = 0, bytesPerFrame = 0, framesPerSecond = 0;
+    double cpuSeconds = 0;  // of all that the process did, for each frame
     bool good = false;
 };
 

@@ -293,6 +293,16 @@ bool isRun(std::span<const Change> changes) {
 
 }  // namespace
 
+std::size_t Scene::State::bytesToCome(std::span<const Change> changes) const {
+    std::size_t bytes = 0;
+    for (const Change& change : changes) {
+        if (change.kind > ChangeKind::createNode) break;
+        if (change.kind == ChangeKind::createNode && change.index < types.size())
+            bytes += sizeof(Node) + types[change.index].type->blockSize();
+    }
+    return bytes;
+}
+
 Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<const DefinedType> defined,
                                     bool pending) {
     for (const DefinedType& type : defined) {
@@ -301,6 +311,7 @@ Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<c
         ownTypes.push_back(type.type);
         if (pending) newTypes.push_back(type);
     }
+    memory.expect(bytesToCome(changes));
     bool released = false;
     std::vector<NodeId> changedParents;
     deferCycleCheck = true;

@@ -118,7 +118,11 @@ void Scene::State::store(Node& node, FieldIndex field, const void* value) {
             if (before) removeParent(*find(before), parent);
         } else {
             const Array<NodeId> before = childrenAt(target), after = childrenAt(value);
-            for (const NodeId id : after) addParent(*find(id), parent);
+            constexpr std::size_t kAhead = 16;  // a trip to memory a node, that begins long before it is needed
+            for (std::size_t i = 0; i < after.size(); ++i) {
+                if (i + kAhead < after.size()) __builtin_prefetch(find(after[i + kAhead]), 1);
+                addParent(*find(after[i]), parent);
+            }
             for (const NodeId id : before) removeParent(*find(id), parent);
         }
     } else if (!isShared(slot.type)) {

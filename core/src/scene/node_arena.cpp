@@ -13,19 +13,40 @@ void NodeArena::Release::operator()(std::byte* chunk) const {
     std::free(chunk);
 }
 
-void NodeArena::grow(std::size_t bytes) {
-    const std::size_t wanted = std::max({bytes, kSmallest, std::min(2 * lastChunk_, kHugePage)});
-    const bool huge = wanted >= kHugePage;
-    const std::size_t alignment = huge ? kHugePage : std::size_t{64};
-    const std::size_t size = (wanted + alignment - 1) / alignment * alignment;
-    auto* chunk = static_cast<std::byte*>(std::aligned_alloc(alignment, size));
+std::byte* NodeArena::takeChunk(std::size_t size, bool huge) {
+    auto* chunk = static_cast<std::byte*>(std::aligned_alloc(huge ? kHugePage : std::size_t{64}, size));
     if (!chunk) throw std::bad_alloc();
     chunks_.emplace_back(chunk);
 #ifdef MADV_HUGEPAGE
     if (huge) (void)madvise(chunk, size, MADV_HUGEPAGE);  // advice: without it all is well, only slower
 #endif
     next_ = chunk;
-    left_ = lastChunk_ = size;
+    left_ = size;
+    return chunk;
+}
+
+void NodeArena::grow(std::size_t bytes) {
+    const std::size_t wanted = std::max({bytes, kSmallest, std::min(2 * lastChunk_, kHugePage)});
+    const bool huge = wanted >= kHugePage;
+    const std::size_t alignment = huge ? kHugePage : std::size_t{64};
+    lastChunk_ = (wanted + alignment - 1) / alignment * alignment;
+    takeChunk(lastChunk_, huge);
+}
+
+void NodeArena::expect(std::size_t bytes) {
+#ifdef MADV_POPULATE_WRITE
+    constexpr std::size_t kPays = 8 * kHugePage;  // for a thread
+    if (bytes < left_ + kPays || std::thread::hardware_concurrency() < 2) return;
+    const std::size_t size = (bytes + kHugePage - 1) / kHugePage * kHugePage;
+    std::byte* const chunk = takeChunk(size, true);
+    filler_ = std::jthread([chunk, size](const std::stop_token& stop) {
+        // In steps, so that who writes there meanwhile waits for one at most. Systems before Linux 5.14 refuse.
+        for (std::size_t done = 0; done < size && !stop.stop_requested(); done += kHugePage)
+            if (madvise(chunk + done, kHugePage, MADV_POPULATE_WRITE) != 0) return;
+    });
+#else
+    (void)bytes;
+#endif
 }
 
 void* NodeArena::allocate(std::size_t bytes) {

@@ -2,10 +2,13 @@
 //
 // Chunks of 2 MiB and more ask for huge pages: a scene of a million nodes then needs hundreds of address translations
 // instead of ten thousands, which is most of what a write at random costs. Blocks are 16-byte aligned. Threading: one.
+// Beside it the arena has a thread of its own while it gets much memory at once, which the system fills with zeros: for
+// a million nodes as much work as all else.
 #pragma once
 
 #include <cstddef>
 #include <memory>
+#include <thread>
 #include <vector>
 
 namespace rtsg {
@@ -15,6 +18,8 @@ class NodeArena {
     void* allocate(std::size_t bytes);
     /// `bytes` as given to allocate.
     void deallocate(void* block, std::size_t bytes);
+    /// So much will be asked for soon: a lot of it is made ready meanwhile.
+    void expect(std::size_t bytes);
 
   private:
     static constexpr std::size_t kGrain = 16, kSmallest = std::size_t{1} << 14, kHugePage = std::size_t{1} << 21;
@@ -25,11 +30,13 @@ class NodeArena {
         void operator()(std::byte* chunk) const;
     };
     void grow(std::size_t bytes);
+    std::byte* takeChunk(std::size_t size, bool huge);
 
     std::vector<std::unique_ptr<std::byte, Release>> chunks_;
     std::vector<Free*> free_;  // by size in grains
     std::byte* next_ = nullptr;
     std::size_t left_ = 0, lastChunk_ = 0;
+    std::jthread filler_;  // the last member: it ends before its chunk goes
 };
 
 }  // namespace rtsg

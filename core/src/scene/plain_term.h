@@ -1,4 +1,4 @@
-// The hash term of a field of plain bytes, with the size folded into the code: what most changes of a frame cost.
+// Hash terms of plain bytes, with the size folded into the code: what most changes of a frame cost.
 #pragma once
 
 #define XXH_INLINE_ALL
@@ -8,15 +8,21 @@
 
 namespace rtsg::detail {
 
+/// As hashOfBytes, of at most 16 bytes.
+template <std::size_t size>
+[[gnu::always_inline]] inline Hash128 hashOfSize(const void* bytes, std::uint64_t seed) {
+    static_assert(size <= 16);
+    // XXH3_128bits_withSeed for a size known here; called by that name it is not inlined.
+    const XXH128_hash_t hash = XXH3_len_0to16_128b(static_cast<const xxh_u8*>(bytes), size, XXH3_kSecret, seed);
+    return {hash.low64, hash.high64};
+}
+
 /// As fieldTerm, zero where `value` is the type's default `fallback`.
 template <std::size_t size>
 [[gnu::always_inline]] inline Hash128 plainTermOfSize(NodeId node, FieldKey field, const void* value,
                                                       const void* fallback) {
     if (std::memcmp(value, fallback, size) == 0) return {};
-    // XXH3_128bits_withSeed for a size known here; called by that name it is not inlined.
-    const XXH128_hash_t hash = XXH3_len_0to16_128b(static_cast<const xxh_u8*>(value), size, XXH3_kSecret,
-                                                   hashSeed(node, field, HashTerm::field));
-    return {hash.low64, hash.high64};
+    return hashOfSize<size>(value, hashSeed(node, field, HashTerm::field));
 }
 
 /// Calls `job.operator()<size>()` for the sizes of plain field types: 1, 4, 8, 12 or 16.

@@ -598,6 +598,8 @@ struct Scene::State : Scene::Lane {
     Result<> applyField(Node& node, const Change& change, bool pending);
     Result<> applyChildOp(Node& node, const Change& change);
     Result<> applyRouteOp(const Node& node, const Change& change, bool pending);
+    /// Of the nodes that a set creates.
+    std::size_t bytesToCome(std::span<const Change> changes) const;
     Result<> applyChanges(std::span<const Change> changes, std::span<const DefinedType> defined, bool pending);
     Result<> releaseDestroyed(std::span<const Change> changes);
 };

@@ -19,9 +19,9 @@ const FieldKey* builtinFieldKeys(TypeIndex type) {
     return all[type.value].data();
 }
 
-Hash128 childTerm(NodeId node, FieldKey field, NodeId before, NodeId after) {
+[[gnu::flatten]] Hash128 childTerm(NodeId node, FieldKey field, NodeId before, NodeId after) {
     const std::uint32_t pair[2] = {before.value, after.value};
-    return hashOfBytes(pair, sizeof(pair), hashSeed(node, field, HashTerm::children));
+    return hashOfSize<sizeof(pair)>(pair, hashSeed(node, field, HashTerm::children));
 }
 
 Hash128 fieldTerm(NodeId node, FieldKey field, FieldType type, const void* storage) {
@@ -40,18 +40,18 @@ Hash128 fieldTerm(NodeId node, FieldKey field, FieldType type, const void* stora
     return sum.value();
 }
 
-Hash128 nodeTerm(NodeId node, std::uint64_t nameHash, NodeId scope) {
+[[gnu::flatten]] Hash128 nodeTerm(NodeId node, std::uint64_t nameHash, NodeId scope) {
     const std::uint64_t parts[2] = {nameHash, scope.value};
-    return hashOfBytes(parts, sizeof(parts), hashSeed(node, 0, HashTerm::node));
+    return hashOfSize<sizeof(parts)>(parts, hashSeed(node, 0, HashTerm::node));
 }
 
 Hash128 nameTerm(NodeId node, std::string_view name) {
     return hashOfBytes(name.data(), name.size(), hashSeed(node, 0, HashTerm::name));
 }
 
-Hash128 routeTerm(NodeId from, FieldKey fromField, NodeId to, FieldKey toField, bool isConnection) {
+[[gnu::flatten]] Hash128 routeTerm(NodeId from, FieldKey fromField, NodeId to, FieldKey toField, bool isConnection) {
     const std::uint64_t parts[2] = {toField, to.value | (isConnection ? std::uint64_t{1} << 32 : 0)};
-    return hashOfBytes(parts, sizeof(parts), hashSeed(from, fromField, HashTerm::route));
+    return hashOfSize<sizeof(parts)>(parts, hashSeed(from, fromField, HashTerm::route));
 }
 
 }  // namespace rtsg::detail

@@ -32,20 +32,21 @@ std::size_t lastPlace(const Array<NodeId>& children, NodeId id) {
 
 Result<> Scene::State::checkNodes(const Node& node, FieldIndex field, const void* value) const {
     const FieldType type = node.type_->fields[field].type;
-    const auto check = [&](NodeId id) -> Result<> {
-        const Node* child = find(id);
-        if (!child) return fail(kNoSuchNode, "no node " + std::to_string(id.value));
-        if (closesCycle(node, field, *child))
-            return fail(kCycle, "node " + std::to_string(id.value) + " cannot contain itself");
-        return {};
+    const auto isFine = [&](NodeId id) {
+        const Node* const child = find(id);
+        return child && (deferCycleCheck || !closesCycle(node, field, *child));
+    };
+    const auto refuse = [&](NodeId id) {
+        const std::string named = "node " + std::to_string(id.value);
+        return find(id) ? fail(kCycle, named + " cannot contain itself") : fail(kNoSuchNode, "no " + named);
     };
     if (type == FieldType::SFNode) {
         const NodeId id = *static_cast<const NodeId*>(value);
-        return id ? check(id) : Result<>{};
-    }
-    if (type == FieldType::MFNode)
+        if (id && !isFine(id)) return refuse(id);
+    } else if (type == FieldType::MFNode) {
         for (const NodeId id : childrenAt(value))
-            if (auto ok = check(id); !ok) return ok;
+            if (!isFine(id)) return refuse(id);
+    }
     return {};
 }
 
