@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kBlock = 160, kMany = 400'000;  // 64 MB: expected by a thread of its own
 
 /// Each filled with its number.
-std::vector<std::byte*> fill(NodeArena& arena, std::size_t count) {
+std::vector<std::byte*> filled(NodeArena& arena, std::size_t count) {
     std::vector<std::byte*> blocks;
     for (std::size_t i = 0; i < count; ++i) {
         blocks.push_back(static_cast<std::byte*>(arena.allocate(kBlock)));
@@ -21,7 +21,7 @@ std::vector<std::byte*> fill(NodeArena& arena, std::size_t count) {
     return blocks;
 }
 
-void expectFilled(const std::vector<std::byte*>& blocks) {
+void expectTheirNumbers(const std::vector<std::byte*>& blocks) {
     for (std::size_t i = 0; i < blocks.size(); ++i)
         for (const std::size_t at : {std::size_t{0}, kBlock - 1})
             ASSERT_EQ(std::to_integer<std::size_t>(blocks[i][at]), i % 251) << "block " << i;
@@ -30,20 +30,20 @@ void expectFilled(const std::vector<std::byte*>& blocks) {
 TEST(NodeArena, WhatIsExpectedIsWrittenWhileItIsMadeReady) {
     NodeArena arena;
     arena.expect(kBlock * kMany);
-    expectFilled(fill(arena, kMany));
+    expectTheirNumbers(filled(arena, kMany));
 }
 
 TEST(NodeArena, MoreAndLessThanExpectedMayCome) {
     for (const std::size_t count : {std::size_t{0}, std::size_t{1}, kMany + kMany / 2}) {
         NodeArena arena;
-        const auto before = fill(arena, 1000);
+        const auto before = filled(arena, 1000);
         arena.expect(kBlock * kMany);
-        const auto after = fill(arena, count);
-        expectFilled(before);
-        expectFilled(after);
+        const auto after = filled(arena, count);
+        expectTheirNumbers(before);
+        expectTheirNumbers(after);
         arena.expect(kBlock * kMany);  // again, while the first may not be ready yet
-        expectFilled(fill(arena, 1000));
-        expectFilled(after);
+        expectTheirNumbers(filled(arena, 1000));
+        expectTheirNumbers(after);
     }
 }
 
