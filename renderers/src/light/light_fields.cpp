@@ -169,6 +169,18 @@ Fog readFog(const Scene& scene, NodeId id, const WorldFromLocal& worldFromLocal)
         const bool exponential = node->get(F::fogType) == String("EXPONENTIAL");
         fog.type = exponential ? FogType::exponential : FogType::linear;
         if (fog.visibilityRange <= 0) fog.type = FogType::none;
+        if (!node->get(F::volumetric)) return;
+        // Along its own direction from its own origin, as Castle Game Engine describes it.
+        const Vec3d along = glm::dmat3(worldFromLocal) * Vec3d(node->get(F::volumetricDirection));
+        const double length = glm::length(along);
+        if (!(length > 0) || !std::isfinite(length)) {
+            fog.type = FogType::none;
+            return;
+        }
+        fog.along = Vec3f(along / length);
+        const float start = node->get(F::volumetricVisibilityStart);
+        fog.begin = static_cast<float>(glm::dot(along / length, Vec3d(worldFromLocal[3]))) +
+                    (std::isfinite(start) ? start : 0.0f) * lengthsOf(worldFromLocal);
     };
     if (node && node->is(x3d::Fog::type)) read(static_cast<const x3d::Fog*>(nullptr));
     if (node && node->is(x3d::LocalFog::type)) read(static_cast<const x3d::LocalFog*>(nullptr));

@@ -458,7 +458,7 @@ class Paths {
         // What goes straight on is fogged where it ends, by its whole line.
         float fog = 1;
         if (scene_.fogs.any() && t + task.line > 0) {
-            fog = s.fogLeft(scene_, lane, t + task.line);
+            fog = s.fogLeft(scene_, lane, s.exact.get(lane), t + task.line);
             PathTask hazy = task;
             hazy.weight *= (Vec3f(1) - w.share[straight]) * (1 - fog);
             add(hazy, scene_.fogs.of(s.lights[lane]).linear);

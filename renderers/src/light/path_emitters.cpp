@@ -166,7 +166,7 @@ bool arrives(const TraceScene& scene, const SurfacePacket& s, int lane, const Pa
     if (task.absorption != Vec3f(0)) left *= glm::exp(-task.absorption * distance);
     if (scene.fogs.any())
         left *= scene.fogs.of(scene.slots[hit.instance].lights)
-                    .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, distance);
+                    .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, place, distance);
     light = left;
     return true;
 }

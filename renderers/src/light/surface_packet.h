@@ -50,10 +50,10 @@ struct alignas(64) SurfacePacket {
         return {distance[lane], hits.instance[lane], hits.triangle[lane], hits.u[lane], hits.v[lane], outside(lane)};
     }
     Vec3f outside(int lane) const { return {hits.normalX[lane], hits.normalY[lane], hits.normalZ[lane]}; }
-    /// Of the lane's own colour, by the fog that it is in.
-    float fogLeft(const TraceScene& scene, int lane, float run) const {
+    /// Of the lane's own colour, by the fog that it is in. `place`: of the hit.
+    float fogLeft(const TraceScene& scene, int lane, const Vec3f& place, float run) const {
         const Mesh& mesh = *scene.world->instance(hits.instance[lane]).mesh;
-        return scene.fogs.of(lights[lane]).left(mesh, hits.triangle[lane], hits.u[lane], hits.v[lane], run);
+        return scene.fogs.of(lights[lane]).left(mesh, hits.triangle[lane], hits.u[lane], hits.v[lane], place, run);
     }
     /// The share of light that a PhysicalMaterial mirrors along one ray; what it spreads is not in it.
     Vec3f gloss(int lane, float cosView) const {

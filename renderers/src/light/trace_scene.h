@@ -150,12 +150,15 @@ class Fogs {
         Fog fog;          // its colour as display value
         Vec3f linear{0};  // the same, decoded
         const Vec3f& color(bool asLight) const { return asLight ? linear : fog.color; }
-        /// The share of its own colour that is left of what a ray meets after `distance`.
-        float left(const Mesh& mesh, std::uint32_t triangle, float u, float v, float distance) const {
+        /// The share of its own colour that is left of what a ray meets at a place, after `run`.
+        float left(const Mesh& mesh, std::uint32_t triangle, float u, float v, const Vec3f& place, float run) const {
             if (fog.type == FogType::none) return 1;
             if (mesh.fogDepths.present() && triangle != kCap) [[unlikely]]  // 24.4.3: in place of the distance
                 return 1 - std::clamp(mesh.fogDepths.interpolate(triangle, u, v).x, 0.0f, 1.0f);
-            return fogFactor(fog.type, fog.visibilityRange, distance);
+            return left(place, run);
+        }
+        float left(const Vec3f& place, float run) const {
+            return fogFactor(fog.type, fog.visibilityRange, fog.depth(place, run));
         }
     };
     bool any() const { return any_; }

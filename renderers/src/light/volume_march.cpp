@@ -89,8 +89,7 @@ class March {
             Vec3f seen = color;
             if (scene_.fogs.any()) {
                 const Fogs::Entry& entry = scene_.fogs.of(volume.lights);
-                const float left = fogFactor(entry.fog.type, entry.fog.visibilityRange, line_ + t * speed_);
-                seen = glm::mix(entry.color(asLight_), seen, left);
+                seen = glm::mix(entry.color(asLight_), seen, entry.left(at(t), line_ + t * speed_));
             }
             result_.radiance += result_.left * opacity * seen;
         }

@@ -157,7 +157,8 @@ class Tile {
             if (task.absorption != Vec3f(0)) weight *= glm::exp(-task.absorption * t);
         }
         if (marched_) weight *= left_[lane];
-        if (scene_.fogs.any()) fog = s.fogLeft(scene_, lane, t + (tasks ? tasks[lane].line : 0));
+        if (scene_.fogs.any())
+            fog = s.fogLeft(scene_, lane, packet.rays.at(lane, t), t + (tasks ? tasks[lane].line : 0));
         if (!(s.special >> lane & 1u)) {
             const PathTask* task = tasks ? tasks + lane : nullptr;
             add(pixel, task, weight * fog, s.radiance.get(lane), s.linear >> lane & 1u, 1);

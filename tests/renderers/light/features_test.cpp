@@ -196,6 +196,15 @@ std::vector<Feature> texturesAndLight() {
          "visibilityRange",
          "0",
          kS},
+        {"volumetric fog",
+         "Transform { translation 0 0 2 children DEF E Fog { color 0 0 1 volumetric TRUE volumetricDirection 0 0 -1 "
+         "visibilityRange 4 } } " +
+             unlitShape("Rectangle2D { size 4 4 solid FALSE }"),
+         {{{.5, 0, .5}, "S"}},
+         "E",
+         "volumetricVisibilityStart",
+         "2",
+         kS},
     };
 }
 

@@ -102,6 +102,79 @@ TEST(Fog, HidesClearSurfacesByWhatTheyCover) {
     }
 }
 
+/// What a wall of 10 m x 10 m shows at heights from -5 to 5, one a row, seen from 10 m.
+std::vector<Vec3f> rowsOfWall(const std::string& fog, Integrator integrator) {
+    LightScene s("OrthoViewpoint { fieldOfView [ -5 -5 5 5 ] position 0 0 10 } " + fog + square(5, unlit("1 0 0")), 1,
+                 10);
+    s.options.settings.integrator = integrator;
+    s.options.settings.colorSpace = ColorSpace::linear;
+    const Picture picture = s.picture();
+    std::vector<Vec3f> rows;
+    for (int y = 0; y < 10; ++y) rows.emplace_back(picture.at(0, y));
+    return rows;
+}
+
+// Castle Game Engine's fields: the depth is the way along the direction, from the fog's own origin, beyond the start.
+TEST(Fog, VolumetricOnesThickenAlongTheirDirection) {
+    struct Case {
+        const char *fog, *what;
+        double (*depth)(double height);
+        double range = 8;
+        bool exponential = false;
+    };
+    const Case cases[] = {
+        {"Fog { color 0 0 1 volumetric TRUE visibilityRange 8 }", "down from the origin", [](double y) { return -y; }},
+        {"Fog { color 0 0 1 volumetric TRUE visibilityRange 8 volumetricVisibilityStart -4 }", "from above",
+         [](double y) { return -y + 4; }},
+        {"Fog { color 0 0 1 volumetric TRUE visibilityRange 8 volumetricDirection 0 30 0 volumetricVisibilityStart 1 }",
+         "up, whatever the direction's length", [](double y) { return y - 1; }},
+        {"Fog { color 0 0 1 volumetric TRUE visibilityRange 8 fogType \"EXPONENTIAL\" }", "exponential",
+         [](double y) { return -y; }, 8, true},
+        {"Transform { translation 3 2 1 scale 2 2 2 rotation 0 0 1 3.14159265358979 children Fog { color 0 0 1 "
+         "volumetric TRUE visibilityRange 4 volumetricVisibilityStart .5 } }",
+         "in the frame of the fog", [](double y) { return y - 2 - 1; }},
+        {"LocalFog { color 0 0 1 volumetric TRUE visibilityRange 8 }", "a LocalFog", [](double y) { return -y; }},
+        {"Fog { color 0 0 1 volumetricDirection 0 1 0 visibilityRange 20 }", "not volumetric",
+         [](double) { return 10.; }, 20},
+        {"Fog { color 0 0 1 volumetric TRUE volumetricDirection 0 0 0 visibilityRange 8 }", "without a direction: none",
+         [](double) { return 0.; }},
+    };
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path})
+        for (const Case& c : cases) {
+            const std::vector<Vec3f> rows = rowsOfWall(c.fog, integrator);
+            for (int row = 0; row < 10; ++row) {
+                const double depth = std::clamp(c.depth(4.5 - row), 0., c.range);
+                const double left = depth >= c.range ? 0
+                                    : c.exponential  ? std::exp(-depth / (c.range - depth))
+                                                     : 1 - depth / c.range;
+                expectColor(rows[static_cast<std::size_t>(row)], {left, 0, 1 - left}, 1e-5);
+            }
+            if (testing::Test::HasFailure()) FAIL() << c.what;
+        }
+}
+
+TEST(Fog, VolumetricOnesLieBeforeVolumesAndBehindGlass) {
+    const std::string fog = "Fog { color 0 0 1 volumetric TRUE volumetricDirection 0 0 -1 visibilityRange 20 } ";
+    const std::string wall = "Transform { translation 0 0 -5 children " + square(50, unlit("1 0 0")) + " }";
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+        // By where it is, not by how far light has come: 5 m into the fog behind a pane, and in a mirror.
+        expectColor(seen(fog + wall, integrator, ColorSpace::linear), {.75, 0, .25}, 1e-5);
+        expectColor(seen(fog + wall + "Transform { translation 0 0 5 children " +
+                             square(2, "material UnlitMaterial { emissiveColor 0 1 0 transparency .5 }") + " }",
+                         integrator, ColorSpace::linear),
+                    {.375, .5, .125}, 1e-5);
+        // A small box full of what hides at once, 10 m into the fog.
+        expectColor(seen(fog +
+                             "Transform { translation 0 0 -10 children VolumeData { dimensions 4 4 .002 voxels "
+                             "PixelTexture3D { image [ 4 2 2 2 " +
+                             std::string("0xFF0000FF 0xFF0000FF 0xFF0000FF 0xFF0000FF 0xFF0000FF 0xFF0000FF 0xFF0000FF "
+                                         "0xFF0000FF") +
+                             " ] } renderStyle OpacityMapVolumeStyle { } } }",
+                         integrator, ColorSpace::linear),
+                    {.5, 0, .5}, 2e-3);
+    }
+}
+
 TEST(LocalFog, FollowsTheScene) {
     LightScene s("DEF A Group { children [ DEF F LocalFog { color 0 0 1 visibilityRange 40 } " +
                  square(5, unlit("1 0 0")) + " ] }");

@@ -214,8 +214,14 @@ struct Fog {
     FogType type = FogType::none;
     Vec3f color{1};
     float visibilityRange = 0;  // world metres; 0: no fog
+    Vec3f along{0};             // a unit vector of the world in which a volumetric fog thickens; else zero
+    float begin = 0;            // along it, from the world's origin, in metres
+    /// How deep a place in the world is in the fog, whose way from the eye is `run` metres long.
+    float depth(const Vec3f& place, float run) const {
+        return along == Vec3f(0) ? run : glm::dot(along, place) - begin;
+    }
 };
-/// Of a Fog or LocalFog node.
+/// Of a Fog or LocalFog node. A volumetric fog whose direction is zero is none.
 Fog readFog(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal);
 
 }  // namespace rtsg

@@ -119,6 +119,10 @@ struct alignas(64) RayPacket16 {
                 {directionX[lane], directionY[lane], directionZ[lane]},
                 tMax[lane]};
     }
+    Vec3f at(int lane, float t) const {
+        return Vec3f(originX[lane], originY[lane], originZ[lane]) +
+               t * Vec3f(directionX[lane], directionY[lane], directionZ[lane]);
+    }
     bool hasHit(int lane) const { return geom_[lane] != kNoInstance; }
     bool isBlocked(int lane) const { return tMax[lane] < 0; }
 };

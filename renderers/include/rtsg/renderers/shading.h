@@ -28,9 +28,9 @@ inline float spotFactor(float angle, float beamWidth, float cutOffAngle) {
 
 enum class FogType : std::uint8_t { none, linear, exponential };
 
-/// The share of the surface's own colour that is left at `distance`; the rest is the fog's.
+/// The share of the surface's own colour that is left at `distance`; the rest is the fog's. Before the fog, all of it.
 inline float fogFactor(FogType type, float visibilityRange, float distance) {
-    if (type == FogType::none || !(visibilityRange > 0)) return 1;
+    if (type == FogType::none || !(visibilityRange > 0) || distance <= 0) return 1;
     if (distance >= visibilityRange) return 0;
     if (type == FogType::linear) return (visibilityRange - distance) / visibilityRange;
     return std::exp(-distance / (visibilityRange - distance));
