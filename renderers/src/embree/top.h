@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "bvh.h"
+#include "large_triangles.h"
 #include "mesh_bvh.h"
 #include "primary_hits.h"
 
@@ -53,6 +54,10 @@ class TopView {
     /// Null: rays are quicker.
     std::unique_ptr<const PrimaryHits> primaryHits(const PixelGrid& grid, RayKind kind, int samples) const {
         return main_ ? PrimaryHits::make(*main_->resting, maskOf(kind), grid, samples) : nullptr;
+    }
+    /// Null: trees are quicker.
+    std::unique_ptr<const LargeTriangles> largeTriangles(RayKind kind, const LargeTriangles::Sides& sides) const {
+        return main_ ? LargeTriangles::make(*main_->resting, tree_, maskOf(kind), sides) : nullptr;
     }
     /// Blocked lanes end with tMax -inf. Returns a bit for each.
     std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;

@@ -197,7 +197,11 @@ void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
 }  // namespace
 
 void lookForLight(TraceScene& scene, Sources& sources) {
-    scene.plain = &sources.plain.emplace(scene);
+    const PlainSurfaces& plain = sources.plain.emplace(scene);
+    scene.plain = &plain;
+    if (pathParts().largeFirst && plain.most())
+        if (sources.large.emplace(*scene.world, [&](std::uint32_t slot) { return plain.sidesOf(slot); }))
+            scene.large = &*sources.large;
     sources.emitters = scene.emitterTable ? scene.emitterTable->of(scene) : std::make_shared<const Emitters>(scene);
     if (pathParts().emitters && !sources.emitters->empty()) scene.emitters = sources.emitters.get();
     sources.lamps = Lamps(scene.lightGroups);

@@ -14,6 +14,7 @@
 #include "sky_light.h"
 #include "trace_scene.h"
 #include "trail.h"
+#include "world/large_rays.h"
 
 namespace rtsg::trace {
 
@@ -40,6 +41,7 @@ struct Sources {
     Lamps lamps;
     std::optional<SkyLight> sky;
     std::optional<PlainSurfaces> plain;
+    std::optional<LargeRays> large;
 };
 /// Finds them, and tells the scene of those that there are, which must outlive it.
 void lookForLight(TraceScene& scene, Sources& sources);

@@ -68,6 +68,7 @@ class LaneQueue {
     LaneQueue() = default;
     explicit LaneQueue(std::size_t columns) : columns_(columns) { reserve(0); }
 
+    std::size_t columns() const { return columns_; }
     std::size_t size() const { return size_; }
     bool empty() const { return size_ == 0; }
     void clear() { size_ = 0; }

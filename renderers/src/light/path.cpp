@@ -41,9 +41,9 @@ float largest(const Vec3f& v) {
     return std::max({v.x, v.y, v.z});
 }
 
-/// Two unit vectors square to a unit vector and each other (Duff et al. 2017).
+/// Two unit vectors square to a unit vector and each other (Duff et al. 2017); as path_scatter.h has them.
 void basis(const Vec3f& n, Vec3f& s, Vec3f& t) {
-    const float sign = std::copysign(1.0f, n.z), a = -1 / (sign + n.z), b = n.x * n.y * a;
+    const float sign = n.z < -kUpright ? -1.0f : 1.0f, a = -1 / (sign + n.z), b = n.x * n.y * a;
     s = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
     t = {b, sign + n.y * n.y * a, -n.y};
 }

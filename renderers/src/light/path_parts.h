@@ -11,6 +11,7 @@ struct PathParts {
     bool lightTree = true;   // which of them, by what they can do for the point; else each as likely
     bool skyLight = true;    // an uneven sky is asked directly; else bounces alone find it
     bool wavefronts = true;  // in stages, where goesInWavefronts(); else packet by packet
+    bool largeFirst = true;  // of those, a few large triangles before all trees, where LargeRays pay
     float roulette = .25f;   // the weight, of the first one's, below which Russian roulette begins
 };
 

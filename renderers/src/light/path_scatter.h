@@ -21,10 +21,13 @@ inline F8 largest(const V8& v) {
 
 namespace rtsg::trace {
 
+/// Below minus this the other side's vectors are taken: not at 0, or those of a wall along an axis would be one or the
+/// other by what its normal is rounded by.
+constexpr float kUpright = 0x1p-10f;
 /// Two unit vectors square to a unit vector and each other (Duff et al. 2017).
 inline void basis(const simd::V8& n, simd::V8& s, simd::V8& t) {
     using namespace simd;
-    const F8 sign = select(bits(n.z) < 0, all(-1), all(1)), a = -1 / (sign + n.z), b = n.x * n.y * a;
+    const F8 sign = select(n.z < -kUpright, all(-1), all(1)), a = -1 / (sign + n.z), b = n.x * n.y * a;
     s = {1 + sign * n.x * n.x * a, sign * b, -sign * n.x};
     t = {b, sign + n.y * n.y * a, -n.y};
 }

@@ -13,6 +13,7 @@
 #include "path_parts.h"
 #include "path_scatter.h"
 #include "tile_rays.h"
+#include "world/large_rays.h"
 
 namespace rtsg::trace {
 
@@ -133,9 +134,9 @@ bool goesInWavefronts(const TraceScene& scene, const Camera& camera) {
 namespace {
 
 /// The memory of the rays' queues stays with the thread: to get it anew for each tile costs more than to trace some.
-void swapQueues(LaneQueue& now, LaneQueue& next) {
-    thread_local LaneQueue kept[2] = {LaneQueue(kRayColumns), LaneQueue(kRayColumns)};
-    std::swap(now, kept[0]), std::swap(next, kept[1]);
+void swapQueues(LaneQueue& now, LaneQueue& next, LaneQueue& open) {
+    thread_local LaneQueue kept[3] = {LaneQueue(kRayColumns), LaneQueue(kRayColumns), LaneQueue(kRayColumns)};
+    std::swap(now, kept[0]), std::swap(next, kept[1]), std::swap(open, kept[2]);
 }
 
 }  // namespace
@@ -156,12 +157,13 @@ Wavefront::Wavefront(const TraceScene& scene, const Camera& camera, const Render
       matte_(kHitColumns),
       glossy_(kHitColumns),
       asked_(kAskedColumns),
+      askedOpen_(kAskedColumns),
       blocked_(kAskedColumns) {
-    swapQueues(now_, next_);
+    swapQueues(now_, next_, open_);
 }
 Wavefront::~Wavefront() {
-    now_.clear(), next_.clear();
-    swapQueues(now_, next_);
+    now_.clear(), next_.clear(), open_.clear();
+    swapQueues(now_, next_, open_);
 }
 
 void Wavefront::run() {
@@ -228,25 +230,41 @@ void Wavefront::drain() {
         while (!glossy_.empty()) shadeGlossy();
         std::swap(now_, next_), nowOther_.swap(nextOther_);
     }
-    while (!asked_.empty()) askWhetherFree();
+    while (!asked_.empty()) scene_.large ? askLarge() : askWhetherFree(asked_);
+    while (!askedOpen_.empty()) askWhetherFree(askedOpen_);
     while (!blocked_.empty()) askWhatIsFirst();
     primary_ = true;
 }
 
 /// A generation; the next one becomes the current one.
 void Wavefront::traceAll() {
-    for (std::size_t row = 0; row < now_.size(); row += 16) {
-        trace(row, firstLanes(now_.size() - row));
+    const auto shade = [&] {
         while (matte_.size() >= 8) shadeMatte();
         while (glossy_.size() >= 8) shadeGlossy();
+    };
+    for (std::size_t row = 0; row < now_.size(); row += 16) {
+        const std::uint32_t lanes = firstLanes(now_.size() - row);
+        scene_.large ? traceLarge(row, lanes) : trace(now_, row, lanes);
+        shade();
     }
+    for (std::size_t row = 0; row < open_.size(); row += 16) trace(open_, row, firstLanes(open_.size() - row)), shade();
     if (!primary_) groups_[0].secondaryRays += now_.size();
     primary_ = false;
-    now_.clear(), nowOther_.clear();
+    now_.clear(), nowOther_.clear(), open_.clear();
     std::swap(now_, next_), nowOther_.swap(nextOther_);
 }
 
 namespace {
+
+/// Some of sixteen rows to the end of another queue with the same columns.
+void moveOn(const LaneQueue& from, std::size_t row, std::uint32_t lanes, LaneQueue& to) {
+    to.reserve(16);
+    for (std::size_t at = 0; at < 16; at += 8) {
+        if (!(lanes >> at & 0xFFu)) continue;
+        const auto rows = to.add(lanes >> at & 0xFFu);
+        for (std::size_t c = 0; c < from.columns(); ++c) rows.put(c, from.load(c, row + at));
+    }
+}
 
 /// Sixteen rays from a queue's columns.
 void read(const LaneQueue& from, std::size_t row, std::uint32_t lanes, float tMin, float tMax, RayPacket16& rays) {
@@ -279,25 +297,44 @@ std::uint32_t lanesOf(const std::uint8_t (&bytes)[16], std::uint8_t bit) {
 }  // namespace
 
 /// What must be done elsewhere whatever these sixteen rays meet.
-std::uint32_t Wavefront::laneOfOthers(std::size_t row) const {
+std::uint32_t Wavefront::lanesOfOthers(const LaneQueue& from, std::size_t row) {
     std::uint32_t result = 0;
     for (std::size_t at = 0; at < 16; at += 8) {
-        const I8 calls = bits(now_.load(kCalls, row + at)) & ((1 << kCallBits) - 1),
-                 depth = bits(now_.load(kPixel, row + at)) >> 16;
-        result |= laneBits((bits(now_.load(kOther, row + at)) != 0) | (calls > static_cast<std::int32_t>(kMostCalls)) |
+        const I8 calls = bits(from.load(kCalls, row + at)) & ((1 << kCallBits) - 1),
+                 depth = bits(from.load(kPixel, row + at)) >> 16;
+        result |= laneBits((bits(from.load(kOther, row + at)) != 0) | (calls > static_cast<std::int32_t>(kMostCalls)) |
                            (depth >= static_cast<std::int32_t>(kMostDepth)))
                   << at;
     }
     return result;
 }
 
-void Wavefront::trace(std::size_t row, std::uint32_t lanes) {
-    RayPacket16 rays;
+void Wavefront::aim(const LaneQueue& from, std::size_t row, std::uint32_t lanes, RayPacket16& rays) const {
     constexpr float kFar = std::numeric_limits<float>::infinity();
-    read(now_, row, lanes, primary_ ? 0 : kLeave, primary_ ? static_cast<float>(camera_.visibilityLimit) : kFar, rays);
+    read(from, row, lanes, primary_ ? 0 : kLeave, primary_ ? static_cast<float>(camera_.visibilityLimit) : kFar, rays);
+}
+
+void Wavefront::trace(const LaneQueue& from, std::size_t row, std::uint32_t lanes) {
+    RayPacket16 rays;
+    aim(from, row, lanes, rays);
     const std::uint32_t hits = scene_.world->intersect(rays, primary_);
-    if (lanes != hits) miss(rays, row, lanes & ~hits);
-    if (!hits) return;
+    if (lanes != hits) miss(from, row, rays, lanes & ~hits);
+    if (hits) sort(from, row, rays, hits);
+}
+
+/// As far as large triangles tell; what they leave open waits until there are sixteen.
+void Wavefront::traceLarge(std::size_t row, std::uint32_t lanes) {
+    RayPacket16 rays;
+    aim(now_, row, lanes, rays);
+    std::uint32_t open = 0;
+    const std::uint32_t hits = scene_.large->intersect(rays, open), missed = lanes & ~(hits | open);
+    if (missed) miss(now_, row, rays, missed);
+    if (hits) sort(now_, row, rays, hits);
+    if (open) moveOn(now_, row, open, open_);
+}
+
+/// What is done about the hits of sixteen rays, by what they are on.
+void Wavefront::sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits) {
     PacketHits16 met;
     const bool one = scene_.world->hits(rays, hits, met);
     std::uint8_t kinds[16]{};
@@ -317,25 +354,25 @@ void Wavefront::trace(std::size_t row, std::uint32_t lanes) {
         back |= laneBits(dot(d, n) > 0.0f) << at;
     }
     // The back of a solid is not there.
-    const std::uint32_t plain = (matte | glossy) & ~(solid & back) & ~laneOfOthers(row);
-    if (shines & plain) shine(rays, met, row, shines & plain);
+    const std::uint32_t plain = (matte | glossy) & ~(solid & back) & ~lanesOfOthers(from, row);
+    if (shines & plain) shine(from, row, rays, met, shines & plain);
     if (primary_)
         for (std::uint32_t rest = plain; rest; rest &= rest - 1)
-            sumOf(now_.bits(kPixel, row + static_cast<std::size_t>(std::countr_zero(rest)))).a += 1;
-    if (matte & plain & ~black) keep(matte_, now_, row, rays, met, matte & plain & ~black);
-    if (glossy & plain) keep(glossy_, now_, row, rays, met, glossy & plain);
-    if (hits & ~plain) handOver(rays, row, hits & ~plain);
+            sumOf(from.bits(kPixel, row + static_cast<std::size_t>(std::countr_zero(rest)))).a += 1;
+    if (matte & plain & ~black) keep(matte_, from, row, rays, met, matte & plain & ~black);
+    if (glossy & plain) keep(glossy_, from, row, rays, met, glossy & plain);
+    if (hits & ~plain) handOver(from, row, rays, hits & ~plain);
 }
 
-void Wavefront::miss(const RayPacket16& rays, std::size_t row, std::uint32_t lanes) {
+void Wavefront::miss(const LaneQueue& from, std::size_t row, const RayPacket16& rays, std::uint32_t lanes) {
     if (scene_.evenSky) {
         const Vec4f& sky = scene_.skyLinear;
         if (Vec3f(sky) == Vec3f(0) && !primary_) return;
         for (std::size_t at = 0; at < 16; at += 8) {
             if (!(lanes >> at & 0xFFu)) continue;
-            const V8 weight = now_.loadV(kWeight, row + at);
+            const V8 weight = from.loadV(kWeight, row + at);
             alignas(32) std::uint32_t pixels[8];
-            std::memcpy(pixels, now_.at(kPixel, row + at), sizeof pixels);
+            std::memcpy(pixels, from.at(kPixel, row + at), sizeof pixels);
             add({weight.x * sky.r, weight.y * sky.g, weight.z * sky.b}, all(primary_ ? sky.a : 0), pixels,
                 lanes >> at & 0xFFu);
         }
@@ -345,22 +382,23 @@ void Wavefront::miss(const RayPacket16& rays, std::size_t row, std::uint32_t lan
         const int lane = std::countr_zero(lanes);
         const std::size_t at = row + static_cast<std::size_t>(lane);
         const Vec4f sky = scene_.skyColor({rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]}, true);
-        sumOf(now_.bits(kPixel, at)) += Vec4f(now_.vector(kWeight, at) * Vec3f(sky), primary_ ? sky.a : 0);
+        sumOf(from.bits(kPixel, at)) += Vec4f(from.vector(kWeight, at) * Vec3f(sky), primary_ ? sky.a : 0);
     }
 }
 
 /// Adds what is sent out there, of which only the share counts that no chosen direction brings.
-void Wavefront::shine(const RayPacket16& rays, const PacketHits16& hits, std::size_t row, std::uint32_t lanes) {
+void Wavefront::shine(const LaneQueue& from, std::size_t row, const RayPacket16& rays, const PacketHits16& hits,
+                      std::uint32_t lanes) {
     for (; lanes; lanes &= lanes - 1) {
         const int lane = std::countr_zero(lanes);
         const std::size_t at = row + static_cast<std::size_t>(lane);
         Vec3f light = plain_.emissive(hits.instance[lane]);
-        const float density = now_.number(kDensity, at);
+        const float density = from.number(kDensity, at);
         if (scene_.emitters && density > 0)
             light *= powerHeuristic(
-                density, emitterDensity(scene_, hits.instance[lane], hits.triangle[lane], now_.vector(kOrigin, at),
-                                        now_.vector(kDirection, at), rays.tMax[lane], now_.vector(kNormal, at)));
-        sumOf(now_.bits(kPixel, at)) += Vec4f(now_.vector(kWeight, at) * light, 0);
+                density, emitterDensity(scene_, hits.instance[lane], hits.triangle[lane], from.vector(kOrigin, at),
+                                        from.vector(kDirection, at), rays.tMax[lane], from.vector(kNormal, at)));
+        sumOf(from.bits(kPixel, at)) += Vec4f(from.vector(kWeight, at) * light, 0);
     }
 }
 
@@ -385,20 +423,20 @@ void Wavefront::keep(LaneQueue& to, const LaneQueue& from, std::size_t row, cons
 }
 
 /// What path.cpp does about lanes that are not plain; what it leads to comes back as rays.
-void Wavefront::handOver(RayPacket16& rays, std::size_t row, std::uint32_t lanes) {
+void Wavefront::handOver(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t lanes) {
     PathTask tasks[16];
     for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         const std::size_t at = row + static_cast<std::size_t>(lane);
         PathTask& task = tasks[lane];
-        if (const std::uint32_t other = now_.bits(kOther, at)) task = nowOther_[other - 1];
-        task.origin = now_.vector(kOrigin, at), task.direction = now_.vector(kDirection, at);
-        task.weight = now_.vector(kWeight, at), task.normal = now_.vector(kNormal, at);
-        task.first = now_.number(kFirst, at), task.odds = now_.number(kOdds, at), task.fate = now_.number(kFate, at);
-        task.travelled = now_.number(kTravelled, at), task.density = now_.number(kDensity, at);
-        const std::uint32_t pixel = now_.bits(kPixel, at);
+        if (const std::uint32_t other = from.bits(kOther, at)) task = nowOther_[other - 1];
+        task.origin = from.vector(kOrigin, at), task.direction = from.vector(kDirection, at);
+        task.weight = from.vector(kWeight, at), task.normal = from.vector(kNormal, at);
+        task.first = from.number(kFirst, at), task.odds = from.number(kOdds, at), task.fate = from.number(kFate, at);
+        task.travelled = from.number(kTravelled, at), task.density = from.number(kDensity, at);
+        const std::uint32_t pixel = from.bits(kPixel, at);
         task.pixel = static_cast<std::uint16_t>(pixel), task.depth = static_cast<std::uint16_t>(pixel >> 16);
-        task.random = PathRandom::ofParts(now_.bits(kCalls, at), reverseBits(now_.bits(kIndex, at))).state();
+        task.random = PathRandom::ofParts(from.bits(kCalls, at), reverseBits(from.bits(kIndex, at))).state();
     }
     others_(rays, lanes, tasks, onward_);
     for (const PathTask& task : onward_) push(task);
@@ -526,7 +564,7 @@ void Wavefront::lookForLight(const Hits& hits, const PlainSurfaces::Surfaces& s,
         return r;
     };
     rows.put(kAskedPixel, bitsAt(hits.pixel)), rows.put(kEmitter, bitsAt(number));
-    if (asked_.size() >= 16) askWhetherFree();
+    if (asked_.size() >= 16) scene_.large ? askLarge() : askWhetherFree(asked_);
 }
 
 /// Roulette, and the rays of those that are left.
@@ -558,26 +596,30 @@ void Wavefront::follow(const Hits& hits, const PlainSurfaces::Surfaces& s, const
 
 // ---- rays towards emitters ------------------------------------------------------------------------------------------
 
-/// Adds what the last ones of asked_ show, where nothing at all is in the way; the others go on to blocked_.
-void Wavefront::askWhetherFree() {
+/// Adds what the last ones of asked_ show, where large triangles tell; the others go on to askedOpen_.
+void Wavefront::askLarge() {
     const std::size_t count = std::min<std::size_t>(asked_.size(), 16), row = asked_.size() - count;
     const std::uint32_t lanes = firstLanes(count);
     RayPacket16 rays;
     read(asked_, row, lanes, kLeave, kBefore, rays);
-    const std::uint32_t blocked = scene_.world->occluded(rays, false, RayKind::view) & lanes, free = lanes & ~blocked;
-    for (std::size_t at = 0; at < 16; at += 8) {
-        if (!(free >> at & 0xFFu)) continue;
-        alignas(32) std::uint32_t pixels[8];
-        std::memcpy(pixels, asked_.at(kAskedPixel, row + at), sizeof pixels);
-        add(asked_.loadV(kLight, row + at), F8{}, pixels, free >> at & 0xFFu);
-    }
-    blocked_.reserve(16);
-    for (std::size_t at = 0; at < 16; at += 8) {
-        if (!(blocked >> at & 0xFFu)) continue;
-        const auto rows = blocked_.add(blocked >> at & 0xFFu);
-        for (std::size_t c = 0; c < kAskedColumns; ++c) rows.put(c, asked_.load(c, row + at));
-    }
+    std::uint32_t open = 0;
+    const std::uint32_t blocked = scene_.large->occluded(rays, open);
+    addLight(asked_, row, lanes & ~(blocked | open));
+    if (open) moveOn(asked_, row, open, askedOpen_);
     asked_.drop(count);
+    while (askedOpen_.size() >= 16) askWhetherFree(askedOpen_);
+}
+
+/// The same of what has nothing at all in its way; the others go on to blocked_.
+void Wavefront::askWhetherFree(LaneQueue& asked) {
+    const std::size_t count = std::min<std::size_t>(asked.size(), 16), row = asked.size() - count;
+    const std::uint32_t lanes = firstLanes(count);
+    RayPacket16 rays;
+    read(asked, row, lanes, kLeave, kBefore, rays);
+    const std::uint32_t blocked = scene_.world->occluded(rays, false, RayKind::view) & lanes;
+    addLight(asked, row, lanes & ~blocked);
+    if (blocked) moveOn(asked, row, blocked, blocked_);
+    asked.drop(count);
     while (blocked_.size() >= 16) askWhatIsFirst();
 }
 
@@ -596,6 +638,15 @@ void Wavefront::askWhatIsFirst() {
             sumOf(blocked_.bits(kAskedPixel, at)) += Vec4f(left * blocked_.vector(kLight, at), 0);
     }
     blocked_.drop(count);
+}
+
+void Wavefront::addLight(const LaneQueue& from, std::size_t row, std::uint32_t lanes) {
+    for (std::size_t at = 0; at < 16; at += 8) {
+        if (!(lanes >> at & 0xFFu)) continue;
+        alignas(32) std::uint32_t pixels[8];
+        std::memcpy(pixels, from.at(kAskedPixel, row + at), sizeof pixels);
+        add(from.loadV(kLight, row + at), F8{}, pixels, lanes >> at & 0xFFu);
+    }
 }
 
 void Wavefront::add(const V8& light, F8 alpha, const std::uint32_t* pixels, std::uint32_t lanes) {

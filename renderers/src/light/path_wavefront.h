@@ -37,22 +37,27 @@ class Wavefront {
     void start(std::size_t group, int block, int sample);
     void drain();
     void traceAll();
-    void trace(std::size_t row, std::uint32_t lanes);
-    std::uint32_t laneOfOthers(std::size_t row) const;
-    void miss(const RayPacket16& rays, std::size_t row, std::uint32_t lanes);
-    void shine(const RayPacket16& rays, const PacketHits16& hits, std::size_t row, std::uint32_t lanes);
+    void traceLarge(std::size_t row, std::uint32_t lanes);
+    void trace(const LaneQueue& from, std::size_t row, std::uint32_t lanes);
+    void aim(const LaneQueue& from, std::size_t row, std::uint32_t lanes, RayPacket16& rays) const;
+    void sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits);
+    static std::uint32_t lanesOfOthers(const LaneQueue& from, std::size_t row);
+    void miss(const LaneQueue& from, std::size_t row, const RayPacket16& rays, std::uint32_t lanes);
+    void shine(const LaneQueue& from, std::size_t row, const RayPacket16& rays, const PacketHits16& hits,
+               std::uint32_t lanes);
     static void keep(LaneQueue& to, const LaneQueue& from, std::size_t row, const RayPacket16& rays,
                      const PacketHits16& hits, std::uint32_t lanes);
-    void handOver(RayPacket16& rays, std::size_t row, std::uint32_t lanes);
+    void handOver(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t lanes);
     void push(const PathTask& task);
     void shadeMatte();
     void shadeGlossy();
     template <class Shown>
     void lookForLight(const Hits& hits, const PlainSurfaces::Surfaces& s, const Shown& shown);
     void follow(const Hits& hits, const PlainSurfaces::Surfaces& s, const struct Scattered8& on);
-    void askWhetherFree();
+    void askLarge();
+    void askWhetherFree(LaneQueue& asked);
     void askWhatIsFirst();
-    std::uint32_t aim(const LaneQueue& from, std::size_t row, float tMax, RayPacket16& rays) const;
+    void addLight(const LaneQueue& from, std::size_t row, std::uint32_t lanes);
     void add(const simd::V8& light, simd::F8 alpha, const std::uint32_t* pixels, std::uint32_t lanes);
     Vec4f& sumOf(std::uint32_t pixel) const {
         return groups_[(pixel & 0xFFFFu) / kTilePixels].sum[pixel % kTilePixels];
@@ -68,12 +73,13 @@ class Wavefront {
     const bool bouncesFindSky_;
     const std::uint32_t callsOfLights_;  // of random numbers, at each surface before those of the way on
     const Others others_;
-    LaneQueue now_, next_;                        // rays
+    LaneQueue now_, next_, open_;                 // rays; of now_ those that large triangles leave open
     std::vector<PathTask> nowOther_, nextOther_;  // of those that bring more along, all of it
     std::vector<PathTask> onward_;
     bool primary_ = true;        // all of now_
     LaneQueue matte_, glossy_;   // hits
-    LaneQueue asked_, blocked_;  // rays towards emitters, and those of them that have something in their way
+    LaneQueue asked_, askedOpen_, blocked_;  // rays towards emitters; those of them that large triangles leave open,
+                                             // and those that have something in their way
 };
 
 }  // namespace rtsg::trace

@@ -10,6 +10,7 @@
 
 #include "bsdf8.h"
 #include "trace_scene.h"
+#include "world/large_rays.h"
 
 namespace rtsg::trace {
 
@@ -30,6 +31,12 @@ class PlainSurfaces {
     bool most() const { return most_; }
     /// A Kind with what else is true of it.
     std::uint8_t kindOf(std::uint32_t instance) const { return instance < kinds_.size() ? kinds_[instance] : 0; }
+    /// The sides of an instance that no light comes through, as LargeRays have them.
+    std::uint32_t sidesOf(std::uint32_t instance) const {
+        const std::uint8_t kind = kindOf(instance);
+        if (!(kind & (matte | glossy))) return 0;
+        return kind & kSolid ? LargeRays::kFront : LargeRays::kFront | LargeRays::kBack;
+    }
     /// Of one that shines: its radiance.
     Vec3f emissive(std::uint32_t instance) const {
         const Colors& c = colors_[numbers_[instance]];

@@ -20,6 +20,10 @@
 
 #include "world/primary_rays.h"
 
+namespace rtsg {
+class LargeRays;
+}
+
 namespace rtsg::trace {
 
 class Environment;
@@ -195,6 +199,7 @@ struct TraceScene {
     const Lamps* lamps = nullptr;          // of paths, where there are many
     const SkyLight* skyLight = nullptr;    // of paths, where the sky is so uneven that it must be looked for
     const PlainSurfaces* plain = nullptr;  // of paths
+    const LargeRays* large = nullptr;      // of paths in stages, where they pay
     const Shutter* shutter = nullptr;      // where something moves while it is open
     const PrimaryRays* primary = nullptr;  // of the picture, where they find what they meet together
     MaterialList materials;

@@ -73,6 +73,11 @@ struct Lanes16 {
             _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[2])), _mm_loadu_ps(places[3]), 1);
         return static_cast<F>(_mm512_insertf32x8(_mm512_castps256_ps512(low), high, 1));
     }
+    /// Of thirty-two numbers those of these places.
+    RTSG_INLINE F lookUp(const float* table, I places) {
+        return static_cast<F>(_mm512_permutex2var_ps(_mm512_loadu_ps(table), reinterpret_cast<__m512i>(places),
+                                                     _mm512_loadu_ps(table + 16)));
+    }
     template <int j>
     RTSG_INLINE F spread(F v) {
         return static_cast<F>(_mm512_permute_ps(static_cast<__m512>(v), j * 0x55));

@@ -70,6 +70,12 @@ struct Lanes8 {
         std::memcpy(&low, places[0], sizeof low), std::memcpy(&high, places[1], sizeof high);
         return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
     }
+    /// Of thirty-two numbers those of these places.
+    static F lookUp(const float* table, I places) {
+        F r{};
+        for (int i = 0; i < kLanes; ++i) r[i] = table[places[i]];
+        return r;
+    }
     template <int j>
     static F spread(F v) {
         return __builtin_shufflevector(v, v, j, j, j, j, 4 + j, 4 + j, 4 + j, 4 + j);

@@ -133,16 +133,45 @@ TEST(Wavefront, StopsWherePacketsStop) {
 
 // White walls send paths on for very long: more numbers than one sequence has calls.
 TEST(Wavefront, FollowsPathsThroughThousandsOfBounces) {
+    for (const bool largeFirst : {false, true}) {
+        SCOPED_TRACE(largeFirst);
+        const trace::PathParts before = trace::pathParts();
+        trace::pathParts().roulette = 0x1p-20f, trace::pathParts().largeFirst = largeFirst;
+        const BothWays both(
+            "Viewpoint { position 0 0 .4 } Shape { appearance Appearance { material Material { diffuseColor .995 .995 "
+            ".995 emissiveColor .01 .01 .01 } } geometry Box { size 2 2 2 solid FALSE } }",
+            2, 0, 13);
+        trace::pathParts() = before;
+        EXPECT_GT(both.stagesStats.secondaryRays, 13u * 11u * 2u * 700u);
+        // What large triangles tell differs in last bits, which so many bounces make large.
+        if (!largeFirst) EXPECT_LT(both.apart(), .2);
+        EXPECT_NEAR(both.mean(both.stages), both.mean(both.packets), .01 * both.mean(both.packets));
+    }
+}
+
+// Few of a room's rays meet anything but its walls: most are answered by these alone.
+TEST(Wavefront, ShowsTheSameByLargeTrianglesFirst) {
     const trace::PathParts before = trace::pathParts();
-    trace::pathParts().roulette = 0x1p-20f;
-    const BothWays both(
-        "Viewpoint { position 0 0 .4 } Shape { appearance Appearance { material Material { diffuseColor .995 .995 .995 "
-        "emissiveColor .01 .01 .01 } } geometry Box { size 2 2 2 solid FALSE } }",
-        2, 0, 13);
-    trace::pathParts() = before;
-    EXPECT_GT(both.stagesStats.secondaryRays, 13u * 11u * 2u * 700u);
-    EXPECT_LT(both.apart(), .2);
-    EXPECT_NEAR(both.mean(both.stages), both.mean(both.packets), .01 * both.mean(both.packets));
+    const auto picture = [&](bool largeFirst, RenderStats& stats) {
+        trace::pathParts().largeFirst = largeFirst;
+        LightScene s(room(""), 37, 35);
+        s.options.settings.integrator = Integrator::path, s.options.settings.samplesPerPixel = 16;
+        const Picture made = s.picture();
+        stats = s.stats, trace::pathParts() = before;
+        return made;
+    };
+    RenderStats large, trees;
+    const Picture a = picture(true, large), b = picture(false, trees);
+    EXPECT_NE(a.pixels, b.pixels) << "they are two ways";
+    int others = 0;
+    for (std::size_t i = 0; i < a.pixels.size(); ++i)
+        others += std::abs(a.pixels[i].g - b.pixels[i].g) > 1e-4f * std::max(b.pixels[i].g, .01f);
+    EXPECT_LT(others, 37 * 35 * .03);
+    EXPECT_EQ(large.primaryRays, trees.primaryRays);
+    EXPECT_NEAR(static_cast<double>(large.secondaryRays), static_cast<double>(trees.secondaryRays),
+                .002 * static_cast<double>(trees.secondaryRays));
+    EXPECT_NEAR(static_cast<double>(large.shadowRays), static_cast<double>(trees.shadowRays),
+                .002 * static_cast<double>(trees.shadowRays));
 }
 
 }  // namespace

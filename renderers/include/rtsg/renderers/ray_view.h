@@ -156,6 +156,7 @@ class RayView {
     RayKind meant(RayKind kind) const { return kind == RayKind::view ? views_ : kind; }
     friend class Motions;
     friend class MovedView;
+    friend class LargeRays;
     friend class PrimaryRays;
     Hit intersectAll(const Ray& ray, RayKind kind) const;
     Hit intersectFiltered(Ray ray, RayKind kind) const;

@@ -1,0 +1,278 @@
+// Rays that a few large triangles are asked about first: what these tell, against the view and a loop over all
+// triangles in double precision, and what they leave open.
+#include "world/large_rays.h"
+
+#include <bit>
+#include <cstring>
+
+#include <gtest/gtest.h>
+
+#include "embree/large_triangles.h"
+#include "renderers/ray_support.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+constexpr unsigned kLargeSeed = 4021;
+
+/// A turned room with a box, a mirrored wedge and, unless it is empty, a ball; all of it somewhere.
+struct LargeRoom {
+    RayWorld world;
+    BruteForce truth;
+    InstanceDelta delta;
+    std::mt19937 random{kLargeSeed};
+
+    void add(std::shared_ptr<Mesh> mesh, const WorldFromLocal& m, Motion motion = Motion::fixed) {
+        const auto slot = static_cast<std::uint32_t>(truth.things.size());
+        Instance instance = makeInstance(slot, NodeId{10 + slot}, m);
+        instance.motion = motion;
+        delta.geometries.push_back({NodeId{10 + slot}, mesh});
+        delta.added.push_back(instance);
+        truth.things[slot] = {instance, mesh};
+    }
+    explicit LargeRoom(double size = 1, bool turned = true, bool ball = true) {
+        WorldFromLocal all = turned ? randomTransform(random, 0) : scaling({1, 1, 1});
+        for (int k = 0; k < 3; ++k) all[k] = glm::normalize(all[k]) * size;
+        const auto place = [&](const WorldFromLocal& m) {
+            return WorldFromLocal(glm::dmat4(all) * glm::dmat4(m));
+        };
+        add(makeBox(), place(scaling({4, 3, 5})));
+        add(makeBox(), place(translation({-1.5, -2, 1.2}) * glm::dmat4(scaling({.6, .9, .5}))));
+        add(makeMesh({{0, 0, 0}, {1, 0, .2}, {.3, 1, 0}, {.1, .2, 1}}, {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2}),
+            place(translation({.2, -2.8, -2}) * glm::dmat4(scaling({-1.1, .8, .9}))));
+        if (ball) add(makeSphere(3), place(translation({1.5, -1, -.5})));
+        world.apply(delta);
+        delta = {};
+    }
+    /// Within the room or on a surface, whither it may be.
+    RayPacket16 rays(float size, float tMax = HUGE_VALF) {
+        std::uniform_real_distribution<float> unit(-1, 1);
+        RayPacket16 packet;
+        std::memset(&packet, 0x7f, sizeof packet);
+        for (int lane = 0; lane < 16; ++lane) {
+            Ray ray = randomRay(random, 2.5f * size);
+            ray.direction = glm::normalize(ray.direction) * (tMax == 1 ? 4 * size : 1.0f);
+            const Hit hit = world.intersect(ray);
+            if (lane % 3 && hit) {
+                const Vec3f towards = glm::normalize(Vec3f(unit(random), unit(random), unit(random)));
+                ray.origin = RayView::leave(world.point(hit, ray), towards);
+                ray.direction = towards * glm::length(ray.direction), ray.tMin = 1e-30f;
+            }
+            ray.tMax = tMax;
+            packet.set(lane, ray);
+            if (random() % 11 == 0) packet.skip(lane);
+        }
+        return packet;
+    }
+};
+
+std::uint32_t bothSides(std::uint32_t) {
+    return LargeRays::kFront | LargeRays::kBack;
+}
+std::uint32_t activeLanes(const RayPacket16& rays) {
+    std::uint32_t lanes = 0;
+    for (int lane = 0; lane < 16; ++lane) lanes |= static_cast<std::uint32_t>(rays.active[lane] != 0) << lane;
+    return lanes;
+}
+
+TEST(LargeRays, MeetWhatALoopOverAllTrianglesMeets) {
+    for (const auto& [size, turned, ball] :
+         {std::tuple(1.0, true, true), {1.0, false, true}, {1e-3, true, true}, {3e4, true, true}, {1.0, true, false}}) {
+        SCOPED_TRACE(testing::Message() << "seed " << kLargeSeed << ", size " << size << ", " << turned << ball);
+        LargeRoom room(size, turned, ball);
+        const LargeRays large(room.world, bothSides);
+        ASSERT_TRUE(large);
+        int known = 0, left = 0, compared = 0;
+        for (int p = 0; p < 1500; ++p) {
+            const RayPacket16 before = room.rays(static_cast<float>(size));
+            RayPacket16 rays = before, traced = before;
+            std::uint32_t open = 0;
+            const std::uint32_t met = large.intersect(rays, open), active = activeLanes(before);
+            EXPECT_EQ(met & open, 0u);
+            EXPECT_EQ((met | open) & ~active, 0u);
+            (void)room.world.intersect(traced);
+            PacketHits16 hits;
+            (void)room.world.hits(rays, met, hits);
+            for (std::uint32_t rest = active; rest; rest &= rest - 1) {
+                const int lane = std::countr_zero(rest);
+                ++(open >> lane & 1u ? left : known);
+                if (open >> lane & 1u) continue;
+                const Hit hit = room.world.hit(traced, lane);
+                ASSERT_EQ(bool(hit), (met >> lane & 1u) != 0);
+                if (!hit) continue;
+                EXPECT_EQ(hit.instance, hits.instance[lane]);
+                EXPECT_EQ(hit.triangle, hits.triangle[lane]);
+                EXPECT_NEAR(hit.t, rays.tMax[lane], 4e-5 * size);
+                EXPECT_GT(glm::dot(hit.normal, Vec3f(hits.normalX[lane], hits.normalY[lane], hits.normalZ[lane])),
+                          .99999f);
+                const BruteForce::Answer expected = room.truth.intersect(before.ray(lane), room.world.origin());
+                if (expected.margin < 1e-4) continue;
+                ++compared;
+                EXPECT_EQ(expected.instance, hits.instance[lane]);
+                EXPECT_EQ(expected.triangle, hits.triangle[lane]);
+                EXPECT_NEAR(expected.t, rays.tMax[lane], 4e-5 * size);
+                EXPECT_NEAR(expected.u, hits.u[lane], 2e-5);
+                EXPECT_NEAR(expected.v, hits.v[lane], 2e-5);
+            }
+        }
+        EXPECT_GT(known, ball ? 4 * left : 50 * left) << left;
+        EXPECT_GT(compared, 8000);
+    }
+}
+
+TEST(LargeRays, AreBlockedByWhatNothingComesThrough) {
+    LargeRoom room;
+    const auto sides = [](std::uint32_t slot) {
+        return slot == 0 ? LargeRays::kBack : slot == 1 ? LargeRays::kFront : LargeRays::kFront | LargeRays::kBack;
+    };
+    const LargeRays large(room.world, sides);
+    ASSERT_TRUE(large);
+    int blockedRays = 0, freeRays = 0, left = 0;
+    for (int p = 0; p < 3000; ++p) {
+        RayPacket16 rays = room.rays(1, 1);
+        std::uint32_t open = 0;
+        const std::uint32_t blocked = large.occluded(rays, open), active = activeLanes(rays);
+        EXPECT_EQ(blocked & open, 0u);
+        EXPECT_EQ((blocked | open) & ~active, 0u);
+        for (std::uint32_t rest = active; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            Ray ray = rays.ray(lane);
+            // Whether anything is on the way, and whether it is something that nothing comes through from there.
+            bool any = false, stops = false;
+            while (const Hit hit = room.world.intersect(ray)) {
+                any = true;
+                const bool fromBack = glm::dot(hit.normal, ray.direction) > 0;
+                stops |= hit.instance < 3 && (sides(hit.instance) & (fromBack ? LargeRays::kBack : LargeRays::kFront));
+                ray.tMin = std::nextafter(hit.t * (1 + 0x1p-20f), HUGE_VALF);
+            }
+            if (blocked >> lane & 1u) {
+                EXPECT_TRUE(stops);
+                ++blockedRays;
+            } else if (open >> lane & 1u) {
+                ++left;
+            } else {
+                EXPECT_FALSE(any);
+                ++freeRays;
+            }
+        }
+    }
+    EXPECT_GT(blockedRays, 5000);
+    EXPECT_GT(freeRays, 5000);
+    EXPECT_LT(left, (blockedRays + freeRays) / 2);
+}
+
+/// Rays at edges, corners and from within planes: the view has the last word.
+TEST(LargeRays, LeaveOpenWhatRoundingsDecide) {
+    LargeRoom room(1, false, false);
+    const LargeRays large(room.world, bothSides);
+    ASSERT_TRUE(large);
+    std::uniform_real_distribution<float> unit(-1, 1);
+    for (int p = 0; p < 300; ++p) {
+        RayPacket16 rays;
+        for (int lane = 0; lane < 16; ++lane) {
+            const Vec3f from(2 * unit(room.random), unit(room.random), 3 * unit(room.random));
+            // Along the edges of the room, the diagonals of its walls, its corners.
+            Vec3f to(4, 3, 5 * unit(room.random));
+            if (lane % 3 == 1) to = {4 * unit(room.random), 3, 5}, to.x = std::abs(to.x);
+            if (lane % 3 == 2) to = {-4, 3, 5};
+            rays.set(lane, {from, 0, to - from});
+        }
+        std::uint32_t open = 0;
+        const std::uint32_t met = large.intersect(rays, open);
+        // What is in front of them is met all the same.
+        for (std::uint32_t rest = met; rest; rest &= rest - 1) EXPECT_LT(rays.tMax[std::countr_zero(rest)], .999f);
+        EXPECT_EQ(met | open, 0xFFFFu);
+    }
+    // Two sheets in one place, and one that rays start in.
+    RayWorld world;
+    InstanceDelta delta;
+    const auto sheet = makeMesh({{-1, -1, 0}, {1, -1, 0}, {0, 2, 0}}, {0, 1, 2});
+    for (std::uint32_t slot = 0; slot < 2; ++slot) {
+        delta.geometries.push_back({NodeId{10 + slot}, sheet});
+        delta.added.push_back(makeInstance(slot, NodeId{10 + slot}));
+    }
+    world.apply(delta);
+    const LargeRays sheets(world, bothSides);
+    ASSERT_TRUE(sheets);
+    RayPacket16 rays;
+    for (int lane = 0; lane < 16; ++lane) rays.set(lane, {{.1f, .1f, lane < 8 ? 1.0f : -1e-7f}, 0, {0, 0, lane < 8 ? -1.0f : 1.0f}});
+    std::uint32_t open = 0;
+    EXPECT_EQ(sheets.intersect(rays, open), 0u);
+    EXPECT_EQ(open, 0xFFFFu);
+}
+
+TEST(LargeRays, AreTheSameInRegistersOfAnyWidth) {
+    const bvh::LargeKernels* const wide = bvh::largeKernels16();
+    if (!wide) GTEST_SKIP() << "this machine has registers of one width";
+    LargeRoom room;
+    const LargeRays large(room.world, bothSides);
+    ASSERT_TRUE(large);
+    for (int p = 0; p < 500; ++p) {
+        const RayPacket16 before = room.rays(1, p % 2 ? 1 : HUGE_VALF);
+        RayPacket16 a = before, b = before;
+        std::uint32_t openA = 0, openB = 0;
+        const std::uint32_t met = bvh::largeKernels8().intersect(large.table(), a, openA);
+        ASSERT_EQ(met, wide->intersect(large.table(), b, openB));
+        ASSERT_EQ(openA, openB);
+        for (std::uint32_t rest = met; rest; rest &= rest - 1) {
+            const int i = std::countr_zero(rest);
+            EXPECT_EQ(a.tMax[i], b.tMax[i]);
+            EXPECT_EQ(a.u_[i], b.u_[i]);
+            EXPECT_EQ(a.v_[i], b.v_[i]);
+            EXPECT_EQ(a.prim_[i], b.prim_[i]);
+            EXPECT_EQ(a.geom_[i], b.geom_[i]);
+            EXPECT_EQ(a.normalX_[i], b.normalX_[i]);
+        }
+        EXPECT_EQ(bvh::largeKernels8().occluded(large.table(), before, openA),
+                  wide->occluded(large.table(), before, openB));
+        EXPECT_EQ(openA, openB);
+    }
+}
+
+TEST(LargeRays, PayWhereFewTrianglesAreMostOfWhatThereIs) {
+    EXPECT_FALSE(LargeRays(RayWorld(), bothSides));
+    RayWorld ball;
+    InstanceDelta delta;
+    delta.geometries.push_back({NodeId{1}, makeSphere(3)});
+    delta.added.push_back(makeInstance(0, NodeId{1}));
+    ball.apply(delta);
+    EXPECT_FALSE(LargeRays(ball, bothSides)) << "too many";
+    // A ball as large as the room, and one that moves through all of it.
+    LargeRoom room(1, true, false);
+    EXPECT_TRUE(LargeRays(room.world, bothSides));
+    room.add(makeSphere(3), scaling({3.9, 2.9, 4.9}));
+    room.world.apply(room.delta);
+    EXPECT_FALSE(LargeRays(room.world, bothSides));
+    for (const double radius : {.5, 3.9}) {
+        LargeRoom moving(1, true, false);
+        moving.add(makeSphere(3), scaling({radius, radius * .7, radius * 1.2}), Motion::moving);
+        moving.world.apply(moving.delta);
+        EXPECT_EQ(bool(LargeRays(moving.world, bothSides)), radius < 1);
+    }
+}
+
+/// What moves is a box that rays are traced at.
+TEST(LargeRays, LeaveOpenWhatMayMeetWhatMoves) {
+    LargeRoom room(1, true, false);
+    room.add(makeSphere(2), translation({.5, 0, .5}), Motion::moving);
+    room.world.apply(room.delta);
+    const LargeRays large(room.world, bothSides);
+    ASSERT_TRUE(large);
+    int ofBall = 0;
+    for (int p = 0; p < 1000; ++p) {
+        const RayPacket16 before = room.rays(1);
+        RayPacket16 rays = before;
+        std::uint32_t open = 0;
+        (void)large.intersect(rays, open);
+        for (std::uint32_t rest = activeLanes(before) & ~open; rest; rest &= rest - 1)
+            EXPECT_NE(room.world.intersect(before.ray(std::countr_zero(rest))).instance, 3u);
+        for (std::uint32_t rest = open; rest; rest &= rest - 1)
+            ofBall += room.world.intersect(before.ray(std::countr_zero(rest))).instance == 3;
+    }
+    EXPECT_GT(ofBall, 500);
+}
+
+}  // namespace
+}  // namespace rtsg
