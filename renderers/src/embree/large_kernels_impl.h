@@ -17,6 +17,7 @@ struct LargeKernelsOf {
     using I = typename W::I;
     using M = typename W::M;
     static constexpr int kLanes = W::kLanes;
+    static constexpr std::uint32_t kAll = (std::uint32_t{1} << kLanes) - 1;
 
     /// Of the sizes that a distance is computed from, what it may be off by; and shares that count as the same.
     static constexpr float kRounding = 0x1p-19f, kAlike = 0x1p-18f;
@@ -27,46 +28,44 @@ struct LargeKernelsOf {
     RTSG_INLINE F all(float x) { return simd::lanes::fill<F>(x); }
     RTSG_INLINE F absolute(F x) { return W::most(x, -x); }
     RTSG_INLINE F dot(const V& a, const float* b) { return a.x * b[0] + a.y * b[1] + a.z * b[2]; }
-    RTSG_INLINE V loadV(const float* x, const float* y, const float* z) { return {W::load(x), W::load(y), W::load(z)}; }
+    RTSG_INLINE V loadV(const float* const* rows, int at) {
+        return {W::load(rows[0] + at), W::load(rows[1] + at), W::load(rows[2] + at)};
+    }
 
     /// As many rays as there are lanes.
     struct Rays {
         V origin, direction;
         F tMin, tMax;
         F slack;  // metres, of rounding
-        F length;
-        __attribute__((always_inline)) Rays(const LargeTable& table, const RayPacket16& rays, int at) {
-            origin = loadV(rays.originX + at, rays.originY + at, rays.originZ + at);
-            direction = loadV(rays.directionX + at, rays.directionY + at, rays.directionZ + at);
-            tMin = W::load(rays.tMin + at), tMax = W::load(rays.tMax + at);
+        F spread;  // the same along rays
+        __attribute__((always_inline)) Rays(const LargeTable& table, const RayRows& rows, int at) {
+            origin = loadV(rows.origin, at), direction = loadV(rows.direction, at);
+            tMin = all(rows.tMin), tMax = all(rows.tMax);
             slack = (absolute(origin.x) + absolute(origin.y) + absolute(origin.z) + table.size) * kRounding;
-            length = W::root(direction.x * direction.x + direction.y * direction.y + direction.z * direction.z);
+            spread = slack * W::root(direction.x * direction.x + direction.y * direction.y + direction.z * direction.z);
         }
     };
 
-    /// Where rays meet a plane: how far along them, and from its corner.
+    /// Where rays meet a face's plane.
     struct Meeting {
         F height, inverse, t;  // height: of the plane above the origin; inverse: of what a step towards it is
-        V place;
-        F unsure;  // metres that the place may be off by, on the plane
-        __attribute__((always_inline)) Meeting(const Rays& rays, const LargeTable::Plane& plane) {
-            const V from{rays.origin.x - plane.corner[0], rays.origin.y - plane.corner[1],
-                         rays.origin.z - plane.corner[2]};
-            height = -dot(from, plane.normal);
-            inverse = 1.0f / dot(rays.direction, plane.normal);
+        F x, y;                // as LargeTable::Face has places
+        F edge;                // up to where roundings may decide
+        __attribute__((always_inline)) Meeting(const Rays& rays, const LargeTable::Face& face) {
+            const V from{rays.origin.x - face.corner[0], rays.origin.y - face.corner[1],
+                         rays.origin.z - face.corner[2]};
+            height = -dot(from, face.normal);
+            inverse = 1.0f / dot(rays.direction, face.normal);
             t = height * inverse;
-            place = {from.x + rays.direction.x * t, from.y + rays.direction.y * t, from.z + rays.direction.z * t};
-            unsure = rays.slack * rays.length * absolute(inverse);
+            const V place{from.x + rays.direction.x * t, from.y + rays.direction.y * t, from.z + rays.direction.z * t};
+            x = dot(place, face.x), y = dot(place, face.y);
+            edge = rays.spread * face.steepest * absolute(inverse);
         }
-    };
-    /// The weights of a triangle's corners at a place on its plane.
-    struct Weights {
-        F second, third, least, edge;  // edge: up to where roundings may decide
-        __attribute__((always_inline)) Weights(const Meeting& m, const LargeTable::Triangle& triangle) {
-            second = dot(m.place, triangle.second) + triangle.second[3];
-            third = dot(m.place, triangle.third) + triangle.third[3];
-            least = W::least(W::least(second, third), (1.0f - second) - third);
-            edge = m.unsure * triangle.steepest;
+        /// How far the place is within the face.
+        template <bool isPair>
+        __attribute__((always_inline)) F depth() const {
+            const F least = W::least(x, y);
+            return W::least(least, isPair ? 1.0f - W::most(x, y) : (1.0f - x) - y);
         }
     };
 
@@ -96,61 +95,80 @@ struct LargeKernelsOf {
         return reached;
     }
 
-    RTSG_INLINE std::uint32_t activeLanes(const RayPacket16& rays, int at) {
-        I active;
-        __builtin_memcpy(&active, rays.active + at, sizeof active);
-        return W::bits(active);
-    }
-
     // ---- what is met first --------------------------------------------------------------------------------------
 
     struct Nearest {
-        F t, second, third, which;  // which: the triangle's number
+        F t, x, y, which;  // which: the face's number
         std::uint32_t open = 0, met = 0;
     };
-    RTSG_INLINE Nearest nearestOf(const LargeTable& table, const Rays& rays) {
-        Nearest best{rays.tMax, F{}, F{}, F{}};
-        for (std::uint32_t p = 0, i = 0; p < table.planeCount; ++p) {
-            const LargeTable::Plane& plane = table.planes[p];
-            const Meeting m(rays, plane);
-            const M ahead = W::greater(m.t, rays.tMin), sure = W::greater(absolute(m.height), rays.slack);
-            const F closer = m.t + m.t * kAlike, farther = m.t - m.t * kAlike;
-            for (; i < plane.end; ++i) {
-                const Weights w(m, table.triangles[i]);
-                const M near = W::both(W::both(ahead, W::greater(w.least, -w.edge)), W::greater(best.t, farther));
-                const M inside =
-                    W::both(W::both(near, sure), W::both(W::greater(w.least, w.edge), W::greater(best.t, closer)));
-                best.t = W::choose(inside, m.t, best.t), best.which = W::choose(inside, all(float(i)), best.which);
-                best.second = W::choose(inside, w.second, best.second);
-                best.third = W::choose(inside, w.third, best.third);
-                const std::uint32_t clear = W::bits(inside);
-                best.met |= clear, best.open |= W::bits(near) & ~clear;
-            }
+    template <bool isPair>
+    RTSG_INLINE void meet(const LargeTable& table, const Rays& rays, std::uint32_t from, std::uint32_t to, F& number,
+                          Nearest& best) {
+        for (std::uint32_t i = from; i < to; ++i, number += 1.0f) {
+            const Meeting m(rays, table.faces[i]);
+            const F depth = m.template depth<isPair>(), off = m.t * kAlike;
+            const M near = W::both(W::greater(m.t, rays.tMin), W::greater(depth, -m.edge));
+            const M clear = W::both(W::both(near, W::greater(depth, m.edge)), W::greater(absolute(m.height), rays.slack));
+            // Last, as it waits for the face before.
+            const M mayBe = W::greater(near, best.t, m.t - off), first = W::greater(clear, best.t, m.t + off);
+            best.t = W::choose(first, m.t, best.t), best.which = W::choose(first, number, best.which);
+            best.x = W::choose(first, m.x, best.x), best.y = W::choose(first, m.y, best.y);
+            const std::uint32_t isFirst = W::bits(first);
+            best.met |= isFirst, best.open |= W::bits(mayBe) & ~isFirst;
         }
-        return best;
     }
 
-    static std::uint32_t intersect(const LargeTable& table, RayPacket16& rays, std::uint32_t& open) {
+    /// The weights of the second and the third corner of the triangles, from places on faces.
+    RTSG_INLINE void weigh(const LargeTable& table, const Nearest& best, int at, RayPacket16& rays,
+                           PacketHits16& hits) {
+        const I which = __builtin_convertvector(best.which, I);
+        const M beyond = W::greater(best.x + best.y, all(1));
+        const F x = W::choose(beyond, 1.0f - best.x, best.x), y = W::choose(beyond, 1.0f - best.y, best.y);
+        const F own = W::most((1.0f - x) - y, F{});
+        const F turn = W::choose(beyond, W::lookUp(table.turn[1], which), W::lookUp(table.turn[0], which));
+        const M first = W::greater(all(.5f), turn), last = W::greater(turn, all(1.5f));
+        const F u = W::choose(first, x, W::choose(last, y, own)), v = W::choose(first, y, W::choose(last, own, x));
+        W::store(rays.u_ + at, u), W::store(hits.u + at, u);
+        W::store(rays.v_ + at, v), W::store(hits.v + at, v);
+        const F number = W::choose(beyond, W::lookUp(table.number[1], which), W::lookUp(table.number[0], which));
+        bitsTo(rays.prim_ + at, number), bitsTo(hits.triangle + at, number);
+    }
+    template <class To>
+    RTSG_INLINE void bitsTo(To* to, F numbers) {
+        __builtin_memcpy(to, &numbers, sizeof numbers);
+    }
+
+    static std::uint32_t intersect(const LargeTable& table, const RayRows& rows, RayPacket16& rays, LargeHits& told,
+                                   std::uint32_t& open) {
         std::uint32_t met = 0;
         open = 0;
         for (int at = 0; at < 16; at += kLanes) {
-            const std::uint32_t active = activeLanes(rays, at);
-            if (!active) continue;
-            const Rays own(table, rays, at);
-            const Nearest best = nearestOf(table, own);
-            const std::uint32_t left = (best.open | reachBoxes(table, own, best.t)) & active;
-            open |= left << at, met |= (best.met & active & ~left) << at;
+            const Rays own(table, rows, at);
+            Nearest best{own.tMax, F{}, F{}, F{}};
+            F number{};
+            meet<true>(table, own, 0, table.pairCount, number, best);
+            meet<false>(table, own, table.pairCount, table.faceCount, number, best);
+            const std::uint32_t lanes = rows.lanes >> at & kAll;
+            const std::uint32_t left = (best.open | reachBoxes(table, own, best.t)) & lanes;
+            const std::uint32_t found = best.met & lanes & ~left;
+            open |= left << at, met |= found << at;
+            W::store(rays.originX + at, own.origin.x), W::store(rays.originY + at, own.origin.y);
+            W::store(rays.originZ + at, own.origin.z), W::store(rays.tMin + at, own.tMin);
+            W::store(rays.directionX + at, own.direction.x), W::store(rays.directionY + at, own.direction.y);
+            W::store(rays.directionZ + at, own.direction.z);
+            W::store(rays.tMax + at, W::choose(W::maskOf(found), best.t, own.tMax));
+            W::store(rays.active + at, W::lanesOf(lanes));
+            weigh(table, best, at, rays, told.hits);
             const I which = __builtin_convertvector(best.which, I);
-            W::store(rays.tMax + at, W::choose(W::maskOf(best.met & ~left), best.t, own.tMax));
-            W::store(rays.u_ + at, best.second), W::store(rays.v_ + at, best.third);
-            W::store(rays.normalX_ + at, W::lookUp(table.normal[0], which));
-            W::store(rays.normalY_ + at, W::lookUp(table.normal[1], which));
-            W::store(rays.normalZ_ + at, W::lookUp(table.normal[2], which));
-            const auto bitsTo = [](std::uint32_t* to, F numbers) __attribute__((always_inline)) {
-                __builtin_memcpy(to, &numbers, sizeof numbers);
-            };
-            bitsTo(rays.prim_ + at, W::lookUp(table.number, which));
+            const V normal{W::lookUp(table.normal[0], which), W::lookUp(table.normal[1], which),
+                           W::lookUp(table.normal[2], which)};
+            const F side = W::lookUp(table.mirrored, which);
+            W::store(told.hits.normalX + at, normal.x), W::store(rays.normalX_ + at, normal.x * side);
+            W::store(told.hits.normalY + at, normal.y), W::store(rays.normalY_ + at, normal.y * side);
+            W::store(told.hits.normalZ + at, normal.z), W::store(rays.normalZ_ + at, normal.z * side);
             bitsTo(rays.geom_ + at, W::lookUp(table.geometry, which));
+            bitsTo(told.hits.instance + at, W::lookUp(table.instance, which));
+            bitsTo(told.label + at, W::lookUp(table.label, which));
             const I none = I{} - 1;
             __builtin_memcpy(rays.inst_ + at, &none, sizeof none);
         }
@@ -159,39 +177,38 @@ struct LargeKernelsOf {
 
     // ---- what is on the way -------------------------------------------------------------------------------------
 
-    static std::uint32_t occluded(const LargeTable& table, const RayPacket16& rays, std::uint32_t& open) {
+    /// `stopped`, `open`: bits of rays.
+    template <bool isPair>
+    RTSG_INLINE void stop(const LargeTable& table, const Rays& rays, std::uint32_t from, std::uint32_t to,
+                          std::uint32_t& stopped, std::uint32_t& open) {
+        for (std::uint32_t i = from; i < to; ++i) {
+            const LargeTable::Face& face = table.faces[i];
+            const Meeting m(rays, face);
+            const F depth = m.template depth<isPair>();
+            const M near = W::both(W::both(W::greater(m.t, rays.tMin), W::greater(rays.tMax, m.t)),
+                                   W::greater(depth, -m.edge));
+            // Nor may the end be on the plane: what rounding leaves of that is what is looked at.
+            const M sure = W::both(W::both(near, W::greater(depth, m.edge)),
+                                   W::both(W::greater(absolute(m.height), rays.slack),
+                                           W::greater(rays.tMax - rays.slack * absolute(m.inverse), m.t)));
+            const std::uint32_t fromBack = W::bits(W::greater(m.inverse, F{}));
+            const std::uint32_t stops = W::bits(sure) & ((face.sides & LargeTriangles::kBack ? fromBack : 0) |
+                                                         (face.sides & LargeTriangles::kFront ? ~fromBack : 0));
+            stopped |= stops, open |= W::bits(near) & ~stops;
+        }
+    }
+
+    static std::uint32_t occluded(const LargeTable& table, const RayRows& rows, std::uint32_t& open) {
         std::uint32_t blocked = 0;
         open = 0;
         for (int at = 0; at < 16; at += kLanes) {
-            const std::uint32_t active = activeLanes(rays, at);
-            if (!active) continue;
-            const Rays own(table, rays, at);
+            const Rays own(table, rows, at);
             std::uint32_t stopped = 0, left = 0;
-            for (std::uint32_t p = 0, i = 0; p < table.planeCount; ++p) {
-                const LargeTable::Plane& plane = table.planes[p];
-                const Meeting m(own, plane);
-                const M between = W::both(W::greater(m.t, own.tMin), W::greater(own.tMax, m.t));
-                if (!W::bits(between)) {
-                    i = plane.end;
-                    continue;
-                }
-                // Nor may the end be on the plane: what rounding leaves of that is what is looked at.
-                const F height = absolute(m.height);
-                const M sure = W::both(W::greater(height, own.slack),
-                                       W::greater(own.tMax - own.slack * absolute(m.inverse), m.t));
-                const std::uint32_t fromBack = W::bits(W::greater(m.inverse, F{}));
-                for (; i < plane.end; ++i) {
-                    const LargeTable::Triangle& triangle = table.triangles[i];
-                    const Weights w(m, triangle);
-                    const std::uint32_t near = W::bits(W::both(between, W::greater(w.least, -w.edge)));
-                    std::uint32_t stops = W::bits(W::both(sure, W::greater(w.least, w.edge))) & near;
-                    stops &= (triangle.sides & LargeTriangles::kBack ? fromBack : 0) |
-                             (triangle.sides & LargeTriangles::kFront ? ~fromBack : 0);
-                    stopped |= stops, left |= near & ~stops;
-                }
-            }
-            blocked |= (stopped & active) << at;
-            open |= ((left | reachBoxes(table, own, own.tMax)) & active & ~stopped) << at;
+            stop<true>(table, own, 0, table.pairCount, stopped, left);
+            stop<false>(table, own, table.pairCount, table.faceCount, stopped, left);
+            const std::uint32_t lanes = rows.lanes >> at & kAll;
+            blocked |= (stopped & lanes) << at;
+            open |= ((left | reachBoxes(table, own, own.tMax)) & lanes & ~stopped) << at;
         }
         return blocked;
     }

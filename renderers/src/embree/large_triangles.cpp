@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <optional>
 #include <vector>
 
 #include "bvh.h"
@@ -27,139 +28,180 @@ const LargeKernels& kernels() {
 /// Of the surface of everything, what boxes may have together: more rays stay open than are saved.
 constexpr float kMostOpen = .5f;
 
+struct Corners {
+    Vec3d at[3];
+    std::uint32_t number;
+    Corners(const Triangles& triangles, std::uint32_t triangle) : number(triangle) {
+        for (std::uint32_t c = 0; c < 3; ++c) at[c] = Vec3d(triangles.positions[triangles.mesh->vertexIndex(number, c)]);
+    }
+    const Vec3d& operator[](int i) const { return at[i % 3]; }
+    /// Of twice the area's length.
+    Vec3d normal() const { return glm::cross(at[1] - at[0], at[2] - at[0]); }
+};
+
+/// Two triangles of a parallelogram, or one alone; and which corner of each is opposite to the other one.
+struct Face {
+    Corners first;
+    std::optional<Corners> other;
+    int turn[2] = {0, 0};
+};
+
+/// Whether the two make a parallelogram, as nearly as its corners can tell.
+bool isPair(const Corners& a, const Corners& b, int& turnA, int& turnB) {
+    for (turnA = 0; turnA < 3; ++turnA)
+        for (turnB = 0; turnB < 3; ++turnB) {
+            const Vec3d &one = a[turnA], &second = a[turnA + 1], &third = a[turnA + 2], &opposite = b[turnB];
+            if (b[turnB + 1] != third || b[turnB + 2] != second) continue;
+            const Vec3d off = glm::abs(one + opposite - second - third), size = glm::abs(second) + glm::abs(third);
+            return std::max({off.x, off.y, off.z}) <= 0x1p-22 * (size.x + size.y + size.z);
+        }
+    return false;
+}
+
+std::vector<Face> facesOf(const Triangles& triangles) {
+    std::vector<Corners> rest;
+    for (std::uint32_t t = 0; t < triangles.mesh->triangleCount; ++t) {
+        const Corners corners(triangles, t);
+        const Vec3d normal = corners.normal();
+        if (glm::dot(normal, normal) > 0) rest.push_back(corners);  // has an area
+    }
+    std::vector<Face> faces;
+    for (std::size_t i = 0; i < rest.size(); ++i) {
+        Face& face = faces.emplace_back(Face{rest[i], {}});
+        for (std::size_t k = i + 1; k < rest.size() && !face.other; ++k) {
+            if (!isPair(rest[i], rest[k], face.turn[0], face.turn[1])) continue;
+            face.other = rest[k];
+            rest.erase(rest.begin() + static_cast<std::ptrdiff_t>(k));
+        }
+        if (!face.other) face.turn[0] = 0;
+    }
+    return faces;
+}
+
 TreeView::Box boxAround(const Triangles& triangles) {
     TreeView::Box box;
     for (const Vec3f& place : triangles.positions) box.extend({place, place});
     return box;
 }
 
-}  // namespace
-
-struct LargeTriangles::Member {
+/// A mesh of the group.
+struct Member {
     std::uint32_t local;
-    const Triangles* triangles;
     TreeView::Box box;
-    std::uint32_t count() const { return triangles->mesh->triangleCount; }
-    float worth() const { return box.area() / static_cast<float>(count()); }
+    std::vector<Face> faces;  // empty: too many
+    float worth = 0;
 };
 
-std::unique_ptr<const LargeTriangles> LargeTriangles::make(const Group& group, const TreeView& others,
-                                                           std::uint32_t mask, const Sides& sides) {
+std::vector<Member> membersOf(const Group& group, std::uint32_t mask) {
     std::vector<Member> members;
-    TreeView::Box whole;
     group.forEachAttached([&](std::uint32_t local, const Triangles& triangles) {
         if (!(group.mask(local) & mask) || triangles.mesh->triangleCount == 0) return;
-        members.push_back({local, &triangles, boxAround(triangles)});
-        whole.extend(members.back().box);
+        Member& member = members.emplace_back(Member{local, boxAround(triangles), {}});
+        if (triangles.mesh->triangleCount > 2 * LargeTable::kFaces) return;
+        member.faces = facesOf(triangles);
+        if (member.faces.empty()) return;
+        member.worth = member.box.area() / static_cast<float>(member.faces.size());
     });
-    std::ranges::stable_sort(members, [](const Member& a, const Member& b) { return a.worth() > b.worth(); });
-    std::unique_ptr<LargeTriangles> large(new LargeTriangles);
-    std::vector<TreeView::Box> rest;
-    std::size_t count = 0;
-    for (const Member& member : members) {
-        if (count + member.count() > LargeTable::kTriangles) {
-            rest.push_back(member.box);
-            continue;
-        }
-        count += member.count();
-        large->add(member, sides(group.slots()[member.local]));
-    }
-    for (std::uint32_t i = 0; !others.empty() && i < 8; ++i) {
-        const TreeView::Node& root = others.nodePages()[0][TreeView::kRoot];
-        if (root.child[i] != TreeView::kNone) rest.push_back(root.box(i)), whole.extend(rest.back());
-    }
-    if (count == 0) return nullptr;
-    std::ranges::stable_sort(rest, [](const auto& a, const auto& b) { return a.area() > b.area(); });
-    while (rest.size() > LargeTable::kBoxes) {
-        const TreeView::Box last = rest.back();
-        rest.pop_back(), rest.back().extend(last);
-    }
-    float open = 0;
-    for (const TreeView::Box& box : rest) open += box.area(), large->add(box);
-    if (!(open <= kMostOpen * whole.area())) return nullptr;
-    for (const Vec3f& corner : {whole.lower, whole.upper}) {
-        const Vec3f size = glm::abs(corner);
-        large->table_.size = std::max(large->table_.size, size.x + size.y + size.z);
-    }
-    return large;
-}
-
-namespace {
-
-/// Whether a triangle's corners lie on a plane as nearly as numbers can tell.
-bool liesOn(const LargeTable::Plane& plane, const Vec3d (&corners)[3], const Vec3d& normal) {
-    const Vec3d own(plane.normal[0], plane.normal[1], plane.normal[2]),
-        place(plane.corner[0], plane.corner[1], plane.corner[2]);
-    if (!(glm::dot(own, normal) > .5)) return false;
-    return std::ranges::all_of(corners, [&](const Vec3d& corner) {
-        const Vec3d size = glm::abs(corner) + glm::abs(place);
-        return std::abs(glm::dot(own, corner - place)) <= 0x1p-23 * (size.x + size.y + size.z);
-    });
+    std::ranges::stable_sort(members, [](const Member& a, const Member& b) { return a.worth > b.worth; });
+    return members;
 }
 
 void store(const Vec3d& v, float* to) {
     for (int k = 0; k < 3; ++k) to[k] = static_cast<float>(v[k]);
 }
 
+/// The next face of the table. Pairs must come first.
+void add(const Face& face, std::uint32_t local, std::uint32_t slot, const LargeTriangles::About& about,
+         LargeTable& table) {
+    const std::uint32_t i = table.faceCount++;
+    table.pairCount += face.other.has_value();
+    const Vec3d &corner = face.first[face.turn[0]], second = face.first[face.turn[0] + 1] - corner,
+                third = face.first[face.turn[0] + 2] - corner, normal = face.first.normal();
+    const double squared = glm::dot(normal, normal);
+    const Vec3d x = glm::cross(third, normal) / squared, y = glm::cross(normal, second) / squared,
+                unit = normal / std::sqrt(squared);
+    LargeTable::Face& own = table.faces[i];
+    store(corner, own.corner), store(unit, own.normal), store(x, own.x), store(y, own.y);
+    own.steepest = static_cast<float>(std::max({glm::length(x), glm::length(y), glm::length(x + y)}));
+    own.sides = about.sides;
+    const bool oneSided = about.sides == LargeTriangles::kFront || about.sides == LargeTriangles::kBack;
+    if (about.isMirrored && oneSided) own.sides ^= LargeTriangles::kFront | LargeTriangles::kBack;
+    table.mirrored[i] = about.isMirrored ? -1 : 1;
+    for (int k = 0; k < 3; ++k) table.normal[k][i] = own.normal[k] * table.mirrored[i];
+    const Corners& other = face.other ? *face.other : face.first;
+    for (int k = 0; k < 2; ++k) {
+        table.turn[k][i] = static_cast<float>(face.turn[k]);
+        table.number[k][i] = std::bit_cast<float>(k == 0 ? face.first.number : other.number);
+    }
+    table.geometry[i] = std::bit_cast<float>(local), table.instance[i] = std::bit_cast<float>(slot);
+    table.label[i] = std::bit_cast<float>(about.label);
+}
+
+/// The next box of the table, wider than what a ray's distances are rounded by.
+void add(const TreeView::Box& box, LargeTable& table) {
+    const Vec3f more = 0x1p-20f * (glm::abs(box.lower) + glm::abs(box.upper));
+    for (int k = 0; k < 3; ++k) {
+        table.lower[table.boxCount][k] = box.lower[k] - more[k];
+        table.upper[table.boxCount][k] = box.upper[k] + more[k];
+    }
+    ++table.boxCount;
+}
+
+/// At most so many boxes as a table has, the smallest of them in one. Returns the sum of their surfaces.
+float add(std::vector<TreeView::Box> boxes, LargeTable& table) {
+    std::ranges::stable_sort(boxes, [](const auto& a, const auto& b) { return a.area() > b.area(); });
+    while (boxes.size() > LargeTable::kBoxes) {
+        const TreeView::Box last = boxes.back();
+        boxes.pop_back(), boxes.back().extend(last);
+    }
+    float sum = 0;
+    for (const TreeView::Box& box : boxes) sum += box.area(), add(box, table);
+    return sum;
+}
+
 }  // namespace
 
-void LargeTriangles::add(const Member& member, std::uint32_t sides) {
-    const Mesh& mesh = *member.triangles->mesh;
-    const std::uint32_t firstPlane = table_.planeCount;
-    // Those on a plane follow one another.
-    std::vector<bool> done(mesh.triangleCount);
-    const auto set = [&](std::uint32_t t, bool opens) {
-        Vec3d corners[3];
-        for (std::uint32_t c = 0; c < 3; ++c) corners[c] = Vec3d(member.triangles->positions[mesh.vertexIndex(t, c)]);
-        const Vec3d second = corners[1] - corners[0], third = corners[2] - corners[0],
-                    normal = glm::cross(second, third);
-        const double squared = glm::dot(normal, normal);
-        if (!(squared > 0)) return void(done[t] = true);  // without an area
-        const Vec3d unit = normal / std::sqrt(squared);
-        if (opens) {
-            LargeTable::Plane& plane = table_.planes[table_.planeCount++];
-            store(corners[0], plane.corner), store(unit, plane.normal);
-        }
-        LargeTable::Plane& plane = table_.planes[table_.planeCount - 1];
-        if (!opens && !liesOn(plane, corners, unit)) return;
-        done[t] = true;
-        const std::uint32_t number = table_.triangleCount++;
-        LargeTable::Triangle& own = table_.triangles[number];
-        const Vec3d bySecond = glm::cross(third, normal) / squared, byThird = glm::cross(normal, second) / squared,
-                    off = Vec3d(plane.corner[0], plane.corner[1], plane.corner[2]) - corners[0];
-        store(bySecond, own.second), store(byThird, own.third);
-        own.second[3] = static_cast<float>(glm::dot(off, bySecond));
-        own.third[3] = static_cast<float>(glm::dot(off, byThird));
-        own.steepest = static_cast<float>(
-            std::max({glm::length(bySecond), glm::length(byThird), glm::length(bySecond + byThird)}));
-        own.sides = sides;
-        for (int k = 0; k < 3; ++k) table_.normal[k][number] = static_cast<float>(unit[k]);
-        table_.geometry[number] = std::bit_cast<float>(member.local), table_.number[number] = std::bit_cast<float>(t);
-        plane.end = table_.triangleCount;
-    };
-    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t) {
-        if (done[t]) continue;
-        set(t, true);
-        if (table_.planeCount == firstPlane) continue;
-        for (std::uint32_t other = t + 1; other < mesh.triangleCount; ++other)
-            if (!done[other]) set(other, false);
+std::unique_ptr<const LargeTriangles> LargeTriangles::make(const Group& group, const TreeView& others,
+                                                           std::uint32_t mask, const Tell& tell) {
+    std::vector<const Member*> chosen;
+    std::vector<TreeView::Box> rest;
+    TreeView::Box whole;
+    std::size_t count = 0;
+    const std::vector<Member> members = membersOf(group, mask);
+    for (const Member& member : members) {
+        whole.extend(member.box);
+        const bool fits = !member.faces.empty() && count + member.faces.size() <= LargeTable::kFaces;
+        if (fits)
+            chosen.push_back(&member), count += member.faces.size();
+        else
+            rest.push_back(member.box);
     }
+    if (count == 0) return nullptr;
+    for (std::uint32_t i = 0; !others.empty() && i < 8; ++i) {
+        const TreeView::Node& root = others.nodePages()[0][TreeView::kRoot];
+        if (root.child[i] != TreeView::kNone) rest.push_back(root.box(i)), whole.extend(rest.back());
+    }
+    std::unique_ptr<LargeTriangles> large(new LargeTriangles);
+    LargeTable& table = large->table_;
+    if (!(add(std::move(rest), table) <= kMostOpen * whole.area())) return nullptr;
+    for (const bool pairs : {true, false})
+        for (const Member* member : chosen) {
+            const std::uint32_t slot = group.slots()[member->local];
+            const About about = tell(slot);
+            for (const Face& face : member->faces)
+                if (face.other.has_value() == pairs) add(face, member->local, slot, about, table);
+        }
+    for (const Vec3f& corner : {glm::abs(whole.lower), glm::abs(whole.upper)})
+        table.size = std::max(table.size, corner.x + corner.y + corner.z);
+    return large;
 }
 
-void LargeTriangles::add(const TreeView::Box& box) {
-    // Wider than what a ray's distances are rounded by.
-    constexpr float kWider = 0x1p-20f;
-    const Vec3f lower = box.lower - kWider * (glm::abs(box.lower) + glm::abs(box.upper)),
-                upper = box.upper + kWider * (glm::abs(box.lower) + glm::abs(box.upper));
-    for (int k = 0; k < 3; ++k) table_.lower[table_.boxCount][k] = lower[k], table_.upper[table_.boxCount][k] = upper[k];
-    ++table_.boxCount;
+std::uint32_t LargeTriangles::intersect(const RayRows& rows, RayPacket16& rays, LargeHits& hits,
+                                        std::uint32_t& open) const {
+    return kernels().intersect(table_, rows, rays, hits, open);
 }
-
-std::uint32_t LargeTriangles::intersect(RayPacket16& rays, std::uint32_t& open) const {
-    return kernels().intersect(table_, rays, open);
-}
-std::uint32_t LargeTriangles::occluded(const RayPacket16& rays, std::uint32_t& open) const {
-    return kernels().occluded(table_, rays, open);
+std::uint32_t LargeTriangles::occluded(const RayRows& rows, std::uint32_t& open) const {
+    return kernels().occluded(table_, rows, open);
 }
 
 }  // namespace rtsg::bvh

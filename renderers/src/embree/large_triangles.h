@@ -21,59 +21,73 @@ namespace rtsg::bvh {
 
 class Group;
 
-/// As the kernels read it: triangles plane by plane, two of a rectangle on one of them.
+/// As the kernels read it: parallelograms of two triangles each, as most walls are, then triangles alone.
 struct LargeTable {
-    static constexpr std::size_t kTriangles = 32, kBoxes = 8;
-    struct Plane {
+    static constexpr std::size_t kFaces = 32, kBoxes = 8;
+    /// A place is `corner + x * (second - corner) + y * (third - corner)`. The first triangle is where x + y is at most
+    /// 1, the other one beyond.
+    struct Face {
         float corner[3], normal[3];  // unit; of the front
-        std::uint32_t end;           // of its triangles
+        float x[3], y[3];            // of places from the corner
+        float steepest;              // how fast a weight changes, 1/m
+        std::uint32_t sides;         // that nothing comes through
     };
-    /// The weights of the second and the third corner at a place, from the plane's corner.
-    struct Triangle {
-        float second[4], third[4];  // the last number is that at the plane's corner
-        float steepest;             // how fast a weight changes, 1/m
-        std::uint32_t sides;        // that nothing comes through
-    };
-    Plane planes[kTriangles];
-    Triangle triangles[kTriangles];
+    Face faces[kFaces];
     float lower[kBoxes][3], upper[kBoxes][3];
-    std::uint32_t planeCount = 0, triangleCount = 0, boxCount = 0;
-    float size = 0;  // metres, of the largest sum of coordinates
-    // Of triangles, what is told of a hit.
-    alignas(64) float normal[3][kTriangles];
-    alignas(64) float geometry[kTriangles], number[kTriangles];  // bits of integers
+    std::uint32_t pairCount = 0, faceCount = 0, boxCount = 0;  // pairs: parallelograms
+    float size = 0;                                            // metres, of the largest sum of coordinates
+    // What is told of a hit.
+    alignas(64) float normal[3][kFaces];  // as Hit::normal
+    float mirrored[kFaces];               // -1: merged triangles are inside out there
+    float turn[2][kFaces];                // of each of the two: the place of `corner`, or of the one opposite, in it
+    float number[2][kFaces];              // bits of integers, as what follows
+    float geometry[kFaces], instance[kFaces], label[kFaces];
+};
+
+/// Sixteen rays where they lie.
+struct RayRows {
+    const float *origin[3], *direction[3];
+    float tMin, tMax;
+    std::uint32_t lanes;  // a bit each that is asked about
+};
+/// What is told of those that meet something: hits, and what the instances are called.
+struct alignas(64) LargeHits {
+    PacketHits16 hits;
+    std::int32_t label[16];
 };
 
 class LargeTriangles {
   public:
     static constexpr std::uint32_t kFront = 1, kBack = 2;
-    /// Sides of an instance, by slot, that nothing comes through.
-    using Sides = std::function<std::uint32_t(std::uint32_t slot)>;
+    /// An instance: which of its sides nothing comes through, whether it is mirrored, and whatever it is called.
+    struct About {
+        std::uint32_t sides = 0;
+        bool isMirrored = false;
+        std::int32_t label = 0;
+    };
+    using Tell = std::function<About(std::uint32_t slot)>;
     /// Null: a tree is quicker. `others`: what else there is; `mask`: of the rays.
     static std::unique_ptr<const LargeTriangles> make(const Group& group, const TreeView& others, std::uint32_t mask,
-                                                      const Sides& sides);
+                                                      const Tell& tell);
 
-    /// Of the rays that are active: a bit for each that meets one of these first, whose hit is then set as Embree sets
-    /// it; of the others those of `open` are to be traced, and the rest meet nothing.
-    std::uint32_t intersect(RayPacket16& rays, std::uint32_t& open) const;
+    /// A bit for each ray that meets one of these first; of the others those of `open` are to be traced, and the rest
+    /// meet nothing. `rays` becomes a packet of them, with their hits as Embree sets them.
+    std::uint32_t intersect(const RayRows& rows, RayPacket16& rays, LargeHits& hits, std::uint32_t& open) const;
     /// The same of what lies on their way: a bit for each that cannot come through. Of the others those that are not
     /// in `open` have nothing on their way.
-    std::uint32_t occluded(const RayPacket16& rays, std::uint32_t& open) const;
+    std::uint32_t occluded(const RayRows& rows, std::uint32_t& open) const;
 
     const LargeTable& table() const { return table_; }
 
   private:
-    struct Member;
-    void add(const Member& member, std::uint32_t sides);
-    void add(const TreeView::Box& box);
-
     LargeTable table_;
 };
 
 /// What the machine's registers do for them.
 struct LargeKernels {
-    std::uint32_t (*intersect)(const LargeTable& table, RayPacket16& rays, std::uint32_t& open);
-    std::uint32_t (*occluded)(const LargeTable& table, const RayPacket16& rays, std::uint32_t& open);
+    std::uint32_t (*intersect)(const LargeTable& table, const RayRows& rows, RayPacket16& rays, LargeHits& hits,
+                               std::uint32_t& open);
+    std::uint32_t (*occluded)(const LargeTable& table, const RayRows& rows, std::uint32_t& open);
 };
 const LargeKernels& largeKernels8();
 /// Null where this build or machine has none.

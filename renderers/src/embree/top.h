@@ -56,8 +56,8 @@ class TopView {
         return main_ ? PrimaryHits::make(*main_->resting, maskOf(kind), grid, samples) : nullptr;
     }
     /// Null: trees are quicker.
-    std::unique_ptr<const LargeTriangles> largeTriangles(RayKind kind, const LargeTriangles::Sides& sides) const {
-        return main_ ? LargeTriangles::make(*main_->resting, tree_, maskOf(kind), sides) : nullptr;
+    std::unique_ptr<const LargeTriangles> largeTriangles(RayKind kind, const LargeTriangles::Tell& tell) const {
+        return main_ ? LargeTriangles::make(*main_->resting, tree_, maskOf(kind), tell) : nullptr;
     }
     /// Blocked lanes end with tMax -inf. Returns a bit for each.
     std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;

@@ -200,7 +200,7 @@ void lookForLight(TraceScene& scene, Sources& sources) {
     const PlainSurfaces& plain = sources.plain.emplace(scene);
     scene.plain = &plain;
     if (pathParts().largeFirst && plain.most())
-        if (sources.large.emplace(*scene.world, [&](std::uint32_t slot) { return plain.sidesOf(slot); }))
+        if (sources.large.emplace(*scene.world, [&](std::uint32_t slot) { return plain.about(slot); }))
             scene.large = &*sources.large;
     sources.emitters = scene.emitterTable ? scene.emitterTable->of(scene) : std::make_shared<const Emitters>(scene);
     if (pathParts().emitters && !sources.emitters->empty()) scene.emitters = sources.emitters.get();

@@ -266,7 +266,16 @@ void moveOn(const LaneQueue& from, std::size_t row, std::uint32_t lanes, LaneQue
     }
 }
 
-/// Sixteen rays from a queue's columns.
+/// Sixteen rays in a queue's columns.
+bvh::RayRows rowsOf(const LaneQueue& from, std::size_t row, std::uint32_t lanes, float tMin, float tMax) {
+    const auto at = [&](std::size_t column) { return from.at(column, row); };
+    return {{at(kOrigin), at(kOrigin + 1), at(kOrigin + 2)},
+            {at(kDirection), at(kDirection + 1), at(kDirection + 2)},
+            tMin,
+            tMax,
+            lanes};
+}
+/// The same as a packet.
 void read(const LaneQueue& from, std::size_t row, std::uint32_t lanes, float tMin, float tMax, RayPacket16& rays) {
     float* const to[] = {rays.originX, rays.originY, rays.originZ, rays.directionX, rays.directionY, rays.directionZ};
     for (std::size_t c = 0; c < 6; ++c) std::memcpy(to[c], from.at(kOrigin + c, row), 16 * sizeof(float));
@@ -277,21 +286,10 @@ void read(const LaneQueue& from, std::size_t row, std::uint32_t lanes, float tMi
     }
 }
 
-}  // namespace
-
-namespace {
-
-/// The lanes whose byte has this bit.
-std::uint32_t lanesOf(const std::uint8_t (&bytes)[16], std::uint8_t bit) {
-    std::uint32_t lanes = 0;
-    for (int half = 0; half < 2; ++half) {
-        std::uint64_t eight;
-        std::memcpy(&eight, bytes + 8 * half, sizeof eight);
-        // A bit of each byte to the highest one, side by side.
-        eight = (eight >> std::countr_zero(bit)) & 0x0101010101010101u;
-        lanes |= static_cast<std::uint32_t>(eight * 0x0102040810204080u >> 56) << (8 * half);
-    }
-    return lanes;
+I8 kindsAt(const std::int32_t* kinds) {
+    I8 r;
+    std::memcpy(&r, kinds, sizeof r);
+    return r;
 }
 
 }  // namespace
@@ -309,44 +307,50 @@ std::uint32_t Wavefront::lanesOfOthers(const LaneQueue& from, std::size_t row) {
     return result;
 }
 
-void Wavefront::aim(const LaneQueue& from, std::size_t row, std::uint32_t lanes, RayPacket16& rays) const {
-    constexpr float kFar = std::numeric_limits<float>::infinity();
-    read(from, row, lanes, primary_ ? 0 : kLeave, primary_ ? static_cast<float>(camera_.visibilityLimit) : kFar, rays);
+float Wavefront::nearest() const {
+    return primary_ ? 0 : kLeave;
+}
+float Wavefront::farthest() const {
+    return primary_ ? static_cast<float>(camera_.visibilityLimit) : std::numeric_limits<float>::infinity();
 }
 
 void Wavefront::trace(const LaneQueue& from, std::size_t row, std::uint32_t lanes) {
     RayPacket16 rays;
-    aim(from, row, lanes, rays);
+    read(from, row, lanes, nearest(), farthest(), rays);
     const std::uint32_t hits = scene_.world->intersect(rays, primary_);
     if (lanes != hits) miss(from, row, rays, lanes & ~hits);
-    if (hits) sort(from, row, rays, hits);
+    if (!hits) return;
+    PacketHits16 met;
+    alignas(64) std::int32_t kinds[16]{};
+    if (scene_.world->hits(rays, hits, met))
+        std::fill(kinds, kinds + 16, plain_.kindOf(met.instance[std::countr_zero(hits)]));
+    else
+        for (std::uint32_t rest = hits; rest; rest &= rest - 1)
+            kinds[std::countr_zero(rest)] = plain_.kindOf(met.instance[std::countr_zero(rest)]);
+    sort(from, row, rays, hits, met, kinds);
 }
 
 /// As far as large triangles tell; what they leave open waits until there are sixteen.
 void Wavefront::traceLarge(std::size_t row, std::uint32_t lanes) {
     RayPacket16 rays;
-    aim(now_, row, lanes, rays);
+    bvh::LargeHits told;
     std::uint32_t open = 0;
-    const std::uint32_t hits = scene_.large->intersect(rays, open), missed = lanes & ~(hits | open);
-    if (missed) miss(now_, row, rays, missed);
-    if (hits) sort(now_, row, rays, hits);
+    const std::uint32_t hits =
+        scene_.large->intersect(rowsOf(now_, row, lanes, nearest(), farthest()), rays, told, open);
+    if (const std::uint32_t missed = lanes & ~(hits | open)) miss(now_, row, rays, missed);
+    if (hits) sort(now_, row, rays, hits, told.hits, told.label);
     if (open) moveOn(now_, row, open, open_);
 }
 
 /// What is done about the hits of sixteen rays, by what they are on.
-void Wavefront::sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits) {
-    PacketHits16 met;
-    const bool one = scene_.world->hits(rays, hits, met);
-    std::uint8_t kinds[16]{};
-    if (one)
-        std::fill(kinds, kinds + 16, plain_.kindOf(met.instance[std::countr_zero(hits)]));
-    else
-        for (std::uint32_t rest = hits; rest; rest &= rest - 1)
-            kinds[std::countr_zero(rest)] = plain_.kindOf(met.instance[std::countr_zero(rest)]);
-    const std::uint32_t matte = hits & lanesOf(kinds, PlainSurfaces::matte),
-                        glossy = hits & lanesOf(kinds, PlainSurfaces::glossy),
-                        solid = lanesOf(kinds, PlainSurfaces::kSolid), black = lanesOf(kinds, PlainSurfaces::kBlack),
-                        shines = lanesOf(kinds, PlainSurfaces::kShines);
+void Wavefront::sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits,
+                     const PacketHits16& met, const std::int32_t* kinds) {
+    const auto lanesOf = [kinds](int what) {
+        return laneBits((kindsAt(kinds) & what) != 0) | laneBits((kindsAt(kinds + 8) & what) != 0) << 8;
+    };
+    const std::uint32_t matte = hits & lanesOf(PlainSurfaces::matte), glossy = hits & lanesOf(PlainSurfaces::glossy),
+                        solid = lanesOf(PlainSurfaces::kSolid), black = lanesOf(PlainSurfaces::kBlack),
+                        shines = lanesOf(PlainSurfaces::kShines);
     std::uint32_t back = 0;
     for (int at = 0; at < 16; at += 8) {
         const V8 d{load(rays.directionX + at), load(rays.directionY + at), load(rays.directionZ + at)},
@@ -600,10 +604,8 @@ void Wavefront::follow(const Hits& hits, const PlainSurfaces::Surfaces& s, const
 void Wavefront::askLarge() {
     const std::size_t count = std::min<std::size_t>(asked_.size(), 16), row = asked_.size() - count;
     const std::uint32_t lanes = firstLanes(count);
-    RayPacket16 rays;
-    read(asked_, row, lanes, kLeave, kBefore, rays);
     std::uint32_t open = 0;
-    const std::uint32_t blocked = scene_.large->occluded(rays, open);
+    const std::uint32_t blocked = scene_.large->occluded(rowsOf(asked_, row, lanes, kLeave, kBefore), open);
     addLight(asked_, row, lanes & ~(blocked | open));
     if (open) moveOn(asked_, row, open, askedOpen_);
     asked_.drop(count);

@@ -39,8 +39,11 @@ class Wavefront {
     void traceAll();
     void traceLarge(std::size_t row, std::uint32_t lanes);
     void trace(const LaneQueue& from, std::size_t row, std::uint32_t lanes);
-    void aim(const LaneQueue& from, std::size_t row, std::uint32_t lanes, RayPacket16& rays) const;
-    void sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits);
+    /// As they leave a surface, or the eye.
+    float nearest() const;
+    float farthest() const;
+    void sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits, const PacketHits16& met,
+              const std::int32_t* kinds);
     static std::uint32_t lanesOfOthers(const LaneQueue& from, std::size_t row);
     void miss(const LaneQueue& from, std::size_t row, const RayPacket16& rays, std::uint32_t lanes);
     void shine(const LaneQueue& from, std::size_t row, const RayPacket16& rays, const PacketHits16& hits,

@@ -31,11 +31,11 @@ class PlainSurfaces {
     bool most() const { return most_; }
     /// A Kind with what else is true of it.
     std::uint8_t kindOf(std::uint32_t instance) const { return instance < kinds_.size() ? kinds_[instance] : 0; }
-    /// The sides of an instance that no light comes through, as LargeRays have them.
-    std::uint32_t sidesOf(std::uint32_t instance) const {
+    /// As LargeRays ask for it; the label is kindOf().
+    LargeRays::About about(std::uint32_t instance) const {
         const std::uint8_t kind = kindOf(instance);
-        if (!(kind & (matte | glossy))) return 0;
-        return kind & kSolid ? LargeRays::kFront : LargeRays::kFront | LargeRays::kBack;
+        const std::uint32_t back = kind & kSolid ? 0 : LargeRays::kBack;
+        return {kind & (matte | glossy) ? LargeRays::kFront | back : 0, false, kind};
     }
     /// Of one that shines: its radiance.
     Vec3f emissive(std::uint32_t instance) const {

@@ -38,7 +38,11 @@ struct Lanes16 {
     RTSG_INLINE M greater(F a, F b) {
         return _mm512_cmp_ps_mask(static_cast<__m512>(a), static_cast<__m512>(b), _CMP_GT_OQ);
     }
-    RTSG_INLINE M both(M a, M b) { return static_cast<M>(a & b); }
+    RTSG_INLINE M both(M a, M b) { return _kand_mask16(a, b); }
+    /// Of those of `among`.
+    RTSG_INLINE M greater(M among, F a, F b) {
+        return _mm512_mask_cmp_ps_mask(among, static_cast<__m512>(a), static_cast<__m512>(b), _CMP_GT_OQ);
+    }
     RTSG_INLINE F choose(M mask, F a, F b) {
         return static_cast<F>(_mm512_mask_blend_ps(mask, static_cast<__m512>(b), static_cast<__m512>(a)));
     }

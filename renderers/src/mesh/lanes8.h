@@ -33,6 +33,8 @@ struct Lanes8 {
     static M atLeast(F a, F b) { return a >= b; }
     static M greater(F a, F b) { return a > b; }
     static M both(M a, M b) { return a & b; }
+    /// Of those of `among`.
+    static M greater(M among, F a, F b) { return among & (a > b); }
     static F choose(M mask, F a, F b) { return mask ? a : b; }
     static F least(F a, F b) { return simd::min(a, b); }
     static F most(F a, F b) { return simd::max(a, b); }
@@ -72,9 +74,17 @@ struct Lanes8 {
     }
     /// Of thirty-two numbers those of these places.
     static F lookUp(const float* table, I places) {
+#ifdef __AVX2__
+        __m256i at;
+        std::memcpy(&at, &places, sizeof at);
+        const __m256 found = _mm256_i32gather_ps(table, at, 4);
+        std::memcpy(&places, &found, sizeof found);
+        return simd::fromBits(places);
+#else
         F r{};
         for (int i = 0; i < kLanes; ++i) r[i] = table[places[i]];
         return r;
+#endif
     }
     template <int j>
     static F spread(F v) {

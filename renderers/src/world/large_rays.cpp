@@ -5,15 +5,14 @@
 
 namespace rtsg {
 
-LargeRays::LargeRays(const RayView& view, const Sides& sides, RayKind kind) {
+LargeRays::LargeRays(const RayView& view, const Tell& tell, RayKind kind) {
     const RayKind meant = view.meant(kind);
     if (view.filter_ || view.seesStrokes(meant)) return;
-    // Merged triangles were turned inside out by a mirroring.
-    const auto asMerged = [&](std::uint32_t slot) {
-        const std::uint32_t own = sides(slot);
-        return view.instance(slot).sign < 0 && (own == kFront || own == kBack) ? own ^ (kFront | kBack) : own;
-    };
-    triangles_ = view.tables_->top.largeTriangles(meant, asMerged);
+    triangles_ = view.tables_->top.largeTriangles(meant, [&](std::uint32_t slot) {
+        About about = tell(slot);
+        about.isMirrored = view.instance(slot).sign < 0;
+        return about;
+    });
 }
 
 }  // namespace rtsg

@@ -15,22 +15,22 @@ namespace rtsg {
 
 class LargeRays {
   public:
-    using Sides = bvh::LargeTriangles::Sides;
+    using About = bvh::LargeTriangles::About;
+    using Tell = bvh::LargeTriangles::Tell;
     static constexpr std::uint32_t kFront = bvh::LargeTriangles::kFront, kBack = bvh::LargeTriangles::kBack;
-    /// `sides`: of an instance, by slot, those that nothing comes through.
-    LargeRays(const RayView& view, const Sides& sides, RayKind kind = RayKind::view);
+    /// `tell`: of an instance, by slot; but for `isMirrored`, which is known here.
+    LargeRays(const RayView& view, const Tell& tell, RayKind kind = RayKind::view);
 
     /// Whether asking them pays at all.
     explicit operator bool() const { return triangles_ != nullptr; }
-    /// The active lanes that meet one of them first; those of `open` are to be traced. Precondition: it pays. Rays are
-    /// finite and start within what a view takes.
-    std::uint32_t intersect(RayPacket16& rays, std::uint32_t& open) const { return triangles_->intersect(rays, open); }
-    /// The active lanes that something stands in the way of that nothing comes through; those of `open` are to be
-    /// traced.
-    std::uint32_t occluded(const RayPacket16& rays, std::uint32_t& open) const {
-        return triangles_->occluded(rays, open);
+    // As LargeTriangles' own. Precondition: it pays. Rays are finite and start within what a view takes.
+    std::uint32_t intersect(const bvh::RayRows& rows, RayPacket16& rays, bvh::LargeHits& hits,
+                            std::uint32_t& open) const {
+        return triangles_->intersect(rows, rays, hits, open);
     }
-
+    std::uint32_t occluded(const bvh::RayRows& rows, std::uint32_t& open) const {
+        return triangles_->occluded(rows, open);
+    }
     /// What they are asked by. Precondition: it pays.
     const bvh::LargeTable& table() const { return triangles_->table(); }
 

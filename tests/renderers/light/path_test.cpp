@@ -63,7 +63,7 @@ TEST(PathTracer, FurnaceOfGlowingWalls) {
 // Over three decades of samples the error of a pixel falls as one over their root, or a little faster, as points that
 // are more even than random ones allow.
 TEST(PathTracer, TheErrorFallsAsTheRootOfTheSamples) {
-    constexpr int kSide = 12, kSeeds = 4;
+    constexpr int kSide = 12;
     LightScene s(
         "Viewpoint { position 0 0 1.9 fieldOfView 1 } Shape { appearance Appearance { material Material { diffuseColor "
         ".8 .8 .8 } } geometry Box { size 4 3 4 solid FALSE } } Transform { translation 0 1.49 0 children Shape { "
@@ -81,12 +81,14 @@ TEST(PathTracer, TheErrorFallsAsTheRootOfTheSamples) {
     const Picture truth = draw(1 << 16, 1000);
     std::vector<Vec2d> points;  // logarithms
     for (int samples = 4; samples <= 4096; samples *= 4) {
+        // What few samples have of what is bright and rare is a matter of chance: more pictures tell.
+        const std::uint64_t seeds = samples < 256 ? 64 : 4;
         double squares = 0;
-        for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+        for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
             const Picture p = draw(samples, seed);
             for (std::size_t i = 0; i < p.pixels.size(); ++i) squares += std::pow(p.pixels[i].r - truth.pixels[i].r, 2);
         }
-        points.emplace_back(std::log(samples), std::log(squares / kSeeds) / 2);
+        points.emplace_back(std::log(samples), std::log(squares / double(seeds)) / 2);
     }
     Vec2d middle(0);
     for (const Vec2d& p : points) middle += p / double(points.size());

@@ -55,10 +55,11 @@ struct LargeRoom {
             Ray ray = randomRay(random, 2.5f * size);
             ray.direction = glm::normalize(ray.direction) * (tMax == 1 ? 4 * size : 1.0f);
             const Hit hit = world.intersect(ray);
+            ray.tMin = 1e-30f;
             if (lane % 3 && hit) {
                 const Vec3f towards = glm::normalize(Vec3f(unit(random), unit(random), unit(random)));
                 ray.origin = RayView::leave(world.point(hit, ray), towards);
-                ray.direction = towards * glm::length(ray.direction), ray.tMin = 1e-30f;
+                ray.direction = towards * glm::length(ray.direction);
             }
             ray.tMax = tMax;
             packet.set(lane, ray);
@@ -68,8 +69,15 @@ struct LargeRoom {
     }
 };
 
-std::uint32_t bothSides(std::uint32_t) {
-    return LargeRays::kFront | LargeRays::kBack;
+LargeRays::About bothSides(std::uint32_t slot) {
+    return {LargeRays::kFront | LargeRays::kBack, false, static_cast<std::int32_t>(slot) + 70};
+}
+bvh::RayRows rowsOf(const RayPacket16& rays, std::uint32_t lanes) {
+    return {{rays.originX, rays.originY, rays.originZ},
+            {rays.directionX, rays.directionY, rays.directionZ},
+            rays.tMin[0],
+            rays.tMax[0],
+            lanes};
 }
 std::uint32_t activeLanes(const RayPacket16& rays) {
     std::uint32_t lanes = 0;
@@ -87,14 +95,17 @@ TEST(LargeRays, MeetWhatALoopOverAllTrianglesMeets) {
         int known = 0, left = 0, compared = 0;
         for (int p = 0; p < 1500; ++p) {
             const RayPacket16 before = room.rays(static_cast<float>(size));
-            RayPacket16 rays = before, traced = before;
+            RayPacket16 rays, traced = before;
+            bvh::LargeHits told;
             std::uint32_t open = 0;
-            const std::uint32_t met = large.intersect(rays, open), active = activeLanes(before);
+            const std::uint32_t active = activeLanes(before),
+                                met = large.intersect(rowsOf(before, active), rays, told, open);
             EXPECT_EQ(met & open, 0u);
             EXPECT_EQ((met | open) & ~active, 0u);
             (void)room.world.intersect(traced);
-            PacketHits16 hits;
-            (void)room.world.hits(rays, met, hits);
+            const PacketHits16& hits = told.hits;
+            PacketHits16 asPacket;
+            (void)room.world.hits(rays, met, asPacket);
             for (std::uint32_t rest = active; rest; rest &= rest - 1) {
                 const int lane = std::countr_zero(rest);
                 ++(open >> lane & 1u ? left : known);
@@ -104,6 +115,14 @@ TEST(LargeRays, MeetWhatALoopOverAllTrianglesMeets) {
                 if (!hit) continue;
                 EXPECT_EQ(hit.instance, hits.instance[lane]);
                 EXPECT_EQ(hit.triangle, hits.triangle[lane]);
+                EXPECT_EQ(told.label[lane], static_cast<std::int32_t>(hit.instance) + 70);
+                const Hit own = room.world.hit(rays, lane);
+                EXPECT_EQ(own.instance, hits.instance[lane]);
+                EXPECT_EQ(own.triangle, hits.triangle[lane]);
+                EXPECT_EQ(own.u, hits.u[lane]);
+                EXPECT_EQ(own.v, hits.v[lane]);
+                EXPECT_GT(glm::dot(hit.normal, own.normal), .99999f);
+                EXPECT_EQ(asPacket.instance[lane], hits.instance[lane]);
                 EXPECT_NEAR(hit.t, rays.tMax[lane], 4e-5 * size);
                 EXPECT_GT(glm::dot(hit.normal, Vec3f(hits.normalX[lane], hits.normalY[lane], hits.normalZ[lane])),
                           .99999f);
@@ -125,15 +144,15 @@ TEST(LargeRays, MeetWhatALoopOverAllTrianglesMeets) {
 TEST(LargeRays, AreBlockedByWhatNothingComesThrough) {
     LargeRoom room;
     const auto sides = [](std::uint32_t slot) {
-        return slot == 0 ? LargeRays::kBack : slot == 1 ? LargeRays::kFront : LargeRays::kFront | LargeRays::kBack;
+        return slot == 0 ? LargeRays::kBack : slot < 3 ? LargeRays::kFront : 0;
     };
-    const LargeRays large(room.world, sides);
+    const LargeRays large(room.world, [&](std::uint32_t slot) { return LargeRays::About{sides(slot), false, 0}; });
     ASSERT_TRUE(large);
     int blockedRays = 0, freeRays = 0, left = 0;
     for (int p = 0; p < 3000; ++p) {
-        RayPacket16 rays = room.rays(1, 1);
+        const RayPacket16 rays = room.rays(1, 1);
         std::uint32_t open = 0;
-        const std::uint32_t blocked = large.occluded(rays, open), active = activeLanes(rays);
+        const std::uint32_t active = activeLanes(rays), blocked = large.occluded(rowsOf(rays, active), open);
         EXPECT_EQ(blocked & open, 0u);
         EXPECT_EQ((blocked | open) & ~active, 0u);
         for (std::uint32_t rest = active; rest; rest &= rest - 1) {
@@ -144,7 +163,7 @@ TEST(LargeRays, AreBlockedByWhatNothingComesThrough) {
             while (const Hit hit = room.world.intersect(ray)) {
                 any = true;
                 const bool fromBack = glm::dot(hit.normal, ray.direction) > 0;
-                stops |= hit.instance < 3 && (sides(hit.instance) & (fromBack ? LargeRays::kBack : LargeRays::kFront));
+                stops |= (sides(hit.instance) & (fromBack ? LargeRays::kBack : LargeRays::kFront)) != 0;
                 ray.tMin = std::nextafter(hit.t * (1 + 0x1p-20f), HUGE_VALF);
             }
             if (blocked >> lane & 1u) {
@@ -180,9 +199,11 @@ TEST(LargeRays, LeaveOpenWhatRoundingsDecide) {
             rays.set(lane, {from, 0, to - from});
         }
         std::uint32_t open = 0;
-        const std::uint32_t met = large.intersect(rays, open);
+        bvh::LargeHits told;
+        RayPacket16 traced;
+        const std::uint32_t met = large.intersect(rowsOf(rays, 0xFFFF), traced, told, open);
         // What is in front of them is met all the same.
-        for (std::uint32_t rest = met; rest; rest &= rest - 1) EXPECT_LT(rays.tMax[std::countr_zero(rest)], .999f);
+        for (std::uint32_t rest = met; rest; rest &= rest - 1) EXPECT_LT(traced.tMax[std::countr_zero(rest)], .999f);
         EXPECT_EQ(met | open, 0xFFFFu);
     }
     // Two sheets in one place, and one that rays start in.
@@ -199,7 +220,9 @@ TEST(LargeRays, LeaveOpenWhatRoundingsDecide) {
     RayPacket16 rays;
     for (int lane = 0; lane < 16; ++lane) rays.set(lane, {{.1f, .1f, lane < 8 ? 1.0f : -1e-7f}, 0, {0, 0, lane < 8 ? -1.0f : 1.0f}});
     std::uint32_t open = 0;
-    EXPECT_EQ(sheets.intersect(rays, open), 0u);
+    bvh::LargeHits told;
+    RayPacket16 traced;
+    EXPECT_EQ(sheets.intersect(rowsOf(rays, 0xFFFF), traced, told, open), 0u);
     EXPECT_EQ(open, 0xFFFFu);
 }
 
@@ -211,10 +234,12 @@ TEST(LargeRays, AreTheSameInRegistersOfAnyWidth) {
     ASSERT_TRUE(large);
     for (int p = 0; p < 500; ++p) {
         const RayPacket16 before = room.rays(1, p % 2 ? 1 : HUGE_VALF);
-        RayPacket16 a = before, b = before;
+        const bvh::RayRows rows = rowsOf(before, activeLanes(before));
+        RayPacket16 a, b;
+        bvh::LargeHits toldA, toldB;
         std::uint32_t openA = 0, openB = 0;
-        const std::uint32_t met = bvh::largeKernels8().intersect(large.table(), a, openA);
-        ASSERT_EQ(met, wide->intersect(large.table(), b, openB));
+        const std::uint32_t met = bvh::largeKernels8().intersect(large.table(), rows, a, toldA, openA);
+        ASSERT_EQ(met, wide->intersect(large.table(), rows, b, toldB, openB));
         ASSERT_EQ(openA, openB);
         for (std::uint32_t rest = met; rest; rest &= rest - 1) {
             const int i = std::countr_zero(rest);
@@ -224,9 +249,11 @@ TEST(LargeRays, AreTheSameInRegistersOfAnyWidth) {
             EXPECT_EQ(a.prim_[i], b.prim_[i]);
             EXPECT_EQ(a.geom_[i], b.geom_[i]);
             EXPECT_EQ(a.normalX_[i], b.normalX_[i]);
+            EXPECT_EQ(toldA.hits.instance[i], toldB.hits.instance[i]);
+            EXPECT_EQ(toldA.label[i], toldB.label[i]);
         }
-        EXPECT_EQ(bvh::largeKernels8().occluded(large.table(), before, openA),
-                  wide->occluded(large.table(), before, openB));
+        EXPECT_EQ(bvh::largeKernels8().occluded(large.table(), rows, openA),
+                  wide->occluded(large.table(), rows, openB));
         EXPECT_EQ(openA, openB);
     }
 }
@@ -263,9 +290,10 @@ TEST(LargeRays, LeaveOpenWhatMayMeetWhatMoves) {
     int ofBall = 0;
     for (int p = 0; p < 1000; ++p) {
         const RayPacket16 before = room.rays(1);
-        RayPacket16 rays = before;
+        RayPacket16 rays;
+        bvh::LargeHits told;
         std::uint32_t open = 0;
-        (void)large.intersect(rays, open);
+        (void)large.intersect(rowsOf(before, activeLanes(before)), rays, told, open);
         for (std::uint32_t rest = activeLanes(before) & ~open; rest; rest &= rest - 1)
             EXPECT_NE(room.world.intersect(before.ray(std::countr_zero(rest))).instance, 3u);
         for (std::uint32_t rest = open; rest; rest &= rest - 1)
