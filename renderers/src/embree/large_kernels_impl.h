@@ -27,6 +27,7 @@ struct LargeKernelsOf {
     };
     RTSG_INLINE F all(float x) { return simd::lanes::fill<F>(x); }
     RTSG_INLINE F absolute(F x) { return W::most(x, -x); }
+    RTSG_INLINE F dot(const V& a, const V& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
     RTSG_INLINE F dot(const V& a, const float* b) { return a.x * b[0] + a.y * b[1] + a.z * b[2]; }
     RTSG_INLINE V loadV(const float* const* rows, int at) {
         return {W::load(rows[0] + at), W::load(rows[1] + at), W::load(rows[2] + at)};
@@ -36,7 +37,7 @@ struct LargeKernelsOf {
     struct Rays {
         V origin, direction;
         F tMin, tMax;
-        F slack;  // metres, of rounding
+        F slack;   // metres, of rounding
         F spread;  // the same along rays
         __attribute__((always_inline)) Rays(const LargeTable& table, const RayRows& rows, int at) {
             origin = loadV(rows.origin, at), direction = loadV(rows.direction, at);
@@ -46,20 +47,26 @@ struct LargeKernelsOf {
         }
     };
 
-    /// Where rays meet a face's plane.
-    struct Meeting {
+    /// How far rays have to a face's plane.
+    struct Plane {
+        V from;                // the origin from the face's corner
         F height, inverse, t;  // height: of the plane above the origin; inverse: of what a step towards it is
-        F x, y;                // as LargeTable::Face has places
-        F edge;                // up to where roundings may decide
-        __attribute__((always_inline)) Meeting(const Rays& rays, const LargeTable::Face& face) {
-            const V from{rays.origin.x - face.corner[0], rays.origin.y - face.corner[1],
-                         rays.origin.z - face.corner[2]};
+        __attribute__((always_inline)) Plane(const Rays& rays, const LargeTable::Face& face) {
+            from = {rays.origin.x - face.corner[0], rays.origin.y - face.corner[1], rays.origin.z - face.corner[2]};
             height = -dot(from, face.normal);
             inverse = 1.0f / dot(rays.direction, face.normal);
             t = height * inverse;
-            const V place{from.x + rays.direction.x * t, from.y + rays.direction.y * t, from.z + rays.direction.z * t};
+        }
+    };
+    /// Where they meet it.
+    struct Meeting {
+        F x, y;  // as LargeTable::Face has places
+        F edge;  // up to where roundings may decide
+        __attribute__((always_inline)) Meeting(const Rays& rays, const Plane& p, const LargeTable::Face& face) {
+            const V place{p.from.x + rays.direction.x * p.t, p.from.y + rays.direction.y * p.t,
+                          p.from.z + rays.direction.z * p.t};
             x = dot(place, face.x), y = dot(place, face.y);
-            edge = rays.spread * face.steepest * absolute(inverse);
+            edge = rays.spread * face.steepest * absolute(p.inverse);
         }
         /// How far the place is within the face.
         template <bool isPair>
@@ -69,6 +76,13 @@ struct LargeKernelsOf {
         }
     };
 
+    /// Above 0 where a ray's line may come into the ball around what is in a box. `squared`: the direction's length.
+    RTSG_INLINE F inBall(const LargeTable& table, const Rays& rays, F squared, std::uint32_t box) {
+        const float* const middle = table.middle[box];
+        const V from{rays.origin.x - middle[0], rays.origin.y - middle[1], rays.origin.z - middle[2]};
+        const F far = dot(from, from), along = dot(from, rays.direction);
+        return (far * 0x1p-20f + table.radiusSquared[box]) * squared - (far * squared - along * along);
+    }
     /// A bit for each ray that may come to a box before `end`.
     RTSG_INLINE std::uint32_t reachBoxes(const LargeTable& table, const Rays& rays, F end) {
         if (table.boxCount == 0) return 0;
@@ -79,6 +93,7 @@ struct LargeKernelsOf {
         };
         const V inverse{inverseOf(rays.direction.x), inverseOf(rays.direction.y), inverseOf(rays.direction.z)};
         const F margin = all(TreeView::kFarther) * TreeView::kFarther;
+        const F squared = dot(rays.direction, rays.direction);
         std::uint32_t reached = 0;
         for (std::uint32_t b = 0; b < table.boxCount; ++b) {
             F near = rays.tMin, far = end;
@@ -90,7 +105,7 @@ struct LargeKernelsOf {
             clip(rays.origin.x, inverse.x, lower[0], upper[0]);
             clip(rays.origin.y, inverse.y, lower[1], upper[1]);
             clip(rays.origin.z, inverse.z, lower[2], upper[2]);
-            reached |= W::bits(W::atLeast(far * margin, near));
+            reached |= W::bits(W::greater(W::atLeast(far * margin, near), inBall(table, rays, squared, b), F{}));
         }
         return reached;
     }
@@ -105,13 +120,14 @@ struct LargeKernelsOf {
     RTSG_INLINE void meet(const LargeTable& table, const Rays& rays, std::uint32_t from, std::uint32_t to, F& number,
                           Nearest& best) {
         for (std::uint32_t i = from; i < to; ++i, number += 1.0f) {
-            const Meeting m(rays, table.faces[i]);
-            const F depth = m.template depth<isPair>(), off = m.t * kAlike;
-            const M near = W::both(W::greater(m.t, rays.tMin), W::greater(depth, -m.edge));
-            const M clear = W::both(W::both(near, W::greater(depth, m.edge)), W::greater(absolute(m.height), rays.slack));
+            const Plane p(rays, table.faces[i]);
+            const Meeting m(rays, p, table.faces[i]);
+            const F depth = m.template depth<isPair>(), off = p.t * kAlike;
+            const M near = W::both(W::greater(p.t, rays.tMin), W::greater(depth, -m.edge));
+            const M clear = W::both(W::greater(near, depth, m.edge), W::greater(absolute(p.height), rays.slack));
             // Last, as it waits for the face before.
-            const M mayBe = W::greater(near, best.t, m.t - off), first = W::greater(clear, best.t, m.t + off);
-            best.t = W::choose(first, m.t, best.t), best.which = W::choose(first, number, best.which);
+            const M mayBe = W::greater(near, best.t, p.t - off), first = W::greater(clear, best.t, p.t + off);
+            best.t = W::choose(first, p.t, best.t), best.which = W::choose(first, number, best.which);
             best.x = W::choose(first, m.x, best.x), best.y = W::choose(first, m.y, best.y);
             const std::uint32_t isFirst = W::bits(first);
             best.met |= isFirst, best.open |= W::bits(mayBe) & ~isFirst;
@@ -183,15 +199,17 @@ struct LargeKernelsOf {
                           std::uint32_t& stopped, std::uint32_t& open) {
         for (std::uint32_t i = from; i < to; ++i) {
             const LargeTable::Face& face = table.faces[i];
-            const Meeting m(rays, face);
+            const Plane p(rays, face);
+            const M between = W::greater(W::greater(p.t, rays.tMin), rays.tMax, p.t);
+            if (!W::bits(between)) continue;  // often: rays within a room end before its walls
+            const Meeting m(rays, p, face);
             const F depth = m.template depth<isPair>();
-            const M near = W::both(W::both(W::greater(m.t, rays.tMin), W::greater(rays.tMax, m.t)),
-                                   W::greater(depth, -m.edge));
+            const M near = W::greater(between, depth, -m.edge);
             // Nor may the end be on the plane: what rounding leaves of that is what is looked at.
-            const M sure = W::both(W::both(near, W::greater(depth, m.edge)),
-                                   W::both(W::greater(absolute(m.height), rays.slack),
-                                           W::greater(rays.tMax - rays.slack * absolute(m.inverse), m.t)));
-            const std::uint32_t fromBack = W::bits(W::greater(m.inverse, F{}));
+            const M sure =
+                W::both(W::greater(near, depth, m.edge), W::greater(W::greater(absolute(p.height), rays.slack),
+                                                                    rays.tMax - rays.slack * absolute(p.inverse), p.t));
+            const std::uint32_t fromBack = W::bits(W::greater(p.inverse, F{}));
             const std::uint32_t stops = W::bits(sure) & ((face.sides & LargeTriangles::kBack ? fromBack : 0) |
                                                          (face.sides & LargeTriangles::kFront ? ~fromBack : 0));
             stopped |= stops, open |= W::bits(near) & ~stops;

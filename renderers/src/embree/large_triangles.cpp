@@ -32,7 +32,8 @@ struct Corners {
     Vec3d at[3];
     std::uint32_t number;
     Corners(const Triangles& triangles, std::uint32_t triangle) : number(triangle) {
-        for (std::uint32_t c = 0; c < 3; ++c) at[c] = Vec3d(triangles.positions[triangles.mesh->vertexIndex(number, c)]);
+        for (std::uint32_t c = 0; c < 3; ++c)
+            at[c] = Vec3d(triangles.positions[triangles.mesh->vertexIndex(number, c)]);
     }
     const Vec3d& operator[](int i) const { return at[i % 3]; }
     /// Of twice the area's length.
@@ -78,16 +79,32 @@ std::vector<Face> facesOf(const Triangles& triangles) {
     return faces;
 }
 
-TreeView::Box boxAround(const Triangles& triangles) {
+/// A box, and how far from its middle anything in it is.
+struct Around {
     TreeView::Box box;
-    for (const Vec3f& place : triangles.positions) box.extend({place, place});
-    return box;
-}
+    float radius = 0;
+    explicit Around(const TreeView::Box& whole) : box(whole), radius(glm::length(whole.upper - middle())) {}
+    explicit Around(const Triangles& triangles) {
+        for (const Vec3f& place : triangles.positions) box.extend({place, place});
+        float squared = 0;
+        for (const Vec3f& place : triangles.positions) {
+            const Vec3f off = place - middle();
+            squared = std::max(squared, glm::dot(off, off));
+        }
+        radius = std::sqrt(squared);
+    }
+    Vec3f middle() const { return .5f * box.lower + .5f * box.upper; }
+    float area() const { return box.area(); }
+    void extend(const Around& other) {
+        box.extend(other.box);
+        *this = Around(box);
+    }
+};
 
 /// A mesh of the group.
 struct Member {
     std::uint32_t local;
-    TreeView::Box box;
+    Around around;
     std::vector<Face> faces;  // empty: too many
     float worth = 0;
 };
@@ -96,11 +113,11 @@ std::vector<Member> membersOf(const Group& group, std::uint32_t mask) {
     std::vector<Member> members;
     group.forEachAttached([&](std::uint32_t local, const Triangles& triangles) {
         if (!(group.mask(local) & mask) || triangles.mesh->triangleCount == 0) return;
-        Member& member = members.emplace_back(Member{local, boxAround(triangles), {}});
+        Member& member = members.emplace_back(Member{local, Around(triangles), {}});
         if (triangles.mesh->triangleCount > 2 * LargeTable::kFaces) return;
         member.faces = facesOf(triangles);
         if (member.faces.empty()) return;
-        member.worth = member.box.area() / static_cast<float>(member.faces.size());
+        member.worth = member.around.area() / static_cast<float>(member.faces.size());
     });
     std::ranges::stable_sort(members, [](const Member& a, const Member& b) { return a.worth > b.worth; });
     return members;
@@ -137,25 +154,28 @@ void add(const Face& face, std::uint32_t local, std::uint32_t slot, const LargeT
     table.label[i] = std::bit_cast<float>(about.label);
 }
 
-/// The next box of the table, wider than what a ray's distances are rounded by.
-void add(const TreeView::Box& box, LargeTable& table) {
-    const Vec3f more = 0x1p-20f * (glm::abs(box.lower) + glm::abs(box.upper));
+/// The next box of the table, and the ball in it, wider than what a ray's distances are rounded by.
+void add(const Around& around, LargeTable& table) {
+    const Vec3f size = glm::abs(around.box.lower) + glm::abs(around.box.upper), more = 0x1p-20f * size,
+                middle = around.middle();
+    const std::uint32_t i = table.boxCount++;
     for (int k = 0; k < 3; ++k) {
-        table.lower[table.boxCount][k] = box.lower[k] - more[k];
-        table.upper[table.boxCount][k] = box.upper[k] + more[k];
+        table.lower[i][k] = around.box.lower[k] - more[k], table.upper[i][k] = around.box.upper[k] + more[k];
+        table.middle[i][k] = middle[k];
     }
-    ++table.boxCount;
+    const float radius = around.radius * (1 + 0x1p-20f) + 0x1p-20f * (size.x + size.y + size.z);
+    table.radiusSquared[i] = radius * radius;
 }
 
 /// At most so many boxes as a table has, the smallest of them in one. Returns the sum of their surfaces.
-float add(std::vector<TreeView::Box> boxes, LargeTable& table) {
-    std::ranges::stable_sort(boxes, [](const auto& a, const auto& b) { return a.area() > b.area(); });
+float add(std::vector<Around> boxes, LargeTable& table) {
+    std::ranges::stable_sort(boxes, [](const Around& a, const Around& b) { return a.area() > b.area(); });
     while (boxes.size() > LargeTable::kBoxes) {
-        const TreeView::Box last = boxes.back();
+        const Around last = boxes.back();
         boxes.pop_back(), boxes.back().extend(last);
     }
     float sum = 0;
-    for (const TreeView::Box& box : boxes) sum += box.area(), add(box, table);
+    for (const Around& one : boxes) sum += one.area(), add(one, table);
     return sum;
 }
 
@@ -164,22 +184,22 @@ float add(std::vector<TreeView::Box> boxes, LargeTable& table) {
 std::unique_ptr<const LargeTriangles> LargeTriangles::make(const Group& group, const TreeView& others,
                                                            std::uint32_t mask, const Tell& tell) {
     std::vector<const Member*> chosen;
-    std::vector<TreeView::Box> rest;
+    std::vector<Around> rest;
     TreeView::Box whole;
     std::size_t count = 0;
     const std::vector<Member> members = membersOf(group, mask);
     for (const Member& member : members) {
-        whole.extend(member.box);
+        whole.extend(member.around.box);
         const bool fits = !member.faces.empty() && count + member.faces.size() <= LargeTable::kFaces;
         if (fits)
             chosen.push_back(&member), count += member.faces.size();
         else
-            rest.push_back(member.box);
+            rest.push_back(member.around);
     }
     if (count == 0) return nullptr;
     for (std::uint32_t i = 0; !others.empty() && i < 8; ++i) {
         const TreeView::Node& root = others.nodePages()[0][TreeView::kRoot];
-        if (root.child[i] != TreeView::kNone) rest.push_back(root.box(i)), whole.extend(rest.back());
+        if (root.child[i] != TreeView::kNone) rest.emplace_back(root.box(i)), whole.extend(root.box(i));
     }
     std::unique_ptr<LargeTriangles> large(new LargeTriangles);
     LargeTable& table = large->table_;

@@ -34,6 +34,7 @@ struct LargeTable {
     };
     Face faces[kFaces];
     float lower[kBoxes][3], upper[kBoxes][3];
+    float middle[kBoxes][3], radiusSquared[kBoxes];            // of a ball around what is in the box
     std::uint32_t pairCount = 0, faceCount = 0, boxCount = 0;  // pairs: parallelograms
     float size = 0;                                            // metres, of the largest sum of coordinates
     // What is told of a hit.
