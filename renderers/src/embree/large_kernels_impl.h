@@ -27,8 +27,8 @@ struct LargeKernelsOf {
     };
     RTSG_INLINE F all(float x) { return simd::lanes::fill<F>(x); }
     RTSG_INLINE F absolute(F x) { return W::most(x, -x); }
-    RTSG_INLINE F dot(const V& a, const V& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-    RTSG_INLINE F dot(const V& a, const float* b) { return a.x * b[0] + a.y * b[1] + a.z * b[2]; }
+    RTSG_INLINE F dot(const V& a, const V& b) { return W::fused(a.x, b.x, W::fused(a.y, b.y, a.z * b.z)); }
+    RTSG_INLINE F dot(const V& a, const float* b) { return dot(a, {all(b[0]), all(b[1]), all(b[2])}); }
     RTSG_INLINE V loadV(const float* const* rows, int at) {
         return {W::load(rows[0] + at), W::load(rows[1] + at), W::load(rows[2] + at)};
     }
@@ -63,8 +63,8 @@ struct LargeKernelsOf {
         F x, y;  // as LargeTable::Face has places
         F edge;  // up to where roundings may decide
         __attribute__((always_inline)) Meeting(const Rays& rays, const Plane& p, const LargeTable::Face& face) {
-            const V place{p.from.x + rays.direction.x * p.t, p.from.y + rays.direction.y * p.t,
-                          p.from.z + rays.direction.z * p.t};
+            const V place{W::fused(rays.direction.x, p.t, p.from.x), W::fused(rays.direction.y, p.t, p.from.y),
+                          W::fused(rays.direction.z, p.t, p.from.z)};
             x = dot(place, face.x), y = dot(place, face.y);
             edge = rays.spread * face.steepest * absolute(p.inverse);
         }
@@ -135,8 +135,8 @@ struct LargeKernelsOf {
     }
 
     /// The weights of the second and the third corner of the triangles, from places on faces.
-    RTSG_INLINE void weigh(const LargeTable& table, const Nearest& best, int at, RayPacket16& rays,
-                           PacketHits16& hits) {
+    RTSG_INLINE void weigh(const LargeTable& table, const Nearest& best, int at, RayPacket16& rays, LargeHits& told) {
+        PacketHits16& hits = told.hits;
         const I which = __builtin_convertvector(best.which, I);
         const M beyond = W::greater(best.x + best.y, all(1));
         const F x = W::choose(beyond, 1.0f - best.x, best.x), y = W::choose(beyond, 1.0f - best.y, best.y);
@@ -146,6 +146,8 @@ struct LargeKernelsOf {
         const F u = W::choose(first, x, W::choose(last, y, own)), v = W::choose(first, y, W::choose(last, own, x));
         W::store(rays.u_ + at, u), W::store(hits.u + at, u);
         W::store(rays.v_ + at, v), W::store(hits.v + at, v);
+        W::store(told.faces.u + at, best.x), W::store(told.faces.v + at, best.y);
+        __builtin_memcpy(told.faces.triangle + at, &which, sizeof which);
         const F number = W::choose(beyond, W::lookUp(table.number[1], which), W::lookUp(table.number[0], which));
         bitsTo(rays.prim_ + at, number), bitsTo(hits.triangle + at, number);
     }
@@ -174,16 +176,20 @@ struct LargeKernelsOf {
             W::store(rays.directionZ + at, own.direction.z);
             W::store(rays.tMax + at, W::choose(W::maskOf(found), best.t, own.tMax));
             W::store(rays.active + at, W::lanesOf(lanes));
-            weigh(table, best, at, rays, told.hits);
+            weigh(table, best, at, rays, told);
             const I which = __builtin_convertvector(best.which, I);
             const V normal{W::lookUp(table.normal[0], which), W::lookUp(table.normal[1], which),
                            W::lookUp(table.normal[2], which)};
             const F side = W::lookUp(table.mirrored, which);
-            W::store(told.hits.normalX + at, normal.x), W::store(rays.normalX_ + at, normal.x * side);
-            W::store(told.hits.normalY + at, normal.y), W::store(rays.normalY_ + at, normal.y * side);
-            W::store(told.hits.normalZ + at, normal.z), W::store(rays.normalZ_ + at, normal.z * side);
+            W::store(told.hits.normalX + at, normal.x), W::store(told.faces.normalX + at, normal.x),
+                W::store(rays.normalX_ + at, normal.x * side);
+            W::store(told.hits.normalY + at, normal.y), W::store(told.faces.normalY + at, normal.y),
+                W::store(rays.normalY_ + at, normal.y * side);
+            W::store(told.hits.normalZ + at, normal.z), W::store(told.faces.normalZ + at, normal.z),
+                W::store(rays.normalZ_ + at, normal.z * side);
             bitsTo(rays.geom_ + at, W::lookUp(table.geometry, which));
             bitsTo(told.hits.instance + at, W::lookUp(table.instance, which));
+            bitsTo(told.faces.instance + at, W::lookUp(table.instance, which));
             bitsTo(told.label + at, W::lookUp(table.label, which));
             const I none = I{} - 1;
             __builtin_memcpy(rays.inst_ + at, &none, sizeof none);

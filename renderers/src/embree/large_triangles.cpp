@@ -127,6 +127,16 @@ void store(const Vec3d& v, float* to) {
     for (int k = 0; k < 3; ++k) to[k] = static_cast<float>(v[k]);
 }
 
+LargeSpot spotOf(const Vec3d& corner, const Vec3d& second, const Vec3d& third, const Vec3f& color) {
+    // As RayView::point() has it, of numbers that are of the rays' own frame.
+    constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
+    const Vec3f error = gamma * (glm::abs(Vec3f(corner)) + glm::abs(Vec3f(second)) + glm::abs(Vec3f(third)));
+    LargeSpot spot{};
+    store(corner, spot.corner), store(second, spot.second), store(third, spot.third), store(Vec3d(error), spot.error);
+    spot.red = color.r, spot.green = color.g, spot.blue = color.b;
+    return spot;
+}
+
 /// The next face of the table. Pairs must come first.
 void add(const Face& face, std::uint32_t local, std::uint32_t slot, const LargeTriangles::About& about,
          LargeTable& table) {
@@ -141,6 +151,7 @@ void add(const Face& face, std::uint32_t local, std::uint32_t slot, const LargeT
     store(corner, own.corner), store(unit, own.normal), store(x, own.x), store(y, own.y);
     own.steepest = static_cast<float>(std::max({glm::length(x), glm::length(y), glm::length(x + y)}));
     own.sides = about.sides;
+    table.spots[i] = spotOf(corner, second, third, about.color);
     const bool oneSided = about.sides == LargeTriangles::kFront || about.sides == LargeTriangles::kBack;
     if (about.isMirrored && oneSided) own.sides ^= LargeTriangles::kFront | LargeTriangles::kBack;
     table.mirrored[i] = about.isMirrored ? -1 : 1;

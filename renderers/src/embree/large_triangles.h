@@ -21,6 +21,11 @@ namespace rtsg::bvh {
 
 class Group;
 
+/// A place is `corner + u * second + v * third`, for the u and v of LargeHits::faces, off by no more than `error`.
+struct alignas(64) LargeSpot {
+    float corner[3], red, second[3], green, third[3], blue, error[3], unused;  // colours: About::color
+};
+
 /// As the kernels read it: parallelograms of two triangles each, as most walls are, then triangles alone.
 struct LargeTable {
     static constexpr std::size_t kFaces = 32, kBoxes = 8;
@@ -33,6 +38,7 @@ struct LargeTable {
         std::uint32_t sides;         // that nothing comes through
     };
     Face faces[kFaces];
+    LargeSpot spots[kFaces];
     float lower[kBoxes][3], upper[kBoxes][3];
     float middle[kBoxes][3], radiusSquared[kBoxes];            // of a ball around what is in the box
     std::uint32_t pairCount = 0, faceCount = 0, boxCount = 0;  // pairs: parallelograms
@@ -51,20 +57,23 @@ struct RayRows {
     float tMin, tMax;
     std::uint32_t lanes;  // a bit each that is asked about
 };
-/// What is told of those that meet something: hits, and what the instances are called.
+/// What is told of those that meet something: hits, and what the instances are called. `faces`: the same by LargeSpots,
+/// whose numbers are in place of triangles.
 struct alignas(64) LargeHits {
-    PacketHits16 hits;
+    PacketHits16 hits, faces;
     std::int32_t label[16];
 };
 
 class LargeTriangles {
   public:
     static constexpr std::uint32_t kFront = 1, kBack = 2;
-    /// An instance: which of its sides nothing comes through, whether it is mirrored, and whatever it is called.
+    /// An instance: which of its sides nothing comes through, whether it is mirrored, and whatever it is called
+    /// and has.
     struct About {
         std::uint32_t sides = 0;
         bool isMirrored = false;
         std::int32_t label = 0;
+        Vec3f color{0};
     };
     using Tell = std::function<About(std::uint32_t slot)>;
     /// Null: a tree is quicker. `others`: what else there is; `mask`: of the rays.

@@ -156,6 +156,7 @@ Wavefront::Wavefront(const TraceScene& scene, const Camera& camera, const Render
       others_(std::move(others)),
       matte_(kHitColumns),
       glossy_(kHitColumns),
+      flat_(kHitColumns),
       asked_(kAskedColumns),
       askedOpen_(kAskedColumns),
       blocked_(kAskedColumns) {
@@ -225,8 +226,9 @@ void Wavefront::start(std::size_t group, int block, int sample) {
 void Wavefront::drain() {
     for (;;) {
         while (!now_.empty()) traceAll();
-        if (matte_.empty() && glossy_.empty()) break;
-        while (!matte_.empty()) shadeMatte();
+        if (matte_.empty() && glossy_.empty() && flat_.empty()) break;
+        while (!flat_.empty()) shadeMatte(flat_);
+        while (!matte_.empty()) shadeMatte(matte_);
         while (!glossy_.empty()) shadeGlossy();
         std::swap(now_, next_), nowOther_.swap(nextOther_);
     }
@@ -239,7 +241,8 @@ void Wavefront::drain() {
 /// A generation; the next one becomes the current one.
 void Wavefront::traceAll() {
     const auto shade = [&] {
-        while (matte_.size() >= 8) shadeMatte();
+        while (flat_.size() >= 8) shadeMatte(flat_);
+        while (matte_.size() >= 8) shadeMatte(matte_);
         while (glossy_.size() >= 8) shadeGlossy();
     };
     for (std::size_t row = 0; row < now_.size(); row += 16) {
@@ -327,7 +330,7 @@ void Wavefront::trace(const LaneQueue& from, std::size_t row, std::uint32_t lane
     else
         for (std::uint32_t rest = hits; rest; rest &= rest - 1)
             kinds[std::countr_zero(rest)] = plain_.kindOf(met.instance[std::countr_zero(rest)]);
-    sort(from, row, rays, hits, met, kinds);
+    sort(from, row, rays, hits, met, kinds, nullptr);
 }
 
 /// As far as large triangles tell; what they leave open waits until there are sixteen.
@@ -338,13 +341,13 @@ void Wavefront::traceLarge(std::size_t row, std::uint32_t lanes) {
     const std::uint32_t hits =
         scene_.large->intersect(rowsOf(now_, row, lanes, nearest(), farthest()), rays, told, open);
     if (const std::uint32_t missed = lanes & ~(hits | open)) miss(now_, row, rays, missed);
-    if (hits) sort(now_, row, rays, hits, told.hits, told.label);
+    if (hits) sort(now_, row, rays, hits, told.hits, told.label, &told.faces);
     if (open) moveOn(now_, row, open, open_);
 }
 
 /// What is done about the hits of sixteen rays, by what they are on.
 void Wavefront::sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits,
-                     const PacketHits16& met, const std::int32_t* kinds) {
+                     const PacketHits16& met, const std::int32_t* kinds, const PacketHits16* faces) {
     const auto lanesOf = [kinds](int what) {
         return laneBits((kindsAt(kinds) & what) != 0) | laneBits((kindsAt(kinds + 8) & what) != 0) << 8;
     };
@@ -363,7 +366,9 @@ void Wavefront::sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, 
     if (primary_)
         for (std::uint32_t rest = plain; rest; rest &= rest - 1)
             sumOf(from.bits(kPixel, row + static_cast<std::size_t>(std::countr_zero(rest)))).a += 1;
-    if (matte & plain & ~black) keep(matte_, from, row, rays, met, matte & plain & ~black);
+    const std::uint32_t even = matte & plain & ~black, flat = faces ? even & lanesOf(PlainSurfaces::kFlat) : 0;
+    if (flat) keep(flat_, from, row, rays, *faces, flat);
+    if (even != flat) keep(matte_, from, row, rays, met, even & ~flat);
     if (glossy & plain) keep(glossy_, from, row, rays, met, glossy & plain);
     if (hits & ~plain) handOver(from, row, rays, hits & ~plain);
 }
@@ -498,10 +503,13 @@ struct Wavefront::Hits {
     Hits& operator=(const Hits&) = delete;
 };
 
-void Wavefront::shadeMatte() {
-    const Hits hits(matte_);
+void Wavefront::shadeMatte(LaneQueue& from) {
+    const Hits hits(from);
     PlainSurfaces::Surfaces s;
-    plain_.fetch(hits.met, s);
+    if (&from == &flat_)
+        PlainSurfaces::fetchFaces(scene_.large->table(), hits.met, s);
+    else
+        plain_.fetch(hits.met, s);
     if (scene_.emitters)
         lookForLight(hits, s, [&](const V8& direction, F8 density) {
             return s.base * shownMatte(direction, density, s.normal, s.facing);

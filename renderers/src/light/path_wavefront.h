@@ -43,7 +43,7 @@ class Wavefront {
     float nearest() const;
     float farthest() const;
     void sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits, const PacketHits16& met,
-              const std::int32_t* kinds);
+              const std::int32_t* kinds, const PacketHits16* faces);
     static std::uint32_t lanesOfOthers(const LaneQueue& from, std::size_t row);
     void miss(const LaneQueue& from, std::size_t row, const RayPacket16& rays, std::uint32_t lanes);
     void shine(const LaneQueue& from, std::size_t row, const RayPacket16& rays, const PacketHits16& hits,
@@ -52,7 +52,7 @@ class Wavefront {
                      const PacketHits16& hits, std::uint32_t lanes);
     void handOver(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t lanes);
     void push(const PathTask& task);
-    void shadeMatte();
+    void shadeMatte(LaneQueue& from);
     void shadeGlossy();
     template <class Shown>
     void lookForLight(const Hits& hits, const PlainSurfaces::Surfaces& s, const Shown& shown);
@@ -79,8 +79,9 @@ class Wavefront {
     LaneQueue now_, next_, open_;                 // rays; of now_ those that large triangles leave open
     std::vector<PathTask> nowOther_, nextOther_;  // of those that bring more along, all of it
     std::vector<PathTask> onward_;
-    bool primary_ = true;        // all of now_
-    LaneQueue matte_, glossy_;   // hits
+    bool primary_ = true;                    // all of now_
+    LaneQueue matte_, glossy_;               // hits
+    LaneQueue flat_;                         // of those of LargeHits::faces that are kFlat
     LaneQueue asked_, askedOpen_, blocked_;  // rays towards emitters; those of them that large triangles leave open,
                                              // and those that have something in their way
 };

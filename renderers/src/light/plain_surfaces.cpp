@@ -152,6 +152,20 @@ void PlainSurfaces::fetch(const Hits& hits, Surfaces& out) const {
     normals(hits, each, same, out);
 }
 
+void PlainSurfaces::fetchFaces(const bvh::LargeTable& table, const Hits& hits, Surfaces& out) {
+    const float* place[8];
+    const auto read = [&](int from) {
+        for (int i = 0; i < 8; ++i) place[i] = table.spots[hits.triangle[i]].corner + from;
+        return gather4(place);
+    };
+    const Q8 corner = read(0), second = read(4), third = read(8), error = read(12);
+    const auto vector = [](const Q8& q) { return V8{q.x, q.y, q.z}; };
+    out.exact = vector(corner) + vector(second) * hits.u + vector(third) * hits.v;
+    out.error = vector(error), out.base = {corner.w, second.w, third.w};
+    const F8 side = select(dot(hits.direction, hits.outside) > 0.0f, all(-1), all(1));
+    out.outside = hits.outside, out.normal = out.facing = hits.outside * side;
+}
+
 void PlainSurfaces::normals(const Hits& hits, const RayInstance* const* each, bool same, Surfaces& out) {
     V8 n = hits.outside;
     const RayInstance& first = *each[0];

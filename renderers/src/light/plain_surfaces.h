@@ -31,11 +31,15 @@ class PlainSurfaces {
     bool most() const { return most_; }
     /// A Kind with what else is true of it.
     std::uint8_t kindOf(std::uint32_t instance) const { return instance < kinds_.size() ? kinds_[instance] : 0; }
+    /// Of what fetchFaces() knows: evenly scattering ones without normals of their own, in addition to a label's kind.
+    static constexpr std::int32_t kFlat = 1 << 8;
     /// As LargeRays ask for it; the label is kindOf().
     LargeRays::About about(std::uint32_t instance) const {
         const std::uint8_t kind = kindOf(instance);
         const std::uint32_t back = kind & kSolid ? 0 : LargeRays::kBack;
-        return {kind & (matte | glossy) ? LargeRays::kFront | back : 0, false, kind};
+        if (!(kind & (matte | glossy))) return {};
+        const bool isFlat = (kind & matte) && !world_->instance(instance).mesh->normals.present();
+        return {LargeRays::kFront | back, false, isFlat ? kind | kFlat : kind, baseOf(instance)};
     }
     /// Of one that shines: its radiance.
     Vec3f emissive(std::uint32_t instance) const {
@@ -59,6 +63,8 @@ class PlainSurfaces {
     };
     /// All of the hits are on plain ones.
     void fetch(const Hits& hits, Surfaces& out) const;
+    /// The same of LargeHits::faces that are kFlat.
+    static void fetchFaces(const bvh::LargeTable& table, const Hits& hits, Surfaces& out);
     /// The rest of what glossy ones reflect; `back`: unit, towards the viewer.
     Bsdf8 bsdf(const Hits& hits, const Surfaces& surfaces, const simd::V8& back, simd::F8 cosView) const;
 

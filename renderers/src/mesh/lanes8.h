@@ -38,6 +38,18 @@ struct Lanes8 {
     static F choose(M mask, F a, F b) { return mask ? a : b; }
     static F least(F a, F b) { return simd::min(a, b); }
     static F most(F a, F b) { return simd::max(a, b); }
+    /// a * b + c, rounded once.
+    static F fused(F a, F b, F c) {
+#ifdef __FMA__
+        __m256 x, y, z;
+        std::memcpy(&x, &a, sizeof x), std::memcpy(&y, &b, sizeof y), std::memcpy(&z, &c, sizeof z);
+        x = _mm256_fmadd_ps(x, y, z);
+        std::memcpy(&a, &x, sizeof a);
+#else
+        for (int i = 0; i < kLanes; ++i) a[i] = std::fma(a[i], b[i], c[i]);
+#endif
+        return a;
+    }
     static float smallest(F v) {
         v = simd::min(v, __builtin_shufflevector(v, v, 4, 5, 6, 7, 0, 1, 2, 3));
         v = simd::min(v, __builtin_shufflevector(v, v, 2, 3, 0, 1, 6, 7, 4, 5));
