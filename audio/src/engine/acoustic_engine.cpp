@@ -74,6 +74,7 @@ void readClips(const std::vector<SoundVoice>& voices, const std::vector<std::sha
 void AcousticEngine::prepare(const AcousticState& state) {
     for (const SoundEmitter& emitter : *state.sounds.emitters)
         readClips(emitter.sound->voices, emitter.sound->processes, impl_->clips);
+    impl_->openMixer(state.sounds);
 }
 int AcousticEngine::channels() const {
     return static_cast<int>(impl_->channels);
@@ -169,6 +170,7 @@ void AcousticEngine::Impl::takeOver(const SoundVersion& sounds, double poseSecon
         state.jumped = state.jumped || jumps || all;
     }
     followAir(sounds);
+    openMixer(sounds);
     playing = sounds;
 }
 

@@ -4,45 +4,14 @@
 #include <functional>
 
 #include <rtsg/audio/impulse_response.h>
-#include <rtsg/audio/panning.h>
 
 #include "acoustic_engine_impl.h"
 
 namespace rtsg {
 namespace {
 
-/// Nothing is heard from farther away; metres.
-constexpr double kHorizon = 20'000;
 /// Samples between the places where a delay is computed; in between it is cubic.
 constexpr std::size_t kDelayStep = 32;
-
-/// Where the channels of a clip stand around the direction of what plays it: degrees to the left.
-double channelAngle(std::size_t channel, std::size_t count) {
-    static constexpr double kStereo[] = {30, -30}, kThree[] = {30, -30, 0}, kQuad[] = {45, -45, 135, -135},
-                            kFive[] = {30, -30, 0, 110, -110}, kSurround[] = {30, -30, 0, 0, 110, -110};
-    switch (count) {
-        case 1:
-            return 0;
-        case 2:
-            return kStereo[channel];
-        case 3:
-            return kThree[channel];
-        case 4:
-            return kQuad[channel];
-        case 5:
-            return kFive[channel];
-        case 6:
-            return kSurround[channel];
-        default:
-            return 360.0 * static_cast<double>(channel) / static_cast<double>(count);
-    }
-}
-
-/// About the listener's upright axis.
-glm::dvec3 turned(const glm::dvec3& direction, double degrees) {
-    const double a = degrees * std::numbers::pi / 180, c = std::cos(a), s = std::sin(a);
-    return {c * direction.x + s * direction.z, direction.y, c * direction.z - s * direction.x};
-}
 
 }  // namespace
 
@@ -53,7 +22,9 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
         // Two loudspeakers: what leads into a destination is mixed up or down to them as into any node.
         const bool speakers = sound.law == SoundNode::Law::none && !sound.stream && options.ambisonicOrder == 0;
         const auto exactly = static_cast<std::size_t>(speakers ? std::min(sound.maxChannels, 2) : 0);
-        state.mix.render(sound.voices, sound.processes, {clips, samples, options.blockSize, emitter, block.listener},
+        state.mix.render(sound.voices, sound.processes,
+                         {clips, samples, options.blockSize, emitter, block.listener, air.speedOfSound,
+                          hasMeasuredHead() ? options.hrtf.get() : nullptr},
                          block.dry, sound.discrete, exactly);
         if (exactly == 1) block.dry = {block.dry[0], block.dry[0]};
         const double louder = std::max(1.0, std::abs(sound.coneOuterGain)) * std::abs(block.listener.gain);
@@ -65,20 +36,17 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
     state.mix = {};
 }
 
-Result<> AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count) {
-    while (state.inputs.size() < count) {
-        EmitterInput input;
-        input.gains.resize(channels);
-        if (mixer) {
-            if (freeSources.empty()) {
-                if (auto added = mixer->addSource(); !added) return std::unexpected(added.error());
-                freeSources.push_back(blocks.size());
-                blocks.emplace_back(options.blockSize);
-            }
-            input.mixerSource = freeSources.back();
-            freeSources.pop_back();
+Result<> AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count, bool forMixer) {
+    while (state.inputs.size() < count) state.inputs.emplace_back().gains.resize(channels);
+    for (EmitterInput& input : state.inputs) {
+        if (!forMixer || input.mixerSource) continue;
+        if (freeSources.empty()) {
+            if (auto added = mixer->addSource(); !added) return std::unexpected(added.error());
+            freeSources.push_back(blocks.size());
+            blocks.emplace_back(options.blockSize);
         }
-        state.inputs.push_back(std::move(input));
+        input.mixerSource = freeSources.back();
+        freeSources.pop_back();
     }
     return {};
 }
@@ -187,102 +155,39 @@ void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterSta
 
 /// What is heard of each input straight from the emitter, into `block.direct`.
 void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block) {
-    const std::size_t size = options.blockSize;
-    const HeardLevel from = state.level;
+    block.before = state.level;
+    block.after = to;
+    block.crossfade = crossfade;
     const double farthest =
-        std::max({to.delay, from.delay, *std::max_element(block.delays.begin(), block.delays.end())});
+        std::max({to.delay, state.level.delay, *std::max_element(block.delays.begin(), block.delays.end())});
+    // Of a sphere the far ear hears it that much later.
+    const double later = 2 * block.listener.headRadius() / air.speedOfSound * options.sampleRate;
     block.direct.resize(state.inputs.size());
     for (std::size_t k = 0; k < state.inputs.size(); ++k) {
         DelayLine& line = state.inputs[k].line;
-        const std::size_t first = line.written();
-        line.write(block.dry[k], static_cast<std::size_t>(farthest) + 2);
-        block.direct[k].resize(size);
-        for (std::size_t i = 0; i < size; ++i) {
-            const double w = static_cast<double>(i + 1) / static_cast<double>(size);
-            const double gain = from.directGain + (to.directGain - from.directGain) * w;
-            auto value = static_cast<double>(line.read(first + i, crossfade ? to.delay : block.delays[i]));
-            if (crossfade) value = value * w + static_cast<double>(line.read(first + i, from.delay)) * (1 - w);
-            block.direct[k][i] = static_cast<float>(value * gain);
-        }
+        line.write(block.dry[k], static_cast<std::size_t>(farthest + later) + 2);
+        readDirect(line, block, 0, 0, block.direct[k]);
     }
 }
 
-/// Gains of one input by channel of the output.
-void AcousticEngine::Impl::gainsOf(const glm::dvec3& towards, bool spatialize, std::size_t input, std::size_t inputs,
-                                   std::vector<double>& gains) const {
-    std::fill(gains.begin(), gains.end(), 0.0);
-    const double share = 1.0 / static_cast<double>(inputs);
-    if (options.ambisonicOrder > 0) {
-        if (!spatialize && inputs == 1) {
-            gains[0] = 1;
-            return;
-        }
-        const glm::dvec3 direction = turned(spatialize ? towards : glm::dvec3(0, 0, -1), channelAngle(input, inputs));
-        ambisonicGains(options.ambisonicOrder, ambisonicAxes(direction), gains);
-        for (double& gain : gains) gain *= share;
-        return;
+/// What was just written, as it comes; an ear hears it so many samples later, from the end of the last block to that of
+/// this one.
+void AcousticEngine::Impl::readDirect(const DelayLine& line, const Block& block, double earBefore, double ear,
+                                      std::vector<float>& out) const {
+    const std::size_t size = options.blockSize, first = line.written() - size;
+    out.resize(size);
+    for (std::size_t i = 0; i < size; ++i) {
+        const double w = static_cast<double>(i + 1) / static_cast<double>(size);
+        const double gain = block.before.directGain + (block.after.directGain - block.before.directGain) * w;
+        // In its own time, not in that of the source.
+        const double later = (earBefore + (ear - earBefore) * w) * (1 - block.after.slope);
+        const auto at = [&](double delay) {
+            return static_cast<double>(line.read(first + i, std::max(0.0, delay + later)));
+        };
+        const double value =
+            block.crossfade ? at(block.after.delay) * w + at(block.before.delay) * (1 - w) : at(block.delays[i]);
+        out[i] = static_cast<float>(value * gain);
     }
-    const auto both = spatialize ? stereoGains(towards) : std::array<double, 2>{1, 1};
-    if (inputs == 2) {
-        // Left stays left: panning is a balance.
-        gains[input] = both[input];
-        return;
-    }
-    const auto own =
-        inputs == 1 ? both
-                    : stereoGains(turned(spatialize ? towards : glm::dvec3(0, 0, -1), channelAngle(input, inputs)));
-    for (std::size_t c = 0; c < 2; ++c) gains[c] = own[c] * share;
-}
-
-/// Gives direct sound the direction that it comes from.
-void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent,
-                                      Block& block) {
-    const std::size_t size = options.blockSize, inputs = state.inputs.size();
-    const glm::dvec3 offset = apparent - block.listener.position;
-    const double far = glm::distance(apparent, block.listener.position);
-    const double distance = far < kHorizon ? far : kHorizon;
-    const bool spatialize = sound.spatialize && distance > 1e-6;
-    const glm::dvec3 towards = spatialize ? block.listener.toLocal(offset) / distance : glm::dvec3(0);
-    std::vector<double> gains(channels);
-    for (std::size_t k = 0; k < inputs; ++k) {
-        EmitterInput& input = state.inputs[k];
-        if (mixer && spatialize) {
-            mixer->setDirection(input.mixerSource, glm::vec3(turned(towards, channelAngle(k, inputs))));
-            for (std::size_t i = 0; i < size; ++i)
-                blocks[input.mixerSource][i] = block.direct[k][i] / static_cast<float>(inputs);
-            continue;
-        }
-        if (head() && spatialize) {
-            std::vector<float> share = block.direct[k];
-            for (float& sample : share) sample /= static_cast<float>(inputs);
-            putThroughHead(input, turned(towards, channelAngle(k, inputs)), share, block);
-            continue;
-        }
-        gainsOf(towards, spatialize, k, inputs, gains);
-        if (!state.spatialisedOnce) input.gains = gains;
-        mixInput(input, gains, block.direct[k], block);
-    }
-    state.spatialisedOnce = true;
-}
-
-void AcousticEngine::Impl::putThroughHead(EmitterInput& input, const glm::dvec3& towards, std::span<const float> direct,
-                                          Block& block) const {
-    input.head.turn(*options.hrtf, towards, options.blockSize);
-    for (std::size_t e = 0; e < 2; ++e) input.head.process(e, direct, block.ears[e]);
-}
-
-/// Adds an input to the output, with gains that go from the last block's to these.
-void AcousticEngine::Impl::mixInput(EmitterInput& input, const std::vector<double>& gains,
-                                    const std::vector<float>& direct, Block& block) const {
-    const std::size_t size = options.blockSize;
-    for (std::size_t ch = 0; ch < channels; ++ch) {
-        if (gains[ch] == 0 && input.gains[ch] == 0) continue;
-        for (std::size_t i = 0; i < size; ++i)
-            block.out[ch][i] += direct[i] * static_cast<float>(input.gains[ch] + (gains[ch] - input.gains[ch]) *
-                                                                                     static_cast<double>(i + 1) /
-                                                                                     static_cast<double>(size));
-    }
-    input.gains = gains;
 }
 
 /// Reflections of what is played; left of two channels stays left. `emitter` is null once it is gone.
@@ -304,7 +209,8 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* e
     }
     for (std::size_t ch = 0; ch < channels; ++ch) state.late[ch].process(block.late[apart ? ch : 0], block.out[ch]);
     const double start = static_cast<double>(samples), end = start + static_cast<double>(size);
-    const ImpulseResponseOptions response = responseFor(emitter ? emitter->id : InstanceId{}, block.listener);
+    const ImpulseResponseOptions response =
+        responseFor(emitter ? emitter->id : InstanceId{}, state.reflectedBy, block.listener);
     const auto find = [&](const FollowedImage& image, int step, double& delay, double& slope) {
         if (!emitter && step >= 0) {  // it is where it was
             slope = 0;
@@ -316,7 +222,9 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* e
     const auto from = [&](const FollowedImage& image, double delay) {
         return image.at(state.motion.at(end - delay).position) - block.listener.position;
     };
-    state.images.render({block.late, std::cref(find), std::cref(from), response, jumped, block.out, block.ears});
+    const std::span<std::vector<float>> ears(block.ears);
+    state.images.render({block.late, std::cref(find), std::cref(from), response, jumped, block.out,
+                         response.hrtf ? ears : ears.first(0)});
 }
 
 Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
@@ -328,7 +236,8 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     const double start = static_cast<double>(samples), end = start + static_cast<double>(options.blockSize);
     state.motion.advance(end);
     play(emitter, state, block);
-    if (auto made = makeInputs(state, block.dry.size()); !made) return made;
+    const HeardBy by = state.reflectedBy = heardBy(sound, block.listener);
+    if (auto made = makeInputs(state, block.dry.size(), by == HeardBy::mixer); !made) return made;
     HeardLevel to;
     if (!state.started)
         findDelay(state.motion, nullptr, static_cast<double>(samples), state.level.delay, state.level.slope);
@@ -409,23 +318,14 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
         for (std::vector<float>& dry : block.dry) dry.assign(size, 0.0f);
         block.delays.assign(size, state.level.delay);
         renderDirect(state, state.level, false, block);
-        for (std::size_t k = 0; k < state.inputs.size(); ++k) {
-            EmitterInput& input = state.inputs[k];
-            if (mixer)
-                for (std::size_t i = 0; i < size; ++i)
-                    blocks[input.mixerSource][i] = block.direct[k][i] / static_cast<float>(state.inputs.size());
-            else if (input.head.hasHeard())
-                putThroughHead(input, glm::dvec3(input.head.direction()), block.direct[k], block);
-            else
-                mixInput(input, std::vector<double>(input.gains), block.direct[k], block);
-        }
+        hearGone(state, block);
         if (options.reflections) renderLate(state, nullptr, state.level, false, block);
         state.fading -= std::min(state.fading, size);
         if (state.fading > 0) {
             ++it;
         } else {
-            if (mixer)
-                for (const EmitterInput& input : state.inputs) freeSources.push_back(input.mixerSource);
+            for (const EmitterInput& input : state.inputs)
+                if (input.mixerSource) freeSources.push_back(*input.mixerSource);
             toldSealed.erase(it->first);
             it = states.erase(it);
         }
@@ -463,9 +363,10 @@ Result<> AcousticEngine::Impl::block(double alpha) {
     listener.position = listenerMotion.at(static_cast<double>(samples) + static_cast<double>(size)).position;
     listener.gain = playing.listener.gain;
     listener.doppler = playing.listener.doppler;
+    listener.earDistance = playing.listener.earDistance;
     const std::vector<std::vector<float>> silent(channels, std::vector<float>(size));
-    Block block{listener, {}, {}, {}, {}, silent, {}};
-    if (head()) block.ears = silent;
+    Block block{listener, {}, {}, {}, {}, silent, {}, {}, {}};
+    if (hasMeasuredHead()) block.ears = silent;
     for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
     for (const SoundEmitter& emitter : *playing.emitters)
         if (auto done = renderEmitter(emitter, states.at(emitter.id), block); !done) return done;

@@ -20,6 +20,9 @@
 
 namespace rtsg {
 
+/// Nothing is heard from farther away; metres.
+constexpr double kHorizon = 20'000;
+
 /// On the way from one pose to another.
 ListenerPose mixedPose(const ListenerPose& before, const ListenerPose& now, double alpha);
 
@@ -47,10 +50,19 @@ struct AcousticEngine::Impl {
         std::vector<double> delays;              // by sample
         std::vector<std::vector<float>> out;     // by channel: all but what goes to the mixer and through the head
         std::vector<std::vector<float>> ears;    // by channel: what went through the head
+        // Of the emitter that is being rendered: at the ends of the block before and of this one.
+        HeardLevel before, after;
+        bool crossfade = false;  // from one delay to the other
+    };
+    /// What comes or goes in a block.
+    struct Ramp {
+        double from = 1, to = 1;
     };
 
-    std::size_t latency() const { return mixer ? mixer->latency() : head() ? options.hrtf->early() : 0; }
-    bool head() const { return options.binaural && options.hrtf && options.ambisonicOrder == 0; }
+    std::size_t latency() const { return mixer ? mixer->latency() : hasMeasuredHead() ? options.hrtf->early() : 0; }
+    bool hasMeasuredHead() const { return options.hrtf && options.ambisonicOrder == 0; }
+    HeardBy heardBy(const SoundNode& sound, const ListenerPose& listener) const;
+    void openMixer(const SoundVersion& sounds);
 
     void follow(const AcousticState& state, const RayView& rays);
     /// Everything but the sound: what is where at `poseSeconds`.
@@ -70,7 +82,7 @@ struct AcousticEngine::Impl {
     void play(const SoundEmitter& emitter, EmitterState& state, Block& block);
     void streamOut(const SoundEmitter& emitter, EmitterState& state, Block& block);
     void endStreams();
-    Result<> makeInputs(EmitterState& state, std::size_t count);
+    Result<> makeInputs(EmitterState& state, std::size_t count, bool forMixer);
     /// Of the source, or of an image of it.
     void findDelay(const Trajectory& motion, const FollowedImage* image, double time, double& delay,
                    double& slope) const;
@@ -82,12 +94,17 @@ struct AcousticEngine::Impl {
                  const ListenerPose& listener, HeardLevel& to, bool& audible) const;
     void renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block);
     void spatialise(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent, Block& block);
+    void readDirect(const DelayLine& line, const Block& block, double earBefore, double ear,
+                    std::vector<float>& out) const;
     void gainsOf(const glm::dvec3& towards, bool spatialize, std::size_t input, std::size_t inputs,
                  std::vector<double>& gains) const;
-    void mixInput(EmitterInput& input, const std::vector<double>& gains, const std::vector<float>& direct,
-                  Block& block) const;
-    void putThroughHead(EmitterInput& input, const glm::dvec3& towards, std::span<const float> direct,
-                        Block& block) const;
+    void hear(EmitterState& state, std::size_t input, HeardBy by, const glm::dvec3& towards, bool spatialize,
+              const Ramp& ramp, Block& block);
+    void hearBySphere(EmitterInput& input, const std::array<double, 2>& delays, const std::vector<double>& gains,
+                      Block& block) const;
+    void mixInput(const EmitterInput& input, const std::vector<double>& gains, std::size_t channel,
+                  const std::vector<float>& direct, Block& block) const;
+    void hearGone(EmitterState& state, Block& block);
     void renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to, bool jumped, Block& block);
     void noteSilence(EmitterState& state, const Block& block) const;
     void fadeOut(Block& block);
@@ -98,7 +115,7 @@ struct AcousticEngine::Impl {
     Renewal renewalOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                       const ListenerPose& listener) const;
     void turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener);
-    ImpulseResponseOptions responseFor(InstanceId emitter, const ListenerPose& listener) const;
+    ImpulseResponseOptions responseFor(InstanceId emitter, HeardBy by, const ListenerPose& listener) const;
     void submit(EmitterState& state, TraceJob job, const ListenerPose& listener);
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                const ListenerPose& listener);
@@ -118,7 +135,8 @@ struct AcousticEngine::Impl {
     Air air;         // of the state being rendered
     double longest;  // metres that sound goes within a response
     WorldGeometry geometry;
-    std::optional<LoopbackMixer> mixer;  // binaural only
+    std::optional<LoopbackMixer> mixer;  // of those that are to be heard through OpenAL's head
+    bool mixerTried = false;             // since a sound asked for it
     ClipLibrary clips;
     std::map<InstanceId, EmitterState> states;
     std::vector<std::size_t> freeSources;

@@ -27,9 +27,10 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
                        glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
                        (aimed && !(glm::dot(state.tracedAim, emitter.aim()) >= kTurned));
     if (moved || (state.wallsChanged && shallSeekLeaks(state))) return Renewal::trace;
-    const bool turned =
-        glm::dot(state.tracedRight, listener.right) < kTurned ||
-        ((options.ambisonicOrder > 0 || options.hrtf) && glm::dot(state.tracedBack, listener.back) < kTurned);
+    const bool allRound = options.ambisonicOrder > 0 || state.reflectedBy == HeardBy::measured;
+    const bool turned = glm::dot(state.tracedRight, listener.right) < kTurned ||
+                        (allRound && glm::dot(state.tracedBack, listener.back) < kTurned) ||
+                        state.tracedBy != state.reflectedBy || state.tracedRadius != listener.headRadius();
     return turned && state.traced ? Renewal::turn : Renewal::none;
 }
 
@@ -69,7 +70,7 @@ std::size_t AcousticEngine::Impl::followedOf(EmitterState& state, const SoundEmi
                    glm::distance(state.tracedListener, listener.position) > little);
     if (!state.moves || !(emitter.sound->doppler || listener.doppler)) return 0;
     const auto moving = std::ranges::count_if(states, [](const auto& other) { return other.second.moves; });
-    const std::size_t all = head() ? kMostThroughHead : kMostOfAll;
+    const std::size_t all = state.reflectedBy == HeardBy::measured ? kMostThroughHead : kMostOfAll;
     return std::clamp<std::size_t>(all / static_cast<std::size_t>(moving), 1, kMost);
 }
 
@@ -94,7 +95,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     job.maxRays = options.maxRays;
     job.longest = longest;
     job.block = options.blockSize;
-    job.response = responseFor(emitter.id, listener);
+    job.response = responseFor(emitter.id, state.reflectedBy, listener);
     state.tracedSource = source;
     state.tracedListener = listener.position;
     state.tracedAim = emitter.aim();
@@ -108,20 +109,22 @@ void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter
     TraceJob job;
     job.emitter = emitter.id;
     job.block = options.blockSize;
-    job.response = responseFor(emitter.id, listener);
+    job.response = responseFor(emitter.id, state.reflectedBy, listener);
     job.traced = state.traced;
     job.images = state.tracedImages;
     submit(state, std::move(job), listener);
 }
 
-ImpulseResponseOptions AcousticEngine::Impl::responseFor(InstanceId emitter, const ListenerPose& listener) const {
+ImpulseResponseOptions AcousticEngine::Impl::responseFor(InstanceId emitter, HeardBy by,
+                                                         const ListenerPose& listener) const {
     using Channels = ImpulseResponseOptions::Channels;
     ImpulseResponseOptions response;
     response.channels = options.ambisonicOrder > 0 ? Channels::ambisonic
-                        : options.binaural         ? Channels::binaural
-                                                   : Channels::stereo;
+                        : by == HeardBy::gains     ? Channels::stereo
+                                                   : Channels::binaural;
     response.ambisonicOrder = options.ambisonicOrder;
-    response.hrtf = options.hrtf;
+    if (by == HeardBy::measured) response.hrtf = options.hrtf;
+    response.headRadius = listener.headRadius();
     response.sampleRate = options.sampleRate;
     response.listenerRight = listener.right;
     response.listenerUp = listener.up;
@@ -139,6 +142,8 @@ void AcousticEngine::Impl::submit(EmitterState& state, TraceJob job, const Liste
     state.tracedAt = seconds();
     state.tracedRight = listener.right;
     state.tracedBack = listener.back;
+    state.tracedBy = state.reflectedBy;
+    state.tracedRadius = listener.headRadius();
     if (!worker) return takeResponse(traceResponse(job, geometry));
     job.state = liveState;
     job.rays = liveRays;

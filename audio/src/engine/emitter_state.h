@@ -3,6 +3,7 @@
 // Threading: the engine's thread.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -13,15 +14,20 @@
 #include <rtsg/audio/clip_library.h>
 #include <rtsg/audio/convolver.h>
 #include <rtsg/audio/echogram.h>
+#include <rtsg/audio/panning.h>
 #include <rtsg/audio/world_geometry.h>
 
-#include "head_filter.h"
 #include "image_player.h"
 #include "scene/process_player.h"
 #include "signal/delay_line.h"
+#include "signal/head_filter.h"
 #include "trajectory.h"
 
 namespace rtsg {
+
+/// How what comes from a direction becomes two ears or other channels: by gains, through a head of one's own that was
+/// measured, through OpenAL's, or by a sphere that is a head.
+enum class HeardBy : std::uint8_t { gains, measured, mixer, sphere };
 
 /// How much of an emitter reaches the listener, and when.
 struct HeardLevel {
@@ -33,9 +39,10 @@ struct HeardLevel {
 /// One channel of what an emitter plays, on its way to the listener.
 struct EmitterInput {
     DelayLine line;
-    std::size_t mixerSource = 0;  // binaural
-    std::vector<double> gains;    // otherwise: by channel of the output, at the end of the last block
-    HeadFilter head;              // if there is one of one's own
+    std::optional<std::size_t> mixerSource;
+    std::vector<double> gains;          // by channel of the output, at the end of the last block
+    std::array<double, 2> earDelays{};  // samples; of a sphere, as well
+    HeadFilter head;
 };
 
 struct EmitterState {
@@ -53,16 +60,19 @@ struct EmitterState {
     std::vector<std::uint32_t> body;    // of those, the ones that the listener is not in
     HeardLevel level;                   // at the end of the last block
     bool started = false;
-    bool jumps = false;         // will be put somewhere else when this frame ends
-    bool jumped = false;        // put somewhere else: what is under way is not followed
-    bool held = false;          // kept its delay in the last block, as it is not to be shifted
-    std::size_t quiet = 0;      // samples since something was played
-    glm::dvec3 spatialised{0};  // the direction of the last block, in the listener's frame
+    bool jumps = false;     // will be put somewhere else when this frame ends
+    bool jumped = false;    // put somewhere else: what is under way is not followed
+    bool held = false;      // kept its delay in the last block, as it is not to be shifted
+    std::size_t quiet = 0;  // samples since something was played
     bool spatialisedOnce = false;
+    HeardBy heardBy = HeardBy::gains;      // what came straight in the last block,
+    HeardBy reflectedBy = HeardBy::gains;  // and by way of walls
     // Of the response in use.
     bool hasResponse = false;
     bool tracing = false;  // in the background: where its paths go is not known yet
     double tracedAt = 0;
+    HeardBy tracedBy = HeardBy::gains;
+    double tracedRadius = kHeadRadius;
     glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0}, tracedBack{0}, tracedAim{0};
     std::shared_ptr<const Echogram> traced;  // for when the listener turns
     ImagePlayer::Images tracedImages;        // that the response leaves out

@@ -13,8 +13,8 @@
 
 #include <rtsg/audio/convolver.h>
 
-#include "head_filter.h"
 #include "signal/delay_line.h"
+#include "signal/head_filter.h"
 #include "trace/arrival_pan.h"
 #include "trace/followed_images.h"
 

@@ -56,6 +56,7 @@ SoundBuffer ListenReport::impulseResponses(int sampleRate) const {
         options.listenerUp = listener.up;
         options.listenerBack = listener.back;
         options.speedOfSound = air.speedOfSound;
+        options.headRadius = listener.headRadius();
         parts.push_back(makeImpulseResponse((source.directed ? *source.directed : source.trace).echogram(), options));
         frames = std::max(frames, parts.back().frames());
         channels += parts.back().channels.size();

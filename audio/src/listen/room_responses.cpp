@@ -19,7 +19,6 @@ namespace rtsg {
 namespace {
 
 using ResponseChannels = ImpulseResponseOptions::Channels;
-constexpr double kEarMetres = 0.0875;  // of the sphere that stands for a head
 
 /// From X3D's axes to those with z up.
 glm::dvec3 zUp(const glm::dvec3& v) {
@@ -107,9 +106,21 @@ NetcdfVariable receivers(const RoomResponses& room, std::size_t count) {
                 .values = {0, 0, 0},
                 .attributes = {{"Type", "spherical harmonics"}, {"Units", "degree, degree, metre"}}};
     NetcdfVariable variable{.name = "ReceiverPosition", .dimensions = "RCI", .values = {}, .attributes = cartesian()};
+    const double radius = room.pairs.front().headRadius;
+    const auto place = [&](std::size_t r, double ofHead) -> glm::dvec3 {
+        return {0, room.channels == ResponseChannels::binaural ? (r == 0 ? ofHead : -ofHead) : 0, 0};
+    };
+    const bool alike = room.channels != ResponseChannels::binaural ||
+                       std::ranges::all_of(room.pairs, [&](const auto& pair) { return pair.headRadius == radius; });
+    if (!alike) variable.dimensions = "RCM";
     for (std::size_t r = 0; r < count; ++r) {
-        const double side = room.channels == ResponseChannels::binaural ? (r == 0 ? kEarMetres : -kEarMetres) : 0;
-        append(variable.values, {0, side, 0});
+        if (alike) {
+            append(variable.values, place(r, radius));
+            continue;
+        }
+        // Heads of several sizes: coordinate by coordinate, of all measurements.
+        for (int c = 0; c < 3; ++c)
+            for (const RoomResponses::Pair& pair : room.pairs) variable.values.push_back(place(r, pair.headRadius)[c]);
     }
     return variable;
 }

@@ -335,7 +335,7 @@ Result<RoomReport> SoundRenderer::survey(std::vector<ListeningPlace> places) {
                                         source.directed ? std::optional(source.directed->echogram()) : std::nullopt,
                                         source.trace.bandsTraced,
                                         sounds.sound(emitter).directional(levels) ? emitter.aim() : glm::dvec3(0),
-                                        place.axes.value_or(axes)});
+                                        place.axes.value_or(axes), place.axes ? place.headRadius : pose.headRadius()});
             }
             report.rays += rays;
             if (first == 0 && !sources->empty()) report.losses.push_back({emitter.name, sources->front().openings});
@@ -357,8 +357,14 @@ RoomResponses SoundRenderer::responses(const RoomReport& report, int sampleRate)
     room.air = report.air;
     if (!report.pairs.empty()) room.box = boxOf(s.renderer->geometryFor(report.pairs.front().sourceAt));
     for (const RoomReport::Pair& pair : report.pairs)
-        room.pairs.push_back(
-            {pair.source, pair.listener, pair.sourceAt, pair.listenerAt, pair.sourceAim, pair.listenerAxes, {}});
+        room.pairs.push_back({pair.source,
+                              pair.listener,
+                              pair.sourceAt,
+                              pair.listenerAt,
+                              pair.sourceAim,
+                              pair.listenerAxes,
+                              {},
+                              pair.headRadius});
     parallelFor(room.pairs.size(), [&](std::size_t i) {
         ImpulseResponseOptions options;
         options.channels = room.channels;
@@ -370,6 +376,7 @@ RoomResponses SoundRenderer::responses(const RoomReport& report, int sampleRate)
         options.listenerUp = room.pairs[i].listenerAxes[1];
         options.listenerBack = room.pairs[i].listenerAxes[2];
         options.speedOfSound = room.air.speedOfSound;
+        options.headRadius = room.pairs[i].headRadius;
         room.pairs[i].response =
             makeImpulseResponse(report.pairs[i].directed.value_or(report.pairs[i].echogram), options);
     });

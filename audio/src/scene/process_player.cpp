@@ -134,41 +134,6 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
     for (const AudioChannels& one : processed) mixInto(out, one, discrete);
 }
 
-/// The PannerNode of the Web Audio API: of more than two channels it mixes down, and what comes out are left and right.
-/// Level and direction are on their way from those of the block before.
-void ProcessPlayer::pan(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
-    const SoundNode& sound = *process.placed;
-    const SoundEmitter at{{}, process.placed, block.emitter.worldFromLocal, {}};
-    const glm::dvec3 way = at.position() - block.listener.position, local = at.localFrom(-way);
-    const double level = sound.intensity * sound.level(local) * sound.coneGain(local);
-    PanGains gains{{{level, 0}, {0, level}}};
-    if (sound.spatialize) {
-        AudioChannels ears(std::min<std::size_t>(out.size(), 2), std::vector<float>(block.frames));
-        mixInto(ears, out, false);
-        const bool stereo = ears.size() == 2;
-        gains = equalPowerGains(glm::length(way) > 0 ? block.listener.toLocal(way) : glm::dvec3(0, 0, -1), stereo);
-        for (auto& row : gains)
-            for (double& gain : row) gain *= level;
-        ears.resize(2, std::vector<float>(block.frames));
-        out = std::move(ears);
-    }
-    const PanGains before = panned_.value_or(gains);
-    panned_ = gains;
-    for (std::size_t i = 0; i < block.frames; ++i) {
-        const double w = static_cast<double>(i + 1) / static_cast<double>(block.frames);
-        const auto gain = [&](std::size_t to, std::size_t from) {
-            return static_cast<float>(before[to][from] + (gains[to][from] - before[to][from]) * w);
-        };
-        if (!sound.spatialize) {
-            for (std::vector<float>& channel : out) channel[i] *= gain(0, 0);
-            continue;
-        }
-        const float left = out[0][i], right = out[1][i];
-        out[0][i] = gain(0, 0) * left + gain(0, 1) * right;
-        out[1][i] = gain(1, 0) * left + gain(1, 1) * right;
-    }
-}
-
 void ProcessPlayer::merge(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
     const std::size_t frames = block.frames;
     merged_.resize(process.inputs.size());

@@ -13,6 +13,10 @@
 #include <rtsg/audio/audio_processing.h>
 #include <rtsg/audio/clip_library.h>
 #include <rtsg/audio/convolver.h>
+#include <rtsg/audio/hrtf.h>
+
+#include "signal/delay_line.h"
+#include "signal/head_filter.h"
 
 namespace rtsg {
 
@@ -37,6 +41,8 @@ struct GraphBlock {
     std::size_t frames;            // all blocks of a graph have as many
     const SoundEmitter& emitter;   // that the graph leads to: what is panned in it is placed in its frame
     const ListenerPose& listener;  // at the end of the block
+    double speedOfSound = 343;
+    const Hrtf* head = nullptr;  // of what is panned by a head (enableHRTF); null: a sphere
 };
 
 /// What voices and processes give together, in as many channels as the one with the most, or `exactly` so many.
@@ -72,6 +78,7 @@ class ProcessPlayer {
     void shape(const AudioProcess& process, AudioChannels& out);
     void merge(const AudioProcess& process, const GraphBlock& block, AudioChannels& out);
     void pan(const AudioProcess& process, const GraphBlock& block, AudioChannels& out);
+    void panByHead(const glm::dvec3& direction, double level, const GraphBlock& block, AudioChannels& out);
 
     NodeId node_;
     AudioProcess::Kind kind_;
@@ -93,6 +100,13 @@ class ProcessPlayer {
     bool normalized_ = false;
     using PanGains = std::array<std::array<double, 2>, 2>;  // see equalPowerGains()
     std::optional<PanGains> panned_;                        // at the end of the last block
+    // Of a panner that is a head.
+    HeadFilter head_;
+    std::array<DelayLine, 2> ears_;
+    struct Ear {
+        double gain = 0, delay = 0;
+    };
+    std::optional<std::array<Ear, 2>> heard_;  // at the end of the last block
 };
 
 }  // namespace rtsg

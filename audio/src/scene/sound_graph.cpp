@@ -77,6 +77,7 @@ bool readPlace(const Node& node, const FieldNumbers& in, SoundNode& sound) {
     sound.enabled = node.get(S::enabled);
     sound.spatialize = node.get(S::spatialize);
     sound.doppler = node.get(S::dopplerEnabled);
+    sound.head = node.get(S::enableHRTF);
     sound.intensity = in.within(S::intensity, 0) * in.any(S::gain, 0);
     sound.location = in.vector(S::location, kOutOfHearing, "it is not heard");
     sound.direction = in.vector(S::direction, {0, 0, 1}, "0 0 1 counts");

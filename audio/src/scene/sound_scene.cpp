@@ -236,6 +236,16 @@ ListenerPose SoundScene::poseOf(const Scene& scene, const Placed& placed) {
     return pose;
 }
 
+/// As far as it is that of a head, or of microphones; 0: not said.
+double SoundScene::earDistance(const Scene& scene, const Node& node) {
+    constexpr double kMost = 10;
+    const double told = std::max(0.0, numbersIn(scene, node).any("interauralDistance", 0, 0));
+    if (told > kMost)
+        warnOnce(scene.placeOf(node.id()),
+                 fmt::format("{}: its interauralDistance is too large: {:g} m count", nameOf(scene, node), kMost));
+    return std::min(told, kMost);
+}
+
 void SoundScene::findPlaces(const Scene& scene) {
     std::map<std::uint32_t, const Placed*> listeners, views;  // by slot
     for (const auto& [slot, placed] : others_) {
@@ -255,6 +265,9 @@ void SoundScene::findPlaces(const Scene& scene) {
         if (named[name] > 1) name += fmt::format(" {}", ++seen[name]);
         const ListenerPose pose = poseOf(scene, *placed);
         places_.push_back({std::move(name), pose.position, glm::dmat3(pose.right, pose.up, pose.back)});
+        ListenerPose head;
+        head.earDistance = earDistance(scene, scene.node(placed->node));
+        places_.back().headRadius = head.headRadius();
     }
     if (places_.empty()) places_.push_back({"listener", listener_.position, {}});
 }
@@ -288,6 +301,7 @@ void SoundScene::chooseListener(const Scene& scene) {
     const FieldNumbers in = numbersIn(scene, node);
     listener_.gain = in.any("gain", 0, 1);
     listener_.doppler = fieldOr(node, "dopplerEnabled", false);
+    listener_.earDistance = earDistance(scene, node);
 }
 
 void SoundScene::readWalls(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) {

@@ -10,6 +10,10 @@ struct ArrivalPan {
     double delay = 0;  // s
 };
 
+/// Of an ear (0: left) of a sphere, for a direction so far to the right (its sine): how much later than the middle of
+/// the head it hears what comes from there, and how much of it.
+ArrivalPan panOfEar(double right, int ear, double radius, double speedOfSound);
+
 /// `direction`: unit, world frame, from the listener.
 ArrivalPan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options);
 

@@ -19,7 +19,6 @@ namespace rtsg {
 namespace {
 
 constexpr double kFourPi = 4 * std::numbers::pi;
-constexpr double kHeadRadius = 0.0875;
 /// Width of the transition between neighbouring bands, octaves.
 constexpr double kTransition = 0.5;
 
@@ -31,6 +30,13 @@ double gaussian(Random& random) {
 
 }  // namespace
 
+ArrivalPan panOfEar(double right, int ear, double radius, double speedOfSound) {
+    // Relative to the head's centre: the near ear hears earlier by r sin a, the far one later by r a.
+    const double towards = ear == 0 ? -right : right, angle = std::asin(std::clamp(towards, -1.0, 1.0));
+    return {stereoGains({right, 0, 0})[static_cast<std::size_t>(ear)],
+            -(towards > 0 ? towards : angle) * radius / speedOfSound};
+}
+
 ArrivalPan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options) {
     if (options.channels == ImpulseResponseOptions::Channels::mono) return {};
     if (options.channels == ImpulseResponseOptions::Channels::ambisonic) {
@@ -40,15 +46,10 @@ ArrivalPan panOf(const glm::dvec3& direction, int channel, const ImpulseResponse
         ambisonicGains(options.ambisonicOrder, ambisonicAxes(local), gains);
         return {gains[static_cast<std::size_t>(channel)], 0};
     }
-    const double right = glm::dot(direction, options.listenerRight), towards = channel == 0 ? -right : right;
-    ArrivalPan pan;
-    pan.gain = stereoGains({right, 0, 0})[static_cast<std::size_t>(channel)];
-    if (options.channels == ImpulseResponseOptions::Channels::binaural) {
-        // Relative to the head's centre: the near ear hears earlier by r sin a, the far one later by r a.
-        const double angle = std::asin(std::clamp(towards, -1.0, 1.0));
-        pan.delay = -(towards > 0 ? towards : angle) * kHeadRadius / options.speedOfSound;
-    }
-    return pan;
+    const double right = glm::dot(direction, options.listenerRight);
+    if (options.channels == ImpulseResponseOptions::Channels::binaural)
+        return panOfEar(right, channel, options.headRadius, options.speedOfSound);
+    return {stereoGains({right, 0, 0})[static_cast<std::size_t>(channel)], 0};
 }
 
 namespace {
@@ -187,8 +188,10 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
                                                                   : 2;
     const double rate = options.sampleRate;
     const std::vector<HeadArrival> heads = throughHead(echogram, options);
+    const auto farEar = static_cast<std::size_t>(
+        options.channels == Channels::binaural ? std::ceil(2 * options.headRadius / options.speedOfSound * rate) : 0);
     const std::size_t frames = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
-                               2 * SincTable::kHalf + 64 + (heads.empty() ? 0 : heads.front().ears[0].size());
+                               2 * SincTable::kHalf + 64 + farEar + (heads.empty() ? 0 : heads.front().ears[0].size());
     const RealFft fft(RealFft::sizeFor(frames + 4096));
     const trace::BandClasses classes = trace::bandClasses(echogram.arrivals, std::span(&echogram.late, 1));
     const BandFilters filters(fft, options.sampleRate, classes);

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <mysofa.h>
 
@@ -182,6 +183,42 @@ TEST_F(SofaOfRoom, IsTheWavOfTheSameResponsesInEachKindOfChannels) {
             EXPECT_NE(sofa.global.at("ReceiverDescription").find("SN3D"), std::string::npos);
         }
         if (channels == Channels::binaural) expectPlaces(sofa.receiverPosition.values, {{0, .0875, 0}, {0, -.0875, 0}});
+    }
+}
+
+/// Where ears are is told as they were heard with: once of heads alike, else measurement by measurement.
+TEST_F(SofaOfRoom, SaysHowFarEarsAreApart) {
+    for (const bool alike : {false, true}) {
+        Scene scene;
+        load(scene, test::room("absorption .3 specular .7", test::kPair) +
+                        "DEF Wide ListenerPointSource { position 4 3 1.5 interauralDistance .5 }\n" +
+                        "DEF Usual ListenerPointSource { position 4 3 1.5 " + (alike ? "interauralDistance .5" : "") +
+                        " }\n");
+        SharedWorld world(scene);
+        ListenOptions asked = options();
+        asked.responses = ImpulseResponseOptions::Channels::binaural;
+        SoundRenderer sound(world, asked);
+        auto report = sound.survey();
+        ASSERT_TRUE(report) << report.error().text;
+        const RoomResponses room = sound.responses(*report);
+        ASSERT_EQ(room.pairs.size(), 2u);
+        const std::string file = (folder_ / "ears.sofa").string();
+        ASSERT_TRUE(writeSofa(file, room));
+        const ReadSofa sofa(file);
+        if (alike)
+            expectPlaces(sofa.receiverPosition.values, {{0, .25, 0}, {0, -.25, 0}});
+        else  // x, y and z of the left ear, then of the right, each of both measurements
+            EXPECT_THAT(sofa.receiverPosition.values,
+                        testing::ElementsAre(0, 0, .25f, .0875f, 0, 0, 0, 0, -.25f, -.0875f, 0, 0));
+        // The voice is behind to the left: the ears hear it as far apart as they are.
+        const auto first = [&](std::size_t pair, std::size_t ear) {
+            const std::vector<float>& heard = room.pairs[pair].response.channels[ear];
+            return std::ranges::find_if(heard, [](float x) { return std::abs(x) > .02f; }) - heard.begin();
+        };
+        const double side = 3 / std::hypot(3, 2);
+        for (std::size_t pair = 0; pair < 2; ++pair)
+            EXPECT_NEAR(static_cast<double>(first(pair, 1) - first(pair, 0)),
+                        (alike || pair == 0 ? .25 : .0875) / 343 * (side + std::asin(side)) * 48000, 4);
     }
 }
 

@@ -1,5 +1,6 @@
 // SpatialSounds and Sounds between nodes of an audio graph: panned as the Web Audio API has it, at their places.
 #include <cmath>
+#include <complex>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
@@ -75,6 +76,41 @@ TEST(AudioPanner, APannersChannelsAndLevelsAreThoseOfItsFields) {
     EXPECT_THAT(
         at("ChannelSelector { channelSelection 1 children SpatialSound { location 1 0 0 children " + kSteady + " } }"),
         both(.25, .25));
+}
+
+/// A panner by a head ("HRTF"): the ears of a sphere hear it as loud as by "equalpower", each at its time.
+TEST(AudioPanner, ASpatialSoundBetweenNodesIsHeardByAHeadIfItSaysSo) {
+    constexpr double kHertz = 500, kRate = 48000;
+    for (const double ears : {0., .3})
+        for (const double azimuth : {0., 40., 90., 160., -70.}) {
+            SCOPED_TRACE(fmt::format("{} {}", ears, azimuth));
+            const double a = azimuth * M_PI / 180, side = std::sin(a);
+            const auto at = [&](const char* field) {
+                return hear(fmt::format("Gain {{ children SpatialSound {{ {} rolloffFactor 0 location {} 0 {} children "
+                                        "OscillatorSource {{ frequency {} gain .5 }} }} }}",
+                                        field, 4 * side, -4 * std::cos(a), kHertz),
+                            .3, nullptr, "", fmt::format("ListenerPointSource {{ interauralDistance {} }}", ears));
+            };
+            const auto by = at("enableHRTF TRUE"), equal = at("");
+            for (std::size_t e = 0; e < 2; ++e) {
+                std::complex<double> sum = 0, other = 0;
+                for (std::size_t i = 4800; i < 9600; ++i) {
+                    const auto turn = std::polar(1.0, -2 * M_PI * kHertz * static_cast<double>(i) / kRate);
+                    sum += by[e][i] * turn;
+                    other += equal[e][i] * turn;
+                }
+                const double towards = e == 0 ? -side : side, r = ears > 0 ? ears / 2 : .0875;
+                EXPECT_NEAR(std::abs(sum) / 2400, .5 * std::sqrt(.5) * std::sqrt(1 + .9 * towards), 1e-4);
+                // As late as from where it first meets the sphere, after a third of a millisecond; "equalpower" is not
+                // late at all.
+                const double later = (r + (towards > 0 ? -r * towards : r * std::asin(-towards))) / 343 + 16 / kRate;
+                EXPECT_NEAR(std::remainder(-(std::arg(sum) + M_PI / 2) / (2 * M_PI * kHertz) - later, 1 / kHertz), 0,
+                            3e-7);
+                if (std::abs(other) > 1) {
+                    EXPECT_NEAR(std::arg(other), -M_PI / 2, 1e-4);
+                }
+            }
+        }
 }
 
 /// In the frame of what it leads to; where that moves and where the listener turns it is heard without a step.

@@ -14,14 +14,15 @@
 namespace rtsg::test {
 
 /// Left and right of `seconds` of a graph. `told`: takes what is said of it, which is nothing otherwise. `fields`: of
-/// the destination.
+/// the destination. `listener`: of the scene.
 inline std::array<std::vector<double>, 2> hear(const std::string& graph, double seconds = .5,
-                                               std::string* told = nullptr, const std::string& fields = "") {
+                                               std::string* told = nullptr, const std::string& fields = "",
+                                               const std::string& listener = "Viewpoint { position 0 0 0 }") {
     Scene scene;
     Diagnostics diagnostics;
     EXPECT_TRUE(loadText(scene,
                          "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { " + fields + " children [ " + graph +
-                             " ] }\nViewpoint { position 0 0 0 }\n",
+                             " ] }\n" + listener + "\n",
                          diagnostics));
     for (const Diagnostic& d : diagnostics.all())
         if (!told) ADD_FAILURE() << d.format();

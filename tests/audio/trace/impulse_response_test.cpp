@@ -121,6 +121,10 @@ TEST(ImpulseResponse, StereoPansAndRepeats) {
     };
     EXPECT_NEAR(static_cast<double>(peak(ears.channels[0]) - peak(ears.channels[1])),
                 0.0875 / 343 * (1 + M_PI / 2) * 48000, 1.5);
+    options.headRadius = 0.25;
+    const ImpulseResponse wide = makeImpulseResponse(echogram, options);
+    EXPECT_NEAR(static_cast<double>(peak(wide.channels[0]) - peak(wide.channels[1])),
+                0.25 / 343 * (1 + M_PI / 2) * 48000, 1.5);
     options.firstOrder = 1;
     EXPECT_NEAR(makeImpulseResponse(echogram, options).channels[1][468], 0, 1e-3);
 }

@@ -35,7 +35,8 @@ struct AcousticOptions {
 
     int sampleRate = 48000;
     bool binaural = false;
-    /// The head of binaural sound; null: OpenAL's for what comes straight, a sphere for reflections.
+    /// The head of binaural sound, and of SpatialSounds with enableHRTF; null: OpenAL's for what comes straight, a
+    /// sphere for reflections, and a sphere for both where the listener has an interauralDistance.
     std::shared_ptr<const Hrtf> hrtf;
     /// 1 to 7: an ambisonic sound (see ambisonics.h) instead of two channels, and no OpenAL; 0: not.
     int ambisonicOrder = 0;
@@ -145,7 +146,8 @@ class AcousticEngine {
     /// up without losing one now and then.
     double liveEnd() const;
 
-    /// Reads the clips that the state names, so that none has to be read while sound is made.
+    /// Reads the clips that the state names, and opens OpenAL's head if a sound asks for one, so that none of this has
+    /// to be done while sound is made.
     void prepare(const AcousticState& state);
     /// Of what render() appends.
     int channels() const;

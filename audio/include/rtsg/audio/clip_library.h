@@ -46,6 +46,8 @@ class ClipLibrary {
     std::shared_ptr<SoundInput> inputOf(const SoundVoice& voice) const;
     int sampleRate() const { return sampleRate_; }
     const Diagnostics& diagnostics() const { return diagnostics_; }
+    /// Adds to what could not be heard as it should.
+    void note(std::string text) { diagnostics_.warning({}, std::move(text)); }
     /// Says once of a node that what it made was no sound: no numbers, or far beyond all loudness.
     void noteNoSound(const std::string& name);
 

@@ -17,6 +17,7 @@
 
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/hrtf.h>
+#include <rtsg/audio/panning.h>
 
 namespace rtsg {
 
@@ -31,7 +32,7 @@ struct ImpulseResponseOptions {
     enum class Channels : std::uint8_t {
         mono,       // pressure at the listener
         stereo,     // arrivals panned by their direction; what comes from ahead has the full pressure in both
-        binaural,   // and the ears' difference in arrival time added (Woodworth's sphere of 8.75 cm), or an HRTF
+        binaural,   // and the ears' difference in arrival time added (Woodworth's sphere), or an HRTF
         ambisonic,  // see ambisonics.h; the remainder comes evenly from all directions
     };
     Channels channels = Channels::mono;
@@ -44,6 +45,7 @@ struct ImpulseResponseOptions {
     /// Cut where less than this share of the energy is left in every band.
     double cutShare = 1e-8;
     double speedOfSound = 343;
+    double headRadius = kHeadRadius;  // of binaural sound without an HRTF, metres
     /// Binaural: what arrives within `hrtfSeconds` of the first arrival is heard through this head. Null: none.
     std::shared_ptr<const Hrtf> hrtf;
     double hrtfSeconds = 0.08;

@@ -14,6 +14,9 @@
 
 namespace rtsg {
 
+/// Of the sphere that stands for a head where nothing else is known of it, metres.
+inline constexpr double kHeadRadius = 0.0875;
+
 /// Amplitudes of left and right for a unit direction in the listener's frame (x right, y up, z back).
 inline std::array<double, 2> stereoGains(const glm::dvec3& direction) {
     const double right = 0.9 * std::clamp(direction.x, -1.0, 1.0);

@@ -20,6 +20,7 @@
 
 #include <rtsg/audio/bands.h>
 #include <rtsg/audio/echogram.h>
+#include <rtsg/audio/panning.h>
 #include <rtsg/audio/room_metrics.h>
 #include <rtsg/audio/room_openings.h>
 #include <rtsg/core/diagnostic.h>
@@ -38,6 +39,7 @@ struct RoomReport {
         int bandsTraced = 0;               // TraceResult::bandsTraced
         glm::dvec3 sourceAim{0};           // where it points, of unit length; 0 if it radiates alike to all sides
         glm::dmat3 listenerAxes{1.0};      // right, up, back
+        double headRadius = kHeadRadius;   // of binaural responses
     };
     /// Where what one source emits leaves the room.
     struct Losses {

@@ -39,6 +39,7 @@ struct RoomResponses {
         glm::dvec3 sourceAim{0};                // where it points; 0 where it radiates alike to all sides
         glm::dmat3 listenerAxes{1.0};           // right, up, back
         ImpulseResponse response;
+        double headRadius = kHeadRadius;  // of binaural responses: how far the ears are from the middle
     };
     std::string title, scene;  // the latter: a name or url of what the room is in
     std::string application, applicationVersion;

@@ -22,6 +22,7 @@
 
 #include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/audio_processing.h>
+#include <rtsg/audio/panning.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/renderers/flattener.h>
@@ -129,6 +130,7 @@ struct SoundNode {
     NodeId node;
     std::string name;  // DEF; without one the type and a number
     bool enabled = true, spatialize = true, doppler = true;
+    bool head = false;      // enableHRTF: through a head, where there are two channels
     bool reflected = true;  // heard by way of walls too
     bool discrete = false;  // channelInterpretation of a destination
     int maxChannels = 2;    // that a destination has, at least 1
@@ -171,7 +173,9 @@ struct ListenerPose {
     glm::dvec3 position{0, 0, 10};
     glm::dvec3 right{1, 0, 0}, up{0, 1, 0}, back{0, 0, 1};  // orthonormal
     double gain = 1;
-    bool doppler = false;  // of all that it hears; else as each source says
+    bool doppler = false;    // of all that it hears; else as each source says
+    double earDistance = 0;  // metres between its ears; 0: not said
+    double headRadius() const { return earDistance > 0 ? earDistance / 2 : kHeadRadius; }
     /// A world direction in the listener's frame.
     glm::dvec3 toLocal(const glm::dvec3& world) const {
         return {glm::dot(world, right), glm::dot(world, up), glm::dot(world, back)};
@@ -184,6 +188,7 @@ struct ListeningPlace {
     glm::dvec3 position{0};
     /// Right, up, back; nothing: those of the scene's listener.
     std::optional<glm::dmat3> axes = std::nullopt;
+    double headRadius = kHeadRadius;  // where there are axes; else that of the scene's listener
 };
 
 /// Who sounds and who listens, as a version that does not change.
@@ -246,6 +251,7 @@ class SoundScene {
     void chooseListener(const Scene& scene);
     ListenerPose poseOf(const Scene& scene, const Placed& placed);
     void findPlaces(const Scene& scene);
+    double earDistance(const Scene& scene, const Node& node);
     void readAir(const Scene& scene, const ChangeSet& changes);
     void nameSilent(const Scene& scene, const ChangeSet& changes);
     void warnOnce(const NodePlace& place, std::string text);

@@ -1,0 +1,92 @@
+// Sounds that are placed between other nodes of a graph: panned by loudness, or heard by a head.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include <rtsg/audio/panning.h>
+
+#include "process_player.h"
+#include "trace/arrival_pan.h"
+
+namespace rtsg {
+
+/// The PannerNode of the Web Audio API: of more than two channels it mixes down, and what comes out are left and right.
+/// Level and direction are on their way from those of the block before.
+void ProcessPlayer::pan(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
+    const SoundNode& sound = *process.placed;
+    const SoundEmitter at{{}, process.placed, block.emitter.worldFromLocal, {}};
+    const glm::dvec3 way = at.position() - block.listener.position, local = at.localFrom(-way);
+    const double level = sound.intensity * sound.level(local) * sound.coneGain(local);
+    PanGains gains{{{level, 0}, {0, level}}};
+    if (sound.spatialize) {
+        AudioChannels ears(std::min<std::size_t>(out.size(), 2), std::vector<float>(block.frames));
+        mixInto(ears, out, false);
+        const bool stereo = ears.size() == 2;
+        const double distance = glm::length(way);
+        const glm::dvec3 direction = distance > 0 ? block.listener.toLocal(way) / distance : glm::dvec3(0, 0, -1);
+        if (sound.head) {
+            out = std::move(ears);
+            return panByHead(direction, level, block, out);
+        }
+        gains = equalPowerGains(direction, stereo);
+        for (auto& row : gains)
+            for (double& gain : row) gain *= level;
+        ears.resize(2, std::vector<float>(block.frames));
+        out = std::move(ears);
+    }
+    const PanGains before = panned_.value_or(gains);
+    panned_ = gains;
+    heard_.reset();
+    for (std::size_t i = 0; i < block.frames; ++i) {
+        const double w = static_cast<double>(i + 1) / static_cast<double>(block.frames);
+        const auto gain = [&](std::size_t to, std::size_t from) {
+            return static_cast<float>(before[to][from] + (gains[to][from] - before[to][from]) * w);
+        };
+        if (!sound.spatialize) {
+            for (std::vector<float>& channel : out) channel[i] *= gain(0, 0);
+            continue;
+        }
+        const float left = out[0][i], right = out[1][i];
+        out[0][i] = gain(0, 0) * left + gain(0, 1) * right;
+        out[1][i] = gain(1, 0) * left + gain(1, 1) * right;
+    }
+}
+
+/// Its "HRTF": each ear hears the channel of its side, as loud together as "equalpower" is. A sphere's ears hear what
+/// comes to the middle of the head as much later as it takes from the nearest place on it, and a moment more for what
+/// reads between samples: the near one is not early.
+void ProcessPlayer::panByHead(const glm::dvec3& direction, double level, const GraphBlock& block, AudioChannels& out) {
+    constexpr double kHalfPower = std::numbers::sqrt2 / 2;
+    const double radius = block.listener.headRadius(), rate = block.clips.sampleRate();
+    const double toSphere = radius / block.speedOfSound;
+    if (out.size() == 1) out.push_back(out[0]);
+    std::array<Ear, 2> ears;
+    for (int e = 0; e < 2; ++e) {
+        const ArrivalPan pan = panOfEar(direction.x, e, radius, block.speedOfSound);
+        ears[static_cast<std::size_t>(e)] =
+            block.head ? Ear{level * kHalfPower, 0}
+                       : Ear{level * kHalfPower * pan.gain, (pan.delay + toSphere) * rate + SincTable::kHalf};
+    }
+    const std::array<Ear, 2> before = heard_.value_or(ears);
+    heard_ = ears;
+    panned_.reset();
+    if (block.head) head_.turn(*block.head, direction, block.frames);
+    for (std::size_t e = 0; e < 2; ++e) {
+        DelayLine& line = ears_[e];
+        const std::size_t first = line.written();
+        line.write(out[e], static_cast<std::size_t>(3 * toSphere * rate) + SincTable::kHalf + 2);
+        for (std::size_t i = 0; i < block.frames; ++i) {
+            const double w = static_cast<double>(i + 1) / static_cast<double>(block.frames);
+            const double gain = before[e].gain + (ears[e].gain - before[e].gain) * w;
+            const double delay = before[e].delay + (ears[e].delay - before[e].delay) * w;
+            out[e][i] = line.read(first + i, delay) * static_cast<float>(gain);
+        }
+        if (!block.head) continue;
+        const std::vector<float> straight = std::exchange(out[e], std::vector<float>(block.frames));
+        head_.process(e, straight, out[e]);
+    }
+}
+
+}  // namespace rtsg
