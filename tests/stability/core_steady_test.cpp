@@ -4,7 +4,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
-#include "support/counted_heap.h"
+#include "support/counting_malloc.h"
 
 namespace rtsg {
 namespace {

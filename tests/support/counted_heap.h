@@ -1,5 +1,5 @@
-// Counts what one thread takes from the heap. For one source of a test program: it is malloc itself that counts, as
-// arrays come from calloc, not from operator new.
+// Counts what one thread takes from the heap. It is malloc itself that counts, as arrays come from calloc, not from
+// operator new: one source of a test program includes counting_malloc.h.
 #pragma once
 
 #include <cstddef>
@@ -21,23 +21,3 @@ std::size_t allocationsOf(const Work& work) {
     return takenFromHeap;
 }
 }  // namespace rtsg::test
-
-#if RTSG_HEAP_IS_OURS
-extern "C" {
-void* __libc_malloc(std::size_t size);
-void* __libc_calloc(std::size_t count, std::size_t size);
-void* __libc_realloc(void* block, std::size_t size);
-void* malloc(std::size_t size) noexcept {
-    if (rtsg::test::countsHeap) ++rtsg::test::takenFromHeap;
-    return __libc_malloc(size);
-}
-void* calloc(std::size_t count, std::size_t size) noexcept {
-    if (rtsg::test::countsHeap) ++rtsg::test::takenFromHeap;
-    return __libc_calloc(count, size);
-}
-void* realloc(void* block, std::size_t size) noexcept {
-    if (rtsg::test::countsHeap) ++rtsg::test::takenFromHeap;
-    return __libc_realloc(block, size);
-}
-}
-#endif

@@ -104,10 +104,14 @@ Air AcousticEngine::airOf(const AcousticState& state) const {
     return impl_->options.air.over(state.sounds.air.over(impl_->options.trace.air));
 }
 
+void AcousticEngine::Impl::leaveOutRooms(std::vector<std::uint32_t>& around, const glm::dvec3& listener) const {
+    std::erase_if(around, [&](std::uint32_t slot) { return geometry.boxHolds(slot, listener); });
+}
+
 /// A body holds what sounds and nobody else: what the listener is in too is a room, however small.
 std::vector<std::uint32_t> AcousticEngine::Impl::bodyOf(std::vector<std::uint32_t> around,
                                                         const glm::dvec3& listener) const {
-    std::erase_if(around, [&](std::uint32_t slot) { return geometry.boxHolds(slot, listener); });
+    leaveOutRooms(around, listener);
     return around;
 }
 

@@ -15,23 +15,27 @@ constexpr std::size_t kDelayStep = 32;
 
 }  // namespace
 
-void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state, Block& block) {
+void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state, const Block& block) {
     const SoundNode& sound = *emitter.sound;
-    block.dry.resize(std::max<std::size_t>(1, state.inputs.size()));
     if (sound.enabled) {
         // Two loudspeakers: what leads into a destination is mixed up or down to them as into any node.
         const bool speakers = sound.law == SoundNode::Law::none && !sound.stream && options.ambisonicOrder == 0;
         const auto exactly = static_cast<std::size_t>(speakers ? std::min(sound.maxChannels, 2) : 0);
+        AudioChannels& played = exactly == 1 ? state.lead : state.dry;
         state.mix.render(sound.voices, sound.processes,
                          {clips, samples, options.blockSize, emitter, block.listener, air.speedOfSound,
                           hasMeasuredHead() ? options.hrtf.get() : nullptr},
-                         block.dry, sound.discrete, exactly);
-        if (exactly == 1) block.dry = {block.dry[0], block.dry[0]};
+                         played, {sound.discrete, exactly, std::max<std::size_t>(1, state.inputs.size())});
+        if (exactly == 1) {
+            state.dry.resize(2);
+            for (std::vector<float>& dry : state.dry) dry = state.lead[0];
+        }
         const double louder = std::max(1.0, std::abs(sound.coneOuterGain)) * std::abs(block.listener.gain);
-        if (silenceNoSound(block.dry, sound.intensity * louder)) clips.noteNoSound(sound.name);
+        if (silenceNoSound(state.dry, sound.intensity * louder)) clips.noteNoSound(sound.name);
         return;
     }
-    for (std::vector<float>& dry : block.dry) dry.assign(options.blockSize, 0.0f);
+    state.dry.resize(std::max<std::size_t>(1, state.inputs.size()));
+    for (std::vector<float>& dry : state.dry) dry.assign(options.blockSize, 0.0f);
     // Clocks go on: what it plays is elsewhere when it is heard again.
     state.mix = {};
 }
@@ -110,20 +114,21 @@ glm::dvec3 AcousticEngine::Impl::apparentPosition(const EmitterState& state, dou
 
 /// The walls are those of now, and what is heard left before: what has gone over that place since, as the body of a
 /// source that moves does, is its body too, and no wall.
-std::vector<std::uint32_t> AcousticEngine::Impl::bodyAt(const EmitterState& state, const glm::dvec3& apparent,
-                                                        const ListenerPose& listener) const {
+void AcousticEngine::Impl::findBodyAt(const EmitterState& state, const glm::dvec3& apparent,
+                                      const ListenerPose& listener, std::vector<std::uint32_t>& body) const {
+    body.clear();
     const double distance = glm::distance(apparent, listener.position);
-    if (apparent == state.to || !(distance > 0)) return state.body;
-    std::vector<std::uint32_t> over;
-    geometry.addBodies(apparent, (listener.position - apparent) / distance, options.bodySize, over);
-    over = bodyOf(std::move(over), listener.position);
-    over.insert(over.end(), state.body.begin(), state.body.end());
-    return over;
+    if (apparent != state.to && distance > 0) {
+        geometry.addBodies(apparent, (listener.position - apparent) / distance, options.bodySize, body);
+        leaveOutRooms(body, listener.position);
+    }
+    body.insert(body.end(), state.body.begin(), state.body.end());
 }
 
 void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
-                                   const ListenerPose& listener, HeardLevel& to, bool& audible) const {
+                                   Block& block, HeardLevel& to, bool& audible) const {
     const SoundNode& sound = *emitter.sound;
+    const ListenerPose& listener = block.listener;
     // What went out before a gain became that large is still on its way.
     const auto bounded = [](double gain) { return std::isnan(gain) ? 0 : std::clamp(gain, -kLoudest, kLoudest); };
     if (sound.law == SoundNode::Law::none) {
@@ -142,8 +147,10 @@ void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterSta
                     (options.levels == AcousticOptions::Levels::x3d ? sound.level(local) : 1 / std::max(distance, 0.1));
     double open = 0;
     if (level != 0) {
-        const Bands share =
-            directShare(OpenedGeometry(geometry, bodyAt(state, apparent, listener)), apparent, listener.position);
+        findBodyAt(state, apparent, listener, block.bodies);
+        OpenedGeometry room(geometry, std::move(block.bodies));
+        const Bands share = directShare(room, apparent, listener.position);
+        block.bodies = room.takeOpen();
         for (std::size_t b = 2; b < 7; ++b) open += share[b] / 5;
         open *= std::exp(-airAttenuation(air)[kBand1k] * distance);
     }
@@ -153,7 +160,7 @@ void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterSta
     to.lateGain = bounded(level * std::max(distance, 0.1));
 }
 
-/// What is heard of each input straight from the emitter, into `block.direct`.
+/// What is heard of each input straight from the emitter, into its state.
 void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block) {
     block.before = state.level;
     block.after = to;
@@ -162,11 +169,11 @@ void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& t
         std::max({to.delay, state.level.delay, *std::max_element(block.delays.begin(), block.delays.end())});
     // Of a sphere the far ear hears it that much later.
     const double later = 2 * block.listener.headRadius() / air.speedOfSound * options.sampleRate;
-    block.direct.resize(state.inputs.size());
+    state.direct.resize(state.inputs.size());
     for (std::size_t k = 0; k < state.inputs.size(); ++k) {
         DelayLine& line = state.inputs[k].line;
-        line.write(block.dry[k], static_cast<std::size_t>(farthest + later) + 2);
-        readDirect(line, block, 0, 0, block.direct[k]);
+        line.write(state.dry[k], static_cast<std::size_t>(farthest + later) + 2);
+        readDirect(line, block, 0, 0, state.direct[k]);
     }
 }
 
@@ -195,19 +202,20 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* e
                                       bool jumped, Block& block) {
     const std::size_t size = options.blockSize, inputs = state.inputs.size();
     const bool apart = inputs == 2 && channels == 2;
-    block.late.resize(apart ? 2 : 1);
-    for (std::size_t s = 0; s < block.late.size(); ++s) {
+    state.reflected.resize(apart ? 2 : 1);
+    for (std::size_t s = 0; s < state.reflected.size(); ++s) {
         const std::size_t first = apart ? s : 0, count = apart ? 1 : inputs;
-        block.late[s].resize(size);
+        state.reflected[s].resize(size);
         for (std::size_t i = 0; i < size; ++i) {
             const double w = static_cast<double>(i + 1) / static_cast<double>(size);
             float sum = 0;
-            for (std::size_t k = first; k < first + count; ++k) sum += block.dry[k][i];
-            block.late[s][i] = sum / static_cast<float>(count) *
-                               static_cast<float>(state.level.lateGain + (to.lateGain - state.level.lateGain) * w);
+            for (std::size_t k = first; k < first + count; ++k) sum += state.dry[k][i];
+            state.reflected[s][i] = sum / static_cast<float>(count) *
+                                    static_cast<float>(state.level.lateGain + (to.lateGain - state.level.lateGain) * w);
         }
     }
-    for (std::size_t ch = 0; ch < channels; ++ch) state.late[ch].process(block.late[apart ? ch : 0], block.out[ch]);
+    for (std::size_t ch = 0; ch < channels; ++ch)
+        state.late[ch].process(state.reflected[apart ? ch : 0], block.out[ch]);
     const double start = static_cast<double>(samples), end = start + static_cast<double>(size);
     const ImpulseResponseOptions response =
         responseFor(emitter ? emitter->id : InstanceId{}, state.reflectedBy, block.listener);
@@ -223,7 +231,7 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* e
         return image.at(state.motion.at(end - delay).position) - block.listener.position;
     };
     const std::span<std::vector<float>> ears(block.ears);
-    state.images.render({block.late, std::cref(find), std::cref(from), response, jumped, block.out,
+    state.images.render({state.reflected, std::cref(find), std::cref(from), response, jumped, block.out,
                          response.hrtf ? ears : ears.first(0)});
 }
 
@@ -237,7 +245,7 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     state.motion.advance(end);
     play(emitter, state, block);
     const HeardBy by = state.reflectedBy = heardBy(sound, block.listener);
-    if (auto made = makeInputs(state, block.dry.size(), by == HeardBy::mixer); !made) return made;
+    if (auto made = makeInputs(state, state.dry.size(), by == HeardBy::mixer); !made) return made;
     HeardLevel to;
     if (!state.started)
         findDelay(state.motion, nullptr, static_cast<double>(samples), state.level.delay, state.level.slope);
@@ -254,7 +262,7 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     if (sound.law == SoundNode::Law::none) to.delay = to.slope = 0;
     if (!doppler) std::fill(block.delays.begin(), block.delays.end(), to.delay);
     bool audible = false;
-    levelOf(emitter, state, apparent, block.listener, to, audible);
+    levelOf(emitter, state, apparent, block, to, audible);
     if (!state.started) {
         state.level.directGain = to.directGain;
         state.level.lateGain = to.lateGain;
@@ -277,7 +285,7 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
         }
         renderLate(state, &emitter, to, crossfade, block);
     }
-    noteSilence(state, block);
+    noteSilence(state);
     // What plays nothing as yet may be let out before it does.
     if (state.seal && state.quiet == 0) {
         noteSeal(emitter, state.tracedSource, state.tracedListener, start / options.sampleRate, std::move(*state.seal));
@@ -291,8 +299,8 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     return {};
 }
 
-void AcousticEngine::Impl::noteSilence(EmitterState& state, const Block& block) const {
-    for (const std::vector<float>& dry : block.dry)
+void AcousticEngine::Impl::noteSilence(EmitterState& state) const {
+    for (const std::vector<float>& dry : state.dry)
         if (std::any_of(dry.begin(), dry.end(), [](float sample) { return sample != 0; })) {
             state.quiet = 0;
             return;
@@ -314,8 +322,8 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
             it = states.erase(it);
             continue;
         }
-        block.dry.resize(state.inputs.size());
-        for (std::vector<float>& dry : block.dry) dry.assign(size, 0.0f);
+        state.dry.resize(state.inputs.size());
+        for (std::vector<float>& dry : state.dry) dry.assign(size, 0.0f);
         block.delays.assign(size, state.level.delay);
         renderDirect(state, state.level, false, block);
         hearGone(state, block);
@@ -333,20 +341,23 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
 }
 
 /// Panned direct sound and delayed reflections into `ready`.
-Result<> AcousticEngine::Impl::mixDown(const Block& block) {
+Result<> AcousticEngine::Impl::mixDown(Block& block) {
     const std::size_t size = options.blockSize;
-    std::vector<float> mixed(channels * size);
+    block.mixed.assign(channels * size, 0.0f);
     if (mixer) {
-        std::vector<std::span<const float>> inputs(blocks.begin(), blocks.end());
-        if (auto rendered = mixer->render(inputs, mixed); !rendered) return rendered;
+        block.mixerInputs.assign(blocks.begin(), blocks.end());
+        if (auto rendered = mixer->render(block.mixerInputs, block.mixed); !rendered) return rendered;
     }
     for (std::size_t i = 0; i < size; ++i)
         for (std::size_t ch = 0; ch < channels; ++ch) {
-            lateQueue.push_back(block.out[ch][i]);
+            float late = block.out[ch][i];
+            if (!lateRing.empty()) {
+                std::swap(late, lateRing[lateAt]);
+                lateAt = (lateAt + 1) % lateRing.size();
+            }
             const float ear = block.ears.empty() ? 0 : block.ears[ch][i];
-            float sample = mixed[channels * i + ch] + ear + lateQueue.front();
+            float sample = block.mixed[channels * i + ch] + ear + late;
             if (!(std::abs(sample) <= static_cast<float>(kLoudest))) sample = 0;
-            lateQueue.pop_front();
             if (toSkip > 0) {
                 --toSkip;
             } else {
@@ -354,6 +365,15 @@ Result<> AcousticEngine::Impl::mixDown(const Block& block) {
             }
         }
     return {};
+}
+
+/// Silence, in what the last block was.
+void AcousticEngine::Impl::begin(Block& block, const ListenerPose& listener) const {
+    block.listener = listener;
+    block.out.resize(channels);
+    block.ears.resize(hasMeasuredHead() ? channels : 0);
+    for (AudioChannels* to : {&block.out, &block.ears})
+        for (std::vector<float>& channel : *to) channel.assign(options.blockSize, 0.0f);
 }
 
 Result<> AcousticEngine::Impl::block(double alpha) {
@@ -364,15 +384,13 @@ Result<> AcousticEngine::Impl::block(double alpha) {
     listener.gain = playing.listener.gain;
     listener.doppler = playing.listener.doppler;
     listener.earDistance = playing.listener.earDistance;
-    const std::vector<std::vector<float>> silent(channels, std::vector<float>(size));
-    Block block{listener, {}, {}, {}, {}, silent, {}, {}, {}};
-    if (hasMeasuredHead()) block.ears = silent;
+    begin(work, listener);
     for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
     for (const SoundEmitter& emitter : *playing.emitters)
-        if (auto done = renderEmitter(emitter, states.at(emitter.id), block); !done) return done;
-    fadeOut(block);
+        if (auto done = renderEmitter(emitter, states.at(emitter.id), work); !done) return done;
+    fadeOut(work);
     endStreams();
-    if (auto mixed = mixDown(block); !mixed) return mixed;
+    if (auto mixed = mixDown(work); !mixed) return mixed;
     samples += static_cast<std::int64_t>(size);
     return {};
 }

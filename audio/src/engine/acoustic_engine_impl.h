@@ -4,7 +4,6 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <optional>
 #include <span>
@@ -39,20 +38,23 @@ struct AcousticEngine::Impl {
           posedAt(o.startTime),
           samples(std::llround(o.startTime * o.sampleRate)),
           firstSample(samples),
-          lateQueue(channels * latency()) {}
+          lateRing(channels * latency()) {}
 
     /// What one block sounds like while it is made.
     struct Block {
-        ListenerPose listener;                   // at the end
-        std::vector<std::vector<float>> dry;     // what an emitter plays, by input
-        std::vector<std::vector<float>> direct;  // what comes of it straight, by input
-        std::vector<std::vector<float>> late;    // what is reflected: of all channels, or left and right
-        std::vector<double> delays;              // by sample
-        std::vector<std::vector<float>> out;     // by channel: all but what goes to the mixer and through the head
-        std::vector<std::vector<float>> ears;    // by channel: what went through the head
+        ListenerPose listener;       // at the end
+        std::vector<double> delays;  // by sample
+        AudioChannels out;           // all but what goes to the mixer and through the head
+        AudioChannels ears;          // what went through the head
         // Of the emitter that is being rendered: at the ends of the block before and of this one.
         HeardLevel before, after;
         bool crossfade = false;  // from one delay to the other
+        // Room for steps of it.
+        std::vector<double> gains;  // by channel
+        std::vector<float> part;    // of the emitter, by sample
+        std::vector<float> mixed;   // by the mixer, interleaved
+        std::vector<std::span<const float>> mixerInputs;
+        std::vector<std::uint32_t> bodies;
     };
     /// What comes or goes in a block.
     struct Ramp {
@@ -75,12 +77,13 @@ struct AcousticEngine::Impl {
     void followListener(const ListenerPose& listener, double poseSeconds);
     void followAir(const SoundVersion& sounds);
     std::vector<std::uint32_t> bodyOf(std::vector<std::uint32_t> around, const glm::dvec3& listener) const;
+    void leaveOutRooms(std::vector<std::uint32_t>& around, const glm::dvec3& listener) const;
     EmitterState& stateOf(const SoundEmitter& emitter, double time);
 
     Result<> block(double alpha);
     Result<> renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block);
-    void play(const SoundEmitter& emitter, EmitterState& state, Block& block);
-    void streamOut(const SoundEmitter& emitter, EmitterState& state, Block& block);
+    void play(const SoundEmitter& emitter, EmitterState& state, const Block& block);
+    void streamOut(const SoundEmitter& emitter, EmitterState& state, const Block& block);
     void endStreams();
     Result<> makeInputs(EmitterState& state, std::size_t count, bool forMixer);
     /// Of the source, or of an image of it.
@@ -88,10 +91,10 @@ struct AcousticEngine::Impl {
                    double& slope) const;
     void delaysOf(const EmitterState& state, HeardLevel& to, Block& block) const;
     glm::dvec3 apparentPosition(const EmitterState& state, double delay) const;
-    std::vector<std::uint32_t> bodyAt(const EmitterState& state, const glm::dvec3& apparent,
-                                      const ListenerPose& listener) const;
-    void levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
-                 const ListenerPose& listener, HeardLevel& to, bool& audible) const;
+    void findBodyAt(const EmitterState& state, const glm::dvec3& apparent, const ListenerPose& listener,
+                    std::vector<std::uint32_t>& body) const;
+    void levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent, Block& block,
+                 HeardLevel& to, bool& audible) const;
     void renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block);
     void spatialise(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent, Block& block);
     void readDirect(const DelayLine& line, const Block& block, double earBefore, double ear,
@@ -106,9 +109,10 @@ struct AcousticEngine::Impl {
                   const std::vector<float>& direct, Block& block) const;
     void hearGone(EmitterState& state, Block& block);
     void renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to, bool jumped, Block& block);
-    void noteSilence(EmitterState& state, const Block& block) const;
+    void noteSilence(EmitterState& state) const;
     void fadeOut(Block& block);
-    Result<> mixDown(const Block& block);
+    Result<> mixDown(Block& block);
+    void begin(Block& block, const ListenerPose& listener) const;
 
     /// What a response needs: nothing, to be made again for how the listener's head is turned, or to be traced again.
     enum class Renewal : std::uint8_t { none, turn, trace };
@@ -149,7 +153,9 @@ struct AcousticEngine::Impl {
     double posedAt = 0;           // the scene time of the last poses
     std::int64_t samples;         // consumed from the voices
     std::int64_t firstSample;     // what `samples` began with, less what time went back by
-    std::deque<float> lateQueue;  // interleaved; delays reflections by the mixer's latency
+    std::vector<float> lateRing;  // interleaved; delays all else by the mixer's latency
+    std::size_t lateAt = 0;       // the oldest in it
+    Block work;                   // is kept from block to block
     std::size_t toSkip = 0;       // of the mixer's latency, still to be dropped
     std::vector<float> ready;     // interleaved, rendered but not yet asked for
     HeardResponses heard;

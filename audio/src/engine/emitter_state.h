@@ -52,6 +52,10 @@ struct EmitterState {
 
     AudioMix mix;
     std::vector<EmitterInput> inputs;
+    // Of a block, by input: what it plays, and what comes of it straight.
+    AudioChannels dry, direct;
+    AudioChannels lead;       // what a destination of one channel plays
+    AudioChannels reflected;  // what is reflected: of all channels, or left and right
     Trajectory motion;
     std::vector<Convolver> late;        // by channel
     ImagePlayer images;                 // those that `late` leaves out

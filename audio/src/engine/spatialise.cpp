@@ -68,7 +68,7 @@ void AcousticEngine::Impl::openMixer(const SoundVersion& sounds) {
     }
     mixer = std::move(*opened);
     const std::size_t early = channels * latency();
-    lateQueue.insert(lateQueue.begin(), early, 0.0f);
+    lateRing.resize(early);
     toSkip += early;
 }
 
@@ -125,27 +125,29 @@ void AcousticEngine::Impl::hear(EmitterState& state, std::size_t k, HeardBy by, 
     const glm::dvec3 ahead(0, 0, -1), direction = turned(directionOr(towards, ahead), channelAngle(k, inputs));
     const bool fresh = !state.spatialisedOnce || ramp.from == 0;
     if (by == HeardBy::mixer || by == HeardBy::measured) {
-        std::vector<float> share(size);
+        std::vector<float>& share = block.part;
+        share.resize(size);
         for (std::size_t i = 0; i < size; ++i) {
             const double w = ramp.from + (ramp.to - ramp.from) * static_cast<double>(i + 1) / static_cast<double>(size);
-            share[i] = block.direct[k][i] * static_cast<float>(w / static_cast<double>(inputs));
+            share[i] = state.direct[k][i] * static_cast<float>(w / static_cast<double>(inputs));
         }
         if (by == HeardBy::mixer) {
             mixer->setDirection(*input.mixerSource, glm::vec3(direction));
-            std::swap(blocks[*input.mixerSource], share);
+            std::copy(share.begin(), share.end(), blocks[*input.mixerSource].begin());
             return;
         }
         input.head.turn(*options.hrtf, direction, size);
         for (std::size_t e = 0; e < 2; ++e) input.head.process(e, share, block.ears[e]);
         return;
     }
-    std::vector<double> gains(channels);
+    std::vector<double>& gains = block.gains;
+    gains.resize(channels);
     if (by == HeardBy::gains) {
         gainsOf(towards, spatialize, k, inputs, gains);
         for (double& gain : gains) gain *= ramp.to;
         if (fresh)
             for (std::size_t c = 0; c < channels; ++c) input.gains[c] = gains[c] * ramp.from;
-        for (std::size_t c = 0; c < channels; ++c) mixInput(input, gains, c, block.direct[k], block);
+        for (std::size_t c = 0; c < channels; ++c) mixInput(input, gains, c, state.direct[k], block);
         input.gains = gains;
         return;
     }
@@ -166,10 +168,9 @@ void AcousticEngine::Impl::hear(EmitterState& state, std::size_t k, HeardBy by, 
 /// Each ear at its time.
 void AcousticEngine::Impl::hearBySphere(EmitterInput& input, const std::array<double, 2>& delays,
                                         const std::vector<double>& gains, Block& block) const {
-    std::vector<float> heard;
     for (std::size_t e = 0; e < 2; ++e) {
-        readDirect(input.line, block, input.earDelays[e], delays[e], heard);
-        mixInput(input, gains, e, heard, block);
+        readDirect(input.line, block, input.earDelays[e], delays[e], block.part);
+        mixInput(input, gains, e, block.part, block);
     }
     input.earDelays = delays;
     input.gains = gains;
@@ -191,7 +192,7 @@ void AcousticEngine::Impl::hearGone(EmitterState& state, Block& block) {
     const auto inputs = static_cast<float>(state.inputs.size());
     for (std::size_t k = 0; k < state.inputs.size(); ++k) {
         EmitterInput& input = state.inputs[k];
-        std::vector<float>& direct = block.direct[k];
+        std::vector<float>& direct = state.direct[k];
         switch (state.heardBy) {
             case HeardBy::gains:
                 for (std::size_t c = 0; c < channels; ++c) mixInput(input, input.gains, c, direct, block);

@@ -5,7 +5,7 @@
 
 namespace rtsg {
 
-void AcousticEngine::Impl::streamOut(const SoundEmitter& emitter, EmitterState& state, Block& block) {
+void AcousticEngine::Impl::streamOut(const SoundEmitter& emitter, EmitterState& state, const Block& block) {
     const SoundNode& sound = *emitter.sound;
     const std::size_t size = options.blockSize;
     const auto since = static_cast<std::size_t>(samples - firstSample);
@@ -18,13 +18,13 @@ void AcousticEngine::Impl::streamOut(const SoundEmitter& emitter, EmitterState& 
     stream.identifiers = *sound.stream;
     if (stream.sound.frames() > since) return;  // in two places it is one stream all the same
     play(emitter, state, block);
-    const std::size_t inputs = block.dry.size();
+    const std::size_t inputs = state.dry.size();
     if (inputs > static_cast<std::size_t>(stream.sound.channels))
         stream.sound = spread(stream.sound, static_cast<int>(inputs));
     SoundBuffer fresh{options.sampleRate, static_cast<int>(inputs), {}};
     for (std::size_t i = 0; i < size; ++i)
         for (std::size_t c = 0; c < inputs; ++c)
-            fresh.samples.push_back(block.dry[c][i] * static_cast<float>(sound.intensity));
+            fresh.samples.push_back(state.dry[c][i] * static_cast<float>(sound.intensity));
     fresh = spread(fresh, stream.sound.channels);
     stream.sound.samples.insert(stream.sound.samples.end(), fresh.samples.begin(), fresh.samples.end());
 }

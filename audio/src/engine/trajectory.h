@@ -9,9 +9,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <deque>
 
 #include <glm/glm.hpp>
+
+#include "ring.h"
 
 namespace rtsg {
 
@@ -32,7 +33,8 @@ class Trajectory {
             const double since = knots_.empty() ? time : knots_.back().time;
             frames_.clear();
             even_ = false;
-            knots_.assign(1, {since, position, glm::dvec3(0)});
+            knots_.clear();
+            knots_.push_back({since, position, glm::dvec3(0)});
         }
         if (!frames_.empty() && time <= frames_.back().time) {
             frames_.back().position = position;
@@ -57,9 +59,12 @@ class Trajectory {
         // Written so that what is no number gives the oldest.
         if (!(time > knots_.front().time)) return {time, knots_.front().position, glm::dvec3(0)};
         if (time >= knots_.back().time) return knots_.back();
-        const auto next = std::upper_bound(knots_.begin(), knots_.end(), time,
-                                           [](double t, const Point& knot) { return t < knot.time; });
-        return between(*(next - 1), *next, time);
+        std::size_t before = 0, next = knots_.size() - 1;
+        while (next - before > 1) {
+            const std::size_t middle = before + (next - before) / 2;
+            (time < knots_[middle].time ? next : before) = middle;
+        }
+        return between(knots_[before], knots_[next], time);
     }
 
   private:
@@ -94,7 +99,8 @@ class Trajectory {
         const double count = static_cast<double>(frames_.size()), origin = frames_.back().time;
         double st = 0, stt = 0, size = 0;
         glm::dvec3 sp(0), stp(0);
-        for (const Point& p : frames_) {
+        for (std::size_t k = 0; k < frames_.size(); ++k) {
+            const Point& p = frames_[k];
             const double t = p.time - origin;
             st += t, stt += t * t, sp += p.position, stp += t * p.position;
             for (int i = 0; i < 3; ++i) size = std::max(size, std::abs(p.position[i]));
@@ -104,9 +110,9 @@ class Trajectory {
         line_.velocity = (count * stp - st * sp) / determinant;
         line_.position = (sp - st * line_.velocity) / count;
         const double rounding = 0x1p-21 * size;
-        even_ = std::all_of(frames_.begin(), frames_.end(), [&](const Point& p) {
-            return glm::distance(onLine(p.time).position, p.position) <= rounding;
-        });
+        even_ = true;
+        for (std::size_t k = 0; k < frames_.size(); ++k)
+            even_ = even_ && glm::distance(onLine(frames_[k].time).position, frames_[k].position) <= rounding;
     }
     Point onLine(double time) const {
         return {time, line_.position + line_.velocity * (time - line_.time), line_.velocity};
@@ -123,10 +129,10 @@ class Trajectory {
     static constexpr std::size_t kFrames = 16;
 
     double spacing_;
-    std::deque<Point> frames_;  // the last ones
+    Ring<Point> frames_;  // the last ones
     Point line_;
     bool even_ = false;
-    std::deque<Point> knots_;  // ends of blocks
+    Ring<Point> knots_;  // ends of blocks
 };
 
 }  // namespace rtsg

@@ -91,11 +91,11 @@ struct LiveSound::Impl {
             const auto sounds = (*newest)->of(number);
             if (sounds && (*newest)->rays) state = *newest;
         }
-        std::vector<float> out(2 * options.render.blockSize);
+        out.assign(2 * options.render.blockSize, 0.0f);
         if (state) {
             const double until = engine->liveEnd();
             if (!ahead || std::abs(state->time + *ahead - until) > kApart) ahead = until - state->time;
-            SoundBuffer sound;
+            sound.samples.clear();
             const auto sounds = std::static_pointer_cast<const AcousticState>(state->of(number));
             if (auto done = engine->renderLive(sounds, state->rays, state->time + *ahead, sound); !done) return done;
             std::copy_n(sound.samples.begin(), std::min(sound.samples.size(), out.size()), out.begin());
@@ -117,6 +117,8 @@ struct LiveSound::Impl {
     LiveOptions options;
     AcousticTables tables;
     std::uint64_t number = 0;  // of the tables
+    std::vector<float> out;    // of a block, for the device
+    SoundBuffer sound;         // and as it was made
     bool added = false;
     std::unique_ptr<AcousticEngine> engine;
     SoundDevice device;

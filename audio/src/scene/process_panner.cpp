@@ -21,20 +21,22 @@ void ProcessPlayer::pan(const AudioProcess& process, const GraphBlock& block, Au
     const double level = sound.intensity * sound.level(local) * sound.coneGain(local);
     PanGains gains{{{level, 0}, {0, level}}};
     if (sound.spatialize) {
-        AudioChannels ears(std::min<std::size_t>(out.size(), 2), std::vector<float>(block.frames));
-        mixInto(ears, out, false);
-        const bool stereo = ears.size() == 2;
+        const bool stereo = in_.size() > 1;
+        two_.resize(2);
+        for (std::vector<float>& channel : two_) channel.assign(block.frames, 0.0f);
+        mixInto(std::span(two_).first(stereo ? 2 : 1), in_, false);
         const double distance = glm::length(way);
         const glm::dvec3 direction = distance > 0 ? block.listener.toLocal(way) / distance : glm::dvec3(0, 0, -1);
         if (sound.head) {
-            out = std::move(ears);
+            if (!stereo) two_[1] = two_[0];
             return panByHead(direction, level, block, out);
         }
         gains = equalPowerGains(direction, stereo);
         for (auto& row : gains)
             for (double& gain : row) gain *= level;
-        ears.resize(2, std::vector<float>(block.frames));
-        out = std::move(ears);
+        out = two_;
+    } else {
+        out = in_;
     }
     const PanGains before = panned_.value_or(gains);
     panned_ = gains;
@@ -61,7 +63,6 @@ void ProcessPlayer::panByHead(const glm::dvec3& direction, double level, const G
     constexpr double kHalfPower = std::numbers::sqrt2 / 2;
     const double radius = block.listener.headRadius(), rate = block.clips.sampleRate();
     const double toSphere = radius / block.speedOfSound;
-    if (out.size() == 1) out.push_back(out[0]);
     std::array<Ear, 2> ears;
     for (int e = 0; e < 2; ++e) {
         const ArrivalPan pan = panOfEar(direction.x, e, radius, block.speedOfSound);
@@ -73,10 +74,12 @@ void ProcessPlayer::panByHead(const glm::dvec3& direction, double level, const G
     heard_ = ears;
     panned_.reset();
     if (block.head) head_.turn(*block.head, direction, block.frames);
+    out.resize(2);
     for (std::size_t e = 0; e < 2; ++e) {
+        out[e].resize(block.frames);
         DelayLine& line = ears_[e];
         const std::size_t first = line.written();
-        line.write(out[e], static_cast<std::size_t>(3 * toSphere * rate) + SincTable::kHalf + 2);
+        line.write(two_[e], static_cast<std::size_t>(3 * toSphere * rate) + SincTable::kHalf + 2);
         for (std::size_t i = 0; i < block.frames; ++i) {
             const double w = static_cast<double>(i + 1) / static_cast<double>(block.frames);
             const double gain = before[e].gain + (ears[e].gain - before[e].gain) * w;
@@ -84,8 +87,9 @@ void ProcessPlayer::panByHead(const glm::dvec3& direction, double level, const G
             out[e][i] = line.read(first + i, delay) * static_cast<float>(gain);
         }
         if (!block.head) continue;
-        const std::vector<float> straight = std::exchange(out[e], std::vector<float>(block.frames));
-        head_.process(e, straight, out[e]);
+        std::swap(out[e], two_[e]);
+        out[e].assign(block.frames, 0.0f);
+        head_.process(e, two_[e], out[e]);
     }
 }
 

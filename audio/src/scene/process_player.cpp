@@ -67,7 +67,7 @@ std::span<const Share> sharesOf(std::size_t from, std::size_t to) {
 
 }  // namespace
 
-void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete) {
+void mixInto(std::span<std::vector<float>> out, std::span<const std::vector<float>> in, bool discrete) {
     const auto add = [&](const Share& share) {
         const std::vector<float>& from = in[share.from];
         std::vector<float>& to = out[share.to];
@@ -92,65 +92,80 @@ bool silenceNoSound(AudioChannels& out, double gain) {
     return any;
 }
 
-void AudioMix::render(const std::vector<SoundVoice>& voices,
-                      const std::vector<std::shared_ptr<const AudioProcess>>& processes, const GraphBlock& block,
-                      AudioChannels& out, bool discrete, std::size_t exactly) {
-    ClipLibrary& clips = block.clips;
-    const std::int64_t first = block.first;
-    const std::size_t frames = block.frames;
-    std::size_t channels = std::max<std::size_t>(1, out.size());
-    std::vector<VoicePlayer*> players;
+/// Where each voice has got to; what is gone begins where its clock is if it comes back.
+void AudioMix::find(const std::vector<SoundVoice>& voices, std::int64_t first) {
+    if (std::ranges::equal(voices, order_, {}, &SoundVoice::node, &std::pair<NodeId, Playing*>::first)) return;
+    order_.clear();
     std::map<std::uint32_t, unsigned> ways;
     for (const SoundVoice& voice : voices) {
         Playing& one = players_[{voice.node.value, ways[voice.node.value]++}];
         one.heard = first;
-        players.push_back(&one.player);
-        channels = std::max(channels, one.player.channels(voice, clips));
+        order_.emplace_back(voice.node, &one);
     }
-    // What is gone begins where its clock is if it comes back.
-    if (players_.size() > players.size())
+    if (players_.size() > voices.size())
         std::erase_if(players_, [&](const auto& one) { return one.second.heard != first; });
+}
+
+void AudioMix::render(const std::vector<SoundVoice>& voices,
+                      const std::vector<std::shared_ptr<const AudioProcess>>& processes, const GraphBlock& block,
+                      AudioChannels& out, const AudioLayout& layout) {
+    ClipLibrary& clips = block.clips;
+    const std::int64_t first = block.first;
+    const std::size_t frames = block.frames;
+    find(voices, first);
+    std::size_t channels = layout.least;
+    for (std::size_t i = 0; i < voices.size(); ++i)
+        channels = std::max(channels, order_[i].second->player.channels(voices[i], clips));
     processes_.resize(processes.size());
-    std::vector<AudioChannels> processed(processes.size());
+    processed_.resize(processes.size());
     for (std::size_t i = 0; i < processes.size(); ++i) {
         if (!processes_[i] || !processes_[i]->is(*processes[i]))
             processes_[i] = std::make_unique<ProcessPlayer>(*processes[i]);
-        processes_[i]->render(*processes[i], block, processed[i]);
-        channels = std::max(channels, processed[i].size());
+        processes_[i]->render(*processes[i], block, processed_[i]);
+        channels = std::max(channels, processed_[i].size());
     }
-    if (exactly > 0) channels = exactly;
+    if (layout.exactly > 0) channels = layout.exactly;
     out.resize(channels);
     for (std::vector<float>& channel : out) channel.assign(frames, 0.0f);
     for (std::size_t i = 0; i < voices.size(); ++i) {
-        const std::size_t own = players[i]->channels(voices[i], clips);
+        VoicePlayer& player = order_[i].second->player;
+        const std::size_t own = player.channels(voices[i], clips);
         if (own == channels) {
-            players[i]->play(voices[i], clips, first, out);
+            player.play(voices[i], clips, first, out);
             continue;
         }
-        AudioChannels one(own, std::vector<float>(frames));
-        players[i]->play(voices[i], clips, first, one);
-        mixInto(out, one, discrete);
+        voice_.resize(std::max(voice_.size(), own));
+        const std::span<std::vector<float>> one(voice_.data(), own);
+        for (std::vector<float>& channel : one) channel.assign(frames, 0.0f);
+        player.play(voices[i], clips, first, one);
+        mixInto(out, one, layout.discrete);
     }
-    for (const AudioChannels& one : processed) mixInto(out, one, discrete);
+    for (const AudioChannels& one : processed_) mixInto(out, one, layout.discrete);
 }
 
 void ProcessPlayer::merge(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
-    const std::size_t frames = block.frames;
-    merged_.resize(process.inputs.size());
-    for (std::size_t i = 0; i < process.inputs.size(); ++i) {
+    const std::size_t count = process.inputs.size();
+    merged_.resize(count);
+    parts_.resize(count);
+    const auto isSplitter = [&](std::size_t i) { return process.inputs[i]->kind == AudioProcess::Kind::splitter; };
+    std::size_t channels = 0;
+    for (std::size_t i = 0; i < count; ++i) {
         const AudioProcess& input = *process.inputs[i];
         if (!merged_[i] || !merged_[i]->is(input)) merged_[i] = std::make_unique<ProcessPlayer>(input);
-        AudioChannels one;
-        merged_[i]->render(input, block, one);
-        if (input.kind == AudioProcess::Kind::splitter) {
-            out.insert(out.end(), one.begin(), one.end());
-            continue;
-        }
-        AudioChannels mono(1, std::vector<float>(frames));
-        mixInto(mono, one, process.discrete);
-        out.push_back(std::move(mono[0]));
+        merged_[i]->render(input, block, parts_[i]);
+        channels += isSplitter(i) ? parts_[i].size() : 1;
     }
-    if (out.empty()) out.emplace_back(frames);
+    out.resize(std::max<std::size_t>(1, channels));
+    for (std::vector<float>& channel : out) channel.assign(block.frames, 0.0f);
+    const std::span<std::vector<float>> all(out);
+    for (std::size_t i = 0, at = 0; i < count; ++i) {
+        const std::size_t own = isSplitter(i) ? parts_[i].size() : 1;
+        if (isSplitter(i))
+            std::ranges::copy(parts_[i], all.subspan(at).begin());
+        else
+            mixInto(all.subspan(at, 1), parts_[i], process.discrete);
+        at += own;
+    }
 }
 
 void ProcessPlayer::convolve(const AudioProcess& process, double rate, AudioChannels& out) {
@@ -173,9 +188,8 @@ void ProcessPlayer::convolve(const AudioProcess& process, double rate, AudioChan
         for (std::size_t c = known; c < convolvers_.size(); ++c) convolvers_[c].setResponse(response);
     }
     for (std::size_t c = 0; c < out.size(); ++c) {
-        const std::vector<float> input = out[c];
         std::fill(out[c].begin(), out[c].end(), 0.0f);
-        convolvers_[c].process(input, out[c]);
+        convolvers_[c].process(in_[c], out[c]);
     }
 }
 
@@ -215,13 +229,14 @@ void ProcessPlayer::shape(const AudioProcess& process, AudioChannels& out) {
 }
 
 /// An analyser's samples: all channels as one.
-void ProcessPlayer::listenTo(const AudioProcess& process, const AudioChannels& out) {
+void ProcessPlayer::listenTo(const AudioProcess& process) {
     if (!analyser_ || fftSize_ != process.fftSize) analyser_.emplace(process.fftSize);
     fftSize_ = process.fftSize;
     smoothing_ = process.smoothing;
-    AudioChannels mono(1, std::vector<float>(out[0].size()));
-    mixInto(mono, out, false);
-    analyser_->write(mono[0]);
+    two_.resize(2);
+    two_[0].assign(in_[0].size(), 0.0f);
+    mixInto(std::span(two_).first(1), in_, false);
+    analyser_->write(two_[0]);
 }
 
 void ProcessPlayer::analyse(AudioFindings& found) {
@@ -242,17 +257,30 @@ void AudioMix::analyse(AudioFindings& found) {
         if (process) process->analyse(found);
 }
 
+void ProcessPlayer::select(const AudioProcess& process, AudioChannels& out) const {
+    const auto chosen = static_cast<std::size_t>(std::max(0, process.selection));
+    out.resize(1);
+    if (chosen < in_.size())
+        out[0] = in_[chosen];
+    else
+        out[0].assign(in_[0].size(), 0.0f);
+}
+
 void ProcessPlayer::render(const AudioProcess& process, const GraphBlock& block, AudioChannels& out) {
     using Kind = AudioProcess::Kind;
     const double rate = block.clips.sampleRate();
-    out.clear();
-    if (process.kind == Kind::merger)
+    if (process.kind == Kind::merger) {
         merge(process, block, out);
-    else
-        inputs_.render(process.voices, process.inputs, block, out, process.discrete);
-    // What has no times is active always; others as they are at the samples.
-    AudioChannels before;
-    if (process.times != SoundTimes()) before = out;
+        if (process.times != SoundTimes()) in_ = out;
+    } else {
+        inputs_.render(process.voices, process.inputs, block, in_, {.discrete = process.discrete});
+        if (process.kind == Kind::selector)
+            select(process, out);
+        else if (process.kind == Kind::panner)
+            pan(process, block, out);
+        else
+            out = in_;
+    }
     filters_.resize(std::max(filters_.size(), out.size()));
     delays_.resize(std::max(delays_.size(), out.size()));
     switch (process.kind) {
@@ -271,17 +299,11 @@ void ProcessPlayer::render(const AudioProcess& process, const GraphBlock& block,
         case Kind::shaper:
             shape(process, out);
             break;
-        case Kind::selector: {
-            const auto chosen = static_cast<std::size_t>(std::max(0, process.selection));
-            out = {chosen < out.size() ? out[chosen] : std::vector<float>(block.frames)};
-            break;
-        }
         case Kind::analyser:
-            listenTo(process, out);
+            listenTo(process);
             break;
+        case Kind::selector:
         case Kind::panner:
-            pan(process, block, out);
-            break;
         case Kind::mix:
         case Kind::splitter:
         case Kind::merger:
@@ -290,10 +312,11 @@ void ProcessPlayer::render(const AudioProcess& process, const GraphBlock& block,
     if (process.gain != 1)
         for (std::vector<float>& channel : out)
             for (float& sample : channel) sample *= static_cast<float>(process.gain);
-    for (std::size_t i = 0; !before.empty() && i < block.frames; ++i) {
+    // What has no times is active always; others as they are at the samples.
+    for (std::size_t i = 0; process.times != SoundTimes() && i < block.frames; ++i) {
         const double t = (static_cast<double>(block.first) + static_cast<double>(i) + 0.5) / rate;
         if (process.times.active(t)) continue;
-        for (std::size_t k = 0; k < out.size(); ++k) out[k][i] = before[k][i] * static_cast<float>(process.above);
+        for (std::size_t k = 0; k < out.size(); ++k) out[k][i] = in_[k][i] * static_cast<float>(process.above);
     }
     if (silenceNoSound(out, 1)) block.clips.noteNoSound(process.name);
 }

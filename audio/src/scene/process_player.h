@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include <rtsg/audio/audio_processing.h>
@@ -25,7 +26,7 @@ using AudioChannels = std::vector<std::vector<float>>;
 /// Adds what is in other channels: of one, two, four and six as loudspeakers are mixed up and down (Web Audio API 1.1,
 /// section 4, which 16.2, "Sound effects processing", goes by), of other numbers and where it is `discrete` each into
 /// the one of its number; what has none is not heard.
-void mixInto(AudioChannels& out, const AudioChannels& in, bool discrete);
+void mixInto(std::span<std::vector<float>> out, std::span<const std::vector<float>> in, bool discrete);
 
 /// What is beyond it is no sound.
 constexpr double kLoudest = 1e9;
@@ -45,12 +46,17 @@ struct GraphBlock {
     const Hrtf* head = nullptr;  // of what is panned by a head (enableHRTF); null: a sphere
 };
 
-/// What voices and processes give together, in as many channels as the one with the most, or `exactly` so many.
+struct AudioLayout {
+    bool discrete = false;
+    std::size_t exactly = 0, least = 1;  // channels; 0: as many as there are
+};
+
+/// What voices and processes give together, in as many channels as the one with the most, or as the layout says.
 class AudioMix {
   public:
     void render(const std::vector<SoundVoice>& voices,
                 const std::vector<std::shared_ptr<const AudioProcess>>& processes, const GraphBlock& block,
-                AudioChannels& out, bool discrete = false, std::size_t exactly = 0);
+                AudioChannels& out, const AudioLayout& layout = {});
     /// Adds what each Analyser and DynamicsCompressor finds now; its smoothing goes from call to call.
     void analyse(AudioFindings& found);
 
@@ -59,8 +65,12 @@ class AudioMix {
         VoicePlayer player;
         std::int64_t heard = 0;  // the first sample of the block in which it was last
     };
+    void find(const std::vector<SoundVoice>& voices, std::int64_t first);
     /// By node, and how many ways before this lead to it.
     std::map<std::pair<std::uint32_t, unsigned>, Playing> players_;
+    std::vector<std::pair<NodeId, Playing*>> order_;  // of the voices of the last block
+    std::vector<AudioChannels> processed_;
+    AudioChannels voice_;  // of a voice with fewer channels than there are
     std::vector<std::unique_ptr<class ProcessPlayer>> processes_;
 };
 
@@ -72,7 +82,8 @@ class ProcessPlayer {
     void analyse(AudioFindings& found);
 
   private:
-    void listenTo(const AudioProcess& process, const AudioChannels& out);
+    void listenTo(const AudioProcess& process);
+    void select(const AudioProcess& process, AudioChannels& out) const;
     void filter(const AudioProcess& process, double rate, AudioChannels& out);
     void convolve(const AudioProcess& process, double rate, AudioChannels& out);
     void shape(const AudioProcess& process, AudioChannels& out);
@@ -83,7 +94,10 @@ class ProcessPlayer {
     NodeId node_;
     AudioProcess::Kind kind_;
     AudioMix inputs_;
+    AudioChannels in_;                                    // what leads in
+    AudioChannels two_;                                   // of it, as one or two channels
     std::vector<std::unique_ptr<ProcessPlayer>> merged_;  // of a merger, by input
+    std::vector<AudioChannels> parts_;                    // what these give
     std::vector<Biquad> filters_;                         // by channel, as the next
     bool filtered_ = false;
     Biquad::Type type_{};  // of the last block

@@ -144,7 +144,8 @@ void Compressor::process(const Settings& settings, double sampleRate, std::span<
     const double makeUpGain = makeUp(settings), lookAhead = std::round(0.006 * sampleRate);
     const double fall = amplitudeOf(-10 / std::max(1.0, settings.attack * sampleRate));
     const double rise = amplitudeOf(10 / std::max(1.0, settings.release * sampleRate));
-    std::vector<double> gains(channels[0].size());
+    std::vector<double>& gains = gains_;
+    gains.resize(channels[0].size());
     for (std::size_t i = 0; i < gains.size(); ++i) {
         double loudest = 0;
         for (const std::vector<float>& channel : channels)

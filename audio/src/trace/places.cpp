@@ -34,14 +34,17 @@ double innerSide(const AcousticGeometry& geometry, const glm::dvec3& point, cons
 glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards) {
     const glm::dvec3 size = glm::abs(point);
     const double off = 0x1p-19 * (0x1p-3 + std::max({size.x, size.y, size.z}));
-    std::vector<Touched> walls;
+    // Direct sound asks in every block.
+    thread_local std::vector<Touched> walls;
+    thread_local std::vector<double> sides;
+    walls.clear();
+    sides.clear();
     geometry.surfacesNear(point, off, [&](const glm::dvec3& normal, double distance) {
         for (const Touched& known : walls)
             if (std::abs(glm::dot(known.normal, normal)) > 1 - 1e-9) return;
         walls.push_back({normal, distance});
     });
     if (walls.empty()) return point;
-    std::vector<double> sides;
     for (const Touched& wall : walls) {
         const double across = glm::dot(towards - point, wall.normal) + wall.distance;
         sides.push_back(across > off ? 1 : across < -off ? -1 : innerSide(geometry, point, wall, off));

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <functional>
 
 #include <rtsg/audio/plane_index.h>
 
@@ -244,29 +245,28 @@ void WorldGeometry::surfacesNear(const glm::dvec3& point, double radius, const S
     const glm::dvec3 away = glm::abs(point - rays_->origin());
     const double reach = radius + 2 * PlaneTolerance().distance, rounding = 0x1p-20 * (away.x + away.y + away.z);
     const auto searched = static_cast<float>(reach + rounding);
-    rays_->visitNear(
-        rays_->fromWorld(point), searched,
-        [&](std::uint32_t slot, std::uint32_t triangle) {
-            glm::dvec3 corners[3];
-            cornersOf(walls_.walls[slot], triangle, corners);
-            if (distanceToTriangle(point, corners) > reach) return searched;
-            const std::uint32_t plane = planes_->usable() ? planes_->planeOf(slot, triangle) : kNoPlane;
-            glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
-            const double length = glm::length(normal);
-            if (!(length > 0)) return searched;
-            normal /= length;
-            double distance = glm::dot(point - corners[0], normal);
-            if (plane != kNoPlane) {
-                // Seen from the side the triangle faces.
-                const ReflectingPlane& on = planes_->planes()[plane];
-                const double side = glm::dot(on.normal, normal) < 0 ? -1 : 1;
-                normal = side * on.normal;
-                distance = side * on.signedDistance(point);
-            }
-            if (std::abs(distance) <= radius) visit(normal, distance);
-            return searched;
-        },
-        RayKind::sound);
+    // By reference: a function of its own would take its room from the heap, and direct sound asks in every block.
+    const auto look = [&](std::uint32_t slot, std::uint32_t triangle) {
+        glm::dvec3 corners[3];
+        cornersOf(walls_.walls[slot], triangle, corners);
+        if (distanceToTriangle(point, corners) > reach) return searched;
+        const std::uint32_t plane = planes_->usable() ? planes_->planeOf(slot, triangle) : kNoPlane;
+        glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
+        const double length = glm::length(normal);
+        if (!(length > 0)) return searched;
+        normal /= length;
+        double distance = glm::dot(point - corners[0], normal);
+        if (plane != kNoPlane) {
+            // Seen from the side the triangle faces.
+            const ReflectingPlane& on = planes_->planes()[plane];
+            const double side = glm::dot(on.normal, normal) < 0 ? -1 : 1;
+            normal = side * on.normal;
+            distance = side * on.signedDistance(point);
+        }
+        if (std::abs(distance) <= radius) visit(normal, distance);
+        return searched;
+    };
+    rays_->visitNear(rays_->fromWorld(point), searched, std::cref(look), RayKind::sound);
 }
 
 bool WorldGeometry::trianglesNearBut(std::span<const std::uint32_t> open, const glm::dvec3& point, double radius,

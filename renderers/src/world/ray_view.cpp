@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstring>
+#include <functional>
 #include <vector>
 
 #include "embree/packet_avx512.h"
@@ -507,11 +508,13 @@ bool RayView::hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& ou
 
 void RayView::visitNear(const Vec3f& center, float radius, const NearVisitor& visit, RayKind kind) const {
     float reach = radius;
-    tables_->top.visitNear(center, radius, [&](std::uint32_t slot, std::uint32_t triangle) {
+    // By reference: a function of its own would take its room from the heap.
+    const auto visitKind = [&](std::uint32_t slot, std::uint32_t triangle) {
         const Instance& info = instances_[slot].info;
         if (kind == RayKind::sound ? info.heard : info.seen) reach = visit(slot, triangle);
         return reach;
-    });
+    };
+    tables_->top.visitNear(center, radius, std::cref(visitKind));
 }
 
 void RayView::visitFelt(const Vec3f& center, float radius, const NearVisitor& visit) const {

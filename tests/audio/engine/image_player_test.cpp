@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "engine/image_player.h"
-#include "support/counted_heap.h"
+#include "support/counting_malloc.h"
 
 namespace rtsg {
 namespace {

@@ -63,6 +63,7 @@ class Compressor {
   private:
     double gain_ = 1;
     std::vector<AudioDelay> ahead_;  // by channel: 6 ms
+    std::vector<double> gains_;      // of a block
 };
 
 /// A curve over -1 to 1, linear between its points; as it is without any.

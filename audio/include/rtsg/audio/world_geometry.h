@@ -153,6 +153,9 @@ class OpenedGeometry final : public AcousticGeometry {
     OpenedGeometry(const WorldGeometry& whole, std::vector<std::uint32_t> open)
         : whole_(&whole), open_(std::move(open)) {}
 
+    /// The slots back, for what opens the world in every block; this is good for nothing any more.
+    std::vector<std::uint32_t> takeOpen() { return std::move(open_); }
+
     std::span<const ReflectingPlane> planes() const override { return whole_->planes(); }
     std::span<const AcousticMaterial> materials() const override { return whole_->materials(); }
     bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance, std::uint32_t except,
