@@ -1,6 +1,7 @@
 // Worlds of a few triangles, whose rays are tested against all of them: what they meet is what brute force has, nothing
 // slips through where walls meet, and walls may come and go.
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <random>
 #include <vector>
@@ -19,6 +20,8 @@ using test::TriangleGeometry;
 
 /// Meshes that are placed, and the same triangles for the reference.
 struct FewRoom {
+    static constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+
     RayWorld world;
     Walls walls{world};
     WorldGeometry geometry;
@@ -43,19 +46,24 @@ struct FewRoom {
         return mesh(points, {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
                              2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5});
     }
-    InstanceId add(std::size_t of, const WorldFromLocal& at) {
+    enum class Kind : std::uint8_t { wall, volume, boundingBox };
+    /// What is no wall is not in the reference.
+    InstanceId add(std::size_t of, const WorldFromLocal& at, Kind kind = Kind::wall) {
         Instance instance;
         instance.id = {next++, 0};
         instance.shape = NodeId{100 + next};
         instance.geometry = NodeId{static_cast<std::uint32_t>(of + 1)};
+        instance.acoustics = NodeId{500 + next};
         instance.worldFromLocal = at;
+        instance.volume = kind == Kind::volume;
+        instance.boundingBox = kind == Kind::boundingBox;
         delta.added.push_back(instance);
-        placed.emplace_back(of, at);
+        placed.emplace_back(kind == Kind::wall ? of : kNone, at);
         return instance.id;
     }
     void remove(InstanceId id) {
         delta.removed.push_back(id);
-        placed[id.slot].first = meshes.size();  // none
+        placed[id.slot].first = kNone;
     }
     void commit() {
         world.apply(delta);
@@ -67,7 +75,7 @@ struct FewRoom {
         TriangleGeometry all;
         const std::uint32_t material = all.addMaterial(.1, .1);
         for (const auto& [of, m] : placed) {
-            if (of >= meshes.size()) continue;
+            if (of == kNone) continue;
             for (std::uint32_t t = 0; t < meshes[of]->triangleCount; ++t) {
                 const auto corner = [&](std::uint32_t c) { return m * glm::dvec4(meshes[of]->vertex(t, c), 1.0); };
                 all.addTriangle(corner(0), corner(1), corner(2), material);
@@ -133,6 +141,12 @@ void expectAsReference(const FewRoom& room, std::mt19937_64& random, int packets
                 const AcousticHit& hit = hits[static_cast<std::size_t>(i)];
                 ASSERT_NEAR(hit.distance, expected.distance, 1e-9 * (1 + expected.distance)) << what;
                 ASSERT_EQ(sameIn(reference, room.geometry.planes()[hit.plane]), expected.plane) << what;
+                // One ray by itself goes through the BVH, and knows whose wall it is.
+                AcousticHit single;
+                ASSERT_TRUE(room.geometry.closest(rays.origin[i], rays.direction[i], rays.maxDistance[i],
+                                                  rays.except[i], single));
+                EXPECT_EQ(hit.material, single.material) << what;
+                EXPECT_EQ(hit.plane, single.plane) << what;
                 const double cosine = glm::dot(rays.direction[i], hit.normal);
                 const glm::dvec3 facing = cosine > 0 ? -hit.normal : hit.normal;
                 glm::dvec3 direction = anyDirection(random);
@@ -193,6 +207,22 @@ TEST(FewWalls, NothingSlipsThroughWhereWallsMeet) {
     }
 }
 
+/// The boxes of volumes, and those that are drawn around groups, are seen, but no walls.
+TEST(FewWalls, WhatIsSeenButNoWallIsPassed) {
+    std::mt19937_64 random(3);
+    for (const auto kind : {FewRoom::Kind::volume, FewRoom::Kind::boundingBox}) {
+        FewRoom room;
+        const std::size_t box = room.box();
+        room.add(box, turnedAndPlaced({0, 0, 0}, {6, 5, 3}, 0));
+        const InstanceId around = room.add(box, turnedAndPlaced({1, 1, .5}, {3, 3, 2}, .1), kind);
+        room.commit();
+        expectAsReference(room, random, 20, "with it");
+        room.remove(around);
+        room.commit();
+        expectAsReference(room, random, 20, "without");
+    }
+}
+
 /// From few to many and back, of whatever came in between.
 TEST(FewWalls, MayComeAndGo) {
     static_assert(FewWalls::kMostTriangles < 60);
@@ -222,38 +252,89 @@ TEST(FewWalls, MayComeAndGo) {
     expectAsReference(room, random, 20, "one box again");
 }
 
-TEST(FewWalls, AreUsedWhileTheyAreFewAndFlat) {
-    FewRoom room;
-    FewWalls few;
-    WallPlanes planes(20'000);
-    WallsVersion known;
-    const auto usable = [&] {
-        room.commit();
-        const WallsVersion now = room.walls.freeze();
-        PagedArray<Wall>::differences(known.walls, now.walls,
+/// Whether the triangles of a room are few in number and kind, from change to change.
+class FewOf {
+  public:
+    explicit FewOf(FewRoom& room, std::size_t mostPlanes = 20'000) : room_(room), planes_(mostPlanes) {}
+    bool usable() {
+        room_.commit();
+        const WallsVersion now = room_.walls.freeze();
+        PagedArray<Wall>::differences(known_.walls, now.walls,
                                       [&](std::size_t at, const Wall& before, const Wall& after) {
                                           if (before.stamp == after.stamp) return;
-                                          few.change(static_cast<std::uint32_t>(at), before, after);
-                                          planes.change(static_cast<std::uint32_t>(at), after);
+                                          few_.change(static_cast<std::uint32_t>(at), before, after);
+                                          planes_.change(static_cast<std::uint32_t>(at), after);
                                       });
-        planes.settle(now.walls, room.geometry.materials());
-        few.build(now.walls, planes, room.world);
-        known = now;
-        return few.usable();
-    };
+        planes_.settle(now.walls, room_.geometry.materials());
+        few_.build(now.walls, planes_, room_.world);
+        known_ = now;
+        return few_.usable();
+    }
+
+  private:
+    FewRoom& room_;
+    FewWalls few_;
+    WallPlanes planes_;
+    WallsVersion known_;
+};
+
+TEST(FewWalls, AreUsedWhileTheyAreFewAndFlat) {
+    FewRoom room;
+    FewOf few(room);
     const std::size_t box = room.box();
     std::vector<InstanceId> boxes;
     for (int i = 0; i < 4; ++i) boxes.push_back(room.add(box, turnedAndPlaced({2.0 * i, 0, 0}, {1, 1, 1}, .1 * i)));
-    EXPECT_TRUE(usable());
+    EXPECT_TRUE(few.usable());
     const InstanceId fifth = room.add(box, turnedAndPlaced({9, 0, 0}, {1, 1, 1}, .7));
-    EXPECT_FALSE(usable());
+    EXPECT_FALSE(few.usable());
     room.remove(fifth);
-    EXPECT_TRUE(usable());
+    EXPECT_TRUE(few.usable());
     // Two triangles in one plane as far as mirrors go, one of them half a tenth of a millimetre off.
     const std::size_t bent = room.mesh({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 5e-5f}}, {0, 1, 2, 0, 2, 3});
     room.remove(boxes[0]);
     room.add(bent, turnedAndPlaced({0, 0, 3}, {4, 4, 1}, 0));
-    EXPECT_FALSE(usable());
+    EXPECT_FALSE(few.usable());
+}
+
+/// One wall more of each kind that they are not, beside a box, and gone again.
+TEST(FewWalls, AreNotUsedWithVolumesBoundingBoxesSliversFarWallsOrMany) {
+    FewRoom room;
+    FewOf few(room);
+    const std::size_t box = room.box();
+    room.add(box, turnedAndPlaced({0, 0, 0}, {6, 5, 3}, 0));
+    ASSERT_TRUE(few.usable());
+    const auto with = [&](std::size_t of, const WorldFromLocal& at, FewRoom::Kind kind = FewRoom::Kind::wall) {
+        const InstanceId one = room.add(of, at, kind);
+        const bool usable = few.usable();
+        room.remove(one);
+        EXPECT_TRUE(few.usable());
+        return usable;
+    };
+    const auto near = turnedAndPlaced({1, 1, .5}, {1, 1, 1}, 0);
+    EXPECT_TRUE(with(box, near));
+    EXPECT_FALSE(with(box, near, FewRoom::Kind::volume));
+    EXPECT_FALSE(with(box, near, FewRoom::Kind::boundingBox));
+    // Edges of a micrometre are none.
+    const std::size_t right = room.mesh({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {0, 1, 2});
+    EXPECT_TRUE(with(right, turnedAndPlaced({1, 1, 1}, {1e-5, 1, 1}, 0)));
+    EXPECT_FALSE(with(right, turnedAndPlaced({1, 1, 1}, {5e-7, 1, 1}, 0)));
+    EXPECT_TRUE(with(right, turnedAndPlaced({9'000, 1, 1}, {1, 1, 1}, 0)));
+    EXPECT_FALSE(with(right, turnedAndPlaced({10'001, 1, 1}, {1, 1, 1}, 0)));
+    // One that reaches there with a corner, too.
+    EXPECT_FALSE(with(right, turnedAndPlaced({1, 1, 1}, {10'001, 1, 1}, 0)));
+    // 12 of the box, and a fan of small triangles in one plane: as many as there may be, and one more.
+    for (const int count : {36, 37}) {
+        std::vector<Vec3f> points{{0, 0, 0}};
+        std::vector<int> triangles;
+        for (int i = 0; i <= count; ++i) {
+            points.emplace_back(std::cos(.1f * static_cast<float>(i)), std::sin(.1f * static_cast<float>(i)), 0);
+            if (i > 0) triangles.insert(triangles.end(), {0, i, i + 1});
+        }
+        EXPECT_EQ(with(room.mesh(points, triangles), turnedAndPlaced({2, 2, 1}, {.01, .01, 1}, 0)), count == 36);
+    }
+    // More planes than are looked for.
+    FewOf ofNoPlanes(room, 5);
+    EXPECT_FALSE(ofNoPlanes.usable());
 }
 
 }  // namespace
