@@ -190,7 +190,7 @@ std::vector<std::string> SoundArguments::files() const {
 }
 
 bool OutputArguments::soundInFilm() const {
-    return MovieWriter::isName(listen) && listen == render;
+    return MovieWriter::isName(listen) && !render.empty() && sameFile(listen, render);
 }
 
 bool OutputArguments::animated() const {

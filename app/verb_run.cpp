@@ -124,6 +124,29 @@ class RunMade {
     std::optional<OutputReport> report_;
 };
 
+/// Of a viewpoint that pictures are to be seen from and that is not there: false if it cannot come any more either.
+bool checkViewpoint(const Scene& scene, const OutputArguments& outputs) {
+    const std::string& name = outputs.picture.viewpoint;
+    if (name.empty() || outputs.render.empty()) return true;
+    bool known = false, mayCome = false;
+    std::string all;
+    scene.forEachNode([&](const Node& node) {
+        mayCome = mayCome || node.type().isA("X3DScriptNode") || node.is(x3d::Inline::type);
+        if (!node.type().isA("X3DViewpointNode")) return;
+        const FieldIndex field = node.type().findExact("description");
+        const String description = field == kNoField ? String() : node.get(Field<String>{field});
+        const std::string_view own = scene.name(node.id());
+        known = known || own == name || description.view() == name;
+        all += fmt::format("{}\"{}\"", all.empty() ? "" : ", ", own.empty() ? description.view() : own);
+    });
+    if (known) return true;
+    const std::string text = fmt::format("no viewpoint is called \"{}\"{}; there are: {}", name,
+                                         mayCome ? " as yet" : "", all.empty() ? "none" : all);
+    if (!mayCome) return printError(text), false;
+    fmt::print(stderr, "note: {}\n", terminalText(text));
+    return true;
+}
+
 int runScene(const RunArguments& options) {
     const Pace pace{parseSeconds(options.duration), options.fps, options.realtime || options.outputs.isLive()};
     if (auto ok = options.outputs.check({options.scene}); !ok) return printError(ok.error()), kBad;
@@ -133,6 +156,7 @@ int runScene(const RunArguments& options) {
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), options.outputs.names());
+    if (!checkViewpoint(scene, options.outputs)) return kBad;
     if (auto ok = running.inject(options.set, pace.seconds); !ok) return printError(ok.error().text), kUsage;
     const auto watches = parseWatches(scene, options.watch);
     if (!watches) return printError(watches.error().text), kUsage;

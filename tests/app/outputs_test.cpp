@@ -246,6 +246,52 @@ TEST_F(MadeOutputs, SoundGoesIntoNoFilmButThatOfThePictures) {
     EXPECT_THAT(refused({"--render", film, "--save", film}), HasSubstr("--save"));
 }
 
+/// Files are told apart as files, however they are written.
+TEST_F(MadeOutputs, AFilmIsThatOfThePicturesByWhateverNameItHas) {
+    std::filesystem::create_directory(std::filesystem::path(folder / "sub"));
+    std::filesystem::create_directory_symlink(".", std::filesystem::path(folder / "here"));
+    for (const char* other : {"sub/../film.mp4", "./film.mp4", "here/film.mp4"}) {
+        const Outcome made = rtsg({"run", file, "--for", ".5s", "--fps", "10", "--render", folder / other, "--listen",
+                                   folder / "film.mp4", "--size", "16x8", "--rays", "50", "--json"});
+        ASSERT_EQ(made.status, 0) << other << made.err;
+        EXPECT_DOUBLE_EQ(json::parse(lastLine(made.out)).at("sound_seconds").get<double>(), .5) << other;
+        EXPECT_THAT(bytes("film.mp4"), HasSubstr("soun")) << "its track of sound";
+    }
+}
+
+/// A name that nothing has costs no run: it is told before the first frame, unless the viewpoint may come yet.
+TEST_F(MadeOutputs, AViewpointThatIsNotThereIsToldAtTheStart) {
+    const std::string plain = folder / "views.x3dv", scripted = folder / "scripted.x3dv",
+                      text =
+                          "#X3D V4.0 utf8\nPROFILE Full\nDEF V Viewpoint { description \"by the door\" }\nShape { "
+                          "geometry Box { } }\n";
+    writeFile(plain, text);
+    writeFile(scripted, text +
+                            "DEF G Group { }\nScript { directOutput TRUE field SFNode group USE G url \"ecmascript: "
+                            "function initialize() { group.children = new MFNode(Browser.currentScene.createNode("
+                            "'Viewpoint')); group.children[0].description = 'LATE'; }\" }\n");
+    const std::string picture = folder / "view.png";
+    const auto run = [&](const std::string& scene, const std::string& name, std::vector<std::string> more = {}) {
+        std::vector<std::string> all{"run",    scene, "--for",  "2s",          "--render", picture,
+                                     "--size", "8x8", "--hash", "--viewpoint", name};
+        all.insert(all.end(), more.begin(), more.end());
+        return rtsg(all);
+    };
+    for (const std::vector<std::string>& more : {std::vector<std::string>{}, {"--live"}}) {
+        const Outcome none = run(plain, "NOPE", more);
+        EXPECT_EQ(none.status, 1);
+        EXPECT_EQ(none.out, "") << "no frame";
+        EXPECT_THAT(none.err, HasSubstr("no viewpoint is called \"NOPE\"; there are: \"V\""));
+        EXPECT_FALSE(std::filesystem::exists(picture));
+    }
+    for (const char* known : {"V", "by the door"}) EXPECT_EQ(run(plain, known).status, 0) << known;
+    const Outcome late = run(scripted, "LATE"), never = run(scripted, "NOPE");
+    EXPECT_EQ(late.status, 0) << late.err;
+    EXPECT_THAT(late.err, HasSubstr("note: no viewpoint is called \"LATE\" as yet"));
+    EXPECT_EQ(never.status, 1);
+    EXPECT_THAT(never.err, HasSubstr("no viewpoint is called \"NOPE\"; there are: \"V\", \"LATE\""));
+}
+
 TEST_F(MadeOutputs, WithoutSoundNameNoStateOfIt) {
     const Outcome outcome =
         rtsg({"run", file, "--for", "0.2s", "--fps", "10", "--render", folder / "p%d.png", "--size", "8x8", "--json"});

@@ -263,6 +263,10 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     if (!doppler) std::fill(block.delays.begin(), block.delays.end(), to.delay);
     bool audible = false;
     levelOf(emitter, state, apparent, block, to, audible);
+    if (!anyHeard) {
+        anyHeard = audible && sound.enabled && sound.plays() && sound.intensity != 0 && block.listener.gain != 0;
+        if (!anyHeard) noteUnheard(emitter, glm::distance(apparent, block.listener.position), block.listener);
+    }
     if (!state.started) {
         state.level.directGain = to.directGain;
         state.level.lateGain = to.lateGain;

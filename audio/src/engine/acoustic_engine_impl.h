@@ -110,6 +110,7 @@ struct AcousticEngine::Impl {
     void hearGone(EmitterState& state, Block& block);
     void renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to, bool jumped, Block& block);
     void noteSilence(EmitterState& state) const;
+    void noteUnheard(const SoundEmitter& emitter, double distance, const ListenerPose& listener);
     void fadeOut(Block& block);
     Result<> mixDown(Block& block);
     void begin(Block& block, const ListenerPose& listener) const;
@@ -161,6 +162,8 @@ struct AcousticEngine::Impl {
     HeardResponses heard;
     std::vector<StreamedSound> streams;
     std::vector<SealedSource> sealed;
+    std::map<InstanceId, UnheardSource> unheard;  // until any sound was in its reach
+    bool anyHeard = false;
     std::map<InstanceId, bool> toldSealed;  // of those that are: whether the source is inside
     std::vector<SoundLeak> leaks;
     int leakSearches = 0;

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include "acoustic_engine_impl.h"
 #include "scene/source_pattern.h"
 
@@ -201,6 +203,37 @@ void AcousticEngine::Impl::noteSeal(const SoundEmitter& emitter, const glm::dvec
     told->second = seal.sourceInside;
     if (sealed.size() < kMost)
         sealed.push_back({emitter.name, emitter.sound->node, source, listener, seconds, std::move(seal)});
+}
+
+/// Why, as it is at present: what comes into reach later is heard.
+void AcousticEngine::Impl::noteUnheard(const SoundEmitter& emitter, double distance, const ListenerPose& listener) {
+    using Why = UnheardSource::Why;
+    constexpr std::size_t kMost = 1000;
+    const SoundNode& sound = *emitter.sound;
+    auto found = unheard.find(emitter.id);
+    if (found == unheard.end()) {
+        if (unheard.size() >= kMost) return;
+        found = unheard.try_emplace(emitter.id).first;
+        found->second = {emitter.name, sound.node, Why::far, distance, {}};
+        if (sound.law == SoundNode::Law::ellipsoids)
+            found->second.reach = fmt::format("maxFront {:g}, maxBack {:g}", sound.maxFront, sound.maxBack);
+        else if (sound.law == SoundNode::Law::linear)
+            found->second.reach = fmt::format("maxDistance {:g}", sound.maxDistance);
+    }
+    UnheardSource& source = found->second;
+    source.nearest = std::min(source.nearest, distance);
+    source.why = !sound.enabled         ? Why::off
+                 : !sound.plays()       ? Why::empty
+                 : sound.intensity == 0 ? Why::silent
+                 : listener.gain == 0   ? Why::deaf
+                                        : Why::far;
+}
+
+std::vector<UnheardSource> AcousticEngine::unheard() const {
+    std::vector<UnheardSource> all;
+    if (!impl_->anyHeard)
+        for (const auto& [id, source] : impl_->unheard) all.push_back(source);
+    return all;
 }
 
 const std::vector<SealedSource>& AcousticEngine::sealed() const {

@@ -20,6 +20,7 @@
 #include "sealed_text.h"
 #include "trace/places.h"
 #include "trace/sealed_result.h"
+#include "unheard_text.h"
 
 namespace rtsg {
 namespace {
@@ -394,7 +395,10 @@ ListenReport SoundRenderer::finish() {
         stream.sound.samples.resize(s.report.sound.frames() * static_cast<std::size_t>(stream.sound.channels));
     s.report.diagnostics.append(s.renderer->diagnostics());
     s.tell(world().scene(), s.report.diagnostics);
-    if (!s.hadSounds) s.report.diagnostics.warning({}, "the scene has no sounds");
+    if (s.hadSounds)
+        tellUnheard(world().scene(), s.renderer->unheard(), s.report.diagnostics);
+    else
+        tellNoSounds(world().scene(), s.report.diagnostics);
     return std::exchange(s.report, ListenReport());
 }
 

@@ -99,9 +99,11 @@ TEST_F(ListenSealed, NothingIsToldWhereSomethingMightBeHeard) {
     EXPECT_TRUE(heard(shape("Body", "Box { size 1 1 1 }", "0 0 0") + voice + eye).empty());
     EXPECT_TRUE(heard(shape("Wall", "Box { size 60 60 .1 }", "0 0 5") + voice + eye).empty());
     EXPECT_TRUE(heard(shape("Drum", "Cylinder { radius 1.5 height 2 top FALSE }", "0 0 0") + voice + eye).empty());
-    EXPECT_TRUE(heard(drum + "DEF Voice Sound { maxFront 5 maxBack 5 source OscillatorSource { } }\n" + eye).empty());
+    // Another is heard: that nothing at all is would be told.
+    const std::string other = "AudioDestination { children OscillatorSource { } }\n" + eye;
+    EXPECT_TRUE(heard(drum + "DEF Voice Sound { maxFront 5 maxBack 5 source OscillatorSource { } }\n" + other).empty());
     EXPECT_TRUE(
-        heard(drum + "DEF Voice Sound { minFront 90 minBack 90 enabled FALSE source OscillatorSource { } }\n" + eye)
+        heard(drum + "DEF Voice Sound { minFront 90 minBack 90 enabled FALSE source OscillatorSource { } }\n" + other)
             .empty());
     EXPECT_TRUE(heard("Shape { geometry Cylinder { radius 1.5 height 2 } appearance Appearance { acousticProperties "
                       "AcousticProperties { absorption .1 refraction .2 } } }\n" +

@@ -420,8 +420,10 @@ TEST(AudioGraph, AFilmIsHeardAtItsSpeedAndNotBackwards) {
         EXPECT_NEAR(twice[0][i], static_cast<double>(2 * i % 19'200) / 32768, 1e-5) << i;
     }
     for (const char* silent : {"speed -1 }", "speed 0 }", "load FALSE }"}) {
-        const auto nothing = hear(film + silent, .1);
+        std::string told;
+        const auto nothing = hear(film + silent, .1, &told);
         for (const double sample : nothing[0]) ASSERT_EQ(sample, 0) << silent;
+        EXPECT_THAT(told, testing::HasSubstr("nothing that sounds leads into it"));
     }
 }
 

@@ -61,7 +61,8 @@ TEST(AudioPanner, APannersChannelsAndLevelsAreThoseOfItsFields) {
                    "loop TRUE buffer [ .1 .2 .3 .4 ] } }"),
                 both(.5 * (.2 + .3 * std::cos(M_PI / 2)), .5 * .3));
     EXPECT_THAT(at("SpatialSound { spatialize FALSE location 5 0 0 children " + kSteadyPair + " }"), both(.1, -.05));
-    EXPECT_THAT(at("SpatialSound { enabled FALSE children " + kSteady + " }"), both(0, 0));
+    EXPECT_THAT(at("Gain { children [ SpatialSound { enabled FALSE children " + kSteady + " } " + kSteady + " ] }"),
+                both(.25, .25));
     // A cone that points away, laws, and a Sound's ellipsoids: half way between them 10 dB less.
     EXPECT_THAT(at("SpatialSound { location 0 0 -1 direction 0 0 -1 coneInnerAngle 1 coneOuterAngle 2 coneOuterGain "
                    ".125 children " +

@@ -107,6 +107,18 @@ struct SealedSource {
     Seal seal;
 };
 
+/// A source of which nothing was heard, whatever it played, because of itself or of how far away it was.
+struct UnheardSource {
+    /// off: not enabled; empty: nothing leads into it; silent: its intensity or gain is 0; deaf: the listener's gain
+    /// is; far: it was out of its reach.
+    enum class Why : std::uint8_t { off, empty, silent, deaf, far };
+    std::string name;  // of the emitter
+    NodeId sound;
+    Why why = Why::far;
+    double nearest = 0;  // metres from the listener, at any time
+    std::string reach;   // the fields that say how far it is heard
+};
+
 /// A hole or a crack through which sound of a source is lost.
 struct SoundLeak {
     std::string name;  // of the emitter by which it was found
@@ -165,6 +177,8 @@ class AcousticEngine {
     /// The sources that played while they were sealed off from the listener, in the order in which that was found: each
     /// once, and again whenever it is sealed anew, or from the other side; the first thousand.
     const std::vector<SealedSource>& sealed() const;
+    /// Those of which nothing can have been heard so far; empty once any sound was in its reach.
+    std::vector<UnheardSource> unheard() const;
     /// Notes what a trace for figures found, by the same rule: `seal` is what keeps the emitter from the listener, or
     /// none.
     void note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds, std::optional<Seal> seal);

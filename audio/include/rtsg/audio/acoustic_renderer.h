@@ -46,6 +46,7 @@ class AcousticRenderer final : public InstanceSubscriber {
     void note(const SoundEmitter& emitter, const glm::dvec3& listener, double seconds, std::optional<Seal> seal) {
         engine_->note(emitter, listener, seconds, std::move(seal));
     }
+    std::vector<UnheardSource> unheard() const { return engine_->unheard(); }
     const std::vector<SoundLeak>& leaks() const { return engine_->leaks(); }
     void note(const SoundEmitter& emitter, double seconds, const RoomOpenings& openings) {
         engine_->note(emitter, seconds, openings);

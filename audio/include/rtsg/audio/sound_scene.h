@@ -150,6 +150,8 @@ struct SoundNode {
     double level(const glm::dvec3& listener) const;
     /// Amplitude factor of the cones towards a place.
     double coneGain(const glm::dvec3& listener) const;
+    /// Whether anything leads into it.
+    bool plays() const { return !voices.empty() || !processes.empty(); }
     /// Whether it sends more to one side than to another, by its cones or, if `levels` count, by its ellipsoids.
     bool directional(bool levels) const;
 };

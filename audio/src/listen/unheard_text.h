@@ -1,0 +1,17 @@
+// Says why nothing at all was heard. Threading: the scene's thread.
+#pragma once
+
+#include <span>
+
+#include <rtsg/audio/acoustic_engine.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+/// A warning for each of the first of them, as far as their nodes are still there with their lines.
+void tellUnheard(const Scene& scene, std::span<const UnheardSource> unheard, Diagnostics& diagnostics);
+
+/// Of a scene in which no sound was ever shown: that it has none, or where the first of them is.
+void tellNoSounds(const Scene& scene, Diagnostics& diagnostics);
+
+}  // namespace rtsg
