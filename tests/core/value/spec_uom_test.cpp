@@ -121,8 +121,6 @@ constexpr Exception kExceptions[] = {
      "fields of Castle Game Engine, for fog that lies along a direction"},
     {"LocalFog", "volumetric volumetricDirection volumetricVisibilityStart", "ours",
      "fields of Castle Game Engine, for fog that lies along a direction"},
-    {"X3DFogObject", "volumetric volumetricDirection volumetricVisibilityStart", "ours",
-     "fields of Castle Game Engine, for fog that lies along a direction"},
     {"Box", "size", "range", "13.3.1: (0,inf); the model names no bounds"},
     {"Rectangle2D", "size", "range", "14.3.7: (0,inf); the model names no bounds"},
     {"RigidBody",

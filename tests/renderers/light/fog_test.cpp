@@ -104,13 +104,13 @@ TEST(Fog, HidesClearSurfacesByWhatTheyCover) {
 
 /// What a wall of 10 m x 10 m shows at heights from -5 to 5, one a row, seen from 10 m.
 std::vector<Vec3f> rowsOfWall(const std::string& fog, Integrator integrator) {
-    LightScene s("OrthoViewpoint { fieldOfView [ -5 -5 5 5 ] position 0 0 10 } " + fog + square(5, unlit("1 0 0")), 1,
+    LightScene s("OrthoViewpoint { fieldOfView [ -5 -5 5 5 ] position 0 0 10 } " + fog + square(5, unlit("1 0 0")), 10,
                  10);
     s.options.settings.integrator = integrator;
     s.options.settings.colorSpace = ColorSpace::linear;
     const Picture picture = s.picture();
     std::vector<Vec3f> rows;
-    for (int y = 0; y < 10; ++y) rows.emplace_back(picture.at(0, y));
+    for (int y = 0; y < 10; ++y) rows.emplace_back(picture.at(5, y));
     return rows;
 }
 
