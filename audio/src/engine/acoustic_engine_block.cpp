@@ -282,11 +282,7 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
         // Source, listener and walls of one instant, that of the scene, which the block is on its way to.
         // Who will be somewhere else when the frame ends is not there yet.
         const bool there = !state.hasResponse || !(state.jumps || listenerJumps);
-        if (audible && there) {
-            const Renewal renewal = renewalOf(emitter, state, state.to, now);
-            if (renewal == Renewal::trace) trace(state, emitter, state.to, now);
-            if (renewal == Renewal::turn) turn(state, emitter, now);
-        }
+        if (audible && there) renew(emitter, state);
         renderLate(state, &emitter, to, crossfade, block);
     }
     noteSilence(state);
@@ -392,6 +388,7 @@ Result<> AcousticEngine::Impl::block(double alpha) {
     for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
     for (const SoundEmitter& emitter : *playing.emitters)
         if (auto done = renderEmitter(emitter, states.at(emitter.id), work); !done) return done;
+    renewLongestDue();
     fadeOut(work);
     endStreams();
     if (auto mixed = mixDown(work); !mixed) return mixed;

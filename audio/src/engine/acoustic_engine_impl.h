@@ -120,6 +120,8 @@ struct AcousticEngine::Impl {
     Renewal renewalOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                       const ListenerPose& listener) const;
     void turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener);
+    void renew(const SoundEmitter& emitter, EmitterState& state);
+    void renewLongestDue();
     ImpulseResponseOptions responseFor(InstanceId emitter, HeardBy by, const ListenerPose& listener) const;
     void submit(EmitterState& state, TraceJob job, const ListenerPose& listener);
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
@@ -171,6 +173,12 @@ struct AcousticEngine::Impl {
     std::shared_ptr<const AcousticState> liveState;
     std::shared_ptr<const RayView> liveRays;
     std::unique_ptr<TraceWorker> worker;
+    /// Of a block: whose response the worker is to make.
+    struct {
+        const SoundEmitter* emitter = nullptr;
+        EmitterState* state = nullptr;
+        Renewal renewal = Renewal::none;
+    } due;
 };
 
 }  // namespace rtsg

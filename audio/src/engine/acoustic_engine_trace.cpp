@@ -36,6 +36,21 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
     return turned && state.traced ? Renewal::turn : Renewal::none;
 }
 
+/// The worker makes one response after the other: where there are more to be made than it can, whose is oldest comes
+/// first, or those who come first would be heard by new ones and the others never.
+void AcousticEngine::Impl::renew(const SoundEmitter& emitter, EmitterState& state) {
+    const Renewal renewal = renewalOf(emitter, state, state.to, now);
+    if (renewal == Renewal::none || (worker && due.state && due.state->tracedAt <= state.tracedAt)) return;
+    due = {&emitter, &state, renewal};
+    if (!worker) renewLongestDue();
+}
+
+void AcousticEngine::Impl::renewLongestDue() {
+    const auto [emitter, state, renewal] = std::exchange(due, {});
+    if (renewal == Renewal::trace) trace(*state, *emitter, state->to, now);
+    if (renewal == Renewal::turn) turn(*state, *emitter, now);
+}
+
 void AcousticEngine::Impl::noteWallsChanged(EmitterState& state) const {
     state.stale = true;
     if (!state.hasResponse) return;

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <utility>
@@ -74,7 +75,7 @@ struct EmitterState {
     // Of the response in use.
     bool hasResponse = false;
     bool tracing = false;  // in the background: where its paths go is not known yet
-    double tracedAt = 0;
+    double tracedAt = -std::numeric_limits<double>::infinity();
     HeardBy tracedBy = HeardBy::gains;
     double tracedRadius = kHeadRadius;
     glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0}, tracedBack{0}, tracedAim{0};

@@ -201,6 +201,52 @@ TEST(LiveSound, NoSampleIsLostAtAnyClock) {
     }
 }
 
+/// A source that is to be traced anew all of the time leaves the worker time for one that comes after it.
+TEST(LiveSound, EachSourceIsTracedInItsTurn) {
+    const std::string room = kRoom, busy =
+                                        "DEF Busy Transform { translation 2 2 1 children SpatialSound { children "
+                                        "BufferAudioSource { loop TRUE buffer [ "
+                                        "0 ] } } }\n";
+    Scene scene;
+    Diagnostics diagnostics;
+    const std::size_t head = room.find("Transform");
+    ASSERT_TRUE(loadText(scene, room.substr(0, head) + busy + room.substr(head), diagnostics));
+    SharedWorld world(scene);
+    LiveRays own;
+    AcousticTables tables(own.world);
+    world.add(own);
+    world.add(tables);
+    AcousticOptions options = fewLive(), straight = fewLive();
+    options.background = true;
+    options.retraceSeconds = 0;
+    straight.reflections = false;
+    auto engine = *AcousticEngine::create(options), direct = *AcousticEngine::create(straight);
+    // One for the busy one, one for the other, and more; then until sound has come from the walls.
+    const auto start = std::chrono::steady_clock::now();
+    double reflected = 0;
+    for (int block = 0, after = 0; after < 60 && std::chrono::steady_clock::now() - start < std::chrono::seconds(60);
+         ++block) {
+        const double t = engine->liveEnd(), way = .15 * block;
+        if (engine->heard().responses < 4) {
+            const auto x = static_cast<float>(1 + std::abs(way - 6 * std::floor(way / 6) - 3));
+            ASSERT_TRUE(scene.set(scene.findName("Busy"), x3d::Transform::translation, Vec3f(x, 2, 1)));
+            scene.newFrame(t);
+        } else {
+            ++after;
+        }
+        const std::shared_ptr<const WorldVersion> rays = own.world.freeze();
+        SoundBuffer all, part;
+        ASSERT_TRUE(engine->renderLive(tables.latest(), rays, t, all));
+        ASSERT_TRUE(direct->renderLive(tables.latest(), rays, t, part));
+        for (std::size_t i = 0; i < all.samples.size(); ++i)
+            reflected = std::max(reflected, std::abs(static_cast<double>(all.samples[i] - part.samples[i])));
+    }
+    EXPECT_GE(engine->heard().responses, 4u);
+    EXPECT_GE(reflected, 1e-3);
+    world.remove(tables);
+    world.remove(own);
+}
+
 TEST(LiveSound, ABackgroundResponseIsTheOneThatIsTracedInPlace) {
     Scene scene;
     Diagnostics diagnostics;
