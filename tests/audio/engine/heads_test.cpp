@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <numbers>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -147,6 +149,62 @@ TEST_F(Heads, EnableHrtfChangesWhileItIsHeardAndConcernsItsSoundAlone) {
     const SoundBuffer both = heard(hornAt("", 70) + other + view, plain());
     for (std::size_t i = 0; i < both.samples.size(); ++i)
         ASSERT_NEAR(both.samples[i], panned.samples[i] + through.samples[i], 1e-5) << i;
+}
+
+/// What is under way when its source is taken from the scene comes as it would have, by whichever head.
+TEST_F(Heads, WhatIsGoneIsHeardOnByTheSameHead) {
+    // 51.45 m away, .15 s; gone at .1 s.
+    const std::string far = hornAt("", 70, 51.45), own = hornAt("enableHRTF TRUE", 70, 51.45),
+                      view = "Viewpoint { position 0 0 0 }", wide = "ListenerPointSource { interauralDistance .3 }";
+    ListenOptions through = plain();
+    through.seconds = .3;
+    const ListenOptions panned = through;
+    if (std::filesystem::exists(kMeasured)) through.render.hrtf = *Hrtf::load(kMeasured, kRate);
+    const std::vector<std::pair<std::string, ListenOptions>> ways{
+        {far + view, panned}, {own + view, panned}, {own + wide, panned}, {own + view, through}};
+    for (const auto& [body, options] : ways) {
+        const auto until = [&](double gone) {
+            Scene scene;
+            load(scene, "DEF G Group { children [ " + body + " ] }");
+            ListenOptions asked = options;
+            asked.runTo = [&](double t) {
+                if (t > gone) {
+                    EXPECT_TRUE(scene.set(scene.findName("G"), x3d::Group::children, Array<NodeId>{}));
+                }
+                scene.newFrame(t);
+            };
+            const auto report = listen(scene, asked);
+            EXPECT_TRUE(report);
+            return report->sound;
+        };
+        const SoundBuffer all = until(1), cut = until(.0999);
+        const auto loudest = [&](const SoundBuffer& sound, std::size_t from, std::size_t to, bool apart) {
+            double most = 0;
+            for (std::size_t i = 2 * from; i < 2 * to; ++i)
+                most = std::max(most, std::abs(static_cast<double>(sound.samples[i]) -
+                                               (apart ? static_cast<double>(all.samples[i]) : 0)));
+            return most;
+        };
+        EXPECT_GT(loudest(cut, 7500, 11'500, false), .04);
+        EXPECT_LT(loudest(cut, 0, 11'500, true), 1e-5);
+        EXPECT_LT(loudest(cut, 13'500, 14'400, false), 1e-4) << "what was not yet sent";
+    }
+}
+
+/// Below another node it is the panner of the Web Audio API by that head: each ear's response, as loud together as by
+/// "equalpower".
+TEST_F(Heads, APannerOfAGraphHearsByTheHeadThatIsGiven) {
+    if (!std::filesystem::exists(kMeasured)) GTEST_SKIP() << kMeasured << " is not there";
+    ListenOptions asked = plain();
+    asked.render.hrtf = *Hrtf::load(kMeasured, kRate);
+    const SoundBuffer sound = heard(
+        "AudioDestination { children SpatialSound { enableHRTF TRUE rolloffFactor 0 location 4 0 -3 children "
+        "BufferAudioSource { sampleRate 48000 buffer [ .5 ] } } }\nViewpoint { position 0 0 0 }",
+        asked);
+    const Hrtf::Ears ears = asked.render.hrtf->at({.8, 0, -.6});
+    for (std::size_t e = 0; e < 2; ++e)
+        for (std::size_t i = 0; i < ears[e].size(); ++i)
+            ASSERT_NEAR(sound.samples[2 * i + e], .5f * std::sqrt(.5f) * ears[e][i], 1e-5f) << e << ' ' << i;
 }
 
 /// Near ear r sin a earlier than the middle of the head, far ear r a later.
