@@ -202,14 +202,14 @@ double VoicePlayer::lengthOf(const SoundVoice& voice, double rate) const {
 
 VoicePlayer::Loop VoicePlayer::loopOf(const SoundVoice& voice, double rate) const {
     const double length = lengthOf(voice, rate);
-    const bool region = voice.loopEnd > voice.loopStart && voice.loopStart >= 0 && voice.loopStart * rate < length;
-    if (!region) return {0, length};
     // Seconds in single precision are whole samples where they nearly are.
     const auto sample = [&](double seconds) {
         const double at = seconds * rate, whole = std::round(at);
         return std::abs(at - whole) < 1e-6 * (1 + whole) ? whole : at;
     };
-    return {sample(voice.loopStart), std::min(length, sample(voice.loopEnd))};
+    const Loop loop{sample(voice.loopStart), std::min(length, sample(voice.loopEnd))};
+    const bool region = voice.loopEnd > voice.loopStart && voice.loopStart >= 0 && loop.begin < length;
+    return region ? loop : Loop{0, length};
 }
 
 /// After the end of a loop comes its beginning; before that its end, once it was there.

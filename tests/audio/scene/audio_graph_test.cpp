@@ -438,6 +438,22 @@ TEST(AudioGraph, ABufferLoopsWhereItIsTold) {
     }
 }
 
+/// What would begin at its end or behind it is all of it, whatever rounding its seconds went through.
+TEST(AudioGraph, ALoopThatBeginsAtTheEndIsTheWholeBuffer) {
+    for (const int count : {375, 480}) {  // .0078125 s exactly, and .01 s
+        std::string values;
+        for (int i = 0; i < count; ++i) values += fmt::format("{} ", i / 480.0);
+        const auto x =
+            hear(fmt::format("BufferAudioSource {{ sampleRate 48000 loop TRUE loopStart {} loopEnd 1 buffer [ "
+                             "{} ] }}",
+                             count / 48000.0, values),
+                 .1)[0];
+        for (std::size_t i = 0; i < 2000; ++i)
+            ASSERT_NEAR(x[i], static_cast<double>(i % static_cast<std::size_t>(count)) / 480, 1e-6)
+                << count << ' ' << i;
+    }
+}
+
 TEST(AudioGraph, FollowsEdits) {
     Scene scene;
     Diagnostics diagnostics;
