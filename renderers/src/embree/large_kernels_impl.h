@@ -37,11 +37,16 @@ struct LargeKernelsOf {
     struct Rays {
         V origin, direction;
         F tMin, tMax;
+        I front;
         F slack;   // metres, of rounding
         F spread;  // the same along rays
         __attribute__((always_inline)) Rays(const LargeTable& table, const RayRows& rows, int at) {
             origin = loadV(rows.origin, at), direction = loadV(rows.direction, at);
             tMin = all(rows.tMin), tMax = all(rows.tMax);
+            if (rows.front)
+                __builtin_memcpy(&front, rows.front + at, sizeof front);
+            else
+                front = I{} - 1;
             slack = (absolute(origin.x) + absolute(origin.y) + absolute(origin.z) + table.size) * kRounding;
             spread = slack * W::root(direction.x * direction.x + direction.y * direction.y + direction.z * direction.z);
         }
@@ -105,7 +110,12 @@ struct LargeKernelsOf {
             clip(rays.origin.x, inverse.x, lower[0], upper[0]);
             clip(rays.origin.y, inverse.y, lower[1], upper[1]);
             clip(rays.origin.z, inverse.z, lower[2], upper[2]);
-            reached |= W::bits(W::greater(W::atLeast(far * margin, near), inBall(table, rays, squared, b), F{}));
+            // What leaves a front of what bulges everywhere has all of it behind.
+            const std::uint32_t leaves = table.convex[b] == LargeTable::kNone
+                                             ? 0
+                                             : W::bits(rays.front == static_cast<std::int32_t>(table.convex[b]));
+            reached |=
+                W::bits(W::greater(W::atLeast(far * margin, near), inBall(table, rays, squared, b), F{})) & ~leaves;
         }
         return reached;
     }

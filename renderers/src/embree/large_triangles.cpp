@@ -20,7 +20,7 @@ const LargeKernels& largeKernels8() {
 
 namespace {
 
-const LargeKernels& kernels() {
+const LargeKernels& largeKernels() {
     static const LargeKernels& chosen = largeKernels16() ? *largeKernels16() : largeKernels8();
     return chosen;
 }
@@ -79,10 +79,39 @@ std::vector<Face> facesOf(const Triangles& triangles) {
     return faces;
 }
 
+/// Whether all of a mesh lies behind each of its triangles, as nearly as its corners can tell.
+bool isConvex(const Triangles& triangles) {
+    using namespace simd;
+    constexpr std::size_t kMost = 4096;  // what it takes to look grows with the square
+    const Array<Vec3f>& places = triangles.positions;
+    const std::uint32_t count = triangles.mesh->triangleCount;
+    if (count > kMost || places.size() > kMost || places.empty()) return false;
+    std::vector<float> columns[3];
+    for (int k = 0; k < 3; ++k) {
+        for (const Vec3f& place : places) columns[k].push_back(place[k]);
+        columns[k].resize((places.size() + 7) / 8 * 8, places[0][k]);
+    }
+    for (std::uint32_t t = 0; t < count; ++t) {
+        const Corners corners(triangles, t);
+        const Vec3d across = corners.normal();
+        const double length = glm::length(across);
+        if (!(length > 0)) continue;
+        const Vec3f normal(across / length), at(corners[0]), size = glm::abs(at);
+        const float slack = 0x1p-20f * (size.x + size.y + size.z + std::sqrt(static_cast<float>(length)));
+        F8 most{};
+        for (std::size_t i = 0; i < columns[0].size(); i += 8)
+            most = max(most, (load(&columns[0][i]) - at.x) * normal.x + (load(&columns[1][i]) - at.y) * normal.y +
+                                 (load(&columns[2][i]) - at.z) * normal.z);
+        if (any(most > slack)) return false;
+    }
+    return true;
+}
+
 /// A box, and how far from its middle anything in it is.
 struct Around {
     TreeView::Box box;
     float radius = 0;
+    std::uint32_t convex = LargeTable::kNone;
     explicit Around(const TreeView::Box& whole) : box(whole), radius(glm::length(whole.upper - middle())) {}
     explicit Around(const Triangles& triangles) {
         for (const Vec3f& place : triangles.positions) box.extend({place, place});
@@ -97,7 +126,7 @@ struct Around {
     float area() const { return box.area(); }
     void extend(const Around& other) {
         box.extend(other.box);
-        *this = Around(box);
+        *this = Around(box);  // of several
     }
 };
 
@@ -114,7 +143,10 @@ std::vector<Member> membersOf(const Group& group, std::uint32_t mask) {
     group.forEachAttached([&](std::uint32_t local, const Triangles& triangles) {
         if (!(group.mask(local) & mask) || triangles.mesh->triangleCount == 0) return;
         Member& member = members.emplace_back(Member{local, Around(triangles), {}});
-        if (triangles.mesh->triangleCount > 2 * LargeTable::kFaces) return;
+        if (triangles.mesh->triangleCount > 2 * LargeTable::kFaces) {
+            if (isConvex(triangles)) member.around.convex = group.slots()[local];
+            return;
+        }
         member.faces = facesOf(triangles);
         if (member.faces.empty()) return;
         member.worth = member.around.area() / static_cast<float>(member.faces.size());
@@ -175,7 +207,7 @@ void add(const Around& around, LargeTable& table) {
         table.middle[i][k] = middle[k];
     }
     const float radius = around.radius * (1 + 0x1p-20f) + 0x1p-20f * (size.x + size.y + size.z);
-    table.radiusSquared[i] = radius * radius;
+    table.radiusSquared[i] = radius * radius, table.convex[i] = around.convex;
 }
 
 /// At most so many boxes as a table has, the smallest of them in one. Returns the sum of their surfaces.
@@ -198,8 +230,8 @@ std::unique_ptr<const LargeTriangles> LargeTriangles::make(const Group& group, c
     std::vector<Around> rest;
     TreeView::Box whole;
     std::size_t count = 0;
-    const std::vector<Member> members = membersOf(group, mask);
-    for (const Member& member : members) {
+    std::vector<Member> members = membersOf(group, mask);
+    for (Member& member : members) {
         whole.extend(member.around.box);
         const bool fits = !member.faces.empty() && count + member.faces.size() <= LargeTable::kFaces;
         if (fits)
@@ -229,10 +261,10 @@ std::unique_ptr<const LargeTriangles> LargeTriangles::make(const Group& group, c
 
 std::uint32_t LargeTriangles::intersect(const RayRows& rows, RayPacket16& rays, LargeHits& hits,
                                         std::uint32_t& open) const {
-    return kernels().intersect(table_, rows, rays, hits, open);
+    return largeKernels().intersect(table_, rows, rays, hits, open);
 }
 std::uint32_t LargeTriangles::occluded(const RayRows& rows, std::uint32_t& open) const {
-    return kernels().occluded(table_, rows, open);
+    return largeKernels().occluded(table_, rows, open);
 }
 
 }  // namespace rtsg::bvh

@@ -29,6 +29,7 @@ struct alignas(64) LargeSpot {
 /// As the kernels read it: parallelograms of two triangles each, as most walls are, then triangles alone.
 struct LargeTable {
     static constexpr std::size_t kFaces = 32, kBoxes = 8;
+    static constexpr std::uint32_t kNone = 0xFFFFFFFF;
     /// A place is `corner + x * (second - corner) + y * (third - corner)`. The first triangle is where x + y is at most
     /// 1, the other one beyond.
     struct Face {
@@ -40,7 +41,8 @@ struct LargeTable {
     Face faces[kFaces];
     LargeSpot spots[kFaces];
     float lower[kBoxes][3], upper[kBoxes][3];
-    float middle[kBoxes][3], radiusSquared[kBoxes];            // of a ball around what is in the box
+    float middle[kBoxes][3], radiusSquared[kBoxes];  // of a ball around what is in the box
+    std::uint32_t convex[kBoxes];                    // the instance that is all of it and bulges everywhere; else kNone
     std::uint32_t pairCount = 0, faceCount = 0, boxCount = 0;  // pairs: parallelograms
     float size = 0;                                            // metres, of the largest sum of coordinates
     // What is told of a hit.
@@ -54,6 +56,7 @@ struct LargeTable {
 /// Sixteen rays where they lie.
 struct RayRows {
     const float *origin[3], *direction[3];
+    const float* front;  // bits of the instances whose front they leave, or kNone; null: nobody knows
     float tMin, tMax;
     std::uint32_t lanes;  // a bit each that is asked about
 };

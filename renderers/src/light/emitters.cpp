@@ -132,6 +132,8 @@ Emitters::Emitters(const std::vector<Source>& sources) {
     if (!even_) return;
     packed_.reserve(emitters_.size());
     for (const Emitter& e : emitters_) packed_.emplace_back(e);
+    for (std::size_t i = 0; i < packed_.size() && i < 8; ++i)
+        for (std::size_t column = 0; column < 20; ++column) few_.columns[column][i] = packed_[i].numbers[column];
 }
 
 void Emitters::add(const Source& source, std::vector<LightTree::Cluster>& clusters) {
@@ -216,6 +218,13 @@ Emitters::Packed::Packed(const Emitter& e) {
 
 Emitters::Eight Emitters::eight(const std::uint32_t* numbers) const {
     using namespace simd;
+    if (packed_.size() <= 8) {
+        I8 which;
+        std::memcpy(&which, numbers, sizeof which);
+        const auto one = [&](std::size_t column) { return oneEach(few_.columns[column], which); };
+        const auto three = [&](std::size_t column) { return V8{one(column), one(column + 1), one(column + 2)}; };
+        return {three(0), three(4), three(8), three(12), {one(7), one(11), one(15)}, three(16), one(3), one(19) < 0.0f};
+    }
     const float* places[8];
     for (int i = 0; i < 8; ++i) places[i] = packed_[numbers[i]].numbers;
     const auto four = [&places](int from) {

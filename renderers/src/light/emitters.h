@@ -93,6 +93,11 @@ class Emitters {
 
     std::vector<Emitter> emitters_;
     std::vector<Packed> packed_;  // the same
+    /// And of up to eight of them column by column, which one register holds.
+    struct alignas(32) Few {
+        float columns[20][8]{};
+    };
+    Few few_;
     LightTree tree_;
     bool even_ = true;
     std::vector<std::uint32_t> firstOf_;  // by instance slot: its first emitter or kNone; triangles follow each other

@@ -40,6 +40,23 @@ inline V8 gather3(const float* const* places) {
     const Q8 q = gather4(places);
     return {q.x, q.y, q.z};
 }
+/// Of eight numbers the one that each lane says.
+inline F8 oneEach(const float* eight, I8 which) {
+#ifdef __AVX2__
+    __m256 from = _mm256_loadu_ps(eight);
+    __m256i order;
+    std::memcpy(&order, &which, sizeof order);
+    from = _mm256_permutevar8x32_ps(from, order);
+    F8 r;
+    std::memcpy(&r, &from, sizeof r);
+    return r;
+#else
+    F8 r{};
+    for (int lane = 0; lane < 8; ++lane) r[lane] = eight[which[lane]];
+    return r;
+#endif
+}
+
 /// Adds four numbers of each lane to those at its place, for the lanes of `lanes` (bits), one after the other.
 inline void addTo(float* const* places, std::uint32_t lanes, const Q8& values) {
     const Q8 rows = transposed(values);

@@ -36,6 +36,7 @@ enum RayColumn : std::size_t {
     kNormal,
     kDensity = kNormal + 3,
     kOther,  // 0, or one more than the place of what else the ray brings along
+    kFront,  // the instance whose front it leaves; kNoFront: none, or nobody knows
     kRayColumns
 };
 // Columns of hits; kDirection, kWeight and what follows as of rays.
@@ -49,7 +50,8 @@ enum HitColumn : std::size_t {
     kHitColumns = kOutside + 3
 };
 // Columns of rays towards emitters.
-enum AskedColumn : std::size_t { kLight = 6, kAskedPixel = 9, kEmitter, kAskedColumns };
+enum AskedColumn : std::size_t { kLight = 6, kAskedPixel = 9, kEmitter, kAskedFront, kAskedColumns };
+constexpr std::uint32_t kNoFront = bvh::LargeTable::kNone;
 
 constexpr std::uint32_t kCallBits = 12, kMostCalls = (1u << kCallBits) - 16, kMostDepth = 9'999;
 constexpr std::size_t kTogether = 2048;  // primary rays; what is made of them stays in the second cache
@@ -74,9 +76,7 @@ std::uint32_t firstLanes(std::size_t count) {
 class Numbers {
   public:
     Numbers() = default;
-    Numbers(const std::uint32_t* calls, U8 reversed, std::uint32_t count) : reversed_(reversed), calls_(calls) {
-        for (std::uint32_t lane = 1; lane < count; ++lane) together_ = together_ && calls[lane] == calls[0];
-    }
+    Numbers(const std::uint32_t* calls, U8 reversed) : reversed_(reversed), calls_(calls) {}
     F8 one(std::uint32_t call) const {
         U8 order, first, second;
         seeds(call, order, first, second, false);
@@ -91,21 +91,35 @@ class Numbers {
     }
 
   private:
-    static std::uint64_t seedOf(std::uint32_t calls) {
-        constexpr std::uint32_t kLow = (1u << kCallBits) - 1;
-        return mixBits(std::uint64_t{calls & ~kLow} << 32 | (calls & kLow));
+    using L4 = std::uint64_t __attribute__((vector_size(32)));
+    static constexpr std::uint64_t kLowHalf = 0xFFFFFFFF;
+
+    /// mixBits() of each.
+    static L4 mixed(L4 x) {
+        x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9ull;
+        x = (x ^ x >> 27) * 0x94d049bb133111ebull;
+        return x ^ x >> 31;
+    }
+    /// As PathRandom begins each call.
+    static L4 stateOf(L4 calls) {
+        constexpr std::uint64_t kLow = (1u << kCallBits) - 1;
+        return (calls & ~kLow) << 32 | (calls & kLow);
+    }
+    static U8 halves(L4 even, L4 odd) {
+        const L4 both = (even & kLowHalf) | odd << 32;
+        U8 r;
+        std::memcpy(&r, &both, sizeof r);
+        return r;
     }
     void seeds(std::uint32_t call, U8& order, U8& first, U8& second, bool both) const {
-        for (int lane = 0; lane < 8; ++lane) {
-            const std::uint64_t seed = seedOf(calls_[lane] + call);
-            const auto low = static_cast<std::uint32_t>(seed), high = static_cast<std::uint32_t>(seed >> 32),
-                       other = both ? static_cast<std::uint32_t>(mixBits(seed)) : 0;
-            if (together_) {
-                order = U8{} + low, first = U8{} + high, second = U8{} + other;
-                return;
-            }
-            order[lane] = low, first[lane] = high, second[lane] = other;
-        }
+        U8 calls;
+        std::memcpy(&calls, calls_, sizeof calls);
+        calls += call;
+        L4 pairs;
+        std::memcpy(&pairs, &calls, sizeof pairs);
+        const L4 even = mixed(stateOf(pairs & kLowHalf)), odd = mixed(stateOf(pairs >> 32));
+        order = halves(even, odd), first = halves(even >> 32, odd >> 32);
+        if (both) second = halves(mixed(even), mixed(odd));
     }
     U8 shuffled(U8 order) const { return reverseBits(scrambleUpwards(reversed_, order)); }
     static F8 fraction(U8 reversed) {
@@ -117,7 +131,6 @@ class Numbers {
 
     U8 reversed_{};
     const std::uint32_t* calls_ = nullptr;
-    bool together_ = true;
 };
 
 }  // namespace
@@ -215,7 +228,7 @@ void Wavefront::start(std::size_t group, int block, int sample) {
         rows.put(kWeight, V8{all(1), all(1), all(1)});
         rows.put(kFirst, all(roulette_));
         for (const std::size_t none : {kOdds, kFate, kTravelled, kDensity, kOther}) rows.put(none, F8{});
-        rows.put(kNormal, V8{});
+        rows.put(kNormal, V8{}), rows.put(kFront, I8{} - 1);
         rows.put(kPixel, asFloats(read(pixel + at)));
         rows.put(kIndex, asFloats(reverseBits(read(index + at))));
         rows.put(kCalls, asFloats(read(calls + at)));
@@ -270,10 +283,12 @@ void moveOn(const LaneQueue& from, std::size_t row, std::uint32_t lanes, LaneQue
 }
 
 /// Sixteen rays in a queue's columns.
-bvh::RayRows rowsOf(const LaneQueue& from, std::size_t row, std::uint32_t lanes, float tMin, float tMax) {
+bvh::RayRows rowsOf(const LaneQueue& from, std::size_t front, std::size_t row, std::uint32_t lanes, float tMin,
+                    float tMax) {
     const auto at = [&](std::size_t column) { return from.at(column, row); };
     return {{at(kOrigin), at(kOrigin + 1), at(kOrigin + 2)},
             {at(kDirection), at(kDirection + 1), at(kDirection + 2)},
+            at(front),
             tMin,
             tMax,
             lanes};
@@ -339,7 +354,7 @@ void Wavefront::traceLarge(std::size_t row, std::uint32_t lanes) {
     bvh::LargeHits told;
     std::uint32_t open = 0;
     const std::uint32_t hits =
-        scene_.large->intersect(rowsOf(now_, row, lanes, nearest(), farthest()), rays, told, open);
+        scene_.large->intersect(rowsOf(now_, kFront, row, lanes, nearest(), farthest()), rays, told, open);
     if (const std::uint32_t missed = lanes & ~(hits | open)) miss(now_, row, rays, missed);
     if (hits) sort(now_, row, rays, hits, told.hits, told.label, &told.faces);
     if (open) moveOn(now_, row, open, open_);
@@ -467,7 +482,7 @@ void Wavefront::push(const PathTask& task) {
         nextOther_.push_back(task);
         other = static_cast<std::uint32_t>(nextOther_.size());
     }
-    next_.set(kOther, at, other);
+    next_.set(kOther, at, other), next_.set(kFront, at, kNoFront);
 }
 
 // ---- surfaces -------------------------------------------------------------------------------------------------------
@@ -496,11 +511,17 @@ struct Wavefront::Hits {
         distance = from.load(kDistance, row), first = from.load(kFirst, row), odds = from.load(kOdds, row);
         fate = from.load(kFate, row), travelled = from.load(kTravelled, row), index = from.load(kIndex, row);
         std::memcpy(pixel, from.at(kPixel, row), sizeof pixel), std::memcpy(calls, from.at(kCalls, row), sizeof calls);
-        numbers = Numbers(calls, unsignedBits(index), count);
+        numbers = Numbers(calls, unsignedBits(index));
         from.drop(count);
     }
     Hits(const Hits&) = delete;
     Hits& operator=(const Hits&) = delete;
+    /// The instances, where they are seen from their fronts; else kNoFront.
+    I8 front() const {
+        I8 instances;
+        std::memcpy(&instances, met.instance, sizeof instances);
+        return instances | (dot(met.direction, met.outside) > 0.0f);
+    }
 };
 
 void Wavefront::shadeMatte(LaneQueue& from) {
@@ -575,7 +596,7 @@ void Wavefront::lookForLight(const Hits& hits, const PlainSurfaces::Surfaces& s,
         std::memcpy(&r, numbers, sizeof r);
         return r;
     };
-    rows.put(kAskedPixel, bitsAt(hits.pixel)), rows.put(kEmitter, bitsAt(number));
+    rows.put(kAskedPixel, bitsAt(hits.pixel)), rows.put(kEmitter, bitsAt(number)), rows.put(kAskedFront, hits.front());
     if (asked_.size() >= 16) scene_.large ? askLarge() : askWhetherFree(asked_);
 }
 
@@ -604,6 +625,7 @@ void Wavefront::follow(const Hits& hits, const PlainSurfaces::Surfaces& s, const
     std::memcpy(&calls, hits.calls, sizeof calls);
     rows.put(kCalls, asFloats(calls + (callsOfLights_ + 4)));
     rows.put(kNormal, s.normal), rows.put(kDensity, on.density), rows.put(kOther, F8{});
+    rows.put(kFront, hits.front());
 }
 
 // ---- rays towards emitters ------------------------------------------------------------------------------------------
@@ -613,7 +635,8 @@ void Wavefront::askLarge() {
     const std::size_t count = std::min<std::size_t>(asked_.size(), 16), row = asked_.size() - count;
     const std::uint32_t lanes = firstLanes(count);
     std::uint32_t open = 0;
-    const std::uint32_t blocked = scene_.large->occluded(rowsOf(asked_, row, lanes, kLeave, kBefore), open);
+    const std::uint32_t blocked =
+        scene_.large->occluded(rowsOf(asked_, kAskedFront, row, lanes, kLeave, kBefore), open);
     addLight(asked_, row, lanes & ~(blocked | open));
     if (open) moveOn(asked_, row, open, askedOpen_);
     asked_.drop(count);

@@ -35,9 +35,7 @@ struct LargeRoom {
     explicit LargeRoom(double size = 1, bool turned = true, bool ball = true) {
         WorldFromLocal all = turned ? randomTransform(random, 0) : scaling({1, 1, 1});
         for (int k = 0; k < 3; ++k) all[k] = glm::normalize(all[k]) * size;
-        const auto place = [&](const WorldFromLocal& m) {
-            return WorldFromLocal(glm::dmat4(all) * glm::dmat4(m));
-        };
+        const auto place = [&](const WorldFromLocal& m) { return WorldFromLocal(glm::dmat4(all) * glm::dmat4(m)); };
         add(makeBox(), place(scaling({4, 3, 5})));
         add(makeBox(), place(translation({-1.5, -2, 1.2}) * glm::dmat4(scaling({.6, .9, .5}))));
         add(makeMesh({{0, 0, 0}, {1, 0, .2}, {.3, 1, 0}, {.1, .2, 1}}, {0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2}),
@@ -75,6 +73,7 @@ LargeRays::About bothSides(std::uint32_t slot) {
 bvh::RayRows rowsOf(const RayPacket16& rays, std::uint32_t lanes) {
     return {{rays.originX, rays.originY, rays.originZ},
             {rays.directionX, rays.directionY, rays.directionZ},
+            nullptr,
             rays.tMin[0],
             rays.tMax[0],
             lanes};
@@ -218,7 +217,8 @@ TEST(LargeRays, LeaveOpenWhatRoundingsDecide) {
     const LargeRays sheets(world, bothSides);
     ASSERT_TRUE(sheets);
     RayPacket16 rays;
-    for (int lane = 0; lane < 16; ++lane) rays.set(lane, {{.1f, .1f, lane < 8 ? 1.0f : -1e-7f}, 0, {0, 0, lane < 8 ? -1.0f : 1.0f}});
+    for (int lane = 0; lane < 16; ++lane)
+        rays.set(lane, {{.1f, .1f, lane < 8 ? 1.0f : -1e-7f}, 0, {0, 0, lane < 8 ? -1.0f : 1.0f}});
     std::uint32_t open = 0;
     bvh::LargeHits told;
     RayPacket16 traced;
@@ -278,6 +278,57 @@ TEST(LargeRays, PayWhereFewTrianglesAreMostOfWhatThereIs) {
         moving.world.apply(moving.delta);
         EXPECT_EQ(bool(LargeRays(moving.world, bothSides)), radius < 1);
     }
+}
+
+/// A ball bulges everywhere: rays that leave its front do not meet it again, others may.
+TEST(LargeRays, KnowWhatLeavesABulge) {
+    LargeRoom room;
+    const LargeRays large(room.world, bothSides);
+    ASSERT_TRUE(large);
+    LargeRoom dented(1, true, false);
+    auto dent = makeSphere(3);
+    std::vector<Vec3f> places(dent->positions.begin(), dent->positions.end());
+    places[2] *= .9f;
+    dented.add(makeMesh(places, {dent->triangles.begin(), dent->triangles.end()}), scaling({.9, .9, .9}));
+    dented.world.apply(dented.delta);
+    const LargeRays withDent(dented.world, bothSides);
+    ASSERT_TRUE(withDent);
+    EXPECT_EQ(large.table().convex[0], 3u);
+    EXPECT_EQ(withDent.table().convex[0], bvh::LargeTable::kNone);
+    int known = 0;
+    for (int p = 0; p < 1000; ++p) {
+        RayPacket16 from = room.rays(1);
+        alignas(64) float front[16];
+        for (int lane = 0; lane < 16; ++lane) front[lane] = std::bit_cast<float>(bvh::LargeTable::kNone);
+        for (int lane = 0; lane < 16; ++lane) {
+            // From the ball's own surface, outwards.
+            Ray ray = from.ray(lane);
+            ray.direction = Vec3f(room.world.instance(3).rayFromLocal[3]) - ray.origin;
+            const Hit hit = room.world.intersect(ray);
+            if (hit.instance != 3 || glm::dot(hit.normal, ray.direction) > 0) continue;
+            Vec3f towards = glm::normalize(from.ray(lane).direction);
+            if (glm::dot(towards, hit.normal) < 0) towards = -towards;
+            from.set(lane, {RayView::leave(room.world.point(hit, ray), towards), 1e-30f, towards});
+            front[lane] = std::bit_cast<float>(3u);
+        }
+        RayPacket16 rays, traced = from;
+        bvh::LargeHits told;
+        std::uint32_t open = 0, openAll = 0;
+        bvh::RayRows rows = rowsOf(from, 0xFFFF);
+        (void)large.intersect(rows, rays, told, openAll);
+        rows.front = front;
+        const std::uint32_t met = large.intersect(rows, rays, told, open);
+        EXPECT_EQ(open & ~openAll, 0u);
+        (void)room.world.intersect(traced);
+        for (std::uint32_t rest = openAll & ~open; rest; rest &= rest - 1, ++known) {
+            const int lane = std::countr_zero(rest);
+            const Hit hit = room.world.hit(traced, lane);
+            ASSERT_TRUE(met >> lane & 1u);
+            EXPECT_EQ(hit.instance, told.hits.instance[lane]);
+            EXPECT_NEAR(hit.t, rays.tMax[lane], 4e-5);
+        }
+    }
+    EXPECT_GT(known, 1000);
 }
 
 /// What moves is a box that rays are traced at.
