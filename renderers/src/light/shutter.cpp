@@ -65,6 +65,7 @@ void Shutter::openFor(TraceScene& scene) const {
 void Shutter::Instant::showTo(TraceScene& scene, int height) const {
     scene.lensed = world;
     scene.world = world.get();
+    scene.large = nullptr;  // of another instant
     const PixelLens lens = lensOf(*world, camera, height);
     scene.eye = lens.eye, scene.forward = lens.forward;
     scene.placeInPicture(camera);

@@ -282,10 +282,10 @@ TEST(LargeRays, PayWhereFewTrianglesAreMostOfWhatThereIs) {
 
 /// A ball bulges everywhere: rays that leave its front do not meet it again, others may.
 TEST(LargeRays, KnowWhatLeavesABulge) {
-    LargeRoom room;
+    LargeRoom room(1, false);
     const LargeRays large(room.world, bothSides);
     ASSERT_TRUE(large);
-    LargeRoom dented(1, true, false);
+    LargeRoom dented(1, false, false);
     auto dent = makeSphere(3);
     std::vector<Vec3f> places(dent->positions.begin(), dent->positions.end());
     places[2] *= .9f;
