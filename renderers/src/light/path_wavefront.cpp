@@ -76,7 +76,9 @@ std::uint32_t firstLanes(std::size_t count) {
 class Numbers {
   public:
     Numbers() = default;
-    Numbers(const std::uint32_t* calls, U8 reversed) : reversed_(reversed), calls_(calls) {}
+    Numbers(const std::uint32_t* calls, U8 reversed, std::uint32_t count) : reversed_(reversed), calls_(calls) {
+        for (std::uint32_t lane = 1; lane < count; ++lane) together_ = together_ && calls[lane] == calls[0];
+    }
     F8 one(std::uint32_t call) const {
         U8 order, first, second;
         seeds(call, order, first, second, false);
@@ -91,35 +93,21 @@ class Numbers {
     }
 
   private:
-    using L4 = std::uint64_t __attribute__((vector_size(32)));
-    static constexpr std::uint64_t kLowHalf = 0xFFFFFFFF;
-
-    /// mixBits() of each.
-    static L4 mixed(L4 x) {
-        x = (x ^ x >> 30) * 0xbf58476d1ce4e5b9ull;
-        x = (x ^ x >> 27) * 0x94d049bb133111ebull;
-        return x ^ x >> 31;
-    }
-    /// As PathRandom begins each call.
-    static L4 stateOf(L4 calls) {
-        constexpr std::uint64_t kLow = (1u << kCallBits) - 1;
-        return (calls & ~kLow) << 32 | (calls & kLow);
-    }
-    static U8 halves(L4 even, L4 odd) {
-        const L4 both = (even & kLowHalf) | odd << 32;
-        U8 r;
-        std::memcpy(&r, &both, sizeof r);
-        return r;
+    static std::uint64_t seedOf(std::uint32_t calls) {
+        constexpr std::uint32_t kLow = (1u << kCallBits) - 1;
+        return mixBits(std::uint64_t{calls & ~kLow} << 32 | (calls & kLow));
     }
     void seeds(std::uint32_t call, U8& order, U8& first, U8& second, bool both) const {
-        U8 calls;
-        std::memcpy(&calls, calls_, sizeof calls);
-        calls += call;
-        L4 pairs;
-        std::memcpy(&pairs, &calls, sizeof pairs);
-        const L4 even = mixed(stateOf(pairs & kLowHalf)), odd = mixed(stateOf(pairs >> 32));
-        order = halves(even, odd), first = halves(even >> 32, odd >> 32);
-        if (both) second = halves(mixed(even), mixed(odd));
+        for (int lane = 0; lane < 8; ++lane) {
+            const std::uint64_t seed = seedOf(calls_[lane] + call);
+            const auto low = static_cast<std::uint32_t>(seed), high = static_cast<std::uint32_t>(seed >> 32),
+                       other = both ? static_cast<std::uint32_t>(mixBits(seed)) : 0;
+            if (together_) {
+                order = U8{} + low, first = U8{} + high, second = U8{} + other;
+                return;
+            }
+            order[lane] = low, first[lane] = high, second[lane] = other;
+        }
     }
     U8 shuffled(U8 order) const { return reverseBits(scrambleUpwards(reversed_, order)); }
     static F8 fraction(U8 reversed) {
@@ -131,6 +119,7 @@ class Numbers {
 
     U8 reversed_{};
     const std::uint32_t* calls_ = nullptr;
+    bool together_ = true;
 };
 
 }  // namespace
@@ -511,7 +500,7 @@ struct Wavefront::Hits {
         distance = from.load(kDistance, row), first = from.load(kFirst, row), odds = from.load(kOdds, row);
         fate = from.load(kFate, row), travelled = from.load(kTravelled, row), index = from.load(kIndex, row);
         std::memcpy(pixel, from.at(kPixel, row), sizeof pixel), std::memcpy(calls, from.at(kCalls, row), sizeof calls);
-        numbers = Numbers(calls, unsignedBits(index));
+        numbers = Numbers(calls, unsignedBits(index), count);
         from.drop(count);
     }
     Hits(const Hits&) = delete;
