@@ -364,7 +364,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             mirror::write(message_, Message::pong, token);
             send();
             awaited_ = true;
-            return;
+            return noticeLoss(token[0]);
         }
         case Message::pong:
             if (!mirror::read(in, numbers)) return;
@@ -468,6 +468,16 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
     connected_ = true;
     heartbeat_ = std::chrono::milliseconds(std::min<std::uint64_t>(numbers[2], 60000));
     acknowledge();  // tells the server that everything before has been read
+}
+
+/// Of what was sent last no frame may follow that would show a gap, nor credit come for what was lost: the server
+/// waits.
+void MirrorClient::Impl::noticeLoss(std::uint64_t sent) {
+    const std::uint64_t here = haveState_ ? state_ : 0;
+    if (!connected_ || sent <= here || !partial_.empty() || !playout_.empty()) return;
+    ++statistics_.gaps;
+    report(Severity::note, fmt::format("frames {} to {} are missing", here + 1, sent));
+    hello(false);
 }
 
 void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {

@@ -87,6 +87,7 @@ class MirrorClient::Impl {
     void hearOrigin(wire::Reader& in);
     void welcome(wire::Reader& in, const ZmqMessage& second);
     void data(wire::Reader& in, const ZmqMessage& second);
+    void noticeLoss(std::uint64_t sent);
     void acknowledge();
 
     // Replica.

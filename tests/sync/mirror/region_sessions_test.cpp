@@ -99,7 +99,6 @@ TEST(MirrorRegionSession, FramesLostOnTheWayAreResumedWithoutASnapshot) {
     for (int i = 0; i < 40; ++i) {
         const int before = data;
         street.step();
-        // Whether a lost frame was the last shows with the next one only.
         ASSERT_TRUE(eventually([&] {
             client->poll(1ms);
             return data > before;
