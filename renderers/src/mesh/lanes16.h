@@ -54,8 +54,7 @@ struct Lanes16 {
     }
     /// a * b + c, rounded once.
     RTSG_INLINE F fused(F a, F b, F c) {
-        return static_cast<F>(
-            _mm512_fmadd_ps(static_cast<__m512>(a), static_cast<__m512>(b), static_cast<__m512>(c)));
+        return static_cast<F>(_mm512_fmadd_ps(static_cast<__m512>(a), static_cast<__m512>(b), static_cast<__m512>(c)));
     }
     RTSG_INLINE float smallest(F v) { return _mm512_reduce_min_ps(static_cast<__m512>(v)); }
     RTSG_INLINE void put(float* to, M mask, F v) { _mm512_mask_storeu_ps(to, mask, static_cast<__m512>(v)); }
