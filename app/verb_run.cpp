@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/field_text.h>
+#include <rtsg/core/terminal.h>
 #include <rtsg/core/world.h>
 #include <rtsg/core/x3d.h>
 

@@ -26,7 +26,7 @@ class Ring {
         back() = item;
     }
     void pop_back() { --size_; }
-    void pop_front() {
+    void dropFirst() {
         first_ = (first_ + 1) & (items_.size() - 1);
         --size_;
     }

@@ -109,10 +109,10 @@ void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& stat
     const bool spatialize = sound.spatialize && distance > 1e-6;
     const glm::dvec3 towards = spatialize ? block.listener.toLocal(offset) / distance : glm::dvec3(0);
     const HeardBy by = spatialize ? state.reflectedBy : HeardBy::gains;
-    const HeardBy before = state.spatialisedOnce ? state.heardBy : by;
+    const HeardBy earlier = state.spatialisedOnce ? state.heardBy : by;
     for (std::size_t k = 0; k < state.inputs.size(); ++k) {
-        if (before != by) hear(state, k, before, towards, spatialize, {1, 0}, block);
-        hear(state, k, by, towards, spatialize, before == by ? Ramp{} : Ramp{0, 1}, block);
+        if (earlier != by) hear(state, k, earlier, towards, spatialize, {1, 0}, block);
+        hear(state, k, by, towards, spatialize, earlier == by ? Ramp{} : Ramp{0, 1}, block);
     }
     state.heardBy = by;
     state.spatialisedOnce = true;
@@ -180,11 +180,11 @@ void AcousticEngine::Impl::hearBySphere(EmitterInput& input, const std::array<do
 void AcousticEngine::Impl::mixInput(const EmitterInput& input, const std::vector<double>& gains, std::size_t channel,
                                     const std::vector<float>& direct, Block& block) const {
     const std::size_t size = options.blockSize;
-    const double before = input.gains[channel], way = gains[channel] - before;
-    if (gains[channel] == 0 && before == 0) return;
+    const double earlier = input.gains[channel], way = gains[channel] - earlier;
+    if (gains[channel] == 0 && earlier == 0) return;
     for (std::size_t i = 0; i < size; ++i)
         block.out[channel][i] +=
-            direct[i] * static_cast<float>(before + way * static_cast<double>(i + 1) / static_cast<double>(size));
+            direct[i] * static_cast<float>(earlier + way * static_cast<double>(i + 1) / static_cast<double>(size));
 }
 
 /// What is gone from the scene is heard from where it was last.

@@ -44,7 +44,7 @@ class Trajectory {
         const std::size_t count = frames_.size();
         if (count > 1 && frames_[count - 1].time - frames_[count - 2].time < spacing_) frames_.pop_back();
         frames_.push_back({time, position, velocityAt(time, position)});
-        if (frames_.size() > kFrames) frames_.pop_front();
+        if (frames_.size() > kFrames) frames_.dropFirst();
         fitLine();
     }
     /// Goes on to `time`, the end of a block. Precondition: put() was called.
@@ -52,7 +52,7 @@ class Trajectory {
         Point target = known(time);
         target.time = time;
         knots_.push_back(target);
-        if (knots_.size() > kMost) knots_.pop_front();
+        if (knots_.size() > kMost) knots_.dropFirst();
     }
     /// At a time up to the last that advance() went to; before the first, where it was first.
     Point at(double time) const {
