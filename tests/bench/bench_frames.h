@@ -40,6 +40,7 @@ struct FrameFigures {
     std::array<double, 3> update{}, trace{},
         differing{};  // by kMappings; share of rays that hit otherwise than in flat
     double flatTrace = 0, picture = 0;
+    double wholeFrame = 0;  // wall clock, all cores: from newFrame() to the picture
     std::array<RayWorld::Memory, 3> memory{};
     double flatBytes = 0, rssLoaded = 0, rssPicture = 0;
 };

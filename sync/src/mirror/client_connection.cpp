@@ -474,7 +474,7 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
 /// waits.
 void MirrorClient::Impl::noticeLoss(std::uint64_t sent) {
     const std::uint64_t here = haveState_ ? state_ : 0;
-    if (!connected_ || sent <= here || !partial_.empty() || !playout_.empty()) return;
+    if (!connected_ || sent <= here || sent > originAt_ || !partial_.empty() || !playout_.empty()) return;
     ++statistics_.gaps;
     report(Severity::note, fmt::format("frames {} to {} are missing", here + 1, sent));
     hello(false);
