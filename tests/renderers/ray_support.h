@@ -234,4 +234,19 @@ inline void expectSameHits(const RayView& world, const BruteForce& truth, std::m
     }
 }
 
+/// A world, and a loop over all triangles of the things that it is to get.
+struct CheckedWorld {
+    RayWorld world;
+    BruteForce truth;
+    InstanceDelta delta;
+    void add(std::shared_ptr<Mesh> mesh, const WorldFromLocal& m, Motion motion = Motion::fixed) {
+        const auto slot = static_cast<std::uint32_t>(truth.things.size());
+        Instance instance = makeInstance(slot, NodeId{10 + slot}, m);
+        instance.motion = motion;
+        delta.geometries.push_back({NodeId{10 + slot}, mesh});
+        delta.added.push_back(instance);
+        truth.things[slot] = {instance, mesh};
+    }
+};
+
 }  // namespace rtsg::test

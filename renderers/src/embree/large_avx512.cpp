@@ -3,17 +3,14 @@
 
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
 #include "large_kernels_impl.h"
+#include "mesh/avx512.h"
 #include "mesh/lanes16.h"
 
 namespace rtsg::bvh {
 
 const LargeKernels* largeKernels16() {
     static constexpr const LargeKernels& table = LargeKernelsOf<simd::Lanes16>::kTable;
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-                   __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-                   __builtin_cpu_supports("avx512cd")
-               ? &table
-               : nullptr;
+    return simd::hasAvx512() ? &table : nullptr;
 }
 
 }  // namespace rtsg::bvh

@@ -111,9 +111,10 @@ bool isConvex(const Triangles& triangles) {
 struct Around {
     TreeView::Box box;
     float radius = 0;
-    std::uint32_t convex = LargeTable::kNone;
+    const Triangles* all = nullptr;          // that are in it; null: of several meshes
+    std::uint32_t slot = LargeTable::kNone;  // theirs
     explicit Around(const TreeView::Box& whole) : box(whole), radius(glm::length(whole.upper - middle())) {}
-    explicit Around(const Triangles& triangles) {
+    Around(const Triangles& triangles, std::uint32_t slotOfAll) : all(&triangles), slot(slotOfAll) {
         for (const Vec3f& place : triangles.positions) box.extend({place, place});
         float squared = 0;
         for (const Vec3f& place : triangles.positions) {
@@ -130,6 +131,10 @@ struct Around {
     }
 };
 
+bool isSmall(const Triangles& triangles) {
+    return triangles.mesh->triangleCount <= 2 * LargeTable::kFaces;
+}
+
 /// A mesh of the group.
 struct Member {
     std::uint32_t local;
@@ -140,13 +145,17 @@ struct Member {
 
 std::vector<Member> membersOf(const Group& group, std::uint32_t mask) {
     std::vector<Member> members;
-    group.forEachAttached([&](std::uint32_t local, const Triangles& triangles) {
-        if (!(group.mask(local) & mask) || triangles.mesh->triangleCount == 0) return;
-        Member& member = members.emplace_back(Member{local, Around(triangles), {}});
-        if (triangles.mesh->triangleCount > 2 * LargeTable::kFaces) {
-            if (isConvex(triangles)) member.around.convex = group.slots()[local];
-            return;
-        }
+    const auto forEach = [&](const auto& visit) {
+        group.forEachAttached([&](std::uint32_t local, const Triangles& triangles) {
+            if ((group.mask(local) & mask) && triangles.mesh->triangleCount > 0) visit(local, triangles);
+        });
+    };
+    bool any = false;
+    forEach([&](std::uint32_t, const Triangles& triangles) { any = any || isSmall(triangles); });
+    if (!any) return members;  // and nobody looks at the corners of all there is
+    forEach([&](std::uint32_t local, const Triangles& triangles) {
+        Member& member = members.emplace_back(Member{local, Around(triangles, group.slots()[local]), {}});
+        if (!isSmall(triangles)) return;
         member.faces = facesOf(triangles);
         if (member.faces.empty()) return;
         member.worth = member.around.area() / static_cast<float>(member.faces.size());
@@ -207,7 +216,9 @@ void add(const Around& around, LargeTable& table) {
         table.middle[i][k] = middle[k];
     }
     const float radius = around.radius * (1 + 0x1p-20f) + 0x1p-20f * (size.x + size.y + size.z);
-    table.radiusSquared[i] = radius * radius, table.convex[i] = around.convex;
+    table.radiusSquared[i] = radius * radius;
+    const bool bulges = around.all && !isSmall(*around.all) && isConvex(*around.all);
+    table.convex[i] = bulges ? around.slot : LargeTable::kNone;
 }
 
 /// At most so many boxes as a table has, the smallest of them in one. Returns the sum of their surfaces.

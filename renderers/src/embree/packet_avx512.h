@@ -6,6 +6,7 @@
 // functions that others use, too, or the linker might give everyone its version. Threading: none of its own.
 #pragma once
 
+#include "mesh/avx512.h"
 #include "tree_view.h"
 
 namespace rtsg::bvh::avx512 {
@@ -46,13 +47,7 @@ void makeUnit(PacketHits16& hits);
 bool isBuilt();
 /// Whether this machine has it, too.
 inline bool isSupported() {
-#if defined(__x86_64__)
-    return isBuilt() && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-           __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-           __builtin_cpu_supports("avx512cd");
-#else
-    return false;
-#endif
+    return isBuilt() && simd::hasAvx512();
 }
 
 }  // namespace rtsg::bvh::avx512

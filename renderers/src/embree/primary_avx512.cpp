@@ -2,6 +2,7 @@
 #include "primary_hits.h"
 
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)
+#include "mesh/avx512.h"
 #include "mesh/lanes16.h"
 #include "primary_kernels_impl.h"
 
@@ -9,11 +10,7 @@ namespace rtsg::bvh {
 
 const PrimaryKernels* primaryKernels16() {
     static constexpr const PrimaryKernels& table = PrimaryKernelsOf<simd::Lanes16>::kTable;
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512vl") &&
-                   __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512bw") &&
-                   __builtin_cpu_supports("avx512cd")
-               ? &table
-               : nullptr;
+    return simd::hasAvx512() ? &table : nullptr;
 }
 
 }  // namespace rtsg::bvh

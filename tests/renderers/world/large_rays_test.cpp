@@ -18,20 +18,9 @@ using namespace test;
 constexpr unsigned kLargeSeed = 4021;
 
 /// A turned room with a box, a mirrored wedge and, unless it is empty, a ball; all of it somewhere.
-struct LargeRoom {
-    RayWorld world;
-    BruteForce truth;
-    InstanceDelta delta;
+struct LargeRoom : CheckedWorld {
     std::mt19937 random{kLargeSeed};
 
-    void add(std::shared_ptr<Mesh> mesh, const WorldFromLocal& m, Motion motion = Motion::fixed) {
-        const auto slot = static_cast<std::uint32_t>(truth.things.size());
-        Instance instance = makeInstance(slot, NodeId{10 + slot}, m);
-        instance.motion = motion;
-        delta.geometries.push_back({NodeId{10 + slot}, mesh});
-        delta.added.push_back(instance);
-        truth.things[slot] = {instance, mesh};
-    }
     explicit LargeRoom(double size = 1, bool turned = true, bool ball = true) {
         WorldFromLocal all = turned ? randomTransform(random, 0) : scaling({1, 1, 1});
         for (int k = 0; k < 3; ++k) all[k] = glm::normalize(all[k]) * size;

@@ -87,20 +87,8 @@ int forBlocks(const RayView& world, const bvh::PixelGrid& grid, const Visit& vis
 
 /// Needles as long as the room, a finely cut ball, a ball within it that stays whole behind others, scattered
 /// triangles.
-struct SeenRoom {
-    RayWorld world;
-    BruteForce truth;
-    InstanceDelta delta;
+struct SeenRoom : CheckedWorld {
     std::mt19937 random{kPrimarySeed};
-
-    void add(std::shared_ptr<Mesh> mesh, const WorldFromLocal& m, Motion motion = Motion::fixed) {
-        const auto slot = static_cast<std::uint32_t>(truth.things.size());
-        Instance instance = makeInstance(slot, NodeId{10 + slot}, m);
-        instance.motion = motion;
-        delta.geometries.push_back({NodeId{10 + slot}, mesh});
-        delta.added.push_back(instance);
-        truth.things[slot] = {instance, mesh};
-    }
     void build() {
         world.apply(delta);
         delta = {};
