@@ -183,6 +183,23 @@ std::size_t FlatScene::triangles() const {
     return impl_->triangles.indices.size() / 3;
 }
 
+double leastPerRay(const FlatScene& scene, std::span<const AskedPacket> packets, bool any) {
+    std::vector<AskedRay> single;
+    for (const AskedPacket& p : packets)
+        for (int lane = 0; lane < 16; ++lane)
+            if (p.active[lane]) single.push_back({p.ray(lane), any});
+    if (single.empty()) return 0;
+    std::vector<double> alone, together, coherent;
+    for (int run = 0; run < 5; ++run) {
+        alone.push_back(scene.trace(single));
+        together.push_back(scene.trace(packets, false, any));
+        if (!any) coherent.push_back(scene.trace(packets, true, any));
+    }
+    double least = std::min(median(alone), median(together));
+    if (!any) least = std::min(least, median(coherent));
+    return least / static_cast<double>(single.size());
+}
+
 struct LeastUpdate::Impl {
     struct Moving {
         RTCGeometry geometry = nullptr;  // the top scene's

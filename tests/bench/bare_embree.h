@@ -58,6 +58,10 @@ class FlatScene {
     std::unique_ptr<Impl> impl_;
 };
 
+/// CPU seconds a ray at best: single or in packets, and of those that ask for the closest hit with Embree's hint that
+/// they run side by side or without. 0: there is none.
+double leastPerRay(const FlatScene& scene, std::span<const AskedPacket> packets, bool any);
+
 /// The least that can follow a frame: one Embree instance for each thing that moves, the rest in one; and the deforming
 /// meshes alone, refitted.
 class LeastUpdate {

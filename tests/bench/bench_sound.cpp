@@ -280,7 +280,7 @@ void convolution(const Report& report, bool quick) {
 /// 32 sources that move in a box at 60 Hz, in real time on OpenAL's silent device: CPU time of all of it, and of frames
 /// on the scene's thread.
 bool movingSources(const Report& report, bool quick) {
-    const std::optional<MovingSound> moved = moveSources(32, quick ? .3 : 10);
+    const std::optional<MovingSound> moved = moveSources(32, quick ? .3 : 20);
     if (!moved) return false;
     const std::vector<double>& frames = moved->frames;
     report(

@@ -258,7 +258,7 @@ bool chartSources(const ChartSink& sink, bool quick) {
                  {"a core, all of the time", {}, true}},
                 {}};
     for (int sources = 1; sources <= (quick ? 4 : 64); sources *= 2) {
-        const std::optional<MovingSound> moved = moveSources(sources, quick ? .3 : 8);
+        const std::optional<MovingSound> moved = moveSources(sources, quick ? .3 : 16);
         if (!moved || !moved->told.failure.empty()) return false;
         const double x = sources;
         const std::string label = moved->told.underruns ? fmt::format("{} underruns", moved->told.underruns) : "";

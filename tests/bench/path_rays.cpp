@@ -24,24 +24,6 @@ Vec3f scattered(const Vec3f& normal, float u, float v) {
     return length > 1e-4f ? around / length : normal;
 }
 
-/// Per ray, at best.
-double leastPerRay(const FlatScene& scene, const std::vector<AskedPacket>& packets, bool any) {
-    std::vector<AskedRay> single;
-    for (const AskedPacket& p : packets)
-        for (int lane = 0; lane < 16; ++lane)
-            if (p.active[lane]) single.push_back({p.ray(lane), any});
-    if (single.empty()) return 0;
-    std::vector<double> alone, together, coherent;
-    for (int run = 0; run < 5; ++run) {
-        alone.push_back(scene.trace(single));
-        together.push_back(scene.trace(packets, false, any));
-        if (!any) coherent.push_back(scene.trace(packets, true, any));
-    }
-    double least = std::min(median(alone), median(together));
-    if (!any) least = std::min(least, median(coherent));
-    return least / static_cast<double>(single.size());
-}
-
 }  // namespace
 
 PathRays::PathRays(const RayWorld& world, const Eye& eye, const Lamps& lamps, int side, int samples,

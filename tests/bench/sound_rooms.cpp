@@ -162,8 +162,10 @@ std::optional<MovingSound> moveSources(int sources, double seconds) {
     std::vector<NodeId> moving;
     for (int i = 0; i < sources; ++i) moving.push_back(scene.findName(fmt::format("V{}", i)));
     MovingSound result;
-    const double begin = wallSeconds(), before = cpuSeconds();
+    const double begin = wallSeconds();
+    double middle = begin, before = cpuSeconds();
     for (double t = 0; t < seconds; t = wallSeconds() - begin) {
+        if (middle == begin && t >= seconds / 2) middle = wallSeconds(), before = cpuSeconds();
         const double start = threadSeconds();
         for (int i = 0; i < sources; ++i)
             static_cast<void>(scene.set(moving[static_cast<std::size_t>(i)], x3d::Transform::translation,
@@ -172,7 +174,7 @@ std::optional<MovingSound> moveSources(int sources, double seconds) {
         result.frames.push_back(threadSeconds() - start);
         std::this_thread::sleep_for(std::chrono::microseconds(16'667));
     }
-    result.cores = (cpuSeconds() - before) / (wallSeconds() - begin);
+    result.cores = (cpuSeconds() - before) / (wallSeconds() - middle);
     result.told = (*heard)->stop();
     return result;
 }

@@ -42,7 +42,7 @@ std::unique_ptr<SoundRoom> boxRoom(double scattering);
 /// What live sound of sources that move in the box takes.
 struct MovingSound {
     std::vector<double> frames;  // CPU seconds of each frame of the scene's thread
-    double cores = 0;            // that all of it takes
+    double cores = 0;            // that all of it takes in the second half, when all sources have reflections
     LiveReport told;
 };
 /// Sources that all move at 60 Hz, in real time, heard for so long on OpenAL's silent device. Nothing: it cannot be

@@ -205,7 +205,8 @@ EmitterState& AcousticEngine::Impl::stateOf(const SoundEmitter& emitter, double 
     const auto found = states.find(emitter.id);
     if (found != states.end()) return found->second;
     const auto fade = static_cast<std::size_t>(options.retraceSeconds * options.sampleRate);
-    EmitterState& state = states.try_emplace(emitter.id, options.blockSize, channels, fade).first->second;
+    EmitterState& state =
+        states.try_emplace(emitter.id, options.blockSize, channels, fade, states.size()).first->second;
     state.to = emitter.position();
     state.motion.put(time, state.to, true);
     state.around = geometry.instancesAround(state.to, options.bodySize);
@@ -284,6 +285,7 @@ Result<> AcousticEngine::render(const AcousticState& state, const RayView& rays,
 Result<> AcousticEngine::renderLive(std::shared_ptr<const AcousticState> state, std::shared_ptr<const RayView> rays,
                                     double poseSeconds, SoundBuffer& sound) {
     Impl& s = *impl_;
+    const auto began = std::chrono::steady_clock::now();
     if (s.options.background && !s.worker) s.worker = std::make_unique<TraceWorker>();
     if (s.worker)
         if (auto done = s.worker->take()) s.takeResponse(std::move(*done));
@@ -293,7 +295,11 @@ Result<> AcousticEngine::renderLive(std::shared_ptr<const AcousticState> state, 
         s.followState(*s.liveState, *s.liveRays, poseSeconds);
         s.takeOver(s.liveState->sounds, poseSeconds);
     }
-    return s.renderTo(s.liveState->sounds, liveEnd(), sound);
+    auto done = s.renderTo(s.liveState->sounds, liveEnd(), sound);
+    const std::chrono::duration<double> work = std::chrono::steady_clock::now() - began;
+    constexpr double kNew = 0.01;  // so that it is told over some hundred blocks
+    s.load += kNew * (work.count() * s.options.sampleRate / static_cast<double>(s.options.blockSize) - s.load);
+    return done;
 }
 
 double AcousticEngine::liveEnd() const {

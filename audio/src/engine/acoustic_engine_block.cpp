@@ -214,6 +214,8 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* e
                                     static_cast<float>(state.level.lateGain + (to.lateGain - state.level.lateGain) * w);
         }
     }
+    if (apart)
+        for (Convolver& convolver : state.late) convolver.part();
     for (std::size_t ch = 0; ch < channels; ++ch)
         state.late[ch].process(state.reflected[apart ? ch : 0], block.out[ch]);
     const double start = static_cast<double>(samples), end = start + static_cast<double>(size);

@@ -173,6 +173,7 @@ struct AcousticEngine::Impl {
     std::shared_ptr<const AcousticState> liveState;
     std::shared_ptr<const RayView> liveRays;
     std::unique_ptr<TraceWorker> worker;
+    double load = 0;  // share of the time that live sound takes, of late
     /// Of a block: whose response the worker is to make.
     struct {
         const SoundEmitter* emitter = nullptr;

@@ -164,6 +164,7 @@ void AcousticEngine::Impl::submit(EmitterState& state, TraceJob job, const Liste
     if (!worker) return takeResponse(traceResponse(job, geometry));
     job.state = liveState;
     job.rays = liveRays;
+    job.share = tracingShare(load);
     worker->submit(std::move(job));
 }
 

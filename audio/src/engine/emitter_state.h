@@ -47,8 +47,11 @@ struct EmitterInput {
 };
 
 struct EmitterState {
-    EmitterState(std::size_t block, std::size_t channels, std::size_t fade) : motion(block), images(block, fade) {
-        for (std::size_t c = 0; c < channels; ++c) late.emplace_back(block, fade);
+    /// `number`: among all of them, so that their reflections take turns.
+    EmitterState(std::size_t block, std::size_t channels, std::size_t fade, std::size_t number)
+        : motion(block), images(block, fade) {
+        late.emplace_back(block, fade, number);
+        for (std::size_t c = 1; c < channels; ++c) late.push_back(late.front().beside());
     }
 
     AudioMix mix;

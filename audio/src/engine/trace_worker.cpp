@@ -18,8 +18,19 @@ namespace {
 using Clock = std::chrono::steady_clock;
 /// The longest rest between two responses.
 constexpr Clock::duration kLongestRest = std::chrono::seconds(1);
+/// Of a core, for sound and tracing; of the time, for tracing.
+constexpr double kBoth = 0.9, kMostShare = 0.5, kLeastShare = 0.2;
 
 }  // namespace
+
+double tracingShare(double load) {
+    return std::clamp(kBoth - load, kLeastShare, kMostShare);
+}
+
+std::chrono::steady_clock::duration restAfter(std::chrono::steady_clock::duration work, double share) {
+    const std::chrono::duration<double> rest = work * (1 / share - 1);
+    return rest < kLongestRest ? std::chrono::duration_cast<Clock::duration>(rest) : kLongestRest;
+}
 
 namespace {
 
@@ -111,7 +122,7 @@ void TraceWorker::run() {
         std::optional<TraceJob> job;
         {
             std::unique_lock lock(mutex_);
-            // Where many sources move there is always something to trace: half of the time is for others.
+            // Where many sources move there is always something to trace: some of the time is for others.
             wake_.wait_for(lock, rest, [&] { return stop_; });
             wake_.wait(lock, [&] { return stop_ || job_; });
             if (stop_) return;
@@ -123,7 +134,7 @@ void TraceWorker::run() {
             geometry.follow(job->state->walls, *job->rays);
             response = traceResponse(*job, geometry);
         });
-        rest = std::min(Clock::now() - began, kLongestRest);
+        rest = restAfter(Clock::now() - began, job->share);
         const std::lock_guard lock(mutex_);
         done_ = std::move(response);
         busy_ = false;

@@ -5,6 +5,7 @@
 // geometry of its own that follows the states it is handed; submit() and take() from one other thread.
 #pragma once
 
+#include <chrono>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
@@ -42,7 +43,14 @@ struct TraceJob {
     // Of the worker alone.
     std::shared_ptr<const AcousticState> state;
     std::shared_ptr<const RayView> rays;
+    double share = 0.5;  // of the time for which it traces; the rest is for others
 };
+
+/// The share of the time that tracing may take beside sound that takes `load` of a core: half of it, less where both
+/// would come to more than a core takes without haste, and always some.
+double tracingShare(double load);
+/// How long to rest after such work, so that it comes to the share; never long.
+std::chrono::steady_clock::duration restAfter(std::chrono::steady_clock::duration work, double share);
 
 struct TracedResponse {
     InstanceId emitter;

@@ -59,7 +59,10 @@ class Trajectory {
         // Written so that what is no number gives the oldest.
         if (!(time > knots_.front().time)) return {time, knots_.front().position, glm::dvec3(0)};
         if (time >= knots_.back().time) return knots_.back();
-        std::size_t before = 0, next = knots_.size() - 1;
+        // From the newest backwards, as what is asked for is seldom old: far back all would have to come from memory.
+        std::size_t next = knots_.size() - 1, step = 1;
+        for (; next > step && time < knots_[next - step].time; step *= 2) next -= step;
+        std::size_t before = next > step ? next - step : 0;
         while (next - before > 1) {
             const std::size_t middle = before + (next - before) / 2;
             (time < knots_[middle].time ? next : before) = middle;

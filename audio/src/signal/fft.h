@@ -1,4 +1,8 @@
-// RealFft: forward and inverse transforms of one even size, over kissfft; scaled so that inverse(forward(x)) == x.
+// RealFft: forward and inverse transforms of one even size; scaled so that inverse(forward(x)) == x.
+//
+// Sizes that are powers of two go by FFmpeg's libavutil, which uses the machine's vectors, where the build has it;
+// others, and all without it, by kissfft. So the last bits are those of a machine and a build. Threading: one thread
+// per object.
 #pragma once
 
 #include <complex>
@@ -7,31 +11,27 @@
 #include <span>
 #include <vector>
 
-#include <kissfft/kiss_fftr.h>
-
 namespace rtsg {
 
 class RealFft {
   public:
     using Spectrum = std::vector<std::complex<float>>;  // size / 2 + 1
 
-    explicit RealFft(std::size_t size)
-        : size_(size),
-          forward_(kiss_fftr_alloc(static_cast<int>(size), 0, nullptr, nullptr)),
-          inverse_(kiss_fftr_alloc(static_cast<int>(size), 1, nullptr, nullptr)) {}
+    explicit RealFft(std::size_t size);
+    /// One of this size that the calling thread keeps: to make one takes longer than to use it a few times. The thread
+    /// keeps the last few sizes.
+    static std::shared_ptr<const RealFft> kept(std::size_t size);
+    ~RealFft();
+    RealFft(RealFft&&) noexcept;
+    RealFft& operator=(RealFft&&) noexcept;
 
     std::size_t size() const { return size_; }
     std::size_t bins() const { return size_ / 2 + 1; }
 
-    void forward(std::span<const float> samples, Spectrum& spectrum) const {
-        spectrum.resize(bins());
-        kiss_fftr(forward_.get(), samples.data(), reinterpret_cast<kiss_fft_cpx*>(spectrum.data()));
-    }
-    void inverse(const Spectrum& spectrum, std::span<float> samples) const {
-        kiss_fftri(inverse_.get(), reinterpret_cast<const kiss_fft_cpx*>(spectrum.data()), samples.data());
-        const float scale = 1.0f / static_cast<float>(size_);
-        for (float& sample : samples.first(size_)) sample *= scale;
-    }
+    void forward(std::span<const float> samples, Spectrum& spectrum) const;
+    void inverse(const Spectrum& spectrum, std::span<float> samples) const;
+    /// The same, quicker: what becomes of the spectrum is not told.
+    void inverse(Spectrum&& spectrum, std::span<float> samples) const;
     /// Smallest size of at least `atLeast` that is a power of two.
     static std::size_t sizeFor(std::size_t atLeast) {
         std::size_t size = 2;
@@ -40,11 +40,9 @@ class RealFft {
     }
 
   private:
-    struct Free {
-        void operator()(kiss_fftr_state* state) const { kiss_fftr_free(state); }
-    };
+    struct Plans;
     std::size_t size_;
-    std::unique_ptr<kiss_fftr_state, Free> forward_, inverse_;
+    std::unique_ptr<Plans> plans_;
 };
 
 }  // namespace rtsg

@@ -27,7 +27,8 @@ double sumOf(const Bands& bands) {
 
 std::vector<float> minimumPhase(const Bands& amplitudes, int sampleRate, std::size_t length) {
     // By the cepstrum: what of it lies before zero is folded over to behind.
-    const RealFft fft(RealFft::sizeFor(4 * length));
+    const auto kept = RealFft::kept(RealFft::sizeFor(4 * length));
+    const RealFft& fft = *kept;
     const std::size_t size = fft.size();
     const double least = kLeastAmplitude * *std::max_element(amplitudes.begin(), amplitudes.end());
     RealFft::Spectrum spectrum(fft.bins());

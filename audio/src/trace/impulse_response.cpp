@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <utility>
 
 #include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/impulse_response.h>
@@ -192,7 +193,8 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
         options.channels == Channels::binaural ? std::ceil(2 * options.headRadius / options.speedOfSound * rate) : 0);
     const std::size_t frames = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
                                2 * SincTable::kHalf + 64 + farEar + (heads.empty() ? 0 : heads.front().ears[0].size());
-    const RealFft fft(RealFft::sizeFor(frames + 4096));
+    const auto kept = RealFft::kept(RealFft::sizeFor(frames + 4096));
+    const RealFft& fft = *kept;
     const trace::BandClasses classes = trace::bandClasses(echogram.arrivals, std::span(&echogram.late, 1));
     const BandFilters filters(fft, options.sampleRate, classes);
 
@@ -239,7 +241,7 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
             fft.forward(band, spectrum);
             for (std::size_t i = 0; i < fft.bins(); ++i) sum[i] += spectrum[i] * filters[c][i];
         }
-        fft.inverse(sum, band);
+        fft.inverse(std::move(sum), band);
         result.channels.emplace_back(band.begin(), band.begin() + static_cast<std::ptrdiff_t>(frames));
     }
     return result;
@@ -247,7 +249,8 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
 
 EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond) {
     EnergyHistogram histogram{binsPerSecond, {}};
-    const RealFft fft(RealFft::sizeFor(samples.size() + 4096));
+    const auto kept = RealFft::kept(RealFft::sizeFor(samples.size() + 4096));
+    const RealFft& fft = *kept;
     const BandFilters filters(fft, sampleRate, trace::bandClasses([](std::size_t a, std::size_t b) { return a == b; }));
     std::vector<float> padded(fft.size()), band(fft.size());
     std::copy(samples.begin(), samples.end(), padded.begin());

@@ -8,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include <rtsg/renderers/parallel_for.h>
+
 namespace rtsg::bvh {
 
 struct Device::Watch {
@@ -28,7 +30,8 @@ struct Device::Watch {
 
 Device::Device(unsigned buildThreads, bool robust)
     : watch_(std::make_unique<Watch>()),
-      handle_(rtcNewDevice(("threads=" + std::to_string(buildThreads)).c_str())),
+      handle_(rtcNewDevice(nullptr)),  // one of fewer threads would take them from all else in the program
+      buildThreads_(buildThreads),
       robust_(robust) {
     if (!handle_)
         throw std::runtime_error("Embree gave no device, error " + std::to_string(rtcGetDeviceError(nullptr)));
@@ -46,6 +49,11 @@ SceneHandle Device::newScene(RTCBuildQuality quality) const {
     rtcSetSceneFlags(scene.get(), static_cast<RTCSceneFlags>(flags));
     rtcSetSceneBuildQuality(scene.get(), quality);
     return scene;
+}
+
+void Device::commit(RTCScene scene) const {
+    if (buildThreads_ == 0) return rtcCommitScene(scene);
+    withThreads(buildThreads_, [scene] { rtcCommitScene(scene); });
 }
 
 std::size_t Device::bytes() const {
@@ -197,9 +205,9 @@ std::size_t Group::clusterBytes() const {
     return clusters_->all.capacity() * sizeof(Cluster) + clusters_->meshes.capacity() * sizeof(ClusteredMesh);
 }
 
-void Group::commit() {
+void Group::commit(const Device& device) {
     if (!dirty_) return;
-    rtcCommitScene(scene_.get());
+    device.commit(scene_.get());
     retired_.clear();
     clusters_.reset();
     box_ = {};

@@ -48,6 +48,8 @@ class Device {
     ~Device();
     RTCDevice get() const { return handle_.get(); }
     SceneHandle newScene(RTCBuildQuality quality) const;
+    /// Builds it, with the threads that the device was made for.
+    void commit(RTCScene scene) const;
     std::size_t bytes() const;
     /// Empty if nothing went wrong since the last call.
     std::string takeError();
@@ -56,6 +58,7 @@ class Device {
     struct Watch;
     std::unique_ptr<Watch> watch_;  // outlives the handle: Embree's callbacks write to it
     DeviceHandle handle_;
+    unsigned buildThreads_ = 0;
     bool robust_ = true;
 };
 
@@ -83,7 +86,7 @@ class Group {
     void hide(std::uint32_t local, std::uint32_t heldBits);
     /// Brings masks up to date that were held back; returns whether all are.
     bool settle(std::uint32_t heldBits);
-    void commit();
+    void commit(const Device& device);
 
     RTCScene scene() const { return scene_.get(); }
     /// Whose the geometries are or, hidden ones, were.

@@ -63,7 +63,7 @@ struct MeshBvh::Work {
         }
         if (task != Task::watch) {
             tree = newTree(device, mesh, true);
-            rtcCommitScene(tree->scene.get());
+            device.commit(tree->scene.get());
         }
         watch = std::make_shared<BvhWatch>(device.get(), *mesh);
     }
@@ -128,7 +128,7 @@ void MeshBvh::wait() const {
 
 void MeshBvh::commit() {
     if (committed_) return;
-    rtcCommitScene(tree_->scene.get());
+    device_.commit(tree_->scene.get());
     RTCBounds b;
     rtcGetSceneBounds(tree_->scene.get(), &b);
     bounds_.min = {b.lower_x, b.lower_y, b.lower_z};

@@ -431,7 +431,7 @@ void RayWorld::Impl::commit() {
     stats.groupsBuilt = 0;
     for (const auto& cluster : resting) {
         if (!cluster->group->dirty()) continue;
-        cluster->group->commit();
+        cluster->group->commit(device);
         ++stats.groupsBuilt;
         top.updateGroup(cluster->object);
     }

@@ -46,7 +46,7 @@ struct RayWorld::Impl::Merge {
             if (!piece.isPlaced) piece.triangles = transformedTriangles(piece.triangles.mesh, piece.rayFromLocal);
             result->attach(embree, piece.id.slot, piece.triangles, piece.kinds);
         }
-        result->commit();
+        result->commit(embree);
         group = std::move(result);
     }
 };

@@ -107,7 +107,7 @@ void RayWorld::Impl::placeBody(const std::vector<std::uint32_t>& slots) {
         join(body, slot, transformedTriangles(mesh, m));
         watchRest(slot);
     }
-    body.group->commit();
+    body.group->commit(device);
     body.worldFromBody = frame;
     top.setBody(body.object, *body.group, inRaySpace(frame), bodyBox(body));
     setBodyTransform(body, frame);

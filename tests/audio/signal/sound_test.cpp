@@ -61,9 +61,19 @@ TEST(Ambisonics, FollowTheAdditionTheorem) {
 }
 
 TEST(Convolver, EqualsTheSumInTheTimeDomain) {
-    for (const std::size_t length : {1ul, 64ul, 65ul, 1000ul}) {
-        const std::vector<float> response = noise(length, 3), input = noise(64 * 40, 4);
-        Convolver convolver(64);
+    // Around where long parts begin: after fifteen blocks, if there are more than sixteen.
+    for (const auto& [length, turn] : {std::pair{1ul, 0ul},
+                                       {64ul, 0ul},
+                                       {65ul, 3ul},
+                                       {1000ul, 0ul},
+                                       {1024ul, 1ul},
+                                       {1025ul, 0ul},
+                                       {1025ul, 15ul},
+                                       {1984ul, 5ul},
+                                       {1985ul, 16ul},
+                                       {5000ul, 7ul}}) {
+        const std::vector<float> response = noise(length, 3), input = noise(64 * 140, 4);
+        Convolver convolver(64, 256, turn);
         convolver.setResponse(response);
         std::vector<float> output(input.size());
         for (std::size_t i = 0; i < input.size(); i += 64)
@@ -71,9 +81,92 @@ TEST(Convolver, EqualsTheSumInTheTimeDomain) {
         for (std::size_t i = 0; i < input.size(); i += 17) {
             double sum = 0;
             for (std::size_t k = 0; k < length && k <= i; ++k) sum += static_cast<double>(response[k]) * input[i - k];
-            ASSERT_NEAR(output[i], sum, 2e-5) << length << " at " << i;
+            ASSERT_NEAR(output[i], sum, 2e-5) << length << " at " << i << ", turn " << turn;
         }
     }
+}
+
+namespace {
+
+/// What a convolver of blocks of 64 makes of an input, whose response becomes another one before some blocks.
+std::vector<float> changing(std::span<const float> input, std::size_t turn,
+                            const std::vector<std::pair<std::size_t, std::vector<float>>>& responses) {
+    Convolver convolver(64, 64, turn);
+    std::vector<float> output(input.size());
+    for (std::size_t k = 0; k < input.size() / 64; ++k) {
+        for (const auto& [block, response] : responses)
+            if (block == k) convolver.setResponse(response);
+        convolver.process(input.subspan(64 * k, 64), std::span(output).subspan(64 * k, 64));
+    }
+    return output;
+}
+
+}  // namespace
+
+TEST(Convolver, LongResponsesThatComeAtAnyBlockAreHeardWhole) {
+    const std::vector<float> input = noise(64 * 90, 4), old = noise(3000, 5), fresh = noise(2500, 6);
+    for (std::size_t turn = 0; turn < 17; ++turn)
+        for (std::size_t at = 50; at < 67; at += turn % 2 ? 5 : 3) {
+            const std::vector<float> output = changing(input, turn, {{0, old}, {at, fresh}});
+            for (std::size_t i = 64 * (at - 4); i < input.size(); i += 7) {
+                if (i / 64 == at) continue;  // fades
+                const std::vector<float>& response = i / 64 < at ? old : fresh;
+                double sum = 0;
+                for (std::size_t k = 0; k < response.size() && k <= i; ++k)
+                    sum += static_cast<double>(response[k]) * input[i - k];
+                ASSERT_NEAR(output[i], sum, 3e-5) << "at " << at << ", turn " << turn << ", sample " << i;
+            }
+        }
+}
+
+TEST(Convolver, AFirstLongResponseHearsWhatAShortOneRemembered) {
+    const std::vector<float> input = noise(64 * 60, 4), brief = noise(1024, 5), lengthy = noise(3000, 6);
+    constexpr std::size_t kAt = 24, kRemembered = 16;  // blocks
+    for (const std::size_t turn : {0ul, 1ul, 8ul, 15ul}) {
+        const std::vector<float> output = changing(input, turn, {{0, brief}, {kAt, lengthy}});
+        for (std::size_t i = 64 * (kAt + 1); i < input.size(); i += 7) {
+            double sum = 0;
+            for (std::size_t k = 0; k < lengthy.size() && i - k >= 64 * (kAt - kRemembered); ++k)
+                sum += static_cast<double>(lengthy[k]) * input[i - k];
+            ASSERT_NEAR(output[i], sum, 3e-5) << "turn " << turn << ", sample " << i;
+        }
+    }
+}
+
+TEST(Convolver, OneBesideAnotherHearsTheSameUntilTheyPart) {
+    const std::vector<float> left = noise(64 * 80, 4), right = noise(64 * 80, 7), first = noise(2000, 5),
+                             second = noise(3000, 6), third = noise(100, 8);
+    constexpr std::size_t kPart = 50, kChange = 37;  // blocks
+    for (const std::size_t turn : {0ul, 9ul}) {
+        Convolver owner(64, 64, turn), other = owner.beside(), alone(64, 64, turn);
+        owner.setResponse(third);
+        other.setResponse(first), alone.setResponse(first);
+        std::vector<float> ignored(64), output(left.size()), expected(left.size());
+        for (std::size_t k = 0; k < left.size() / 64; ++k) {
+            if (k == kPart) other.part();
+            if (k == kChange) other.setResponse(second), alone.setResponse(second), owner.setResponse(first);
+            const auto ofBlock = [k](auto& samples) { return std::span(samples).subspan(64 * k, 64); };
+            const std::span<const float> input = k < kPart ? ofBlock(left) : ofBlock(right);
+            owner.process(ofBlock(left), ignored);
+            other.process(input, ofBlock(output));
+            alone.process(input, ofBlock(expected));
+        }
+        for (std::size_t i = 0; i < output.size(); ++i)
+            ASSERT_NEAR(output[i], expected[i], 1e-6) << i << ", turn " << turn;
+    }
+}
+
+TEST(Convolver, StartsAnewWithLongResponsesToo) {
+    const std::vector<float> input = noise(64 * 40, 4), response = noise(3000, 5);
+    Convolver convolver(64, 64, 3);
+    std::vector<float> first(input.size()), second(input.size());
+    for (std::vector<float>* output : {&first, &second}) {
+        convolver.setResponse(response);
+        for (std::size_t i = 0; i < input.size(); i += 64)
+            convolver.process(std::span(input).subspan(i, 64), std::span(*output).subspan(i, 64));
+        convolver.restart();
+    }
+    EXPECT_EQ(first, second);
 }
 
 TEST(Convolver, ANewResponseFadesInWithoutAClick) {

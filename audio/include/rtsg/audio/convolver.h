@@ -1,7 +1,9 @@
 // Convolver: one signal through a long response, block by block, without delay beyond the block.
 //
-// Uniformly partitioned overlap-save (Kulp 1988; Wefers 2015, 5.2) on kissfft. A new response fades in smoothly, so
-// that a moving source or wall makes no click; one that comes meanwhile waits. Threading: one thread per object.
+// Partitioned overlap-save in two sizes: the first fifteen blocks of a response in parts of a block, what
+// is behind them in parts of sixteen, whose work is done once in sixteen blocks (Gardner 1995; Wefers 2015, 5.2
+// and 6.1). A new response fades in smoothly, so that a moving source or wall makes no click; one that comes meanwhile
+// waits. Threading: one thread per object.
 #pragma once
 
 #include <complex>
@@ -14,20 +16,28 @@ namespace rtsg {
 
 class Convolver {
   public:
-    explicit Convolver(std::size_t blockSize = 512, std::size_t fadeSamples = 256);
+    /// `turn`: which block of sixteen does the work of long parts. Convolvers that run side by side take turns, so that
+    /// no block has the work of all.
+    explicit Convolver(std::size_t blockSize = 512, std::size_t fadeSamples = 256, std::size_t turn = 0);
     ~Convolver();
     Convolver(Convolver&&) noexcept;
     Convolver& operator=(Convolver&&) noexcept;
+
+    /// Another one of the same input: this one is told what comes, first of the two in each block, and what process()
+    /// of the other is given counts for nothing.
+    Convolver beside() const;
+    /// From here on with an input of its own, which so far was the same. Does nothing for one that was not beside
+    /// another.
+    void part();
 
     /// A response made ready to be convolved with.
     class Response {
       public:
         Response() = default;
-        std::size_t partitions() const { return parts_.size(); }
 
       private:
         friend class Convolver;
-        std::vector<std::vector<std::complex<float>>> parts_;
+        std::vector<std::vector<std::complex<float>>> shorts_, longs_;
     };
     static Response prepare(std::size_t blockSize, std::span<const float> response);
 

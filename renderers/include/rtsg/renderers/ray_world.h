@@ -50,7 +50,7 @@ class RayWorld : public RayView {
         Mapping mapping = Mapping::hybrid;
         /// Watertight intersection: no leaks at shared edges. Off gains little.
         bool robust = true;
-        /// Threads that build the BVH; 0 as many as cores.
+        /// Threads that build the BVH; 0 as many as cores. Others of the program keep theirs.
         unsigned buildThreads = 0;
         /// What rests for so many apply() calls is merged with the rest; after each time that this proves wrong, for a
         /// thing twice as many, up to 256 times; for one that is known to be able to move 16 times as many. A group of

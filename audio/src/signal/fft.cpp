@@ -1,0 +1,120 @@
+// Transforms of real signals, by libavutil or by kissfft.
+#include "fft.h"
+
+#include <algorithm>
+#include <bit>
+#include <iterator>
+#include <utility>
+
+#include <kissfft/kiss_fftr.h>
+
+#if defined(RTSG_AVUTIL)
+extern "C" {
+#include <libavutil/tx.h>
+}
+#endif
+
+namespace rtsg {
+
+namespace {
+
+struct FreeKiss {
+    void operator()(kiss_fftr_state* state) const { kiss_fftr_free(state); }
+};
+using Kiss = std::unique_ptr<kiss_fftr_state, FreeKiss>;
+
+#if defined(RTSG_AVUTIL)
+/// A transform of libavutil, if it has one.
+class Vectorised {
+  public:
+    Vectorised(std::size_t size, bool isInverse) {
+        // Of other sizes some are slow there, and of those with an odd half wrong.
+        if (size < kLeast || !std::has_single_bit(size)) return;
+        const float scale = isInverse ? 1.0f / static_cast<float>(size) : 1.0f;
+        if (av_tx_init(&context_, &run_, AV_TX_FLOAT_RDFT, isInverse ? 1 : 0, static_cast<int>(size), &scale,
+                       AV_TX_UNALIGNED) < 0)
+            context_ = nullptr;
+    }
+    ~Vectorised() { av_tx_uninit(&context_); }
+    Vectorised(const Vectorised&) = delete;
+    Vectorised& operator=(const Vectorised&) = delete;
+
+    explicit operator bool() const { return context_ != nullptr; }
+    /// An inverse one writes over its input.
+    template <class To, class From>
+    void operator()(To* to, From* from) const {
+        run_(context_, to, from, sizeof(From));
+    }
+
+  private:
+    static constexpr std::size_t kLeast = 16;
+    AVTXContext* context_ = nullptr;
+    av_tx_fn run_ = nullptr;
+};
+#endif
+
+}  // namespace
+
+struct RealFft::Plans {
+#if defined(RTSG_AVUTIL)
+    explicit Plans(std::size_t size) : quickForward(size, false), quickInverse(size, true) {
+        if (!quickForward || !quickInverse) plan(size);
+    }
+    Vectorised quickForward, quickInverse;
+    Spectrum copy;
+#else
+    explicit Plans(std::size_t size) { plan(size); }
+#endif
+    void plan(std::size_t size) {
+        forward.reset(kiss_fftr_alloc(static_cast<int>(size), 0, nullptr, nullptr));
+        inverse.reset(kiss_fftr_alloc(static_cast<int>(size), 1, nullptr, nullptr));
+    }
+    Kiss forward, inverse;  // null: not needed
+};
+
+RealFft::RealFft(std::size_t size) : size_(size), plans_(std::make_unique<Plans>(size)) {}
+std::shared_ptr<const RealFft> RealFft::kept(std::size_t size) {
+    constexpr std::size_t kMost = 8;
+    thread_local std::vector<std::shared_ptr<const RealFft>> all;
+    auto found = std::ranges::find_if(all, [size](const auto& fft) { return fft->size() == size; });
+    if (found == all.end()) {
+        if (all.size() == kMost) all.erase(all.begin());
+        all.push_back(std::make_shared<RealFft>(size));
+        found = std::prev(all.end());
+    }
+    std::rotate(found, std::next(found), all.end());  // the last one used is the last to go
+    return all.back();
+}
+RealFft::~RealFft() = default;
+RealFft::RealFft(RealFft&&) noexcept = default;
+RealFft& RealFft::operator=(RealFft&&) noexcept = default;
+
+void RealFft::forward(std::span<const float> samples, Spectrum& spectrum) const {
+    spectrum.resize(bins());
+#if defined(RTSG_AVUTIL)
+    // It reads only, though its type does not say so.
+    if (!plans_->forward) return plans_->quickForward(spectrum.data(), const_cast<float*>(samples.data()));
+#endif
+    kiss_fftr(plans_->forward.get(), samples.data(), reinterpret_cast<kiss_fft_cpx*>(spectrum.data()));
+}
+
+void RealFft::inverse(const Spectrum& spectrum, std::span<float> samples) const {
+#if defined(RTSG_AVUTIL)
+    if (!plans_->inverse) {
+        plans_->copy = spectrum;
+        return plans_->quickInverse(samples.data(), plans_->copy.data());
+    }
+#endif
+    kiss_fftri(plans_->inverse.get(), reinterpret_cast<const kiss_fft_cpx*>(spectrum.data()), samples.data());
+    const float scale = 1.0f / static_cast<float>(size_);
+    for (float& sample : samples.first(size_)) sample *= scale;
+}
+
+void RealFft::inverse(Spectrum&& spectrum, std::span<float> samples) const {
+#if defined(RTSG_AVUTIL)
+    if (!plans_->inverse) return plans_->quickInverse(samples.data(), spectrum.data());
+#endif
+    inverse(std::as_const(spectrum), samples);
+}
+
+}  // namespace rtsg
