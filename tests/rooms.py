@@ -30,7 +30,7 @@ HEADERS = {
 NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}
 # Outside libraries that only one room may include.
 DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
-         r"^lib(av|sw)": ("renderers", "movie_module"),
+         r"^lib(av(?!util/tx\.h)|sw)": ("renderers", "movie_module"), r"^libavutil/tx\.h": ("audio", "signal"), r"^kissfft/": ("audio", "signal"),
          r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "signal"), r"^ode/": ("physics", "engine"),
          r"^netcdf\.h": ("audio", "netcdf_module")}
 

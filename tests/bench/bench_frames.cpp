@@ -22,7 +22,7 @@ namespace rtsg::bench {
 
 namespace {
 
-constexpr int kWidth = 640, kHeight = 480;  // of whole frames
+constexpr int kFrameWidth = 640, kFrameHeight = 480;  // of whole frames
 
 /// Removed with everything in it.
 struct Folder {
@@ -148,8 +148,8 @@ Result<> Measurement::wholeFrames() {
     SharedWorld world(*scene_);
     LightRenderer light(world, LightRenderer::Options(folder_));
     ImageOptions image;
-    image.settings.width = kWidth;
-    image.settings.height = kHeight;
+    image.settings.width = kFrameWidth;
+    image.settings.height = kFrameHeight;
     image.settings.samplesPerPixel = 1;
     std::vector<double> seconds;
     for (int i = 0; i < kFrames; ++i) {
@@ -225,9 +225,9 @@ void Measurement::trace(const Contest& contest) {
     }
     figures_.picture = median(pictures);
     if (!flat) return;
-    const auto whole = contest.tracer.camera(first, static_cast<double>(kWidth) / kHeight);
+    const auto whole = contest.tracer.camera(first, static_cast<double>(kFrameWidth) / kFrameHeight);
     if (!whole) return;
-    const FrameRays frame(first, *whole, kWidth, kHeight, lampsOf(*scene_));
+    const FrameRays frame(first, *whole, kFrameWidth, kFrameHeight, lampsOf(*scene_));
     figures_.bareFrame = frame.leastSeconds(first, frameRays_) / cores_;
     figures_.flatTrace = median(bare);
     figures_.flatBuild = flat->buildSeconds();
