@@ -2,9 +2,11 @@
 // acknowledged outlives the process.
 #include <rtsg/sync/log_recorder.h>
 
+#include <algorithm>
 #include <atomic>
 #include <csignal>
 #include <filesystem>
+#include <random>
 #include <thread>
 
 #include <fcntl.h>
@@ -155,6 +157,46 @@ TEST_F(Recorder, OneThatIsWaitedForLosesNoStateWhenTheSceneStartsOver) {
     wanted.push_back(1);
     EXPECT_EQ(states, wanted);
     EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
+}
+
+TEST_F(Recorder, OneThatIsWaitedForLosesNoSessionOfSeveralWhoseNumbersAreAlike) {
+    ASSERT_EQ(::mkfifo(file("pipe").c_str(), 0600), 0);
+    PipeDrain drain(::open(file("pipe").c_str(), O_RDONLY | O_NONBLOCK));
+    ASSERT_GE(drain.reader, 0);
+    const auto session = [](const std::string& name, std::size_t bytes) {
+        Scene other;
+        Diagnostics diagnostics;
+        std::string title(bytes, ' ');  // that no compression makes short
+        std::mt19937 random(5);
+        for (char& c : title) c = static_cast<char>('0' + random() % 75);
+        std::ranges::replace(title, '\\', '/');
+        loadText(other, "DEF " + name + " WorldInfo { title \"" + title + "\" }", diagnostics);
+        other.newFrame(1);
+        return std::make_shared<const ChangeSet>(other.snapshot());
+    };
+    Scene scene;
+    auto recorder = LogRecorder::start(scene, file("pipe"), denseKeyframes(), LogRecorder::WhenBehind::wait);
+    ASSERT_TRUE(recorder) << recorder.error().text;
+    // Nobody reads for a while: the second session fills the pipe, and those behind it wait for it.
+    std::jthread late([&drain] {
+        std::this_thread::sleep_for(std::chrono::milliseconds(300));
+        drain.begin();
+    });
+    for (const auto& [name, bytes] : {std::pair{"A", 10}, {"B", 300'000}, {"C", 10}, {"D", 10}}) {
+        ASSERT_TRUE(scene.reset());
+        ASSERT_TRUE(scene.apply(session(name, static_cast<std::size_t>(bytes))));
+    }
+    late.join();
+    EXPECT_TRUE((*recorder)->stop()) << (*recorder)->failure();
+    drain.end();
+    writeAll(file(), drain.bytes);
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer) << replayer.error().text;
+    std::string names;
+    while (*(*replayer)->step())
+        for (const char* name : {"A", "B", "C", "D"})
+            if ((*replayer)->scene().findName(name)) names += name;
+    EXPECT_EQ(names, "ABCD");
 }
 
 TEST_F(Recorder, AFullDiskIsReportedAndTheSceneGoesOn) {

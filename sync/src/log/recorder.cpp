@@ -23,24 +23,29 @@ constexpr std::uint64_t kMostAhead = 128;
 }  // namespace
 
 struct LogRecorder::Impl {
+    /// A state of the scene, whose numbers begin anew whenever it starts over.
+    struct Heard {
+        std::uint64_t start = 0, state = 0;
+    };
     /// On the scene's thread: there is something to fetch.
     struct Bell final : Subscriber {
         Impl& impl;
         std::atomic<std::uint64_t> rung{0};
-        std::uint64_t told = 0;  // the scene's thread only: the last state it heard of
+        Heard told;  // the scene's thread only: the last state it heard of
         explicit Bell(Impl& i) : impl(i) {}
         /// An error here has the bus report to the application that the log has ended.
         Result<> apply(const Scene&, const ChangeSet& changes) override {
             if (impl.ended) return impl.outcome();
+            if (changes.isSnapshot() && impl.thread.joinable()) ++told.start;
+            told.state = changes.to;
             ring();
-            if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait) impl.waitForRoom(changes);
-            if (impl.ended) return impl.outcome();
-            told = changes.to;
-            return {};
+            if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait)
+                impl.waitForRoom(told, changes.isSnapshot() ? 0 : kMostAhead);
+            return impl.ended ? impl.outcome() : Result<>();
         }
         /// States of before that are not in the file yet would be dropped by the bus.
         void beforeRestart() override {
-            if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait) impl.waitForAll(told);
+            if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait) impl.waitForRoom(told, 0);
         }
         void ring() {
             rung.fetch_add(1, std::memory_order_release);
@@ -70,9 +75,10 @@ struct LogRecorder::Impl {
     std::atomic<std::uint64_t> acknowledged{0}, merged{0}, bytes{0};
     mutable std::mutex mutex;
     mutable std::condition_variable progress;
-    bool begun = false;     // guarded by mutex; the first state is in the file
-    Result<> result;        // guarded by mutex
-    char thrown[160] = {};  // guarded by mutex; by the thread: there may be no memory for a string
+    bool begun = false;        // guarded by mutex; the first state is in the file
+    std::uint64_t starts = 0;  // guarded by mutex; how often what is in the file has started over
+    Result<> result;           // guarded by mutex
+    char thrown[160] = {};     // guarded by mutex; by the thread: there may be no memory for a string
     std::thread thread;
 
     /// Of a thread that has ended, or is still at it.
@@ -89,6 +95,7 @@ struct LogRecorder::Impl {
                                     scene.hash().hex(), changes.hash.hex()));
         if (!changes.isSnapshot() && changes.to > changes.from + 1) merged += changes.to - changes.from - 1;
         const std::scoped_lock lock(mutex);
+        if (changes.isSnapshot() && begun) ++starts;
         begun = true;
         acknowledged = changes.to;
         bytes = log->bytes();
@@ -96,20 +103,12 @@ struct LogRecorder::Impl {
         return {};
     }
 
-    /// On the scene's thread. What starts over is waited for: its numbers say nothing about those before.
-    void waitForRoom(const ChangeSet& changes) const {
-        const std::uint64_t most = changes.isSnapshot() ? 0 : kMostAhead;
+    /// On the scene's thread, until at most so many states are not in the file.
+    void waitForRoom(const Heard& told, std::uint64_t most) const {
         std::unique_lock lock(mutex);
         progress.wait(lock, [&] {
-            return ended || (acknowledged <= changes.to && changes.to - acknowledged <= most) ||
-                   (acknowledged > changes.to && !changes.isSnapshot());
+            return ended || starts > told.start || (starts == told.start && acknowledged + most >= told.state);
         });
-    }
-
-    /// On the scene's thread. Precondition: the log has what came before the snapshot that `last` counts from.
-    void waitForAll(std::uint64_t last) const {
-        std::unique_lock lock(mutex);
-        progress.wait(lock, [&] { return ended || acknowledged >= last; });
     }
 
     /// Until it is told to stop, or something goes wrong.
