@@ -247,7 +247,9 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     state.motion.advance(end);
     play(emitter, state, block);
     const HeardBy by = state.reflectedBy = heardBy(sound, block.listener);
-    if (auto made = makeInputs(state, state.dry.size(), by == HeardBy::mixer); !made) return made;
+    // A channel that is new in the block in which the sound leaves the mixer fades from there, as the others do.
+    const bool forMixer = by == HeardBy::mixer || state.heardBy == HeardBy::mixer;
+    if (auto made = makeInputs(state, state.dry.size(), forMixer); !made) return made;
     HeardLevel to;
     if (!state.started)
         findDelay(state.motion, nullptr, static_cast<double>(samples), state.level.delay, state.level.slope);

@@ -151,6 +151,40 @@ TEST_F(Heads, EnableHrtfChangesWhileItIsHeardAndConcernsItsSoundAlone) {
         ASSERT_NEAR(both.samples[i], panned.samples[i] + through.samples[i], 1e-5) << i;
 }
 
+/// A sound that gets its second channel when it leaves a head takes nothing from who stays: both together are what each
+/// is alone.
+TEST_F(Heads, AChannelThatComesWhenAHeadIsLeftConcernsItsSoundAlone) {
+    SoundBuffer both{kRate, 2, {}};
+    for (int i = 0; i < 2 * kRate; ++i) both.samples.push_back(i % 4 < 2 ? .2f : -.1f);
+    ASSERT_TRUE(writeWav((folder_ / "both.wav").string(), both, WavFormat::float32));
+    const std::string view = "Viewpoint { position 0 0 0 }\n",
+                      clips = "DEF Mono AudioClip { url \"tone.wav\" }\nDEF Stereo AudioClip { url \"both.wav\" }\n";
+    const auto sounding = [&](const std::string& body) {
+        Scene scene;
+        load(scene, body);
+        ListenOptions asked = plain();
+        asked.runTo = [&](double t) {
+            if (const NodeId horn = scene.findName("Horn"); t > .0999 && horn != NodeId{}) {
+                EXPECT_TRUE(scene.set(horn, x3d::SpatialSound::enableHRTF, false));
+                EXPECT_TRUE(scene.set(horn, x3d::SpatialSound::children, Array<NodeId>{scene.findName("Stereo")}));
+            }
+            scene.newFrame(t);
+        };
+        const auto report = listen(scene, asked);
+        EXPECT_TRUE(report);
+        return report->sound;
+    };
+    std::string bell = hornAt("enableHRTF TRUE", 70);
+    bell.replace(bell.find("Horn"), 4, "Bell");
+    const std::string horn = "Group { children [ Switch { children [ " + clips +
+                             " ] } DEF Horn SpatialSound { rolloffFactor 0 intensity .1 location -4 0 -3 enableHRTF "
+                             "TRUE children USE Mono } ] }\n";
+    const SoundBuffer together = sounding(bell + horn + view), one = sounding(bell + view),
+                      other = sounding(horn + view);
+    for (std::size_t i = 0; i < together.samples.size(); ++i)
+        ASSERT_NEAR(together.samples[i], one.samples[i] + other.samples[i], 1e-5) << i;
+}
+
 /// What is under way when its source is taken from the scene comes as it would have, by whichever head.
 TEST_F(Heads, WhatIsGoneIsHeardOnByTheSameHead) {
     // 51.45 m away, .15 s; gone at .1 s.
