@@ -19,6 +19,20 @@ constexpr double kEarlySeconds = 0.0006;
 /// A response begins where it has this share of its peak.
 constexpr float kOnset = 0.1f;
 
+/// Sound goes past any head in less.
+constexpr float kLongestDelay = 1;  // s
+
+/// Samples and delays that are no numbers would be in sound from their directions alone, where nobody would find why:
+/// returns what is wrong.
+const char* unfit(const MYSOFA_HRTF& hrtf, int sampleRate) {
+    const float longest = kLongestDelay * static_cast<float>(sampleRate);
+    for (const float delay : std::span(hrtf.DataDelay.values, hrtf.DataDelay.elements))
+        if (!(std::abs(delay) <= longest)) return "it has delays that are not those of a head";
+    for (const float sample : std::span(hrtf.DataIR.values, hrtf.DataIR.elements))
+        if (!std::isfinite(sample)) return "it has samples that are no numbers";
+    return nullptr;
+}
+
 const char* reason(int error) {
     switch (error) {
         case MYSOFA_INVALID_FORMAT:
@@ -69,7 +83,9 @@ struct Hrtf::Impl {
         std::array<float, 2> delays{};
         responses = mysofa_interpolate(easy->hrtf, place.data(), nearest,
                                        mysofa_neighborhood(easy->neighborhood, nearest), room, delays.data());
-        return {static_cast<double>(delays[0]) * rate, static_cast<double>(delays[1]) * rate};
+        // In samples, as files have them (AES69, Data.Delay), of the rate that was asked for: the library's manual says
+        // seconds.
+        return {static_cast<double>(delays[0]), static_cast<double>(delays[1])};
     }
 
     MYSOFA_EASY* easy = nullptr;
@@ -95,6 +111,7 @@ Result<std::shared_ptr<const Hrtf>> Hrtf::load(const std::filesystem::path& file
     if (!std::filesystem::is_regular_file(file, none)) return fail(file.string() + ": there is no such file");
     impl->easy = mysofa_open(file.c_str(), static_cast<float>(sampleRate), &length, &error);
     if (!impl->easy || error != MYSOFA_OK || length <= 0) return fail(file.string() + ": " + reason(error));
+    if (const char* const why = unfit(*impl->easy->hrtf, sampleRate)) return fail(file.string() + ": " + why);
     impl->rate = sampleRate;
     impl->length = static_cast<std::size_t>(length);
     impl->early = static_cast<std::size_t>(std::ceil(kEarlySeconds * sampleRate));

@@ -1,8 +1,11 @@
 // Heads from SOFA files: delays and levels of the ears against the measured set itself, in responses and in sound.
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 
 #include <gtest/gtest.h>
 #include <mysofa.h>
@@ -11,6 +14,7 @@
 #include <rtsg/audio/impulse_response.h>
 
 #include "audio/listen/listen_scene.h"
+#include "signal/netcdf_file.h"
 
 namespace rtsg {
 namespace {
@@ -49,8 +53,7 @@ class Head : public testing::Test {
         mysofa_getfilter_float(easy, static_cast<float>(std::cos(e) * std::cos(a)),
                                static_cast<float>(std::cos(e) * std::sin(a)), static_cast<float>(std::sin(e)),
                                left.data(), right.data(), &leftDelay, &rightDelay);
-        return {tone(left, hz, -static_cast<double>(leftDelay) * 48000),
-                tone(right, hz, -static_cast<double>(rightDelay) * 48000)};
+        return {tone(left, hz, -static_cast<double>(leftDelay)), tone(right, hz, -static_cast<double>(rightDelay))};
     }
     static glm::dvec3 direction(double azimuth, double elevation) {
         const double a = azimuth * M_PI / 180, e = elevation * M_PI / 180;
@@ -157,6 +160,89 @@ TEST(Hrtf, WhatIsNoSofaFileIsRefused) {
     const auto none = Hrtf::load(file, 48000);
     ASSERT_FALSE(none);
     EXPECT_NE(none.error().text.find("a.sofa"), std::string::npos);
+}
+
+/// A head of six directions, ahead, behind, left, right, above and below, by two ears of 64 samples each, and what they
+/// come later by, in samples.
+struct SixWays {
+    std::vector<double> responses = std::vector<double>(6 * 2 * 64), delays = std::vector<double>(6 * 2);
+    SixWays() {
+        for (std::size_t ear = 0; ear < 12; ++ear) responses[64 * ear + 20] = 1;
+    }
+    void write(const std::filesystem::path& file) const {
+        const NetcdfAttributes metres{{"Type", "cartesian"}, {"Units", "metre"}};
+        NetcdfFile head{
+            {{'I', 1}, {'C', 3}, {'R', 2}, {'E', 1}, {'N', 64}, {'M', 6}},
+            {{"Conventions", "SOFA"},
+             {"Version", "1.0"},
+             {"SOFAConventions", "SimpleFreeFieldHRIR"},
+             {"SOFAConventionsVersion", "1.0"},
+             {"DataType", "FIR"},
+             {"RoomType", "free field"}},
+            {{"ListenerPosition", "IC", {0, 0, 0}, {}, metres},
+             {"ListenerView", "IC", {1, 0, 0}, {}, metres},
+             {"ListenerUp", "IC", {0, 0, 1}, {}, {}},
+             {"ReceiverPosition", "RCI", {0, .09, 0, 0, -.09, 0}, {}, metres},
+             {"EmitterPosition", "ECI", {0, 0, 0}, {}, metres},
+             {"SourcePosition", "MC", {1, 0, 0, -1, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 1, 0, 0, -1}, {}, metres},
+             {"Data.IR", "MRN", responses, {}, {}},
+             {"Data.SamplingRate", "I", {48000}, {}, {{"Units", "hertz"}}},
+             {"Data.Delay", "MR", delays, {}, {}}}};
+        // libmysofa reads attributes as HDF5 keeps many, and not as it keeps few.
+        for (const char* name : {"Title", "APIName", "APIVersion", "AuthorContact", "Organization", "License"})
+            head.attributes.emplace_back(name, "unknown");
+        EXPECT_EQ((*netcdfWriter())->write(file.string(), head), "");
+    }
+};
+
+class MadeHead : public testing::Test {
+  protected:
+    void SetUp() override {
+        if (const auto writer = netcdfWriter(); !writer) GTEST_SKIP() << writer.error().text;
+    }
+    const test::TempFolder folder_;
+    const std::filesystem::path file_ = folder_.path() / "a.sofa";
+};
+
+/// In samples of the file, whatever rate is asked for.
+TEST_F(MadeHead, EarsHearLaterByItsDelays) {
+    SixWays six;
+    six.delays[2 * 2 + 1] = 30;  // from the left, the right ear
+    for (double& delay : six.delays) delay += 7;
+    six.write(file_);
+    for (const int rate : {48000, 96000, 32000}) {
+        const auto head = Hrtf::load(file_, rate);
+        ASSERT_TRUE(head) << head.error().text;
+        const auto peaks = [&](const glm::dvec3& from) {
+            const Hrtf::Ears ears = (*head)->at(from);
+            std::array<double, 2> at{};
+            for (std::size_t e = 0; e < 2; ++e)
+                at[e] = static_cast<double>(std::ranges::max_element(ears[e]) - ears[e].begin());
+            return at;
+        };
+        const auto ahead = peaks({0, 0, -1}), left = peaks({-1, 0, 0});
+        EXPECT_NEAR(ahead[0], static_cast<double>((*head)->early()), 4 * rate / 48000) << rate;
+        EXPECT_EQ(ahead[1], ahead[0]) << rate;
+        EXPECT_EQ(left[0], ahead[0]) << rate;
+        EXPECT_EQ(left[1], ahead[0] + 30 * rate / 48000) << rate;
+    }
+}
+
+/// Wherever in a file they are.
+TEST_F(MadeHead, IsRefusedForWhatIsNoNumber) {
+    const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+    const auto told = [&](double sample, double delay) {
+        SixWays six;
+        six.responses[64 * 2 + 30] = sample;
+        six.delays[2] = delay;
+        six.write(file_);
+        const auto loaded = Hrtf::load(file_, 48000);
+        return loaded ? "" : loaded.error().text.substr(file_.string().size());
+    };
+    EXPECT_EQ(told(.5, 30), "");
+    for (const double sample : {nan, inf}) EXPECT_EQ(told(sample, 0), ": it has samples that are no numbers");
+    for (const double delay : {nan, -inf, 1e30, -48001.0})
+        EXPECT_EQ(told(0, delay), ": it has delays that are not those of a head");
 }
 
 }  // namespace
