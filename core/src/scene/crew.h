@@ -17,7 +17,7 @@ namespace rtsg {
 
 class Crew {
   public:
-    /// The caller's thread among them; `threads` >= 2.
+    /// The caller's thread among them; `threads` >= 2. Fewer, where the system has no more.
     explicit Crew(unsigned threads);
     ~Crew();
     Crew(const Crew&) = delete;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <new>
+#include <system_error>
 
 #include <sys/mman.h>
 
@@ -39,11 +40,15 @@ void NodeArena::expect(std::size_t bytes) {
     if (bytes < left_ + kPays || std::thread::hardware_concurrency() < 2) return;
     const std::size_t size = (bytes + kHugePage - 1) / kHugePage * kHugePage;
     std::byte* const chunk = takeChunk(size, true);
-    filler_ = std::jthread([chunk, size](const std::stop_token& stop) {
-        // In steps, so that who writes there meanwhile waits for one at most. Systems before Linux 5.14 refuse.
-        for (std::size_t done = 0; done < size && !stop.stop_requested(); done += kHugePage)
-            if (madvise(chunk + done, kHugePage, MADV_POPULATE_WRITE) != 0) return;
-    });
+    try {
+        filler_ = std::jthread([chunk, size](const std::stop_token& stop) {
+            // In steps, so that who writes there meanwhile waits for one at most. Systems before Linux 5.14 refuse.
+            for (std::size_t done = 0; done < size && !stop.stop_requested(); done += kHugePage)
+                if (madvise(chunk + done, kHugePage, MADV_POPULATE_WRITE) != 0) return;
+        });
+    } catch (const std::system_error&) {
+        return;  // there are no more threads: who writes there waits for every page
+    }
 #else
     (void)bytes;
 #endif

@@ -11,6 +11,8 @@
 
 #include <gtest/gtest.h>
 
+#include "support/no_threads.h"
+
 namespace rtsg {
 namespace {
 
@@ -35,6 +37,13 @@ TEST(Crew, EveryPartRunsOnceWhoeverIsAwake) {
             ASSERT_NO_FATAL_FAILURE(expectEachPartOnce(crew)) << "job " << i;
         }
     }
+}
+
+TEST(Crew, WithoutHelpersTheCallerRunsAll) {
+    const test::NoThreads none;
+    Crew crew(3);
+    EXPECT_EQ(crew.threads(), 1U);
+    for (int i = 0; i < 3; ++i) expectEachPartOnce(crew);
 }
 
 TEST(Crew, SleepersComeToAJobThatNeedsThem) {

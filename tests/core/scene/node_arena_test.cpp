@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "scene/node_arena.h"
+#include "support/no_threads.h"
 
 namespace rtsg {
 namespace {
@@ -45,6 +46,13 @@ TEST(NodeArena, MoreAndLessThanExpectedMayCome) {
         expectTheirNumbers(filled(arena, 1000));
         expectTheirNumbers(after);
     }
+}
+
+TEST(NodeArena, WhatIsExpectedWithoutAThreadIsThereAllTheSame) {
+    const test::NoThreads none;
+    NodeArena arena;
+    arena.expect(kBlock * kMany);
+    expectTheirNumbers(filled(arena, kMany));
 }
 
 TEST(NodeArena, AFreedBlockIsUsedAgainByItsSize) {
