@@ -3,6 +3,7 @@
 #include "runtime.h"
 
 #include <chrono>
+#include <system_error>
 
 namespace rtsg::script {
 
@@ -104,7 +105,11 @@ bool Runtime::start(std::size_t heapLimit) {
     jobs_ = std::make_unique<Jobs>(context_);
     if (!JS_AddInterruptCallback(context_, onInterrupt) || !JS::InitSelfHostedCode(context_)) return false;
     if (!startLibrary()) return false;
-    watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
+    try {
+        watcher_ = std::jthread([this](const std::stop_token& stop) { watch(stop); });
+    } catch (const std::system_error&) {
+        return false;  // nothing would end a program that runs for ever
+    }
     return true;
 }
 

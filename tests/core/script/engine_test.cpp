@@ -4,6 +4,7 @@
 #include <thread>
 
 #include "core/script/script_scene.h"
+#include "support/no_threads.h"
 
 namespace rtsg {
 namespace {
@@ -157,6 +158,20 @@ TEST(ScriptEngine, OneThatRunsOverItsLimitCostsTheOthersNothing) {
     EXPECT_EQ(timesToldIn(s.scene, "in one frame"), 0u) << s.problems();
     s.frame();
     EXPECT_FLOAT_EQ(s.get<float>("out", "W"), static_cast<float>(s.scene.now()));
+}
+
+TEST(ScriptEngine, WhereNoThreadCouldStopThemNoProgramRuns) {
+    const std::string fields = "outputOnly SFInt32 n", program = "function initialize() { n = 1; }";
+    {
+        ScriptScene before(fields, program);  // the library has its own threads
+        before.frame();
+        ASSERT_EQ(before.get<std::int32_t>("n"), 1);
+    }
+    const test::NoThreads none;
+    ScriptScene s(fields, program);
+    s.frame();
+    EXPECT_NE(s.problems().find("the script engine does not start"), std::string::npos) << s.problems();
+    EXPECT_EQ(s.get<std::int32_t>("n"), 0);
 }
 
 TEST(ScriptEngine, OneThatMakesOthersLikeItselfEndsInADiagnostic) {
