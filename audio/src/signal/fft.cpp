@@ -28,8 +28,8 @@ using Kiss = std::unique_ptr<kiss_fftr_state, FreeKiss>;
 class Vectorised {
   public:
     Vectorised(std::size_t size, bool isInverse) {
-        // Of other sizes some are slow there, and of those with an odd half wrong.
-        if (size < kLeast || !std::has_single_bit(size)) return;
+        // Other sizes, and larger ones, it may take by the sum that defines them; those with an odd half are wrong.
+        if (size < kLeast || size > kMost || !std::has_single_bit(size)) return;
         const float scale = isInverse ? 1.0f / static_cast<float>(size) : 1.0f;
         if (av_tx_init(&context_, &run_, AV_TX_FLOAT_RDFT, isInverse ? 1 : 0, static_cast<int>(size), &scale,
                        AV_TX_UNALIGNED) < 0)
@@ -47,7 +47,7 @@ class Vectorised {
     }
 
   private:
-    static constexpr std::size_t kLeast = 16;
+    static constexpr std::size_t kLeast = 16, kMost = std::size_t{1} << 17;
     AVTXContext* context_ = nullptr;
     av_tx_fn run_ = nullptr;
 };
