@@ -183,6 +183,14 @@ std::size_t FlatScene::triangles() const {
     return impl_->triangles.indices.size() / 3;
 }
 
+MetPlace::MetPlace(const RayWorld& world, const RayPacket16& rays, int lane) {
+    constexpr float kOff = 1e-4f;  // m
+    const Hit hit = world.hit(rays, lane);
+    const Ray ray = rays.ray(lane);
+    normal = glm::dot(hit.normal, ray.direction) < 0 ? hit.normal : -hit.normal;
+    place = ray.origin + hit.t * ray.direction + kOff * normal;
+}
+
 double leastPerRay(const FlatScene& scene, std::span<const AskedPacket> packets, bool any) {
     std::vector<AskedRay> single;
     for (const AskedPacket& p : packets)

@@ -58,6 +58,12 @@ class FlatScene {
     std::unique_ptr<Impl> impl_;
 };
 
+/// Where a lane of a packet has met something: a little off it, on the side that the ray came from.
+struct MetPlace {
+    Vec3f place{0}, normal{0};
+    MetPlace(const RayWorld& world, const RayPacket16& rays, int lane);
+};
+
 /// CPU seconds a ray at best: single or in packets, and of those that ask for the closest hit with Embree's hint that
 /// they run side by side or without. 0: there is none.
 double leastPerRay(const FlatScene& scene, std::span<const AskedPacket> packets, bool any);

@@ -11,7 +11,6 @@ namespace rtsg::bench {
 namespace {
 
 constexpr int kTileSide = 16, kBlockSide = 4;  // pixels
-constexpr float kAway = 1e-4f;                 // metres from a surface
 
 }  // namespace
 
@@ -56,11 +55,8 @@ void FrameRays::follow(const RayWorld& world, const std::vector<FrameLamp>& lamp
         mirrored.skip(lane);
         for (RayPacket16& packet : asked) packet.skip(lane);
         if (!(hits >> lane & 1u)) continue;
-        const Hit hit = world.hit(rays, lane);
-        const Ray ray = rays.ray(lane);
-        const Vec3f normal = glm::dot(hit.normal, ray.direction) < 0 ? hit.normal : -hit.normal;
-        const Vec3f place = ray.origin + hit.t * ray.direction + kAway * normal;
-        mirrored.set(lane, {.origin = place, .direction = glm::reflect(ray.direction, normal)});
+        const auto [place, normal] = MetPlace(world, rays, lane);
+        mirrored.set(lane, {.origin = place, .direction = glm::reflect(rays.ray(lane).direction, normal)});
         for (std::size_t i = 0; i < lamps.size(); ++i) {
             const Vec3f way = lamps[i].far ? lamps[i].place : world.fromWorld(Vec3d(lamps[i].place)) - place;
             if (!(glm::dot(way, normal) > 0)) continue;

@@ -73,10 +73,7 @@ void PathRays::follow(const RayWorld& world, const Lamps& lamps, RayPacket16& ra
     for (int lane = 0; lane < 16; ++lane) {
         asked.skip(lane);
         if (!(hits >> lane & 1u)) continue;
-        const Hit hit = world.hit(rays, lane);
-        const Ray ray = rays.ray(lane);
-        const Vec3f normal = glm::dot(hit.normal, ray.direction) < 0 ? hit.normal : -hit.normal;
-        const Vec3f place = ray.origin + hit.t * ray.direction + kOff * normal;
+        const auto [place, normal] = MetPlace(world, rays, lane);
         const Vec3f& middle = lamps.middles[random_() % lamps.middles.size()];
         const Vec3f lamp =
             middle + lamps.half * Vec3f(2 * unit(random_) - 1, 0, 2 * unit(random_) - 1) - Vec3f(0, kOff, 0);

@@ -1,6 +1,7 @@
 // Follows states of a scene and cuts time into blocks.
 #include <rtsg/audio/acoustic_engine.h>
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>

@@ -216,15 +216,15 @@ struct Convolver::Impl {
 Convolver::Convolver(std::size_t blockSize, std::size_t fadeSamples, std::size_t turn)
     : impl_(std::make_unique<Impl>(std::make_shared<Input>(std::max<std::size_t>(2, blockSize), turn),
                                    std::max<std::size_t>(1, fadeSamples))) {}
+Convolver::Convolver(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Convolver::~Convolver() = default;
 Convolver::Convolver(Convolver&&) noexcept = default;
 Convolver& Convolver::operator=(Convolver&&) noexcept = default;
 
 Convolver Convolver::beside() const {
-    Convolver other(2, impl_->fadeLength);
-    other.impl_->input = impl_->input;
-    other.impl_->follows = true;
-    return other;
+    auto other = std::make_unique<Impl>(impl_->input, impl_->fadeLength);
+    other->follows = true;
+    return Convolver(std::move(other));
 }
 
 void Convolver::part() {

@@ -24,11 +24,11 @@ std::shared_ptr<const Worker::Job> Worker::start(std::function<void()> run) {
         const std::lock_guard lock(mutex_);
         queue_.push_back(job);
     }
-    if (threaded_ && !thread_.joinable()) try {
-            thread_ = std::thread([this] { loop(); });
-        } catch (const std::system_error&) {
-            threaded_ = false;  // the system has no more
-        }
+    try {
+        if (threaded_ && !thread_.joinable()) thread_ = std::thread([this] { loop(); });
+    } catch (const std::system_error&) {
+        threaded_ = false;  // the system has no more
+    }
     wake_.notify_one();
     return job;
 }

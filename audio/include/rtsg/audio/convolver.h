@@ -55,6 +55,7 @@ class Convolver {
 
   private:
     struct Impl;
+    explicit Convolver(std::unique_ptr<Impl> impl);
     std::unique_ptr<Impl> impl_;
 };
 
