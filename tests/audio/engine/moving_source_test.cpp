@@ -401,5 +401,26 @@ TEST(Trajectory, WhatStopsDoesNotSwingBack) {
     }
 }
 
+TEST(Trajectory, TellsTheSameOfAnyTimeHoweverLongAgo) {
+    for (int blocks = 1; blocks <= 70; ++blocks) {
+        Trajectory path(10);
+        std::vector<double> times;
+        std::vector<glm::dvec3> told;
+        const auto remember = [&](double time) { times.push_back(time), told.push_back(path.at(time).position); };
+        path.put(0, {0, 0, 0}, true);
+        double end = 0;
+        for (int block = 1; block <= blocks; ++block) {
+            path.put(10.0 * block, {block % 3, block * block % 7, std::sin(block)}, false);
+            const double before = end;
+            end = 10.0 * block - 3 * (block % 2);
+            path.advance(end);
+            for (const double share : {.1, .5, 1.0}) remember(before + share * (end - before));
+        }
+        for (std::size_t i = 0; i < times.size(); ++i)
+            EXPECT_EQ(path.at(times[i]).position, told[i]) << blocks << " blocks, at " << times[i];
+        EXPECT_EQ(path.at(-1).position, glm::dvec3(0));
+    }
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -2,6 +2,7 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include <atomic>
+#include <chrono>
 #include <mutex>
 #include <numeric>
 #include <set>
@@ -10,6 +11,8 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+
+#include <rtsg/renderers/ray_world.h>
 
 namespace rtsg {
 namespace {
@@ -90,6 +93,24 @@ TEST(WithThreads, NoneNamedAndTooManyNamedMeanAllThereAre) {
 
 TEST(WithThreads, AnExceptionComesOut) {
     EXPECT_THROW(withThreads(1, [] { throw std::runtime_error("no"); }), std::runtime_error);
+}
+
+TEST(ParallelFor, AWorldThatIsBuiltByOneThreadTakesNoneFromOtherLoops) {
+    if (std::thread::hardware_concurrency() < 2) GTEST_SKIP() << "there is one core";
+    const RayWorld world({.buildThreads = 1});
+    std::atomic<int> here = 0;
+    std::atomic<bool> met = false;
+    withThreads(2, [&] {
+        parallelFor(2, [&](std::size_t) {
+            ++here;
+            for (int i = 0; i < 1000 && !met; ++i) {  // 10 s at most
+                met = met || here == 2;
+                if (!met) std::this_thread::sleep_for(std::chrono::milliseconds(10));
+            }
+            --here;
+        });
+    });
+    EXPECT_TRUE(met) << "two iterations never ran side by side";
 }
 
 }  // namespace
