@@ -29,6 +29,15 @@ double cpuSeconds() {
 double threadSeconds() {
     return clockSeconds(CLOCK_THREAD_CPUTIME_ID);
 }
+double stolenSeconds() {
+    // "cpu", then user, nice, system, idle, iowait, irq, softirq, steal in ticks (proc(5)).
+    std::ifstream file("/proc/stat");
+    std::string name;
+    double ticks = 0;
+    file >> name;
+    for (int i = 0; i < 8; ++i) file >> ticks;
+    return file ? ticks / static_cast<double>(::sysconf(_SC_CLK_TCK)) : 0;
+}
 bool isInstalled(const std::string& program) {
     const char* path = std::getenv("PATH");
     std::istringstream folders(path ? path : "");

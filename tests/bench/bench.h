@@ -44,6 +44,8 @@ bool sound(const Report& report, bool quick);
 /// CPU time of this process in seconds.
 double cpuSeconds();
 double wallSeconds();
+/// Core seconds so far that the machine's host gave to others while this machine wanted them; 0 where it does not say.
+double stolenSeconds();
 /// CPU time of the calling thread alone: what work costs who waits for it, whatever others do in the background.
 double threadSeconds();
 /// What reading cpuSeconds() or threadSeconds() costs, which every figure taken with it contains once.

@@ -162,7 +162,7 @@ std::optional<MovingSound> moveSources(int sources, double seconds) {
     std::vector<NodeId> moving;
     for (int i = 0; i < sources; ++i) moving.push_back(scene.findName(fmt::format("V{}", i)));
     MovingSound result;
-    const double begin = wallSeconds();
+    const double begin = wallSeconds(), stolen = stolenSeconds();
     double middle = begin, before = cpuSeconds();
     for (double t = 0; t < seconds; t = wallSeconds() - begin) {
         if (middle == begin && t >= seconds / 2) middle = wallSeconds(), before = cpuSeconds();
@@ -175,6 +175,7 @@ std::optional<MovingSound> moveSources(int sources, double seconds) {
         std::this_thread::sleep_for(std::chrono::microseconds(16'667));
     }
     result.cores = (cpuSeconds() - before) / (wallSeconds() - middle);
+    result.stolen = stolenSeconds() - stolen;
     result.told = (*heard)->stop();
     return result;
 }

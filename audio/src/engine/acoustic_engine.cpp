@@ -206,8 +206,9 @@ EmitterState& AcousticEngine::Impl::stateOf(const SoundEmitter& emitter, double 
     const auto found = states.find(emitter.id);
     if (found != states.end()) return found->second;
     const auto fade = static_cast<std::size_t>(options.retraceSeconds * options.sampleRate);
-    EmitterState& state =
-        states.try_emplace(emitter.id, options.blockSize, channels, fade, states.size()).first->second;
+    // Counted in blocks that are the same for all, whenever an emitter came.
+    const std::size_t turn = states.size() + static_cast<std::size_t>(samples) / options.blockSize;
+    EmitterState& state = states.try_emplace(emitter.id, options.blockSize, channels, fade, turn).first->second;
     state.to = emitter.position();
     state.motion.put(time, state.to, true);
     state.around = geometry.instancesAround(state.to, options.bodySize);

@@ -179,21 +179,29 @@ void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& t
 
 /// What was just written, as it comes; an ear hears it so many samples later, from the end of the last block to that of
 /// this one.
-void AcousticEngine::Impl::readDirect(const DelayLine& line, const Block& block, double earBefore, double ear,
+void AcousticEngine::Impl::readDirect(const DelayLine& line, Block& block, double earBefore, double ear,
                                       std::vector<float>& out) const {
     const std::size_t size = options.blockSize, first = line.written() - size;
+    const auto share = [&](std::size_t i) { return static_cast<double>(i + 1) / static_cast<double>(size); };
     out.resize(size);
+    block.ways.resize(size);
+    // In its own time, not in that of the source.
+    for (std::size_t i = 0; i < size; ++i)
+        block.ways[i] = (earBefore + (ear - earBefore) * share(i)) * (1 - block.after.slope);
+    if (block.crossfade) {
+        for (std::size_t i = 0; i < size; ++i) {
+            const auto at = [&](double delay) {
+                return static_cast<double>(line.read(first + i, std::max(0.0, delay + block.ways[i])));
+            };
+            out[i] = static_cast<float>(at(block.after.delay) * share(i) + at(block.before.delay) * (1 - share(i)));
+        }
+    } else {
+        for (std::size_t i = 0; i < size; ++i) block.ways[i] = std::max(0.0, block.delays[i] + block.ways[i]);
+        line.read(first, block.ways, out);
+    }
     for (std::size_t i = 0; i < size; ++i) {
-        const double w = static_cast<double>(i + 1) / static_cast<double>(size);
-        const double gain = block.before.directGain + (block.after.directGain - block.before.directGain) * w;
-        // In its own time, not in that of the source.
-        const double later = (earBefore + (ear - earBefore) * w) * (1 - block.after.slope);
-        const auto at = [&](double delay) {
-            return static_cast<double>(line.read(first + i, std::max(0.0, delay + later)));
-        };
-        const double value =
-            block.crossfade ? at(block.after.delay) * w + at(block.before.delay) * (1 - w) : at(block.delays[i]);
-        out[i] = static_cast<float>(value * gain);
+        const double gain = block.before.directGain + (block.after.directGain - block.before.directGain) * share(i);
+        out[i] = static_cast<float>(static_cast<double>(out[i]) * gain);
     }
 }
 

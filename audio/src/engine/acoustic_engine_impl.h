@@ -51,6 +51,7 @@ struct AcousticEngine::Impl {
         bool crossfade = false;  // from one delay to the other
         // Room for steps of it.
         std::vector<double> gains;  // by channel
+        std::vector<double> ways;   // of the emitter to an ear, samples, by sample
         std::vector<float> part;    // of the emitter, by sample
         std::vector<float> mixed;   // by the mixer, interleaved
         std::vector<std::span<const float>> mixerInputs;
@@ -97,8 +98,7 @@ struct AcousticEngine::Impl {
                  HeardLevel& to, bool& audible) const;
     void renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block);
     void spatialise(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent, Block& block);
-    void readDirect(const DelayLine& line, const Block& block, double earBefore, double ear,
-                    std::vector<float>& out) const;
+    void readDirect(const DelayLine& line, Block& block, double earBefore, double ear, std::vector<float>& out) const;
     void gainsOf(const glm::dvec3& towards, bool spatialize, std::size_t input, std::size_t inputs,
                  std::vector<double>& gains) const;
     void hear(EmitterState& state, std::size_t input, HeardBy by, const glm::dvec3& towards, bool spatialize,

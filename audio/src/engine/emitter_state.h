@@ -47,10 +47,10 @@ struct EmitterInput {
 };
 
 struct EmitterState {
-    /// `number`: among all of them, so that their reflections take turns.
-    EmitterState(std::size_t block, std::size_t channels, std::size_t fade, std::size_t number)
+    /// `turn`: of its reflections, as Convolver has it.
+    EmitterState(std::size_t block, std::size_t channels, std::size_t fade, std::size_t turn)
         : motion(block), images(block, fade) {
-        late.emplace_back(block, fade, number);
+        late.emplace_back(block, fade, turn);
         for (std::size_t c = 1; c < channels; ++c) late.push_back(late.front().beside());
     }
 

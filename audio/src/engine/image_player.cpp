@@ -116,14 +116,19 @@ void ImagePlayer::panVoice(const FollowedImage& image, Voice& voice, bool fresh,
 void ImagePlayer::readLine(const DelayLine& line, const Voice& voice, double before, std::size_t channel, bool jumps) {
     const std::size_t first = line.written() - block_;
     const double was = voice.before[channel].delay, is = voice.pans[channel].delay;
+    const auto share = [&](std::size_t i) { return static_cast<double>(i + 1) / static_cast<double>(block_); };
     read_.resize(block_);
+    later_.resize(block_);
+    // An ear hears it so much later in its own time, not in that of the source.
+    for (std::size_t i = 0; i < block_; ++i) later_[i] = (was + (is - was) * share(i)) * (1 - voice.slope);
+    if (!jumps) {
+        for (std::size_t i = 0; i < block_; ++i) later_[i] = std::max(0.0, delays_[i] + later_[i]);
+        line.read(first, later_, read_);
+        return;
+    }
     for (std::size_t i = 0; i < block_; ++i) {
-        const double w = static_cast<double>(i + 1) / static_cast<double>(block_);
-        // An ear hears it so much later in its own time, not in that of the source.
-        const double later = (was + (is - was) * w) * (1 - voice.slope);
-        const auto at = [&](double delay) { return line.read(first + i, std::max(0.0, delay + later)); };
-        read_[i] =
-            jumps ? at(voice.delay) * static_cast<float>(w) + at(before) * static_cast<float>(1 - w) : at(delays_[i]);
+        const auto at = [&](double delay) { return line.read(first + i, std::max(0.0, delay + later_[i])); };
+        read_[i] = at(voice.delay) * static_cast<float>(share(i)) + at(before) * static_cast<float>(1 - share(i));
     }
 }
 

@@ -83,7 +83,7 @@ class ImagePlayer {
     std::size_t faded_ = 0;
     // Of what is rendered at present, by sample.
     std::vector<float> weights_, read_, heard_;
-    std::vector<double> delays_;
+    std::vector<double> delays_, later_;
 };
 
 }  // namespace rtsg

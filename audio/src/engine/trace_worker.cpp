@@ -19,7 +19,7 @@ using Clock = std::chrono::steady_clock;
 /// The longest rest between two responses.
 constexpr Clock::duration kLongestRest = std::chrono::seconds(1);
 /// Of a core, for sound and tracing; of the time, for tracing.
-constexpr double kBoth = 0.9, kMostShare = 0.5, kLeastShare = 0.2;
+constexpr double kBoth = 0.8, kMostShare = 0.5, kLeastShare = 0.2;
 
 }  // namespace
 

@@ -51,8 +51,9 @@ class Trajectory {
     void advance(double time) {
         Point target = known(time);
         target.time = time;
+        // Before the new one comes: a ring that is full would take twice the memory.
+        if (knots_.size() == kMost) knots_.dropFirst();
         knots_.push_back(target);
-        if (knots_.size() > kMost) knots_.dropFirst();
     }
     /// At a time up to the last that advance() went to; before the first, where it was first.
     Point at(double time) const {

@@ -28,6 +28,8 @@ using Clock = std::chrono::steady_clock;
 
 /// Farther apart than this the clocks of scene and device are set anew; seconds.
 constexpr double kApart = 0.1;
+/// Of a core: sound that takes more waits for its turn as others do, so that these have something of a single core.
+constexpr double kHurried = 0.8;
 
 }  // namespace
 
@@ -64,8 +66,8 @@ struct LiveSound::Impl {
             if (auto played = playBlock(); !played) failure = played.error().text;
             const auto now = Clock::now();
             working += now - start;
-            // What takes most of a core must not take it from all others.
-            if (hurried && now - begin > std::chrono::seconds(1) && working > (now - begin) / 2) {
+            if (hurried && now - begin > std::chrono::seconds(1) &&
+                std::chrono::duration<double>(working) > kHurried * (now - begin)) {
                 ThreadPriority::set(ThreadPriority::Kind::usual);
                 hurried = false;
             }

@@ -105,6 +105,7 @@ struct Input {
         history.grow(1, bins());
         workspace(2 * block).fft.forward(window, history.next());
         isWhole = false;
+        turn = (turn + 1) % kLong;
         if (longHistory.size() == 0) return;
         const auto middle = longWindow.begin() + static_cast<std::ptrdiff_t>(longBlock());
         std::copy_n(samples.begin(), block, middle + static_cast<std::ptrdiff_t>(filled * block));
@@ -127,7 +128,8 @@ struct Input {
         filled = turn;
     }
 
-    std::size_t block, turn;
+    std::size_t block;
+    std::size_t turn;      // as if long blocks had been filled from the first block on, with or without long parts
     std::size_t filled;    // blocks of the long one that is not whole yet
     bool isWhole = false;  // a long one was, with the last block
     std::vector<float> window, longWindow;
@@ -234,6 +236,11 @@ void Convolver::part() {
 
 std::size_t Convolver::blockSize() const {
     return impl_->block();
+}
+
+std::size_t Convolver::blocksUntilLongWork() const {
+    const Input& input = *impl_->input;
+    return input.longHistory.size() == 0 ? 0 : kLong - input.filled;
 }
 
 namespace {

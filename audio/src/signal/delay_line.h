@@ -32,12 +32,32 @@ class DelayLine {
         const auto place = static_cast<std::ptrdiff_t>(whole);
         if (fraction == 0) return at(place);
         const std::ptrdiff_t first = place - (SincTable::kHalf - 1);
-        if (first >= 0 && first + static_cast<std::ptrdiff_t>(kTaps) <= static_cast<std::ptrdiff_t>(written_) &&
-            written_ - static_cast<std::size_t>(first) <= mask_ + 1)
-            return sinc().weighted(fraction, ring_.data() + (static_cast<std::size_t>(first) & mask_));
+        if (const float* taps = tapsAt(first)) return sinc().weighted(fraction, taps);
         std::array<float, kTaps> samples;
         for (std::size_t k = 0; k < kTaps; ++k) samples[k] = at(first + static_cast<std::ptrdiff_t>(k));
         return sinc().weighted(fraction, samples.data());
+    }
+    /// As many samples as there are delays, from sample `index` on, each at its own delay: as read() of each.
+    void read(std::size_t index, std::span<const double> delays, std::span<float> out) const {
+        std::array<double, 8> fractions;
+        std::array<const float*, 8> taps;
+        std::size_t i = 0;
+        for (; i + 8 <= delays.size(); i += 8) {
+            std::size_t plain = 0;
+            for (; plain < 8; ++plain) {
+                if (!(delays[i + plain] >= SincTable::kHalf)) break;
+                const double position = static_cast<double>(index + i + plain) - delays[i + plain];
+                const double whole = std::floor(position);
+                taps[plain] = tapsAt(static_cast<std::ptrdiff_t>(whole) - (SincTable::kHalf - 1));
+                fractions[plain] = position - whole;
+                if (!taps[plain] || fractions[plain] == 0) break;
+            }
+            if (plain == 8)
+                sinc().weighted(fractions, taps, out.data() + i);
+            else
+                for (std::size_t k = 0; k < 8; ++k) out[i + k] = read(index + i + k, delays[i + k]);
+        }
+        for (; i < delays.size(); ++i) out[i] = read(index + i, delays[i]);
     }
     std::size_t written() const { return written_; }
 
@@ -47,6 +67,13 @@ class DelayLine {
     static const SincTable& sinc() {
         static const SincTable table;
         return table;
+    }
+    /// The samples from `first` on in a row; null where not all of them are there.
+    const float* tapsAt(std::ptrdiff_t first) const {
+        const bool there = first >= 0 &&
+                           first + static_cast<std::ptrdiff_t>(kTaps) <= static_cast<std::ptrdiff_t>(written_) &&
+                           written_ - static_cast<std::size_t>(first) <= mask_ + 1;
+        return there ? ring_.data() + (static_cast<std::size_t>(first) & mask_) : nullptr;
     }
     float at(std::ptrdiff_t index) const {
         if (index < 0 || index >= static_cast<std::ptrdiff_t>(written_)) return 0;

@@ -10,9 +10,9 @@ using namespace std::chrono_literals;
 
 TEST(TraceWorker, LeavesSoundItsCoreAndAlwaysTracesSome) {
     EXPECT_EQ(tracingShare(0), .5);
-    EXPECT_EQ(tracingShare(.4), .5);
-    EXPECT_NEAR(tracingShare(.6), .3, 1e-12);
-    EXPECT_EQ(tracingShare(.75), .2);
+    EXPECT_EQ(tracingShare(.3), .5);
+    EXPECT_NEAR(tracingShare(.5), .3, 1e-12);
+    EXPECT_EQ(tracingShare(.65), .2);
     EXPECT_EQ(tracingShare(3), .2);
 }
 

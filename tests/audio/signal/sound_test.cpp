@@ -133,6 +133,23 @@ TEST(Convolver, AFirstLongResponseHearsWhatAShortOneRemembered) {
     }
 }
 
+TEST(Convolver, WorkOfLongPartsIsInTurnWheneverResponsesCome) {
+    const std::vector<float> response = noise(3000, 5), silence(64);
+    std::vector<float> ignored(64);
+    for (std::size_t turn = 0; turn < 18; ++turn)
+        for (const std::size_t at : {0ul, 1ul, 15ul, 16ul, 37ul}) {
+            Convolver convolver(64, 64, turn);
+            EXPECT_EQ(convolver.blocksUntilLongWork(), 0);
+            for (std::size_t k = 0; k < 50; ++k) {
+                if (k == at) convolver.setResponse(response);
+                if (k >= at) {
+                    EXPECT_EQ((turn + k + convolver.blocksUntilLongWork()) % 16, 0) << turn << ", block " << k;
+                }
+                convolver.process(silence, ignored);
+            }
+        }
+}
+
 TEST(Convolver, OneBesideAnotherHearsTheSameUntilTheyPart) {
     const std::vector<float> left = noise(64 * 80, 4), right = noise(64 * 80, 7), first = noise(2000, 5),
                              second = noise(3000, 6), third = noise(100, 8);
@@ -166,7 +183,8 @@ TEST(Convolver, StartsAnewWithLongResponsesToo) {
             convolver.process(std::span(input).subspan(i, 64), std::span(*output).subspan(i, 64));
         convolver.restart();
     }
-    EXPECT_EQ(first, second);
+    // Long parts go on in their turn: they are cut elsewhere the second time.
+    for (std::size_t i = 0; i < first.size(); ++i) ASSERT_NEAR(first[i], second[i], 1e-5) << i;
 }
 
 TEST(Convolver, ANewResponseFadesInWithoutAClick) {

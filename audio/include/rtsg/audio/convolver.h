@@ -16,8 +16,8 @@ namespace rtsg {
 
 class Convolver {
   public:
-    /// `turn`: which block of sixteen does the work of long parts. Convolvers that run side by side take turns, so that
-    /// no block has the work of all.
+    /// `turn`: which block of sixteen does the work of long parts, counted from the first block, whenever a response
+    /// comes that has them. Convolvers that run side by side take turns, so that no block has the work of all.
     explicit Convolver(std::size_t blockSize = 512, std::size_t fadeSamples = 256, std::size_t turn = 0);
     ~Convolver();
     Convolver(Convolver&&) noexcept;
@@ -42,6 +42,8 @@ class Convolver {
     static Response prepare(std::size_t blockSize, std::span<const float> response);
 
     std::size_t blockSize() const;
+    /// 1: the next block has the work of long parts; 0 as long as no response had any.
+    std::size_t blocksUntilLongWork() const;
     /// Empty for silence. Takes effect with the next block.
     void setResponse(std::span<const float> response);
     /// Precondition: prepared for blocks of this size.
