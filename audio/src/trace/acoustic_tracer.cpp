@@ -233,10 +233,10 @@ std::vector<Group> groupsOf(const AcousticGeometry& geometry, const glm::dvec3& 
 }
 
 /// Adds what the batches of one run brought a listener to its result, of which that makes up the share
-/// `weight`.
+/// `weight`; `known` is what comes besides, by no chance.
 template <std::size_t N>
 void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClasses& classes, std::size_t listener,
-              const TraceOptions& options, const Bands& attenuation, double weight) {
+              const EnergyHistogram& known, const TraceOptions& options, const Bands& attenuation, double weight) {
     const std::size_t count = result.batches.size();
     const double metresPerBin = options.air.speedOfSound / options.binsPerSecond;
     const Bands perBin = airShare(attenuation, metresPerBin);
@@ -254,6 +254,7 @@ void addHeard(TraceResult& result, std::vector<Batch<N>>& fresh, const BandClass
                 result.batches[i].bins[k][b] += weight * bandOf<N>(bins[k], classes, b) * air[b];
                 air[b] *= perBin[b];
             }
+        result.batches[i].accumulate(known, weight);
         for (std::size_t b = 0; b < kBandCount; ++b)
             tried[b] += bandOf<N>(fresh[i].heard[listener].tried, classes, b) / static_cast<double>(count);
     }
@@ -321,6 +322,7 @@ void refineAs(const AcousticGeometry& geometry, const BandClasses& classes, cons
     std::vector<Ear> ears;
     for (std::size_t k = 0; k < group.results.size(); ++k)
         ears.emplace_back(group.listeners[k], *group.results[k], options.air.speedOfSound);
+    for (Ear& ear : ears) ear.near = NearWalls(geometry, classes, group.source, ear.position);
     connect(geometry, options, ears);
     const Task<N> task(geometry, classes, group.source, std::move(ears), options, first.seconds);
     std::vector<Batch<N>> fresh(first.batches.size());
@@ -334,7 +336,9 @@ void refineAs(const AcousticGeometry& geometry, const BandClasses& classes, cons
     for (std::size_t k = 0; k < group.results.size(); ++k) {
         TraceResult& result = *group.results[k];
         const double weight = static_cast<double>(rays) / static_cast<double>(result.rays + rays);
-        addHeard(result, fresh, classes, k, options, attenuation, weight);
+        const EnergyHistogram known =
+            echoOf(task.ears[k].near, classes, result.arrivals, result.batches.front(), options.air.speedOfSound);
+        addHeard(result, fresh, classes, k, known, options, attenuation, weight);
         mix(result.absorbed, fate.absorbed, weight);
         mix(result.escaped, fate.escaped, weight);
         mix(result.truncated, fate.truncated, weight);

@@ -17,6 +17,7 @@
 
 #include "band_classes.h"
 #include "listener_images.h"
+#include "near_walls.h"
 
 namespace rtsg::trace {
 
@@ -89,6 +90,7 @@ struct Ear {
     int imageOrder;
     double imageShare;
     ListenerImages images;  // what is scattered and then mirrored on one of their ways is looked for there
+    NearWalls near;
 
     Ear(const glm::dvec3& at, const TraceResult& result, double speedOfSound)
         : position(at),

@@ -99,7 +99,7 @@ class BatchTracer {
     void arrive(const Connection& way, const glm::dvec3& point, const glm::dvec3& facing, const AcousticHit& hit) {
         const glm::dvec3 toListener = ears_[way.ear].position - point;
         const double distance = glm::length(toListener);
-        if (!(distance > 0)) return receive(way.ear, way.energy, way.factor, way.travelled);
+        if (!(distance > 0)) return receive(way.ear, way.energy, way.factor, way.travelled, facing);
         ask(way.ear, way.energy, way.factor, way.travelled, point, facing, toListener / distance, distance, hit);
     }
     /// Whether nothing is in between will be asked, with others.
@@ -163,7 +163,8 @@ class BatchTracer {
         const std::uint32_t blocked = geometry_.blockedOf(events_.rays);
         for (int i = 0; i < events_.rays.count; ++i)
             if (!(blocked >> i & 1))
-                receive(events_.ear[i], events_.energy[i], events_.factor[i], events_.travelled[i]);
+                receive(events_.ear[i], events_.energy[i], events_.factor[i], events_.travelled[i],
+                        -events_.rays.direction[i]);
         events_.rays.count = 0;
     }
 
@@ -241,6 +242,7 @@ class BatchTracer {
         const double from = std::max(0.0, nearest - half), to = std::min(length, nearest + half);
         if (to <= from) return;
         double at = (from + to) / 2;
+        if (lanes_.travelled[i] + at - lanes_.scatteredAt[i] < ear.near.reach()) return;
         if (ear.cut) {
             // One point of the chord stands for all: it counts if it is seen from the listener.
             at = from + (to - from) * random_.uniform();
@@ -249,9 +251,19 @@ class BatchTracer {
             AcousticHit hit;
             if (distance > 0 && geometry_.closest(ear.position, toPoint / distance, distance, kNoPlane, hit)) return;
         }
-        receive(who, lanes_.energyOf(i), (to - from) / ear.volume, lanes_.travelled[i] + at);
+        receive(who, lanes_.energyOf(i), (to - from) / ear.volume, lanes_.travelled[i] + at, -direction);
     }
 
+    /// `from`: towards where it comes from. What walls right beside the listener scatter of it is heard as well.
+    void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled, const glm::dvec3& from) {
+        receive(who, energy, factor, travelled);
+        if (ears_[who].near.reach() > 0)
+            ears_[who].near.echo(from, [&](double later, const Bands& shares) {
+                Energy<N> back;
+                for (std::size_t c = 0; c < N; ++c) back[c] = energy[c] * shares[c];
+                receive(who, back, factor, travelled + later);
+            });
+    }
     void receive(std::size_t who, const Energy<N>& energy, double factor, double travelled) {
         if (travelled >= maxDistance_) return;
         std::vector<Energy<N>>& bins = batch_.heard[who].bins;
@@ -308,8 +320,10 @@ class BatchTracer {
             direction.x[i] = x * inverse, direction.y[i] = y * inverse, direction.z[i] = z * inverse;
             factor[i] = towards * (inverse * inverse * inverse) * std::numbers::inv_pi;
         }
-        const std::uint32_t wanted =
-            lanesWhere([&](int i) { return factor[i] > 0 && lanes_.travelled[i] + distance[i] < maxDistance_; });
+        const double beside = ears_[0].near.reach();  // from there on it is heard with what arrives
+        const std::uint32_t wanted = lanesWhere([&](int i) {
+            return factor[i] > 0 && distance[i] >= beside && lanes_.travelled[i] + distance[i] < maxDistance_;
+        });
         forEachBit(wanted & from, [&](int i) {
             const Energy<N> energy = lanes_.scattered(i);
             add<N>(batch_.heard[0].tried, energy);
@@ -344,7 +358,7 @@ class BatchTracer {
         const double towards = glm::dot(toListener, normal);
         if (!(towards > 0)) return;
         const double squared = glm::dot(toListener, toListener), distance = std::sqrt(squared);
-        if (travelled + distance >= maxDistance_) return;
+        if (travelled + distance >= maxDistance_ || distance < ears_[who].near.reach()) return;
         add<N>(batch_.heard[who].tried, energy, weight);
         const double inverse = 1 / distance;
         const glm::dvec3 direction = toListener * inverse;
@@ -364,7 +378,7 @@ class BatchTracer {
             left -= hit.distance;
             plane = hit.plane;
         }
-        receive(who, energy, factor, travelled + distance);
+        receive(who, energy, factor, travelled + distance, -direction);
     }
 
     /// From walls that scatter: some of the listeners and their images, each by chance in proportion to what it might
@@ -402,7 +416,7 @@ class BatchTracer {
         const double towards = glm::dot(toImage, normal);
         if (!(towards > 0)) return;
         const double squared = glm::dot(toImage, toImage), distance = std::sqrt(squared);
-        if (travelled + distance >= maxDistance_) return;
+        if (travelled + distance >= maxDistance_ || distance < ears_[target.ear].near.reach()) return;
         add<N>(batch_.heard[target.ear].tried, energy, weight);
         const int at = connections_.rays.count;
         const double inverse = 1 / distance;

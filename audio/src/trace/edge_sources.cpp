@@ -20,7 +20,8 @@ constexpr int kTones = EdgeTones::kTones;
 struct EdgeShares {
     Bands direct{}, mirrored{};  // factors of the energies that are there already
     Bands edge{};                // energy by way of the edge itself, times 4 pi m^2
-    Bands dark{};                // the same with direct sound, if there is any, for it has not come otherwise
+    Bands late{};                // of that, what is not one with direct sound that is heard
+    Bands dark{};                // the first with direct sound, if there is any, for it has not come otherwise
 };
 
 /// How much of the interference of direct sound with what is beside a mirror image counts: all at the boundary of the
@@ -45,9 +46,11 @@ EdgeShares edgeSharesOf(const WedgePath& path, std::uint32_t material, const Edg
             if (f.direct == 0.0) return;
             double energy = std::norm(f.direct + f.besideDirect);
             if (f.mirrored == 0.0) {
-                energy += std::norm(beside) +
-                          2 * coherence(path) * std::real((f.direct + f.besideDirect) * std::conj(beside));
+                // At the boundary of the image it comes when the image does, at that of the shadow with direct sound.
+                const double one = coherence(path);
+                energy += one * (std::norm(beside) + 2 * std::real((f.direct + f.besideDirect) * std::conj(beside)));
                 add(shares.edge, std::norm(beside));
+                add(shares.late, (1 - one) * std::norm(beside));
             }
             add(shares.direct, energy / std::norm(f.direct));
         });
@@ -66,6 +69,14 @@ Arrival* arrivalOf(std::vector<Arrival>& arrivals, std::size_t known, std::uint3
         if (arrivals[i].order == order && std::abs(arrivals[i].seconds - seconds) < 1e-8 + 1e-6 * seconds)
             return &arrivals[i];
     return nullptr;
+}
+
+/// So little that it need not be an arrival of its own.
+bool isFaintBeside(const Arrival& arrival, const Arrival& other) {
+    constexpr double kFaint = 1e-3;
+    for (std::size_t b = 0; b < kBandCount; ++b)
+        if (arrival.energy[b] > kFaint * other.energy[b]) return false;
+    return true;
 }
 
 /// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
@@ -111,12 +122,12 @@ EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3&
         const double beyond = (std::min(sum, other) - std::numbers::pi) * path.receiverRadius;
         if (mirrored || beyond < 2e-3)
             scale(arrivalOf(arrivals, known, 1, distanceAt(path, std::min(sum, other)) / c), shares.mirrored);
-        const bool straight =
-            lit && scale(arrivalOf(arrivals, known, 0, glm::distance(source, listener) / c), shares.direct);
-        if (straight || (lit && mirrored)) return;
+        Arrival* const direct = lit ? arrivalOf(arrivals, known, 0, glm::distance(source, listener) / c) : nullptr;
+        const bool straight = scale(direct, shares.direct);
+        if (lit && mirrored) return;
         // Grazing an edge it is chance which of both says that it is dark.
         const bool dark = !lit || std::numbers::pi - std::abs(path.receiverAngle - path.sourceAngle) < 1e-5;
-        const Bands& share = dark ? shares.dark : shares.edge;
+        const Bands& share = straight ? shares.late : dark ? shares.dark : shares.edge;
         Arrival arrival;
         arrival.seconds = way / c;
         arrival.order = 1;
@@ -125,6 +136,10 @@ EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3&
         for (std::size_t b = 0; b < kBandCount; ++b)
             arrival.energy[b] = sent * share[b] / (4 * std::numbers::pi) * std::exp(-attenuation[b] * way);
         if (!(*std::max_element(arrival.energy.begin(), arrival.energy.end()) > 0)) return;
+        if (straight && isFaintBeside(arrival, *direct)) {
+            for (std::size_t b = 0; b < kBandCount; ++b) direct->energy[b] += arrival.energy[b];
+            return;
+        }
         if (!lit) bent.push_back({edge, round, arrivals.size()});
         arrivals.push_back(arrival);
     });

@@ -7,6 +7,7 @@
 
 #include <bit>
 #include <cstdint>
+#include <limits>
 
 #include <glm/glm.hpp>
 
@@ -57,6 +58,7 @@ class RayLanes {
     Vectors before;  // where they came from to there
     alignas(64) double energy[N][kMost] = {};
     alignas(64) double travelled[kMost] = {};  // metres
+    double scatteredAt[kMost] = {};            // what it had travelled when it was scattered last, if ever
     double roulette[kMost] = {};               // share of what a ray starts with at which it is played next
     Event last[kMost] = {};
     int mirrorOrder[kMost] = {};        // reflections while all were mirror-like
@@ -71,7 +73,8 @@ class RayLanes {
         rays.direction.set(i, direction);
         rays.except[i] = kNoPlane;
         for (std::size_t b = 0; b < N; ++b) energy[b][i] = with[b];
-        travelled[i] = 0, roulette[i] = playedAt, last[i] = Event::emitted;
+        travelled[i] = 0, scatteredAt[i] = -std::numeric_limits<double>::infinity();
+        roulette[i] = playedAt, last[i] = Event::emitted;
         mirrorOrder[i] = 0, mirrors[i] = {}, mirrorShare[i] = 1, onlyMirrors[i] = true, wallsMet[i] = 0;
     }
     void copy(int from, int to) {
@@ -79,7 +82,8 @@ class RayLanes {
         copyVector(rays.origin), copyVector(rays.direction), copyVector(rays.facing), copyVector(before);
         rays.except[to] = rays.except[from];
         for (std::size_t b = 0; b < N; ++b) energy[b][to] = energy[b][from];
-        travelled[to] = travelled[from], roulette[to] = roulette[from], last[to] = last[from];
+        travelled[to] = travelled[from], scatteredAt[to] = scatteredAt[from];
+        roulette[to] = roulette[from], last[to] = last[from];
         mirrorOrder[to] = mirrorOrder[from], mirrors[to] = mirrors[from], mirrorShare[to] = mirrorShare[from];
         onlyMirrors[to] = onlyMirrors[from], wallsMet[to] = wallsMet[from];
     }
@@ -143,6 +147,7 @@ class RayLanes {
             mirrors[i] = scatters ? MirrorSequence() : mirrors[i];
             onlyMirrors[i] = onlyMirrors[i] & !scatters;
             last[i] = scatters ? Event::diffuse : last[i];
+            scatteredAt[i] = scatters ? travelled[i] : scatteredAt[i];
         }
         forEachBit(lanesWhere([&](int i) { return event[i] == kReflects; }), [&](int i) {
             const std::uint32_t plane = rays.except[i];

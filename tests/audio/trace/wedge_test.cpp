@@ -154,6 +154,37 @@ TEST(Edges, EnergyIsContinuousFromLightToShadowAndRoundTheImage) {
     }
 }
 
+/// What is heard, pulses and all: the response's level at a tone re that of the source in the open.
+double heardAt(const std::vector<Arrival>& arrivals, double hz, double distance) {
+    ImpulseResponseOptions options;
+    options.channels = ImpulseResponseOptions::Channels::mono;
+    options.speedOfSound = 343;
+    Echogram echogram;
+    echogram.arrivals = arrivals;
+    const ImpulseResponse response = makeImpulseResponse(echogram, options);
+    std::complex<double> sum;
+    for (std::size_t i = 0; i < response.channels[0].size(); ++i)
+        sum += std::polar(static_cast<double>(response.channels[0][i]),
+                          -2 * M_PI * hz * static_cast<double>(i) / options.sampleRate);
+    return 20 * std::log10(std::abs(sum) * distance);
+}
+
+TEST(Edges, WhatIsHeardIsContinuousWhereTheImageEnds) {
+    const Walled wall = halfPlane();
+    const glm::dvec3 source = about(3, 60, 0);
+    const auto at = [&](double degrees, double hz) {
+        const glm::dvec3 listener = about(2, degrees, 1);
+        return heardAt(wall.arrivals(source, listener), hz, glm::distance(source, listener));
+    };
+    for (const double hz : {125., 500., 2000., 8000.}) {
+        EXPECT_NEAR(at(119.97, hz), at(120.03, hz), .15) << hz;
+        // The exact solution, of which phases of less than a pulse are not kept.
+        const double exact = 20 * std::log10(std::abs(wedgeField(pathTo(150), 2 * M_PI * hz / 343).total()) *
+                                             glm::distance(source, about(2, 150, 1)));
+        EXPECT_NEAR(at(150, hz), exact, 1) << hz;
+    }
+}
+
 TEST(Edges, AreThoseRoundWhichSoundBends) {
     const std::vector<glm::dvec3> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0},
                                           {0, 0, 1}, {1, 0, 1}, {0, 1, 1}, {1, 1, 1}};

@@ -1,0 +1,137 @@
+// What walls within centimetres of a listener scatter to it: against an integral, the law of a lossless room, and the
+// same paths the other way round.
+#include <cmath>
+#include <numbers>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/audio/acoustic_tracer.h>
+
+#include "audio/trace/trace_options.h"
+#include "audio/triangle_geometry.h"
+#include "trace/near_walls.h"
+#include "walls/even_direction.h"
+
+namespace rtsg {
+namespace {
+
+using test::Shoebox;
+using test::shortTrace;
+using test::TriangleGeometry;
+
+double scatteredEnergy(const TraceResult& result) {
+    double sum = 0;
+    for (const Bands& bin : result.echogram().late.bins) sum += bin[kBand1k];
+    return sum;
+}
+
+TriangleGeometry planeOf(double absorption, double scattering) {
+    TriangleGeometry plane;
+    plane.addQuad({-300, -300, 0}, {300, -300, 0}, {300, 300, 0}, {-300, 300, 0},
+                  plane.addMaterial(absorption, scattering));
+    plane.finish();
+    return plane;
+}
+
+/// What a Lambert plane z = 0 sends from a source at height h to a listener at height k above the same point.
+double fromPlaneBelow(double absorption, double h, double k) {
+    constexpr int kSteps = 400'000;
+    double sum = 0;
+    for (int i = 0; i < kSteps; ++i) {
+        // r = k tan(u): as many steps within k of the foot as beyond.
+        const double u = (i + .5) / kSteps * std::numbers::pi / 2, r = k * std::tan(u);
+        const double dr = k * (1 + std::tan(u) * std::tan(u)) * std::numbers::pi / 2 / kSteps;
+        sum += 2 * std::numbers::pi * r * dr * h / (4 * std::numbers::pi * std::pow(r * r + h * h, 1.5)) * k /
+               (std::numbers::pi * std::pow(r * r + k * k, 1.5));
+    }
+    return (1 - absorption) * sum;
+}
+
+TEST(NearWalls, ADiffusePlaneSendsWhatTheIntegralSaysFromAnyHeight) {
+    const TriangleGeometry plane = planeOf(.2, 1);
+    for (const double height : {0., 1e-4, .001, .01, .03, .06, .09, .11, .2}) {
+        const double exact = fromPlaneBelow(.2, 2, std::max(height, 1e-6));
+        constexpr int kRuns = 40;
+        double sum = 0, squares = 0;
+        for (int run = 0; run < kRuns; ++run) {
+            const double late =
+                scatteredEnergy(AcousticTracer(plane).trace({0, 0, 2}, {0, 0, height}, shortTrace(4000, 1 + run, 2)));
+            sum += late / kRuns, squares += late * late / kRuns;
+        }
+        const double error = std::sqrt(std::max(0.0, squares - sum * sum) / (kRuns - 1));
+        EXPECT_NEAR(sum, exact, 4 * error + .004 * exact) << height;
+        // On the wall there is next to no chance in it.
+        if (height < .002) {
+            EXPECT_LT(error, .002 * exact) << height;
+        }
+    }
+}
+
+/// Where no wall takes anything away the field is the same in every place and from all sides, so that what comes from
+/// the open part of the sphere and its echo are together what the whole sphere would send.
+TEST(NearWalls, InALosslessRoomNoCornerIsQuieterThanTheMiddle) {
+    constexpr int kDirections = 20'000;
+    const glm::dvec3 source(3, 2.5, 1.5);
+    for (const double scattering : {1., .6, .2})
+        for (const glm::dvec3& listener :
+             {glm::dvec3(1e-5, 2.5, 1.5), glm::dvec3(1e-5, 1e-5, 1.5), glm::dvec3(1e-5, 1e-5, 1e-5)}) {
+            TriangleGeometry room;
+            const std::uint32_t wall = room.addMaterial(0, scattering);
+            room.addBox({0, 0, 0}, {6, 5, 3}, {wall, wall, wall, wall, wall, wall});
+            room.finish();
+            const trace::BandClasses classes = trace::bandClasses(room.materials());
+            const trace::NearWalls near(room, classes, source, listener);
+            ASSERT_DOUBLE_EQ(near.reach(), .1);
+            double heard = 0;
+            for (int i = 0; i < kDirections; ++i) {
+                glm::dvec3 from = evenDirection(i, kDirections);
+                double left = 1;  // what comes by way of the mirrors right here, as arrivals of their own
+                for (int axis = 0; axis < 3; ++axis)
+                    if (listener[axis] < .1 && from[axis] < 0) left *= 1 - scattering;
+                heard += left / kDirections;
+                near.echo(from, [&](double later, const Bands& shares) {
+                    EXPECT_GE(later, 0);
+                    EXPECT_LT(later, .2);
+                    heard += left * shares[0] / kDirections;
+                });
+            }
+            EXPECT_NEAR(heard, 1, .01) << scattering << ", " << glm::length(listener);
+        }
+}
+
+TEST(NearWalls, WhatIsFarMirrorsOrIsNextToTheSourceIsLeftToRays) {
+    const TriangleGeometry scatters = planeOf(.2, 1), mirrors = planeOf(.2, 0);
+    const trace::BandClasses classes = trace::bandClasses(scatters.materials());
+    const auto reach = [&](const TriangleGeometry& plane, const glm::dvec3& source, double height) {
+        return trace::NearWalls(plane, classes, source, {0, 0, height}).reach();
+    };
+    EXPECT_EQ(reach(scatters, {0, 0, 2}, .099), .1);
+    EXPECT_EQ(reach(scatters, {0, 0, 2}, .101), 0);
+    EXPECT_EQ(reach(mirrors, {0, 0, 2}, .01), 0);
+    EXPECT_NEAR(reach(scatters, {.1, 0, .01}, .01), .02, 1e-12);
+    EXPECT_EQ(reach(scatters, {0, 0, .01}, .01), 0);
+}
+
+/// Paths are the same the other way round, and a source on a wall has nothing to do with any of this.
+TEST(NearWalls, AtWallsEdgesAndCornersItIsHeardAsTheOtherWayRound) {
+    const TriangleGeometry room = Shoebox::uniform({6, 5, 3}, .1, .5).geometry();
+    const glm::dvec3 places[] = {{6, 3, 1.5}, {5.99, 3, 1.5}, {6, 3, 0}, {6, 5, 3}, {5.99, 4.99, 2.99}};
+    TraceOptions options;
+    options.rays = 8000;
+    options.air.absorbs = false;
+    const auto together = AcousticTracer(room).trace(test::kSource, places, options);
+    for (std::size_t i = 0; i < std::size(places); ++i) {
+        const MetricsEstimate alone = AcousticTracer(room).trace(test::kSource, places[i], options).metrics(),
+                              back = AcousticTracer(room).trace(places[i], test::kSource, options).metrics(),
+                              shared = together[i].metrics();
+        for (const MetricsEstimate* there : {&alone, &shared}) {
+            const double error = std::hypot(there->ci95.g[kBand1k], back.ci95.g[kBand1k]) / 2;
+            EXPECT_NEAR(there->value.g[kBand1k], back.value.g[kBand1k], 4 * error + .03)
+                << i << (there == &shared ? ", with others" : "");
+            EXPECT_LT(there->ci95.g[kBand1k], .7) << i;
+        }
+    }
+}
+
+}  // namespace
+}  // namespace rtsg
