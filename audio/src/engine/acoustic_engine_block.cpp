@@ -245,6 +245,17 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* e
                          response.hrtf ? ears : ears.first(0)});
 }
 
+namespace {
+
+/// In this block.
+bool makesSound(const EmitterState& state) {
+    return std::ranges::any_of(state.dry, [](const std::vector<float>& dry) {
+        return std::ranges::any_of(dry, [](float sample) { return sample != 0; });
+    });
+}
+
+}  // namespace
+
 Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
     const SoundNode& sound = *emitter.sound;
     if (sound.stream) {
@@ -276,8 +287,9 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     bool audible = false;
     levelOf(emitter, state, apparent, block, to, audible);
     if (!anyHeard) {
-        anyHeard = audible && sound.enabled && sound.plays() && sound.intensity != 0 && block.listener.gain != 0;
-        if (!anyHeard) noteUnheard(emitter, glm::distance(apparent, block.listener.position), block.listener);
+        anyHeard = audible && sound.enabled && sound.plays() && sound.intensity != 0 && block.listener.gain != 0 &&
+                   makesSound(state);
+        if (!anyHeard) noteUnheard(emitter, glm::distance(apparent, block.listener.position), audible, block.listener);
     }
     if (!state.started) {
         state.level.directGain = to.directGain;
@@ -312,12 +324,7 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
 }
 
 void AcousticEngine::Impl::noteSilence(EmitterState& state) const {
-    for (const std::vector<float>& dry : state.dry)
-        if (std::any_of(dry.begin(), dry.end(), [](float sample) { return sample != 0; })) {
-            state.quiet = 0;
-            return;
-        }
-    state.quiet += options.blockSize;
+    state.quiet = makesSound(state) ? 0 : state.quiet + options.blockSize;
 }
 
 /// Those that are gone fall silent when their last reflections have.

@@ -110,7 +110,7 @@ struct AcousticEngine::Impl {
     void hearGone(EmitterState& state, Block& block);
     void renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to, bool jumped, Block& block);
     void noteSilence(EmitterState& state) const;
-    void noteUnheard(const SoundEmitter& emitter, double distance, const ListenerPose& listener);
+    void noteUnheard(const SoundEmitter& emitter, double distance, bool inReach, const ListenerPose& listener);
     void fadeOut(Block& block);
     Result<> mixDown(Block& block);
     void begin(Block& block, const ListenerPose& listener) const;

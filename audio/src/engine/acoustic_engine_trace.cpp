@@ -222,7 +222,8 @@ void AcousticEngine::Impl::noteSeal(const SoundEmitter& emitter, const glm::dvec
 }
 
 /// Why, as it is at present: what comes into reach later is heard.
-void AcousticEngine::Impl::noteUnheard(const SoundEmitter& emitter, double distance, const ListenerPose& listener) {
+void AcousticEngine::Impl::noteUnheard(const SoundEmitter& emitter, double distance, bool inReach,
+                                       const ListenerPose& listener) {
     using Why = UnheardSource::Why;
     constexpr std::size_t kMost = 1000;
     const SoundNode& sound = *emitter.sound;
@@ -242,6 +243,7 @@ void AcousticEngine::Impl::noteUnheard(const SoundEmitter& emitter, double dista
                  : !sound.plays()       ? Why::empty
                  : sound.intensity == 0 ? Why::silent
                  : listener.gain == 0   ? Why::deaf
+                 : inReach              ? Why::still
                                         : Why::far;
 }
 

@@ -23,6 +23,8 @@ std::string whyText(const UnheardSource& source) {
             return "its intensity or its gain is 0";
         case UnheardSource::Why::deaf:
             return "the gain of the listener is 0";
+        case UnheardSource::Why::still:
+            return "what leads into it made no sound in that time (a clip plays once, from its startTime on)";
         case UnheardSource::Why::far:
             break;
     }
@@ -36,7 +38,7 @@ std::string whyText(const UnheardSource& source) {
 void tellUnheard(const Scene& scene, std::span<const UnheardSource> unheard, Diagnostics& diagnostics) {
     // What is empty because of something that was told is told.
     if (!diagnostics.all().empty() && std::ranges::all_of(unheard, [](const UnheardSource& source) {
-            return source.why == UnheardSource::Why::empty;
+            return source.why == UnheardSource::Why::empty || source.why == UnheardSource::Why::still;
         }))
         return;
     constexpr std::size_t kMost = 8;

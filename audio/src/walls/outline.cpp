@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <span>
 
 namespace rtsg::opening {
@@ -53,17 +54,36 @@ bool Outline::holds(const glm::dvec3& p, double scale, double slack) const {
     return inside || nearest <= slack;
 }
 
-double Outline::width() const {
-    const double wide = extent(1), high = length();
-    // Of what is long and narrow the axis is hardly known as well as that.
-    return high > 10 * wide ? area / high : wide;
+double Outline::length() const {
+    return rectangle().x;
 }
 
-double Outline::extent(int axis) const {
+double Outline::width() const {
+    const glm::dvec2 size = rectangle();
+    // Of what is long and narrow the axis is hardly known as well as that.
+    return size.x > 10 * size.y ? area / size.x : size.y;
+}
+
+glm::dvec2 Outline::rectangle() const {
+    constexpr double kRound = 0.8;
+    constexpr int kTurns = 360;
+    glm::dvec2 best(extent(0), extent(std::numbers::pi / 2));
+    for (int i = 1; i < kTurns && halfWidth > kRound * halfLength; ++i) {
+        const double turn = i * std::numbers::pi / 2 / kTurns;
+        const glm::dvec2 size(extent(turn), extent(turn + std::numbers::pi / 2));
+        if (size.x * size.y < best.x * best.y) best = size;
+    }
+    return halfWidth > kRound * halfLength && best.x < best.y ? glm::dvec2(best.y, best.x) : best;
+}
+
+/// From end to end in a direction, radians from `along`.
+double Outline::extent(double turn) const {
+    const glm::dvec2 way(std::cos(turn), std::sin(turn));
     double low = std::numeric_limits<double>::infinity(), high = -low;
     for (const glm::dvec2& corner : corners) {
-        low = std::min(low, corner[axis]);
-        high = std::max(high, corner[axis]);
+        const double at = glm::dot(corner, way);
+        low = std::min(low, at);
+        high = std::max(high, at);
     }
     return high - low;
 }

@@ -24,11 +24,14 @@ struct Outline {
     glm::dvec2 flat(const glm::dvec3& p) const { return {glm::dot(p - center, along), glm::dot(p - center, across)}; }
     /// Whether a place before or behind it lies within `slack` of what is `scale` times as large.
     bool holds(const glm::dvec3& p, double scale, double slack) const;
-    double length() const { return extent(0); }
+    /// Sides of a rectangle about it, m; by its axes, or where it has none of its own (a square's are any) by the
+    /// directions in which that is smallest.
+    double length() const;
     double width() const;
 
   private:
-    double extent(int axis) const;
+    double extent(double turn) const;
+    glm::dvec2 rectangle() const;
 };
 
 /// With the centre and the axes of its area; `corners` in order.

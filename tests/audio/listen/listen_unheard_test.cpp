@@ -74,6 +74,13 @@ TEST_F(Unheard, WhatIsOffEmptyOrSilentIsTold) {
                             "6: nothing is heard of D: its intensity or its gain is 0"));
     EXPECT_THAT(said("DEF A SpatialSound { children " + kAnyTone + " }\nListenerPointSource { gain 0 }"),
                 ElementsAre("3: nothing is heard of A: the gain of the listener is 0"));
+    // In reach, and it plays: but not now.
+    const auto playedFrom = [&](double start) {
+        return said("DEF A SpatialSound { children OscillatorSource { startTime " + std::to_string(start) + " } }");
+    };
+    EXPECT_THAT(playedFrom(1e4), ElementsAre("3: nothing is heard of A: what leads into it made no sound in that time "
+                                             "(a clip plays once, from its startTime on)"));
+    EXPECT_THAT(playedFrom(0), ElementsAre());
     std::string many;
     for (int i = 0; i < 11; ++i) many += "SpatialSound { }\n";
     const auto all = said(many);

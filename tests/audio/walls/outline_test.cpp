@@ -48,5 +48,32 @@ TEST(Outline, WhatIsLongAndNarrowIsAsWideAsItsAreaSays) {
     EXPECT_LT(crack.width(), .02);
 }
 
+/// The axes of a square's moments are any: its sides are not its diagonal.
+TEST(Outline, ASquareHasItsSidesHoweverItLies) {
+    const auto turned = [](double length, double width, double turn, int corners) {
+        std::vector<glm::dvec3> points;
+        for (int i = 0; i < corners; ++i) {
+            // Along its sides, as a rim is felt.
+            const int side = i * 4 / corners;
+            const double t = 8.0 * i / corners - 2 * side - 1;
+            const glm::dvec2 flat[] = {{t, -1}, {1, t}, {-t, 1}, {-1, -t}};
+            const glm::dvec2 p = flat[side] * glm::dvec2(length / 2, width / 2);
+            points.emplace_back(std::cos(turn) * p.x - std::sin(turn) * p.y,
+                                std::sin(turn) * p.x + std::cos(turn) * p.y, 1);
+        }
+        return outlineOf(points, {0, 0, 1});
+    };
+    for (const double turn : {0., .3, .785, 1.2, 1.5, 2.5}) {
+        const Outline square = turned(.2, .2, turn, 128), nearly = turned(.2, .17, turn, 4);
+        EXPECT_NEAR(square.length(), .2, .001) << turn;
+        EXPECT_NEAR(square.width(), .2, .001) << turn;
+        EXPECT_NEAR(nearly.length(), .2, .001) << turn;
+        EXPECT_NEAR(nearly.width(), .17, .001) << turn;
+    }
+    EXPECT_NEAR(turned(3, 1, .4, 64).length(), 3, 1e-9);
+    EXPECT_NEAR(turned(1, 3, .4, 64).length(), 3, 1e-9);
+    EXPECT_NEAR(turned(1, 3, .4, 64).width(), 1, 1e-9);
+}
+
 }  // namespace
 }  // namespace rtsg

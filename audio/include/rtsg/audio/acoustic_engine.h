@@ -110,8 +110,8 @@ struct SealedSource {
 /// A source of which nothing was heard, whatever it played, because of itself or of how far away it was.
 struct UnheardSource {
     /// off: not enabled; empty: nothing leads into it; silent: its intensity or gain is 0; deaf: the listener's gain
-    /// is; far: it was out of its reach.
-    enum class Why : std::uint8_t { off, empty, silent, deaf, far };
+    /// is; far: it was out of its reach; still: what leads into it made no sound.
+    enum class Why : std::uint8_t { off, empty, silent, deaf, far, still };
     std::string name;  // of the emitter
     NodeId sound;
     Why why = Why::far;
