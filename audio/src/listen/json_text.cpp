@@ -45,9 +45,14 @@ std::string jsonFigures(const RoomMetrics& m) {
 
 std::string jsonSlopes(const MetricsEstimate& m) {
     std::string slopes;
-    for (std::size_t b = 0; b < kBandCount; ++b)
+    Bands early, late;
+    for (std::size_t b = 0; b < kBandCount; ++b) {
         slopes += fmt::format("{}{}", b ? "," : "", hasTwoSlopes(m, b) ? "true" : "false");
-    return fmt::format("\"curvature_percent\":{},\"two_slopes\":[{}]", jsonArray(curvature(m.value)), slopes);
+        early[b] = m.slopes[b].early;
+        late[b] = m.slopes[b].late;
+    }
+    return fmt::format("\"curvature_percent\":{},\"two_slopes\":[{}],\"early_slope_s\":{},\"late_slope_s\":{}",
+                       jsonArray(curvature(m.value)), slopes, jsonArray(early), jsonArray(late));
 }
 
 }  // namespace rtsg

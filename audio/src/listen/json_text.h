@@ -17,7 +17,7 @@ std::string jsonBandsComputed(int walls, int figures);
 std::string jsonString(std::string_view text);
 /// "EDT_s":[…],… without braces.
 std::string jsonFigures(const RoomMetrics& metrics);
-/// "curvature_percent":[…],"two_slopes":[…] without braces.
+/// "curvature_percent":[…],"two_slopes":[…],"early_slope_s":[…],"late_slope_s":[…] without braces.
 std::string jsonSlopes(const MetricsEstimate& metrics);
 
 }  // namespace rtsg

@@ -56,8 +56,12 @@ std::string bandsText(const RoomReport& report) {
 std::string slopesText(const MetricsEstimate& metrics) {
     std::string bands;
     for (std::size_t b = 0; b < kBandCount; ++b)
-        if (hasTwoSlopes(metrics, b)) bands += fmt::format("{}{}", bands.empty() ? "" : ", ", kBandHz[b]);
-    return bands.empty() ? bands : "more than one slope, as of coupled rooms, at " + bands + " Hz";
+        if (hasTwoSlopes(metrics, b)) {
+            bands += fmt::format("{}{} Hz", bands.empty() ? "" : ", ", kBandHz[b]);
+            const DecaySlopes& slopes = metrics.slopes[b];
+            if (std::isfinite(slopes.late)) bands += fmt::format(" ({:.3g} and {:.3g} s)", slopes.early, slopes.late);
+        }
+    return bands.empty() ? bands : "more than one slope, as of coupled rooms, at " + bands;
 }
 
 namespace {

@@ -51,7 +51,9 @@ MetricsEstimate TraceResult::metrics() const {
         for (RoomMetrics* m : {&result.value, &result.ci95}) {
             if (truncated[b] > 3e-5) m->t30[b] = kNan;
             if (truncated[b] > 3e-4) m->t20[b] = kNan;
-            if (truncated[b] > 1e-2) m->edt[b] = kNan;
+            if (truncated[b] <= 1e-2) continue;
+            // What was still to come belongs to all of them: in a room that absorbs nothing there is no end of it.
+            for (Bands* figure : {&m->edt, &m->c50, &m->c80, &m->d50, &m->ts, &m->g}) (*figure)[b] = kNan;
         }
     // Nothing that arrived by chance is no proof that nothing would: how far the figures are off is not known.
     for (std::size_t b = 0; b < kBandCount; ++b) {

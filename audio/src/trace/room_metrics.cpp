@@ -10,6 +10,7 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "band_classes.h"
+#include "decay_slopes.h"
 
 namespace rtsg {
 namespace {
@@ -289,6 +290,12 @@ std::vector<std::vector<double>> binsOf(std::span<const EnergyHistogram> batches
     return bins;
 }
 
+Echogram meanOf(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches) {
+    Echogram mean{arrivals, {batches.front().binsPerSecond, {}, batches.front().start}};
+    for (const EnergyHistogram& batch : batches) mean.late.accumulate(batch, 1.0 / static_cast<double>(batches.size()));
+    return mean;
+}
+
 }  // namespace
 
 MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches) {
@@ -332,6 +339,16 @@ MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<
             (result.ci95.*figure)[classes.first[c]] = halfWidth95(values, (whole.*figure)[classes.first[c]]);
         }
     spread(classes, result.ci95);
+    Echogram mean;
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        const std::size_t first = classes.first[classes.of[b]];
+        if (first != b) {
+            result.slopes[b] = result.slopes[first];
+        } else if (hasTwoSlopes(result, b)) {
+            if (mean.arrivals.empty() && mean.late.bins.empty()) mean = meanOf(arrivals, batches);
+            result.slopes[b] = fitSlopes(decayCurveDb(mean, b, kCoarseGridSeconds), kCoarseGridSeconds);
+        }
+    }
     return result;
 }
 

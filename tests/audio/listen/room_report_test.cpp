@@ -65,12 +65,15 @@ TEST(RoomReport, SaysWhichBandsDecayWithTwoSlopes) {
     EXPECT_EQ(report.toHtml().find("slope"), std::string::npos);
     report.pairs[0].metrics.value.t30[kBand1k - 3] = 2;
     report.pairs[0].metrics.value.t30[kBand1k - 1] = 1.5;
-    const std::string said = "more than one slope, as of coupled rooms, at 125, 500 Hz";
+    report.pairs[0].metrics.slopes[kBand1k - 1] = {1.45, 5.6};
+    const std::string said = "more than one slope, as of coupled rooms, at 125 Hz, 500 Hz (1.45 and 5.6 s)";
     EXPECT_NE(report.toText().find("  " + said + "\n"), std::string::npos);
     EXPECT_NE(report.toHtml().find("<p>Decays with " + said + ".</p>"), std::string::npos);
     const auto json = nlohmann::json::parse(report.toJson());
     EXPECT_EQ(json["pairs"][0]["two_slopes"].dump(), "[false,false,true,false,true,false,false,false,false,false]");
     EXPECT_NEAR(json["pairs"][0]["curvature_percent"][kBand1k - 3].get<double>(), 100, 1e-9);
+    EXPECT_EQ(json["pairs"][0]["early_slope_s"].dump(), "[null,null,null,null,1.45,null,null,null,null,null]");
+    EXPECT_EQ(json["pairs"][0]["late_slope_s"][kBand1k - 1].get<double>(), 5.6);
 }
 
 TEST(RoomReport, DrawsTheDecayInClosedForm) {

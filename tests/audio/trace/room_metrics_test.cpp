@@ -3,11 +3,14 @@
 #include <functional>
 #include <limits>
 #include <random>
+#include <tuple>
 #include <utility>
 
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/room_metrics.h>
+
+#include "trace/decay_slopes.h"
 
 #include "audio/triangle_geometry.h"
 
@@ -69,6 +72,35 @@ TEST(RoomMetrics, DoubleSlopeFollowsTheEarlyThenTheLateDecay) {
     straight.late = exponential(1.0, 9);
     EXPECT_NEAR(curvature(roomMetrics(straight))[0], 0, 0.1);
     EXPECT_FALSE(hasTwoSlopes({roomMetrics(straight), {}}, 0));
+}
+
+TEST(RoomMetrics, BothTimesOfADoubleSlopeAreFound) {
+    for (const auto& [early, late, share] :
+         {std::tuple{.5, 3., .003}, {1.448, 5.597, .05}, {.3, .9, .02}, {1., 2.5, .1}}) {
+        Echogram echogram;
+        echogram.late = exponential(early, 20);
+        echogram.late.accumulate(exponential(late, 20), share);
+        const DecaySlopes slopes = fitSlopes(decayCurveDb(echogram, 0, .001), .001);
+        EXPECT_NEAR(slopes.early, early, .01 * early);
+        EXPECT_NEAR(slopes.late, late, .01 * late);
+        // Of some batches alike: told of each band.
+        const EnergyHistogram batches[] = {echogram.late, echogram.late};
+        const MetricsEstimate estimate = estimateMetrics({}, batches);
+        ASSERT_TRUE(hasTwoSlopes(estimate, kBand1k)) << early;
+        for (std::size_t b = 0; b < kBandCount; ++b) EXPECT_NEAR(estimate.slopes[b].late, late, .01 * late);
+    }
+    // One slope, or one that bends down; and a decay that ends too early.
+    Echogram one;
+    one.late = exponential(1.0, 9);
+    EXPECT_TRUE(std::isnan(fitSlopes(decayCurveDb(one, 0, .001), .001).late));
+    std::vector<double> bent, brief;
+    for (int k = 0; k < 700; ++k)
+        bent.push_back(-1e-4 * k * k), brief.push_back(k < 200 ? -.1 * k : -20 - .03 * (k - 200));
+    EXPECT_TRUE(std::isnan(fitSlopes(bent, .001).late));
+    EXPECT_TRUE(std::isnan(fitSlopes(brief, .001).late));
+    EXPECT_TRUE(std::isnan(fitSlopes({}, .001).early));
+    const EnergyHistogram straight[] = {one.late, one.late};
+    EXPECT_TRUE(std::isnan(estimateMetrics({}, straight).slopes[0].late));
 }
 
 TEST(RoomMetrics, FreeFieldHasDirectSoundOnly) {

@@ -89,7 +89,7 @@ struct TraceResult {
     bool silent() const;
     Echogram echogram() const;
     /// Without the times whose decay the end of the echogram cuts: T30, T20 and EDT are NaN when more than -45, -35,
-    /// -20 dB of a band's energy was still on its way then.
+    /// -20 dB of a band's energy was still on its way then, and with EDT all other figures.
     MetricsEstimate metrics() const;
 };
 

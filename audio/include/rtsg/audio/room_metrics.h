@@ -9,6 +9,8 @@
 // Threading: pure functions.
 #pragma once
 
+#include <array>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -26,12 +28,19 @@ struct RoomMetrics {
 
 RoomMetrics roomMetrics(const Echogram& echogram);
 
+/// Reverberation times, s, of a decay that is the sum of two exponentials; NaN where there are not two.
+struct DecaySlopes {
+    double early = std::numeric_limits<double>::quiet_NaN(), late = std::numeric_limits<double>::quiet_NaN();
+};
+
 struct MetricsEstimate {
     RoomMetrics value;
     /// Half width of the 95 % interval; 0 where there is nothing random, NaN where it cannot be had.
     RoomMetrics ci95;
     /// Of how many bands figures were worked out; the others hold the same as one of them.
     int bandsApart = 0;
+    /// Of the bands that hasTwoSlopes() tells, as far as they go down to -45 dB.
+    std::array<DecaySlopes, kBandCount> slopes{};
 };
 
 /// The degree of curvature of a decay, percent: 100 (T30 / T20 - 1); NaN without a T30. ISO 3382-2:2008, annex B.
