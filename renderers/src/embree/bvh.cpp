@@ -43,7 +43,7 @@ Device::~Device() = default;
 
 SceneHandle Device::newScene(RTCBuildQuality quality) const {
     SceneHandle scene(rtcNewScene(handle_.get()));
-    unsigned flags = RTC_SCENE_FLAG_NONE;
+    unsigned flags = kAsksOfHits;
     if (robust_) flags |= RTC_SCENE_FLAG_ROBUST;
     if (quality == RTC_BUILD_QUALITY_LOW) flags |= RTC_SCENE_FLAG_DYNAMIC;
     rtcSetSceneFlags(scene.get(), static_cast<RTCSceneFlags>(flags));

@@ -33,13 +33,14 @@ inline int packetWidth() {
 // Packets of all widths are rows of four-byte values, one for each lane.
 static_assert(offsetof(RTCRay4, tfar) == 8 * sizeof(float[4]) && offsetof(RTCRay16, tfar) == 8 * sizeof(float[16]));
 static_assert(offsetof(RTCRay4, mask) == 9 * sizeof(float[4]) && offsetof(RTCRay16, mask) == 9 * sizeof(float[16]));
+static_assert(offsetof(RTCRay4, id) == 10 * sizeof(float[4]) && offsetof(RTCRay16, id) == 10 * sizeof(float[16]));
 static_assert(sizeof(RTCRay4) == 12 * sizeof(float[4]) && sizeof(RTCRay16) == 12 * sizeof(float[16]));
 
 /// Traces those parts of a packet in which any lane is valid.
 template <int kLanes, class Part, class Rays16, class Trace>
 void traceParts(const int* valid, Rays16& rays, Trace trace) {
     constexpr std::size_t kPart = sizeof(float[kLanes]), kWhole = sizeof(float[16]), kRows = sizeof(Part) / kPart;
-    constexpr std::size_t kTfar = 8, kMask = 9, kHit = 12;
+    constexpr std::size_t kTfar = 8, kId = 10, kHit = 12;
     static_assert(sizeof(Rays16) == kRows * kWhole);
     for (int first = 0; first < 16; first += kLanes, valid += kLanes) {
         int any = 0;
@@ -50,8 +51,8 @@ void traceParts(const int* valid, Rays16& rays, Trace trace) {
         char* const narrow = reinterpret_cast<char*>(&part);
         const auto take = [&](std::size_t row) { std::memcpy(narrow + row * kPart, wide + row * kWhole, kPart); };
         const auto give = [&](std::size_t row) { std::memcpy(wide + row * kWhole, narrow + row * kPart, kPart); };
-        // Neither id nor flags of rays are read.
-        for (std::size_t row = 0; row <= kMask; ++row) take(row);
+        // Flags of rays are not read.
+        for (std::size_t row = 0; row <= kId; ++row) take(row);
         for (std::size_t row = kHit; row < kRows; ++row) take(row);
         trace(valid, part);
         give(kTfar);
@@ -63,6 +64,13 @@ void traceParts(const int* valid, Rays16& rays, Trace trace) {
 /// then loop for ever with packets of 16 (its pull request 574); in Debian's 3.13 the sets of lanes that it goes by are
 /// whole.
 constexpr bool kOccludesCoherently = RTSG_EMBREE < 4;
+
+/// Scenes whose rays may be asked of each hit whether it counts.
+#if RTSG_EMBREE >= 4
+constexpr unsigned kAsksOfHits = RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
+#else
+constexpr unsigned kAsksOfHits = RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
+#endif
 
 /// What goes with the rays of one call after the other.
 class RayCast {
@@ -106,6 +114,16 @@ class RayCast {
     void trace(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &context_, &r); }
     void trace(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &context_, &r); }
 #endif
+    /// From here on `filter` is asked of each hit of occlusion rays whether it counts. told() gives it `what`.
+    void ask(RTCFilterFunctionN filter, void* what) {
+#if RTSG_EMBREE >= 4
+        filter_ = filter;
+#else
+        context_.filter = filter;
+#endif
+        context_.what = what;
+    }
+    static void* told(const RTCFilterFunctionNArguments& asked) { return static_cast<Context*>(asked.context)->what; }
     /// What Embree notes as instance in the hits that it finds from here on.
     void setInstance(unsigned instance) { context_.instID[0] = instance; }
 
@@ -133,15 +151,29 @@ class RayCast {
                 rtcInitOccludedArguments(&arguments);
             arguments.flags = cast.flags_;
             arguments.feature_mask = RTC_FEATURE_FLAG_TRIANGLE;
+            if (cast.filter_) {
+                arguments.filter = cast.filter_;
+                arguments.flags =
+                    static_cast<RTCRayQueryFlags>(arguments.flags | RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER);
+                arguments.feature_mask = static_cast<RTCFeatureFlags>(RTC_FEATURE_FLAG_TRIANGLE |
+                                                                      RTC_FEATURE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS);
+            }
             arguments.context = &cast.context_;
         }
         operator Arguments*() { return &arguments; }
         Arguments arguments;
     };
-    RTCRayQueryContext context_;
+    struct Context : RTCRayQueryContext {
+        void* what = nullptr;
+    };
+    Context context_;
     RTCRayQueryFlags flags_;
+    RTCFilterFunctionN filter_ = nullptr;
 #else
-    RTCIntersectContext context_;
+    struct Context : RTCIntersectContext {
+        void* what = nullptr;
+    };
+    Context context_;
 #endif
 };
 

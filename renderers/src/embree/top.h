@@ -39,6 +39,8 @@ struct RawHit {
     explicit operator bool() const { return geometryId != kNoInstance; }
 };
 
+struct PassedHits;
+
 class TopView {
   public:
     RawHit intersect(const Ray& ray, RayKind kind) const;
@@ -59,8 +61,10 @@ class TopView {
     std::unique_ptr<const LargeTriangles> largeTriangles(RayKind kind, const LargeTriangles::Tell& tell) const {
         return main_ ? LargeTriangles::make(*main_->resting, tree_, maskOf(kind), tell) : nullptr;
     }
-    /// Blocked lanes end with tMax -inf. Returns a bit for each.
-    std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
+    /// Blocked lanes end with tMax -inf. Returns a bit for each. `passed`: where what it lets pass is noted; null:
+    /// everything blocks.
+    std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
+                           PassedHits* passed = nullptr) const;
 
     /// As RayView's.
     void visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const;
@@ -87,6 +91,7 @@ class TopView {
     std::uint32_t metBy(RayPacket16& rays) const;
     /// Puts hits on pieces on whole triangles; to be called once for each query.
     void restore(RawHit& hit) const;
+    void restore(PassedHits& passed) const;
     void restore(RayPacket16& rays, std::uint32_t hits) const;
     std::uint32_t maskOf(RayKind kind) const { return static_cast<std::uint32_t>(kind) << maskShift_; }
 

@@ -2,9 +2,11 @@
 #include <bit>
 #include <cstddef>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "packet_avx512.h"
+#include "passed_hits.h"
 #include "rays_together.h"
 #include "top.h"
 
@@ -59,6 +61,11 @@ void TopView::restore(RayPacket16& rays, std::uint32_t hits) const {
         if (cut)
             cut->restore(rays.prim_[i], rays.u_[i], rays.v_[i], rays.normalX_[i], rays.normalY_[i], rays.normalZ_[i]);
     }
+}
+
+void TopView::restore(PassedHits& passed) const {
+    for (int lane = 0; lane < 16; ++lane)
+        for (std::uint32_t i = 0; i < passed.count[lane]; ++i) restore(passed.hits[lane][i]);
 }
 
 RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
@@ -246,15 +253,58 @@ std::uint32_t TopView::metBy(RayPacket16& rays) const {
     return hits;
 }
 
-std::uint32_t TopView::occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
+namespace {
+
+/// What goes with rays that pass hits.
+struct Passing {
+    const TopView& top;
+    PassedHits& passed;
+};
+
+/// Embree asks whether hits count.
+void passHits(const RTCFilterFunctionNArguments* asked) {
+    const auto& [top, passed] = *static_cast<const Passing*>(RayCast::told(*asked));
+    const unsigned size = asked->N;
+    for (unsigned i = 0; i < size; ++i) {
+        if (asked->valid[i] == 0) continue;
+        const std::uint32_t object = RTCHitN_instID(asked->hit, size, i, 0);
+        const std::uint32_t geometry = RTCHitN_geomID(asked->hit, size, i);
+        if (!passed.passes(passed.asked, top.objectOf(object).slotOf(geometry))) continue;
+        const unsigned lane = RTCRayN_id(asked->ray, size, i);
+        if (passed.count[lane] == PassedHits::kMost) {
+            passed.many |= 1u << lane;
+            continue;
+        }
+        passed.hits[lane][passed.count[lane]++] = {
+            RTCRayN_tfar(asked->ray, size, i),
+            RTCHitN_u(asked->hit, size, i),
+            RTCHitN_v(asked->hit, size, i),
+            {RTCHitN_Ng_x(asked->hit, size, i), RTCHitN_Ng_y(asked->hit, size, i), RTCHitN_Ng_z(asked->hit, size, i)},
+            RTCHitN_primID(asked->hit, size, i),
+            geometry,
+            object};
+        asked->valid[i] = 0;
+    }
+}
+
+}  // namespace
+
+std::uint32_t TopView::occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
+                                PassedHits* passed) const {
     complete(rays, maskOf(kind));
     RayCast cast(kOccludesCoherently && (coherent || runTogether(rays, valid)));
+    std::optional<Passing> passing;
+    if (passed) {
+        for (std::uint32_t lane = 0; lane < 16; ++lane) rays.id_[lane] = lane;
+        cast.ask(passHits, &passing.emplace(*this, *passed));
+    }
     auto& packet = reinterpret_cast<RTCRay16&>(rays);
     if (main_) cast.occluded(valid, main_->scene, packet);
     if (!tree_.empty()) {
         // A blocked lane's segment ends before it begins, so that it meets no further box.
         traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
             const TopObject& o = object(index);
+            cast.setInstance(index);
             if (o.resting) {
                 cast.occluded(lanes, o.scene, packet);
                 return;
@@ -266,6 +316,7 @@ std::uint32_t TopView::occluded(RayPacket16& rays, const std::int32_t* valid, bo
     }
     std::uint32_t blocked = 0;
     for (int i = 0; i < 16; ++i) blocked |= static_cast<std::uint32_t>((valid[i] != 0) & (rays.tMax[i] < 0)) << i;
+    if (passed && hasCuts_) restore(*passed);
     return blocked;
 }
 

@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <limits>
 
 #include "bsdf.h"
@@ -11,6 +10,7 @@
 #include "packet_kernels.h"
 #include "surface_packet.h"
 #include "volume_march.h"
+#include "world/clear_way.h"
 
 namespace rtsg::trace {
 
@@ -86,11 +86,14 @@ std::uint32_t nearClear(const TraceScene& scene, const RayPacket16& rays, std::u
     return met & most;
 }
 
+/// Less of light than this is none.
+constexpr float kLeast = 1 / 1024.0f;
+
 /// Takes from `left` what a ray, which ends at `tMax`, loses at its hit, of which `through` passes, and has it go on
 /// from there; false: nothing more is in its way, or nothing is left.
 bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float tMax, Ray& ray, Vec3f& left) {
     left *= through;
-    if (!(std::max({left.x, left.y, left.z}) > 1 / 1024.0f)) {
+    if (!(std::max({left.x, left.y, left.z}) > kLeast)) {
         left = Vec3f(0);
         return false;
     }
@@ -127,6 +130,36 @@ void passClear(const TraceScene& scene, const RayView& world, RayPacket16& rays,
     }
 }
 
+/// Takes from `left` what `lanes` of a packet, to a light at `tMax`, lose from hit to hit. Returns those that meet
+/// anything, and in `clear` those that meet something clear first.
+std::uint32_t followClear(const TraceScene& scene, const RayView& world, RayPacket16& rays, std::uint32_t lanes,
+                          float tMax, bool coherent, std::uint32_t& clear, Vec3f* left) {
+    for (int lane = 0; lane < 16; ++lane)
+        if (!(lanes >> lane & 1u)) rays.skip(lane);
+    const std::uint32_t met = world.intersect(rays, coherent, RayKind::shadow) & lanes;
+    clear = 0;
+    for (std::uint32_t rest = met; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        if (!letsThrough(scene, world.hit(rays, lane).instance)) continue;
+        clear |= 1u << lane;
+        left[lane] = Vec3f(1);
+    }
+    passClear(scene, world, rays, clear, tMax, left);
+    return met;
+}
+
+/// What is left of light along a ray that nothing opaque stops.
+Vec3f leftBehind(const TraceScene& scene, const Ray& ray, int lane, ClearWay& way) {
+    Vec3f left(1);
+    way.visit(ray, lane, [&](const Hit& hit) {
+        left *= straightTransmittance(scene, hit, ray.direction);
+        const bool isBright = std::max({left.x, left.y, left.z}) > kLeast;
+        if (!isBright) left = Vec3f(0);
+        return isBright;
+    });
+    return left;
+}
+
 /// Which rays, to a light at `tMax`, are blocked, and in `clear` which of them by something that may let light through:
 /// `left` tells how much. `world`: what they may meet. What an opaque thing blocks needs no closer look, whatever else
 /// the scene holds.
@@ -135,26 +168,27 @@ std::uint32_t findBlocked(const TraceScene& scene, const RayView& world, RayPack
     clear = 0;
     const std::uint32_t near = nearClear(scene, rays, tested);
     if (!near) return world.occluded(rays, coherent) & tested;
-    std::uint32_t blocked = 0;
-    RayPacket16 closer = rays;
-    std::int32_t active[16];
-    std::memcpy(active, rays.active, sizeof active);
-    for (int lane = 0; lane < 16; ++lane) {
-        const bool isNear = near >> lane & 1u;
-        if (!isNear) closer.skip(lane);
-        if (isNear) rays.skip(lane);
-    }
-    if (tested & ~near) blocked = world.occluded(rays, coherent) & tested & ~near;
-    const std::uint32_t met = world.intersect(closer, coherent, RayKind::shadow) & near;
-    for (std::uint32_t rest = met; rest; rest &= rest - 1) {
+    ClearWay way(
+        world,
+        [](const void* asked, std::uint32_t slot) { return letsThrough(*static_cast<const TraceScene*>(asked), slot); },
+        &scene);
+    std::uint32_t unknown = 0;
+    std::uint32_t blocked = way.find(rays, coherent, RayKind::shadow, unknown) & tested;
+    for (std::uint32_t rest = tested & ~blocked & ~unknown; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        if (!letsThrough(scene, world.hit(closer, lane).instance)) continue;
+        if (!way.passesAny(lane)) continue;
         clear |= 1u << lane;
-        left[lane] = Vec3f(1);
+        left[lane] = leftBehind(scene, rays.ray(lane), lane, way);
     }
-    passClear(scene, world, closer, clear, tMax, left);
-    std::memcpy(rays.active, active, sizeof active);  // who asked looks at them
-    return blocked | met;
+    unknown &= tested;
+    if (unknown) {
+        for (std::uint32_t rest = unknown; rest; rest &= rest - 1) rays.tMax[std::countr_zero(rest)] = tMax;
+        RayPacket16 alone = rays;
+        std::uint32_t clearAlone = 0;
+        blocked |= followClear(scene, world, alone, unknown, tMax, coherent, clearAlone, left);
+        clear |= clearAlone;
+    }
+    return blocked | clear;
 }
 
 void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket& s, std::uint32_t mask, Incoming& in,

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "embree/packet_avx512.h"
+#include "embree/passed_hits.h"
 #include "mesh/exact_meeting.h"
 #include "mesh/simd8.h"
 #include "ray_boxes.h"
@@ -454,6 +455,28 @@ std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) 
     for (int i = 0; i < 16; ++i)
         if (asked >> i & 1u) rays.tMax[i] = blocked >> i & 1u ? -HUGE_VALF : tMax[i];
     return blocked;
+}
+
+std::uint32_t RayView::occludedBut(RayPacket16& rays, bool coherent, RayKind kind, bvh::PassedHits& passed,
+                                   std::uint32_t& unknown) const {
+    kind = meant(kind);
+    alignas(64) std::int32_t valid[16];
+    if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
+        tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
+    unknown = 0;
+    if (seesStrokes(kind) && comeNear(rays, strokesMiddle_, strokesRadiusSquared_)) {
+        unknown = lanesOf(valid);
+        return 0;
+    }
+    if (filter_) unknown = meetBox(rays, filter_->bounds()) & lanesOf(valid);
+    for (std::uint32_t rest = unknown; rest; rest &= rest - 1) valid[std::countr_zero(rest)] = 0;
+    const std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind, &passed);
+    unknown |= passed.many;
+    return blocked & ~passed.many;
+}
+
+Hit RayView::hit(const bvh::RawHit& raw) const {
+    return resolve(raw, tables_->top, instances_);
 }
 
 Hit RayView::hit(const RayPacket16& rays, int lane) const {

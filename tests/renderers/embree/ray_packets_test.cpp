@@ -31,7 +31,7 @@ class Triangles1000 {
         rtcCommitGeometry(geometry);
         rtcAttachGeometry(scene_.get(), geometry);
         rtcReleaseGeometry(geometry);
-        rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
+        rtcSetSceneFlags(scene_.get(), static_cast<RTCSceneFlags>(RTC_SCENE_FLAG_ROBUST | kAsksOfHits));
         rtcCommitScene(scene_.get());
     }
     RTCScene get() const { return scene_.get(); }
@@ -156,6 +156,53 @@ void expectPartsRight() {
     alignas(64) const int none[16] = {};
     Asked asked(random);
     traceParts<kLanes, RayHits>(none, asked.rays, [](const int*, RayHits&) { FAIL() << "no lane is valid"; });
+}
+
+/// Counts the hits of each ray, by its number, and has rays go on.
+void countHits(const RTCFilterFunctionNArguments* asked) {
+    for (unsigned i = 0; i < asked->N; ++i) {
+        if (asked->valid[i] == 0) continue;
+        ++static_cast<int*>(RayCast::told(*asked))[RTCRayN_id(asked->ray, asked->N, i)];
+        asked->valid[i] = 0;
+    }
+}
+
+// Who says of hits whether they count is told whose they are, in packets of any width.
+template <int kLanes, class Rays>
+void expectNumbered() {
+    if (kLanes > packetWidth()) return;
+    const Triangles1000 world;
+    std::mt19937 random(kPacketSeed + 2);
+    int hits = 0;
+    for (int round = 0; round < 100; ++round) {
+        Asked asked(random);
+        for (unsigned i = 0; i < 16; ++i) asked.rays.ray.id[i] = i;
+        int counts[16] = {};
+        RayCast cast(false);
+        cast.ask(countHits, counts);
+        Asked after = asked;
+        traceParts<kLanes, Rays>(after.valid, after.rays.ray,
+                                 [&](const int* lanes, Rays& part) { cast.trace(lanes, world.get(), part); });
+        for (int i = 0; i < 16; ++i) {
+            int alone[1] = {};
+            if (asked.valid[i]) {
+                RTCRay one = asked.one(i).ray;
+                RayCast single(false);
+                single.ask(countHits, alone);
+                single.occluded(world.get(), one);
+                EXPECT_EQ(after.rays.ray.tfar[i], asked.rays.ray.tfar[i]);
+            }
+            EXPECT_EQ(counts[i], alone[0]) << "lane " << i;
+            hits += counts[i];
+        }
+    }
+    EXPECT_GT(hits, 1000);
+}
+
+TEST(RayPackets, OfAnyLanesTellWhoseHitsAre) {
+    expectNumbered<16, RTCRay16>();
+    expectNumbered<8, RTCRay8>();
+    expectNumbered<4, RTCRay4>();
 }
 
 TEST(RayPackets, OfFewerLanesMeetWhatRaysOneByOneMeet) {

@@ -211,6 +211,48 @@ TEST(LightTracer, LightComesThroughHundredsOfClearSurfaces) {
         cap * left, .03 * cap);
 }
 
+// Through N panes a lamp is as bright as the share that one lets through to the power of N, wherever rays go through
+// them: also where their two triangles meet. Through panes of one mesh, of several, turned ones and textured ones.
+TEST(LightTracer, PanesTakeTheirShareEach) {
+    const auto pane = [](int kind, int i) {
+        const char* clear = "material Material { diffuseColor 0 0 0 transparency .75 }";
+        const char* textured =
+            "material Material { diffuseColor 0 0 0 } texture PixelTexture { image 1 1 2 0xff40 repeatS TRUE }";
+        const std::string shape = square(40, kind == 2 ? textured : clear);
+        return fmt::format("Transform {{ translation 0 0 {} rotation {} children {} }}", 1 + i,
+                           kind == 1 ? "0 0 1 .3" : "0 0 1 0", shape);
+    };
+    for (int kind = 0; kind < 3; ++kind)
+        for (const int count : {1, 2, 3, 4}) {
+            const double through = kind == 2 ? 1 - 64 / 255.0 : .75;
+            std::string body = "OrthoViewpoint { position 0 0 .5 fieldOfView [-1 -1 1 1] }" +
+                               std::string("DirectionalLight { direction 0 0 -1 }") + square(100, matte("1 1 1"));
+            for (int i = 0; i < count; ++i) body += pane(kind, i);
+            LightScene s(body, 32, 32);
+            const Picture p = s.picture();
+            for (int y = 0; y < 32; ++y)
+                for (int x = 0; x < 32; ++x)
+                    ASSERT_NEAR(p.at(x, y).r, std::pow(through, count), 1e-6) << kind << ' ' << count << ' ' << x;
+        }
+}
+
+// A pane that is there twice is one, as it is for an eye; what is opaque blocks wherever it is, also in a clear thing's
+// place.
+TEST(LightTracer, OpaqueThingsBlockInTheirPlaceOfClearOnes) {
+    const auto lit = [](const std::string& things) {
+        return LightScene(
+                   "OrthoViewpoint { position 0 0 .5 fieldOfView [-1 -1 1 1] } DirectionalLight { direction 0 0 "
+                   "-1 }" +
+                   square(100, matte("1 1 1")) + "Transform { translation 0 0 2 children [" + things + "] }")
+            .center()
+            .r;
+    };
+    const std::string clear = square(9, "material Material { transparency .5 }"), opaque = square(9, matte("1 1 1"));
+    EXPECT_NEAR(lit(clear + clear), .5, 1e-6);
+    EXPECT_EQ(lit(clear + opaque), 0);
+    EXPECT_EQ(lit(opaque + clear), 0);
+}
+
 // A plain lit from 80 degrees off its normal, with everything far from the origin, must not shadow itself.
 TEST(LightTracer, NoFalseSelfShadowsFarFromTheOrigin) {
     for (const double offset : {0.0, 1e4, 1e6}) {

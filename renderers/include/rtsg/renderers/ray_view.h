@@ -19,8 +19,10 @@
 namespace rtsg {
 
 namespace bvh {
+struct PassedHits;
 struct PrimaryBlock;
-}
+struct RawHit;
+}  // namespace bvh
 
 /// An instance as rays see it. Lives as long as the instance, at one slot; of a RayWorld, read it between two
 /// apply() calls.
@@ -154,6 +156,7 @@ class RayView {
 
   private:
     RayKind meant(RayKind kind) const { return kind == RayKind::view ? views_ : kind; }
+    friend class ClearWay;
     friend class Motions;
     friend class MovedView;
     friend class LargeRays;
@@ -169,6 +172,10 @@ class RayView {
     std::uint32_t intersect(RayPacket16& rays, bool coherent, RayKind kind, const bvh::PrimaryBlock* known) const;
     std::uint32_t intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                                const bvh::PrimaryBlock* known = nullptr) const;
+    Hit hit(const bvh::RawHit& raw) const;
+    /// As occluded(), but by nothing that `passed` lets pass, which is noted there. `unknown`: ClearWay::find().
+    std::uint32_t occludedBut(RayPacket16& rays, bool coherent, RayKind kind, bvh::PassedHits& passed,
+                              std::uint32_t& unknown) const;
     std::uint32_t occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
     std::uint32_t filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
                              RayKind kind) const;

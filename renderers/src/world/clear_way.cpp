@@ -1,0 +1,18 @@
+// ClearWay: the order in which rays meet what they pass.
+#include "clear_way.h"
+
+#include <algorithm>
+#include <tuple>
+
+namespace rtsg {
+
+void ClearWay::sort(int lane) {
+    bvh::RawHit* const hits = passed_.hits[lane];
+    const auto key = [](const bvh::RawHit& hit) {
+        return std::tuple(hit.t, hit.objectId, hit.geometryId, hit.triangle);
+    };
+    std::sort(hits, hits + passed_.count[lane],
+              [&](const bvh::RawHit& a, const bvh::RawHit& b) { return key(a) < key(b); });
+}
+
+}  // namespace rtsg

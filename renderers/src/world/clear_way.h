@@ -1,0 +1,60 @@
+// ClearWay: what shadow rays pass before something stops them, found in one traversal and not from hit to hit.
+//
+// Invariant: a surface counts once. Of those that lie in one place, as of triangles that share the edge which a ray
+// goes through, one counts, as for a ray that leaves each surface that it meets. Threading: one thread's. The view must
+// outlive it.
+#pragma once
+
+#include <cstdint>
+
+#include <rtsg/renderers/ray_view.h>
+
+#include "embree/passed_hits.h"
+
+namespace rtsg {
+
+class ClearWay {
+  public:
+    /// `passes(asked, slot)`: whether rays may go on behind what they meet of a slot.
+    ClearWay(const RayView& view, bvh::PassedHits::Passes passes, const void* asked)
+        : view_(view), passed_(passes, asked) {}
+
+    /// To be called once. A bit for each active lane that something stops. `unknown`: for each of which it does not
+    /// tell, for filters, lines, points or so many hits that they have no room; these are as if they had not been
+    /// traced, but for tMax.
+    std::uint32_t find(RayPacket16& rays, bool coherent, RayKind kind, std::uint32_t& unknown) {
+        return view_.occludedBut(rays, coherent, kind, passed_, unknown);
+    }
+    /// Whether a lane that is neither stopped nor unknown passes anything.
+    bool passesAny(int lane) const { return passed_.count[lane] > 0; }
+    /// Calls visit(hit) for all that it passes, in the order in which the ray meets it, as long as that says true.
+    template <class Visit>
+    void visit(const Ray& ray, int lane, const Visit& visit) {
+        sort(lane);
+        const std::uint32_t count = passed_.count[lane];
+        Vec3f start(0);
+        for (std::uint32_t i = 0; i < count; ++i) {
+            const Hit hit = view_.hit(passed_.hits[lane][i]);
+            const bool isLast = i + 1 == count;
+            if (i == 0 && isLast) return static_cast<void>(visit(hit));
+            const HitPoint point = view_.point(hit);
+            if (i > 0 && !isAhead(point, start, ray.direction)) continue;
+            if (!visit(hit)) return;
+            start = RayView::leave(point, ray.direction);
+        }
+    }
+
+  private:
+    /// Whether a ray from `start` meets the surface that the point is on.
+    static bool isAhead(const HitPoint& point, const Vec3f& start, const Vec3f& direction) {
+        const float away = glm::dot(point.position - start, point.normal);
+        return glm::dot(direction, point.normal) < 0 ? away < 0 : away > 0;
+    }
+    /// By distance; what is met at the same is in some order that does not depend on how it was found.
+    void sort(int lane);
+
+    const RayView& view_;
+    bvh::PassedHits passed_;
+};
+
+}  // namespace rtsg
