@@ -43,6 +43,7 @@ std::uint32_t encode(const Vec4f& color, bool decoded) {
 
 /// Pixel number of a coordinate that may lie outside; -1: the border. `size` >= 1.
 int wrapIndex(int i, int size, TextureWrap wrap) {
+    if (i >= 0 && i < size) return i;  // nearly all; the others cost divisions
     switch (wrap) {
         case TextureWrap::repeat:
             i %= size;
@@ -58,6 +59,16 @@ int wrapIndex(int i, int size, TextureWrap wrap) {
             break;
     }
     return std::clamp(i, 0, size - 1);
+}
+
+using F4 = float __attribute__((vector_size(16)));
+
+/// Of a pixel's four bytes, each from 0 to 1.
+F4 valuesOf(std::uint32_t word) {
+    using U4 = std::uint8_t __attribute__((vector_size(4)));
+    U4 bytes;
+    std::memcpy(&bytes, &word, sizeof bytes);
+    return __builtin_convertvector(bytes, F4) * (1 / 255.0f);
 }
 
 /// Brings a coordinate near 0 so that what follows fits into int and keeps its bits.
@@ -385,6 +396,15 @@ Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAc
         Vec4f block[4];
         readTiles(level, x0, y0, 2, 2, decode, block);
         return (block[0] * (1 - fx) + block[1] * fx) * (1 - fy) + (block[2] * (1 - fx) + block[3] * fx) * fy;
+    }
+    if (!tiles_ && level.linear.empty() && !decode && (x0 | x1 | y0 | y1) >= 0) {
+        const auto width = static_cast<std::size_t>(level.width);
+        const std::uint32_t* const low = level.encoded.data() + static_cast<std::size_t>(y0) * width;
+        const std::uint32_t* const high = level.encoded.data() + static_cast<std::size_t>(y1) * width;
+        const F4 bottomRow = valuesOf(low[x0]) * (1 - fx) + valuesOf(low[x1]) * fx;
+        const F4 topRow = valuesOf(high[x0]) * (1 - fx) + valuesOf(high[x1]) * fx;
+        const F4 found = bottomRow * (1 - fy) + topRow * fy;
+        return {found[0], found[1], found[2], found[3]};
     }
     return (at(x0, y0) * (1 - fx) + at(x1, y0) * fx) * (1 - fy) + (at(x0, y1) * (1 - fx) + at(x1, y1) * fx) * fy;
 }
