@@ -58,6 +58,10 @@ struct PacketKernels {
     void (*addOwn)(SurfacePacket& surfaces);
     /// Of a light that is no projector. Returns whether any lane is lit at all.
     bool (*gather)(const TraceLight& light, const SurfacePacket& surfaces, Incoming& in);
+    /// The lanes of which the light's shadow would change a pixel by less than `least`. `shares`: what a lane's colour
+    /// counts in its pixel.
+    std::uint32_t (*faint)(const TraceLight& light, const Incoming& in, const float* shares, float least, bool shiny,
+                           const SurfacePacket& surfaces);
     /// Rays from the lanes of `mask` that the light may reach to it; `behind`: of these the ones whose own true surface
     /// lies between. Returns the lanes.
     std::uint32_t (*shadowRays)(const TraceLight& light, const SurfacePacket& surfaces, const Incoming& in,

@@ -321,20 +321,36 @@ struct KernelsOf {
         return tested;
     }
 
+    /// What a surface reflects of a light of which all comes.
+    RTSG_INLINE V reflected(const V& towards, F cosine, bool shiny, int at, const SurfacePacket& s) {
+        const V direct = times(loadV(s.base, at), cosine);
+        if (!shiny) return direct;
+        const V half = plus(towards, loadV(s.view, at));
+        // Of the cosine's square, so that no root is needed.
+        const F along = more(dot(loadV(s.normal, at), half), F{});
+        const F square = along * along / more(dot(half, half), all(1e-30f));
+        F shine = simd::lanes::power<F, I>(less(square, all(1)), 0.5f * W::load(s.exponent + at));
+        shine = cosine > 0.0f ? shine : F{};
+        return plus(direct, times(loadV(s.specular, at), shine));
+    }
+
+    static std::uint32_t faint(const TraceLight& light, const Incoming& in, const float* shares, float least,
+                               bool shiny, const SurfacePacket& s) {
+        std::uint32_t found = 0;
+        for (int at = 0; at < 16; at += kLanes) {
+            const V direct = reflected(loadV(in.direction, at), W::load(in.cosine + at), shiny, at, s);
+            const F red = absolute(light.color.x * direct.x), green = absolute(light.color.y * direct.y),
+                    blue = absolute(light.color.z * direct.z);
+            const F most = W::load(in.factor + at) * more(more(red, green), blue) * W::load(shares + at);
+            found |= W::bits(most < least) << at;
+        }
+        return found;
+    }
+
     /// Adds what a surface reflects of a light, before its shadow.
     RTSG_INLINE void reflect(const TraceLight& light, const V& towards, F cosine, F factor, const V& visible,
                              bool shiny, int at, SurfacePacket& s) {
-        const V base = loadV(s.base, at), ambient = loadV(s.ambient, at);
-        V direct = times(base, cosine);
-        if (shiny) {
-            const V half = plus(towards, loadV(s.view, at));
-            // Of the cosine's square, so that no root is needed.
-            const F along = more(dot(loadV(s.normal, at), half), F{});
-            const F square = along * along / more(dot(half, half), all(1e-30f));
-            F shine = simd::lanes::power<F, I>(less(square, all(1)), 0.5f * W::load(s.exponent + at));
-            shine = cosine > 0.0f ? shine : F{};
-            direct = plus(direct, times(loadV(s.specular, at), shine));
-        }
+        const V ambient = loadV(s.ambient, at), direct = reflected(towards, cosine, shiny, at, s);
         V radiance = loadV(s.radiance, at);
         radiance.x += factor * (light.color.x * direct.x * visible.x + light.ambient.x * ambient.x);
         radiance.y += factor * (light.color.y * direct.y * visible.y + light.ambient.y * ambient.y);
@@ -414,9 +430,9 @@ struct KernelsOf {
         }
     }
 
-    static constexpr PacketKernels kTable{&makeRays,    &useOutside, &fetchNormals, &finishGeometry, &fillAll,
-                                          &findPoints,  &addOwn,     &gather,       &shadowRays,     &addPhong,
-                                          &addPhysical, &shinePhong, &addToPixels};
+    static constexpr PacketKernels kTable{&makeRays,   &useOutside,  &fetchNormals, &finishGeometry, &fillAll,
+                                          &findPoints, &addOwn,      &gather,       &faint,          &shadowRays,
+                                          &addPhong,   &addPhysical, &shinePhong,   &addToPixels};
 };
 
 #undef RTSG_INLINE

@@ -247,7 +247,7 @@ Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKi
     return Vec3f(0);
 }
 
-void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowRays) {
+void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowRays, const Shares* shares) {
     const PacketKernels& kernels = packetKernels();
     kernels.addOwn(s);
     const LightGroups& all = scene.lightGroups;
@@ -273,7 +273,12 @@ void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowR
                 }
                 Incoming in;
                 if (!(light.picture ? gatherProjected(light, s, in) : kernels.gather(light, s, in))) continue;
-                if (light.shadows) castShadows(scene, light, s, group, in, shadowRays);
+                if (light.shadows) {
+                    std::uint32_t shadowed = group;
+                    if (shares && !light.picture)
+                        shadowed &= ~(phong & kernels.faint(light, in, shares->of, shares->least, shiny, s));
+                    if (shadowed) castShadows(scene, light, s, shadowed, in, shadowRays);
+                }
                 if (light.picture) tint(scene, light, s, in);
                 if (phong) kernels.addPhong(light, in, phong, shiny, s);
                 if (physical) kernels.addPhysical(light, in, physical, s);

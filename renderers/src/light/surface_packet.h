@@ -6,6 +6,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "trace_scene.h"
 #include "world/ray_boxes.h"
@@ -88,8 +89,16 @@ Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKi
 /// What an opaque surface itself sends out at a hit, in linear light. `footprint`: metres, of a pixel there.
 Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint);
 
-/// Adds the light of the lights, shadows included, into `radiance`, which is set to the emission.
-void addLights(const TraceScene& scene, SurfacePacket& surfaces, std::uint64_t& shadowRays);
+/// What a packet's colours count in their pixels.
+struct Shares {
+    static constexpr float kWhole = std::numeric_limits<float>::infinity();  // never too little
+    alignas(64) float of[16];
+    float least;  // shadows that change a pixel by less are left out
+};
+/// Adds the light of the lights, shadows included, into `radiance`, which is set to the emission. `shares`: where some
+/// count little; null: all are as if they counted much.
+void addLights(const TraceScene& scene, SurfacePacket& surfaces, std::uint64_t& shadowRays,
+               const Shares* shares = nullptr);
 
 /// Adds the light of EnvironmentLights to it, without shadows; for what follows no bounces.
 void addEnvironments(const TraceScene& scene, SurfacePacket& surfaces);

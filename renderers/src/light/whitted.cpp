@@ -15,6 +15,9 @@ namespace rtsg::trace {
 namespace {
 
 constexpr int kMaxPasses = 250;
+/// Of the cutoff: several lights and surfaces may add to one pixel.
+constexpr float kLeastShadow = .25f;
+constexpr float kSmallShare = .1f;     // of a pixel
 constexpr float kLeastCutoff = 1e-6f;  // so that the number of rays of a sample has a bound
 
 class Tile {
@@ -85,8 +88,35 @@ class Tile {
             for (std::size_t i = 0; i < packets.size(); ++i)
                 reach->note(packets[i].rays, packets[i].active, hits[i], surfaces_[i], !packets[i].tasks);
         for (std::size_t i = 0; i < packets.size(); ++i)
-            if (hits[i]) addLights(scene_, surfaces_[i], counts_.shadowRays);
+            if (hits[i]) light(packets[i], hits[i], surfaces_[i]);
         for (std::size_t i = 0; i < packets.size(); ++i) take(packets[i], hits[i], surfaces_[i]);
+    }
+
+    void light(const TilePacket& packet, std::uint32_t hits, SurfacePacket& surfaces) {
+        Shares shares;
+        addLights(scene_, surfaces, counts_.shadowRays, findShares(packet, hits, surfaces, shares) ? &shares : nullptr);
+    }
+    /// False: none is so small that a closer look pays; those that are not count as if they were whole, whatever goes
+    /// with them. So does what counts as light: it is encoded before it is seen, which makes much of little.
+    bool findShares(const TilePacket& packet, std::uint32_t hits, const SurfacePacket& s, Shares& shares) const {
+        if (scene_.space == ColorSpace::linear || (!packet.tasks && !s.special)) return false;
+        bool anySmall = false;
+        shares.least = kLeastShadow * cutoff_;
+        std::fill(std::begin(shares.of), std::end(shares.of), Shares::kWhole);
+        for (std::uint32_t rest = hits & ~s.linear; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            float share = 1;
+            if (packet.tasks) {
+                const PathTask& task = packet.tasks[lane];
+                if (task.linear) continue;
+                share = std::max({task.weight.x, task.weight.y, task.weight.z});
+            }
+            if (s.special >> lane & 1u) share *= s.coverage[lane] * s.opacity[lane];
+            if (!(share < kSmallShare)) continue;
+            shares.of[lane] = share;
+            anySmall = true;
+        }
+        return anySmall;
     }
 
     /// Adds what a packet has found to its pixels.
@@ -176,15 +206,15 @@ class Tile {
     /// What becomes of the light that a surface sends along a ray: shares of the mirror, of its own colours if it is
     /// opaque, of what passes if it is clear, of what does not pass straight, and of what hides what is behind it by
     /// itself if it is opaque. Mirror and what passes are never more than 1, or rays would multiply.
-    struct Shares {
+    struct Parts {
         Vec3f mirror, body, passing, whole, covering;
         float eta = 1;
     };
-    static Shares shares(const SurfacePacket& s, int lane, float cosine, bool back) {
+    static Parts parts(const SurfacePacket& s, int lane, float cosine, bool back) {
         const Material& material = *s.material[lane];
         const float opacity = s.opacity[lane];
         const Vec3f rest = Vec3f(1) - material.reflectivity;
-        Shares result{material.reflectivity, rest, rest, Vec3f(1), rest};
+        Parts result{material.reflectivity, rest, rest, Vec3f(1), rest};
         if (material.refractiveIndex > 0) {
             result.eta = back ? 1 / material.refractiveIndex : material.refractiveIndex;
             const float reflectance = fresnelDielectric(cosine, result.eta).mean();
@@ -206,7 +236,7 @@ class Tile {
 
     /// Adds what a surface sends itself, and the fog before it.
     void addOwn(std::uint16_t pixel, const PathTask* task, const SurfacePacket& s, int lane, const Vec3f& weight,
-                float fog, const Shares& w) {
+                float fog, const Parts& w) {
         const Vec3f shown = weight * s.coverage[lane], solid = shown * s.opacity[lane] * fog;
         add(pixel, task, solid * w.body, s.radiance.get(lane), s.linear >> lane & 1u, 0, false);
         // What is mirrored covers by what its ray meets, also where `body` is whole.
@@ -226,7 +256,7 @@ class Tile {
         const float cosine = std::clamp(glm::dot(normal, -direction), 0.0f, 1.0f);
         const float coverage = s.coverage[lane], opacity = s.opacity[lane];
         const bool glass = material.refractiveIndex > 0;
-        const Shares w = shares(s, lane, cosine, back);
+        const Parts w = parts(s, lane, cosine, back);
         const PathTask* task = tasks ? tasks + lane : nullptr;
         const bool linear = s.linear >> lane & 1u;
         addOwn(pixel, task, s, lane, weight, fog, w);

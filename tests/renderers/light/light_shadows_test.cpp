@@ -253,6 +253,29 @@ TEST(LightTracer, OpaqueThingsBlockInTheirPlaceOfClearOnes) {
     EXPECT_EQ(lit(opaque + clear), 0);
 }
 
+// A sheet that is nearly clear is not asked whether it is in shadow, where that would change its pixel by less than a
+// fourth of the cutoff; what is seen more of it is, and is black there. So is what is seen in a faint mirror.
+TEST(LightTracer, ShadowsThatNobodySeesAreLeftOut) {
+    const auto seen = [](double transparency, float cutoff, std::uint64_t& shadowRays) {
+        LightScene s(
+            "OrthoViewpoint { position 0 0 .5 fieldOfView [-1 -1 1 1] } DirectionalLight { direction 0 0 -1 }" +
+            square(9, fmt::format("material Material {{ diffuseColor 1 1 1 ambientIntensity 0 transparency {} }}",
+                                  transparency)) +
+            "Transform { translation 0 0 2 children " + square(9, matte("1 1 1")) + "}");
+        s.options.settings.cutoff = cutoff;
+        const float found = s.center().r;
+        shadowRays = static_cast<std::uint64_t>(s.stats.shadowRays);
+        return found;
+    };
+    std::uint64_t rays = 0;
+    EXPECT_NEAR(seen(.9999, 1 / 1024.0f, rays), 0, 1 / 4096.0);
+    EXPECT_EQ(rays, 0u);
+    EXPECT_EQ(seen(.9999, 1 / 8192.0f, rays), 0);
+    EXPECT_EQ(rays, 33u * 33u);
+    EXPECT_EQ(seen(.999, 1 / 1024.0f, rays), 0);
+    EXPECT_EQ(seen(.5, 1 / 1024.0f, rays), 0);
+}
+
 // A plain lit from 80 degrees off its normal, with everything far from the origin, must not shadow itself.
 TEST(LightTracer, NoFalseSelfShadowsFarFromTheOrigin) {
     for (const double offset : {0.0, 1e4, 1e6}) {

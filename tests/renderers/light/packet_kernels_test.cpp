@@ -76,6 +76,8 @@ void runAll(const PacketKernels& k, Inputs& in, RayPacket16& made, RayPacket16& 
         k.shinePhong(in.light, in.s.mask & 0x7FFF, kind != Light::Kind::spot, in.s);
         Incoming incoming;
         if (!k.gather(in.light, in.s, incoming)) continue;
+        const std::uint32_t faint = k.faint(in.light, incoming, in.s.coverage, .3f, true, in.s);
+        for (int lane = 0; lane < 16; ++lane) in.s.opacity[lane] = static_cast<float>(faint >> lane & 1u);
         std::uint32_t behind = 0;
         (void)k.shadowRays(in.light, in.s, incoming, 0x7FFF, shadow, behind);
         incoming.visible.set(2, Vec3f(.25f, .5f, 0));
