@@ -15,8 +15,8 @@ namespace rtsg::trace {
 namespace {
 
 constexpr int kMaxPasses = 250;
-/// Of the cutoff: several lights and surfaces may add to one pixel.
-constexpr float kLeastShadow = .25f;
+/// Shadows that are left out add up to the cutoff at most, of however many lights; of few each to a fourth of it.
+constexpr std::size_t kFewLights = 4;
 constexpr float kSmallShare = .1f;     // of a pixel
 constexpr float kLeastCutoff = 1e-6f;  // so that the number of rays of a sample has a bound
 
@@ -101,7 +101,7 @@ class Tile {
     bool findShares(const TilePacket& packet, std::uint32_t hits, const SurfacePacket& s, Shares& shares) const {
         if (scene_.space == ColorSpace::linear || (!packet.tasks && !s.special)) return false;
         bool anySmall = false;
-        shares.least = kLeastShadow * cutoff_;
+        shares.least = cutoff_ / static_cast<float>(std::max(kFewLights, scene_.lightGroups.lights.size()));
         std::fill(std::begin(shares.of), std::end(shares.of), Shares::kWhole);
         for (std::uint32_t rest = hits & ~s.linear; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);

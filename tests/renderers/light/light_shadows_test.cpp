@@ -256,9 +256,11 @@ TEST(LightTracer, OpaqueThingsBlockInTheirPlaceOfClearOnes) {
 // A sheet that is nearly clear is not asked whether it is in shadow, where that would change its pixel by less than a
 // fourth of the cutoff; what is seen more of it is, and is black there. So is what is seen in a faint mirror.
 TEST(LightTracer, ShadowsThatNobodySeesAreLeftOut) {
-    const auto seen = [](double transparency, float cutoff, std::uint64_t& shadowRays) {
+    const auto seen = [](double transparency, float cutoff, std::uint64_t& shadowRays, int lights = 1) {
+        std::string all;
+        for (int i = 0; i < lights; ++i) all += "DirectionalLight { direction 0 0 -1 } ";
         LightScene s(
-            "OrthoViewpoint { position 0 0 .5 fieldOfView [-1 -1 1 1] } DirectionalLight { direction 0 0 -1 }" +
+            "OrthoViewpoint { position 0 0 .5 fieldOfView [-1 -1 1 1] } " + all +
             square(9, fmt::format("material Material {{ diffuseColor 1 1 1 ambientIntensity 0 transparency {} }}",
                                   transparency)) +
             "Transform { translation 0 0 2 children " + square(9, matte("1 1 1")) + "}");
@@ -274,6 +276,9 @@ TEST(LightTracer, ShadowsThatNobodySeesAreLeftOut) {
     EXPECT_EQ(rays, 33u * 33u);
     EXPECT_EQ(seen(.999, 1 / 1024.0f, rays), 0);
     EXPECT_EQ(seen(.5, 1 / 1024.0f, rays), 0);
+    // Of many lights none may leave out so much that it is seen in the sum.
+    EXPECT_EQ(seen(.9999, 1 / 1024.0f, rays, 200), 0);
+    EXPECT_EQ(rays, 200u * 33u * 33u);
 }
 
 // A plain lit from 80 degrees off its normal, with everything far from the origin, must not shadow itself.
