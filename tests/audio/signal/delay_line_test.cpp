@@ -10,7 +10,7 @@
 namespace rtsg {
 namespace {
 
-double tone(double sample) {
+double sineAt(double sample) {
     return std::sin(2 * std::numbers::pi * 0.037 * sample);
 }
 
@@ -19,7 +19,7 @@ DelayLine toneLine(std::size_t count, std::size_t longest) {
     DelayLine line;
     std::vector<float> block;
     for (std::size_t i = 0; i < count; ++i) {
-        block.push_back(static_cast<float>(tone(static_cast<double>(i))));
+        block.push_back(static_cast<float>(sineAt(static_cast<double>(i))));
         if (block.size() < 100 && i + 1 < count) continue;
         line.write(block, longest);
         block.clear();
@@ -42,7 +42,7 @@ TEST(DelayLine, ReadsAToneAtAnyDelay) {
     std::vector<float> heard(delays.size());
     line.read(4700, delays, heard);
     for (std::size_t i = 0; i < delays.size(); ++i)
-        EXPECT_NEAR(static_cast<double>(heard[i]), tone(4700 + static_cast<double>(i) - delays[i]), 1e-5) << i;
+        EXPECT_NEAR(static_cast<double>(heard[i]), sineAt(4700 + static_cast<double>(i) - delays[i]), 1e-5) << i;
 }
 
 TEST(DelayLine, ABlockIsReadAsEachOfItsSamples) {
