@@ -99,6 +99,24 @@ TEST(NearWalls, InALosslessRoomNoCornerIsQuieterThanTheMiddle) {
         }
 }
 
+/// Of a spot that is seen under angles up to acos(d / r): its mean distance is d ln(r / d) / (1 - d / r), and what
+/// comes straight on goes as much farther, and the height besides.
+TEST(NearWalls, TheirEchoComesAsMuchLaterAsItsWayIsLonger) {
+    const TriangleGeometry plane = planeOf(.2, 1);
+    const trace::BandClasses classes = trace::bandClasses(plane.materials());
+    for (const double height : {.02, .05}) {
+        const trace::NearWalls near(plane, classes, {0, 0, 2}, {0, 0, height});
+        int walls = 0;
+        near.echo({0, 0, 1}, [&](double later, const Bands& shares) {
+            ++walls;
+            EXPECT_NEAR(later, height * std::log(.1 / height) / (1 - height / .1) + height, 5e-4) << height;
+            EXPECT_NEAR(shares[0], 2 * .8 * (1 - height / .1), .004) << height;
+        });
+        EXPECT_EQ(walls, 1);
+        near.echo({0, 0, -1}, [](double, const Bands&) { ADD_FAILURE() << "from behind the wall"; });
+    }
+}
+
 TEST(NearWalls, WhatIsFarMirrorsOrIsNextToTheSourceIsLeftToRays) {
     const TriangleGeometry scatters = planeOf(.2, 1), mirrors = planeOf(.2, 0);
     const trace::BandClasses classes = trace::bandClasses(scatters.materials());
