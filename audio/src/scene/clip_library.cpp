@@ -227,7 +227,8 @@ float VoicePlayer::sampleAt(const Loop* loop, double length, std::size_t channel
     const auto count = static_cast<std::size_t>(clip_->channels);
     const auto clip = [&](double place) {
         const double at = inLoop(loop, place);
-        return at < 0 || at >= length ? 0.0f : clip_->samples[static_cast<std::size_t>(at) * count + channel];
+        // Nor is what no number names there: a loop may be as short as that.
+        return at >= 0 && at < length ? clip_->samples[static_cast<std::size_t>(at) * count + channel] : 0.0f;
     };
     const double whole = std::floor(phase_), fraction = phase_ - whole;
     double sample = 0;
@@ -240,7 +241,8 @@ float VoicePlayer::sampleAt(const Loop* loop, double length, std::size_t channel
         }
         return static_cast<float>(sample / faster);
     }
-    if (fraction == 0) return clip_->samples[static_cast<std::size_t>(whole) * count + channel];
+    // Turned round at its end it is past that.
+    if (fraction == 0) return clip(whole);
     for (int k = 0; k < kTaps; ++k)
         sample += static_cast<double>(clip(whole + k - (SincTable::kHalf - 1)) * sinc.tap(fraction, k));
     return static_cast<float>(sample);

@@ -147,6 +147,25 @@ TEST_F(Clips, ThatWerePausedAreWhereTheyWentOn) {
     EXPECT_EQ(heard(voice, waits, clips, 3.5, 4)[1], 2 * kFileRate + 1);
 }
 
+/// Whatever its fields say by now: past its last sample there is nothing to read.
+TEST_F(Clips, TurnedRoundAtTheirEndComeBackFromThere) {
+    ClipLibrary clips = library(1 << 24);
+    std::vector<float> ramp(100);
+    for (std::size_t i = 0; i < ramp.size(); ++i) ramp[i] = static_cast<float>(i) * 0x1p-20f;
+    SoundVoice voice = bufferVoice(ramp);
+    VoicePlayer player;
+    EXPECT_EQ(heard(voice, player, clips, 0, 100).back(), 99);
+    voice.pitch = -1;
+    EXPECT_EQ(heard(voice, player, clips, 100.0 / kFileRate, 4), (std::vector<double>{-1, 99, 98, 97}));
+    // A loop of no length ends.
+    voice.pitch = .5;
+    voice.loop = true;
+    voice.loopStart = 10.0 / kFileRate;
+    voice.loopEnd = 10.000001 / kFileRate;
+    VoicePlayer other;
+    for (const double at : heard(voice, other, clips, 0, 40)) EXPECT_LT(at, 11);
+}
+
 /// 8.2.4.4: a node pauses when its pauseTime comes if that is later than its resumeTime.
 TEST(Voices, PauseAsTheirClocksDo) {
     SoundVoice voice;
