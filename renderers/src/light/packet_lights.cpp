@@ -86,8 +86,9 @@ std::uint32_t nearClear(const TraceScene& scene, const RayPacket16& rays, std::u
     return met & most;
 }
 
-/// Less of light than this is none.
-constexpr float kLeast = 1 / 1024.0f;
+/// A smaller share of light than this is none. Lights may be as strong as they like: what a thousandth of one is to a
+/// picture says nothing of another.
+constexpr float kLeast = 1e-9f;
 
 /// Takes from `left` what a ray, which ends at `tMax`, loses at its hit, of which `through` passes, and has it go on
 /// from there; false: nothing more is in its way, or nothing is left.
@@ -103,7 +104,8 @@ bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float
         ray.direction = ray.origin + ray.direction - next;
         if (!(glm::dot(ray.direction, ray.direction) > 1e-20f)) return false;
     }
-    ray.origin = next, ray.tMax = tMax;
+    // What was left out before this hit is behind the new start: where the ray begins was moved on past that.
+    ray.origin = next, ray.tMin = 0, ray.tMax = tMax;
     return true;
 }
 
