@@ -215,15 +215,19 @@ std::string jsonDifferences(const ReplayReport& report) {
 void printOutcome(const ReplayOutcome& outcome, bool json) {
     const ReplayReport& report = outcome.report;
     if (!json)
-        fmt::print("{} of {} states as recorded{}: {}{}\n", report.verified, report.frames,
+        fmt::print("{} of {} states as recorded{}: {}{}{}\n", report.verified, report.frames,
                    report.fields > 0 ? fmt::format(" in {} field{}", report.fields, report.fields == 1 ? "" : "s") : "",
-                   outcome.passed() ? "passed" : "failed", report.updated ? "; the log was written anew" : "");
+                   outcome.passed() ? "passed" : "failed", report.updated ? "; the log was written anew" : "",
+                   report.closed || report.updated || !outcome.passed()
+                       ? ""
+                       : "; the log was not closed: states may be missing at its end (--verify fails then)");
     else
         fmt::print(
-            "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"passed\":{},\"updated\":{},\"fields\":{},"
+            "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"passed\":{},\"updated\":{},\"closed\":{},"
+            "\"fields\":{},"
             "\"differences\":[{}]}}\n",
-            report.frames, report.verified, toJson(report.divergence), outcome.passed(), report.updated, report.fields,
-            jsonDifferences(report));
+            report.frames, report.verified, toJson(report.divergence), outcome.passed(), report.updated, report.closed,
+            report.fields, jsonDifferences(report));
     for (const ReplayCheck& check : outcome.checks)
         if (!check.failure.empty()) printError(check.failure);
     if (json) return;

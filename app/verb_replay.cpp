@@ -232,6 +232,12 @@ class Replaying {
         const std::uint64_t ends = replayer_.unclosedSessions();
         return ends ? fmt::format("; {} session{} within it not closed", ends, ends == 1 ? "" : "s") : std::string();
     }
+    /// Read to its end; what came after that is nowhere.
+    std::string openEnd() const {
+        const LogReader& log = replayer_.log();
+        return more_ || cut_ || log.closed() || log.beingWritten() ? std::string()
+                                                                   : "; the log was not closed: its end may be missing";
+    }
     std::string leftOut() const {
         const std::uint64_t changes = replayer_.losses().changes;
         return changes ? fmt::format("; {} changes of fields that this program does not have left out", changes)
@@ -242,9 +248,9 @@ class Replaying {
         const LogReader& log = replayer_.log();
         const std::string hash = replayer_.scene().hash().hex();
         if (!options_.json)
-            fmt::print("{} states to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}{}{}\n",
+            fmt::print("{} states to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}{}{}{}\n",
                        replayer_.frames(), time(), replayer_.verified(), replayer_.gaps(), log.damage().size(), hash,
-                       unclosed(), piece(), format(), leftOut());
+                       unclosed(), openEnd(), piece(), format(), leftOut());
         else
             fmt::print(
                 "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"before_s\":{},\"hash\":\"{}\","

@@ -109,6 +109,8 @@ Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::stri
         if (progress && !progress(replayer.log().position(), replayer.log().size())) return blamed.steps();
         if (auto ok = blamed.look(replayer); !ok) return std::unexpected(ok.error());
     }
+    // Who asks while it is being written asks for what there is.
+    if (!replayer.log().beingWritten()) check.expectClosed();
     if (lacks) *lacks = check.first();
     if (const Diagnostic* why = blamed.why()) return std::unexpected(*why);
     return blamed.steps();

@@ -76,6 +76,7 @@ class Run {
 
     void takeDifferences() {
         report_.end = recorded_.scene().now();
+        report_.closed = recorded_.log().closed();
         if (!fields_) return;
         report_.fields = fields_->fieldCount();
         report_.differences = fields_->differences();

@@ -57,6 +57,7 @@ struct ReplayReport {
     std::uint64_t verified = 0;  // of these, equal to the recorded ones
     std::optional<Divergence> divergence;
     bool updated = false;
+    bool closed = true;         // the log was: nothing of the session came after the last state
     double start = 0, end = 0;  // times of the first and the last state reached
     /// With chosen fields: how many there were, those that differed, in the order in which they began, and their
     /// values.
