@@ -485,7 +485,7 @@ Hit RayView::hit(const RayPacket16& rays, int lane) const {
                 rays.geom_[lane],
                 rays.prim_[lane],
                 rays.u_[lane],
-                0,
+                rays.v_[lane],  // of a triangle behind something that was left out; 0 of strokes
                 {rays.normalX_[lane], rays.normalY_[lane], rays.normalZ_[lane]}};
     return resolve({rays.tMax[lane],
                     rays.u_[lane],
