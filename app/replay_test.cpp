@@ -270,7 +270,7 @@ std::string howItEnds(const std::string& log) {
     LogCheck check(**opened);
     while (check.step().value_or(true)) continue;
     check.expectClosed();
-    return check.first() ? log + ": " + check.first()->format() : "";
+    return check.first() ? log + ": " + fromStart(check.first(), logStart(log))->format() : "";
 }
 
 /// Why there is nothing of the scene.

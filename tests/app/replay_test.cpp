@@ -108,8 +108,6 @@ TEST_F(Replay, ALogThatWasNotClosedDoesNotVerify) {
     }
     for (const char* option : {"--verify", "--live"})
         EXPECT_EQ(rtsg({"replay", log, option}).out.find("not closed"), std::string::npos) << option;
-    {
-    }
 }
 
 /// Its writer is in the middle of a record: that is no damage, and all that is there is verified.
@@ -130,6 +128,19 @@ TEST_F(Replay, ALogThatIsBeingWrittenIsVerifiedAsFarAsItGoes) {
     const Outcome described = rtsg({"info", log});
     EXPECT_EQ(described.status, 0) << described.err;
     EXPECT_THAT(described.out, HasSubstr("it is still being written"));
+    // Nobody puts another file in its place, where its writer would go on in the old one, which has no name any more.
+    const std::string before = readFile(log), whole = folder / "whole.rlog";
+    record(whole, scene());
+    for (const std::vector<std::string>& command :
+         {std::vector<std::string>{"replay", whole, "--compact", log, "--force"},
+          std::vector<std::string>{"replay", log, "--rerun", file, "--update"}}) {
+        const Outcome refused = rtsg(command);
+        EXPECT_EQ(refused.status, 1) << refused.out;
+        EXPECT_THAT(refused.err, HasSubstr("another log writer has the file open"));
+        EXPECT_EQ(readFile(log), before);
+    }
+    const Outcome tested = rtsg({"replay", log, "--rerun", file, "--verify"});
+    EXPECT_THAT(tested.err, testing::ContainsRegex("t = 0?.?[0-9]* s.: the log is still being written"));
     ::close(writer);
     EXPECT_THAT(rtsg({"replay", log, "--verify"}).err, HasSubstr("truncated"));
     EXPECT_EQ(rtsg({"info", log}).status, 1);

@@ -102,6 +102,7 @@ Result<CompactReport> compactLog(const std::filesystem::path& in, const std::fil
     if (sameFile(in, out)) return fail("a log cannot be compacted onto itself", {}, in.string());
     if (options.log.existing == Existing::keep && std::filesystem::exists(out, error))
         return fail("there is a file already", {}, out.string());
+    if (isBeingWritten(out)) return fail("another log writer has the file open", {}, out.string());
     auto from = Replayer::open(in);
     if (!from) return std::unexpected(from.error());
     const std::filesystem::path fresh = freshNameBeside(out);

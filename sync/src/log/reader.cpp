@@ -129,11 +129,27 @@ void LogReader::growTo(std::uint64_t end) {
         size_ = end;
 }
 
+namespace {
+
 /// Writers hold an exclusive lock, which keeps a shared one out.
-bool LogReader::beingWritten() const {
-    if (::flock(descriptor_, LOCK_SH | LOCK_NB) != 0) return errno == EWOULDBLOCK;
-    ::flock(descriptor_, LOCK_UN);
+bool isLocked(int descriptor) {
+    if (::flock(descriptor, LOCK_SH | LOCK_NB) != 0) return errno == EWOULDBLOCK;
+    ::flock(descriptor, LOCK_UN);
     return false;
+}
+
+}  // namespace
+
+bool LogReader::beingWritten() const {
+    return isLocked(descriptor_);
+}
+
+bool isBeingWritten(const std::filesystem::path& file) {
+    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    if (descriptor < 0) return false;
+    const bool locked = isLocked(descriptor);
+    ::close(descriptor);
+    return locked;
 }
 
 /// The bytes from `offset` to the file's end are the beginning of a record that somebody is writing.

@@ -139,6 +139,8 @@ class Run {
         if (test_.attach)
             if (auto ok = test_.attach(scene()); !ok) return ok;
         if (test_.build && test_.update) {
+            if (recorded_.log().beingWritten())
+                return fail("another log writer has the file open", {}, test_.log.string());
             fresh_ = freshNameBeside(test_.log);
             auto log = LogWriter::create(fresh_, builtinTypes());
             if (!log) return std::unexpected(log.error());

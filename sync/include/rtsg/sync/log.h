@@ -223,6 +223,9 @@ class LogReader {
     std::uint64_t windowAt_ = 0;
 };
 
+/// Whether a LogWriter, of this program or another, has the file open. False if there is none.
+bool isBeingWritten(const std::filesystem::path& file);
+
 /// The files before this one of a log that was written in pieces, in order: those with its name and a number.
 std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file);
 /// The log that a file with a number in its name was a piece of: the one beside it without the number. Empty: none.
