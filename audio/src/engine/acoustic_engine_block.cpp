@@ -287,9 +287,11 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     bool audible = false;
     levelOf(emitter, state, apparent, block, to, audible);
     if (!anyHeard) {
-        anyHeard = audible && sound.enabled && sound.plays() && sound.intensity != 0 && block.listener.gain != 0 &&
-                   makesSound(state);
-        if (!anyHeard) noteUnheard(emitter, glm::distance(apparent, block.listener.position), audible, block.listener);
+        const bool inReach =
+            audible && sound.enabled && sound.plays() && sound.intensity != 0 && block.listener.gain != 0;
+        anyInReach = anyInReach || inReach;
+        anyHeard = inReach && makesSound(state);
+        if (!anyHeard) noteUnheard(emitter, glm::distance(apparent, block.listener.position), inReach, block.listener);
     }
     if (!state.started) {
         state.level.directGain = to.directGain;

@@ -165,7 +165,7 @@ struct AcousticEngine::Impl {
     std::vector<StreamedSound> streams;
     std::vector<SealedSource> sealed;
     std::map<InstanceId, UnheardSource> unheard;  // until any sound was in its reach
-    bool anyHeard = false;
+    bool anyInReach = false, anyHeard = false;
     std::map<InstanceId, bool> toldSealed;  // of those that are: whether the source is inside
     std::vector<SoundLeak> leaks;
     int leakSearches = 0;

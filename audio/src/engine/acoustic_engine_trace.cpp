@@ -249,8 +249,9 @@ void AcousticEngine::Impl::noteUnheard(const SoundEmitter& emitter, double dista
 
 std::vector<UnheardSource> AcousticEngine::unheard() const {
     std::vector<UnheardSource> all;
-    if (!impl_->anyHeard)
-        for (const auto& [id, source] : impl_->unheard) all.push_back(source);
+    // Where any is in reach authors mean the others to be out of it.
+    for (const auto& [id, source] : impl_->unheard)
+        if (!impl_->anyHeard && (!impl_->anyInReach || source.why == UnheardSource::Why::still)) all.push_back(source);
     return all;
 }
 

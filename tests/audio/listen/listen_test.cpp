@@ -131,8 +131,8 @@ TEST_F(Listen, AClipBesideAnInlinedFileIsFound) {
     SoundBuffer loud{kRate, 1, std::vector<float>(kRate / 10, .5f)};
     ASSERT_TRUE(writeWav((folder_ / "parts" / "sounds" / "beside.wav").string(), loud, WavFormat::float32));
     std::ofstream(folder_ / "parts" / "inner.x3dv")
-        << "#X3D V4.0 utf8\nPROFILE Full\nSound { location 0 0 -3 minBack 9 minFront 9 source AudioClip { url "
-           "\"sounds/beside.wav\" } }\n";
+        << "#X3D V4.0 utf8\nPROFILE Full\nSound { location 0 0 -3 minBack 9 minFront 9 source AudioClip { loop "
+           "TRUE url \"sounds/beside.wav\" } }\n";
     std::ofstream(folder_ / "outer.x3dv")
         << "#X3D V4.0 utf8\nPROFILE Full\nInline { url \"parts/inner.x3dv\" }\nViewpoint { position 0 0 0 }\n";
     Scene scene;
