@@ -239,16 +239,16 @@ TEST(LightTracer, PanesTakeTheirShareEach) {
 // A ClipPlane leaves out the panes on one side of it, be they the first or the last in a ray's way: those that are left
 // all count. And of a strong light a thousandth is more than a weak one has.
 TEST(LightTracer, PanesThatAreLeftOfCutOnesAllCountAndSoDoManyUnderAStrongLight) {
-    // Rays go aslant: where the second pane is met tells where the third one is looked for.
+    // Rays go aslant, and the last panes are small: where one is met tells where the next one is looked for.
     const auto lit = [](int panes, const std::string& plane, double intensity, bool shut = false) {
         std::string body = fmt::format(
             "OrthoViewpoint {{ position 0 0 .5 fieldOfView [-1 -1 1 1] }} PointLight {{ location 60 40 100 radius 1e9 "
             "intensity {} }}{} Group {{ children [{}",
             intensity, square(100, matte("1 1 1")), plane);
-        if (shut) body += fmt::format("Transform {{ translation 0 0 3 children {} }}", square(40, matte("1 1 1")));
+        if (shut) body += fmt::format("Transform {{ translation 0 0 3 children {} }}", square(5, matte("1 1 1")));
         for (int i = 0; i < panes; ++i)
             body += fmt::format("Transform {{ translation 0 0 {} children {} }}", 1 + .1 * i,
-                                square(40, "material Material { diffuseColor 0 0 0 transparency .5 }"));
+                                square(i < 6 ? 40 : 5, "material Material { diffuseColor 0 0 0 transparency .5 }"));
         LightScene s(body + "]}");
         s.options.settings.colorSpace = ColorSpace::linear;
         return static_cast<double>(s.center().r);
