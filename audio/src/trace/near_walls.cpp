@@ -106,6 +106,7 @@ void NearWalls::lightEachOther(const AcousticGeometry& geometry, const BandClass
         }
         for (std::size_t i = 0; i < count; ++i) walls_[i].back[c] = all[i] * scattered[i];
     }
+    for (Wall& wall : walls_) wall.views = {};  // a tenth of a megabyte, of no more use
 }
 
 EnergyHistogram echoOf(const NearWalls& walls, const BandClasses& classes, std::span<const Arrival> arrivals,

@@ -10,7 +10,9 @@
 // 1993, chapter 4. Threading: const once made.
 #pragma once
 
-#include <cmath>
+#include <algorithm>
+#include <cstdint>
+#include <span>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -55,10 +57,10 @@ class NearWalls {
     struct Wall {
         glm::dvec3 normal{0};  // towards where it is seen from
         std::uint32_t material = 0;
-        std::vector<View> views;
-        double way = 0;       // m to it, the mean over these
-        glm::dvec3 wayTo{0};  // to its middle, m
-        Bands back{};         // by class, of what lights it straight on
+        std::vector<View> views;  // until `back` is known
+        double way = 0;           // m to it, the mean over these
+        glm::dvec3 wayTo{0};      // to its middle, m
+        Bands back{};             // by class, of what lights it straight on
     };
 
     void look(const AcousticGeometry& geometry, const BandClasses& classes, const glm::dvec3& listener);

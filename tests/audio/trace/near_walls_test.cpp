@@ -1,12 +1,12 @@
 // What walls within centimetres of a listener scatter to it: against an integral, the law of a lossless room, and the
 // same paths the other way round.
 #include <cmath>
-#include <numbers>
 
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/acoustic_tracer.h>
 
+#include "audio/trace/scattered.h"
 #include "audio/trace/trace_options.h"
 #include "audio/triangle_geometry.h"
 #include "trace/near_walls.h"
@@ -15,15 +15,11 @@
 namespace rtsg {
 namespace {
 
+using test::fromPlaneBelow;
+using test::scatteredEnergy;
 using test::Shoebox;
 using test::shortTrace;
 using test::TriangleGeometry;
-
-double scatteredEnergy(const TraceResult& result) {
-    double sum = 0;
-    for (const Bands& bin : result.echogram().late.bins) sum += bin[kBand1k];
-    return sum;
-}
 
 TriangleGeometry planeOf(double absorption, double scattering) {
     TriangleGeometry plane;
@@ -31,20 +27,6 @@ TriangleGeometry planeOf(double absorption, double scattering) {
                   plane.addMaterial(absorption, scattering));
     plane.finish();
     return plane;
-}
-
-/// What a Lambert plane z = 0 sends from a source at height h to a listener at height k above the same point.
-double fromPlaneBelow(double absorption, double h, double k) {
-    constexpr int kSteps = 400'000;
-    double sum = 0;
-    for (int i = 0; i < kSteps; ++i) {
-        // r = k tan(u): as many steps within k of the foot as beyond.
-        const double u = (i + .5) / kSteps * std::numbers::pi / 2, r = k * std::tan(u);
-        const double dr = k * (1 + std::tan(u) * std::tan(u)) * std::numbers::pi / 2 / kSteps;
-        sum += 2 * std::numbers::pi * r * dr * h / (4 * std::numbers::pi * std::pow(r * r + h * h, 1.5)) * k /
-               (std::numbers::pi * std::pow(r * r + k * k, 1.5));
-    }
-    return (1 - absorption) * sum;
 }
 
 TEST(NearWalls, ADiffusePlaneSendsWhatTheIntegralSaysFromAnyHeight) {

@@ -6,39 +6,22 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 
+#include "audio/trace/scattered.h"
 #include "audio/trace/trace_options.h"
 #include "audio/triangle_geometry.h"
 
 namespace rtsg {
 namespace {
 
+using test::fromPlaneBelow;
+using test::scatteredEnergy;
 using test::Shoebox;
 using test::shortTrace;
 using test::TriangleGeometry;
 
-double lateEnergy(const TraceResult& result) {
-    double sum = 0;
-    for (const Bands& bin : result.echogram().late.bins) sum += bin[kBand1k];
-    return sum;
-}
-
-/// What a Lambert plane z = 0 sends from a source at height h to a listener at height k above the same point:
-/// integral of h / (4 pi (r^2 + h^2)^1.5) * (1 - a) * k / (pi (r^2 + k^2)^1.5) dA.
-double offThePlane(double absorption, double h, double k) {
-    constexpr int kSteps = 200'000;
-    double sum = 0;
-    for (int i = 0; i < kSteps; ++i) {
-        // r = tan(u): the whole plane in a quarter turn.
-        const double u = (i + .5) / kSteps * M_PI / 2, r = std::tan(u), dr = M_PI / 2 / kSteps * (1 + r * r);
-        sum += 2 * M_PI * r * dr * h / (4 * M_PI * std::pow(r * r + h * h, 1.5)) * k /
-               (M_PI * std::pow(r * r + k * k, 1.5));
-    }
-    return (1 - absorption) * sum;
-}
-
 /// However few the rays: the mean over many runs is the integral, for the near and the far alike.
 TEST(SeveralListeners, ADiffusePlaneSendsEachWhatTheIntegralSays) {
-    ASSERT_NEAR(offThePlane(.2, 2, 2), .8 / (8 * M_PI * 4), 1e-9);
+    ASSERT_NEAR(fromPlaneBelow(.2, 2, 2), .8 / (8 * M_PI * 4), 1e-9);
     TriangleGeometry plane;
     plane.addQuad({-300, -300, 0}, {300, -300, 0}, {300, 300, 0}, {-300, 300, 0}, plane.addMaterial(.2, 1));
     plane.finish();
@@ -51,13 +34,13 @@ TEST(SeveralListeners, ADiffusePlaneSendsEachWhatTheIntegralSays) {
         const auto results = AcousticTracer(plane).trace({0, 0, 2}, listeners, shortTrace(320, 1 + run, 2));
         ASSERT_EQ(results.size(), listeners.size());
         for (std::size_t i = 0; i < results.size(); ++i) {
-            const double late = lateEnergy(results[i]);
+            const double late = scatteredEnergy(results[i]);
             sum[i] += late / kRuns, squares[i] += late * late / kRuns;
             EXPECT_EQ(results[i].rays, 320u);
         }
     }
     for (std::size_t i = 0; i < listeners.size(); ++i) {
-        const double exact = offThePlane(.2, 2, heights[i]);
+        const double exact = fromPlaneBelow(.2, 2, heights[i]);
         const double error = std::sqrt((squares[i] - sum[i] * sum[i]) / kRuns);
         EXPECT_LT(error, .02 * exact) << heights[i];
         // Beyond 5 standard errors by chance less than once in a million.
