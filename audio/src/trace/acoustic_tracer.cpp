@@ -35,6 +35,7 @@ bool TraceResult::silent() const {
 Echogram TraceResult::echogram() const {
     Echogram result;
     result.arrivals = arrivals;
+    result.edges = edges;
     if (!batches.empty()) {
         result.late.binsPerSecond = batches.front().binsPerSecond;
         result.late.start = batches.front().start;
@@ -373,7 +374,7 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
                                            options.air.speedOfSound, airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
     if (options.diffractionOrder > 0)
-        result.edgePairs = addDiffraction(geometry, source, listener, options, seconds, result.arrivals);
+        result.edgePairs = addDiffraction(geometry, source, listener, options, seconds, result.arrivals, result.edges);
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;
     chooseReceiver(geometry, source, listener, options, result);

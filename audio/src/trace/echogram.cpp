@@ -1,6 +1,8 @@
 // Sums and lengths of energy over time.
 #include <rtsg/audio/echogram.h>
+
 #include <algorithm>
+#include <cmath>
 
 namespace rtsg {
 
@@ -8,6 +10,11 @@ void EnergyHistogram::accumulate(const EnergyHistogram& other, double factor) {
     if (bins.size() < other.bins.size()) bins.resize(other.bins.size(), Bands{});
     for (std::size_t i = 0; i < other.bins.size(); ++i)
         for (std::size_t b = 0; b < kBandCount; ++b) bins[i][b] += factor * other.bins[i][b];
+}
+
+double edgeToneHz(double tone) {
+    constexpr double kInOctave = static_cast<double>(kEdgeTones) / kBandCount;
+    return 1000 * std::exp2((tone + 0.5) / kInOctave - 0.5 - kBand1k);
 }
 
 double Echogram::duration() const {

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "edge_tones.h"
+#include "edge_waves.h"
 
 namespace rtsg {
 namespace {
@@ -108,16 +109,18 @@ bool isSame(const WallEdge& a, const WallEdge& b) {
     return a.from == b.from && a.axis == b.axis && a.length == b.length;
 }
 
-/// What an edge bends by itself, with a part of what goes on round the other one: a factor of its energy.
-void goOn(const PairWay& way, const BentArrival& parent, bool parentIsFirst, const EdgeTones& tones, Arrival& arrival) {
+/// What an edge bends by itself, with a part of what goes on round the other one: a factor of its energy. Gives the
+/// share of that part.
+double goOn(const PairWay& way, const BentArrival& parent, bool parentIsFirst, const EdgeTones& tones,
+            Arrival& arrival) {
     const WedgePath& alone = parent.round.path;
     const double dark = std::abs(alone.receiverAngle - alone.sourceAngle) - std::numbers::pi;
     const double lit = -(parentIsFirst ? way.atSecond : way.atFirst).shadow();
     const double share = dark / (dark + lit);
-    if (!(share > 0 && share <= 1)) return;
+    if (!(share > 0 && share <= 1)) return 0;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         double with = 0, without = 0;
-        tones.each(b, [&](double waveNumber) {
+        tones.each(b, [&](std::size_t, double waveNumber) {
             const double first = tones.mirrors(way.first->material, b), second = tones.mirrors(way.second->material, b);
             const WedgeField f = wedgeField(alone, waveNumber);
             const std::complex<double> by = f.besideDirect + (parentIsFirst ? first : second) * f.besideMirrored;
@@ -126,33 +129,43 @@ void goOn(const PairWay& way, const BentArrival& parent, bool parentIsFirst, con
         });
         if (without > 0) arrival.energy[b] *= with / without;
     }
+    return share;
 }
 
-Arrival arrivalBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
-                  const EdgeTones& tones) {
-    const Bands attenuation = airAttenuation(options.air);
+/// The wave that both edges bend, and for an arrival of its own its energies.
+struct Bent {
+    EdgeWave wave;
     Arrival arrival;
-    arrival.seconds = way.path.way / options.air.speedOfSound;
-    arrival.order = 2;
-    arrival.direction = glm::normalize(way.bySecond - listener);
+};
+
+Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
+            const EdgeTones& tones) {
+    const Bands attenuation = airAttenuation(options.air);
+    const double length = way.path.way;
+    Bent bent;
+    bent.arrival.seconds = bent.wave.seconds = length / options.air.speedOfSound;
+    bent.arrival.order = bent.wave.order = 2;
+    bent.arrival.direction = bent.wave.direction = glm::normalize(way.bySecond - listener);
     const double sent = options.pattern ? options.pattern(glm::normalize(way.byFirst - source)) : 1;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         double energy = 0;
-        tones.each(b, [&](double waveNumber) {
-            energy += std::norm(twoWedgeField(way.path, waveNumber, tones.mirrors(way.first->material, b),
-                                              tones.mirrors(way.second->material, b))) /
-                      EdgeTones::kTones;
+        tones.each(b, [&](std::size_t tone, double waveNumber) {
+            const std::complex<double> field = twoWedgeField(
+                way.path, waveNumber, tones.mirrors(way.first->material, b), tones.mirrors(way.second->material, b));
+            bent.wave.pressure[tone] = std::complex<float>(field * std::polar(1.0, waveNumber * length));
+            energy += std::norm(field) / EdgeTones::kTones;
         });
-        arrival.energy[b] = sent * energy / (4 * std::numbers::pi) * std::exp(-attenuation[b] * way.path.way);
+        bent.arrival.energy[b] = sent * energy / (4 * std::numbers::pi) * std::exp(-attenuation[b] * length);
     }
-    return arrival;
+    weaken(bent.wave, sent, attenuation, length);
+    return bent;
 }
 
 }  // namespace
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, std::vector<EdgeCandidate> edges,
-                           const std::vector<BentArrival>& bent, std::vector<Arrival>& arrivals) {
+                           const std::vector<BentArrival>& bent, std::vector<Arrival>& arrivals, EdgeField& field) {
     EdgePairCount count;
     const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
     std::stable_sort(edges.begin(), edges.end(), shorter);
@@ -178,24 +191,35 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
         ways.resize(kPairs);
     }
     const EdgeTones tones(geometry, options.air.speedOfSound);
+    const auto addWave = [&](EdgeWave wave, double share, double length) {
+        for (std::complex<float>& tone : wave.pressure) tone *= static_cast<float>(share);
+        if (!isFaint(wave, length)) field.waves.push_back(wave);
+    };
+    const auto addByItself = [&](const PairWay& way) {
+        Bent both = bentBy(way, source, listener, options, tones);
+        addWave(both.wave, 1, way.path.way);
+        both.arrival.straight = static_cast<std::int32_t>(field.straight.size());
+        field.straight.push_back({});
+        arrivals.push_back(both.arrival);
+        ++count.heard;
+    };
     for (const PairWay& way : ways) {
         if (!isFree(geometry, source, listener, way)) continue;
         const bool firstHides = way.atFirst.shadow() > 0, secondHides = way.atSecond.shadow() > 0;
         if (firstHides && secondHides) {
-            arrivals.push_back(arrivalBy(way, source, listener, options, tones));
-            ++count.heard;
+            addByItself(way);
             continue;
         }
         const WallEdge& hides = firstHides ? *way.first : *way.second;
         const auto parent = std::ranges::find_if(bent, [&](const BentArrival& one) { return isSame(one.edge, hides); });
-        if (parent != bent.end())
-            goOn(way, *parent, firstHides, tones, arrivals[parent->arrival]);
-        else if ((firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing)
+        if (parent != bent.end()) {
+            const double share = goOn(way, *parent, firstHides, tones, arrivals[parent->arrival]);
+            if (share > 0) addWave(bentBy(way, source, listener, options, tones).wave, share, way.path.way);
+            ++count.heard;
+        } else if ((firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing) {
             // It is chance whether a ray along the boundary finds its way: half of it is left on either side.
-            arrivals.push_back(arrivalBy(way, source, listener, options, tones));
-        else
-            continue;
-        ++count.heard;
+            addByItself(way);
+        }
     }
     return count;
 }

@@ -30,6 +30,6 @@ struct EdgeCandidate {
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, std::vector<EdgeCandidate> edges,
-                           const std::vector<BentArrival>& bent, std::vector<Arrival>& arrivals);
+                           const std::vector<BentArrival>& bent, std::vector<Arrival>& arrivals, EdgeField& field);
 
 }  // namespace rtsg

@@ -10,6 +10,7 @@
 
 #include "edge_pairs.h"
 #include "edge_tones.h"
+#include "edge_waves.h"
 
 namespace rtsg {
 namespace {
@@ -22,7 +23,49 @@ struct EdgeShares {
     Bands edge{};                // energy by way of the edge itself, times 4 pi m^2
     Bands late{};                // of that, what is not one with direct sound that is heard
     Bands dark{};                // the first with direct sound, if there is any, for it has not come otherwise
+    EdgeWave wave;               // its pressure, before air and the source's pattern
 };
+
+/// Whether direct sound and the mirror image that ends at this edge were found.
+struct Found {
+    bool direct = false, mirrored = false;
+};
+
+double distanceAt(const WedgePath& path, double angle) {
+    return std::sqrt(path.sourceRadius * path.sourceRadius + path.receiverRadius * path.receiverRadius -
+                     2 * path.sourceRadius * path.receiverRadius * std::cos(angle) + path.along * path.along);
+}
+
+/// The angle that the mirror image by the nearer face is seen under.
+double imageAngle(const WedgePath& path) {
+    const double sum = path.receiverAngle + path.sourceAngle;
+    return std::min(sum, 2 * path.opening - sum);
+}
+
+/// Grazing an edge it is chance whether direct sound is found.
+bool grazesShadow(const WedgePath& path) {
+    return std::abs(std::numbers::pi - std::abs(path.receiverAngle - path.sourceAngle)) < 1e-5;
+}
+
+/// Image sources are looked for from a little aside: next to its boundary one may be found that ought not to be.
+bool grazesImage(const WedgePath& path) {
+    return std::abs(imageAngle(path) - std::numbers::pi) * path.receiverRadius < 2e-3;
+}
+
+/// By way of the edge. At a boundary it is such that with what was found it is continuous.
+std::complex<double> waveBy(const WedgePath& path, const WedgeField& f, double mirrors, Found found,
+                            double waveNumber) {
+    const auto straight = [&](double angle, bool expected, bool there) {
+        const double distance = distanceAt(path, angle);
+        return std::polar(((expected ? 1.0 : 0.0) - (there ? 1.0 : 0.0)) / distance, -waveNumber * distance);
+    };
+    std::complex<double> wave = f.besideDirect + mirrors * f.besideMirrored;
+    if (grazesShadow(path) && found.direct != (f.direct != 0.0))
+        wave += straight(path.receiverAngle - path.sourceAngle, f.direct != 0.0, found.direct);
+    if (grazesImage(path) && found.mirrored != (f.mirrored != 0.0))
+        wave += mirrors * straight(imageAngle(path), f.mirrored != 0.0, found.mirrored);
+    return wave;
+}
 
 /// How much of the interference of direct sound with what is beside a mirror image counts: all at the boundary of the
 /// shadow, where both come the same way, and nothing at that of the image, whose interference is not looked at either.
@@ -33,12 +76,15 @@ double coherence(const WedgePath& path) {
     return fromImage / (fromImage + fromShadow);
 }
 
-EdgeShares edgeSharesOf(const WedgePath& path, std::uint32_t material, const EdgeTones& tones) {
+EdgeShares edgeSharesOf(const WedgePath& path, std::uint32_t material, const EdgeTones& tones, Found found) {
     EdgeShares shares;
+    const double way = std::hypot(path.sourceRadius + path.receiverRadius, path.along);
     for (std::size_t b = 0; b < kBandCount; ++b) {
         const double mirrors = tones.mirrors(material, b);
-        tones.each(b, [&](double waveNumber) {
+        tones.each(b, [&](std::size_t tone, double waveNumber) {
             const WedgeField f = wedgeField(path, waveNumber);
+            shares.wave.pressure[tone] =
+                std::complex<float>(waveBy(path, f, mirrors, found, waveNumber) * std::polar(1.0, waveNumber * way));
             const std::complex<double> beside = mirrors * f.besideMirrored;
             const auto add = [&](Bands& to, double energy) { to[b] += energy / kTones; };
             if (f.mirrored != 0.0) add(shares.mirrored, std::norm(1.0 + f.besideMirrored / f.mirrored));
@@ -56,11 +102,6 @@ EdgeShares edgeSharesOf(const WedgePath& path, std::uint32_t material, const Edg
         });
     }
     return shares;
-}
-
-double distanceAt(const WedgePath& path, double angle) {
-    return std::sqrt(path.sourceRadius * path.sourceRadius + path.receiverRadius * path.receiverRadius -
-                     2 * path.sourceRadius * path.receiverRadius * std::cos(angle) + path.along * path.along);
 }
 
 /// Of the paths known before; null if it is not one of them.
@@ -89,62 +130,118 @@ double shortestBy(const WallEdge& edge, const glm::dvec3& source, const glm::dve
     return glm::distance(source, by) + glm::distance(by, listener);
 }
 
-}  // namespace
+/// What edges do to the paths known so far, one edge after the other.
+class Diffraction {
+  public:
+    Diffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field)
+        : geometry_(geometry),
+          source_(source),
+          listener_(listener),
+          options_(options),
+          seconds_(seconds),
+          attenuation_(airAttenuation(options.air)),
+          tones_(geometry, options.air.speedOfSound),
+          arrivals_(arrivals),
+          known_(arrivals.size()),
+          field_(field) {
+        heardStraight_ = arrivalOf(arrivals_, known_, 0, glm::distance(source, listener) / c()) != nullptr;
+    }
 
-EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                             const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals) {
-    const double c = options.air.speedOfSound;
-    const Bands attenuation = airAttenuation(options.air);
-    const std::size_t known = arrivals.size();
-    const EdgeTones tones(geometry, c);
-    const bool heardStraight = arrivalOf(arrivals, known, 0, glm::distance(source, listener) / c) != nullptr;
-    std::vector<EdgeCandidate> edges;
-    std::vector<BentArrival> bent;
-    geometry.visitEdges([&](const WallEdge& edge) {
-        if (!heardStraight && options.diffractionOrder > 1) edges.push_back({edge, shortestBy(edge, source, listener)});
-        RoundEdge round;
-        if (!pathRound(edge, source, listener, round)) return;
+    EdgePairCount run() {
+        std::vector<EdgeCandidate> edges;
+        geometry_.visitEdges([&](const WallEdge& edge) {
+            if (!heardStraight_ && options_.diffractionOrder > 1)
+                edges.push_back({edge, shortestBy(edge, source_, listener_)});
+            RoundEdge round;
+            if (pathRound(edge, source_, listener_, round)) bend(edge, round);
+        });
+        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, std::move(edges), bent_, arrivals_,
+                            field_);
+    }
+
+  private:
+    double c() const { return options_.air.speedOfSound; }
+
+    void scale(Arrival& arrival, const Bands& factor) {
+        if (arrival.straight < 0) {
+            arrival.straight = static_cast<std::int32_t>(field_.straight.size());
+            field_.straight.push_back(arrival.energy);
+        }
+        for (std::size_t b = 0; b < kBandCount; ++b) arrival.energy[b] *= factor[b];
+    }
+
+    void bend(const WallEdge& edge, const RoundEdge& round) {
         const WedgePath& path = round.path;
-        const glm::dvec3& by = round.by;
-        const double way = glm::distance(source, by) + glm::distance(by, listener);
-        if (!(way < seconds * c) || !seen(geometry, source, by) || !seen(geometry, listener, by) ||
-            !isOpen(geometry, edge, by, path.opening, round.turn))
+        const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
+        if (!(way < seconds_ * c()) || !seen(geometry_, source_, round.by) || !seen(geometry_, listener_, round.by) ||
+            !isOpen(geometry_, edge, round.by, path.opening, round.turn))
             return;
-        const EdgeShares shares = edgeSharesOf(path, edge.material, tones);
-        const double sum = path.sourceAngle + path.receiverAngle, other = 2 * path.opening - sum;
+        const double image = imageAngle(path);
         const bool lit = std::abs(path.receiverAngle - path.sourceAngle) < std::numbers::pi;
-        const bool mirrored = sum < std::numbers::pi || other < std::numbers::pi;
-        const auto scale = [&](Arrival* arrival, const Bands& factor) {
-            for (std::size_t b = 0; arrival && b < kBandCount; ++b) arrival->energy[b] *= factor[b];
-            return arrival != nullptr;
-        };
-        // Image sources are looked for from a little aside: next to its boundary one may be there that ought not to be.
-        const double beyond = (std::min(sum, other) - std::numbers::pi) * path.receiverRadius;
-        if (mirrored || beyond < 2e-3)
-            scale(arrivalOf(arrivals, known, 1, distanceAt(path, std::min(sum, other)) / c), shares.mirrored);
-        Arrival* const direct = lit ? arrivalOf(arrivals, known, 0, glm::distance(source, listener) / c) : nullptr;
-        const bool straight = scale(direct, shares.direct);
-        if (lit && mirrored) return;
-        // Grazing an edge it is chance which of both says that it is dark.
-        const bool dark = !lit || std::numbers::pi - std::abs(path.receiverAngle - path.sourceAngle) < 1e-5;
-        const Bands& share = straight ? shares.late : dark ? shares.dark : shares.edge;
+        const bool mirrored = image < std::numbers::pi;
+        Arrival* const mirror =
+            mirrored || grazesImage(path) ? arrivalOf(arrivals_, known_, 1, distanceAt(path, image) / c()) : nullptr;
+        const EdgeShares shares = edgeSharesOf(path, edge.material, tones_, {heardStraight_, mirror != nullptr});
+        if (mirror) scale(*mirror, shares.mirrored);
+        Arrival* const direct =
+            lit ? arrivalOf(arrivals_, known_, 0, glm::distance(source_, listener_) / c()) : nullptr;
+        if (direct) scale(*direct, shares.direct);
+        const Bands& share = direct ? shares.late : !lit || grazesShadow(path) ? shares.dark : shares.edge;
+        addWave(shares.wave, round.by, way);
+        if (!lit || !mirrored) addArrival(edge, round, share, lit, direct);
+    }
+
+    double sentTo(const glm::dvec3& by) const {
+        return options_.pattern ? options_.pattern(glm::normalize(by - source_)) : 1;
+    }
+
+    void addWave(EdgeWave wave, const glm::dvec3& by, double way) {
+        wave.seconds = way / c();
+        wave.direction = glm::normalize(by - listener_);
+        weaken(wave, sentTo(by), attenuation_, way);
+        if (!isFaint(wave, way)) field_.waves.push_back(wave);
+    }
+
+    void addArrival(const WallEdge& edge, const RoundEdge& round, const Bands& share, bool lit, Arrival* direct) {
+        const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
         Arrival arrival;
-        arrival.seconds = way / c;
+        arrival.seconds = way / c();
         arrival.order = 1;
-        arrival.direction = glm::normalize(by - listener);
-        const double sent = options.pattern ? options.pattern(glm::normalize(by - source)) : 1;
+        arrival.direction = glm::normalize(round.by - listener_);
+        const double sent = sentTo(round.by);
         for (std::size_t b = 0; b < kBandCount; ++b)
-            arrival.energy[b] = sent * share[b] / (4 * std::numbers::pi) * std::exp(-attenuation[b] * way);
+            arrival.energy[b] = sent * share[b] / (4 * std::numbers::pi) * std::exp(-attenuation_[b] * way);
         if (!(*std::max_element(arrival.energy.begin(), arrival.energy.end()) > 0)) return;
-        if (straight && isFaintBeside(arrival, *direct)) {
+        if (direct && isFaintBeside(arrival, *direct)) {
             for (std::size_t b = 0; b < kBandCount; ++b) direct->energy[b] += arrival.energy[b];
             return;
         }
-        if (!lit) bent.push_back({edge, round, arrivals.size()});
-        arrivals.push_back(arrival);
-    });
-    const EdgePairCount pairs =
-        addEdgePairs(geometry, source, listener, options, seconds, std::move(edges), bent, arrivals);
+        arrival.straight = static_cast<std::int32_t>(field_.straight.size());
+        field_.straight.push_back({});
+        if (!lit) bent_.push_back({edge, round, arrivals_.size()});
+        arrivals_.push_back(arrival);
+    }
+
+    const AcousticGeometry& geometry_;
+    const glm::dvec3 source_, listener_;
+    const TraceOptions& options_;
+    const double seconds_;
+    const Bands attenuation_;
+    const EdgeTones tones_;
+    std::vector<Arrival>& arrivals_;
+    const std::size_t known_;  // of the arrivals: without edges
+    EdgeField& field_;
+    std::vector<BentArrival> bent_;
+    bool heardStraight_ = false;
+};
+
+}  // namespace
+
+EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                             const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
+                             EdgeField& field) {
+    const EdgePairCount pairs = Diffraction(geometry, source, listener, options, seconds, arrivals, field).run();
     std::stable_sort(arrivals.begin(), arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
     return pairs;

@@ -2,9 +2,10 @@
 //
 // Each part of the field that ends somewhere (direct sound, a mirror image of first order) goes on beyond its boundary
 // by way of the edge that cuts it off. Where it is there, its energy is that of both together; where it is not, what
-// comes by way of the edge is an arrival of its own. So all is continuous. Averages over the octaves. Edges reflect as
-// rigid ones, but for what the surface takes. Two edges in a row: edge_pairs.h. Source: see wedge.h. Threading: pure
-// functions over const geometry.
+// comes by way of the edge is an arrival of its own. So all is continuous. Averages over the octaves. Pressure is the
+// sum of what is there without edges and of the waves of all edges, with their phases. Edges reflect as rigid ones, but
+// for what the surface takes. Two edges in a row: edge_pairs.h. Source: see wedge.h. Threading: pure functions over
+// const geometry.
 #pragma once
 
 #include <vector>
@@ -14,8 +15,10 @@
 
 namespace rtsg {
 
-/// Places off walls; `arrivals` sorted by time, before and after. Paths beyond `seconds` do not count.
+/// Places off walls; `arrivals` sorted by time, before and after, `field` empty before. Paths beyond `seconds` do not
+/// count.
 EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                             const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals);
+                             const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
+                             EdgeField& field);
 
 }  // namespace rtsg

@@ -10,24 +10,22 @@
 #include <numbers>
 
 #include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/echogram.h>
 
 namespace rtsg {
 
 class EdgeTones {
   public:
-    static constexpr int kTones = 5;
+    static constexpr int kTones = kEdgeTones / kBandCount;
 
     EdgeTones(const AcousticGeometry& geometry, double speedOfSound)
         : geometry_(geometry), speedOfSound_(speedOfSound) {}
 
-    /// Calls with the wave number, 1/m, of each tone of a band.
+    /// Calls with the number of each tone of a band, and its wave number, 1/m.
     template <class Call>
     void each(std::size_t band, const Call& call) const {
-        for (int i = 0; i < kTones; ++i) {
-            const double octave = (i + 0.5) / kTones - 0.5;
-            const double hz = 1000 * std::pow(2.0, static_cast<double>(band) - kBand1k + octave);
-            call(2 * std::numbers::pi * hz / speedOfSound_);
-        }
+        for (std::size_t tone = band * kTones; tone < (band + 1) * kTones; ++tone)
+            call(tone, 2 * std::numbers::pi * edgeToneHz(static_cast<double>(tone)) / speedOfSound_);
     }
     /// Share of the pressure.
     double mirrors(std::uint32_t material, std::size_t band) const {

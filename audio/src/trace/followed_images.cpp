@@ -62,7 +62,7 @@ std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::d
     std::vector<std::pair<double, std::size_t>> loudest;
     for (std::size_t i = 0; i < echogram.arrivals.size(); ++i) {
         const Arrival& arrival = echogram.arrivals[i];
-        const double energy = sumOf(arrival.energy);
+        const double energy = sumOf(echogram.straightEnergy(arrival));
         if (arrival.order > 0 && arrival.turn != glm::mat3(0.0f) && energy > least) loudest.emplace_back(-energy, i);
     }
     const std::size_t count = std::min(most, loudest.size());
@@ -75,9 +75,10 @@ std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::d
         image.turn = glm::dmat3(arrival.turn);
         const double distance = arrival.seconds * speedOfSound;
         image.offset = listener + arrival.direction * distance - image.turn * source;
+        const Bands& energy = echogram.straightEnergy(arrival);
         Bands amplitudes;
         for (std::size_t b = 0; b < kBandCount; ++b)
-            amplitudes[b] = std::sqrt(4 * std::numbers::pi * arrival.energy[b]) * distance;
+            amplitudes[b] = std::sqrt(4 * std::numbers::pi * energy[b]) * distance;
         const auto [low, high] = std::minmax_element(amplitudes.begin(), amplitudes.end());
         image.pressure = *high;
         image.filtered = *high > kSame * *low;
@@ -89,7 +90,10 @@ std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::d
 
 Echogram without(const Echogram& echogram, const std::vector<FollowedImage>& images) {
     Echogram rest = echogram;
-    for (const FollowedImage& image : images) rest.arrivals[image.arrival].energy = {};
+    for (const FollowedImage& image : images) {
+        rest.arrivals[image.arrival].energy = {};
+        rest.arrivals[image.arrival].straight = -1;
+    }
     return rest;
 }
 

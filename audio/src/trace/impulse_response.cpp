@@ -15,6 +15,7 @@
 #include "signal/fractional_delay.h"
 #include "signal/random.h"
 #include "trace/arrival_pan.h"
+#include "trace/edge_waves.h"
 
 namespace rtsg {
 namespace {
@@ -80,19 +81,37 @@ double usefulDuration(const Echogram& echogram, double share) {
     return 0;
 }
 
+/// Until the last wave by an edge has faded; 0 without.
+std::size_t framesOfWaves(const Echogram& echogram, const ImpulseResponseOptions& options) {
+    double last = -1;
+    for (const EdgeWave& wave : echogram.edges.waves) last = std::max(last, wave.seconds);
+    return last < 0 ? 0 : static_cast<std::size_t>(last * options.sampleRate) + edgeWaveFrames(options.sampleRate);
+}
+
 /// An arrival through a head: samples from `first` on, by ear.
 struct HeadArrival {
     std::ptrdiff_t first = 0;
     Hrtf::Ears ears;
 };
 
+/// What of the arrivals is pulses, with their energies where nothing bends: all but what edges alone bring.
+std::vector<Arrival> pulsesOf(const Echogram& echogram) {
+    std::vector<Arrival> pulses;
+    pulses.reserve(echogram.arrivals.size());
+    for (const Arrival& arrival : echogram.arrivals) {
+        pulses.push_back(arrival);
+        pulses.back().energy = echogram.straightEnergy(arrival);
+    }
+    return pulses;
+}
+
 /// By arrival, as far as they are early; empty without a head.
-std::vector<HeadArrival> throughHead(const Echogram& echogram, const ImpulseResponseOptions& options) {
+std::vector<HeadArrival> throughHead(std::span<const Arrival> arrivals, const ImpulseResponseOptions& options) {
     static const SincTable sinc;
     std::vector<HeadArrival> result;
     if (!options.hrtf || options.channels != ImpulseResponseOptions::Channels::binaural) return result;
-    for (const Arrival& arrival : echogram.arrivals) {
-        if (arrival.seconds > echogram.arrivals.front().seconds + options.hrtfSeconds) break;
+    for (const Arrival& arrival : arrivals) {
+        if (arrival.seconds > arrivals.front().seconds + options.hrtfSeconds) break;
         const glm::dvec3 local(glm::dot(arrival.direction, options.listenerRight),
                                glm::dot(arrival.direction, options.listenerUp),
                                glm::dot(arrival.direction, options.listenerBack));
@@ -188,14 +207,16 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
                              : options.channels == Channels::mono ? 1
                                                                   : 2;
     const double rate = options.sampleRate;
-    const std::vector<HeadArrival> heads = throughHead(echogram, options);
+    const std::vector<Arrival> pulses = pulsesOf(echogram);
+    const std::vector<HeadArrival> heads = throughHead(pulses, options);
     const auto farEar = static_cast<std::size_t>(
         options.channels == Channels::binaural ? std::ceil(2 * options.headRadius / options.speedOfSound * rate) : 0);
-    const std::size_t frames = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
+    const std::size_t useful = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
                                2 * SincTable::kHalf + 64 + farEar + (heads.empty() ? 0 : heads.front().ears[0].size());
+    const std::size_t frames = std::max(useful, framesOfWaves(echogram, options));
     const auto kept = RealFft::kept(RealFft::sizeFor(frames + 4096));
     const RealFft& fft = *kept;
-    const trace::BandClasses classes = trace::bandClasses(echogram.arrivals, std::span(&echogram.late, 1));
+    const trace::BandClasses classes = trace::bandClasses(pulses, std::span(&echogram.late, 1));
     const BandFilters filters(fft, options.sampleRate, classes);
 
     const auto endOf = [&](std::size_t bin) {
@@ -232,8 +253,8 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
                     scale[k] * static_cast<float>(std::sqrt(kFourPi * diffuseShare * echogram.late.bins[k][b]));
                 for (; i < end; ++i) band[i] = noise[i] * amplitude;
             }
-            for (std::size_t i = 0; i < echogram.arrivals.size(); ++i) {
-                const Arrival& arrival = echogram.arrivals[i];
+            for (std::size_t i = 0; i < pulses.size(); ++i) {
+                const Arrival& arrival = pulses[i];
                 if (arrival.order < options.firstOrder || !(arrival.energy[b] > 0)) continue;
                 addArrival(arrival, i < heads.size() ? &heads[i] : nullptr, b, channel, options,
                            std::span(band).first(frames));
@@ -244,6 +265,7 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
         fft.inverse(std::move(sum), band);
         result.channels.emplace_back(band.begin(), band.begin() + static_cast<std::ptrdiff_t>(frames));
     }
+    addEdgeWaves(echogram, options, result.channels);
     return result;
 }
 

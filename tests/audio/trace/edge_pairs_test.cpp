@@ -221,6 +221,23 @@ TEST(EdgePairs, EnergyIsContinuousOverBothBoundaries) {
     }
 }
 
+TEST(EdgePairs, WhatIsHeardHasTheirLevelsAndIsContinuous) {
+    const Walled wall = thickWall();
+    for (const double hz : {125., 500., 2000., 8000.}) {
+        EXPECT_NEAR(heardAt(wall.traced(before(30), behind(40)), hz, 1),
+                    20 * std::log10(std::abs(bentTwice(barrier(1, 30, 40), 2 * M_PI * hz / 343))), .05)
+            << hz;
+        for (const double source : {10.0, 30.0, 60.0})
+            EXPECT_NEAR(heardAt(wall.traced(before(source), behind(-.01)), hz, 1),
+                        heardAt(wall.traced(before(source), behind(.01)), hz, 1), .1)
+                << source << ' ' << hz;
+        for (const double receiver : {10.0, 30.0, 60.0})
+            EXPECT_NEAR(heardAt(wall.traced(before(-.01), behind(receiver)), hz, 1),
+                        heardAt(wall.traced(before(.01), behind(receiver)), hz, 1), .1)
+                << receiver << ' ' << hz;
+    }
+}
+
 TEST(EdgePairs, TwoScreensAndCornersCount) {
     // Two upright screens 2 m apart, of one mesh; the tops at y = 0 and 0.5.
     const double far = 200;

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cmath>
+#include <complex>
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
 
 #include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/wedge.h>
 #include <rtsg/audio/world_geometry.h>
 
@@ -37,15 +39,18 @@ struct Walled {
         geometry.follow(walls.freeze(), world);
     }
 
-    /// Arrivals without rays; `diffraction`: its order.
     std::vector<Arrival> arrivals(const glm::dvec3& source, const glm::dvec3& listener, int diffraction = 2) const {
+        return traced(source, listener, diffraction).arrivals;
+    }
+    /// As good as without rays; `diffraction`: its order.
+    TraceResult traced(const glm::dvec3& source, const glm::dvec3& listener, int diffraction = 2) const {
         TraceOptions options;
         options.rays = 2;
         options.imageOrder = 1;
         options.maxSeconds = .5;
         options.air.absorbs = false;
         options.diffractionOrder = diffraction;
-        return AcousticTracer(geometry).trace(source, listener, options).arrivals;
+        return AcousticTracer(geometry).trace(source, listener, options);
     }
     int edges() const {
         int count = 0;
@@ -57,6 +62,17 @@ struct Walled {
     Walls walls;
     WorldGeometry geometry;
 };
+
+/// What is heard, pulses and all: a channel's level at a tone re that of the source in the open, dB.
+inline double heardAt(const TraceResult& traced, double hz, double distance, const ImpulseResponseOptions& options = {},
+                      std::size_t channel = 0) {
+    const ImpulseResponse response = makeImpulseResponse(traced.echogram(), options);
+    std::complex<double> sum;
+    for (std::size_t i = 0; i < response.frames(); ++i)
+        sum += std::polar(static_cast<double>(response.channels[channel][i]),
+                          -2 * M_PI * hz * static_cast<double>(i) / options.sampleRate);
+    return 20 * std::log10(std::abs(sum) * distance);
+}
 
 inline glm::dvec3 about(double radius, double degrees, double z) {
     return {radius * std::cos(degrees * M_PI / 180), radius * std::sin(degrees * M_PI / 180), z};

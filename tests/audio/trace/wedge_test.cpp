@@ -29,13 +29,14 @@ double level(const WedgePath& path, double hz) {
     return 20 * std::log10(std::abs(wedgeField(path, 2 * M_PI * hz / 343).total()) * distance);
 }
 
+/// Degrees; dB re the free field at 125, 500, 2,000 and 8,000 Hz: Macdonald's solution, computed apart from this.
+constexpr double kHalfPlaneLevels[][5] = {{90, 2.21, -3.14, -.15, 2.39},         {150, -1.09, .74, .45, .05},
+                                          {200, -.60, .59, -.02, .03},           {235, -3.70, -3.96, -3.07, -.84},
+                                          {245, -4.80, -6.33, -8.11, -10.87},    {270, -7.59, -11.62, -16.93, -22.85},
+                                          {300, -10.70, -16.03, -21.95, -27.97}, {340, -14.47, -20.24, -26.24, -32.26}};
+
 TEST(Wedge, TheHalfPlaneHasTheLevelsOfTheExactSolution) {
-    // Macdonald's solution, computed apart from this.
-    const double table[][5] = {{90, 2.21, -3.14, -.15, 2.39},         {150, -1.09, .74, .45, .05},
-                               {200, -.60, .59, -.02, .03},           {235, -3.70, -3.96, -3.07, -.84},
-                               {245, -4.80, -6.33, -8.11, -10.87},    {270, -7.59, -11.62, -16.93, -22.85},
-                               {300, -10.70, -16.03, -21.95, -27.97}, {340, -14.47, -20.24, -26.24, -32.26}};
-    for (const auto& row : table)
+    for (const auto& row : kHalfPlaneLevels)
         for (int i = 0; i < 4; ++i)
             EXPECT_NEAR(level(pathTo(row[0]), 125 * std::pow(4.0, i)), row[i + 1], .1) << row[0] << "°, " << i;
 }
@@ -154,34 +155,83 @@ TEST(Edges, EnergyIsContinuousFromLightToShadowAndRoundTheImage) {
     }
 }
 
-/// What is heard, pulses and all: the response's level at a tone re that of the source in the open.
-double heardAt(const std::vector<Arrival>& arrivals, double hz, double distance) {
-    ImpulseResponseOptions options;
-    options.channels = ImpulseResponseOptions::Channels::mono;
-    options.speedOfSound = 343;
-    Echogram echogram;
-    echogram.arrivals = arrivals;
-    const ImpulseResponse response = makeImpulseResponse(echogram, options);
-    std::complex<double> sum;
-    for (std::size_t i = 0; i < response.channels[0].size(); ++i)
-        sum += std::polar(static_cast<double>(response.channels[0][i]),
-                          -2 * M_PI * hz * static_cast<double>(i) / options.sampleRate);
-    return 20 * std::log10(std::abs(sum) * distance);
+TEST(Edges, WhatIsHeardHasTheLevelsOfTheExactSolution) {
+    const Walled wall = halfPlane();
+    const glm::dvec3 source = about(3, 60, 0);
+    for (const auto& row : kHalfPlaneLevels)
+        for (int i = 0; i < 4; ++i) {
+            const glm::dvec3 listener = about(2, row[0], 1);
+            EXPECT_NEAR(heardAt(wall.traced(source, listener), 125 * std::pow(4.0, i), glm::distance(source, listener)),
+                        row[i + 1], .05)
+                << row[0] << "°, " << i;
+        }
 }
 
-TEST(Edges, WhatIsHeardIsContinuousWhereTheImageEnds) {
+TEST(Edges, WhatIsHeardIsContinuousWhereTheImageEndsAndInTheShadow) {
     const Walled wall = halfPlane();
     const glm::dvec3 source = about(3, 60, 0);
     const auto at = [&](double degrees, double hz) {
         const glm::dvec3 listener = about(2, degrees, 1);
-        return heardAt(wall.arrivals(source, listener), hz, glm::distance(source, listener));
+        return heardAt(wall.traced(source, listener), hz, glm::distance(source, listener));
     };
-    for (const double hz : {125., 500., 2000., 8000.}) {
-        EXPECT_NEAR(at(119.97, hz), at(120.03, hz), .15) << hz;
-        // The exact solution, of which phases of less than a pulse are not kept.
-        const double exact = 20 * std::log10(std::abs(wedgeField(pathTo(150), 2 * M_PI * hz / 343).total()) *
-                                             glm::distance(source, about(2, 150, 1)));
-        EXPECT_NEAR(at(150, hz), exact, 1) << hz;
+    // From centimetres to far less than images are looked for aside.
+    for (const double boundary : {120.0, 240.0})
+        for (const double step : {.1, .03, .01, 1e-3, 1e-4, 1e-6, 0.0})
+            for (const double hz : {125., 500., 2000., 8000.})
+                for (const double degrees : {boundary - step, boundary + step})
+                    EXPECT_NEAR(at(degrees, hz), level(pathTo(degrees), hz), .05) << degrees << ' ' << hz;
+}
+
+TEST(Edges, EveryChannelHasTheirWaves) {
+    const Walled wall = halfPlane();
+    const glm::dvec3 source = about(3, 60, 0), listener = about(2, 300, 1);
+    const TraceResult traced = wall.traced(source, listener);
+    ASSERT_EQ(traced.edges.waves.size(), 1u);
+    const glm::dvec3 from = traced.edges.waves[0].direction;
+    const double distance = glm::distance(source, listener), expected = level(pathTo(300), 500);
+    ImpulseResponseOptions options;
+    options.channels = ImpulseResponseOptions::Channels::stereo;
+    for (const double side : {-1.0, 1.0}) {
+        options.listenerRight = side * from;
+        options.listenerBack = glm::normalize(glm::cross(options.listenerRight, glm::dvec3(0, 0, 1)));
+        options.listenerUp = glm::cross(options.listenerBack, options.listenerRight);
+        for (std::size_t c = 0; c < 2; ++c)
+            EXPECT_NEAR(heardAt(traced, 500, distance, options, c),
+                        expected + 20 * std::log10(stereoGains({side, 0, 0})[c]), .05);
+    }
+    // The first channels of ambisonics, SN3D: pressure, and the same times the cosine along each axis.
+    options = {};
+    options.channels = ImpulseResponseOptions::Channels::ambisonic;
+    EXPECT_NEAR(heardAt(traced, 500, distance, options, 0), expected, .05);
+    EXPECT_NEAR(heardAt(traced, 500, distance, options, 3), expected + 20 * std::log10(std::abs(from.z)), .1);
+    // The ears of a sphere differ by what they do for a pulse from there.
+    options = {};
+    options.channels = ImpulseResponseOptions::Channels::binaural;
+    options.listenerRight = from;
+    const ImpulseResponse response = makeImpulseResponse(traced.echogram(), options);
+    const auto peak = [&](std::size_t c) {
+        const auto& samples = response.channels[c];
+        return std::distance(samples.begin(), std::ranges::max_element(samples));
+    };
+    EXPECT_NEAR(static_cast<double>(peak(0) - peak(1)), (1 + M_PI / 2) * options.headRadius / 343 * 48000, 1.5);
+}
+
+TEST(Edges, AirAndPatternWeakenTheirWaves) {
+    const Walled wall = halfPlane();
+    const glm::dvec3 source = about(3, 60, 0), listener = about(2, 300, 1);
+    TraceOptions options;
+    options.rays = 2;
+    options.imageOrder = 1;
+    options.maxSeconds = .5;
+    options.air.speedOfSound = 343;
+    options.pattern = [](const glm::dvec3&) { return .25; };
+    const TraceResult weak = AcousticTracer(wall.geometry).trace(source, listener, options);
+    const double distance = glm::distance(source, listener), way = std::sqrt(26.0);
+    for (const double hz : {1000., 8000., 16000.}) {
+        const auto band = static_cast<std::size_t>(std::lround(std::log2(hz / 1000))) + kBand1k;
+        EXPECT_NEAR(heardAt(weak, hz, distance) - heardAt(wall.traced(source, listener), hz, distance),
+                    10 * std::log10(.25) - 10 * std::log10(M_E) * airAttenuation(options.air)[band] * way, .02)
+            << hz;
     }
 }
 

@@ -66,6 +66,7 @@ struct EdgePairCount {
 
 struct TraceResult {
     std::vector<Arrival> arrivals;         // exact part
+    EdgeField edges;                       // and what of it edges bend
     std::vector<EnergyHistogram> batches;  // random part: equally good estimates of the same
     std::uint64_t rays = 0;
     /// Bands that were traced; walls treat the others as one of them, so that these cost nothing.

@@ -2,11 +2,14 @@
 //
 // Energy is intensity-like: a source of unit power gives 1 / (4 pi d^2) per square metre at distance d in free
 // field. Time counts from emission. Discrete arrivals (image sources) are kept apart from the binned remainder, so that
-// nothing is smeared that is known exactly; the two never overlap.
+// nothing is smeared that is known exactly; the two never overlap. What edges bend is there twice: as energies of
+// octaves among the arrivals, and with its phases, for who makes pressure of it.
 // Threading: a plain value.
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <complex>
 #include <cstdint>
 #include <vector>
 
@@ -23,6 +26,28 @@ struct Arrival {
     std::uint32_t order = 0;  // reflections; 0 is direct sound
     /// What comes from a mirror image of the source: where the source goes by `way`, it goes by turn * way. Else 0.
     glm::mat3 turn{0.0f};
+    /// Where edges change it: which of EdgeField::straight it is without them. Else -1.
+    std::int32_t straight = -1;
+};
+
+/// The tones of an EdgeWave: five an octave, evenly on the axis of octaves, from that band's lowest on.
+constexpr std::size_t kEdgeTones = 5 * kBandCount;
+/// Hz; `tone` may lie between two of them.
+double edgeToneHz(double tone);
+
+/// What comes by way of an edge, or of two.
+struct EdgeWave {
+    double seconds = 0;
+    glm::dvec3 direction{0};  // as of an arrival
+    std::uint32_t order = 1;  // edges on its way
+    /// By tone: pressure re that of the source in the open at 1 m, its phase re that of the delay; time as exp(i w t).
+    std::array<std::complex<float>, kEdgeTones> pressure{};
+};
+
+/// All that edges do to the pressure: the waves, and nothing to what comes straight or mirrored.
+struct EdgeField {
+    std::vector<EdgeWave> waves;
+    std::vector<Bands> straight;  // energies without edges; 0 of what comes by way of edges alone
 };
 
 /// Bin k covers [k, k + 1) / binsPerSecond + start; the first also what comes earlier.
@@ -45,7 +70,12 @@ struct EnergyHistogram {
 struct Echogram {
     std::vector<Arrival> arrivals;  // sorted by time
     EnergyHistogram late;
+    EdgeField edges = {};
 
+    /// The energy that counts in the pressure beside that of EdgeField::waves.
+    const Bands& straightEnergy(const Arrival& arrival) const {
+        return arrival.straight < 0 ? arrival.energy : edges.straight[static_cast<std::size_t>(arrival.straight)];
+    }
     double duration() const;
     Bands total() const;
 };

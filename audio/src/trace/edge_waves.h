@@ -1,0 +1,28 @@
+// EdgeWaves in samples: each is a short response of its own, with the phases that energies of octaves do not have.
+//
+// Threading: pure functions.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include <rtsg/audio/echogram.h>
+#include <rtsg/audio/impulse_response.h>
+
+namespace rtsg {
+
+/// By what the source sends that way, as a share of energy, and by what air takes along `way` metres, see
+/// airAttenuation().
+void weaken(EdgeWave& wave, double sent, const Bands& attenuation, double way);
+
+/// Whether every tone is 80 dB below sound in the open after `way` metres.
+bool isFaint(const EdgeWave& wave, double way);
+
+/// Samples that the response of a wave takes from its delay on.
+std::size_t edgeWaveFrames(int sampleRate);
+
+/// Adds them to the channels of a response; what lies beyond their ends is cut off.
+void addEdgeWaves(const Echogram& echogram, const ImpulseResponseOptions& options,
+                  std::vector<std::vector<float>>& channels);
+
+}  // namespace rtsg
