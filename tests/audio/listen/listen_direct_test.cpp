@@ -1,7 +1,10 @@
 // Direct sound of whole scenes: when it arrives, how loud, from where, through which channels.
 #include <cmath>
+#include <complex>
 
 #include <fmt/format.h>
+
+#include <rtsg/audio/wedge.h>
 
 #include "listen_scene.h"
 
@@ -48,6 +51,41 @@ TEST_F(Listen, AmbisonicSoundKnowsItsDirections) {
         }
         EXPECT_NEAR(energy, 1, 5 * std::sqrt(variance));
         EXPECT_LT(5 * std::sqrt(variance), .2);
+    }
+}
+
+TEST_F(Listen, DirectSoundAndEdgesSoundTogetherAsTheHalfPlaneHasThem) {
+    // A tone beside a half plane, direct sound rendered for itself and what the edge bends by a response.
+    const std::string wall =
+        "Shape { appearance Appearance { acousticProperties AcousticProperties { absorption 0 specular 1 } } geometry "
+        "IndexedFaceSet { solid FALSE coord Coordinate { point [ 0 0 -300 300 0 -300 300 0 300 0 0 300 ] } coordIndex "
+        "[ 0 1 2 3 -1 ] } }\n";
+    const auto pressure = [&](const std::string& walls, double degrees) {
+        Scene scene;
+        const double angle = degrees * M_PI / 180;
+        load(scene, walls +
+                        "Sound { location 1.5 2.598076 0 minBack 1 minFront 1 maxBack 400 maxFront 400 source "
+                        "AudioClip { loop TRUE url \"tone.wav\" } }\n" +
+                        fmt::format("Viewpoint {{ position {} {} 1 }}\n", 2 * std::cos(angle), 2 * std::sin(angle)));
+        ListenOptions o = options();
+        o.seconds = 1;
+        o.render.ambisonicOrder = 1;
+        o.render.trace.air.absorbs = false;
+        o.render.trace.air.speedOfSound = 343;
+        const auto report = listen(scene, o);
+        EXPECT_TRUE(report) << report.error().text;
+        std::complex<double> sum;
+        for (std::size_t i = kRate / 2; report && i < report->sound.frames() - kRate / 10; ++i)
+            sum += std::polar(static_cast<double>(report->sound.samples[4 * i]), -2 * M_PI * 1000 * double(i) / kRate) /
+                   static_cast<double>(report->gain);
+        return std::abs(sum);
+    };
+    for (const double degrees : {90.0, 150.0, 200.0, 235.0, 245.0, 300.0}) {
+        const WedgePath path{2 * M_PI, 3, 2, 1, M_PI / 3, degrees * M_PI / 180};
+        const double distance = std::sqrt(14 - 12 * std::cos(path.receiverAngle - path.sourceAngle));
+        EXPECT_NEAR(20 * std::log10(pressure(wall, degrees) / pressure("", degrees)),
+                    20 * std::log10(std::abs(wedgeField(path, 2 * M_PI * 1000 / 343).total()) * distance), .1)
+            << degrees;
     }
 }
 
