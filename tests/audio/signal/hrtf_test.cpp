@@ -228,6 +228,42 @@ TEST_F(MadeHead, EarsHearLaterByItsDelays) {
     }
 }
 
+/// A wave by an edge is heard as a pulse from there is, with its own spectrum.
+TEST_F(MadeHead, HearsWhatEdgesBend) {
+    SixWays six;
+    six.delays[2 * 2 + 1] = 30;  // from the left, the right ear
+    six.write(file_);
+    const auto head = Hrtf::load(file_, 48000);
+    ASSERT_TRUE(head) << head.error().text;
+    const auto response = [&](std::complex<float> pressure, bool wave) {
+        Echogram echogram;
+        Arrival pulse;
+        pulse.seconds = .0123;
+        pulse.direction = {-1, 0, 0};
+        pulse.energy = allBands(1 / (4 * M_PI));
+        echogram.arrivals = {pulse};
+        if (wave) {
+            echogram.arrivals[0].straight = 0;
+            echogram.edges.straight = {Bands{}};
+            EdgeWave by;
+            by.seconds = pulse.seconds;
+            by.direction = pulse.direction;
+            by.pressure.fill(pressure);
+            echogram.edges.waves = {by};
+        }
+        ImpulseResponseOptions options;
+        options.channels = ImpulseResponseOptions::Channels::binaural;
+        options.hrtf = *head;
+        return makeImpulseResponse(echogram, options);
+    };
+    const ImpulseResponse pulse = response(1, false), wave = response(-.5f, true);
+    for (std::size_t ear = 0; ear < 2; ++ear)
+        for (const double hz : {200.0, 1000.0, 8000.0}) {
+            const auto ofPulse = tone(pulse.channels[ear], hz, 0), ofWave = tone(wave.channels[ear], hz, 0);
+            EXPECT_NEAR(std::abs(ofWave + .5 * ofPulse), 0, .003) << ear << ' ' << hz;
+        }
+}
+
 /// Wherever in a file they are.
 TEST_F(MadeHead, IsRefusedForWhatIsNoNumber) {
     const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
