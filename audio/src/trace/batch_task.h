@@ -16,6 +16,7 @@
 #include <rtsg/audio/acoustic_tracer.h>
 
 #include "band_classes.h"
+#include "energy_under_way.h"
 #include "listener_images.h"
 #include "near_walls.h"
 
@@ -114,10 +115,18 @@ struct Task {
     std::vector<Shares<N>> walls;
     std::span<const ReflectingPlane> planes;
     bool transmits;  // any of them
+    EnergyUnderWay underWay;
 
     Task(const AcousticGeometry& g, const BandClasses& apart, const glm::dvec3& s, std::vector<Ear> e,
          const TraceOptions& o, double length)
-        : geometry(g), classes(apart), source(s), ears(std::move(e)), options(o), seconds(length), planes(g.planes()) {
+        : geometry(g),
+          classes(apart),
+          source(s),
+          ears(std::move(e)),
+          options(o),
+          seconds(length),
+          planes(g.planes()),
+          underWay(g, apart, s, o, length * o.air.speedOfSound) {
         for (const AcousticMaterial& material : g.materials()) walls.emplace_back(material, classes);
         transmits =
             std::any_of(walls.begin(), walls.end(), [](const Shares<N>& w) { return largest<N>(w.through) > 0; });

@@ -68,9 +68,11 @@ class BatchTracer {
                 asked = sent + kBetweenQuestions;
                 if (task_.options.goOn && !task_.options.goOn()) return;
             }
+            for (; free != 0 && !parts_.empty(); free &= free - 1) startPart(std::countr_zero(free));
             while (free != 0 && sent < rays)
                 if (start(std::countr_zero(free), sent++)) free &= free - 1;
             if (free != 0) closeRanks(free);
+            while (lanes_.rays.count < RayLanes<N>::kMost && !parts_.empty()) startPart(lanes_.rays.count++);
             if (lanes_.rays.count == 0) break;
             free = step();
         }
@@ -87,6 +89,8 @@ class BatchTracer {
     /// comes from one after the other is much alike.
     static constexpr int kEarly = 3;
     static constexpr double kLaterLooks = 0.3;
+    /// Walls that parts of rays meet at most, for each that those meet which were sent.
+    static constexpr std::int64_t kWallsOfParts = 3;
 
     /// From a wall that scatters to the image of a listener.
     struct Connection {
@@ -127,6 +131,10 @@ class BatchTracer {
         lanes_.start(lane, task_.source, direction, energy, kRouletteStart);
         return each > 0;
     }
+    void startPart(int lane) {
+        lanes_.start(lane, parts_.back());
+        parts_.pop_back();
+    }
     /// Where no more are sent: what is under way fills lanes from the first one on.
     void closeRanks(std::uint32_t free) {
         int count = 0;
@@ -144,14 +152,15 @@ class BatchTracer {
         for (int i = 0; i < RayLanes<N>::kMost; ++i) rays.maxDistance[i] = maxDistance_ - lanes_.travelled[i];
         std::uint32_t met = geometry_.closestOf(rays, hits_);
         const std::uint32_t asked = (1u << rays.count) - 1;
+        cornered_ = 0;
         forEachBit(asked & ~met, [&](int i) {
             if (isBehindCorner(i))
-                met |= 1u << i;
+                met |= 1u << i, cornered_ |= 1u << i;
             else
                 leave(i);
         });
         for (int i = 0; i < rays.count; ++i)
-            if (lanes_.last[i] == RayLanes<N>::Event::mirror)
+            if (lanes_.last[i] == RayLanes<N>::Event::mirror && !lanes_.again[i])
                 hearOnTheWay(i,
                              (met >> i & 1) != 0 ? hits_[static_cast<std::size_t>(i)].distance : rays.maxDistance[i]);
         return met == 0 ? asked : asked & ~interact(met);
@@ -275,7 +284,8 @@ class BatchTracer {
     /// What becomes of the rays that met a wall: a bit for each that goes on.
     std::uint32_t interact(std::uint32_t met) {
         lanes_.arrive(met, hits_, task_.walls);
-        const std::uint32_t left = lanes_.left(met), scattering = lanes_.scatters(left);
+        std::uint32_t left = lanes_.left(met);
+        const std::uint32_t scattering = lanes_.scatters(left) & ~lanesWhere([&](int i) { return lanes_.again[i]; });
         alignas(64) double choice[RayLanes<N>::kMost], look[RayLanes<N>::kMost], across[RayLanes<N>::kMost],
             round[RayLanes<N>::kMost];
         drawPairs(random_, choice, look);
@@ -286,12 +296,39 @@ class BatchTracer {
             lookForListener(scattering);
         else
             forEachBit(scattering, [&](int i) { lookForListeners(i, look[i]); });
+        if (task_.underWay.known()) {
+            forEachBit(std::exchange(left, 0), [&](int i) { left |= std::uint32_t{weighs(i)} << i; });
+            lanes_.goOn(choice, across, round, task_.planes);
+            return left;
+        }
         lanes_.goOn(choice, across, round, task_.planes);
         std::uint32_t result = left;
         forEachBit(lanes_.faint(left, initial_), [&](int i) {
             if (!survives(i)) result &= ~(1u << i);
         });
         return result;
+    }
+
+    /// Splits a ray that has much more energy than rays have at its time in the mean, and plays Russian roulette with
+    /// one that has much less: late sound is often that of few, which is no measure of it. Whether it goes on. Parts go
+    /// different ways where walls scatter, and meet a bounded number of walls: what is expected does not hang on when
+    /// rays are split, as long as that is decided before anything that comes of it.
+    bool weighs(int i) {
+        constexpr double kMuch = 4, kLittle = 1.0 / 8, kScatters = 0.05;
+        constexpr int kMostAtOnce = 8, kMostParts = 4096;
+        const double usual = task_.underWay.at(lanes_.travelled[i]) * initial_, has = lanes_.leftMost(i);
+        lanes_.again[i] = false;
+        ++(lanes_.isPart[i] ? wallsOfParts_ : wallsOfSent_);
+        if (has < kLittle * usual) {
+            const double chance = has / (usual / 2);
+            if (random_.uniform() >= chance) return false;
+            lanes_.scale(i, 1 / chance);
+        } else if (has > kMuch * usual && lanes_.scattering(i) > kScatters && lanes_.parts[i] < kMostParts &&
+                   wallsOfParts_ < kWallsOfParts * wallsOfSent_ && (cornered_ >> i & 1) == 0) {
+            const int into = static_cast<int>(std::min<double>(kMostAtOnce, has / usual / 1.5));
+            parts_.insert(parts_.end(), static_cast<std::size_t>(into - 1), lanes_.split(i, into));
+        }
+        return true;
     }
 
     /// Russian roulette: half of the rays go on with twice the energy, each time that their own has fallen to a
@@ -469,6 +506,9 @@ class BatchTracer {
     Random random_, exitRandom_;  // the latter changes nothing that is heard
     double initial_ = 1, shiftU_ = 0, shiftV_ = 0;
     RayLanes<N> lanes_;
+    std::vector<typename RayLanes<N>::Part> parts_;  // that wait for a lane
+    std::uint32_t cornered_ = 0;                     // lanes that isBehindCorner() has put to their wall
+    std::int64_t wallsOfParts_ = 0, wallsOfSent_ = 0;
     AcousticHits hits_;  // of the lanes
     /// What is heard of the walls of one step if nothing is in between.
     struct {

@@ -66,6 +66,9 @@ class RayLanes {
     double mirrorShare[kMost] = {};     // at most, of energy that they left
     bool onlyMirrors[kMost] = {};       // so far
     std::int32_t wallsMet[kMost] = {};  // as far as they scatter
+    std::int32_t parts[kMost] = {};     // that one that was sent has been split into
+    bool isPart[kMost] = {};
+    bool again[kMost] = {};  // it goes to a wall where one that it is a part of has been
 
     Energy<N> energyOf(int i) const { return column(energy, i); }
     void start(int i, const glm::dvec3& origin, const glm::dvec3& direction, const Energy<N>& with, double playedAt) {
@@ -76,6 +79,7 @@ class RayLanes {
         travelled[i] = 0, scatteredAt[i] = -std::numeric_limits<double>::infinity();
         roulette[i] = playedAt, last[i] = Event::emitted;
         mirrorOrder[i] = 0, mirrors[i] = {}, mirrorShare[i] = 1, onlyMirrors[i] = true, wallsMet[i] = 0;
+        parts[i] = 1, isPart[i] = again[i] = false;
     }
     void copy(int from, int to) {
         const auto copyVector = [&](Vectors& v) { v.set(to, v[from]); };
@@ -86,7 +90,22 @@ class RayLanes {
         roulette[to] = roulette[from], last[to] = last[from];
         mirrorOrder[to] = mirrorOrder[from], mirrors[to] = mirrors[from], mirrorShare[to] = mirrorShare[from];
         onlyMirrors[to] = onlyMirrors[from], wallsMet[to] = wallsMet[from];
+        parts[to] = parts[from], isPart[to] = isPart[from], again[to] = again[from];
     }
+
+    /// A ray on its way to a wall that it will meet once more.
+    struct Part {
+        glm::dvec3 origin, direction, facing, before;
+        std::uint32_t except;
+        Energy<N> energy;
+        double travelled, scatteredAt, roulette;
+        Event last;
+        int mirrorOrder;
+        MirrorSequence mirrors;
+        double mirrorShare;
+        bool onlyMirrors;
+        std::int32_t wallsMet, parts;
+    };
 
     // What follows is of the walls that were met last.
 
@@ -94,6 +113,7 @@ class RayLanes {
     void arrive(std::uint32_t met, const AcousticHits& hits, const std::vector<Shares<N>>& walls) {
         alignas(64) double distance[kMost] = {};
         const Shares<N>* shares[kMost];
+        keepWay();
         for (int i = 0; i < kMost; ++i) {
             const AcousticHit& hit = hits[static_cast<std::size_t>(i)];
             const bool any = (met >> i & 1) != 0;
@@ -120,6 +140,40 @@ class RayLanes {
         addUp(diffuse_, diffuseSum_), addUp(mirror_, mirrorSum_), addUp(through_, throughSum_);
     }
     Energy<N> scattered(int i) const { return column(diffuse_, i); }
+    /// Share of what is scattered, of all that the wall leaves.
+    double scattering(int i) const { return diffuseSum_[i] / (diffuseSum_[i] + mirrorSum_[i] + throughSum_[i]); }
+    /// The most that the wall leaves of any band.
+    double leftMost(int i) const {
+        double most = 0;
+        for (std::size_t b = 0; b < N; ++b) most = std::max(most, diffuse_[b][i] + mirror_[b][i] + through_[b][i]);
+        return most;
+    }
+    /// Makes what the wall leaves so many times as much.
+    void scale(int i, double factor) {
+        for (std::size_t b = 0; b < N; ++b) diffuse_[b][i] *= factor, mirror_[b][i] *= factor, through_[b][i] *= factor;
+        diffuseSum_[i] *= factor, mirrorSum_[i] *= factor, throughSum_[i] *= factor;
+    }
+    /// Splits a ray into so many that go on by chance each for itself, before it does; this is what the others are.
+    Part split(int i, int into) {
+        parts[i] *= into;
+        Part part{before[i],         rays.direction[i], way_.facing[i], way_.before[i], way_.except[i], energyOf(i),
+                  way_.travelled[i], scatteredAt[i],    roulette[i],    last[i],        mirrorOrder[i], mirrors[i],
+                  mirrorShare[i],    onlyMirrors[i],    wallsMet[i],    parts[i]};
+        for (double& e : part.energy) e /= into;
+        scale(i, 1.0 / into);
+        return part;
+    }
+    void start(int i, const Part& part) {
+        rays.origin.set(i, part.origin), before.set(i, part.before), rays.facing.set(i, part.facing);
+        rays.direction.set(i, part.direction);
+        rays.except[i] = part.except;
+        for (std::size_t b = 0; b < N; ++b) energy[b][i] = part.energy[b];
+        travelled[i] = part.travelled, scatteredAt[i] = part.scatteredAt;
+        roulette[i] = part.roulette, last[i] = part.last;
+        mirrorOrder[i] = part.mirrorOrder, mirrors[i] = part.mirrors, mirrorShare[i] = part.mirrorShare;
+        onlyMirrors[i] = part.onlyMirrors, wallsMet[i] = part.wallsMet;
+        parts[i] = part.parts, isPart[i] = again[i] = true;
+    }
     /// Rays whose wall leaves any energy, of these; and those of which something is scattered.
     std::uint32_t left(std::uint32_t of) const {
         return of & lanesWhere([this](int i) { return diffuseSum_[i] + mirrorSum_[i] + throughSum_[i] > 0; });
@@ -170,6 +224,13 @@ class RayLanes {
     static constexpr std::int64_t kScatters = 0, kReflects = 1, kPasses = 2;
     using Energies = double[N][kMost];
 
+    /// Where rays are on their way to the wall that is met next, for parts of them that go there once more.
+    void keepWay() {
+        way_.before = before, way_.facing = rays.facing;
+        std::copy_n(rays.except, kMost, way_.except);
+        std::copy_n(travelled, kMost, way_.travelled);
+    }
+
     static Energy<N> column(const Energies& of, int i) {
         Energy<N> result;
         for (std::size_t b = 0; b < N; ++b) result[b] = of[b][i];
@@ -211,6 +272,11 @@ class RayLanes {
             }
     }
 
+    struct {
+        Vectors before, facing;
+        std::uint32_t except[kMost];
+        double travelled[kMost];
+    } way_ = {};
     Vectors normal_;
     alignas(64) double cosine_[kMost] = {};  // of the normal with the way there
     alignas(64) Energies diffuse_ = {}, mirror_ = {}, through_ = {};
