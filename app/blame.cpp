@@ -52,13 +52,15 @@ void printTable(const std::vector<FieldStep>& steps, const std::string& path, do
     }
 }
 
-void printJson(const std::vector<FieldStep>& steps, const std::string& path, double start, bool complete) {
+void printJson(const std::vector<FieldStep>& steps, const std::string& path, double start, bool complete,
+               const LaterPiece& piece) {
     std::string text = fmt::format("{{\"field\":{},\"steps\":[", jsonString(path));
     for (const FieldStep& s : steps)
         text += fmt::format("{}{{\"state\":{},\"t\":{},\"value\":{},\"author\":{},\"cause\":{}}}",
                             &s == steps.data() ? "" : ",", s.state, std::round((s.time - start) * 1e6) / 1e6,
                             jsonString(s.value), jsonString(s.author), jsonString(s.cause));
-    fmt::print("{}],\"complete\":{}}}\n", text, complete);
+    fmt::print("{}],\"complete\":{},\"before_s\":{},\"let_go_s\":{}}}\n", text, complete,
+               std::round(piece.begins * 1e6) / 1e6, std::round(piece.letGo * 1e6) / 1e6);
 }
 
 }  // namespace
@@ -66,18 +68,22 @@ void printJson(const std::vector<FieldStep>& steps, const std::string& path, dou
 int blame(const std::string& log, const std::string& path, bool json) {
     const Progress bar = progressBar("reading " + log);
     std::optional<Divergence> lacks;
+    std::optional<LaterPiece> piece;
     const auto steps = rtsg::blame(
         log, path,
         [&](std::uint64_t done, std::uint64_t total) {
             if (bar) bar(done, total);
             return !interrupted();
         },
-        &lacks);
+        &lacks, &piece);
     if (bar) bar(1, 1);
     if (!steps) return printError(steps.error()), kBad;
     if (interrupted()) return printError("interrupted: this is not all of it"), kBad;
     const double start = logStart(log);
-    json ? printJson(*steps, path, start, !lacks) : printTable(*steps, path, start);
+    json ? printJson(*steps, path, start, !lacks, piece.value_or(LaterPiece{})) : printTable(*steps, path, start);
+    if (piece)
+        fmt::print(stderr, "{}: note: it begins {} s into its session: {}\n", terminalText(log),
+                   std::round(piece->begins * 1e6) / 1e6, piece->format());
     if (!lacks) return kDone;
     printError(fmt::format("{}: this is not all of it: {}", log, fromStart(lacks, start)->format()));
     return kBad;

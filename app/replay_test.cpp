@@ -218,8 +218,9 @@ void printOutcome(const ReplayOutcome& outcome, bool json) {
         fmt::print("{} of {} states as recorded{}: {}{}{}\n", report.verified, report.frames,
                    report.fields > 0 ? fmt::format(" in {} field{}", report.fields, report.fields == 1 ? "" : "s") : "",
                    outcome.passed() ? "passed" : "failed", report.updated ? "; the log was written anew" : "",
-                   report.closed || report.updated || !outcome.passed()
-                       ? ""
+                   report.closed || report.updated || !outcome.passed() ? ""
+                   : report.goesOn
+                       ? "; the session goes on in a next piece, which was not run (--verify fails then)"
                        : "; the log was not closed: states may be missing at its end (--verify fails then)");
     else
         fmt::print(

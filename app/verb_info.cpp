@@ -103,11 +103,11 @@ int describeLog(const InfoArguments& options) {
     if (options.json) {
         fmt::print(
             "{{\"frames\":{},\"keyframes\":{},\"inputs\":{},\"sessions\":{},\"first_state\":{},\"last_state\":{},"
-            "\"t\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"closed\":{},\"being_"
-            "written\":{},\"mode\":{},"
+            "\"t\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"closed\":{},\"goes_on\":{},"
+            "\"being_written\":{},\"mode\":{},"
             "\"coding\":{},\"creator\":{},\"nodes\":{},\"types\":{}}}\n",
             log->frames, log->keyframes, log->inputs, log->sessions, log->firstState, log->lastState, log->start,
-            duration, log->bytes, log->damaged, log->damagedBytes, log->closed, log->beingWritten,
+            duration, log->bytes, log->damaged, log->damagedBytes, log->closed, log->goesOn, log->beingWritten,
             jsonString(log->mode), jsonString(log->coding), jsonString(log->creator), log->nodes, asJson(log->types));
     } else {
         fmt::print(
@@ -118,6 +118,7 @@ int describeLog(const InfoArguments& options) {
             log->sessions, log->start, log->end, duration, log->bytes, log->damaged, log->damagedBytes,
             log->beingWritten ? "; it is still being written"
             : log->closed     ? ""
+            : log->goesOn     ? "; the session goes on in a next piece"
                               : "; it was not closed in order",
             terminalText(log->mode), terminalText(log->coding), terminalText(log->creator), log->nodes);
         printCounts(log->types);

@@ -121,7 +121,8 @@ class Replaying {
   private:
     bool seeks() const { return !options_.seek.empty(); }
     /// Since the log's start, to a microsecond: times since 1970 are exact to a quarter of that.
-    double time() const { return std::round(time_ * 1e6) / 1e6; }
+    double time() const { return microseconds(time_); }
+    static double microseconds(double seconds) { return std::round(seconds * 1e6) / 1e6; }
     /// After a step or a seek. Another session within the log may begin with an earlier time.
     void noteTime() { time_ = replayer_.frames() == 0 ? 0 : replayer_.time() - start_; }
     std::optional<Divergence> first() const { return fromStart(check_.first(), start_); }
@@ -219,13 +220,11 @@ class Replaying {
         return version == kFormatVersion ? std::string()
                                          : fmt::format("; recorded in format {}, whose hashes were compared", version);
     }
-    /// Seconds from the session's start to the log's, if it is a later piece of a rotated one.
-    double before() const {
-        const std::optional<double> began = replayer_.head().start;
-        return began ? std::max(0.0, std::round((start_ - *began) * 1e6) / 1e6) : 0;
-    }
     std::string piece() const {
-        return before() > 0 ? fmt::format("; a piece that begins {} s into its session", before()) : std::string();
+        const auto piece = replayer_.laterPiece();
+        return piece ? fmt::format("; a piece that begins {} s into its session: {}", microseconds(piece->begins),
+                                   piece->format())
+                     : std::string();
     }
     /// Another session follows, and what came between is nowhere.
     std::string unclosed() const {
@@ -235,8 +234,9 @@ class Replaying {
     /// Read to its end; what came after that is nowhere.
     std::string openEnd() const {
         const LogReader& log = replayer_.log();
-        return more_ || cut_ || log.closed() || log.beingWritten() ? std::string()
-                                                                   : "; the log was not closed: its end may be missing";
+        if (more_ || cut_ || log.closed() || log.beingWritten()) return "";
+        return log.goesOn() ? "; the session goes on in a next piece"
+                            : "; the log was not closed: its end may be missing";
     }
     std::string leftOut() const {
         const std::uint64_t changes = replayer_.losses().changes;
@@ -246,19 +246,23 @@ class Replaying {
 
     void print() const {
         const LogReader& log = replayer_.log();
+        const LaterPiece piece = replayer_.laterPiece().value_or(LaterPiece{});
         const std::string hash = replayer_.scene().hash().hex();
         if (!options_.json)
             fmt::print("{} states to t = {} s, {} as recorded; {} gaps, {} places damaged; state {}{}{}{}{}{}\n",
                        replayer_.frames(), time(), replayer_.verified(), replayer_.gaps(), log.damage().size(), hash,
-                       unclosed(), openEnd(), piece(), format(), leftOut());
+                       unclosed(), openEnd(), this->piece(), format(), leftOut());
         else
             fmt::print(
-                "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"before_s\":{},\"hash\":\"{}\","
-                "\"gaps\":{},\"damaged\":{},\"unclosed_sessions\":{},\"bytes\":{},\"closed\":{},\"being_written\":{},"
+                "{{\"frames\":{},\"verified\":{},\"first_divergence\":{},\"t\":{},\"before_s\":{},\"let_go_s\":{},"
+                "\"hash\":\"{}\","
+                "\"gaps\":{},\"damaged\":{},\"unclosed_sessions\":{},\"bytes\":{},\"closed\":{},\"goes_on\":{},"
+                "\"being_written\":{},"
                 "\"format\":{},\"left_out\":{}{}}}\n",
-                replayer_.frames(), replayer_.verified(), toJson(first()), time(), before(), hash, replayer_.gaps(),
-                log.damage().size(), replayer_.unclosedSessions(), log.size(), log.closed(), log.beingWritten(),
-                replayer_.head().formatVersion, replayer_.losses().changes, made_);
+                replayer_.frames(), replayer_.verified(), toJson(first()), time(), microseconds(piece.begins),
+                microseconds(piece.letGo), hash, replayer_.gaps(), log.damage().size(), replayer_.unclosedSessions(),
+                log.size(), log.closed(), log.goesOn(), log.beingWritten(), replayer_.head().formatVersion,
+                replayer_.losses().changes, made_);
         if (first()) printError(first()->format());
     }
 

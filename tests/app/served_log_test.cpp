@@ -3,6 +3,7 @@
 #include <chrono>
 #include <thread>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include "mirror_session.h"
@@ -397,8 +398,19 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
         0);
     const Outcome done = rtsg({"serve", file, "--for", "2s", "--fps", "30", "--record", log, "--rotate", "0.5s"});
     ASSERT_EQ(done.status, 0) << done.err;
-    for (const char* piece : {"turning.0001.rlog", "turning.0003.rlog", "turning.rlog"})
-        EXPECT_EQ(rtsg({"replay", folder / piece, "--verify"}).status, 0) << piece;
+    // Each is whole, and says that others follow: who asks for all of the session has it with the last one.
+    for (const char* piece : {"turning.0001.rlog", "turning.0003.rlog"}) {
+        const Outcome verified = rtsg({"replay", folder / piece, "--verify", "--json"});
+        EXPECT_EQ(verified.status, 1) << piece;
+        EXPECT_THAT(verified.err, HasSubstr("the session goes on in a next piece"));
+        EXPECT_EQ(json::parse(verified.out).at("goes_on"), true);
+        const Outcome played = rtsg({"replay", folder / piece});
+        EXPECT_EQ(played.status, 0) << played.err;
+        EXPECT_THAT(played.out, HasSubstr("; the session goes on in a next piece"));
+    }
+    EXPECT_EQ(rtsg({"replay", log, "--verify"}).status, 0);
+    EXPECT_THAT(rtsg({"info", folder / "turning.0001.rlog"}).out, HasSubstr("the session goes on in a next piece"));
+    EXPECT_EQ(json::parse(rtsg({"info", folder / "turning.0001.rlog", "--json"}).out).at("goes_on"), true);
     // Who opens one of them is told of the others; in another order than they were written in they are no log.
     const Outcome last = rtsg({"replay", log});
     EXPECT_THAT(last.err, HasSubstr("turning.0001.rlog to "));
@@ -408,12 +420,30 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     EXPECT_THAT(rtsg({"info", log}).err, HasSubstr("cat "));
     EXPECT_EQ(rtsg({"replay", folder / "turning.0001.rlog"}).err, "");
     const std::string first = readFile(folder / "turning.0001.rlog"), second = readFile(folder / "turning.0002.rlog");
-    writeFile(folder / "right.rlog", first + second);
+    writeFile(folder / "cut.rlog", first + second);
+    std::string all;
+    for (int n = 1; std::filesystem::exists(folder / fmt::format("turning.{:04}.rlog", n)); ++n)
+        all += readFile(folder / fmt::format("turning.{:04}.rlog", n));
+    writeFile(folder / "right.rlog", all + readFile(log));
     writeFile(folder / "wrong.rlog", second + first);
     EXPECT_EQ(rtsg({"replay", folder / "right.rlog", "--verify"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", folder / "cut.rlog", "--verify"}).status, 1);
+    writeFile(folder / "mixed.rlog", first + readFile(folder / "short.rlog"));
+    const Outcome mixed = rtsg({"replay", folder / "mixed.rlog", "--verify"});
+    EXPECT_EQ(mixed.status, 1);
+    EXPECT_THAT(mixed.err, HasSubstr("the session goes on in a piece that is not in the log"));
     const Outcome wrong = rtsg({"replay", folder / "wrong.rlog", "--verify"});
     EXPECT_EQ(wrong.status, 1);
     EXPECT_THAT(wrong.err, HasSubstr("in another order"));
+    // Who changed something before the last piece began, that one cannot tell, and says so.
+    const Outcome blamed = rtsg({"replay", log, "--blame", "BOX.translation"});
+    EXPECT_EQ(blamed.status, 0) << blamed.err;
+    EXPECT_THAT(blamed.err, HasSubstr("s into its session: what came before is in pieces before it"));
+    EXPECT_EQ(rtsg({"replay", folder / "right.rlog", "--blame", "BOX.translation"}).err, "");
+    const Outcome ring = rtsg({"replay", folder / "short.rlog", "--blame", "BOX.translation", "--json"});
+    EXPECT_EQ(ring.status, 0) << ring.err;
+    EXPECT_THAT(ring.err, HasSubstr("let go"));
+    EXPECT_GT(json::parse(ring.out).at("let_go_s"), 0);
     // The session's clock goes on, and not that of its last file.
     const Outcome resumed = rtsg({"serve", "--resume", log, "--for", "200ms", "--json"});
     ASSERT_EQ(resumed.status, 0) << resumed.err;

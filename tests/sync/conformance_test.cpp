@@ -142,6 +142,33 @@ void writeUnclosed(const fs::path& file) {
     writeEdits(file, 0x2005, true);
 }
 
+/// A rotated log: its pieces joined; without the last ones; and with those of another session before and between.
+void writePieces(const fs::path& folder) {
+    LogOptions options = optionsOf(0x6001);
+    options.rotateSeconds = 1.2;
+    {
+        Scene scene;
+        auto log = LogWriter::create(folder / "piece.rlog", builtinTypes(), options);
+        ASSERT_TRUE(log);
+        const Attachment attachment = scene.bus().attach(**log);
+        RandomEdits edits(scene, options.epoch);
+        for (int frame = 0; frame < 25; ++frame) {
+            for (int i = 0; i < 6; ++i) edits.step();
+            scene.newFrame(frame * .125);
+        }
+        ASSERT_TRUE((*log)->close());
+    }
+    auto files = earlierPieces(folder / "piece.rlog");
+    ASSERT_EQ(files.size(), 2u);
+    files.push_back(folder / "piece.rlog");
+    std::vector<std::string> pieces;
+    for (const fs::path& file : files) pieces.push_back(readAll(file));
+    for (const fs::path& file : files) fs::remove(file);
+    writeAll(folder / "pieces.rlog", pieces[0] + pieces[1] + pieces[2]);
+    writeAll(folder / "pieces_cut.rlog", pieces[0] + pieces[1]);
+    writeAll(folder / "pieces_mixed.rlog", pieces[0] + readAll(folder / "edits.rlog") + pieces[1] + pieces[2]);
+}
+
 void writeMotion(const fs::path& file, std::uint64_t epoch, Coding coding, bool lossy) {
     Scene scene;
     std::unique_ptr<LossyScene> followed;
@@ -328,6 +355,7 @@ void writeSet(const fs::path& folder) {
     writeEdits(folder / "sessions.rlog", 0x2002);
     writeEdits(folder / "sessions.rlog", 0x2003, true);
     writeUnclosed(folder / "unclosed.rlog");
+    writePieces(folder);
     writeMotion(folder / "raw.rlog", 0x3001, Coding::raw, false);
     writeMotion(folder / "compact.rlog", 0x3002, Coding::compact, false);
     writeMotion(folder / "smallest.rlog", 0x3003, Coding::smallest, false);
@@ -351,7 +379,7 @@ TEST(Conformance, TheSetCanBeWritten) {
     writeSet(folder);
     std::size_t logs = 0;
     for (const auto& entry : fs::directory_iterator(folder)) logs += entry.path().extension() == ".rlog";
-    EXPECT_EQ(logs, 14u);
+    EXPECT_EQ(logs, 17u);
     fs::remove_all(folder);
 }
 
@@ -366,7 +394,7 @@ TEST(Conformance, LogsOfTheSetAreReadAsExpected) {
         const std::string expected = readAll(fs::path(entry.path()).replace_extension(".json"));
         EXPECT_EQ(expectedOf(entry.path()), expected);
     }
-    EXPECT_EQ(logs, 14u);
+    EXPECT_EQ(logs, 17u);
 }
 
 /// As they were in November 2026: whoever changes these changes what logs of users are verified with.

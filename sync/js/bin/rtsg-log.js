@@ -18,8 +18,8 @@ try {
 const replay = new Replay(new Uint8Array(bytes));
 let first = null;
 for (let record = replay.step(); record; record = replay.step()) if (!replay.equal && first === null) first = record.to;
-const {scene, states, verified, gaps, damage, closed, unclosedSessions} = replay;
+const {scene, states, verified, gaps, damage, closed, goesOn, unclosedSessions} = replay;
 console.log(JSON.stringify({states, verified, first_divergence: first, gaps, damage, closed,
-  unclosed_sessions: unclosedSessions, state: scene.state, t: scene.time, hash: scene.hash.hex(), nodes: scene.nodes.size - 1}));
+  goes_on: goesOn,  unclosed_sessions: unclosedSessions, state: scene.state, t: scene.time, hash: scene.hash.hex(), nodes: scene.nodes.size - 1}));
 if (option) console.log(JSON.stringify(scene.dump(), null, 1));
 process.exit(states > 0 && verified === states && gaps === 0 && damage.length === 0 && closed && unclosedSessions === 0 ? 0 : 1);

@@ -37,8 +37,9 @@ export class Replay {
     this.states = this.verified = this.gaps = 0;
     this.damage = [];
     this.closed = false;
-    this.ended = false;  // the last record that is no head was an index: the session is whole
-    this.unclosedSessions = 0;  // before the last one: nothing tells what came after their last states
+    this.goesOn = false;  // it ends with a piece that another one follows
+    this.ended = false;  // the last record that is no head was an index, and not of a piece that another follows: the session is whole
+    this.unclosedSessions = 0;  // times that nothing tells what lies between one and the next
     this.lost = true;  // waiting for a keyframe
     this.told = false;  // that frames are missing until then
     this.source = records(bytes, (place) => this.damage.push(place));
@@ -47,7 +48,8 @@ export class Replay {
   step() {
     for (let next = this.source.next(); !next.done; next = this.source.next()) {
       const record = next.value;
-      this.closed = record.kind === 'index';
+      this.closed = record.kind === 'index' && record.to === 0;
+      this.goesOn = record.kind === 'index' && record.to !== 0;
       if (record.kind === 'head') {
         this.takeHead(record);
         continue;
@@ -62,7 +64,8 @@ export class Replay {
     const head = readHead(record.payload);
     if (this.head && head.epoch === this.head.epoch && head.version === this.head.version) return;
     if (head.mode === 'input') throw new FormatError('a log in input mode can only be run by the program that wrote it');
-    if (this.head && head.epoch !== this.head.epoch && this.states > 0 && !this.ended) ++this.unclosedSessions;
+    if (this.head && head.epoch !== this.head.epoch && this.states > 0 && (!this.ended || head.start !== undefined))
+      ++this.unclosedSessions;
     this.head = head;
     this.scene.countsFields = head.version < 3;
     this.decoder.restart();

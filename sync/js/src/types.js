@@ -79,5 +79,6 @@ export function readHead(payload) {
   const head = {version, epoch: r.u64(), dictionary: r.u64(), builtin: r.u16(), mode: ['state', 'input', 'lossy'][r.u8()],
     coding: r.u8(), maxError: r.f64(), creator: r.text()};
   if (!head.mode) throw new FormatError('a stream of an unknown mode');
+  if (r.left >= 8) head.start = r.f64();  // of the session: in later pieces of a log
   return head;
 }

@@ -25,6 +25,13 @@ test('a session within a log that was not closed is told, as rtsg replay --verif
   assert.equal(unclosed.gaps, 0);
 });
 
+test('a piece that another one follows, or is to come before, has no good status', () => {
+  const whole = outcomeOf('pieces.rlog'), cut = outcomeOf('pieces_cut.rlog'), mixed = outcomeOf('pieces_mixed.rlog');
+  assert.deepEqual([whole.status, whole.closed, whole.goes_on, whole.unclosed_sessions], [0, true, false, 0]);
+  assert.deepEqual([cut.status, cut.closed, cut.goes_on, cut.unclosed_sessions], [1, false, true, 0]);
+  assert.deepEqual([mixed.status, mixed.closed, mixed.goes_on, mixed.unclosed_sessions], [1, true, false, 2]);
+});
+
 test('a log that ends without having been closed has no good status', () => {
   const scratch = mkdtempSync(path.join(tmpdir(), 'rtsg-'));
   try {

@@ -17,7 +17,7 @@ std::uint64_t dictionaryHash(TypeTable types) {
 }
 
 void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, const StreamMode& mode,
-                ByteBuffer& record, std::optional<double> start) {
+                ByteBuffer& record, std::optional<double> start, std::optional<double> keptFrom) {
     record.clear();
     record.room(kRecordHeaderSize);
     record.advance(kRecordHeaderSize);
@@ -31,6 +31,7 @@ void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, 
     record.put(mode.maxError);
     wire::putText(record, creator);
     if (start) record.put(*start);
+    if (start && keptFrom) record.put(*keptFrom);
     RecordHeader header;
     header.kind = RecordKind::head;
     sealRecord(record, header);
@@ -59,6 +60,10 @@ Result<StreamHead> decodeHead(std::span<const std::byte> record) {
     if (!in.problem && in.left() >= sizeof(double)) {
         const auto start = in.number<double>();
         if (std::isfinite(start)) head.start = start;
+    }
+    if (!in.problem && head.start && in.left() >= sizeof(double)) {
+        const auto from = in.number<double>();
+        if (std::isfinite(from)) head.keptFrom = from;
     }
     // What a later version appends is left unread.
     if (in.problem) return std::unexpected(wire::describe(in, "head"));

@@ -96,7 +96,7 @@ class Blame {
 
 Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::string_view path,
                                      const std::function<bool(std::uint64_t, std::uint64_t)>& progress,
-                                     std::optional<Divergence>* lacks) {
+                                     std::optional<Divergence>* lacks, std::optional<LaterPiece>* piece) {
     auto opened = Replayer::open(log);
     if (!opened) return std::unexpected(opened.error());
     Replayer& replayer = **opened;
@@ -112,6 +112,7 @@ Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::stri
     // Who asks while it is being written asks for what there is.
     if (!replayer.log().beingWritten()) check.expectClosed();
     if (lacks) *lacks = check.first();
+    if (piece) *piece = replayer.laterPiece();
     if (const Diagnostic* why = blamed.why()) return std::unexpected(*why);
     return blamed.steps();
 }

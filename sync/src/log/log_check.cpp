@@ -23,6 +23,20 @@ void LogCheck::noteGap(std::uint64_t before, bool arrived) {
                                      before));
 }
 
+/// Between the session that ended with state `last` and one that begins with `next`.
+std::string LogCheck::openEnd(std::uint64_t last, std::uint64_t next) const {
+    if (replayer_.seam() == Replayer::Seam::beginsBefore)
+        return fmt::format(
+            "another session follows state {}, in a later piece: nothing tells what came before its "
+            "state {}",
+            last, next);
+    return fmt::format(
+        "the session {}: nothing tells what came after state {} and before state {} of the session that "
+        "follows it in the log",
+        replayer_.seam() == Replayer::Seam::goesOn ? "goes on in a piece that is not in the log" : "was not closed",
+        last, next);
+}
+
 Result<bool> LogCheck::step() {
     const std::uint64_t before = replayer_.scene().sequence();
     const double endedAt = replayer_.time();
@@ -41,13 +55,7 @@ Result<bool> LogCheck::step() {
         return more;
     }
     if (std::exchange(unclosed_, replayer_.unclosedSessions()) < replayer_.unclosedSessions() && !first_ && !openEnd_)
-        openEnd_ = Divergence{before + 1,
-                              endedAt,
-                              {},
-                              {},
-                              fmt::format("the session was not closed: nothing tells what came after state {} and "
-                                          "before state {} of the session that follows it in the log",
-                                          before, replayer_.scene().sequence())};
+        openEnd_ = Divergence{before + 1, endedAt, {}, {}, openEnd(before, replayer_.scene().sequence())};
     if (std::exchange(gaps_, replayer_.gaps()) < replayer_.gaps()) noteGap(before, *more);
     if (replayer_.framesBehind() > 0)
         note(before + 1, fmt::format("{} frames of earlier states stand after state {}, and were not played: the "
@@ -63,6 +71,10 @@ void LogCheck::expectClosed() {
     const std::uint64_t last = replayer_.scene().sequence();
     if (replayer_.log().beingWritten())
         note(last + 1, fmt::format("the log is still being written: states after {} are yet to come", last));
+    else if (replayer_.log().goesOn())
+        note(last + 1, fmt::format("the session goes on in a next piece, which is not in the log: nothing here tells "
+                                   "what came after state {}",
+                                   last));
     else
         note(last + 1, fmt::format("the log was not closed: nothing tells what came after state {}", last));
 }

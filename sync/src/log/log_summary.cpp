@@ -10,6 +10,8 @@
 #include <rtsg/sync/replay.h>
 #include <rtsg/sync/scene_file.h>
 
+#include "index.h"
+
 namespace rtsg {
 
 namespace {
@@ -20,7 +22,8 @@ class Counter {
 
     void take(const LogReader::Record& record) {
         const RecordHeader& header = record.header;
-        s_.closed = header.kind == RecordKind::index;
+        s_.closed = saysEnd(header);
+        s_.goesOn = saysGoesOn(header);
         if (header.kind == RecordKind::head) return takeHead(record);
         if (header.kind == RecordKind::index) return;
         const bool again = header.kind == RecordKind::keyframe && header.to == lastKeyframe_;

@@ -23,7 +23,8 @@ constexpr std::size_t kWindow = std::size_t{1} << 20;
 
 }  // namespace
 
-void encodeLogIndex(const std::vector<LogKeyframe>& keyframes, std::uint64_t offset, ByteBuffer& record) {
+void encodeLogIndex(const std::vector<LogKeyframe>& keyframes, std::uint64_t offset, ByteBuffer& record,
+                    RecordHeader next) {
     record.clear();
     record.room(kRecordHeaderSize);
     record.advance(kRecordHeaderSize);
@@ -36,9 +37,8 @@ void encodeLogIndex(const std::vector<LogKeyframe>& keyframes, std::uint64_t off
     }
     record.put(offset);
     record.append(kIndexMagic.data(), kIndexMagic.size());
-    RecordHeader header;
-    header.kind = RecordKind::index;
-    sealRecord(record, header);
+    next.kind = RecordKind::index;
+    sealRecord(record, next);
 }
 
 bool decodeLogIndex(std::span<const std::byte> record, std::uint64_t offset, std::vector<LogKeyframe>& keyframes) {
@@ -74,7 +74,7 @@ Result<LogReader> LogReader::open(const std::filesystem::path& file, std::uint64
     if (log.next()) {
         log.position_ = 0;
         log.intactEnd_ = 0;
-        log.closed_ = false;
+        log.closed_ = log.goesOn_ = false;
         return log;
     }
     return fail(log.damage_.empty() ? "not a log: at byte 0: it is empty" : "not a log: " + log.damage_.front().text,
@@ -97,6 +97,7 @@ LogReader& LogReader::operator=(LogReader&& other) noexcept {
     std::swap(keyframes_, other.keyframes_);
     std::swap(hadIndex_, other.hadIndex_);
     std::swap(closed_, other.closed_);
+    std::swap(goesOn_, other.goesOn_);
     std::swap(window_, other.window_);
     std::swap(windowAt_, other.windowAt_);
     return *this;
@@ -222,7 +223,8 @@ std::optional<LogReader::Record> LogReader::next() {
             position_ += header->size();
             if (position_ > intactEnd_) {
                 intactEnd_ = position_;
-                closed_ = header->kind == RecordKind::index;
+                closed_ = saysEnd(*header);
+                goesOn_ = saysGoesOn(*header);
             }
             return record;
         }
@@ -242,7 +244,7 @@ std::optional<LogReader::Record> LogReader::next() {
         position_ = findMagic(position_ + 1);
     }
     if (!problem.empty()) {
-        closed_ = false;
+        closed_ = goesOn_ = false;
         if (!waitsForMore(start)) noteDamage(start, size_, std::move(problem));
     }
     return std::nullopt;

@@ -2,11 +2,13 @@
 #include <rtsg/sync/replay.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include <fmt/format.h>
 
 #include "codec/node_label.h"
+#include "index.h"
 #include "replay_input.h"
 
 namespace rtsg {
@@ -56,6 +58,7 @@ Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& fi
     while (const std::optional<LogReader::Record> record = replayer->log_.next()) {
         if (record->header.kind != RecordKind::head) continue;
         if (auto ok = replayer->adoptHead(record->bytes); !ok) return std::unexpected(ok.error());
+        replayer->first_ = replayer->head_;
         return replayer;
     }
     return fail("no intact head record", {}, file.string());
@@ -67,8 +70,10 @@ Result<> Replayer::adoptHead(std::span<const std::byte> record) {
     if (!head) return failed(head.error());
     // Heads are repeated; one that says nothing new changes nothing.
     if (headed_ && head->epoch == head_.epoch && head->dictionaryHash == head_.dictionaryHash &&
-        head->formatVersion == head_.formatVersion)
+        head->formatVersion == head_.formatVersion) {
+        if (head->keptFrom && head->epoch == first_.epoch) first_.keptFrom = head->keptFrom;
         return {};
+    }
     lost_ = true;
     told_ = false;
     headed_ = false;
@@ -151,15 +156,37 @@ Result<> Replayer::apply(const LogReader::Record& record) {
     return {};
 }
 
+/// Another one follows the one that was played.
+void Replayer::meetSession() {
+    if (closed_ && !head_.start) return;
+    ++unclosed_;
+    seam_ = goesOn_ ? Seam::goesOn : closed_ ? Seam::beginsBefore : Seam::notClosed;
+}
+
+std::optional<LaterPiece> Replayer::laterPiece() {
+    if (!first_.start || log_.keyframes().empty()) return std::nullopt;
+    const double begins = log_.keyframes().front().time - *first_.start;
+    const double letGo = std::clamp(first_.keptFrom.value_or(*first_.start) - *first_.start, 0., std::max(begins, 0.));
+    return begins > 0 ? std::optional(LaterPiece{begins, letGo}) : std::nullopt;
+}
+
+std::string LaterPiece::format() const {
+    if (letGo >= begins) return "what came before was let go";
+    if (letGo <= 0) return "what came before is in pieces before it";
+    return fmt::format("what came before is in pieces before it, but for the first {} s, which were let go",
+                       std::round(letGo * 1e6) / 1e6);
+}
+
 /// True when the record brought the scene to a further state.
 Result<bool> Replayer::take(const LogReader::Record& record) {
     if (record.header.kind == RecordKind::head) {
         const std::uint64_t epoch = head_.epoch;
         if (auto ok = adoptHead(record.bytes); !ok) return std::unexpected(ok.error());
-        unclosed_ += head_.epoch != epoch && frames_ > 0 && !closed_;
+        if (head_.epoch != epoch && frames_ > 0) meetSession();
         return false;
     }
-    closed_ = record.header.kind == RecordKind::index;
+    closed_ = saysEnd(record.header);
+    goesOn_ = saysGoesOn(record.header);
     if (record.header.kind == RecordKind::input) return takeInput(record);
     if (!leadsOn(record.header)) return false;
     if (auto ok = apply(record); !ok) return std::unexpected(ok.error());

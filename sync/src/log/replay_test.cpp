@@ -77,6 +77,7 @@ class Run {
     void takeDifferences() {
         report_.end = recorded_.scene().now();
         report_.closed = recorded_.log().closed();
+        report_.goesOn = recorded_.log().goesOn();
         if (!fields_) return;
         report_.fields = fields_->fieldCount();
         report_.differences = fields_->differences();

@@ -140,14 +140,27 @@ Result<> LogWriter::openAppended() {
         if (!old) return std::unexpected(old.error());
         keyframes_ = scanLogKeyframes(*old);
         size_ = old->intactEnd();
-        // Who starts again more often than files rotate would otherwise fill one for ever.
-        if (options_.epoch != 0 && !keyframes_.empty()) pieceStart_ = keyframes_.front().time;
+        if (options_.epoch != 0) goOnIn(*old);
     }
     if (::ftruncate(descriptor_, static_cast<off_t>(size_)) != 0)
         return std::unexpected(failure("cannot append", errno));
     dropSecondName();
     if (options_.keepSeconds > 0 && options_.epoch != 0) adoptPieces();
     return {};
+}
+
+/// The same session goes on in its file, as the piece that this is.
+void LogWriter::goOnIn(LogReader& old) {
+    // Who starts again more often than files rotate would otherwise fill one for ever.
+    if (!keyframes_.empty()) pieceStart_ = keyframes_.front().time;
+    old.seek(0);
+    const auto record = old.next();
+    if (!record || record->header.kind != RecordKind::head) return;
+    const auto head = decodeHead(record->bytes);
+    if (!head || head->epoch != options_.epoch || !head->start) return;
+    isLater_ = true;
+    keptFrom_ = head->keptFrom;
+    if (!options_.sessionStart) options_.sessionStart = head->start;
 }
 
 /// That it was being given to be a piece when its writer was killed.
@@ -168,8 +181,18 @@ Result<> LogWriter::beginEpoch() {
     epoch_ = given ? given : freshEpoch();
     firstOfEpoch_ = true;
     sessionStart_ = std::exchange(options_.sessionStart, std::nullopt);
-    encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_);
+    if (given == 0) {
+        isLater_ = false;
+        keptFrom_.reset();
+    }
+    makeHead();
     return writeHead();
+}
+
+/// The first state of a later piece says no longer when the session began.
+void LogWriter::makeHead() {
+    const std::optional<double> start = isLater_ ? sessionStart_ : std::nullopt;
+    encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_, start, keptFrom_ ? keptFrom_ : start);
 }
 
 Result<> LogWriter::writeHead() {
@@ -347,7 +370,8 @@ void LogWriter::adoptPieces() {
         if (!record || record->header.kind != RecordKind::head) return;
         const auto head = decodeHead(record->bytes);
         if (!head || head->epoch != options_.epoch || log->keyframes().empty()) return;
-        pieces_.insert(pieces_.begin(), {piece->second, std::exchange(end, log->keyframes().front().time)});
+        pieces_.insert(pieces_.begin(),
+                       {piece->second, std::exchange(end, log->keyframes().front().time), options_.epoch});
     }
 }
 
@@ -367,11 +391,16 @@ Result<std::filesystem::path> LogWriter::freePieceName() {
     return fail("there is no number left for its next piece", {}, file_.string());
 }
 
-/// The file as it is becomes a piece, closed in order; its name goes to a new one that begins with `state`, once that
-/// is in it: whenever the process is killed, the log's own name leads to a session that can be gone on with.
+/// The file as it is becomes a piece, which says that another follows; its name goes to a new one that begins with
+/// `state`, once that is in it: whenever the process is killed, the log's own name leads to a session that can be gone
+/// on with.
 Result<> LogWriter::rotate(const ChangeSet& state) {
     if (auto ok = checkFile(); !ok) return ok;
-    if (auto ok = writeIndex(); !ok) return ok;
+    RecordHeader next;
+    next.to = state.to;
+    next.time = state.time;
+    next.hash = state.hash;
+    if (auto ok = writeIndex(next); !ok) return ok;
     if (auto ok = flush(); !ok) return ok;
     const auto piece = freePieceName();
     if (!piece) return std::unexpected(piece.error());
@@ -380,6 +409,10 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
     size_ = 0;
     keyframes_.clear();
     pieceStart_.reset();
+    isLater_ = true;
+    for (const Piece& before : pieces_)
+        if (before.epoch == epoch_ && isOld(before, state.time))
+            keptFrom_ = std::max(keptFrom_.value_or(before.end), before.end);
     Result<> done = beginPiece(fresh, state);
     if (done) done = putInPlace(fresh, *piece);
     ::close(old);  // which nobody else may write until it has its other name
@@ -388,7 +421,7 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
         ::unlink(fresh.c_str());
         return done;
     }
-    pieces_.emplace_back(*piece, state.time);
+    pieces_.push_back({*piece, state.time, epoch_});
     dropOldPieces(state.time);
     return {};
 }
@@ -396,8 +429,7 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
 Result<> LogWriter::beginPiece(const std::filesystem::path& fresh, const ChangeSet& state) {
     descriptor_ = ::open(fresh.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
     if (descriptor_ < 0 || !lockForWriting(descriptor_)) return std::unexpected(failure("cannot write", errno));
-    // Its own first state says no longer when the session began.
-    encodeHead(epoch_, options_.creator, types_, options_.mode, headRecord_, sessionStart_);
+    makeHead();
     if (auto ok = writeHead(); !ok) return ok;
     firstOfEpoch_ = true;
     if (auto ok = write(state); !ok) return ok;
@@ -419,16 +451,19 @@ Result<> LogWriter::putInPlace(const std::filesystem::path& fresh, const std::fi
     return std::unexpected(failure("cannot rotate", error));
 }
 
+bool LogWriter::isOld(const Piece& piece, double now) const {
+    return options_.keepSeconds > 0 && piece.end < now - options_.keepSeconds;
+}
+
 void LogWriter::dropOldPieces(double now) {
-    if (options_.keepSeconds <= 0) return;
-    std::erase_if(pieces_, [&](const auto& piece) {
+    std::erase_if(pieces_, [&](const Piece& piece) {
         std::error_code error;
-        return piece.second < now - options_.keepSeconds && (std::filesystem::remove(piece.first, error), !error);
+        return isOld(piece, now) && (std::filesystem::remove(piece.file, error), !error);
     });
 }
 
-Result<> LogWriter::writeIndex() {
-    encodeLogIndex(keyframes_, size_, record_);
+Result<> LogWriter::writeIndex(const RecordHeader& next) {
+    encodeLogIndex(keyframes_, size_, record_, next);
     return writeRecord(record_);
 }
 

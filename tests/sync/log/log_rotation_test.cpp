@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <rtsg/core/x3d.h>
+#include <rtsg/sync/log_check.h>
 
 #include "support/log_support.h"
 
@@ -46,7 +47,7 @@ class Rotation : public LogFolder {
     }
     struct Piece {
         std::uint64_t epoch = 0, first = 0, last = 0;
-        bool closed = false;
+        bool closed = false, goesOn = false;
     };
     /// Replays it, and expects every state to be the recorded one.
     Piece check(const std::filesystem::path& path, const Recorded& recorded) {
@@ -66,6 +67,7 @@ class Rotation : public LogFolder {
         }
         piece.epoch = (*replayer)->head().epoch;
         piece.closed = (*replayer)->log().closed();
+        piece.goesOn = (*replayer)->log().goesOn();
         EXPECT_EQ((*replayer)->gaps(), 0u);
         EXPECT_EQ((*replayer)->verified(), (*replayer)->frames());
         return piece;
@@ -77,7 +79,8 @@ class Rotation : public LogFolder {
         for (const auto& path : all) {
             SCOPED_TRACE(path);
             const Piece piece = check(path, recorded);
-            EXPECT_TRUE(piece.closed);
+            EXPECT_EQ(piece.closed, path == all.back());
+            EXPECT_EQ(piece.goesOn, path != all.back());
             if (before.last > 0) {
                 EXPECT_EQ(piece.epoch, before.epoch);
                 EXPECT_EQ(piece.first, before.last);  // where the one before ends, again as a keyframe
@@ -203,7 +206,8 @@ TEST_F(Rotation, PiecesOfAnEarlierSessionStay) {
     EXPECT_EQ(files().size(), 2 * before - 1);  // a.rlog itself was replaced
 }
 
-/// The next file has no room for its first state (which is there twice): the session keeps its name, closed in order.
+/// The next file has no room for its first state (which is there twice): the session keeps its name. It goes on, and
+/// nobody writes how.
 TEST_F(Rotation, WhereTheNextFileHasNoRoomTheSessionKeepsItsName) {
     Scene scene;
     const NodeId text = scene.createNode(x3d::MetadataString::type);
@@ -228,7 +232,137 @@ TEST_F(Rotation, WhereTheNextFileHasNoRoomTheSessionKeepsItsName) {
     ASSERT_TRUE(replayer);
     while (*(*replayer)->step()) continue;
     EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
-    EXPECT_TRUE((*replayer)->log().closed());
+    EXPECT_TRUE((*replayer)->log().goesOn());
+}
+
+/// What a file says that is made of some of the pieces of one session, and of files of another.
+class JoinedPieces : public Rotation {
+  protected:
+    void SetUp() override {
+        LogOptions options;
+        options.rotateSeconds = 1;
+        record(file(), 45, 6, options);
+        record(file("other.rlog"), 20, 8);
+        pieces_ = files();
+        std::erase(pieces_, file("other.rlog"));
+        ASSERT_EQ(pieces_.size(), 5u);
+    }
+    /// What a check finds first; empty: nothing.
+    std::string check(const std::vector<std::filesystem::path>& parts) {
+        std::string together;
+        for (const auto& part : parts) together += readAll(part);
+        writeAll(file("joined.rlog"), together);
+        auto replayer = Replayer::open(file("joined.rlog"));
+        EXPECT_TRUE(replayer);
+        LogCheck check(**replayer);
+        while (*check.step()) continue;
+        check.expectClosed();
+        later_ = (*replayer)->laterPiece();
+        unclosed_ = (*replayer)->unclosedSessions();
+        return check.first() ? check.first()->text : "";
+    }
+
+    std::vector<std::filesystem::path> pieces_;
+    std::optional<LaterPiece> later_;
+    std::uint64_t unclosed_ = 0;
+};
+
+TEST_F(JoinedPieces, AreWholeWhenNoneIsMissing) {
+    EXPECT_EQ(check(pieces_), "");
+    EXPECT_FALSE(later_);
+    auto all = pieces_;
+    all.push_back(file("other.rlog"));
+    EXPECT_EQ(check(all), "") << "two whole sessions";
+    all.insert(all.begin(), file("other.rlog"));
+    all.pop_back();
+    EXPECT_EQ(check(all), "");
+}
+
+TEST_F(JoinedPieces, TellThatTheLastOnesAreMissing) {
+    for (std::size_t count = 1; count < pieces_.size(); ++count)
+        EXPECT_TRUE(check({pieces_.begin(), pieces_.begin() + static_cast<std::ptrdiff_t>(count)})
+                        .contains("the session goes on in a next piece, which is not in the log"))
+            << count;
+}
+
+TEST_F(JoinedPieces, TellThatOneInTheMiddleIsMissing) {
+    EXPECT_TRUE(check({pieces_[0], pieces_[1], pieces_[3], pieces_[4]}).contains("are missing"));
+}
+
+TEST_F(JoinedPieces, TellThatAnotherSessionFollowsAPiece) {
+    const std::string text = check({pieces_[0], file("other.rlog")});
+    EXPECT_TRUE(
+        text.starts_with("the session goes on in a piece that is not in the log: nothing tells what came after"))
+        << text;
+    EXPECT_EQ(unclosed_, 1u);
+}
+
+TEST_F(JoinedPieces, TellThatWhatFollowsAnotherSessionBeganBefore) {
+    const std::string text = check({file("other.rlog"), pieces_[3], pieces_[4]});
+    EXPECT_TRUE(text.contains("in a later piece: nothing tells what came before its state")) << text;
+    EXPECT_EQ(unclosed_, 1u);
+}
+
+/// Which is no error, but told.
+TEST_F(JoinedPieces, MayBeginLate) {
+    EXPECT_EQ(check({pieces_[2], pieces_[3], pieces_[4]}), "");
+    ASSERT_TRUE(later_);
+    EXPECT_NEAR(later_->begins, 2, .15);
+    EXPECT_EQ(later_->letGo, 0);
+    EXPECT_EQ(later_->format(), "what came before is in pieces before it");
+}
+
+TEST_F(JoinedPieces, OfARingSayWhatWasLetGo) {
+    for (const auto& path : files()) std::filesystem::remove(path);
+    LogOptions options;
+    options.rotateSeconds = .5;
+    options.keepSeconds = 2;
+    record(file(), 100, 5, options);
+    const auto all = files();
+    ASSERT_GT(all.size(), 3u);
+    EXPECT_EQ(check(all), "");
+    ASSERT_TRUE(later_);
+    EXPECT_GT(later_->begins, 6);
+    EXPECT_EQ(later_->letGo, later_->begins);
+    EXPECT_EQ(later_->format(), "what came before was let go");
+    const double kept = later_->begins;
+    EXPECT_EQ(check({all.back()}), "");
+    ASSERT_TRUE(later_);
+    EXPECT_GT(later_->begins, kept);
+    EXPECT_EQ(later_->letGo, kept);
+    EXPECT_TRUE(later_->format().starts_with("what came before is in pieces before it, but for the first "));
+}
+
+/// What a later piece says stays so when its session is taken up again, and in the pieces that follow.
+TEST_F(JoinedPieces, SayTheSameOnceTheSessionGoesOn) {
+    for (const auto& path : files()) std::filesystem::remove(path);
+    Scene scene;
+    test::RandomEdits edits(scene, 5);
+    LogOptions options;
+    options.rotateSeconds = .5;
+    options.keepSeconds = 2;
+    int frame = 0;
+    for (const int until : {60, 63, 90}) {
+        auto log = LogWriter::create(file(), builtinTypes(), options);
+        ASSERT_TRUE(log) << log.error().format();
+        options.epoch = (*log)->epoch();
+        options.append = true;
+        options.keepSeconds = 0;  // what was let go stays so
+        const Attachment attachment = scene.bus().attach(**log);
+        for (; frame < until; ++frame) {
+            edits.step();
+            scene.newFrame(frame * .1);
+        }
+        EXPECT_EQ(attachment.failure(), "");
+        until == 90 ? void((*log)->close()) : (*log)->abandon();
+    }
+    EXPECT_EQ(check(files()), "");
+    ASSERT_TRUE(later_);
+    EXPECT_GE(later_->begins, 3);
+    EXPECT_EQ(later_->letGo, later_->begins);
+    EXPECT_EQ(check({file()}), "");
+    ASSERT_TRUE(later_);
+    EXPECT_GT(later_->begins, 8);
 }
 
 /// A log's own name is never without a file, nor with one that has no state yet: it only ever goes over to another.

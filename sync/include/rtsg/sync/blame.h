@@ -34,9 +34,11 @@ struct FieldStep {
 /// The states of a log in which a field (as findField() has it) had another value than in the state before; the first
 /// is that with which it begins. `progress` is told bytes read and all there are; false ends it. Errors: the log cannot
 /// be read, or has no such field in any state. `lacks`: where the log first was not whole, if it was not: changes may
-/// be missing, and what led to others.
+/// be missing, and what led to others. `piece`: that it is a later piece of its session, if it is: what led to the
+/// first value is elsewhere.
 Result<std::vector<FieldStep>> blame(const std::filesystem::path& log, std::string_view path,
                                      const std::function<bool(std::uint64_t, std::uint64_t)>& progress = {},
-                                     std::optional<Divergence>* lacks = nullptr);
+                                     std::optional<Divergence>* lacks = nullptr,
+                                     std::optional<LaterPiece>* piece = nullptr);
 
 }  // namespace rtsg

@@ -34,6 +34,9 @@ struct StreamHead {
     StreamMode mode;
     std::string creator;
     std::optional<double> start;  // scene time at which the session began, seconds, where the stream begins later
+    /// With `start`: scene time of the oldest state that the pieces before this one still held when it was begun,
+    /// seconds. Later than `start` where a ring has let older ones go.
+    std::optional<double> keptFrom;
 };
 
 /// XXH3-64 of the encoded types, all of which it looks at.
@@ -41,7 +44,7 @@ std::uint64_t dictionaryHash(TypeTable types);
 
 /// Appends to nothing: `record` becomes a head record. `types`: what the stream's TypeIndex numbers mean.
 void encodeHead(std::uint64_t epoch, std::string_view creator, TypeTable types, const StreamMode& mode,
-                ByteBuffer& record, std::optional<double> start = {});
+                ByteBuffer& record, std::optional<double> start = {}, std::optional<double> keptFrom = {});
 
 /// `record`: an intact head record (checkRecord).
 Result<StreamHead> decodeHead(std::span<const std::byte> record);

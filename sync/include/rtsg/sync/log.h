@@ -84,6 +84,8 @@ struct LogOptions {
     std::uint64_t epoch = 0;
 };
 
+class LogReader;
+
 class LogWriter : public Subscriber {
   public:
     /// `types`: what TypeIndex numbers mean, builtinTypes() for any scene. Fails when the file cannot be written or
@@ -112,15 +114,24 @@ class LogWriter : public Subscriber {
     std::uint64_t epoch() const { return epoch_; }
 
   private:
+    /// A file that was renamed; the time of its last state, seconds.
+    struct Piece {
+        std::filesystem::path file;
+        double end = 0;
+        std::uint64_t epoch = 0;
+    };
+
     LogWriter(std::filesystem::path file, TypeTable types, LogOptions options);
     Result<> openFile();
     Result<> openAppended();
+    void goOnIn(LogReader& old);
     Result<> beginEpoch();
+    void makeHead();
     Result<> writeHead();
     Result<> writeKeyframe(const ChangeSet& changes);
     Result<> writeFrame(const ChangeSet& changes);
     Result<> writeRecord(const ByteBuffer& record);
-    Result<> writeIndex();
+    Result<> writeIndex(const RecordHeader& next = {});
     Result<> checkFile();
     Result<> flush();
     bool keyframeDue(double now) const;
@@ -133,6 +144,7 @@ class LogWriter : public Subscriber {
     void discard();
     Result<std::filesystem::path> freePieceName();
     void adoptPieces();
+    bool isOld(const Piece& piece, double now) const;
     void dropOldPieces(double now);
     Diagnostic failure(std::string_view what, int error) const;
 
@@ -151,8 +163,9 @@ class LogWriter : public Subscriber {
     bool regular_ = true, firstOfEpoch_ = true;
     std::vector<LogKeyframe> keyframes_;
     std::optional<double> pieceStart_, sessionStart_;  // scene times of the file's and the session's first state
-    std::vector<std::pair<std::filesystem::path, double>>
-        pieces_;  // that were renamed, and the time of their last state
+    std::optional<double> keptFrom_;                   // of the oldest state in a piece that stays, where some went
+    bool isLater_ = false;                             // pieces of the session come before this file
+    std::vector<Piece> pieces_;
     std::uint64_t pieceNumber_ = 0;
     ChangeEncoder encoder_;
     InputEncoder inputs_;
@@ -194,9 +207,12 @@ class LogReader {
     const std::filesystem::path& file() const { return file_; }
     /// End of the last intact record that next() has returned.
     std::uint64_t intactEnd() const { return intactEnd_; }
-    /// Whether that record was an index, as a log that was closed in order ends with: if not, its writer was killed or
-    /// is still at it, or somebody cut it, and what came after is not known. Of use once next() has returned nothing.
+    /// Whether that record was the index that a session ends with: if not, its writer was killed or is still at it,
+    /// somebody cut it, or pieces are missing, and what came after is not known. Of use once next() has returned
+    /// nothing, as goesOn().
     bool closed() const { return closed_; }
+    /// Whether that record was the index of a piece that another one follows.
+    bool goesOn() const { return goesOn_; }
     /// Whether a writer has the file open. The record that it was in the middle of when next() came there is neither
     /// intact nor damaged: it is yet to come.
     bool beingWritten() const;
@@ -218,7 +234,7 @@ class LogReader {
     std::uint64_t searchBudget_ = 0;  // bytes of hashing left for candidates found while resynchronising
     std::vector<LogDamage> damage_;
     std::optional<std::vector<LogKeyframe>> keyframes_;
-    bool hadIndex_ = false, closed_ = false;
+    bool hadIndex_ = false, closed_ = false, goesOn_ = false;
     ByteBuffer window_;  // the file's bytes from windowAt_
     std::uint64_t windowAt_ = 0;
 };

@@ -29,6 +29,7 @@ class LogCheck {
   private:
     void note(std::uint64_t frame, std::string text);
     void noteGap(std::uint64_t before, bool arrived);
+    std::string openEnd(std::uint64_t last, std::uint64_t next) const;
 
     Replayer& replayer_;
     std::uint64_t gaps_ = 0, unclosed_ = 0;

@@ -23,6 +23,7 @@ struct LogSummary {
     double start = 0, end = 0;  // seconds, as Replayer::time()
     std::uint64_t damaged = 0, damagedBytes = 0;
     bool closed = false;  // it ends with its index: the writer came to its end
+    bool goesOn = false;  // it is a piece that another one follows
     bool beingWritten = false;
     std::string creator, mode, coding;
     std::map<std::string, std::size_t> types;  // nodes of the last state

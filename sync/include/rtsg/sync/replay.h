@@ -49,6 +49,14 @@ struct DifferenceWords {
 /// `a`.
 std::optional<Divergence> firstDifference(const Scene& a, const Scene& b, DifferenceWords words = {});
 
+/// A log that does not begin where its session did: a later piece of a rotated one, or several.
+struct LaterPiece {
+    double begins = 0;  // seconds into the session
+    double letGo = 0;   // of the session's first seconds so many were let go on purpose, as a ring does; `begins`: all
+    /// Where what came before is: "what came before is in pieces before it".
+    std::string format() const;
+};
+
 class Replayer {
   public:
     /// `maxPayload`: as LogReader::open.
@@ -79,15 +87,23 @@ class Replayer {
     std::uint64_t gaps() const { return gaps_; }          // times that frames were missing
     /// Frames of states before the one that the scene was in: pieces of a log that stand in another order.
     std::uint64_t framesBehind() const { return behind_; }
-    /// Times that step() came to another session though nothing closed the one before: a replica that joined anew has
-    /// none, or several states that it did not get, and its log cannot tell.
+    /// Times that step() came to another session and what lies between the two is not known: the last of them says why.
     std::uint64_t unclosedSessions() const { return unclosed_; }
+    enum class Seam : std::uint8_t {
+        notClosed,     // nothing ended the one before: a replica that joined anew has none, or several states that it
+                       // did not get, and its log cannot tell
+        goesOn,        // the one before goes on in a piece that does not follow
+        beginsBefore,  // the other one begins in a piece that does not come before
+    };
+    Seam seam() const { return seam_; }
     /// The last set applied: what led to the state the scene is in. After seek() it may be several in one. Has its
     /// `input` where the log has it; in input mode, that only.
     const ChangeSet& lastSet() const { return *set_; }
     /// The first state with another hash than the origin's. The node and field are exact where the log itself can tell:
     /// by running the frame again from its input, or at the next keyframe; else the text says that they are a guess.
     const std::optional<Divergence>& divergence() const { return divergence_; }
+    /// Nothing if the log begins where its first session did. How much was let go is known once it has been read.
+    std::optional<LaterPiece> laterPiece();
     const LogReader& log() const { return log_; }
     const StreamHead& head() const { return head_; }
     /// What of it this program does not know, and the scene does not have.
@@ -100,6 +116,7 @@ class Replayer {
     Result<bool> takeInput(const LogReader::Record& record);
     bool leadsOn(const RecordHeader& header);
     void missFrames();
+    void meetSession();
     Result<> goesOn(const LogReader::Record& record, double from);
     Result<> apply(const LogReader::Record& record);
     Result<> adoptHead(std::span<const std::byte> record);
@@ -115,7 +132,7 @@ class Replayer {
     std::optional<Divergence> compareAtNextKeyframe() const;
 
     LogReader log_;
-    StreamHead head_;
+    StreamHead head_, first_;  // of the session that it is in, and of the one that the log begins with
     ChangeDecoder decoder_;
     InputDecoder inputDecoder_;
     std::unique_ptr<Scene> scene_;
@@ -125,7 +142,8 @@ class Replayer {
     bool headed_ = false;                   // head_ is of this epoch
     bool lost_ = true;                      // waiting for a keyframe
     bool told_ = false;                     // that frames are missing until then
-    bool closed_ = false;                   // an index was the last record, but for heads
+    bool closed_ = false, goesOn_ = false;  // what the last record was, but for heads: as those of LogReader
+    Seam seam_ = Seam::notClosed;
     std::uint64_t frames_ = 0, verified_ = 0, gaps_ = 0, behind_ = 0, unclosed_ = 0;
     double time_ = -std::numeric_limits<double>::infinity();
     double shift_ = 0;  // of time() against the scene's

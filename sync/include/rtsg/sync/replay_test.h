@@ -58,6 +58,7 @@ struct ReplayReport {
     std::optional<Divergence> divergence;
     bool updated = false;
     bool closed = true;         // the log was: nothing of the session came after the last state
+    bool goesOn = false;        // it is a piece that another one follows
     double start = 0, end = 0;  // times of the first and the last state reached
     /// With chosen fields: how many there were, those that differed, in the order in which they began, and their
     /// values.
