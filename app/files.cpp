@@ -134,9 +134,18 @@ void keepResources(const Scene& scene, const Resources& resources, const std::ve
                 throw UsageError(output.option, fmt::format("the scene uses {}", used.string()));
 }
 
+/// A log that says that its session begins with it has none before it, whatever lies beside it.
+static bool beginsItsSession(const std::string& log) {
+    auto reader = LogReader::open(log);
+    const auto record = reader ? reader->next() : std::nullopt;
+    if (!record || record->header.kind != RecordKind::head) return false;
+    const auto head = decodeHead(record->bytes);
+    return head && !head->start;
+}
+
 void tellOfEarlierPieces(const std::string& log) {
     const std::vector<std::filesystem::path> pieces = earlierPieces(log);
-    if (pieces.empty()) return;
+    if (pieces.empty() || beginsItsSession(log)) return;
     fmt::print(stderr, "{}: note: the last piece of a log; {} before it: {}{}\n", terminalText(log), pieces.size(),
                terminalText(pieces.front().string()),
                pieces.size() > 1 ? " to " + terminalText(pieces.back().string()) : "");

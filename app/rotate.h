@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include <fmt/format.h>
+
 #include <rtsg/sync/log.h>
 
 #include "cli.h"
@@ -35,6 +37,19 @@ struct RotateArguments {
                 return;
             }
         options.rotateSeconds = seconds("--rotate", rotate, "a size or a time, as 1GB or 10min");
+    }
+
+    /// No recording grows onto pieces of another one.
+    Result<> checkPieces(const std::string& log, bool force) const {
+        if (log.empty() || rotate.empty() || force) return {};
+        const auto pieces = recordedPieces(log);
+        if (pieces.empty()) return {};
+        return fail(fmt::format("a piece of an earlier recording is there already{}; --force replaces {}",
+                                pieces.size() > 1 ? fmt::format(", and {} more to {}", pieces.size() - 1,
+                                                                pieces.back().filename().string())
+                                                  : "",
+                                pieces.size() > 1 ? "them" : "it"),
+                    {}, pieces.front().string());
     }
 
   private:

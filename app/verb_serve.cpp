@@ -185,6 +185,8 @@ int Session::open() {
     const std::vector<OutputName> outputs{{"--record", options_.record, OutputKind::log}};
     if (auto ok = checkFiles({options_.scene, options_.key, options_.resume}, outputs, options_.force); !ok)
         return printError(ok.error()), kBad;
+    if (auto ok = options_.rotate.checkPieces(options_.record, options_.force); !ok)
+        return printError(ok.error()), kBad;
     running_.allowNetwork(options_.network);
     auto resumed = begin(running_, options_);
     if (!resumed) return printError(resumed.error()), kBad;

@@ -462,6 +462,36 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     }
 }
 
+/// Pieces of an earlier recording would look like the first ones of this.
+TEST_F(Mirror, ARotatedLogGrowsOntoNoOther) {
+    const std::string log = folder / "turning.rlog", first = folder / "turning.0001.rlog";
+    const std::vector<std::string> recording{"serve", file, "--for", "600ms", "--record", log, "--rotate", "100ms"};
+    ASSERT_EQ(rtsg(recording).status, 0);
+    for (const bool whole : {true, false}) {
+        if (!whole) std::filesystem::remove(log);
+        const std::string before = readFile(first);
+        const Outcome refused = rtsg(recording);
+        EXPECT_EQ(refused.status, 1);
+        EXPECT_THAT(refused.err, HasSubstr("--force replaces"));
+        if (!whole) {
+            EXPECT_THAT(refused.err, HasSubstr("turning.0001.rlog: error: a piece of an earlier recording"));
+        }
+        EXPECT_EQ(readFile(first), before);
+        auto forced = recording;
+        forced.push_back("--force");
+        ASSERT_EQ(rtsg(forced).status, 0);
+        std::string all;
+        for (int n = 1; std::filesystem::exists(folder / fmt::format("turning.{:04}.rlog", n)); ++n)
+            all += readFile(folder / fmt::format("turning.{:04}.rlog", n));
+        writeFile(folder / "all.rlog", all + readFile(log));
+        EXPECT_EQ(rtsg({"replay", folder / "all.rlog", "--verify"}).status, 0);
+        EXPECT_NE(readFile(first), before);
+    }
+    // One that does not rotate has no pieces before it, whatever lies beside it.
+    ASSERT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--force"}).status, 0);
+    EXPECT_EQ(rtsg({"replay", log}).err, "");
+}
+
 TEST_F(Mirror, ResumingAsksForALogAndWritesNoOther) {
     EXPECT_EQ(rtsg({"serve"}).status, 2);
     EXPECT_EQ(rtsg({"serve", "--resume", folder / "none.rlog"}).status, 1);

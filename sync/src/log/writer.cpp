@@ -1,7 +1,6 @@
 // The log's writer: records into a file of its own, one write each, never over what is there.
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <chrono>
 #include <cstdio>
 #include <cstring>
@@ -20,6 +19,7 @@
 #include <rtsg/sync/log.h>
 
 #include "index.h"
+#include "pieces.h"
 
 namespace rtsg {
 
@@ -83,6 +83,9 @@ Result<> LogWriter::openFile() {
     }
     if (there && options_.append) return openAppended();
     if (there && options_.existing == Existing::keep) return fail("there is a file already", {}, file_.string());
+    if (options_.rotateBytes > 0 || options_.rotateSeconds > 0) replacedPieces_ = recordedPieces(file_);
+    if (options_.existing == Existing::keep && !replacedPieces_.empty())
+        return fail("there is a piece of an earlier recording already", {}, replacedPieces_.front().string());
     std::filesystem::path target = file_, fresh = file_;
     if (there) {
         // Whoever still writes the old one would go on with a file that nobody finds.
@@ -109,13 +112,25 @@ Result<> LogWriter::openFile() {
 
 /// With its first state in it the new file takes the place of the old one: a disk that is full costs nobody a log.
 Result<> LogWriter::takePlace() {
-    if (replaced_ < 0) return {};
+    if (replaced_ < 0) return dropReplacedPieces();
     if (::rename(made_.c_str(), target_.c_str()) != 0) {
         broken_ = true;
         return std::unexpected(failure("cannot replace", errno));
     }
     made_ = target_;
     ::close(std::exchange(replaced_, -1));
+    return dropReplacedPieces();
+}
+
+/// Beside the new pieces they would look like the first ones of its session.
+Result<> LogWriter::dropReplacedPieces() {
+    for (const std::filesystem::path& piece : std::exchange(replacedPieces_, {})) {
+        std::error_code error;
+        std::filesystem::remove(piece, error);
+        if (!error) continue;
+        broken_ = true;
+        return fail("cannot remove a piece of the recording that is replaced: " + error.message(), {}, piece.string());
+    }
     return {};
 }
 
@@ -320,42 +335,6 @@ bool LogWriter::rotationDue(double now) const {
     if (!regular_ || sinceKeyframe_ == 0) return false;
     return (options_.rotateBytes > 0 && size_ >= std::max(options_.rotateBytes, 4 * keyframeSize_)) ||
            (options_.rotateSeconds > 0 && pieceStart_ && now - *pieceStart_ >= options_.rotateSeconds);
-}
-
-namespace {
-
-/// By their numbers.
-std::vector<std::pair<std::uint64_t, std::filesystem::path>> numberedPieces(const std::filesystem::path& file) {
-    const std::string before = file.stem().string() + ".", after = file.extension().string();
-    std::vector<std::pair<std::uint64_t, std::filesystem::path>> found;
-    std::error_code error;
-    for (const auto& entry :
-         std::filesystem::directory_iterator(file.has_parent_path() ? file.parent_path() : ".", error)) {
-        const std::string name = entry.path().filename().string();
-        if (!name.starts_with(before) || !name.ends_with(after) || name.size() < before.size() + after.size() + 4)
-            continue;
-        const char *const first = name.data() + before.size(), *const last = name.data() + name.size() - after.size();
-        std::uint64_t number = 0;
-        if (const auto [end, problem] = std::from_chars(first, last, number); problem != std::errc() || end != last)
-            continue;
-        found.emplace_back(number, file.has_parent_path() ? entry.path() : entry.path().filename());
-    }
-    std::ranges::sort(found);
-    return found;
-}
-
-}  // namespace
-
-std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file) {
-    std::vector<std::filesystem::path> pieces;
-    for (auto& [number, piece] : numberedPieces(file)) pieces.push_back(std::move(piece));
-    return pieces;
-}
-
-std::filesystem::path laterPiece(const std::filesystem::path& piece) {
-    const std::filesystem::path log = piece.parent_path() / (piece.stem().stem().string() + piece.extension().string());
-    if (log == piece || !std::filesystem::exists(log)) return {};
-    return std::ranges::count(earlierPieces(log), piece) > 0 ? log : std::filesystem::path();
 }
 
 /// Pieces that the same session wrote before it was resumed grow old as its own do; or a ring would keep them for good,

@@ -72,7 +72,8 @@ struct LogOptions {
     double keepSeconds = 0;
     /// When the data has to be on the medium itself, not only with the system: costs milliseconds each time.
     enum class Sync : std::uint8_t { atClose, atKeyframes, always } sync = Sync::atClose;
-    /// What becomes of a file of this name. One that is replaced is never cut: whoever reads it reads on.
+    /// What becomes of a file of this name, and of its pieces where the new log rotates. One that is replaced is never
+    /// cut: whoever reads it reads on.
     Existing existing = Existing::replace;
     /// Goes on behind the last intact record of an existing log instead of replacing it.
     bool append = false;
@@ -141,6 +142,7 @@ class LogWriter : public Subscriber {
     Result<> putInPlace(const std::filesystem::path& fresh, const std::filesystem::path& piece);
     void dropSecondName();
     Result<> takePlace();
+    Result<> dropReplacedPieces();
     void discard();
     Result<std::filesystem::path> freePieceName();
     void adoptPieces();
@@ -154,6 +156,7 @@ class LogWriter : public Subscriber {
     int descriptor_ = -1;
     int replaced_ = -1;                    // the file whose place it will take: its lock keeps others from it
     std::filesystem::path made_, target_;  // where it is until then, if it was made here; and what leads to that one
+    std::vector<std::filesystem::path> replacedPieces_;  // of what it replaces
     bool broken_ = false;
     std::uint64_t state_ = 0;  // last one written, its hash beside it
     Hash128 hash_;
@@ -244,6 +247,9 @@ bool isBeingWritten(const std::filesystem::path& file);
 
 /// The files before this one of a log that was written in pieces, in order: those with its name and a number.
 std::vector<std::filesystem::path> earlierPieces(const std::filesystem::path& file);
+/// Those of them that were written as pieces, as what is in them says: a log that only has such a name is none. They go
+/// when a log that rotates replaces `file`.
+std::vector<std::filesystem::path> recordedPieces(const std::filesystem::path& file);
 /// The log that a file with a number in its name was a piece of: the one beside it without the number. Empty: none.
 std::filesystem::path laterPiece(const std::filesystem::path& piece);
 
