@@ -195,6 +195,10 @@ class Mirroring {
     }
     bool isOver(std::size_t applied);
     void sayWhetherHeard();
+    /// The state to catch up with; of another session, which may have begun since, it is that one's.
+    std::uint64_t wanted() const { return std::min(known_, client_->statistics().originSequence); }
+    /// The origin was in this state when we had seen enough, or in that which the replica has got to since.
+    std::uint64_t origin() const { return std::max(wanted(), client_->statistics().sequence); }
     void catchUp();
     void awaitAnswers();
     void sayWhatIsMissing();
@@ -203,6 +207,7 @@ class Mirroring {
         good_ = false;
     }
     void finish();
+    std::string comparison() const;
     void print() const;
     void printJson() const;
 
@@ -215,6 +220,7 @@ class Mirroring {
     std::unique_ptr<MirrorClient> client_;
     std::unique_ptr<Made> made_;
     std::optional<std::uint64_t> firstState_;  // that counts as joined
+    std::uint64_t known_ = 0;                  // the origin's state when we had seen enough
     ElapsedTime elapsed_;
     std::uint64_t framesBefore_ = 0;  // it joined: what the server had kept
     double since_ = 0, time_ = 0, seconds_ = 0;
@@ -252,7 +258,7 @@ bool Mirroring::isOver(std::size_t applied) {
     MirrorClient& client = *client_;
     if (joined() && !made_->frame()) return true;
     if (client.serverLeft() && applied == 0) return true;
-    if (applied > 0 || client.inStep()) heard_ = Clock::now();
+    if (applied > 0 || client.inStep() || client.receiving()) heard_ = Clock::now();
     // What is made has a length in scene time; who only follows need not wait for a scene that stands still. One that
     // comes late over a slow link does not.
     const bool stands = secondsSince(movedAt_) >= std::min(duration_, 1.0) && client.inStep();
@@ -263,10 +269,11 @@ bool Mirroring::isOver(std::size_t applied) {
     if (stoodStill_) return true;
     if (secondsSince(heard_) < patience_ + latency_) return false;
     // A server that ends in order says goodbye; a relay that has lost its origin says so.
+    const bool heard = joined() || client.statistics().bytes > 0;
     fail(fmt::format("{}: {} for {} s", options_.endpoint,
-                     joined() ? "the server, or the origin that it relays, has been silent" : "no server",
+                     heard ? "the server, or the origin that it relays, has been silent" : "no server",
                      patience_ + latency_) +
-         (joined()               ? ""
+         (heard                  ? ""
           : options_.key.empty() ? " (one that has keys does not answer without --key)"
                                  : " (one does not answer whose list lacks the key, or that has none)"));
     return true;
@@ -307,12 +314,16 @@ void Mirroring::sayWhetherHeard() {
                lost ? "the server, or the origin that it relays, is not heard: waiting for it" : "heard again");
 }
 
-/// What is known to be missing may still be on its way.
+/// What is known to be missing may still be on its way, and on a slow link for long: the origin goes on meanwhile.
 void Mirroring::catchUp() {
-    const std::uint64_t known = client_->statistics().originSequence;
+    constexpr double kMost = 10;  // times the patience
+    MirrorClient& client = *client_;
+    known_ = client.statistics().originSequence;
     const auto end = Clock::now();
-    while (good_ && client_->statistics().sequence < known && !client_->serverLeft() && secondsSince(end) < patience_)
-        client_->poll(std::chrono::milliseconds(50));
+    auto came = end;
+    while (good_ && client.statistics().sequence < wanted() && !client.serverLeft() && !interrupted() &&
+           secondsSince(came) < patience_ && secondsSince(end) < kMost * patience_)
+        if (client.poll(std::chrono::milliseconds(50)) > 0 || client.receiving()) came = Clock::now();
 }
 
 /// What was asked for may be carried out after we have seen enough.
@@ -342,9 +353,8 @@ void Mirroring::sayWhatIsMissing() {
         fail(fmt::format("{} left after {} of {} s", options_.endpoint, since(), duration_));
     if (stoodStill_ && hasLength())
         fail(fmt::format("{} stands still after {} of {} s", options_.endpoint, since(), duration_));
-    if (statistics.sequence < statistics.originSequence)
-        fail(fmt::format("the replica is in state {}, the origin was in state {}", statistics.sequence,
-                         statistics.originSequence));
+    if (statistics.sequence < wanted())
+        fail(fmt::format("the replica is in state {}, the origin was in state {}", statistics.sequence, wanted()));
     if (!joined()) return;
     for (const std::string& part : missingParts(replica_, options_.parts))
         fail(fmt::format("--part {}: {} has no such node", part, options_.endpoint));
@@ -358,8 +368,17 @@ void Mirroring::finish() {
         report_ = made_->report();
         if (!report_.missing.empty()) fail("missing: " + report_.missing);
     }
-    equal_ = statistics.equal && statistics.sequence == statistics.originSequence;
+    equal_ = statistics.equal && statistics.sequence >= wanted();
     good_ = good_ && equal_ && statistics.divergences == 0 && requests_.refused + requests_.unsent == 0;
+}
+
+/// Of hashes where both are in the same state.
+std::string Mirroring::comparison() const {
+    const MirrorStatistics& statistics = client_->statistics();
+    if (statistics.equal && !equal_)
+        return fmt::format("behind: state {} here, {} at the origin", statistics.sequence, origin());
+    return fmt::format("{}: {} here, {} at the origin", equal_ ? "equal" : "not equal", statistics.hash.hex(),
+                       statistics.originHash.hex());
 }
 
 void Mirroring::print() const {
@@ -368,10 +387,9 @@ void Mirroring::print() const {
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
         "{} ({} snapshots) to state {} of {}, {} bytes ({:.1f} a frame), {:.1f} frames a second\n"
-        "{}: {} here, {} at the origin; {} gaps, {} divergences, {} repairs\n",
-        framesText(statistics.frames), statistics.snapshots, statistics.sequence, statistics.originSequence,
-        statistics.bytes, static_cast<double>(statistics.bytes) / frames, framesPerSecond(),
-        equal_ ? "equal" : "not equal", statistics.hash.hex(), statistics.originHash.hex(), statistics.gaps,
+        "{}; {} gaps, {} divergences, {} repairs\n",
+        framesText(statistics.frames), statistics.snapshots, statistics.sequence, origin(), statistics.bytes,
+        static_cast<double>(statistics.bytes) / frames, framesPerSecond(), comparison(), statistics.gaps,
         statistics.divergences, statistics.repairs);
     if (options_.mode == "input")
         fmt::print("{} of these computed here from what came into them{}\n", framesText(statistics.inputs),
@@ -389,8 +407,8 @@ void Mirroring::printJson() const {
         "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"bytes\":{},\"hash\":\"{}\",\"origin_hash\":\"{}\",\"equal\":{},"
         "\"divergences\":{},\"repairs\":{},\"sequence\":{},\"origin_sequence\":{},\"t\":{},\"seconds\":{:.3f},",
         statistics.frames, statistics.snapshots, statistics.gaps, statistics.bytes, statistics.hash.hex(),
-        statistics.originHash.hex(), equal_, statistics.divergences, statistics.repairs, statistics.sequence,
-        statistics.originSequence, since(), seconds_);
+        statistics.originHash.hex(), equal_, statistics.divergences, statistics.repairs, statistics.sequence, origin(),
+        since(), seconds_);
     fmt::print(
         "\"fps\":{:.2f},\"bytes_per_frame\":{:.1f},\"restarts\":{},\"garbage\":{},\"clock_offset_s\":{:.6f},"
         "\"delay_s\":{:.6f},\"lag_s\":{:.4f},\"most_lag_s\":{:.4f},\"jitter_s\":{:.6f},\"late\":{},\"sent\":{},"

@@ -1,9 +1,11 @@
 // Mirrors as a script uses them: two processes, and what must be the same in both.
 #include <sstream>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 
 #include "mirror_session.h"
+#include "support/tcp_proxy.h"
 
 namespace rtsg::test {
 namespace {
@@ -58,6 +60,27 @@ TEST_F(Mirror, WhatItsUserAsksForIsTheirsInTheLog) {
         EXPECT_NE(none.err, "");
         EXPECT_EQ(none.out, "");
     }
+}
+
+/// The snapshot takes longer than a server may be silent, and the origin is always ahead of what comes.
+TEST_F(Mirror, OnASlowLinkJoinsAndCatchesUp) {
+    std::string many =
+        "#X3D V4.0 utf8\nPROFILE Full\nDEF CLOCK TimeSensor { cycleInterval 2 loop TRUE }\n"
+        "DEF WAY PositionInterpolator { key [ 0 .5 1 ] keyValue [ 0 0 0, 1 2 3, 0 0 0 ] }\n"
+        "ROUTE CLOCK.fraction_changed TO WAY.set_fraction\nDEF BOX Transform { }\n"
+        "WorldInfo { info \"" +
+        std::string(80'000, 'x') + "\" }\n";
+    for (int i = 0; i < 100; ++i)
+        many += fmt::format("DEF T{0} Transform {{ }}\nROUTE WAY.value_changed TO T{0}.translation\n", i);
+    writeFile(file, many);
+    serve({"--for", "120s"}, "tcp://127.0.0.1:*");
+    const TcpProxy way(endpoint, std::chrono::milliseconds(100), 20'000);
+    const Outcome followed = rtsg({"mirror", "--json", way.endpoint, "--for", "2s", "--wait", "3s"});
+    EXPECT_EQ(followed.status, 0) << followed.err;
+    const json report = json::parse(followed.out);
+    expectEqual(report);
+    EXPECT_EQ(report.at("snapshots"), 1) << report;
+    EXPECT_EQ(report.at("sequence"), report.at("origin_sequence")) << report;
 }
 
 TEST_F(Mirror, ManyOverTcpOneOfThemLate) {

@@ -1,14 +1,17 @@
-// A link that can be cut and may be long: passes bytes between clients and one server on loopback, until it does not.
+// A link that can be cut, and may be long or slow: passes bytes between clients and one server on loopback, until it
+// does not.
 //
 // Threading: one thread of its own; cut() and restore() from any other.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
 #include <deque>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include <arpa/inet.h>
@@ -21,9 +24,10 @@ namespace rtsg::test {
 
 class TcpProxy {
   public:
-    /// `server`: tcp://127.0.0.1:PORT; `delay`: how long bytes are under way, in each direction.
-    explicit TcpProxy(const std::string& server, std::chrono::milliseconds delay = {})
-        : target_(addressOf(std::stoi(server.substr(server.rfind(':') + 1)))), delay_(delay) {
+    /// `server`: tcp://127.0.0.1:PORT; `delay`: how long bytes are under way, in each direction; `rate`: how many of
+    /// the server's pass in a second, 0: all.
+    explicit TcpProxy(const std::string& server, std::chrono::milliseconds delay = {}, std::size_t rate = 0)
+        : target_(addressOf(std::stoi(server.substr(server.rfind(':') + 1)))), delay_(delay), rate_(rate) {
         listen();
         endpoint = "tcp://127.0.0.1:" + std::to_string(ntohs(own_.sin_port));
         thread_ = std::thread([this] { run(); });
@@ -77,6 +81,8 @@ class TcpProxy {
         const int on = 1;
         for (const int descriptor : {client, server})
             ::setsockopt(descriptor, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+        constexpr int kFew = 8192;  // a slow link holds few bytes: its sender waits
+        if (rate_ > 0) ::setsockopt(server, SOL_SOCKET, SO_RCVBUF, &kFew, sizeof(kFew));
         if (client < 0 || ::connect(server, reinterpret_cast<const sockaddr*>(&target_), sizeof(target_)) != 0) {
             ::close(client);
             ::close(server);
@@ -85,9 +91,11 @@ class TcpProxy {
         pairs_.push_back({client, server});
     }
     /// False at the end of the stream.
-    bool pass(int from, int to) {
-        const ssize_t got = ::recv(from, buffer_.data(), buffer_.size(), 0);
+    bool pass(int from, int to, bool limited) {
+        const std::size_t most = limited ? std::min(buffer_.size(), static_cast<std::size_t>(credit_)) : buffer_.size();
+        const ssize_t got = ::recv(from, buffer_.data(), most, 0);
         if (got <= 0) return false;
+        if (limited) credit_ -= static_cast<double>(got);
         const std::string bytes(buffer_.data(), static_cast<std::size_t>(got));
         if (delay_.count() == 0) return give(to, bytes);
         way_.push_back({Clock::now() + delay_, to, bytes});
@@ -105,8 +113,16 @@ class TcpProxy {
         for (; !way_.empty() && way_.front().due <= Clock::now(); way_.pop_front())
             (void)give(way_.front().to, way_.front().bytes);
     }
+    /// Of bytes that may pass now; what was not used in time is lost.
+    void earn() {
+        const Clock::time_point now = Clock::now();
+        const std::chrono::duration<double> since = now - std::exchange(earned_, now);
+        const auto rate = static_cast<double>(rate_);
+        credit_ = std::min(credit_ + rate * since.count(), std::max(rate / 20, 1.));
+    }
     void run() {
         while (!stop_) {
+            earn();
             if (wanted_ != is_) {
                 if (wanted_)
                     closeAll();
@@ -117,14 +133,21 @@ class TcpProxy {
             std::vector<pollfd> items;
             if (listener_ >= 0) items.push_back({listener_, POLLIN, 0});
             for (const auto& pair : pairs_)
-                for (const int descriptor : pair) items.push_back({descriptor, POLLIN, 0});
+                for (const int descriptor : pair) {
+                    const bool waits = rate_ > 0 && descriptor == pair[1] && credit_ < 1;
+                    items.push_back({descriptor, static_cast<short>(waits ? 0 : POLLIN), 0});
+                }
             ::poll(items.data(), items.size(), 1);
             arrive();
             std::size_t at = listener_ >= 0 ? 1 : 0;
             for (std::size_t i = 0; i < pairs_.size();) {
                 bool open = true;
                 for (std::size_t side = 0; side < 2; ++side)
-                    if (items[at + side].revents) open = pass(pairs_[i][side], pairs_[i][1 - side]) && open;
+                    if (items[at + side].revents) {
+                        const bool limited = rate_ > 0 && side == 1;
+                        if (limited && credit_ < 1) continue;
+                        open = pass(pairs_[i][side], pairs_[i][1 - side], limited) && open;
+                    }
                 at += 2;
                 if (open) {
                     ++i;
@@ -149,6 +172,9 @@ class TcpProxy {
 
     sockaddr_in target_, own_{};
     const std::chrono::milliseconds delay_;
+    const std::size_t rate_;
+    double credit_ = 0;
+    Clock::time_point earned_ = Clock::now();
     std::deque<Bytes> way_;
     int listener_ = -1;
     std::vector<std::array<int, 2>> pairs_;

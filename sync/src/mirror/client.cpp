@@ -33,6 +33,9 @@ std::size_t MirrorClient::poll(std::chrono::milliseconds timeout) {
 bool MirrorClient::inStep() const {
     return impl_->inStep();
 }
+bool MirrorClient::receiving() const {
+    return impl_->receiving();
+}
 const MirrorStatistics& MirrorClient::statistics() const {
     return impl_->statistics_;
 }

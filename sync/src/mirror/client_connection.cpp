@@ -7,6 +7,7 @@
 #include <poll.h>
 
 #include "client_impl.h"
+#include "connection_watch.h"
 
 namespace rtsg {
 
@@ -25,8 +26,10 @@ constexpr auto kHelloLost = 2s;                             // without any answe
 constexpr int kMostDoublings = 4;
 constexpr auto kLongestTurn = 20ms;  // of poll() beyond its timeout, while frames keep coming
 constexpr auto kQuiet = 400ms;       // beyond a heartbeat: then the server counts as lost, though it may come back
-constexpr auto kPingAtFirst = 20ms;  // until there are a few samples of the clock; from then on ever more seldom,
-constexpr auto kPingLater = 2000ms;  // up to this: each wakes four threads
+constexpr auto kLookAtBytes = 250ms;
+constexpr double kMoreThanPings = 1000;  // bytes a second
+constexpr auto kPingAtFirst = 20ms;      // until there are a few samples of the clock; from then on ever more seldom,
+constexpr auto kPingLater = 2000ms;      // up to this: each wakes four threads
 constexpr std::uint64_t kFewSamples = 4, kDoublings = 7;
 constexpr int kPortion = 64;        // messages at a time: time passes while a long run of frames is applied
 constexpr auto kRequestAgain = 1s;  // without a verdict
@@ -213,9 +216,25 @@ void MirrorClient::Impl::connectionLost() {
     loseCommands(std::ssize(commands_));
 }
 
+/// ZeroMQ hands a message over once all of it is there, which takes seconds where a link is slow.
+bool MirrorClient::Impl::bringsBytes(Clock::time_point now) {
+    const std::chrono::duration<double> since = now - lookedAt_;
+    if (since < kLookAtBytes) return false;
+    const std::optional<std::uint64_t> bytes = bytesReceived(descriptor_);
+    if (!bytes) return false;
+    lookedAt_ = now;
+    const std::uint64_t before = std::exchange(brought_, *bytes);
+    return *bytes > before && static_cast<double>(*bytes - before) >= kMoreThanPings * since.count();
+}
+
+bool MirrorClient::Impl::receiving() const {
+    return connected_ && !relayLost_ && Clock::now() - coming_ <= heartbeat_ + kQuiet;
+}
+
 /// `idle`: nothing that has come waits to be read, so that a silence is the server's and not ours.
 void MirrorClient::Impl::keepInTouch(bool idle) {
     const Clock::time_point now = Clock::now();
+    if (idle && connected_ && linked() && bringsBytes(now)) heard_ = coming_ = now;
     quiet_ = idle && now - heard_ > heartbeat_ + kQuiet;
     if (linked() && mayGreet(now)) {
         hello(false);
@@ -495,6 +514,7 @@ void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {
     }
     if (part.empty() || part.size() > size || offset > size - part.size())
         return garbage(fmt::format("{} bytes from {} on of a record of {}", part.size(), offset, size));
+    coming_ = heard_;
     received_ += part.size();
     statistics_.bytes += part.size();
     if (offset == 0 && part.size() == size) {

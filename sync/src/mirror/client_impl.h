@@ -35,6 +35,7 @@ class MirrorClient::Impl {
                statistics_.sequence >= newestHeard_;
     }
     bool originLost() const;
+    bool receiving() const;
     /// poll() was called on another thread; nothing else is touched there.
     void refuseThread() { foreignPolls_.fetch_add(1, std::memory_order_relaxed); }
     /// That since the last call some of these were refused.
@@ -77,6 +78,7 @@ class MirrorClient::Impl {
     void connectionLost();
     bool linked() const { return up_ && !cut_; }
     void keepInTouch(bool idle);
+    bool bringsBytes(Clock::time_point now);
     void reconnect(Clock::time_point now);
     void pingNow(Clock::time_point now);
     bool wait(std::chrono::milliseconds most);
@@ -134,8 +136,11 @@ class MirrorClient::Impl {
     bool moreWaits_ = false;  // not all that has come has been received
     bool quiet_ = false;      // nothing has been heard for longer than a heartbeat
     std::chrono::milliseconds heartbeat_{500};
-    bool haveState_ = false;  // the replica is in a state of this epoch
-    bool touched_ = false;    // something was applied to the replica: it has to be reset before a keyframe
+    bool haveState_ = false;      // the replica is in a state of this epoch
+    bool touched_ = false;        // something was applied to the replica: it has to be reset before a keyframe
+    Clock::time_point coming_{};  // when last a part of a record came, or bytes that may be one
+    std::uint64_t brought_ = 0;   // bytes of the connection, when looked at last
+    Clock::time_point lookedAt_{};
     std::uint64_t state_ = 0, newestHeard_ = 0;
     Hash128 stateHash_;                              // of `state_`, as the server says
     std::uint64_t originAt_ = 0;                     // as the server says without sending it

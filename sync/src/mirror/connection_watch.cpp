@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <optional>
 #include <utility>
 
 #include <linux/sockios.h>
@@ -21,14 +20,11 @@ constexpr auto kLookCosts = std::chrono::microseconds(60);  // a connection: so 
 
 /// Bytes received on a TCP connection, less those that wait in the system; nothing for what is none.
 std::optional<std::uint64_t> bytesRead(int descriptor) {
-    tcp_info info{};
-    socklen_t length = sizeof(info);
     int waiting = 0;
-    if (::getsockopt(descriptor, IPPROTO_TCP, TCP_INFO, &info, &length) != 0) return std::nullopt;
-    if (length < offsetof(tcp_info, tcpi_bytes_received) + sizeof(info.tcpi_bytes_received)) return std::nullopt;
-    if (::ioctl(descriptor, SIOCINQ, &waiting) != 0) return std::nullopt;
+    const std::optional<std::uint64_t> received = bytesReceived(descriptor);
+    if (!received || ::ioctl(descriptor, SIOCINQ, &waiting) != 0) return std::nullopt;
     const auto left = static_cast<std::uint64_t>(waiting);
-    return info.tcpi_bytes_received > left ? info.tcpi_bytes_received - left : 0;
+    return *received > left ? *received - left : 0;
 }
 
 bool bytesWait(int descriptor) {
@@ -37,6 +33,14 @@ bool bytesWait(int descriptor) {
 }
 
 }  // namespace
+
+std::optional<std::uint64_t> bytesReceived(int descriptor) {
+    tcp_info info{};
+    socklen_t length = sizeof(info);
+    if (::getsockopt(descriptor, IPPROTO_TCP, TCP_INFO, &info, &length) != 0) return std::nullopt;
+    if (length < offsetof(tcp_info, tcpi_bytes_received) + sizeof(info.tcpi_bytes_received)) return std::nullopt;
+    return info.tcpi_bytes_received;
+}
 
 void ConnectionWatch::look(Clock::time_point now) {
     early_.clear();  // what has been opened is known before each look

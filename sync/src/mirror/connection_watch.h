@@ -12,12 +12,16 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <set>
 #include <unordered_map>
 
 #include "zmq_socket.h"
 
 namespace rtsg {
+
+/// What has come on a TCP connection, whether it has been read or not, bytes; nothing for what is none.
+std::optional<std::uint64_t> bytesReceived(int descriptor);
 
 class ConnectionWatch {
   public:

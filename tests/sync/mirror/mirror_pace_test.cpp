@@ -68,6 +68,34 @@ TEST(MirrorSlow, TheFirstAnswerIsWaitedForOnALongWay) {
     EXPECT_EQ(replica.dump(), origin.scene.dump());
 }
 
+/// A message of the snapshot takes a second, and all of it six: the server is heard by the bytes that come.
+TEST(MirrorSlow, ASnapshotMayTakeLongerThanAServerMayBeSilent) {
+    Scene scene;
+    const NodeId text = scene.createNode(x3d::MetadataString::type);
+    ASSERT_TRUE(scene.set(text, x3d::MetadataString::value, Array<String>{String(std::string(96 << 10, 'x'))}));
+    scene.newFrame(0);
+    auto server = *MirrorServer::start(scene, test::kAnyPort);
+    const test::TcpProxy way(server->endpoint(), 0ms, 16 << 10);
+    MirrorClientOptions options;
+    options.timeout = 700ms;
+    Scene replica;
+    auto client = *MirrorClient::connect(replica, way.endpoint, options);
+    bool received = false;
+    ASSERT_TRUE(eventually([&] {
+        server->service();
+        client->poll(20ms);
+        if (client->statistics().frames == 0) received |= client->receiving();
+        return client->statistics().frames > 0;
+    }));
+    EXPECT_TRUE(received);
+    EXPECT_EQ(replica.hash(), scene.hash());
+    EXPECT_TRUE(eventually([&] {
+        server->service();
+        client->poll(20ms);
+        return !client->receiving();
+    })) << "pings are no records";
+}
+
 TEST(MirrorSlow, OneThatLagsWhenTheServerLeavesKnowsThatItLags) {
     MovingOrigin origin(500);
     MirrorClientOptions options;

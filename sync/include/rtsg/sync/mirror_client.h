@@ -116,6 +116,9 @@ class MirrorClient {
     std::size_t poll(std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
     /// There is a connection, at a relay one of its own too, and the replica is in the newest state heard of.
     bool inStep() const;
+    /// The server sends records, or one whose parts take long to come: a state will be here in a while, however slow
+    /// the link is.
+    bool receiving() const;
     const MirrorStatistics& statistics() const;
     /// What went wrong since the last call, at most a hundred.
     std::vector<Diagnostic> takeDiagnostics();
