@@ -83,8 +83,16 @@ Result<std::optional<ResumedSession>> begin(RunningScene& running, const ServeAr
     }
     auto session = running.resume(options.resume);
     if (!session) return std::unexpected(session.error());
-    fmt::print(stderr, "going on at state {}, t = {:.3f} s{}\n", running.scene().sequence(), running.time(),
-               session->damaged ? fmt::format("; {} places of the log could not be read", session->damaged) : "");
+    const auto times = [](std::uint64_t count, std::string_view one, std::string_view several) {
+        return count ? fmt::format("; {}", count == 1 ? std::string(one) : fmt::format("{} {}", count, several))
+                     : std::string();
+    };
+    fmt::print(stderr, "going on at state {}, t = {:.3f} s{}{}\n", running.scene().sequence(), running.time(),
+               times(session->damaged, "1 place of the log could not be read", "places of the log could not be read"),
+               times(session->gaps, "states are missing in 1 place", "times states are missing"));
+    if (session->file != options.resume)
+        fmt::print(stderr, "{} was cut before its first state: that is the last one of {}\n",
+                   terminalText(options.resume), terminalText(session->file.string()));
     return std::optional(std::move(*session));
 }
 
@@ -162,6 +170,8 @@ class Session {
     int close();
 
   private:
+    /// What is served: where urls start from is nobody's concern.
+    const std::string& name() const { return resumed_ ? options_.resume : running_.file(); }
     const std::string& logFile() const { return resumed_ ? options_.resume : options_.record; }
     void lookAtLog();
     void print(const MirrorServerStatistics& statistics) const;
@@ -250,7 +260,7 @@ void Session::lookAtLog() {
 }
 
 void Session::run() {
-    sayEndpoint(fmt::format("serving {} at", running_.file()), *server_, web_, options_.json);
+    sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json);
     if (options_.await > 0) await(*server_, options_.await);
 
     // Frames are at even times; those that there was no time for are left out, the clock never lags behind.
@@ -259,7 +269,7 @@ void Session::run() {
     if (resumed_) from_ = running_.time() + 1 / options_.fps;
     const auto elapsed = [&] { return std::chrono::duration<double>(Clock::now() - start).count(); };
     const auto last = static_cast<std::uint64_t>(std::floor(duration_ * options_.fps + 1e-9));
-    const Progress progress = options_.duration.empty() ? Progress{} : progressBar("serving " + running_.file());
+    const Progress progress = options_.duration.empty() ? Progress{} : progressBar("serving " + name());
     for (std::uint64_t slot = 0; !interrupted() && slot <= last;) {
         server_->service();  // what mirrors have sent takes effect in this frame
         running_.frame(from_ + static_cast<double>(slot) / options_.fps);

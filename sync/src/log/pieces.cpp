@@ -7,6 +7,9 @@
 #include <fstream>
 #include <optional>
 #include <set>
+#include <span>
+#include <string>
+#include <string_view>
 
 #include <rtsg/sync/log.h>
 
@@ -104,6 +107,30 @@ std::vector<std::filesystem::path> recordedPieces(const std::filesystem::path& f
     for (auto& [piece, epoch] : found)
         if (rotated.contains(epoch)) pieces.push_back(std::move(piece));
     return pieces;
+}
+
+std::optional<StreamHead> headOf(const std::filesystem::path& file) {
+    return marksOf(file).head;
+}
+
+bool isCutInHead(const std::filesystem::path& file) {
+    std::ifstream in(file, std::ios::binary | std::ios::ate);
+    if (!in) return false;
+    const auto size = static_cast<std::uint64_t>(in.tellg());
+    std::string bytes(std::min<std::uint64_t>(size, kRecordHeaderSize), '\0');
+    if (!in.seekg(0) || !in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return false;
+    if (size < kRecordHeaderSize) return bytes.starts_with(kRecordMagic) || kRecordMagic.starts_with(bytes);
+    const auto header = parseRecordHeader(std::as_bytes(std::span(bytes)));
+    return header && header->kind == RecordKind::head && header->size() > size;
+}
+
+std::filesystem::path pieceBefore(const std::filesystem::path& log) {
+    const auto pieces = recordedPieces(log);
+    if (pieces.empty()) return {};
+    const auto head = headOf(log);
+    if (!head) return isCutInHead(log) ? pieces.back() : std::filesystem::path();
+    const auto before = headOf(pieces.back());
+    return head->start && before && before->epoch == head->epoch ? pieces.back() : std::filesystem::path();
 }
 
 }  // namespace rtsg

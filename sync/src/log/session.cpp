@@ -8,6 +8,8 @@
 #include <rtsg/core/frame_input.h>
 #include <rtsg/sync/replay.h>
 
+#include "pieces.h"
+
 namespace rtsg {
 
 namespace {
@@ -49,28 +51,15 @@ class Recent final : public Subscriber {
 
 namespace {
 
-/// Of the session that a log ends with; 0: none.
-std::uint64_t epochOf(const std::filesystem::path& file) {
-    auto log = LogReader::open(file);
-    const auto record = log ? log->next() : std::nullopt;
-    if (!record || record->header.kind != RecordKind::head) return 0;
-    const auto head = decodeHead(record->bytes);
-    return head ? head->epoch : 0;
-}
-
-}  // namespace
-
-Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& scene, const ResumeOptions& options) {
-    if (scene.sequence() != 0 || scene.nodeCount() > 1) return fail("a session is resumed into an empty scene");
+/// Reads it to its end: every state, from the first, as numbers of nodes that are gone must not be given again.
+Result<std::unique_ptr<Replayer>> readThrough(const std::filesystem::path& log, Recent& recent, ResumedSession& session,
+                                              const ResumeOptions& options) {
     auto opened = Replayer::open(log);
-    if (!opened) return std::unexpected(opened.error());
+    if (!opened) return opened;
     Replayer& replayer = **opened;
     // Two that go on with one session would both be it.
     if (replayer.log().beingWritten()) return fail("another log writer has the file open", {}, log.string());
-    // Every state, from the first: numbers of nodes that are gone must not be given again.
-    Recent recent(options);
     const Attachment attachment = replayer.scene().bus().attach(recent);
-    ResumedSession session;
     while (true) {
         const Result<bool> more = replayer.step();
         if (!more) {
@@ -84,10 +73,39 @@ Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& sc
         ++session.states;
         if (options.progress) options.progress(replayer.log().position(), replayer.log().size());
     }
+    session.damaged += replayer.log().damage().size();
+    session.gaps = replayer.gaps();
+    session.closed = replayer.log().closed();
+    session.file = log;
+    return opened;
+}
+
+/// Heads at most, and nothing that a state could be told from: its writer, or the disk, did not get further.
+bool isWithoutStates(const std::filesystem::path& file) {
+    if (isCutInHead(file)) return true;
+    auto log = LogReader::open(file);
+    if (!log) return false;
+    while (const auto record = log->next())
+        if (record->header.kind != RecordKind::head && record->header.kind != RecordKind::index) return false;
+    return true;
+}
+
+}  // namespace
+
+Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& scene, const ResumeOptions& options) {
+    if (scene.sequence() != 0 || scene.nodeCount() > 1) return fail("a session is resumed into an empty scene");
     const auto failed = [&](std::string text) { return fail(std::move(text), {}, log.string()); };
+    Recent recent(options);
+    ResumedSession session;
+    const std::filesystem::path before =
+        !isBeingWritten(log) && isWithoutStates(log) ? pieceBefore(log) : std::filesystem::path();
+    auto opened = readThrough(before.empty() ? log : before, recent, session, options);
+    if (!opened) return std::unexpected(opened.error());
+    Replayer& replayer = **opened;
     if (session.states == 0) return failed("no intact state");
     // It would go on a second time from here, under the same name.
-    if (const auto later = laterPiece(log); !later.empty() && epochOf(later) == session.epoch)
+    const auto later = before.empty() ? laterPiece(log) : std::filesystem::path();
+    if (const auto head = headOf(later); head && head->epoch == session.epoch)
         return failed(fmt::format("its session went on in {}: resume that one, or a copy of this under another name",
                                   later.filename().string()));
     if (replayer.head().mode.mode == Mode::lossy)
@@ -96,8 +114,6 @@ Result<ResumedSession> resumeSession(const std::filesystem::path& log, Scene& sc
     if (const auto& divergence = replayer.divergence(); divergence && divergence->frame == state.to)
         return failed(divergence->format());
     session.end = state.time;
-    session.damaged += replayer.log().damage().size() + replayer.gaps();
-    session.closed = replayer.log().closed();
     session.before = recent.take();
 
     scene.setBehavioursEnabled(false);

@@ -150,12 +150,15 @@ Result<> LogWriter::openAppended() {
     if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) return std::unexpected(failure("cannot write", errno));
     // Before anything of it is touched: two writers would destroy each other's log.
     if (!lockForWriting(descriptor_)) return fail("another log writer has the file open", {}, file_.string());
-    if (status.st_size > 0) {
+    if (options_.epoch != 0 && isCutInHead(file_)) {
+        // Its first record was never whole: begun anew, as the piece that it was to be.
+        if (const auto before = pieceBefore(file_); !before.empty()) goOnBehind(before);
+    } else if (status.st_size > 0) {
         Result<LogReader> old = LogReader::open(file_);
         if (!old) return std::unexpected(old.error());
         keyframes_ = scanLogKeyframes(*old);
         size_ = old->intactEnd();
-        if (options_.epoch != 0) goOnIn(*old);
+        if (options_.epoch != 0) goOnInFile();
     }
     if (::ftruncate(descriptor_, static_cast<off_t>(size_)) != 0)
         return std::unexpected(failure("cannot append", errno));
@@ -165,14 +168,19 @@ Result<> LogWriter::openAppended() {
 }
 
 /// The same session goes on in its file, as the piece that this is.
-void LogWriter::goOnIn(LogReader& old) {
+void LogWriter::goOnInFile() {
     // Who starts again more often than files rotate would otherwise fill one for ever.
     if (!keyframes_.empty()) pieceStart_ = keyframes_.front().time;
-    old.seek(0);
-    const auto record = old.next();
-    if (!record || record->header.kind != RecordKind::head) return;
-    const auto head = decodeHead(record->bytes);
+    const auto head = headOf(file_);
     if (!head || head->epoch != options_.epoch || !head->start) return;
+    isLater_ = true;
+    keptFrom_ = head->keptFrom;
+    if (!options_.sessionStart) options_.sessionStart = head->start;
+}
+
+void LogWriter::goOnBehind(const std::filesystem::path& piece) {
+    const auto head = headOf(piece);
+    if (!head || head->epoch != options_.epoch) return;
     isLater_ = true;
     keptFrom_ = head->keptFrom;
     if (!options_.sessionStart) options_.sessionStart = head->start;

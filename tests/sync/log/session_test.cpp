@@ -1,6 +1,8 @@
 // A session taken up again from its log goes on as if nothing had happened: the same states, numbers and epoch.
 #include <rtsg/sync/session.h>
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
 #include <rtsg/core/loader.h>
@@ -287,6 +289,85 @@ TEST_F(Sessions, CountFromTheirStartWhateverPieceTheyGoOnFrom) {
         EXPECT_EQ(attachment.failure(), "");
         ASSERT_TRUE((*log)->close());
     }
+}
+
+/// Its newest file was cut, by a full disk say, before its first state: the piece before it has the last one.
+TEST_F(Sessions, GoOnFromThePieceBeforeOneWithoutAState) {
+    LogOptions options;
+    options.rotateSeconds = 1;
+    for (const std::uint64_t kept : {0, 5, 70, 150}) {
+        std::filesystem::remove(file());
+        for (const auto& piece : earlierPieces(file())) std::filesystem::remove(piece);
+        const std::uint64_t epoch = kill(50, options);
+        const auto pieces = earlierPieces(file());
+        ASSERT_EQ(pieces.size(), 2u);
+        const auto records = recordsOf(file());
+        ASSERT_GT(records[1].first, 70u) << "the head is cut, too, in all but the last case";
+        ASSERT_LT(records[1].first, 150u);
+        std::filesystem::resize_file(file(), kept);
+        Scene scene;
+        const auto session = resumeSession(file(), scene);
+        ASSERT_TRUE(session) << kept << session.error().format();
+        EXPECT_EQ(session->epoch, epoch);
+        EXPECT_EQ(session->file, pieces.back());
+        EXPECT_EQ(session->start, 100);
+        LogOptions more;
+        more.append = true;
+        more.rotateSeconds = 1;
+        more.epoch = session->epoch;
+        more.sessionStart = session->start;
+        auto log = LogWriter::create(file(), builtinTypes(), more);
+        ASSERT_TRUE(log) << log.error().text;
+        Attachment attachment = scene.bus().attach(**log);
+        for (int k = 50; k < kFrames; ++k) frame(scene, k);
+        EXPECT_EQ(attachment.failure(), "");
+        ASSERT_TRUE((*log)->close());
+        std::string all;
+        for (const auto& piece : earlierPieces(file())) all += readAll(piece);
+        writeAll(file("all.rlog"), all + readAll(file()));
+        auto replayer = Replayer::open(file("all.rlog"));
+        ASSERT_TRUE(replayer);
+        while (*(*replayer)->step()) continue;
+        EXPECT_EQ((*replayer)->gaps(), 0u);
+        EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
+        EXPECT_TRUE((*replayer)->log().closed());
+        auto last = Replayer::open(file());
+        ASSERT_TRUE(last);
+        EXPECT_TRUE((*last)->laterPiece()) << "as all of its pieces but the first";
+    }
+}
+
+/// Bytes that nothing tells the meaning of are not written over, nor states left out that are there.
+TEST_F(Sessions, GoOnFromNoPieceBehindWhichThereIsSomething) {
+    LogOptions options;
+    options.rotateSeconds = 1;
+    kill(50, options);
+    std::string bytes = readAll(file());
+    for (const auto& [offset, header] : recordsOf(file()))
+        if (header.kind == RecordKind::keyframe) bytes[offset + 70] = static_cast<char>(bytes[offset + 70] ^ 1);
+    for (const std::string& content : {bytes, std::string("something else"), std::string(5000, 'x')}) {
+        writeAll(file(), content);
+        Scene scene;
+        EXPECT_FALSE(resumeSession(file(), scene));
+        EXPECT_EQ(readAll(file()), content);
+    }
+}
+
+/// One flipped byte is one place, and what is missing for it is told beside it.
+TEST_F(Sessions, CountWhatIsDamagedOnce) {
+    kill(60, denseKeyframes());
+    std::string bytes = readAll(file());
+    const auto records = recordsOf(file());
+    const auto frame = std::ranges::find_if(
+        records, [](const auto& r) { return r.second.kind == RecordKind::frame && r.second.to == 10; });
+    ASSERT_NE(frame, records.end());
+    bytes[frame->first + 70] = static_cast<char>(bytes[frame->first + 70] ^ 1);
+    writeAll(file(), bytes);
+    Scene scene;
+    const auto session = resumeSession(file(), scene);
+    ASSERT_TRUE(session) << session.error().format();
+    EXPECT_EQ(session->damaged, 1u);
+    EXPECT_EQ(session->gaps, 1u);
 }
 
 /// A piece that others follow is none to go on from: two sessions would go by one name.

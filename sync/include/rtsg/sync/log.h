@@ -85,8 +85,6 @@ struct LogOptions {
     std::uint64_t epoch = 0;
 };
 
-class LogReader;
-
 class LogWriter : public Subscriber {
   public:
     /// `types`: what TypeIndex numbers mean, builtinTypes() for any scene. Fails when the file cannot be written or
@@ -125,7 +123,8 @@ class LogWriter : public Subscriber {
     LogWriter(std::filesystem::path file, TypeTable types, LogOptions options);
     Result<> openFile();
     Result<> openAppended();
-    void goOnIn(LogReader& old);
+    void goOnInFile();
+    void goOnBehind(const std::filesystem::path& piece);
     Result<> beginEpoch();
     void makeHead();
     Result<> writeHead();

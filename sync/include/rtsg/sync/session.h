@@ -33,7 +33,10 @@ struct ResumedSession {
     std::uint64_t states = 0;   // in the log
     double start = 0, end = 0;  // scene times of the session's first state, in whatever piece, and its last; seconds
     std::uint64_t damaged = 0;  // places of the log that could not be read
+    std::uint64_t gaps = 0;     // times that states were missing
     bool closed = false;        // it had been ended in order
+    /// The file that its last state was in: the log, or the piece before it if that was cut before its first state.
+    std::filesystem::path file;
     /// The last sets before the present state, oldest first: for MirrorServerOptions::before.
     std::vector<std::shared_ptr<const ChangeSet>> before;
 };
