@@ -1,4 +1,4 @@
-// Two logs side by side by time, compared in chosen fields.
+// Two logs side by side, of one session by its states or else by time, compared in chosen fields.
 #include <cmath>
 
 #include <fmt/format.h>
@@ -25,7 +25,19 @@ class Side {
         side.start_ = side.log_->scene().now();
         return side;
     }
+    /// Two logs of one session, a server's and a mirror's, have the same states, though one begins later: goes on to
+    /// the first of that one in the other, if that has one of its number and time. Else both go by time since their
+    /// starts.
+    static Result<> meet(Side& x, Side& y) {
+        Side &early = x.state() <= y.state() ? x : y, &late = &early == &x ? y : x;
+        if (!early.holds(late.state(), late.scene().now())) return {};
+        y.start_ = x.start_;
+        while (early.state() < late.state() && early.more())
+            if (auto ok = early.step([](const ChangeSet&) {}); !ok) return ok;
+        return {};
+    }
     const Scene& scene() const { return log_->scene(); }
+    std::uint64_t state() const { return scene().sequence(); }
     double time() const { return log_->scene().now() - start_; }
     bool more() const { return more_; }
 
@@ -38,6 +50,14 @@ class Side {
     }
 
   private:
+    bool holds(std::uint64_t state, double time) const {
+        auto log = LogReader::open(log_->log().file());
+        if (!log) return false;
+        while (const auto record = log->next())
+            if (record->header.to == state && record->header.time == time && record->header.kind != RecordKind::index)
+                return true;
+        return false;
+    }
     explicit Side(std::unique_ptr<Replayer> log) : log_(std::move(log)) {}
     Result<> whole() const {
         if (log_->gaps() == 0 && log_->log().damage().empty()) return {};
@@ -58,6 +78,7 @@ Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::
     for (const auto& side : opened)
         if (!side) return std::unexpected(side.error());
     Side &x = *opened[0], &y = *opened[1];
+    if (auto met = Side::meet(x, y); !met) return std::unexpected(met.error());
     FieldComparison fields(selection, x.scene(), y.scene());
     LogFieldReport report;
     const auto changedA = [&](const ChangeSet& set) { fields.changedA(set); };

@@ -214,6 +214,30 @@ TEST_F(FieldComparisons, LogsAreComparedByTimeSinceTheirStarts) {
     EXPECT_FALSE(diffLogFields(file("a.rlog"), file("a.rlog"), {{"NOBODY.on"}, {}, 0}));
 }
 
+/// A server's log, and one of a mirror that joined later: the same states, and not the same times since the start.
+TEST_F(FieldComparisons, LogsOfOneSessionAreComparedByTheirStates) {
+    recordSlide(file("a.rlog"), slide());
+    {
+        auto from = Replayer::open(file("a.rlog"));
+        ASSERT_TRUE(from);
+        auto log = LogWriter::create(file("b.rlog"), builtinTypes());
+        ASSERT_TRUE(log);
+        Replayer& replayer = **from;
+        for (int i = 0; i < 8; ++i) ASSERT_TRUE(*replayer.step());
+        ASSERT_TRUE((*log)->write(replayer.scene().snapshot()));
+        while (*replayer.step()) ASSERT_TRUE((*log)->write(replayer.lastSet()));
+        ASSERT_TRUE((*log)->close());
+    }
+    const FieldSelection chosen{{"SLIDE.translation", "LAMP.on"}, {}, 0};
+    for (const auto& [a, b] : {std::pair("a.rlog", "b.rlog"), std::pair("b.rlog", "a.rlog")}) {
+        const auto report = diffLogFields(file(a), file(b), chosen);
+        ASSERT_TRUE(report) << report.error().format();
+        EXPECT_TRUE(report->differences.empty()) << report->differences[0].text;
+        EXPECT_EQ(report->unequalEnds, "");
+        EXPECT_GT(report->states, 10u);
+    }
+}
+
 TEST_F(FieldComparisons, ScenesAreComparedNodeByNode) {
     const auto differences = [](const std::string& x, const std::string& y) {
         Scene a, b;

@@ -95,7 +95,8 @@ class FieldComparison {
     std::unique_ptr<State> state_;
 };
 
-/// What two logs differ in, by fields and by time since their starts: states of the same times are compared.
+/// What two logs differ in, by fields: of one session, though one log begins later, states of the same numbers and
+/// times are compared, else those of the same times since the logs' starts.
 struct LogFieldReport {
     std::vector<FieldDifference> differences;  // frames and times are those of `a`
     std::uint64_t states = 0;                  // compared
