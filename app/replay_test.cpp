@@ -193,7 +193,7 @@ Result<> writeReports(const ReplayTestArguments& arguments, const ReplayOutcome&
     if (arguments.page.empty()) return {};
     if (!outcome.passed()) {
         if (auto ok = write(arguments.page, replayPage(outcome)); !ok) return ok;
-        fmt::print(stderr, "{} shows what differed\n", arguments.page);
+        fmt::print(stderr, "{} shows {}\n", arguments.page, outcome.report.frames > 0 ? "what differed" : "why");
         return {};
     }
     std::error_code error;

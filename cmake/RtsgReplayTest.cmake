@@ -13,9 +13,10 @@
 #   PROGRAM <target>  a program of yours that ends in rtsg::replayTestMain: called with the log, and to record with
 #                     --update; FIELDS, IGNORE and TOLERANCE go to it
 #
-# With SCENE, PICTURE or SOUND a test leaves <build>/replay_tests/<test>.xml (JUnit) and, if it fails, <test>.html: one page
-# with the time line, what differed first and by which route, and the pictures side by side.
-# `cmake --build . --target <test>.update` records anew, `update_replay_tests` all of them.
+# A test of the first kind leaves <build>/replay_tests/<test>.xml (JUnit) and, if it fails, <test>.html: one page with the
+# time line, what differed first and by which route, and the pictures side by side.
+# `cmake --build . --target <test>.update` records anew, `update_replay_tests` all of them: it goes on where one cannot be,
+# and names those in the end.
 function(rtsg_add_replay_test)
   cmake_parse_arguments(PARSE_ARGV 0 ARG "" 
                         "NAME;LOG;SCENE;PROGRAM;PICTURE;PICTURE_TOLERANCE;SOUND;SOUND_TOLERANCE;TOLERANCE"
@@ -50,9 +51,7 @@ function(rtsg_add_replay_test)
     set(command "$<TARGET_FILE:rtsg::rtsg>" replay "${ARG_LOG}" --verify ${compared} ${ARG_ARGUMENTS})
     set(reports "${CMAKE_CURRENT_BINARY_DIR}/replay_tests")
     file(MAKE_DIRECTORY "${reports}")
-    if(ARG_SCENE OR ARG_PICTURE OR ARG_SOUND)
-      list(APPEND command --name "${ARG_NAME}" --junit "${reports}/${ARG_NAME}.xml" --page "${reports}/${ARG_NAME}.html")
-    endif()
+    list(APPEND command --name "${ARG_NAME}" --junit "${reports}/${ARG_NAME}.xml" --page "${reports}/${ARG_NAME}.html")
     if(ARG_SCENE)
       list(APPEND command --rerun "${ARG_SCENE}")
     endif()
@@ -74,9 +73,18 @@ function(rtsg_add_replay_test)
   if(ARG_SCENE OR ARG_PROGRAM)
     add_custom_target("${ARG_NAME}.update" COMMAND ${command} --update WORKING_DIRECTORY "${CMAKE_CURRENT_BINARY_DIR}"
                       COMMENT "Recording ${ARG_LOG} anew" VERBATIM)
+    # What fails leaves its name, so that the build tool goes on with the others.
+    set(failed "${CMAKE_BINARY_DIR}/replay_tests_failed")
+    add_custom_target("${ARG_NAME}.update_with_others"
+                      COMMAND sh -c "mkdir -p \"$0\"; mark=\"$0/$1\"; rm -f \"$mark\"; shift; \"$@\" || : > \"$mark\"" "${failed}"
+                              "${ARG_NAME}" ${command} --update
+                      WORKING_DIRECTORY "${CMAKE_CURRENT_BINARY_DIR}" COMMENT "Recording ${ARG_LOG} anew" VERBATIM)
     if(NOT TARGET update_replay_tests)
-      add_custom_target(update_replay_tests)
+      add_custom_target(update_replay_tests
+                        COMMAND sh -c "names=$(ls \"$0\"); rm -rf \"$0\"; test -z \"$names\" || { echo not recorded anew: $names >&2; exit 1; }"
+                                "${failed}"
+                        VERBATIM)
     endif()
-    add_dependencies(update_replay_tests "${ARG_NAME}.update")
+    add_dependencies(update_replay_tests "${ARG_NAME}.update_with_others")
   endif()
 endfunction()
