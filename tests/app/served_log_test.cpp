@@ -444,16 +444,6 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     EXPECT_EQ(ring.status, 0) << ring.err;
     EXPECT_THAT(ring.err, HasSubstr("let go"));
     EXPECT_GT(json::parse(ring.out).at("let_go_s"), 0);
-    // Where urls start from is not what is served.
-    const Outcome named = rtsg({"serve", file, "--resume", folder / "short.rlog", "--for", "100ms"});
-    EXPECT_EQ(named.status, 0) << named.err;
-    EXPECT_THAT(named.out, HasSubstr("serving " + (folder / "short.rlog") + " at "));
-    // A disk that was full, say, as the last piece began: the one before has the last state.
-    writeFile(folder / "short.rlog", readFile(folder / "short.rlog").substr(0, 100));
-    const Outcome before = rtsg({"serve", "--resume", folder / "short.rlog", "--for", "100ms"});
-    EXPECT_EQ(before.status, 0) << before.err;
-    EXPECT_THAT(before.err, HasSubstr("was cut before its first state"));
-    EXPECT_THAT(rtsg({"replay", folder / "short.rlog"}).out, HasSubstr("a piece that begins "));
     // The session's clock goes on, and not that of its last file.
     const Outcome resumed = rtsg({"serve", "--resume", log, "--for", "200ms", "--json"});
     ASSERT_EQ(resumed.status, 0) << resumed.err;
@@ -470,6 +460,21 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
         EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
         EXPECT_THAT(outcome.err, testing::HasSubstr("a log")) << outcome.err;
     }
+}
+
+/// A disk that was full, say, as the last piece began: the one before has the last state.
+TEST_F(Mirror, ASessionGoesOnFromThePieceBeforeOneThatWasCut) {
+    const std::string log = folder / "short.rlog";
+    ASSERT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--rotate", "20ms"}).status, 0);
+    // Where urls start from is not what is served.
+    const Outcome named = rtsg({"serve", file, "--resume", log, "--for", "100ms"});
+    EXPECT_EQ(named.status, 0) << named.err;
+    EXPECT_THAT(named.out, HasSubstr("serving " + log + " at "));
+    writeFile(log, readFile(log).substr(0, 100));
+    const Outcome before = rtsg({"serve", "--resume", log, "--for", "100ms"});
+    EXPECT_EQ(before.status, 0) << before.err;
+    EXPECT_THAT(before.err, HasSubstr("was cut before its first state"));
+    EXPECT_THAT(rtsg({"replay", log}).out, HasSubstr("a piece that begins "));
 }
 
 /// Pieces of an earlier recording would look like the first ones of this.
