@@ -292,6 +292,12 @@ struct Scene::State : Scene::Lane {
     template <std::size_t size>
     void writeSealedPlain(Node& node, const KnownField& known, const void* value, detail::TermSum& sum);
     const WrittenField* findSealed(const Node& node, FieldIndex field, std::uint32_t next);
+    /// The same of a set that writes just what the last one wrote, in its order, as most do of what moves: its entries
+    /// and what is noted with nodes hold on, and only terms and values are written.
+    std::size_t rewriteSealed(std::span<const Change> changes);
+    bool mayRepeat(std::span<const Change> changes) const;
+    template <std::size_t size>
+    std::size_t rewriteAlike(std::span<const Change> changes, std::span<WrittenField> entries, const KnownField& known);
     /// Stores only; precondition: beginWrite, or this comes from a sealed set.
     void store(Node& node, FieldIndex field, const void* value);
     void write(Lane& lane, Node& node, FieldIndex field, const void* value);  // writing.h

@@ -25,7 +25,8 @@ struct WrittenField {
     FieldIndex field = kNoField;
     FieldType type = FieldType::SFBool;
     bool external = true;
-    bool hashed = false;  // `before` is the term of the value before, not its bytes
+    bool hashed = false;      // `before` is the term of the value before, not its bytes
+    TypeIndex nodeType = {};  // of those that sealed sets wrote, else none
     std::uint64_t before[2] = {};
     Hash128 term() const { return {before[0], before[1]}; }
     void setTerm(Hash128 term) {

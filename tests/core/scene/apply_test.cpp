@@ -146,5 +146,159 @@ TEST_F(RunsOfValues, WakeThoseWhomTheyConcern) {
     for (std::size_t i = 50; i < 100; ++i) EXPECT_TRUE(scene.node(nodes[i]).get(x3d::TimeSensor::isActive)) << i;
 }
 
+/// What moves is mostly what moved before: sets that name the same fields in the same order, with others between them
+/// that are like these nearly, or as far as somewhere in the middle.
+struct RunsThatComeAgain : testing::Test {
+    static constexpr std::size_t kNodes = 800;  // two fields each: more than a chunk of what is noted
+    using Place = std::pair<NodeId, FieldIndex>;
+    Scene scene;
+    std::vector<NodeId> nodes;
+    std::map<Place, Value> values;
+    std::mt19937 random{11};
+    RunsThatComeAgain() {
+        for (std::size_t i = 0; i < kNodes; ++i)
+            nodes.push_back(scene.createNode(i % 5 == 4 ? x3d::TimeSensor::type : x3d::Transform::type));
+        scene.newFrame(0);
+    }
+    NodeId any() { return nodes[random() % nodes.size()]; }
+    Change valueOf(Place place) {
+        const auto number = static_cast<float>(random() % 4);
+        switch (scene.node(place.first).type().fields[place.second].type) {
+            case FieldType::SFVec3f:
+                return changeTo(place.first, place.second, Vec3f(number, 1, 0));
+            case FieldType::SFRotation:
+                return changeTo(place.first, place.second, Rotation{0, 0, 1, number});
+            case FieldType::SFTime:
+                return changeTo(place.first, place.second, Time{number});
+            default:
+                return changeTo(place.first, place.second, number > 1);
+        }
+    }
+    /// A column of a field of some of the nodes, then one of another field.
+    std::vector<Place> someOrder() {
+        std::vector<Place> order;
+        const std::size_t keep = 2 + random() % 9;
+        for (const bool first : {true, false})
+            for (const NodeId node : nodes)
+                if (random() % 10 < keep) {
+                    const bool isTransform = scene.node(node).is(x3d::Transform::type);
+                    order.emplace_back(
+                        node, isTransform ? first ? x3d::Transform::translation.index : x3d::Transform::rotation.index
+                              : first     ? x3d::TimeSensor::cycleInterval.index
+                                          : x3d::TimeSensor::loop.index);
+                }
+        if (random() % 4 == 0) std::ranges::shuffle(order, random);
+        return order;
+    }
+    /// One that differs a little.
+    void disturb(std::vector<Change>& changes) {
+        const auto at = changes.begin() + static_cast<std::ptrdiff_t>(random() % changes.size());
+        switch (random() % 6) {
+            case 0:
+                std::iter_swap(at, changes.begin() + static_cast<std::ptrdiff_t>(changes.size() / 2));
+                break;
+            case 1:
+                *at = valueOf({nodes[0], x3d::Transform::scale.index});
+                break;
+            case 2:  // in the place of one of the field's own a second time
+                *at = valueOf({changes.front().node, changes.front().field});
+                break;
+            case 3:
+                *at = changeTo(nodes[1], x3d::Transform::metadata.index, NodeId{});
+                break;
+            case 4:
+                *at = changeTo(nodes[4], x3d::TimeSensor::description.index, String("what is shared"));
+                break;
+            default:
+                changes.pop_back();
+        }
+    }
+    void apply(std::vector<Change> changes) {
+        for (const Change& change : changes) values.insert_or_assign({change.node, change.field}, change.value);
+        ASSERT_TRUE(scene.apply(setAfter(scene, std::move(changes))));
+        ASSERT_EQ(scene.hash(), hashAnew(scene)) << "state " << scene.sequence();
+    }
+};
+
+TEST_F(RunsThatComeAgain, GiveTheirValuesAndTheHashOfThese) {
+    for (int round = 0; round < 30; ++round) {
+        const std::vector<Place> order = someOrder();
+        for (int again = 0; again < 5; ++again) {
+            std::vector<Change> changes;
+            for (const Place& place : order) changes.push_back(valueOf(place));
+            if (again > 1 && random() % 2) disturb(changes);
+            ASSERT_NO_FATAL_FAILURE(apply(std::move(changes)));
+        }
+        for (const auto& [place, value] : values) ASSERT_EQ(scene.node(place.first).value(place.second), value);
+        // Edits of a scene's own, and the cascade's, come in between.
+        if (round % 3 == 0) {
+            const NodeId node = nodes[10 * (random() % 80)];
+            ASSERT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(float(round), 2, 3)));
+            values[{node, x3d::Transform::translation.index}] = Vec3f(float(round), 2, 3);
+            scene.newFrame(scene.now() + 1e-3);
+            ASSERT_EQ(scene.hash(), hashAnew(scene));
+        }
+    }
+}
+
+TEST_F(RunsThatComeAgain, OfANodeThatIsGoneAreRefused) {
+    std::vector<Change> changes;
+    for (const NodeId node : nodes)
+        if (scene.node(node).is(x3d::Transform::type)) changes.push_back(valueOf({node, x3d::Transform::scale.index}));
+    apply(changes);
+    apply(changes);
+    Change destruction;
+    destruction.node = nodes[10];
+    destruction.kind = ChangeKind::destroyNode;
+    ASSERT_TRUE(scene.apply(setAfter(scene, {destruction})));
+    EXPECT_FALSE(scene.apply(setAfter(scene, changes)));
+}
+
+TEST_F(RunsThatComeAgain, OfValuesOfAnotherTypeAreRefused) {
+    std::vector<Change> changes;
+    for (std::size_t i = 0; i < 4; ++i) changes.push_back(valueOf({nodes[i], x3d::Transform::scale.index}));
+    apply(changes);
+    changes[2].value = 1.f;
+    EXPECT_FALSE(scene.apply(setAfter(scene, changes)));
+}
+
+TEST_F(RunsThatComeAgain, WakeThoseWhomTheyConcern) {
+    const auto beginAt = [&](double time) {
+        std::vector<Change> changes;
+        for (std::size_t i = 4; i < kNodes; i += 5)
+            changes.push_back(changeTo(nodes[i], x3d::TimeSensor::startTime.index, Time{time}));
+        ASSERT_TRUE(scene.apply(setAfter(scene, std::move(changes))));
+    };
+    beginAt(1000);
+    scene.newFrame(1);  // all have said that there is nothing to do
+    beginAt(1.5);
+    scene.newFrame(1.75);
+    for (std::size_t i = 4; i < kNodes; i += 5) ASSERT_TRUE(scene.node(nodes[i]).get(x3d::TimeSensor::isActive)) << i;
+}
+
+TEST(RunsThatMovePlaces, AreHeardOfWhenTheyComeAgain) {
+    Scene scene;
+    std::vector<NodeId> moving;
+    for (int i = 0; i < 8; ++i) moving.push_back(scene.createNode(x3d::Transform::type));
+    const NodeId sensor = scene.createNode(x3d::ProximitySensor::type);
+    ASSERT_TRUE(scene.set(sensor, x3d::ProximitySensor::size, Vec3f(2, 2, 2)));
+    ASSERT_TRUE(scene.set(moving[3], x3d::Transform::children, Array<NodeId>{sensor}));
+    ASSERT_TRUE(scene.set(moving[3], x3d::Transform::translation, Vec3f(0, 0, 500)));
+    ASSERT_TRUE(
+        scene.setField(scene.root(), x3d::RtsgScene::children.index, Array<NodeId>(std::span<const NodeId>(moving))));
+    scene.newFrame(0);
+    const auto allTo = [&](Vec3f place) {
+        std::vector<Change> changes;
+        for (const NodeId node : moving) changes.push_back(changeTo(node, x3d::Transform::translation.index, place));
+        ASSERT_TRUE(scene.apply(setAfter(scene, std::move(changes))));
+    };
+    allTo({0, 0, 700});
+    scene.newFrame(1);
+    ASSERT_FALSE(scene.node(sensor).get(x3d::ProximitySensor::isActive));
+    allTo({0, 0, 10});  // where the viewer is
+    scene.newFrame(2);
+    EXPECT_TRUE(scene.node(sensor).get(x3d::ProximitySensor::isActive));
+}
+
 }  // namespace
 }  // namespace rtsg
