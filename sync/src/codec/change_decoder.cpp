@@ -22,6 +22,33 @@ using wire::Reader;
 
 namespace {
 
+/// The changes of a record, read over those of the record before: most frames have as many as the last one, and to take
+/// these down and put up new ones takes as long as to read them.
+class ChangesAnew {
+  public:
+    explicit ChangesAnew(ChangeSet& set) : set_(set), stale_(set.changes.size()) {}
+    ~ChangesAnew() { set(); }
+    ChangesAnew(const ChangesAnew&) = delete;
+    ChangesAnew& operator=(const ChangesAnew&) = delete;
+    /// What has been read, and nothing behind it: to be added to in any way.
+    ChangeSet& set() {
+        if (stale_ > 0) set_.changes.resize(set_.changes.size() - std::exchange(stale_, 0));
+        return set_;
+    }
+    /// So many more, of which all is to be set: they may be of the record before.
+    Change* add(std::size_t count) {
+        const std::size_t first = set_.changes.size() - stale_;
+        if (count > stale_) set_.changes.resize(first + count);
+        stale_ -= std::min(stale_, count);
+        return set_.changes.data() + first;
+    }
+    std::size_t capacity() const { return set_.changes.capacity(); }
+
+  private:
+    ChangeSet& set_;
+    std::size_t stale_;  // at the end
+};
+
 FieldIndex readField(Reader& in) {
     return static_cast<FieldIndex>(in.bounded(0xFFFF));
 }
@@ -177,21 +204,25 @@ void readAuthors(Reader& in, std::size_t count, ChangeSet& set) {
 /// portions, each of which is made and filled while it is in the nearest memory.
 template <class T>
 void readPlainRows(Reader& in, std::size_t count, const std::byte* values, FieldIndex field, bool external,
-                   ChangeSet& set) {
+                   ChangesAnew& changes) {
     constexpr std::size_t kAtOnce = 256;
     std::uint32_t last = 0;
     for (std::size_t left = count; left > 0 && !in.problem;) {
-        const std::size_t rows = std::min(left, kAtOnce), first = set.changes.size();
+        const std::size_t rows = std::min(left, kAtOnce);
         left -= rows;
-        set.changes.resize(first + rows);
-        Change* const changes = set.changes.data() + first;
+        Change* const portion = changes.add(rows);
         Reader nodes = in;
         for (std::size_t i = 0; i < rows; ++i) {
             last = nodes.delta(last);
-            changes[i].node = NodeId{last};
-            changes[i].field = field;
-            changes[i].external = external;
-            changes[i].value.setPlain(FieldTypeOf<T>::value, values, sizeof(T));
+            Change& change = portion[i];
+            change.node = NodeId{last};
+            change.field = field;
+            change.kind = ChangeKind::setField;
+            change.external = external;
+            change.isConnection = false;
+            change.other = {};
+            change.index = 0;
+            change.value.setPlain(FieldTypeOf<T>::value, values, sizeof(T));
             values += sizeof(T);
         }
         in = nodes;
@@ -200,7 +231,7 @@ void readPlainRows(Reader& in, std::size_t count, const std::byte* values, Field
 
 /// Values of one size.
 template <class T>
-void readFixed(Reader& in, std::size_t count, FieldIndex field, bool external, ChangeSet& set) {
+void readFixed(Reader& in, std::size_t count, FieldIndex field, bool external, ChangesAnew& changes) {
     if (in.left() / (sizeof(T) + 1) < count) return in.refuse("column cut short");
     const std::byte* values = in.end - count * sizeof(T);
     const std::byte* const end = in.end;
@@ -210,8 +241,9 @@ void readFixed(Reader& in, std::size_t count, FieldIndex field, bool external, C
         if (std::any_of(values, end, isNone)) in.refuse("boolean is neither 0 nor 1");
     }
     if constexpr (sizeof(T) <= sizeof(Vec4f)) {
-        readPlainRows<T>(in, count, values, field, external, set);
+        readPlainRows<T>(in, count, values, field, external, changes);
     } else {
+        ChangeSet& set = changes.set();
         std::uint32_t last = 0;
         for (std::size_t i = 0; i < count; ++i) {
             last = in.delta(last);
@@ -243,11 +275,11 @@ void readVarying(Reader& in, std::size_t count, FieldIndex field, bool external,
 }
 
 template <class T>
-void readColumn(Reader& in, std::size_t count, FieldIndex field, bool external, ChangeSet& set) {
+void readColumn(Reader& in, std::size_t count, FieldIndex field, bool external, ChangesAnew& changes) {
     if constexpr (std::is_same_v<T, String> || std::is_same_v<T, Image> || !std::is_trivially_copyable_v<T>)
-        readVarying<T>(in, count, field, external, set);
+        readVarying<T>(in, count, field, external, changes.set());
     else
-        readFixed<T>(in, count, field, external, set);
+        readFixed<T>(in, count, field, external, changes);
 }
 
 void readPackedColumn(Reader& in, std::size_t count, const wire::ColumnHead& head, ChangeSet& set) {
@@ -268,7 +300,7 @@ constexpr std::size_t kDoubleUpTo = 32768;
 
 /// Memory for all rows at once: as they come it would be held twice while it grows. Rows of predicted columns are
 /// charged to nobody, as the fields that they are of have been given before: their number has its own limit.
-void reserveRows(Reader& in, std::size_t remembered, ChangeSet& set) {
+void reserveRows(Reader& in, std::size_t remembered, ChangesAnew& changes) {
     std::uint64_t rows = 0, predicted = 0;
     Reader blocks = in;
     while (blocks.left() && !blocks.problem) {
@@ -286,14 +318,15 @@ void reserveRows(Reader& in, std::size_t remembered, ChangeSet& set) {
     if (blocks.problem) return;  // who reads the blocks says where
     if (!in.charge(rows * wire::kChangeCost)) return;
     const std::size_t all = rows + std::min<std::uint64_t>(predicted, remembered);
-    if (all <= set.changes.capacity()) return;
-    const std::size_t doubled = 2 * set.changes.capacity();
+    if (all <= changes.capacity()) return;
+    const std::size_t doubled = 2 * changes.capacity();
+    ChangeSet& set = changes.set();
     set.changes = {};
     set.changes.reserve(doubled <= kDoubleUpTo ? std::max(all, doubled) : all);
 }
 
 /// False when the column's coding is unknown; the column is then skipped. `columns`: null if nothing is remembered.
-bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, ChangeSet& set) {
+bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, ChangesAnew& changes) {
     const auto coding = in.number<std::uint8_t>();
     if (coding > wire::kCodingArrays) return in.problem != nullptr;
     const auto flags = in.number<std::uint8_t>();
@@ -306,21 +339,21 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
     if (in.problem) return true;
     if (coding == wire::kCodingPacked || coding == wire::kCodingRanged) {
         if (columns)
-            columns->read(in, count, coding, head, set);
+            columns->read(in, count, coding, head, changes.set());
         else
             in.refuse("predicted values in a record that remembers none");
         return true;
     }
     if (count > in.left()) in.refuse("count exceeds the bytes that follow");
-    const std::size_t first = set.changes.size();
-    if (coding == wire::kCodingArrays) return readPackedColumn(in, count, head, set), true;
+    if (coding == wire::kCodingArrays) return readPackedColumn(in, count, head, changes.set()), true;
+    const std::size_t first = columns ? changes.set().changes.size() : 0;
     switch (head.type) {
-#define RTSG_X(suffix, T)                                                 \
-    case FieldType::SF##suffix:                                           \
-        readColumn<T>(in, count, head.field, head.external, set);         \
-        break;                                                            \
-    case FieldType::MF##suffix:                                           \
-        readVarying<Array<T>>(in, count, head.field, head.external, set); \
+#define RTSG_X(suffix, T)                                                           \
+    case FieldType::SF##suffix:                                                     \
+        readColumn<T>(in, count, head.field, head.external, changes);               \
+        break;                                                                      \
+    case FieldType::MF##suffix:                                                     \
+        readVarying<Array<T>>(in, count, head.field, head.external, changes.set()); \
         break;
         RTSG_FIELD_TYPES(RTSG_X)
 #undef RTSG_X
@@ -329,12 +362,14 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
     if (wire::lanesOf(head.type) > 0 && columns->history().slots() + count > kMostFields)
         in.refuse("more values than a reader remembers");
     else
-        columns->remember(head, set, first);
+        columns->remember(head, changes.set(), first);
     return true;
 }
 
 /// False for a column in a coding of a later format.
-bool readBlock(Reader& in, unsigned kind, std::size_t count, wire::ColumnReader* columns, ChangeSet& set) {
+bool readBlock(Reader& in, unsigned kind, std::size_t count, wire::ColumnReader* columns, ChangesAnew& changes) {
+    if (kind == wire::kValues) return readValues(in, count, columns, changes);
+    ChangeSet& set = changes.set();
     switch (kind) {
         case wire::kTypes:
             readTypes(in, count, set);
@@ -345,8 +380,6 @@ bool readBlock(Reader& in, unsigned kind, std::size_t count, wire::ColumnReader*
         case wire::kLinks:
             readLinks(in, count, set);
             break;
-        case wire::kValues:
-            return readValues(in, count, columns, set);
         case wire::kNames:
             readNames(in, count, set);
             break;
@@ -429,6 +462,8 @@ wire::ColumnReader* ChangeDecoder::columnsFor(const RecordHeader& header) {
 }
 
 Result<> ChangeDecoder::readBlocks(Reader& in, wire::ColumnReader* columns, ChangeSet& set) {
+    ChangesAnew changes(set);
+    reserveRows(in, columns ? columns->history().slots() : 0, changes);
     unsigned previous = 0;
     bool any = false;
     while (in.left() && !in.problem) {
@@ -448,7 +483,7 @@ Result<> ChangeDecoder::readBlocks(Reader& in, wire::ColumnReader* columns, Chan
         any = true;
         if (kind == wire::kDescriptions) {
             readDescriptions(block, count, mapping_.get(), origin_.get());
-        } else if (!readBlock(block, kind, count, columns, set)) {
+        } else if (!readBlock(block, kind, count, columns, changes)) {
             ++losses_.blocks;
             continue;
         }
@@ -503,7 +538,6 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     set.to = header->to;
     set.time = header->time;
     set.hash = header->hash;
-    set.changes.clear();
     set.types.clear();
     set.input.reset();
     set.authors.reset();
@@ -512,14 +546,17 @@ Result<> ChangeDecoder::decode(std::span<const std::byte> record, ChangeSet& set
     Reader in(record.subspan(kRecordHeaderSize, header->length), kRecordHeaderSize);
     in.budget = &budget;
     const bool isScene = header->kind == RecordKind::scene;
+    if (header->kind != RecordKind::frame) set.changes.clear();  // frames are read over what is there
     if (isScene) readSceneStart(in);
     if (in.problem) return std::unexpected(wire::describe(in, "scene"));
     const std::optional<std::vector<std::byte>> inflated =
         wire::inflateBlocks(in, isScene ? wire::sceneWords() : std::span<const std::byte>());
-    if (in.problem) return std::unexpected(wire::describe(in, "block"));
+    if (in.problem) {
+        set.changes.clear();
+        return std::unexpected(wire::describe(in, "block"));
+    }
     if (inflated) in = Reader(*inflated, kRecordHeaderSize);
     in.budget = &budget;
-    reserveRows(in, columns ? columns->history().slots() : 0, set);
     if (auto ok = readBlocks(in, columns, set); !ok) return ok;
     if (isScene) {
         if (auto ok = describeTypesOf(set, budget); !ok) return ok;

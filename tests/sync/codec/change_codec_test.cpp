@@ -121,6 +121,47 @@ TEST(ChangeCodec, RoundTripsRandomSetsOfEveryKindAndType) {
     EXPECT_EQ(types, (std::uint64_t{1} << kFieldTypeCount) - 1);
 }
 
+/// Records are read over what a set held before: nothing of that stays, be it more, less, or of another kind.
+TEST(ChangeCodec, ASetThatIsReadOverKeepsNothingOfWhatItHeld) {
+    std::mt19937 random(5);
+    ChangeSet filled = RandomSets(3).set(200), found;
+    filled.changes.resize(40);
+    for (std::uint32_t round = 0; round < 60; ++round) {
+        ChangeSet set;
+        set.from = 1;
+        set.to = 2;
+        for (std::uint32_t i = 0, count = random() % 1000; i < count; ++i) {
+            if (round % 2)
+                set.changes.push_back(valueChange(100 + i, 3, Vec3f(float(i), 0, float(round))));
+            else
+                set.changes.push_back(valueChange(100 + i, i > count / 2 ? 7 : 3, Rotation{0, 1, 0, float(i)}));
+        }
+        if (round % 5 == 0) found = filled;
+        if (round % 7 == 0) set.changes.push_back(valueChange(9, 11, String("of any length")));
+        ByteBuffer record;
+        ChangeEncoder({}, {}).encode(set, record);
+        ASSERT_TRUE(ChangeDecoder({}).decode(record.bytes(), found)) << round;
+        expectSame(set, found);
+        if (HasFatalFailure()) return;
+    }
+}
+
+/// What was read up to the damage at most.
+TEST(ChangeCodec, ADamagedRecordLeavesNothingOfTheOneBefore) {
+    ChangeSet set, found;
+    set.from = 1;
+    set.to = 2;
+    for (std::uint32_t i = 0; i < 100; ++i) set.changes.push_back(valueChange(100 + i, 3, Vec3f(1, 2, 3)));
+    ByteBuffer record;
+    ChangeEncoder({}, {}).encode(set, record);
+    ASSERT_TRUE(ChangeDecoder({}).decode(record.bytes(), found));
+    ASSERT_EQ(found.changes.size(), 100u);
+    std::vector<std::byte> damaged(record.bytes().begin(), record.bytes().end());
+    damaged[kRecordHeaderSize + 5] = std::byte{99};  // behind kind, count, length and coding: no flags there are
+    EXPECT_FALSE(ChangeDecoder({}).decode(damaged, found));
+    EXPECT_TRUE(found.changes.empty());
+}
+
 TEST(ChangeCodec, KeepsExtremeNodeNumbersInAnyOrder) {
     ChangeSet set;
     set.from = 1;
