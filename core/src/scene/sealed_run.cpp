@@ -198,7 +198,8 @@ template <std::size_t size>
     const auto lookUp = [&](std::size_t i) {
         Node* const node = table.find(changes[i].node);
         ahead[i % kAhead] = node;
-        __builtin_prefetch(reinterpret_cast<const std::byte*>(node + 1) + alike.offset, 1);
+        // Of null: nothing. The rest of a node is not needed.
+        __builtin_prefetch(reinterpret_cast<const std::byte*>(node) + sizeof(Node) + alike.offset, 1);
     };
     for (std::size_t i = 0; i < std::min(kAhead, count); ++i) lookUp(i);
     detail::TermSum sum;

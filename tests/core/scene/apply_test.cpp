@@ -269,10 +269,11 @@ TEST_F(RunsThatComeAgain, WakeThoseWhomTheyConcern) {
             changes.push_back(changeTo(nodes[i], x3d::TimeSensor::startTime.index, Time{time}));
         ASSERT_TRUE(scene.apply(setAfter(scene, std::move(changes))));
     };
+    scene.newFrame(2);  // what began with the scene is over
     beginAt(1000);
-    scene.newFrame(1);  // all have said that there is nothing to do
-    beginAt(1.5);
-    scene.newFrame(1.75);
+    scene.newFrame(3);  // all have said that there is nothing to do, and nothing was written
+    beginAt(3.5);
+    scene.newFrame(3.75);
     for (std::size_t i = 4; i < kNodes; i += 5) ASSERT_TRUE(scene.node(nodes[i]).get(x3d::TimeSensor::isActive)) << i;
 }
 
