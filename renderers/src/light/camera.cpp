@@ -57,15 +57,20 @@ Camera placed(const WorldFromLocal& worldFromLocal, const Vec3d& position, const
 /// Colour at `angle` on a run of colours, the first of which is at angle 0.
 Vec3f gradient(const std::vector<Vec3f>& colors, const std::vector<float>& angles, float angle) {
     const std::size_t steps = std::min(colors.size() - 1, angles.size());
-    float before = 0;
-    for (std::size_t i = 0; i < steps; ++i) {
-        if (angle <= angles[i]) {
-            const float width = angles[i] - before;
-            return width > 0 ? glm::mix(colors[i], colors[i + 1], (angle - before) / width) : colors[i + 1];
-        }
-        before = angles[i];
-    }
-    return colors[steps];
+    const auto last = angles.begin() + static_cast<std::ptrdiff_t>(steps);
+    const auto i = static_cast<std::size_t>(std::lower_bound(angles.begin(), last, angle) - angles.begin());
+    if (i == steps) return colors[steps];
+    const float before = i > 0 ? angles[i - 1] : 0, width = angles[i] - before;
+    return width > 0 ? glm::mix(colors[i], colors[i + 1], (angle - before) / width) : colors[i + 1];
+}
+
+/// The angle between a unit vector and an axis, along which it is `along` and across which it is `across` long. Near
+/// the axis an arc cosine knows no angles below a three-thousandth.
+float angleTo(float along, float across) {
+    constexpr float kNear = .99f;
+    if (std::abs(along) < kNear) return std::acos(along);
+    return along > 0 ? std::asin(std::min(across, 1.0f))
+                     : std::numbers::pi_v<float> - std::asin(std::min(across, 1.0f));
 }
 
 }  // namespace
@@ -275,8 +280,8 @@ Vec4f Sky::color(const Vec3f& direction, ColorSpace space) const {
     };
     if (uniform()) return Vec4f(skyColors.empty() ? Vec3f(0) : inSpace(skyColors[0]), 1) * alpha;
     const Vec3f d = localFromWorld * direction;
-    const float fromZenith = std::acos(std::clamp(d.y, -1.0f, 1.0f));
-    const float fromNadir = std::numbers::pi_v<float> - fromZenith;
+    const float across = std::sqrt(d.x * d.x + d.z * d.z);
+    const float fromZenith = angleTo(d.y, across), fromNadir = angleTo(-d.y, across);
     Vec3f result = skyColors.empty() ? Vec3f(0) : gradient(skyColors, skyAngles, fromZenith);
     if (!groundColors.empty()) {
         // A single colour without an angle is a ground up to the horizon.

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cmath>
 #include <mutex>
+#include <numbers>
 
 #include <rtsg/renderers/parallel_for.h>
 
@@ -183,15 +184,19 @@ namespace {
 void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
     const std::vector<TraceEnvironment>& lights = scene.environments.lights;
     const bool all = scene.environments.groups[0].count > 0;  // are reached, and none sees the sky
-    std::size_t detail = 0;
-    for (const TraceEnvironment& light : lights) detail = std::max(detail, light.from->detail());
-    if (detail == 0 && (all || scene.evenSky)) return;
-    const auto radiance = [&](const Vec3f& direction) {
-        Vec3f sum = all ? Vec3f(0) : Vec3f(scene.skyColor(direction, true));
-        for (const TraceEnvironment& light : lights) sum += light.radiance(direction, true);
-        return sum;
-    };
-    sources.sky.emplace(radiance, detail, lights[0].localFromWorld);
+    if ((all || scene.evenSky) && std::ranges::all_of(lights, [](const auto& light) { return light.from->isEven(); }))
+        return;
+    std::vector<FarLight> far;
+    for (const TraceEnvironment& light : lights) {
+        const Environment& from = *light.from;
+        const bool round = from.isPanorama();
+        const float sideAngle = round ? std::numbers::pi_v<float> : 2;  // at the middle of a cube's side
+        far.push_back({round ? FarLight::Shape::panorama : FarLight::Shape::cube, from.detail(), light.localFromWorld,
+                       [&light, sideAngle](const Vec3f& direction, float footprint) {
+                           return light.color * light.from->radiance(direction, sideAngle * footprint);
+                       }});
+    }
+    sources.sky.emplace(all ? nullptr : scene.sky, far);
 }
 
 }  // namespace

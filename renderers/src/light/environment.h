@@ -46,6 +46,8 @@ class Environment {
     void prepare(bool glossy) const;
     /// Pixels of a quarter turn of its picture; 0: it has none.
     std::size_t detail() const;
+    /// Whether that is one round all, rather than the six sides of a cube.
+    bool isPanorama() const { return source_.specular && source_.specular->layers().size() != 6; }
     /// The same from all directions.
     bool isEven() const { return !source_.specular && !low_; }
 

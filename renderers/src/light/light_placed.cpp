@@ -88,8 +88,14 @@ void readColors(const Node& node, Sky& sky, const S*) {
     };
     sky.skyColors = colors(node.get(S::skyColor));
     sky.groundColors = colors(node.get(S::groundColor));
-    sky.skyAngles.assign(node.get(S::skyAngle).begin(), node.get(S::skyAngle).end());
-    sky.groundAngles.assign(node.get(S::groundAngle).begin(), node.get(S::groundAngle).end());
+    // One that goes back, which 24.2.1 does not allow, is taken as that before it.
+    const auto angles = [](const Array<float>& from) {
+        std::vector<float> result;
+        for (const float angle : from) result.push_back(std::max(result.empty() ? 0.0f : result.back(), angle));
+        return result;
+    };
+    sky.skyAngles = angles(node.get(S::skyAngle));
+    sky.groundAngles = angles(node.get(S::groundAngle));
     sky.alpha = std::clamp(1 - node.get(S::transparency), 0.0f, 1.0f);
 }
 

@@ -1,9 +1,10 @@
-// The cells of a sky and the choice among them.
+// The cells of a sky's pictures, and the choice among them and its colours.
 #include "sky_light.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <span>
 
 #include <rtsg/renderers/parallel_for.h>
 #include <rtsg/renderers/space_texture.h>
@@ -12,107 +13,178 @@ namespace rtsg::trace {
 
 namespace {
 
-constexpr std::size_t kLeastCells = 32, kMostCells = 512;
-constexpr std::size_t kPlaces = 2;  // that are looked at in a cell, across and down
+constexpr std::size_t kLeastCells = 32, kMostCells = 512, kMostOfPanorama = 1024;
 
-/// How large a part of a side is, seen from the middle of its cube, for each part of it: d omega / (ds dt).
-float spreadAt(Vec2f st) {
-    const Vec2f on = 2.0f * st - 1.0f;
-    const float squared = 1 + glm::dot(on, on);
-    return 4 / (squared * std::sqrt(squared));
-}
-
-float luminance(const Vec3f& color) {
-    const float y = 0.2126f * color.r + 0.7152f * color.g + 0.0722f * color.b;
-    return std::isfinite(y) ? std::clamp(y, 0.0f, 1e20f) : 0.0f;
-}
-
-/// The first entry that is above `u`; one that has a share.
-std::size_t pick(const float* sums, std::size_t count, float u) {
-    const auto at = static_cast<std::size_t>(std::upper_bound(sums, sums + count, u) - sums);
-    if (at < count) return at;
-    std::size_t last = count - 1;  // rounding: the last one with a share
-    while (last > 0 && !(sums[last] > sums[last - 1])) --last;
-    return last;
-}
-
-/// Where between two sums `u` lies, [0, 1).
-float inside(const float* sums, std::size_t at, float u) {
-    const float before = at > 0 ? sums[at - 1] : 0.0f;
-    return std::clamp((u - before) / (sums[at] - before), 0.0f, 0x1.fffffep-1f);
-}
-
-std::size_t detailOf(const Sky& sky) {
-    int most = 0;
+/// Light of a sky's pictures alone.
+FarLight ofPictures(const Sky& sky) {
+    FarLight result;
     for (const auto& picture : sky.panorama)
-        if (picture) most = std::max({most, picture->width(), picture->height()});
-    return static_cast<std::size_t>(most);
+        if (picture)
+            result.detail =
+                std::max(result.detail, static_cast<std::size_t>(std::max(picture->width(), picture->height())));
+    result.localFromWorld = sky.localFromWorld;
+    result.radiance = [&sky](const Vec3f& direction, float footprint) {
+        const CubePlace place = cubePlace(direction);
+        const auto& picture = sky.panorama[static_cast<std::size_t>(place.side)];
+        if (!picture) return Vec3f(0);
+        // A texture's footprint is a share of the mean of its sides: here no pixel of the longer must be passed over.
+        const auto w = static_cast<float>(picture->width()), h = static_cast<float>(picture->height());
+        const float wide = footprint * std::max(w, h) / std::sqrt(w * h);
+        const TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, true};
+        const Vec4f texel = picture->sample(place.st.x, place.st.y, wide, access, ColorSpace::linear);
+        return Vec3f(texel) * (texel.a);
+    };
+    return result;
 }
 
 }  // namespace
 
-SkyLight::SkyLight(const Sky& sky)
-    : SkyLight([&](const Vec3f& d) { return Vec3f(sky.color(d, ColorSpace::linear)); }, detailOf(sky),
-               sky.localFromWorld) {}
-
-SkyLight::SkyLight(const std::function<Vec3f(const Vec3f&)>& radiance, std::size_t detail,
-                   const glm::mat3& localFromWorld)
-    : cells_(std::clamp(detail, kLeastCells, kMostCells)), localFromWorld_(localFromWorld) {
-    rows_.resize(6 * cells_);
-    within_.resize(rows_.size() * cells_);
-    std::vector<float> peaks(rows_.size());
-    const glm::mat3 worldFromLocal = glm::transpose(localFromWorld);
-    const auto step = 1 / static_cast<float>(cells_ * kPlaces);
+SkyCells::SkyCells(const FarLight& of) : shape_(of.shape) {
+    const bool cube = shape_ == FarLight::Shape::cube;
+    down_ = std::clamp(of.detail, kLeastCells, cube ? kMostCells : kMostOfPanorama);
+    across_ = cube ? down_ : 2 * down_;
+    rows_.resize(cube ? 6 * down_ : down_);
+    within_.resize(rows_.size() * across_);
+    const std::vector<float> looks = lookAround(of);
+    const std::size_t columns = 2 * across_ + 1;
     parallelFor(rows_.size(), [&](std::size_t row) {
-        const auto side = static_cast<CubeSide>(row / cells_);
+        const float* upper = &looks[(row / down_ * (2 * down_ + 1) + row % down_ * 2) * columns];
         double sum = 0;
-        for (std::size_t cell = 0; cell < cells_; ++cell) {
-            float light = 0;
-            for (std::size_t place = 0; place < kPlaces * kPlaces; ++place) {
-                const auto across = cell * kPlaces + place % kPlaces, down = row % cells_ * kPlaces + place / kPlaces;
-                const Vec2f st((static_cast<float>(across) + .5f) * step, (static_cast<float>(down) + .5f) * step);
-                const float y = luminance(radiance(worldFromLocal * cubeDirection(side, st)));
-                light += y * spreadAt(st);
-                peaks[row] = std::max(peaks[row], y);
-            }
-            sum += double{light} * step * step;
-            within_[row * cells_ + cell] = static_cast<float>(sum);
+        for (std::size_t cell = 0; cell < across_; ++cell) {
+            double light = 0;  // by the trapezoidal rule
+            for (std::size_t i = 0; i < 9; ++i)
+                light +=
+                    double{upper[i / 3 * columns + 2 * cell + i % 3]} * (i / 3 == 1 ? 2 : 1) * (i % 3 == 1 ? 2 : 1);
+            sum += light / 16 / static_cast<double>(across_ * down_);
+            within_[row * across_ + cell] = static_cast<float>(sum);
         }
         rows_[row] = static_cast<float>(sum);
         if (sum > 0)
-            for (std::size_t cell = 0; cell < cells_; ++cell) within_[row * cells_ + cell] /= static_cast<float>(sum);
+            for (std::size_t cell = 0; cell < across_; ++cell) within_[row * across_ + cell] /= static_cast<float>(sum);
     });
     double total = 0;
     for (float& row : rows_) row = static_cast<float>(total += double{row});
     if (!(total > 0)) return;
     for (float& row : rows_) row /= static_cast<float>(total);
-    unevenness_ = static_cast<float>(double{*std::ranges::max_element(peaks)} * 4 * std::numbers::pi / total);
+    light_ = total;
 }
 
-float SkyLight::densityOn(Vec2f st, std::size_t row, std::size_t cell) const {
-    const float* within = &within_[row * cells_];
+/// Corners count, as what reaches a little into a cell is seen at its edge alone.
+std::vector<float> SkyCells::lookAround(const FarLight& of) {
+    const Vec2f step = .5f / Vec2f(across_, down_),
+                inside = step / 64.0f;  // the very edge is the next side's, or a pole
+    const std::size_t columns = 2 * across_ + 1, lines = 2 * down_ + 1;
+    std::vector<float> looks(rows_.size() / down_ * lines * columns), peaks(rows_.size() / down_ * lines);
+    parallelFor(peaks.size(), [&](std::size_t line) {
+        for (std::size_t column = 0; column < columns; ++column) {
+            const Vec2f st = glm::clamp(Vec2f(column, line % lines) * step, inside, 1.0f - inside);
+            const float y = skyLuminance(of.radiance(directionAt(line / lines * down_, st), step.y));
+            looks[line * columns + column] = y * spreadAt(st);
+            peaks[line] = std::max(peaks[line], y);
+        }
+    });
+    peak_ = *std::ranges::max_element(peaks);
+    return looks;
+}
+
+Vec3f SkyCells::directionAt(std::size_t row, Vec2f st) const {
+    if (shape_ == FarLight::Shape::cube) return cubeDirection(static_cast<CubeSide>(row / down_), st);
+    // From the nearer pole, so that a place beside it keeps its digits.
+    const float turn = 2 * std::numbers::pi_v<float> * (st.x - .5f);
+    const bool above = st.y > .5f;
+    const float angle = std::numbers::pi_v<float> * (above ? 1 - st.y : st.y), sine = std::sin(angle);
+    return {sine * std::sin(turn), above ? std::cos(angle) : -std::cos(angle), -sine * std::cos(turn)};
+}
+
+/// How large a part of the picture is, seen from its middle, for each part of it: d omega / (ds dt).
+float SkyCells::spreadAt(Vec2f st) const {
+    constexpr float kPi = std::numbers::pi_v<float>;
+    if (shape_ == FarLight::Shape::panorama) return 2 * kPi * kPi * std::sin(kPi * std::min(st.y, 1 - st.y));
+    const Vec2f on = 2.0f * st - 1.0f;
+    const float squared = 1 + glm::dot(on, on);
+    return 4 / (squared * std::sqrt(squared));
+}
+
+float SkyCells::densityOn(Vec2f st, std::size_t row, std::size_t cell) const {
+    const float* within = &within_[row * across_];
     const float share =
         (rows_[row] - (row > 0 ? rows_[row - 1] : 0)) * (within[cell] - (cell > 0 ? within[cell - 1] : 0));
-    return share * static_cast<float>(cells_ * cells_) / spreadAt(st);
+    return share > 0 ? share * static_cast<float>(across_ * down_) / spreadAt(st) : 0;
+}
+
+SkyBands::Choice SkyCells::sample(float u, float v) const {
+    const std::size_t row = pickShare(rows_, v);
+    const std::span<const float> within(&within_[row * across_], across_);
+    const std::size_t cell = pickShare(within, u);
+    const Vec2f st((static_cast<float>(cell) + insideShare(within, cell, u)) / static_cast<float>(across_),
+                   (static_cast<float>(row % down_) + insideShare(rows_, row, v)) / static_cast<float>(down_));
+    return {directionAt(row, st), densityOn(st, row, cell)};
+}
+
+float SkyCells::density(const Vec3f& direction) const {
+    std::size_t side = 0;
+    Vec2f st;
+    if (shape_ == FarLight::Shape::cube) {
+        const CubePlace place = cubePlace(direction);
+        side = static_cast<std::size_t>(place.side), st = place.st;
+    } else {
+        st = panoramaPlace(direction);
+    }
+    const auto at = [](float x, std::size_t cells) {
+        return std::min(static_cast<std::size_t>(std::max(x, 0.0f) * static_cast<float>(cells)), cells - 1);
+    };
+    return densityOn(st, side * down_ + at(st.y, down_), at(st.x, across_));
+}
+
+SkyLight::SkyLight(const Sky* sky, const std::vector<FarLight>& more) {
+    double light = 0;
+    float peak = 0;
+    const auto add = [&](const FarLight& far) {
+        Part part{SkyCells(far), far.localFromWorld};
+        if (!(part.cells.light() > 0)) return;
+        light += part.cells.light(), peak += part.cells.peak();
+        parts_.push_back(std::move(part));
+    };
+    for (const FarLight& far : more) add(far);
+    if (sky) {
+        if (const FarLight pictures = ofPictures(*sky); pictures.detail > 0) add(pictures);
+        bands_ = SkyBands(*sky);
+        bandsFromWorld_ = sky->localFromWorld;
+        light += bands_.light(), peak += bands_.peak();
+    }
+    if (!(light > 0)) return;
+    bandsShare_ = static_cast<float>(bands_.light() / light);
+    for (Part& part : parts_) part.share = static_cast<float>(part.cells.light() / light);
+    unevenness_ = static_cast<float>(double{peak} * 4 * std::numbers::pi / light);
 }
 
 SkyLight::Choice SkyLight::sample(float u, float v) const {
     if (!(unevenness_ > 0)) return {};
-    const std::size_t row = pick(rows_.data(), rows_.size(), v), cell = pick(&within_[row * cells_], cells_, u);
-    const auto n = static_cast<float>(cells_);
-    const Vec2f st((static_cast<float>(cell) + inside(&within_[row * cells_], cell, u)) / n,
-                   (static_cast<float>(row % cells_) + inside(rows_.data(), row, v)) / n);
-    const Vec3f direction = cubeDirection(static_cast<CubeSide>(row / cells_), st);
-    return {glm::transpose(localFromWorld_) * direction, densityOn(st, row, cell)};
+    float before = 0;
+    // The last one with a share takes what rounding leaves.
+    for (std::size_t i = 0; i < parts_.size(); ++i) {
+        const Part& part = parts_[i];
+        const bool last = i + 1 == parts_.size() && !(bandsShare_ > 0);
+        if (!last && v >= before + part.share) {
+            before += part.share;
+            continue;
+        }
+        const Choice choice = part.cells.sample(u, std::min((v - before) / part.share, 0x1.fffffep-1f));
+        const Vec3f direction = glm::transpose(part.localFromWorld) * choice.direction;
+        if (part.share == 1) return {direction, choice.density};
+        return {direction, density(direction)};
+    }
+    const Choice choice = bands_.sample(u, std::min((v - before) / bandsShare_, 0x1.fffffep-1f));
+    const Vec3f direction = glm::transpose(bandsFromWorld_) * choice.direction;
+    if (bandsShare_ == 1) return {direction, choice.density};
+    return {direction, density(direction)};
 }
 
 float SkyLight::density(const Vec3f& direction) const {
     if (!(unevenness_ > 0)) return 0;
-    const CubePlace place = cubePlace(localFromWorld_ * direction);
-    const auto at = [&](float x) {
-        return std::min(static_cast<std::size_t>(std::max(x, 0.0f) * static_cast<float>(cells_)), cells_ - 1);
-    };
-    return densityOn(place.st, static_cast<std::size_t>(place.side) * cells_ + at(place.st.y), at(place.st.x));
+    float sum = bandsShare_ > 0 ? bandsShare_ * bands_.density(bandsFromWorld_ * direction) : 0;
+    for (const Part& part : parts_) sum += part.share * part.cells.density(part.localFromWorld * direction);
+    return sum;
 }
 
 }  // namespace rtsg::trace

@@ -1,9 +1,10 @@
 // SkyLight: directions towards a sky, or all that comes from infinitely far, chosen by how much comes from there.
 //
-// The directions are cut into cells, a grid on each side of the cube that panoramas are shown on; a cell is chosen by
-// its light (luminance times solid angle), a direction within it evenly over its part of the side.
+// A Background's colours are rings (SkyBands). The directions of pictures are cut into cells (SkyCells), grids along
+// the pictures' own pixels. Which of these is asked goes by their light.
 // Invariant: a direction that anything comes from has a density above 0, and density() is the one that sample()
-// chooses with. Threading: const once built. Source: Pharr, Jakob & Humphreys 2023, 12.5 (light of images).
+// chooses with. Threading: const once built. Source: Pharr, Jakob & Humphreys 2023, 12.5 (light of images); Veach 1997,
+// 9.2 (one sample of several techniques).
 #pragma once
 
 #include <functional>
@@ -11,37 +12,73 @@
 
 #include <rtsg/renderers/camera.h>
 
+#include "sky_bands.h"
+
 namespace rtsg::trace {
+
+/// What comes from infinitely far, in a frame of its own.
+struct FarLight {
+    enum class Shape : std::uint8_t { cube, panorama };
+    Shape shape = Shape::cube;  // of its pictures
+    std::size_t detail = 0;     // pixels of a side of the cube, or of the panorama's height
+    glm::mat3 localFromWorld{1.0f};
+    /// From a unit direction, averaged over `footprint` of a side of the cube, or of the panorama's height, about it.
+    std::function<Vec3f(const Vec3f& direction, float footprint)> radiance;
+};
+
+/// A cell is chosen by its light (luminance times solid angle), a direction within it evenly over its part of the
+/// picture. There are as many as the picture has pixels, within limits.
+class SkyCells {
+  public:
+    explicit SkyCells(const FarLight& of);
+    double light() const { return light_; }  // luminance, integrated over all directions
+    float peak() const { return peak_; }     // of luminance
+
+    /// In its own frame.
+    SkyBands::Choice sample(float u, float v) const;
+    float density(const Vec3f& direction) const;
+
+  private:
+    /// Luminance times spreadAt() at the corners, edges and middles of all cells, line by line; finds the peak.
+    std::vector<float> lookAround(const FarLight& of);
+    Vec3f directionAt(std::size_t row, Vec2f st) const;
+    float spreadAt(Vec2f st) const;
+    /// `row`: of all sides' rows.
+    float densityOn(Vec2f st, std::size_t row, std::size_t cell) const;
+
+    FarLight::Shape shape_;
+    std::size_t down_ = 0, across_ = 0;  // cells of a side, or of the panorama
+    std::vector<float> rows_;            // light of all rows up to this one, of all sides, as shares
+    std::vector<float> within_;          // of each row: light of its cells up to this one
+    double light_ = 0;
+    float peak_ = 0;
+};
 
 class SkyLight {
   public:
-    /// Cells a side: as many as a picture there has pixels, within limits; fewer where colours only run into each
-    /// other.
-    explicit SkyLight(const Sky& sky);
-    /// `radiance` of a unit direction in world space. The cells are at least `detail` to a side, within limits, along
-    /// the axes of a frame of its own.
-    SkyLight(const std::function<Vec3f(const Vec3f&)>& radiance, std::size_t detail, const glm::mat3& localFromWorld);
+    explicit SkyLight(const Sky& sky) : SkyLight(&sky, {}) {}
+    /// The light of a sky (null: none) and more.
+    SkyLight(const Sky* sky, const std::vector<FarLight>& more);
 
-    /// How many times the mean the brightest direction is; 0 for a black sky. Bounces find the light of an even sky as
-    /// well as anything does.
+    /// How many times the mean the brightest direction is, or a little more; 0 for a black sky. Bounces find the light
+    /// of an even sky as well as anything does.
     float unevenness() const { return unevenness_; }
 
-    struct Choice {
-        Vec3f direction{0, 1, 0};  // unit, world space
-        float density = 0;         // per steradian
-    };
+    using Choice = SkyBands::Choice;  // world space
     /// `u`, `v` in [0, 1).
     Choice sample(float u, float v) const;
     float density(const Vec3f& direction) const;
 
   private:
-    /// `row`: of all sides' rows.
-    float densityOn(Vec2f st, std::size_t row, std::size_t cell) const;
-
-    std::size_t cells_ = 0;      // a side's, across and down
-    std::vector<float> rows_;    // light of all rows up to this one, of all six sides, as shares
-    std::vector<float> within_;  // of each row: light of its cells up to this one
-    glm::mat3 localFromWorld_{1.0f};
+    struct Part {
+        SkyCells cells;
+        glm::mat3 localFromWorld{1.0f};
+        float share = 0;  // of the choices
+    };
+    SkyBands bands_;
+    glm::mat3 bandsFromWorld_{1.0f};
+    float bandsShare_ = 0;
+    std::vector<Part> parts_;  // that give light
     float unevenness_ = 0;
 };
 

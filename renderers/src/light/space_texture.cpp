@@ -60,6 +60,14 @@ Vec3f cubeDirection(CubeSide side, Vec2f st) {
     return glm::normalize(frame.middle + (2 * st.x - 1) * frame.right + (2 * st.y - 1) * frame.up);
 }
 
+Vec2f panoramaPlace(const Vec3f& d) {
+    constexpr float kPi = std::numbers::pi_v<float>;
+    // Near the axis an arc sine of d.y knows no angles below a three-thousandth.
+    const float across = std::sqrt(d.x * d.x + d.z * d.z);
+    const float fromPole = std::atan2(across, std::abs(d.y)) / kPi;
+    return {.5f + std::atan2(d.x, -d.z) / (2 * kPi), d.y > 0 ? 1 - fromPole : fromPole};
+}
+
 SpaceTexture SpaceTexture::cube(std::array<std::shared_ptr<const Texture>, 6> sides) {
     SpaceTexture result;
     result.layers_.assign(sides.begin(), sides.end());
@@ -136,11 +144,10 @@ Vec4f SpaceTexture::sample(const Vec3f& str, float footprint, const TextureAcces
     if (kind_ == Kind::panorama) {
         const float length = glm::length(str);
         const Vec3f d = length > 0 && std::isfinite(length) ? str / length : Vec3f(0, 0, -1);
-        const float around = std::atan2(d.x, -d.z), above = std::asin(std::clamp(d.y, -1.0f, 1.0f));
+        const Vec2f st = panoramaPlace(d);
         TextureAccess own = access;
         own.wrapS = TextureWrap::repeat, own.wrapT = TextureWrap::clamp;
-        return layers_[0]->sample(.5f + around / (2 * std::numbers::pi_v<float>),
-                                  .5f + above / std::numbers::pi_v<float>, footprint, own, space);
+        return layers_[0]->sample(st.x, st.y, footprint, own, space);
     }
     const auto count = static_cast<int>(layers_.size());
     const auto of = [&](int i) {

@@ -18,7 +18,7 @@ namespace {
 #define RTSG_TEXT_OF(name) #name
 #define RTSG_TEXT(name) RTSG_TEXT_OF(name)
 
-Result<const Fonts*> load() {
+Result<const Fonts*> loadFonts() {
     const auto symbol = loadModule("rtsg_fonts", RTSG_TEXT(RTSG_FONTS_SYMBOL), "text needs");
     if (!symbol) return std::unexpected(symbol.error());
     return reinterpret_cast<const Fonts* (*)()>(*symbol)();
@@ -27,7 +27,7 @@ Result<const Fonts*> load() {
 }  // namespace
 
 Result<const Fonts*> fonts() {
-    static const Result<const Fonts*> loaded = load();
+    static const Result<const Fonts*> loaded = loadFonts();
     return loaded;
 }
 

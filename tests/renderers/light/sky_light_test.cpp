@@ -1,5 +1,6 @@
-// Skies by importance: densities that are whole, and a small sun that one sample finds.
+// Skies by importance: densities that are whole, small suns and caps that one sample finds.
 #include <cmath>
+#include <numbers>
 #include <random>
 #include <string>
 #include <vector>
@@ -7,6 +8,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/renderers/irradiance.h>
 #include <rtsg/renderers/space_texture.h>
 
 #include "light/bsdf.h"
@@ -72,6 +74,162 @@ TEST(SkyLight, DensitiesAreWholeAndThoseOfSamples) {
     const double mean = sum / kDraws, deviation = std::sqrt(squares / kDraws - mean * mean);
     EXPECT_NEAR(mean, radiance, 5 * deviation / std::sqrt(kDraws) + 2e-3 * radiance);
     EXPECT_LT(deviation / mean, 0.6);
+}
+
+/// White within an angle of the zenith, or of the nadir, and black beyond.
+std::string capped(double angle, bool below) {
+    return fmt::format("Background {{ {0}Color [1 1 1, 1 1 1, 0 0 0] {0}Angle [{1} {1}] }}\n", below ? "ground" : "sky",
+                       angle);
+}
+
+// E = pi sin^2 of a white cap's half angle, from that of a tent to a fifth of a sun's; so the mean of a picture.
+TEST(SkyBands, ASmallCapGivesAllItsLight) {
+    for (const double angle : {.1, .02, .01, .0047, .002, .001})
+        for (const bool below : {false, true}) {
+            SCOPED_TRACE(fmt::format("{} {}", angle, below));
+            const double expected = kPi * std::pow(std::sin(angle), 2);
+            LightScene s(capped(angle, below));
+            LightTracer tracer;
+            s.world->add(tracer);
+            const auto found = measureIrradiance(*tracer.latest(), s.world->rays(), {0, 0, 0}, {0, below ? -1 : 1, 0});
+            ASSERT_TRUE(found);
+            EXPECT_NEAR(found->luminous, expected, 1e-4 * expected);
+            EXPECT_LE(found->luminousInterval, 1e-3 * expected);
+        }
+    const std::string floor =
+        "Viewpoint { position 0 1 0 orientation 1 0 0 -1.5707963 fieldOfView .02 }\n"
+        "Transform { rotation 1 0 0 -1.5707963 children " +
+        square(5, "material Material { diffuseColor 1 1 1 }") + "}";
+    for (const double error : {0., .01}) {
+        LightScene s(capped(.0047, false) + floor, 16, 16);
+        s.options.settings.integrator = Integrator::path;
+        s.options.settings.samplesPerPixel = 16, s.options.settings.error = error;
+        for (const Vec4f& pixel : s.picture().pixels) ASSERT_NEAR(pixel.g / 2.20898e-5, 1, 1e-3);
+    }
+}
+
+// Colours that run into each other, through all bands, by Simpson's rule in double; a density that is whole, and that
+// of what is chosen. One pixel's picture hides a part.
+TEST(SkyBands, DensitiesAreWholeAndThoseOfSamples) {
+    Sky sky;
+    sky.skyColors = {{1, .9f, .8f}, {.2f, .3f, .9f}, {.6f, .7f, .8f}, {0, 0, 0}};
+    sky.skyAngles = {.01f, .8f, 1.7f};
+    sky.groundColors = {{9, 9, 9}, {.1f, 0, 0}, {0, .2f, 0}};
+    sky.groundAngles = {.003f, 1.2f};
+    sky.localFromWorld = glm::mat3(0, 0, 1, 1, 0, 0, 0, 1, 0);
+    for (const bool hidden : {false, true}) {
+        if (hidden) {
+            auto grey = Texture::fromFloats({Vec4f(.5f, .5f, .5f, 1)}, 1, 1, 3, Texture::Content::color);
+            ASSERT_TRUE(grey);
+            sky.panorama[2] = std::make_shared<const Texture>(std::move(*grey));
+        }
+        const SkyLight light(sky);
+        double whole = 0, radiance = 0;
+        const auto at = [&](double angle, double turn) {
+            const Vec3f d =
+                glm::transpose(sky.localFromWorld) *
+                Vec3f(Vec3d(std::sin(angle) * std::cos(turn), std::cos(angle), std::sin(angle) * std::sin(turn)));
+            return std::pair{double{light.density(d)}, double{sky.color(d, ColorSpace::linear).g}};
+        };
+        constexpr int kSteps = 3000, kTurns = 96;
+        const double ends[] = {0, .01, .8, 1.7, kPi - 1.2, kPi - .003, kPi};
+        for (std::size_t band = 0; band + 1 < std::size(ends); ++band)
+            for (int i = 0; i < kSteps; ++i)
+                for (int j = 0; j < kTurns; ++j) {
+                    const double step = (ends[band + 1] - ends[band]) / kSteps, angle = ends[band] + (i + .5) * step;
+                    const auto [density, color] = at(angle, 2 * kPi * (j + .5) / kTurns);
+                    const double solid = std::sin(angle) * step * 2 * kPi / kTurns;
+                    whole += density * solid, radiance += color * solid;
+                }
+        EXPECT_NEAR(whole, 1, hidden ? 5e-3 : 1e-4);
+        std::mt19937 random(4);
+        std::uniform_real_distribution<float> unit(0, 1);
+        double sum = 0, squares = 0;
+        int others = 0;  // on a ring's edge, where rounding chooses
+        constexpr int kDraws = 100'000;
+        for (int i = 0; i < kDraws; ++i) {
+            const auto choice = light.sample(unit(random), unit(random));
+            ASSERT_NEAR(glm::length(choice.direction), 1, 1e-5);
+            others += std::abs(choice.density - light.density(choice.direction)) > 1e-3f * choice.density;
+            const double value = double{sky.color(choice.direction, ColorSpace::linear).g} / double{choice.density};
+            sum += value, squares += value * value;
+        }
+        EXPECT_LT(others, kDraws / 1000);
+        const double mean = sum / kDraws, deviation = std::sqrt(squares / kDraws - mean * mean);
+        EXPECT_NEAR(mean, radiance, 5 * deviation / std::sqrt(kDraws) + 2e-3 * radiance);
+        EXPECT_LT(deviation / mean, hidden ? .7 : .5);
+    }
+}
+
+/// The light of one white pixel of a picture with `width` x `height`, bilinear between its neighbours, about its middle
+/// and how much of a picture each part there stands for.
+template <class Spread>
+double ofOnePixel(int width, int height, int x, int y, const Spread& spread) {
+    constexpr int kSteps = 200;
+    double sum = 0;
+    for (int i = 0; i < kSteps * kSteps; ++i) {
+        const double dx = 2 * (i % kSteps + .5) / kSteps - 1, dy = 2 * (i / kSteps + .5) / kSteps - 1;
+        const double up = y == height - 1 && dy > 0 ? 1 : 1 - std::abs(dy);  // beyond the last row there is that row
+        if ((y + .5 + dy) / height < 1)
+            sum += (1 - std::abs(dx)) * up * spread((x + .5 + dx) / width, (y + .5 + dy) / height);
+    }
+    return sum * 4 / kSteps / kSteps / width / height;
+}
+
+/// What `sky` gives by its own choices, and the deviation of one.
+struct Chosen {
+    double mean = 0, deviation = 0;
+    template <class F>
+    Chosen(const SkyLight& light, const F& green) {
+        std::mt19937 random(7);
+        std::uniform_real_distribution<float> unit(0, 1);
+        double squares = 0;
+        constexpr int kDraws = 200'000;
+        for (int i = 0; i < kDraws; ++i) {
+            const auto choice = light.sample(unit(random), unit(random));
+            const double value = double{green(choice.direction)} / double{choice.density};
+            mean += value / kDraws, squares += value * value / kDraws;
+        }
+        deviation = std::sqrt(squares - mean * mean) / std::sqrt(double{kDraws});
+    }
+};
+
+// In pictures with more pixels than there are cells, and in panoramas beside the pole, where all are slivers.
+TEST(SkyLight, NoPixelIsTooSmall) {
+    constexpr int kWide = 8192, kHigh = 4;
+    std::vector<Vec4f> pixels(std::size_t{kWide} * kHigh, Vec4f(0, 0, 0, 1));
+    pixels[kWide + 5003] = Vec4f(1);
+    auto top = Texture::fromFloats(std::move(pixels), kWide, kHigh, 3, Texture::Content::color);
+    ASSERT_TRUE(top);
+    Sky sky;
+    sky.panorama[4] = std::make_shared<const Texture>(std::move(*top));
+    const Chosen cube(SkyLight(sky), [&](const Vec3f& d) { return sky.color(d, ColorSpace::linear).g; });
+    const double expected = ofOnePixel(kWide, kHigh, 5003, 1, [](double s, double t) {
+        return 4 / std::pow(1 + std::pow(2 * s - 1, 2) + std::pow(2 * t - 1, 2), 1.5);
+    });
+    EXPECT_NEAR(cube.mean, expected, 5 * cube.deviation + .002 * expected);
+    EXPECT_LT(cube.deviation, .02 * expected);
+
+    constexpr int kAround = 4096, kDown = kAround / 2;
+    for (const int row : {kDown - 1, kDown - 2, kDown - 5, kDown / 2}) {
+        SCOPED_TRACE(row);
+        std::vector<std::uint8_t> grey(std::size_t{kAround} * kDown);
+        grey[std::size_t(row) * kAround + 1303] = 255;
+        auto made = Texture::fromBytes(grey, kAround, kDown, 1);
+        ASSERT_TRUE(made);
+        const auto picture = SpaceTexture::ofPicture(std::make_shared<const Texture>(std::move(*made)));
+        ASSERT_TRUE(picture);
+        const auto radiance = [&](const Vec3f& d, float footprint) {
+            // A texture's footprint is a share of the mean of its sides.
+            return Vec3f(picture->sample(d, footprint / std::numbers::sqrt2_v<float>, {}, ColorSpace::linear));
+        };
+        const SkyLight light(nullptr, {{trace::FarLight::Shape::panorama, kDown, glm::mat3(1), radiance}});
+        const Chosen round(light, [&](const Vec3f& d) { return radiance(d, 0).g; });
+        const double whole =
+            ofOnePixel(kAround, kDown, 1303, row, [](double, double t) { return 2 * kPi * kPi * std::sin(kPi * t); });
+        EXPECT_NEAR(round.mean, whole, 5 * round.deviation + .002 * whole);
+        EXPECT_LT(round.deviation, .02 * whole);
+    }
 }
 
 TEST(SkyLight, ABlackSkyGivesNothing) {

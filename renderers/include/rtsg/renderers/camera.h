@@ -105,8 +105,9 @@ struct Camera {
 /// The bound Background or TextureBackground. Without colours: black.
 struct Sky {
     std::vector<Vec3f> skyColors{Vec3f(0)}, groundColors;
-    std::vector<float> skyAngles, groundAngles;  // radians from the zenith, from the nadir; one less than colours
-    float alpha = 1;                             // 1 - transparency
+    std::vector<float> skyAngles,
+        groundAngles;  // radians from the zenith, from the nadir, ascending; one less than colours
+    float alpha = 1;   // 1 - transparency
     /// Front, back, left, right, top, bottom of the panorama; null where there is none.
     std::array<std::shared_ptr<const Texture>, 6> panorama;
     glm::mat3 localFromWorld{1.0f};  // only its turning counts (24.2.1)

@@ -27,6 +27,8 @@ struct CubePlace {
 CubePlace cubePlace(const Vec3f& direction);
 /// The unit direction of a place on a side.
 Vec3f cubeDirection(CubeSide side, Vec2f st);
+/// The place of a unit direction in a panorama around the y axis: its middle towards -z, t = 1 towards +y.
+Vec2f panoramaPlace(const Vec3f& direction);
 
 class SpaceTexture {
   public:
