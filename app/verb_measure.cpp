@@ -47,15 +47,18 @@ std::array<double, 6> parseProbe(const std::string& text) {
     return numbers;
 }
 
-/// A disk or ball that is cut by chords a part e of the radius off gives 4/3 e less light, or a little more than that.
-constexpr double kLightOfChord = 4.0 / 3;
-
-/// How finely curved geometry is cut, as a part of its radius, for an interval of `error`: what is cut off shifts the
-/// value by an eighth of the interval at most, which holds the truth nearly as often then.
-float cutFor(double error) {
-    constexpr double kShareOfInterval = 1.0 / 8;
-    return static_cast<float>(std::min(.0025, error * kShareOfInterval / kLightOfChord));
-}
+/// How finely curved geometry is cut, for an interval of `error`: what its lamps may lack by that, which is in the
+/// interval, is a sixth of it at most for a lamp head-on (CurvedLamps in irradiance.cpp).
+struct Cut {
+    double wanted;  // chordError
+    double made;    // that of the level which gives it
+    explicit Cut(double error) : wanted(std::min(.0025, error / 32)) {
+        int level = 0;
+        const auto chordError = [&] { return double{Tessellator::levelOptions(level).chordError}; };
+        while (level + 1 < Tessellator::kLevels && chordError() > wanted) ++level;
+        made = chordError();
+    }
+};
 
 void printIrradiance(const MeasureArguments& options, const std::array<double, 6>& at, const Irradiance& found) {
     const Vec3d &v = found.value, &i = found.interval;
@@ -66,7 +69,8 @@ void printIrradiance(const MeasureArguments& options, const std::array<double, 6
         fmt::print("\"ci95\":[{:.4g},{:.4g},{:.4g}],\"luminous\":{:.9g},\"luminous_ci95\":{:.4g},", i.x, i.y, i.z,
                    found.luminous, found.luminousInterval);
         if (options.candela > 0) fmt::print("\"lux\":{:.9g},\"lux_ci95\":{:.4g},", lux, luxInterval);
-        fmt::print("\"samples\":{},\"reached\":{},\"missing\":{:.4g}}}\n", found.samples, found.reached, found.missing);
+        fmt::print("\"luminous_cut\":{:.4g},\"samples\":{},\"reached\":{},\"missing\":{:.4g}}}\n", found.luminousCut,
+                   found.samples, found.reached, found.missing);
         return;
     }
     fmt::print("({:g} {:g} {:g}) facing ({:g} {:g} {:g}): ", at[0], at[1], at[2], at[3], at[4], at[5]);
@@ -96,6 +100,13 @@ bool isWhole(const MeasureArguments& options, const std::string& place, const Ir
                    "there is missing\n",
                    place, 100 * found.missing);
     if (found.reached) return true;
+    if (found.luminousCut > options.error * found.luminous) {
+        printError(
+            fmt::format("missing: {}: curved lamps are cut too coarsely for the error {:g}: up to {:.2g} % of what "
+                        "comes there may be missing by that",
+                        place, options.error, 100 * found.luminousCut / found.luminous));
+        return false;
+    }
     printError(fmt::format("missing: {}: the error {:g} needs more than {} samples; --samples allows more", place,
                            options.error, found.samples));
     return false;
@@ -109,7 +120,8 @@ int measure(const MeasureArguments& options) {
     if (!running.load()) return kBad;
     SharedWorld::Options flattened;
     flattened.flattening.maxOccurrences = running.resources().policy().maximumInstances;
-    flattened.flattening.error.ofRadius = cutFor(options.error);
+    const Cut cut(options.error);
+    flattened.flattening.error.ofRadius = static_cast<float>(cut.wanted);
     SharedWorld world(running.scene(), flattened);
     LightTracer tracer(world, running.resources());
     world.add(tracer);
@@ -118,17 +130,12 @@ int measure(const MeasureArguments& options) {
     Diagnostics found = world.diagnostics();
     found.append(tracer.diagnostics());
     found.setFile(options.scene);
-    if (const std::size_t coarse = world.flattener().cuts().tooCoarse)
-        found.warning(
-            {}, fmt::format("{} of the curved geometries cannot be cut finely enough for --error {}: as lamps "
-                            "they give up to {:.1g} of their light too little",
-                            coarse, options.error,
-                            kLightOfChord * double{Tessellator::levelOptions(Tessellator::kLevels - 1).chordError}));
     const auto state = tracer.latest();
     tellOfLights(running.scene(), *state, found);
     app::print(found);
     IrradianceSettings settings;
     settings.error = options.error, settings.samples = options.samples;
+    settings.chordError = cut.made;
     settings.seed = options.seed, settings.threads = options.threads;
     settings.shadows = options.shadows == "none"       ? Shadows::none
                        : options.shadows == "authored" ? Shadows::authored

@@ -9,6 +9,7 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "draw.h"
+#include "emitters.h"
 #include "probe.h"
 
 namespace rtsg {
@@ -20,6 +21,72 @@ namespace {
 constexpr int kGroupSamples = 16;  // of each of a tile's pixels, which are independent of each other
 constexpr std::uint64_t kTileSamples = std::uint64_t{kTilePixels} * kGroupSamples;
 
+const Vec3d kLuminance(0.2126, 0.7152, 0.0722);
+
+/// The solid angle of a triangle whose corners are told from where one looks, above 0.
+double solidAngle(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
+    const double la = glm::length(a), lb = glm::length(b), lc = glm::length(c);
+    const double volume = std::abs(glm::dot(a, glm::cross(b, c)));
+    const double under = la * lb * lc + glm::dot(a, b) * lc + glm::dot(b, c) * la + glm::dot(c, a) * lb;
+    return 2 * std::atan2(volume, under);
+}
+
+/// How much more light true disks, balls and the like might give a place than what they are cut into.
+///
+/// Chords an e-th of the radius off take 4/3 e of a disk's light, or twice that where they run across both directions
+/// of a ball. That holds for the whole lamp head-on; of one that the place's horizon cuts the rim may be all there is.
+/// So the light is counted that would come from it without horizon, cosine and obstacle, and all that arrives, for what
+/// comes by way of other surfaces.
+class CurvedLamps {
+  public:
+    CurvedLamps(const TraceScene& scene, const Probe& probe, double chordError) {
+        if (!(chordError > 0) || !anyShines(scene)) return;
+        constexpr double kOfChord = 8.0 / 3;
+        share_ = kOfChord * chordError;
+        for (const Emitters::Source& source : Emitters::sourcesIn(scene))
+            if (source.mesh->curveSize > 0) direct_ += directly(source, probe);
+    }
+    /// Red, green, blue and luminance, for such an irradiance.
+    glm::dvec4 lack(const glm::dvec4& irradiance) const {
+        constexpr double kRounding = 0x1p-21;  // of single floats that are added
+        return share_ * (glm::dvec4(direct_, glm::dot(direct_, kLuminance)) + irradiance) + kRounding * irradiance;
+    }
+
+  private:
+    static bool anyShines(const TraceScene& scene) {
+        const RayInstances& instances = scene.world->instances();
+        const auto shines = [](const Material& material) {
+            const Vec3f& glow = material.linear.emissive;
+            return material.model == ShadingModel::unlit || std::max({glow.r, glow.g, glow.b}) > 0;
+        };
+        for (std::uint32_t slot = 0; slot < instances.size() && slot < scene.slots.size(); ++slot) {
+            if (!instances[slot].mesh || !(instances[slot].mesh->curveSize > 0)) continue;
+            const Material& front = scene.materials[scene.slots[slot].material].material;
+            if (shines(front) || (front.back && shines(*front.back))) return true;
+        }
+        return false;
+    }
+    static Vec3d directly(const Emitters::Source& source, const Probe& probe) {
+        const Mesh& mesh = *source.mesh;
+        Vec3d sum(0);
+        for (std::uint32_t triangle = 0; triangle < mesh.triangleCount; ++triangle) {
+            Vec3d at[3];
+            for (std::uint32_t corner = 0; corner < 3; ++corner)
+                at[corner] = Vec3d(source.rayFromLocal * Vec4f(mesh.vertex(triangle, corner), 1)) - Vec3d(probe.place);
+            if (std::ranges::none_of(at, [&](const Vec3d& p) { return glm::dot(p, Vec3d(probe.normal)) > 0; }))
+                continue;
+            const bool front = source.sign * glm::dot(glm::cross(at[1] - at[0], at[2] - at[0]), at[0]) < 0;
+            if (!front && mesh.solid) continue;
+            const Vec3d glow(source.even ? front ? source.front : source.behind : Vec3f(source.glow));
+            sum += glow * solidAngle(at[0], at[1], at[2]);
+        }
+        return sum;
+    }
+
+    double share_ = 0;
+    Vec3d direct_{0};
+};
+
 /// Sums over groups of samples: of red, green, blue and what an eye makes of them.
 struct Sums {
     glm::dvec4 sum{0}, squares{0};
@@ -30,7 +97,7 @@ struct Sums {
         for (const Vec4f& pixel : tile.sum) {
             Vec3d shown = Vec3d(pixel) / double{kGroupSamples};
             for (int c = 0; c < 3; ++c) shown[c] = std::isfinite(shown[c]) ? shown[c] : 0;
-            const glm::dvec4 all(shown, glm::dot(shown, Vec3d(0.2126, 0.7152, 0.0722)));
+            const glm::dvec4 all(shown, glm::dot(shown, kLuminance));
             sum += all, squares += all * all;
             ++groups;
         }
@@ -39,13 +106,14 @@ struct Sums {
     void add(const Sums& other) {
         sum += other.sum, squares += other.squares, groups += other.groups, missing += other.missing;
     }
-    Irradiance irradiance() const {
+    Irradiance irradiance(const CurvedLamps& curved) const {
         constexpr double kQuantile = 1.959963985, kPi = std::numbers::pi;
         const auto n = static_cast<double>(groups);
         const glm::dvec4 mean = sum / n, variance = glm::max(squares / n - mean * mean, glm::dvec4(0)) / (n - 1);
         const glm::dvec4 half = kPi * kQuantile * glm::sqrt(variance);
+        const glm::dvec4 value = kPi * mean, cut = curved.lack(value), whole = half + cut;
         const std::uint64_t samples = groups * kGroupSamples;
-        return {kPi * Vec3d(mean), Vec3d(half), kPi * mean.w, half.w, samples, missing / static_cast<double>(samples)};
+        return {Vec3d(value), Vec3d(whole), value.w, whole.w, cut.w, samples, missing / static_cast<double>(samples)};
     }
 };
 
@@ -90,6 +158,7 @@ Result<Irradiance> measureIrradiance(const LightState& state, const RayView& wor
     rendering.shadows = settings.shadows;
     const ProbeScene probed(state, world, rendering);
     const Probe probe{world.fromWorld(place), Vec3f(normal / length)};
+    const CurvedLamps curved(probed.scene, probe, settings.chordError);
     Sums sums;
     Irradiance result;
     for (std::uint64_t tiles = 2, done = 0;; tiles *= 2) {
@@ -103,9 +172,14 @@ Result<Irradiance> measureIrradiance(const LightState& state, const RayView& wor
         });
         for (const Sums& part : parts) sums.add(part);
         done = tiles;
-        result = sums.irradiance();
-        result.reached = result.luminousInterval <= settings.error * result.luminous;
-        if (result.reached || 2 * tiles * kTileSamples > settings.samples) return result;
+        result = sums.irradiance(curved);
+        const double allowed = settings.error * result.luminous;
+        result.reached = result.luminousInterval <= allowed;
+        // More samples help nobody where the cut alone is too much.
+        constexpr double kAside = .25;
+        const bool cutTooMuch =
+            result.luminousCut > allowed && result.luminousInterval <= (1 + kAside) * result.luminousCut;
+        if (result.reached || cutTooMuch || 2 * tiles * kTileSamples > settings.samples) return result;
         if (settings.progress && !settings.progress(result.samples)) return result;
     }
 }

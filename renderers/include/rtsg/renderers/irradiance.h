@@ -3,7 +3,8 @@
 // Units: what X3D's colours are once they are decoded (docs/color.md), times steradian: a surface that shows radiance 1
 // everywhere above gives pi, as a light of intensity 1 head-on does, so E = pi L F with the form factor F.
 // The headlight is the viewer's and does not count; of lights those of the whole scene do. Fog lies on what is seen.
-// Threading: re-entrant; several threads measure. Source: Kajiya 1986; intervals by independent groups of samples.
+// Threading: re-entrant; several threads measure. Source: Kajiya 1986; intervals by independent groups of samples; Van
+// Oosterom & Strackee 1983 (solid angles).
 #pragma once
 
 #include <cstdint>
@@ -19,6 +20,9 @@ struct IrradianceSettings {
     std::uint64_t samples = 1ull << 26;  // at most; they double from 8192 on
     std::uint64_t seed = 1;
     Shadows shadows = Shadows::automatic;
+    /// What curved geometry was cut by (TessellationOptions): what its lamps lack for that is in the intervals. 0: they
+    /// are what they were cut into.
+    double chordError = 0;
     unsigned threads = 0;  // 0: one a core
     /// Called now and then by the thread that asks, with the number of samples; false ends the measurement.
     std::function<bool(std::uint64_t)> progress;
@@ -27,6 +31,8 @@ struct IrradianceSettings {
 struct Irradiance {
     Vec3d value{0}, interval{0};                // red, green, blue; half the 95 % interval
     double luminous = 0, luminousInterval = 0;  // of all three as an eye weighs them (Rec. 709's Y)
+    /// Of luminousInterval, what curved lamps may lack because they are cut; rounding.
+    double luminousCut = 0;
     std::uint64_t samples = 0;
     /// The share of the ways that light may come which was cut off after 10,000 bounces: so much of white light is
     /// missing, and in no interval.
