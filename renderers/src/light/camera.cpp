@@ -292,6 +292,7 @@ Vec4f Sky::color(const Vec3f& direction, ColorSpace space) const {
         if (fromNadir <= reach) result = gradient(groundColors, groundAngles, fromNadir);
     }
     Vec4f rgba(inSpace(result) * alpha, alpha);
+    if (std::ranges::none_of(panorama, [](const auto& picture) { return picture != nullptr; })) return rgba;
 
     const CubePlace place = cubePlace(d);
     if (const auto& texture = panorama[static_cast<std::size_t>(place.side)]) {

@@ -96,12 +96,17 @@ struct TextureLookup {
         if (own && own->generator != TexCoords::Generator::none) return 0;
         if (!use.texture && !isFlat(use) && (!own || !own->authored || use.generated || use.space->isCube())) return 0;
         const Mesh& mesh = *instance.mesh;
+        const MeshAttribute* values = channel < mesh.texCoords.size() && mesh.texCoords[channel].values.present()
+                                          ? &mesh.texCoords[channel].values
+                                          : nullptr;
         Vec3f st[3], p[3];
         const float corners[3][2] = {{0, 0}, {1, 0}, {0, 1}};
+        const glm::mat3 rayFromLocal(instance.rayFromLocal);
         for (std::uint32_t c = 0; c < 3; ++c) {
-            const Vec4f value = mesh.texCoord(hit.triangle, corners[c][0], corners[c][1], channel);
+            const Vec4f value = values ? values->value(hit.triangle, c)
+                                       : mesh.texCoord(hit.triangle, corners[c][0], corners[c][1], channel);
             st[c] = {value.x, value.y, use.texture ? 0 : value.z};
-            p[c] = glm::mat3(instance.rayFromLocal) * mesh.vertex(hit.triangle, c);
+            p[c] = rayFromLocal * mesh.vertex(hit.triangle, c);
         }
         const float textureArea = glm::length(glm::cross(st[1] - st[0], st[2] - st[0]));
         const float worldArea = glm::length(glm::cross(p[1] - p[0], p[2] - p[0]));

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstring>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include "embree/packet_avx512.h"
@@ -578,6 +579,17 @@ HitPoint RayView::point(const Hit& hit, const Ray& ray) const {
     return {ray.origin + way, Vec3f(16 * eps * std::max({sizes.x, sizes.y, sizes.z})), hit.normal};
 }
 
+namespace {
+
+/// As std::nextafter() towards one of the infinities, which is a call.
+float nextFloat(float x, bool up) {
+    if (x == 0) return up ? std::numeric_limits<float>::denorm_min() : -std::numeric_limits<float>::denorm_min();
+    if (!(std::abs(x) <= std::numeric_limits<float>::max())) return x;
+    return std::bit_cast<float>(std::bit_cast<std::int32_t>(x) + ((x > 0) == up ? 1 : -1));
+}
+
+}  // namespace
+
 Vec3f RayView::leave(const HitPoint& from, const Vec3f& direction) {
     // pbrt-v4, section 6.8.6: far enough along the normal to clear the box of the error, then one float further.
     const float distance = glm::dot(glm::abs(from.normal), from.error);
@@ -585,7 +597,7 @@ Vec3f RayView::leave(const HitPoint& from, const Vec3f& direction) {
     Vec3f start = from.position + distance * away;
     for (int i = 0; i < 3; ++i) {
         if (away[i] == 0) continue;
-        start[i] = std::nextafter(start[i], std::copysign(HUGE_VALF, away[i]));
+        start[i] = nextFloat(start[i], away[i] > 0);
         // On a plane through 0 nothing is rounded and the next float is one that the processor may take for 0.
         constexpr float least = 1e-30f;
         if (std::abs(start[i]) < least) start[i] = std::copysign(least, away[i]);
