@@ -41,6 +41,46 @@ std::uint32_t encode(const Vec4f& color, bool decoded) {
     return result;
 }
 
+/// byteOf(srgbFromLinear(x)), by the light that the middles between bytes stand for: no power is taken.
+std::uint32_t byteOfLight(float x) {
+    constexpr std::size_t kStarts = 4096;
+    struct Table {
+        std::array<float, 256> middles{};  // from each byte to the next; the last one is never reached
+        std::array<std::uint8_t, kStarts + 1> starts{};
+    };
+    static const auto table = [] {
+        Table result;
+        for (std::size_t i = 0; i < 255; ++i)
+            result.middles[i] = linearFromSrgb((static_cast<float>(i) + .5f) / 255.0f);
+        result.middles[255] = HUGE_VALF;
+        std::size_t byte = 0;
+        for (std::size_t i = 0; i <= kStarts; ++i) {
+            while (static_cast<float>(i) / kStarts >= result.middles[byte]) ++byte;
+            result.starts[i] = static_cast<std::uint8_t>(byte);
+        }
+        return result;
+    }();
+    const float within = std::clamp(x, 0.0f, 1.0f);
+    std::uint32_t byte = table.starts[static_cast<std::size_t>(within * kStarts)];
+    while (within >= table.middles[byte]) ++byte;
+    return byte;
+}
+
+/// The mean of four opaque pixels.
+std::uint32_t meanOfFour(const std::array<std::uint32_t, 4>& words, bool decode) {
+    std::uint32_t result = 255u << 24;
+    for (unsigned shift = 0; shift < 24; shift += 8) {
+        const auto byte = [&](std::size_t i) { return words[i] >> shift & 255u; };
+        if (decode) {
+            const auto& table = decodeTable();
+            result |= byteOfLight((table[byte(0)] + table[byte(1)] + table[byte(2)] + table[byte(3)]) / 4) << shift;
+        } else {
+            result |= (byte(0) + byte(1) + byte(2) + byte(3) + 2) / 4 << shift;
+        }
+    }
+    return result;
+}
+
 /// Pixel number of a coordinate that may lie outside; -1: the border. `size` >= 1.
 int wrapIndex(int i, int size, TextureWrap wrap) {
     if (i >= 0 && i < size) return i;  // nearly all; the others cost divisions
@@ -286,6 +326,9 @@ void Texture::readTiles(const Level& level, int x, int y, int columns, int rows,
 }
 
 void Texture::noteAlpha() {
+    std::uint32_t all = ~0u;
+    for (const std::uint32_t pixel : finest_.encoded) all &= pixel;
+    if (all >> 24 == 255 && finest_.linear.empty()) return;
     for (const std::uint32_t pixel : finest_.encoded) {
         hasAlpha_ = hasAlpha_ || pixel >> 24 != 255;
         hasPartialAlpha_ = hasPartialAlpha_ || (pixel >> 24 != 255 && pixel >> 24 != 0);
@@ -303,10 +346,23 @@ Texture::Level Texture::halved(const Level& fine, bool decode) const {
         coarse.encoded.resize(count);
     else
         coarse.linear.resize(count);
+    const bool even = fine.linear.empty() && fine.width == 2 * coarse.width && fine.height == 2 * coarse.height;
+    const auto fineWidth = static_cast<std::size_t>(fine.width);
     // Odd sizes: each coarse pixel averages the fine pixels whose centres it covers (2 or 3 a side).
     for (int y = 0; y < coarse.height; ++y) {
         const int y0 = y * fine.height / coarse.height, y1 = (y + 1) * fine.height / coarse.height;
         for (int x = 0; x < coarse.width; ++x) {
+            const auto at =
+                static_cast<std::size_t>(y) * static_cast<std::size_t>(coarse.width) + static_cast<std::size_t>(x);
+            if (even) {  // and opaque, as nearly all are
+                const std::uint32_t* low =
+                    &fine.encoded[static_cast<std::size_t>(2 * y) * fineWidth + 2 * static_cast<std::size_t>(x)];
+                const std::array<std::uint32_t, 4> words{low[0], low[1], low[fineWidth], low[fineWidth + 1]};
+                if ((words[0] & words[1] & words[2] & words[3]) >> 24 == 255) {
+                    coarse.encoded[at] = meanOfFour(words, decode);
+                    continue;
+                }
+            }
             const int x0 = x * fine.width / coarse.width, x1 = (x + 1) * fine.width / coarse.width;
             Vec3f color(0), plain(0);
             float alpha = 0;
@@ -320,8 +376,6 @@ Texture::Level Texture::halved(const Level& fine, bool decode) const {
             const auto n = static_cast<float>((y1 - y0) * (x1 - x0));
             // Weighted by alpha, so that what is clear does not bleed into the visible.
             const Vec4f average(alpha > 0 ? color / alpha : plain / n, alpha / n);
-            const auto at =
-                static_cast<std::size_t>(y) * static_cast<std::size_t>(coarse.width) + static_cast<std::size_t>(x);
             if (fine.linear.empty())
                 coarse.encoded[at] = encode(average, decode);
             else

@@ -102,6 +102,41 @@ TEST(Texture, CoarseLevelsKeepTheMean) {
     EXPECT_NEAR(texture->sample(0.3f, 0.7f, 4 / 64.0f, kSmooth).r, 0.5, 3e-3);
 }
 
+// Each pixel of the next level, in both spaces, is the byte nearest to the mean of four, in double; opaque ones and
+// those beside something clear, which count by their alpha.
+TEST(Texture, EachCoarserPixelIsTheNearestByteToItsMean) {
+    constexpr int kSide = 128;
+    std::mt19937 random(5);
+    std::vector<std::uint8_t> bytes(std::size_t{kSide} * kSide * 4);
+    for (std::size_t i = 0; i < bytes.size(); ++i)
+        bytes[i] = i % 4 == 3 ? (i / 4 % kSide < kSide / 2 ? 255 : random() % 256) : random() % 256 >> i / 4 % 7;
+    const auto texture = Texture::fromBytes(bytes, kSide, kSide, 4);
+    ASSERT_TRUE(texture);
+    TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, false};
+    access.smoothFar = false, access.levels = TextureLevels::nearest;
+    const auto decoded = [](double v) { return v <= .04045 ? v / 12.92 : std::pow((v + .055) / 1.055, 2.4); };
+    const auto encoded = [](double v) { return v <= .0031308 ? v * 12.92 : 1.055 * std::pow(v, 1 / 2.4) - .055; };
+    for (int y = 0; y < kSide / 2; ++y)
+        for (int x = 0; x < kSide / 2; ++x)
+            for (const ColorSpace space : {ColorSpace::linear, ColorSpace::display}) {
+                const bool linear = space == ColorSpace::linear;
+                const Vec4f found = texture->sample((float(x) + .5f) / (kSide / 2), (float(y) + .5f) / (kSide / 2),
+                                                    2.0f / kSide, access, space);
+                for (int c = 0; c < 3; ++c) {
+                    double sum = 0, alpha = 0;
+                    for (int i = 0; i < 4; ++i) {
+                        const auto at = (std::size_t(2 * y + i / 2) * kSide + std::size_t(2 * x + i % 2)) * 4;
+                        const double value = bytes[at + std::size_t(c)] / 255., share = bytes[at + 3] / 255.;
+                        sum += share * (linear ? decoded(value) : value), alpha += share;
+                    }
+                    if (!(alpha > 0)) continue;
+                    const double mean = linear ? encoded(sum / alpha) : sum / alpha;
+                    const double shown = linear ? encoded(double{found[c]}) : double{found[c]};
+                    EXPECT_NEAR(255 * shown, 255 * mean, .502) << x << ' ' << y << ' ' << c << ' ' << linear;
+                }
+            }
+}
+
 TEST(Texture, OddSizesKeepTheMeanToo) {
     const std::uint64_t seed = 20260401;
     std::mt19937_64 random(seed);
