@@ -194,9 +194,10 @@ void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
         far.push_back({round ? FarLight::Shape::panorama : FarLight::Shape::cube, from.detail(), light.localFromWorld,
                        [&light, sideAngle](const Vec3f& direction, float footprint) {
                            return light.color * light.from->radiance(direction, sideAngle * footprint);
-                       }});
+                       },
+                       from.source(), light.color});
     }
-    sources.sky.emplace(all ? nullptr : scene.sky, far);
+    sources.sky = SkyTable::of(scene.skyTable, all ? nullptr : scene.sky, std::move(far));
 }
 
 }  // namespace
@@ -214,10 +215,10 @@ void lookForLight(TraceScene& scene, Sources& sources) {
     if (!scene.environments.lights.empty())
         emplaceEnvironments(scene, sources);
     else if (!scene.evenSky)
-        sources.sky.emplace(*scene.sky);
+        sources.sky = SkyTable::of(scene.skyTable, scene.sky, {});
     else
         return;
-    if (pathParts().skyLight && sources.sky && sources.sky->unevenness() > kUneven) scene.skyLight = &*sources.sky;
+    if (pathParts().skyLight && sources.sky && sources.sky->unevenness() > kUneven) scene.skyLight = sources.sky.get();
 }
 
 Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats,

@@ -39,7 +39,7 @@ void drawCubes(const LightState& state, const RayView& world, const Camera& came
 struct Sources {
     std::shared_ptr<const Emitters> emitters;
     Lamps lamps;
-    std::optional<SkyLight> sky;
+    std::shared_ptr<const SkyLight> sky;
     std::optional<PlainSurfaces> plain;
     std::optional<LargeRays> large;
 };

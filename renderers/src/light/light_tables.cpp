@@ -2,6 +2,7 @@
 #include "light_tables.h"
 
 #include "emitters.h"
+#include "sky_light.h"
 
 #include <algorithm>
 #include <cmath>
@@ -34,7 +35,9 @@ void LightTables::tellOfDamage() {
 }
 
 LightTables::LightTables(std::shared_ptr<TextureStore> textures)
-    : textures_(std::move(textures)), emitterTable_(std::make_shared<EmitterTable>()) {
+    : textures_(std::move(textures)),
+      emitterTable_(std::make_shared<EmitterTable>()),
+      skyTable_(std::make_shared<SkyTable>()) {
     uses_.resize(1);
     materials_.resize(1);
     materials_.change(0) = std::make_shared<const MaterialEntry>();
@@ -69,7 +72,7 @@ void LightTables::apply(const Scene& scene, const ChangeSet& changes, const Inst
 
 LightState LightTables::now() const {
     return {shading_.now(), materials_.now(), lightScopes_.now(), placed_.now(), anyTransmits(),
-            clearSlots(),   layers_,          volumeSlots(),      emitterTable_};
+            clearSlots(),   layers_,          volumeSlots(),      emitterTable_, skyTable_};
 }
 
 std::shared_ptr<const std::vector<std::uint32_t>> LightTables::clearSlots() const {
@@ -98,7 +101,7 @@ std::shared_ptr<const LightState> LightTables::latest() {
     if (!latest_)
         latest_ = std::make_shared<const LightState>(shading_.freeze(), materials_.freeze(), lightScopes_.freeze(),
                                                      placed_.freeze(), anyTransmits(), clearSlots(), layers_,
-                                                     volumeSlots(), emitterTable_);
+                                                     volumeSlots(), emitterTable_, skyTable_);
     return latest_;
 }
 

@@ -30,6 +30,7 @@ namespace rtsg {
 namespace trace {
 
 class EmitterTable;
+class SkyTable;
 
 /// How a bindable node stands (7.2.2). Nothing is bound before a scene's first frame: then the first one counts that
 /// would be, which no node of an Inline is.
@@ -118,6 +119,7 @@ struct LightState {
     std::shared_ptr<const trace::LayerList> layers;                 // null: all is in one
     std::shared_ptr<const std::vector<std::uint32_t>> volumeSlots;  // null: there are none
     std::shared_ptr<trace::EmitterTable> emitterTable;              // of all versions; may be null
+    std::shared_ptr<trace::SkyTable> skyTable;                      // the same
 };
 
 class LightTables {
@@ -189,6 +191,7 @@ class LightTables {
 
     std::shared_ptr<TextureStore> textures_;
     std::shared_ptr<trace::EmitterTable> emitterTable_;
+    std::shared_ptr<trace::SkyTable> skyTable_;
     Diagnostics diagnostics_;  // of this apply() so far
     Diagnostics said_;         // since the start, each once
     ToldOnce told_;

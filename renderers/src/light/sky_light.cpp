@@ -187,4 +187,27 @@ float SkyLight::density(const Vec3f& direction) const {
     return sum;
 }
 
+bool SkyTable::holds(const Sky* sky, const std::vector<FarLight>& more) const {
+    const auto same = [](const FarLight& a, const FarLight& b) {
+        return a.shape == b.shape && a.detail == b.detail && a.localFromWorld == b.localFromWorld &&
+               a.source == b.source && a.color == b.color;
+    };
+    return last_ && (sky ? sky_ == *sky : !sky_) && std::ranges::equal(more, more_, same);
+}
+
+std::shared_ptr<const SkyLight> SkyTable::of(SkyTable* table, const Sky* sky, std::vector<FarLight> more) {
+    if (!table) return std::make_shared<const SkyLight>(sky, more);
+    {
+        const std::scoped_lock lock(table->mutex_);
+        if (table->holds(sky, more)) return table->last_;
+    }
+    // Outside, as several threads make it, and one of them might come here for another picture.
+    auto made = std::make_shared<const SkyLight>(sky, more);
+    const std::scoped_lock lock(table->mutex_);
+    table->sky_ = sky ? std::optional<Sky>(*sky) : std::nullopt;
+    for (FarLight& far : more) far.radiance = nullptr;
+    table->more_ = std::move(more);
+    return table->last_ = std::move(made);
+}
+
 }  // namespace rtsg::trace

@@ -8,10 +8,14 @@
 #pragma once
 
 #include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
 #include <vector>
 
 #include <rtsg/renderers/camera.h>
 
+#include "environment.h"
 #include "sky_bands.h"
 
 namespace rtsg::trace {
@@ -24,6 +28,8 @@ struct FarLight {
     glm::mat3 localFromWorld{1.0f};
     /// From a unit direction, averaged over `footprint` of a side of the cube, or of the panorama's height, about it.
     std::function<Vec3f(const Vec3f& direction, float footprint)> radiance;
+    Environment::Source source{};  // which tells it, and in which colour
+    Vec3f color{1};
 };
 
 /// A cell is chosen by its light (luminance times solid angle), a direction within it evenly over its part of the
@@ -80,6 +86,22 @@ class SkyLight {
     float bandsShare_ = 0;
     std::vector<Part> parts_;  // that give light
     float unevenness_ = 0;
+};
+
+/// The sky of the last picture, for as long as it is the same. Threading: any.
+class SkyTable {
+  public:
+    /// The light of a sky (null: none) and more, from a table if there is one. Precondition: what is in `more` has a
+    /// source, or there is no table.
+    static std::shared_ptr<const SkyLight> of(SkyTable* table, const Sky* sky, std::vector<FarLight> more);
+
+  private:
+    bool holds(const Sky* sky, const std::vector<FarLight>& more) const;
+
+    std::mutex mutex_;
+    std::optional<Sky> sky_;      // of `last_`
+    std::vector<FarLight> more_;  // the same, without `radiance`
+    std::shared_ptr<const SkyLight> last_;
 };
 
 }  // namespace rtsg::trace

@@ -221,7 +221,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
         scene.lightGroups.lights.push_back(headlight);
         ++scene.lightGroups.groups[0].count;
     }
-    scene.emitterTable = state.emitterTable.get();
+    scene.emitterTable = state.emitterTable.get(), scene.skyTable = state.skyTable.get();
     scene.anyTransmits = state.anyTransmits;
     if (state.anyTransmits) boxClear(state, world, scene);
     return scene;

@@ -182,6 +182,7 @@ class EmitterTable;
 class Lamps;
 class PlainSurfaces;
 class SkyLight;
+class SkyTable;
 class Shutter;
 
 struct TraceScene {
@@ -195,6 +196,7 @@ struct TraceScene {
     Vec3f right{1, 0, 0}, up{0, 1, 0};  // times an offset from the eye: pixels' heights for 1 ahead
     void placeInPicture(const Camera& camera);
     EmitterTable* emitterTable = nullptr;  // that of the scene's last picture
+    SkyTable* skyTable = nullptr;          // the same
     const Emitters* emitters = nullptr;    // of paths, where anything shines
     const Lamps* lamps = nullptr;          // of paths, where there are many
     const SkyLight* skyLight = nullptr;    // of paths, where the sky is so uneven that it must be looked for

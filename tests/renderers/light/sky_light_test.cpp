@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/core/x3d.h>
 #include <rtsg/renderers/irradiance.h>
 #include <rtsg/renderers/space_texture.h>
 
@@ -230,6 +231,61 @@ TEST(SkyLight, NoPixelIsTooSmall) {
         EXPECT_NEAR(round.mean, whole, 5 * round.deviation + .002 * whole);
         EXPECT_LT(round.deviation, .02 * whole);
     }
+}
+
+// A table gives the last picture's sky as long as nothing of it is other.
+TEST(SkyTable, KeepsASkyUntilItChanges) {
+    trace::SkyTable table;
+    Sky sky = sunny(4, 9);
+    const auto of = [&](const Sky* background, std::vector<trace::FarLight> more) {
+        return trace::SkyTable::of(&table, background, std::move(more));
+    };
+    const auto first = of(&sky, {});
+    EXPECT_EQ(of(&sky, {}), first);
+    const Sky copy = sky;
+    EXPECT_EQ(of(&copy, {}), first);
+    EXPECT_NE(trace::SkyTable::of(nullptr, &sky, {}), first);
+    std::vector<Sky> others(5, sky);
+    others[0].skyColors[0] = Vec3f(.1f);
+    others[1].localFromWorld = glm::mat3(1);
+    others[2].panorama[3] = others[2].panorama[2];
+    others[3].alpha = .5f;
+    others[4].skyColors.emplace_back(1), others[4].skyAngles.push_back(1);
+    for (const Sky& other : others) {
+        const auto last = of(&sky, {}), now = of(&other, {});
+        EXPECT_NE(now, last);
+        EXPECT_EQ(of(&other, {}), now);
+    }
+    trace::FarLight far;
+    far.radiance = [](const Vec3f&, float) { return Vec3f(1); };
+    far.source.irradiance.emplace();
+    const auto lit = of(nullptr, {far});
+    EXPECT_EQ(of(nullptr, {far}), lit);
+    EXPECT_NE(of(&sky, {far}), lit);
+    const auto again = of(nullptr, {far});
+    far.color = Vec3f(.5f);
+    EXPECT_NE(of(nullptr, {far}), again);
+    EXPECT_NE(of(nullptr, {far, far}), of(nullptr, {far}));
+}
+
+// Through pictures: a spot that moves and dims is where, and as bright as, it is.
+TEST(SkyTable, PicturesFollowTheBackground) {
+    LightScene s(
+        "DEF SKY Background { skyColor [1 1 1, 1 1 1, 0 0 0] skyAngle [.01 .01] }\n"
+        "Viewpoint { position 0 1 0 orientation 1 0 0 -1.5707963 fieldOfView .02 }\n"
+        "Transform { rotation 1 0 0 -1.5707963 children " +
+            square(5, "material Material { diffuseColor 1 1 1 }") + "}",
+        16, 16);
+    s.options.settings.integrator = Integrator::path;
+    s.options.settings.samplesPerPixel = 16;
+    const auto shows = [&](double angle) {
+        EXPECT_NEAR(s.picture().pixels[100].g / std::pow(std::sin(angle), 2), 1, 2e-3);
+    };
+    shows(.01);
+    shows(.01);
+    ASSERT_TRUE(s.scene.set(s.node("SKY"), x3d::Background::skyAngle, Array<float>{.02f, .02f}));
+    s.scene.newFrame(1);
+    shows(.02);
 }
 
 TEST(SkyLight, ABlackSkyGivesNothing) {

@@ -105,9 +105,9 @@ struct Camera {
 /// The bound Background or TextureBackground. Without colours: black.
 struct Sky {
     std::vector<Vec3f> skyColors{Vec3f(0)}, groundColors;
-    std::vector<float> skyAngles,
-        groundAngles;  // radians from the zenith, from the nadir, ascending; one less than colours
-    float alpha = 1;   // 1 - transparency
+    /// Radians from the zenith, from the nadir, ascending; one less than colours.
+    std::vector<float> skyAngles, groundAngles;
+    float alpha = 1;  // 1 - transparency
     /// Front, back, left, right, top, bottom of the panorama; null where there is none.
     std::array<std::shared_ptr<const Texture>, 6> panorama;
     glm::mat3 localFromWorld{1.0f};  // only its turning counts (24.2.1)
@@ -117,6 +117,8 @@ struct Sky {
     Vec4f color(const Vec3f& direction, ColorSpace space = ColorSpace::display) const;
     /// One colour in all directions: `color` needs no direction.
     bool uniform() const;
+    /// Pictures are equal that are the same.
+    friend bool operator==(const Sky&, const Sky&) = default;
 };
 
 /// The rotation nearest in meaning to the linear part: its columns, orthonormalised from the third (the axis of view)
