@@ -283,7 +283,7 @@ class BatchTracer {
 
     /// What becomes of the rays that met a wall: a bit for each that goes on.
     std::uint32_t interact(std::uint32_t met) {
-        lanes_.arrive(met, hits_, task_.walls);
+        lanes_.arrive(met, hits_, task_.walls, task_.underWay.known());
         std::uint32_t left = lanes_.left(met);
         const std::uint32_t scattering = lanes_.scatters(left) & ~lanesWhere([&](int i) { return lanes_.again[i]; });
         alignas(64) double choice[RayLanes<N>::kMost], look[RayLanes<N>::kMost], across[RayLanes<N>::kMost],
@@ -297,7 +297,7 @@ class BatchTracer {
         else
             forEachBit(scattering, [&](int i) { lookForListeners(i, look[i]); });
         if (task_.underWay.known()) {
-            forEachBit(std::exchange(left, 0), [&](int i) { left |= std::uint32_t{weighs(i)} << i; });
+            left = weigh(left);
             lanes_.goOn(choice, across, round, task_.planes);
             return left;
         }
@@ -313,22 +313,30 @@ class BatchTracer {
     /// one that has much less: late sound is often that of few, which is no measure of it. Whether it goes on. Parts go
     /// different ways where walls scatter, and meet a bounded number of walls: what is expected does not hang on when
     /// rays are split, as long as that is decided before anything that comes of it.
-    bool weighs(int i) {
+    std::uint32_t weigh(std::uint32_t lanes) {
         constexpr double kMuch = 4, kLittle = 1.0 / 8, kScatters = 0.05;
         constexpr int kMostAtOnce = 8, kMostParts = 4096;
-        const double usual = task_.underWay.at(lanes_.travelled[i]) * initial_, has = lanes_.leftMost(i);
-        lanes_.again[i] = false;
-        ++(lanes_.isPart[i] ? wallsOfParts_ : wallsOfSent_);
-        if (has < kLittle * usual) {
-            const double chance = has / (usual / 2);
-            if (random_.uniform() >= chance) return false;
-            lanes_.scale(i, 1 / chance);
-        } else if (has > kMuch * usual && lanes_.scattering(i) > kScatters && lanes_.parts[i] < kMostParts &&
-                   wallsOfParts_ < kWallsOfParts * wallsOfSent_ && (cornered_ >> i & 1) == 0) {
-            const int into = static_cast<int>(std::min<double>(kMostAtOnce, has / usual / 1.5));
+        double usual[RayLanes<N>::kMost], has[RayLanes<N>::kMost];
+        for (int i = 0; i < RayLanes<N>::kMost; ++i) usual[i] = task_.underWay.at(lanes_.travelled[i]) * initial_;
+        lanes_.leftMost(has);
+        const std::uint32_t ofParts = lanes & lanesWhere([&](int i) { return lanes_.isPart[i]; });
+        wallsOfParts_ += std::popcount(ofParts), wallsOfSent_ += std::popcount(lanes & ~ofParts);
+        std::fill_n(lanes_.again, RayLanes<N>::kMost, false);
+        std::uint32_t result = lanes;
+        forEachBit(lanes & lanesWhere([&](int i) { return has[i] < kLittle * usual[i]; }), [&](int i) {
+            const double chance = has[i] / (usual[i] / 2);
+            if (random_.uniform() >= chance)
+                result &= ~(1u << i);
+            else
+                lanes_.scale(i, 1 / chance);
+        });
+        if (wallsOfParts_ >= kWallsOfParts * wallsOfSent_) return result;
+        forEachBit(lanes & ~cornered_ & lanesWhere([&](int i) { return has[i] > kMuch * usual[i]; }), [&](int i) {
+            if (!(lanes_.scattering(i) > kScatters) || lanes_.parts[i] >= kMostParts) return;
+            const int into = static_cast<int>(std::min<double>(kMostAtOnce, has[i] / usual[i] / 1.5));
             parts_.insert(parts_.end(), static_cast<std::size_t>(into - 1), lanes_.split(i, into));
-        }
-        return true;
+        });
+        return result;
     }
 
     /// Russian roulette: half of the rays go on with twice the energy, each time that their own has fallen to a

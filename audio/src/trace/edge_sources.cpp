@@ -20,8 +20,8 @@ constexpr int kTones = EdgeTones::kTones;
 /// Means over each octave.
 struct EdgeShares {
     Bands direct{}, mirrored{};  // factors of the energies that are there already
-    Bands edge{};                // energy by way of the edge itself, times 4 pi m^2
-    Bands late{};                // of that, what is not one with direct sound that is heard
+    Bands edge{};                // energy by way of the edge where direct sound is hidden by others, times 4 pi m^2
+    Bands late{};                // what is not one with direct sound that is heard, nor with the image
     Bands dark{};                // the first with direct sound, if there is any, for it has not come otherwise
     EdgeWave wave;               // its pressure, before air and the source's pattern
 };
@@ -90,12 +90,13 @@ EdgeShares edgeSharesOf(const WedgePath& path, std::uint32_t material, const Edg
             if (f.mirrored != 0.0) add(shares.mirrored, std::norm(1.0 + f.besideMirrored / f.mirrored));
             add(shares.dark, std::norm(f.direct + f.besideDirect + beside));
             if (f.direct == 0.0) return;
+            // What is one with the image has come with it.
+            add(shares.edge, std::norm(f.besideDirect + (f.mirrored != 0.0 && found.mirrored ? 0.0 : beside)));
             double energy = std::norm(f.direct + f.besideDirect);
             if (f.mirrored == 0.0) {
                 // At the boundary of the image it comes when the image does, at that of the shadow with direct sound.
                 const double one = coherence(path);
                 energy += one * (std::norm(beside) + 2 * std::real((f.direct + f.besideDirect) * std::conj(beside)));
-                add(shares.edge, std::norm(beside));
                 add(shares.late, (1 - one) * std::norm(beside));
             }
             add(shares.direct, energy / std::norm(f.direct));
@@ -189,7 +190,7 @@ class Diffraction {
         if (direct) scale(*direct, shares.direct);
         const Bands& share = direct ? shares.late : !lit || grazesShadow(path) ? shares.dark : shares.edge;
         addWave(shares.wave, round.by, way);
-        if (!lit || !mirrored) addArrival(edge, round, share, lit, direct);
+        if (!lit || !mirrored || !direct) addArrival(edge, round, share, lit, direct);
     }
 
     double sentTo(const glm::dvec3& by) const {

@@ -28,11 +28,12 @@ class WaveResponses {
         for (std::size_t i = 0; i < places_.size(); ++i) {
             const double hz = static_cast<double>(i) * rate_ / static_cast<double>(fft_->size());
             Place& place = places_[i];
-            place.below = (std::log2(std::max(hz, 1.0)) - lowest) * inOctave;
-            const double tone = std::clamp(place.below, 0.0, static_cast<double>(kEdgeTones - 1));
+            // Below the lowest tone, 22 Hz, it is as there, beyond the last one as there.
+            const double tone = std::clamp((std::log2(std::max(hz, 1.0)) - lowest) * inOctave, 0.0,
+                                           static_cast<double>(kEdgeTones - 1));
             place.tone = std::min(static_cast<std::size_t>(tone), kEdgeTones - 2);
             const auto t = static_cast<float>(tone - static_cast<double>(place.tone));
-            // Catmull and Rom's cubic; what is beyond the last tone is as the last one.
+            // Catmull and Rom's cubic.
             place.weights = {t * (-1 + t * (2 - t)) / 2, (2 + t * t * (3 * t - 5)) / 2, t * (1 + t * (4 - 3 * t)) / 2,
                              t * t * (t - 1) / 2};
             const double high = std::clamp((static_cast<double>(i) / bins - 0.92) / 0.08, 0.0, 1.0);
@@ -45,16 +46,13 @@ class WaveResponses {
     void spectrumOf(const EdgeWave& wave, double fraction, RealFft::Spectrum& spectrum) const {
         spectrum.resize(places_.size());
         const auto tone = [&](std::size_t t) { return wave.pressure[std::min(t, kEdgeTones - 1)]; };
-        // Below the lowest tones it goes on as it does between them, but grows no more than behind an edge, 1 / root f.
-        const Sample slope = tone(0) == 0.0f || tone(1) == 0.0f ? 0 : std::log(tone(1) / tone(0));
-        const Sample lower(std::clamp(slope.real(), -std::numbers::ln2_v<float> / 10, 0.0f), slope.imag());
         const double turn = -2 * std::numbers::pi * (kBefore + fraction) / static_cast<double>(fft_->size());
         const std::complex<double> step = std::polar(1.0, turn);
         std::complex<double> phase = 1;
         for (std::size_t i = 0; i < places_.size(); ++i) {
             // Anew now and then, so that rounding does not add up.
             if (i % 256 == 0) phase = std::polar(1.0, turn * static_cast<double>(i));
-            const auto& [below, at, w] = places_[i];
+            const auto& [at, w] = places_[i];
             const Sample value =
                 w[0] * tone(at == 0 ? 0 : at - 1) + w[1] * tone(at) + w[2] * tone(at + 1) + w[3] * tone(at + 2);
             spectrum[i] = value * Sample(phase);
@@ -83,7 +81,6 @@ class WaveResponses {
   private:
     /// Between which tones a bin lies, and what of four of them counts there.
     struct Place {
-        double below = 0;  // its tone, if that is less than 0
         std::size_t tone = 0;
         std::array<float, 4> weights{};
     };

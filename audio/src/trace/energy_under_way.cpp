@@ -116,32 +116,30 @@ EnergyUnderWay::EnergyUnderWay(const AcousticGeometry& geometry, const BandClass
         std::fill_n(walker.energy.begin(), classes.count, sent);
         walkers.push_back(walker);
     }
-    metresPerStep_ = metres / kSteps;
-    shares_.push_back(0);
+    stepsPerMetre_ = kSteps / metres;
+    std::vector<double> logarithms{0};  // at the ends of the steps
     std::size_t walls = kMostWalls;
     for (std::size_t step = 1; step <= kSteps; ++step) {
-        if (!walk(geometry, classes, static_cast<double>(step) * metresPerStep_, walkers, walls, random)) break;
+        if (!walk(geometry, classes, static_cast<double>(step) / stepsPerMetre_, walkers, walls, random)) break;
         double under = 0, mean = 0, most = 0;
         for (const Walker& walker : walkers) {
             under += walker.arrived / kRays, mean += walker.most() / kRays;
             most = std::max(most, walker.most());
         }
         if (!(mean > 0)) break;
-        shares_.push_back(static_cast<float>(std::log(under)));
+        logarithms.push_back(std::log(under));
         if (mean < kEnough) break;
         if (most > 2 * mean) equalise(walkers, mean, random);
     }
-    if (shares_.size() < 2) shares_.clear();
-}
-
-double EnergyUnderWay::at(double metres) const {
-    const double step = metres / metresPerStep_;
-    const auto before = std::min(static_cast<std::size_t>(step), shares_.size() - 2);
-    const auto from = static_cast<double>(shares_[before]), to = static_cast<double>(shares_[before + 1]);
-    // Beyond what is known it goes on as in the last step, but never grows.
-    const double logarithm = from + std::min(0.0, to - from) * (step - static_cast<double>(before));
-    const double fewer = std::log(kFewer);
-    return std::exp(logarithm < fewer ? (logarithm + fewer) / 2 : logarithm);
+    if (logarithms.size() < 2) return;
+    for (std::size_t step = 0; step < kSteps; ++step) {
+        // Beyond what is known it goes on as in the last step, but never grows.
+        const std::size_t from = std::min(step, logarithms.size() - 2);
+        const double slope = std::min(0.0, logarithms[from + 1] - logarithms[from]);
+        const double logarithm = logarithms[from] + slope * (static_cast<double>(step - from) + 0.5);
+        const double fewer = std::log(kFewer);
+        shares_.push_back(std::exp(logarithm < fewer ? (logarithm + fewer) / 2 : logarithm));
+    }
 }
 
 }  // namespace rtsg::trace

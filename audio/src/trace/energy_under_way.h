@@ -7,6 +7,8 @@
 // windows. Threading: const once made.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -26,11 +28,13 @@ class EnergyUnderWay {
     bool known() const { return !shares_.empty(); }
     /// What a ray ought to have after so many metres, as a share of what it was sent with, in the band that has most
     /// left: the mean of all; but below -40 dB, where T20 and T30 need little of what comes, fewer rays have more.
-    double at(double metres) const;
+    double at(double metres) const {
+        return shares_[std::min(static_cast<std::size_t>(metres * stepsPerMetre_), shares_.size() - 1)];
+    }
 
   private:
-    double metresPerStep_ = 1;
-    std::vector<float> shares_;  // logarithms, at the ends of equal steps
+    double stepsPerMetre_ = 1;
+    std::vector<double> shares_;  // within equal steps
 };
 
 }  // namespace rtsg::trace

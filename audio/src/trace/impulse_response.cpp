@@ -81,10 +81,17 @@ double usefulDuration(const Echogram& echogram, double share) {
     return 0;
 }
 
-/// Until the last wave by an edge has faded; 0 without.
+/// Until the last wave by an edge has faded that has more than that share of the energy; 0 without.
 std::size_t framesOfWaves(const Echogram& echogram, const ImpulseResponseOptions& options) {
+    const Bands total = echogram.total();
+    const double all = kFourPi * *std::max_element(total.begin(), total.end());
     double last = -1;
-    for (const EdgeWave& wave : echogram.edges.waves) last = std::max(last, wave.seconds);
+    for (const EdgeWave& wave : echogram.edges.waves) {
+        const bool counts = std::ranges::any_of(wave.pressure, [&](const std::complex<float>& tone) {
+            return static_cast<double>(std::norm(tone)) > options.cutShare * all;
+        });
+        if (counts) last = std::max(last, wave.seconds);
+    }
     return last < 0 ? 0 : static_cast<std::size_t>(last * options.sampleRate) + edgeWaveFrames(options.sampleRate);
 }
 

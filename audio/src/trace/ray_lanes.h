@@ -109,11 +109,13 @@ class RayLanes {
 
     // What follows is of the walls that were met last.
 
-    /// Moves rays to what they met. `met`: a bit for each that met something; of others `hits` means nothing.
-    void arrive(std::uint32_t met, const AcousticHits& hits, const std::vector<Shares<N>>& walls) {
+    /// Moves rays to what they met. `met`: a bit for each that met something; of others `hits` means nothing. Rays can
+    /// be split if `keepsWay`.
+    void arrive(std::uint32_t met, const AcousticHits& hits, const std::vector<Shares<N>>& walls,
+                bool keepsWay = false) {
         alignas(64) double distance[kMost] = {};
         const Shares<N>* shares[kMost];
-        keepWay();
+        if (keepsWay) keepWay();
         for (int i = 0; i < kMost; ++i) {
             const AcousticHit& hit = hits[static_cast<std::size_t>(i)];
             const bool any = (met >> i & 1) != 0;
@@ -142,11 +144,14 @@ class RayLanes {
     Energy<N> scattered(int i) const { return column(diffuse_, i); }
     /// Share of what is scattered, of all that the wall leaves.
     double scattering(int i) const { return diffuseSum_[i] / (diffuseSum_[i] + mirrorSum_[i] + throughSum_[i]); }
-    /// The most that the wall leaves of any band.
-    double leftMost(int i) const {
-        double most = 0;
-        for (std::size_t b = 0; b < N; ++b) most = std::max(most, diffuse_[b][i] + mirror_[b][i] + through_[b][i]);
-        return most;
+    /// By lane, the most that the wall leaves of any band.
+    void leftMost(double (&most)[kMost]) const {
+        for (int i = 0; i < kMost; ++i) most[i] = 0;
+        for (std::size_t b = 0; b < N; ++b)
+            for (int i = 0; i < kMost; ++i) {
+                const double all = diffuse_[b][i] + mirror_[b][i] + through_[b][i];
+                most[i] = all > most[i] ? all : most[i];
+            }
     }
     /// Makes what the wall leaves so many times as much.
     void scale(int i, double factor) {

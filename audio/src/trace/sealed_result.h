@@ -12,7 +12,7 @@ namespace rtsg {
 /// it, is taken out. Asks nothing where sound comes straight, by a mirror or round an edge.
 inline std::optional<Seal> sealOf(TraceResult& result, const OpenedGeometry& room, const glm::dvec3& source,
                                   const glm::dvec3& listener) {
-    if (!result.arrivals.empty()) return std::nullopt;
+    if (!result.arrivals.empty() || !result.edges.waves.empty()) return std::nullopt;
     std::optional<Seal> seal = room.sealBetween(source, listener);
     if (seal && seal->proven)
         for (EnergyHistogram& batch : result.batches) batch.bins.clear();

@@ -49,6 +49,8 @@ class CurvedLamps {
     /// Red, green, blue and luminance, for such an irradiance.
     glm::dvec4 lack(const glm::dvec4& irradiance) const {
         constexpr double kRounding = 0x1p-21;  // of single floats that are added
+        // Behind walls no part of a lamp is missed.
+        if (irradiance == glm::dvec4(0)) return irradiance;
         return share_ * (glm::dvec4(direct_, glm::dot(direct_, kLuminance)) + irradiance) + kRounding * irradiance;
     }
 

@@ -11,6 +11,8 @@
 #include <string>
 #include <string_view>
 
+#include <fmt/format.h>
+
 #include <rtsg/sync/log.h>
 
 #include "index.h"
@@ -30,6 +32,8 @@ std::vector<std::pair<std::uint64_t, std::filesystem::path>> numberedPieces(cons
         std::uint64_t number = 0;
         if (const auto [end, problem] = std::from_chars(first, last, number); problem != std::errc() || end != last)
             continue;
+        // As the writer numbers them; RUN.20261128.rlog is somebody's copy.
+        if (number >= kMostPieces || fmt::format("{:04}", number) != std::string_view(first, last)) continue;
         found.emplace_back(number, file.has_parent_path() ? entry.path() : entry.path().filename());
     }
     std::ranges::sort(found);
@@ -71,8 +75,15 @@ std::optional<RecordHeader> readRecord(std::ifstream& in, std::uint64_t offset, 
     return *header;
 }
 
+/// Whether it may be opened without waiting for somebody at its other end.
+bool isFile(const std::filesystem::path& path) {
+    std::error_code error;
+    return std::filesystem::is_regular_file(path, error);
+}
+
 Marks marksOf(const std::filesystem::path& file) {
     Marks marks;
+    if (!isFile(file)) return marks;
     std::ifstream in(file, std::ios::binary);
     ByteBuffer record;
     const auto first = readRecord(in, 0, record);
@@ -114,6 +125,7 @@ std::optional<StreamHead> headOf(const std::filesystem::path& file) {
 }
 
 bool isCutInHead(const std::filesystem::path& file) {
+    if (!isFile(file)) return false;
     std::ifstream in(file, std::ios::binary | std::ios::ate);
     if (!in) return false;
     const auto size = static_cast<std::uint64_t>(in.tellg());
@@ -121,7 +133,9 @@ bool isCutInHead(const std::filesystem::path& file) {
     if (!in.seekg(0) || !in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return false;
     if (size < kRecordHeaderSize) return bytes.starts_with(kRecordMagic) || kRecordMagic.starts_with(bytes);
     const auto header = parseRecordHeader(std::as_bytes(std::span(bytes)));
-    return header && header->kind == RecordKind::head && header->size() > size;
+    if (!header || header->kind != RecordKind::head || header->size() <= size) return false;
+    // Nor is it a log whose first bytes alone are damaged: others follow.
+    return !LogReader::open(file);
 }
 
 std::filesystem::path pieceBefore(const std::filesystem::path& log) {

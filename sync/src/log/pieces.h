@@ -11,6 +11,9 @@
 
 namespace rtsg {
 
+/// Numbers of pieces are below; of four digits at least.
+inline constexpr std::uint64_t kMostPieces = 1'000'000;
+
 /// All files whose names are those of pieces of `file`, by their numbers.
 std::vector<std::pair<std::uint64_t, std::filesystem::path>> numberedPieces(const std::filesystem::path& file);
 

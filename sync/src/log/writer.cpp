@@ -112,14 +112,14 @@ Result<> LogWriter::openFile() {
 
 /// With its first state in it the new file takes the place of the old one: a disk that is full costs nobody a log.
 Result<> LogWriter::takePlace() {
-    if (replaced_ < 0) return dropReplacedPieces();
+    if (replaced_ < 0) return {};
     if (::rename(made_.c_str(), target_.c_str()) != 0) {
         broken_ = true;
         return std::unexpected(failure("cannot replace", errno));
     }
     made_ = target_;
     ::close(std::exchange(replaced_, -1));
-    return dropReplacedPieces();
+    return {};
 }
 
 /// Beside the new pieces they would look like the first ones of its session.
@@ -312,6 +312,8 @@ Result<> LogWriter::write(const ChangeSet& changes) {
     if (auto ok = writeFrame(changes); !ok) return ok;
     if (auto ok = takePlace(); !ok) return ok;
     ++frames_;
+    // By now the new log stays, whatever becomes of the old pieces.
+    if (auto ok = dropReplacedPieces(); !ok) return ok;
     if (options_.sync == LogOptions::Sync::always ||
         (options_.sync == LogOptions::Sync::atKeyframes && changes.isSnapshot()))
         return flush();
@@ -364,11 +366,10 @@ void LogWriter::adoptPieces() {
 
 /// The next number above all that files have: those of an earlier session are not overwritten, and come before.
 Result<std::filesystem::path> LogWriter::freePieceName() {
-    constexpr std::uint64_t kMost = 1'000'000;
     if (pieceNumber_ == 0)
         for (const auto& [number, piece] : numberedPieces(file_))
-            if (number + 1 < kMost) pieceNumber_ = number;
-    while (++pieceNumber_ < kMost) {
+            if (number + 1 < kMostPieces) pieceNumber_ = number;
+    while (++pieceNumber_ < kMostPieces) {
         std::filesystem::path name = file_;
         name.replace_filename(
             fmt::format("{}.{:04}{}", file_.stem().string(), pieceNumber_, file_.extension().string()));

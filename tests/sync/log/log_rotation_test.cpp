@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <sys/inotify.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <rtsg/core/x3d.h>
@@ -250,6 +251,24 @@ TEST_F(Rotation, APieceIsOneByWhatIsInIt) {
     EXPECT_EQ(recordedPieces(file()), pieces);
     std::filesystem::remove(file());
     EXPECT_EQ(recordedPieces(file()), pieces);
+}
+
+/// Copies by somebody else whose names look alike are left alone, and what is no file is not waited for.
+TEST_F(Rotation, ACopyOrAPipeIsNoPiece) {
+    LogOptions options;
+    options.rotateSeconds = 1;
+    record(file(), 40, 6, options);
+    const auto pieces = recordedPieces(file());
+    ASSERT_EQ(pieces.size(), 3u);
+    const auto copy = file("a.20261128.rlog"), other = file("a.00003.rlog"), pipe = file("a.0009.rlog");
+    std::filesystem::copy_file(file(), copy);
+    std::filesystem::copy_file(file(), other);
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+    EXPECT_EQ(recordedPieces(file()), pieces);
+    options.existing = Existing::replace;
+    record(file(), 20, 8, options);
+    EXPECT_TRUE(std::filesystem::exists(copy));
+    EXPECT_TRUE(std::filesystem::exists(other));
 }
 
 /// The next file has no room for its first state (which is there twice): the session keeps its name. It goes on, and

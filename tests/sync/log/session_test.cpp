@@ -353,6 +353,33 @@ TEST_F(Sessions, GoOnFromNoPieceBehindWhichThereIsSomething) {
     }
 }
 
+/// A head whose length is damaged, so that it seems to be longer than the file, is no cut one: nothing is lost by it.
+TEST_F(Sessions, KeepWhatFollowsADamagedHead) {
+    for (const bool pieces : {false, true}) {
+        std::filesystem::remove(file());
+        for (const auto& piece : earlierPieces(file())) std::filesystem::remove(piece);
+        LogOptions options = denseKeyframes();
+        options.rotateSeconds = pieces ? 1 : 0;
+        const std::uint64_t epoch = kill(50, options);
+        std::string bytes = readAll(file());
+        bytes[21] = static_cast<char>(bytes[21] ^ 1);  // of its length: 16 MiB more
+        writeAll(file(), bytes);
+        Scene scene;
+        const auto session = resumeSession(file(), scene);
+        ASSERT_TRUE(session) << session.error().format();
+        EXPECT_EQ(session->file, file());
+        LogOptions more = options;
+        more.append = true;
+        more.epoch = session->epoch;
+        more.sessionStart = session->start;
+        EXPECT_EQ(session->epoch, epoch);
+        auto log = LogWriter::create(file(), builtinTypes(), more);
+        ASSERT_TRUE(log) << log.error().text;
+        EXPECT_GE(readAll(file()).size(), bytes.size() - 100) << "but what was not whole at its end";
+        (*log)->abandon();
+    }
+}
+
 /// One flipped byte is one place, and what is missing for it is told beside it.
 TEST_F(Sessions, CountWhatIsDamagedOnce) {
     kill(60, denseKeyframes());
