@@ -44,14 +44,20 @@ void syncFolderOf(const std::filesystem::path& file) {
     ::close(descriptor);
 }
 
-/// False if another writer has it. Readers look for that with a lock of their own, for an instant: not given up at
-/// once.
-bool lockForWriting(int descriptor) {
+bool isStill(int descriptor, const std::filesystem::path& file) {
+    struct stat ours{}, there{};
+    return ::fstat(descriptor, &ours) == 0 && ::stat(file.c_str(), &there) == 0 && ours.st_dev == there.st_dev &&
+           ours.st_ino == there.st_ino;
+}
+
+/// False if another writer has it, or has made a piece of it since it was opened. Readers look for that with a lock of
+/// their own, for an instant: not given up at once.
+bool lockForWriting(int descriptor, const std::filesystem::path& file) {
     for (int tries = 0; ::flock(descriptor, LOCK_EX | LOCK_NB) != 0; ++tries) {
         if (tries == 10) return false;
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
     }
-    return true;
+    return isStill(descriptor, file);
 }
 
 }  // namespace
@@ -91,7 +97,7 @@ Result<> LogWriter::openFile() {
         // Whoever still writes the old one would go on with a file that nobody finds.
         replaced_ = ::open(file_.c_str(), O_WRONLY | O_CLOEXEC);
         if (replaced_ < 0) return std::unexpected(failure("cannot write", errno));
-        if (!lockForWriting(replaced_)) return fail("another log writer has the file open", {}, file_.string());
+        if (!lockForWriting(replaced_, file_)) return fail("another log writer has the file open", {}, file_.string());
         std::error_code error;
         target = std::filesystem::canonical(file_, error);
         if (error) return fail("cannot write: " + error.message(), {}, file_.string());
@@ -104,7 +110,7 @@ Result<> LogWriter::openFile() {
         ::unlink(fresh.c_str());
         return std::unexpected(failure("cannot write", ENOSPC));
     }
-    if (!lockForWriting(descriptor_)) return fail("another log writer has the file open", {}, file_.string());
+    if (!lockForWriting(descriptor_, fresh)) return fail("another log writer has the file open", {}, file_.string());
     made_ = fresh;
     if (there) target_ = target;
     return {};
@@ -137,10 +143,7 @@ Result<> LogWriter::dropReplacedPieces() {
 /// Nothing is left of a log without a state, unless somebody else has put something there.
 void LogWriter::discard() {
     if (frames_ > 0 || made_.empty()) return;
-    struct stat ours{}, there{};
-    if (::fstat(descriptor_, &ours) == 0 && ::stat(made_.c_str(), &there) == 0 && ours.st_dev == there.st_dev &&
-        ours.st_ino == there.st_ino)
-        ::unlink(made_.c_str());
+    if (isStill(descriptor_, made_)) ::unlink(made_.c_str());
     size_ = 0;
 }
 
@@ -149,7 +152,7 @@ Result<> LogWriter::openAppended() {
     struct stat status{};
     if (descriptor_ < 0 || ::fstat(descriptor_, &status) != 0) return std::unexpected(failure("cannot write", errno));
     // Before anything of it is touched: two writers would destroy each other's log.
-    if (!lockForWriting(descriptor_)) return fail("another log writer has the file open", {}, file_.string());
+    if (!lockForWriting(descriptor_, file_)) return fail("another log writer has the file open", {}, file_.string());
     if (options_.epoch != 0 && isCutInHead(file_)) {
         // Its first record was never whole: begun anew, as the piece that it was to be.
         if (const auto before = pieceBefore(file_); !before.empty()) goOnBehind(before);
@@ -416,7 +419,7 @@ Result<> LogWriter::rotate(const ChangeSet& state) {
 
 Result<> LogWriter::beginPiece(const std::filesystem::path& fresh, const ChangeSet& state) {
     descriptor_ = ::open(fresh.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-    if (descriptor_ < 0 || !lockForWriting(descriptor_)) return std::unexpected(failure("cannot write", errno));
+    if (descriptor_ < 0 || !lockForWriting(descriptor_, fresh)) return std::unexpected(failure("cannot write", errno));
     makeHead();
     if (auto ok = writeHead(); !ok) return ok;
     firstOfEpoch_ = true;
