@@ -60,8 +60,8 @@ class WaveResponses {
         }
     }
 
-    /// Of a spectrum as above; what is still to come at its end fades.
-    void samplesOf(RealFft::Spectrum&& spectrum, std::vector<float>& samples) const {
+    /// Of a spectrum as above, of which nothing is left; what is still to come at its end fades.
+    void samplesOf(RealFft::Spectrum& spectrum, std::vector<float>& samples) const {
         samples.resize(fft_->size());
         fft_->inverse(std::move(spectrum), samples);
         const auto fade = [](double x) { return static_cast<float>(0.5 - 0.5 * std::cos(std::numbers::pi * x)); };
@@ -115,7 +115,7 @@ void addThroughHead(const EdgeWave& wave, const WaveResponses& responses, const 
         responses.fft().forward(samples, head);
         spectrum.resize(bare.size());
         for (std::size_t i = 0; i < bare.size(); ++i) spectrum[i] = bare[i] * head[i];
-        responses.samplesOf(std::move(spectrum), samples);
+        responses.samplesOf(spectrum, samples);
         addAt(samples, static_cast<std::ptrdiff_t>(whole) - static_cast<std::ptrdiff_t>(kBefore), 1, channels[ear]);
     }
 }
@@ -158,7 +158,7 @@ void addEdgeWaves(const Echogram& echogram, const ImpulseResponseOptions& option
             const double whole = std::floor(position);
             if (position != made) {
                 responses.spectrumOf(wave, position - whole, spectrum);
-                responses.samplesOf(std::move(spectrum), samples);
+                responses.samplesOf(spectrum, samples);
                 made = position;
             }
             addAt(samples, static_cast<std::ptrdiff_t>(whole) - static_cast<std::ptrdiff_t>(kBefore),
