@@ -97,10 +97,7 @@ void ImagePlayer::panVoice(const FollowedImage& image, Voice& voice, bool fresh,
     const ImpulseResponseOptions& r = block.response;
     if (!block.ears.empty()) {
         voice.pans.assign(2, {amplitude, 0});
-        voice.head.turn(*r.hrtf,
-                        {glm::dot(direction, r.listenerRight), glm::dot(direction, r.listenerUp),
-                         glm::dot(direction, r.listenerBack)},
-                        block_);
+        voice.head.turn(*r.hrtf, inListenersFrame(direction, r), block_);
     } else {
         voice.pans.resize(block.out.size());
         for (std::size_t c = 0; c < voice.pans.size(); ++c) {

@@ -11,6 +11,7 @@
 
 #include "batch_tracer.h"
 #include "edge_sources.h"
+#include "probe_ray.h"
 #include "walls/even_direction.h"
 
 namespace rtsg {
@@ -77,42 +78,22 @@ struct FadingRay {
     static constexpr int kMostReflections = 4000;
     static constexpr double kGone = 3e-7, kShort = 10;
 
-    glm::dvec3 origin, direction, facing{0};
+    ProbeRay ray;  // its energy: of the band of each class from which air takes least, the lowest
     Random random;
-    std::uint32_t plane = kNoPlane;
-    Bands energy{};  // by class: of the band from which air takes least, the lowest
-    double metres = 0;
     int reflections = 0;
 
     bool goesOn(double speedOfSound) const {
         // What is slow to fade in a small room would take rays without end.
-        const bool tooSlow = reflections > kMostReflections && metres > kShort * speedOfSound;
-        return largest<kBandCount>(energy) > kGone && metres < kMost * speedOfSound && !tooSlow;
+        const bool tooSlow = reflections > kMostReflections && ray.metres > kShort * speedOfSound;
+        return ray.most() > kGone && ray.metres < kMost * speedOfSound && !tooSlow;
     }
     void meet(const AcousticHit& hit, const AcousticMaterial& material, const BandClasses& classes,
               const Bands& attenuation) {
-        double scattered = 0, mirrored = 0, through = 0;
-        for (std::size_t c = 0; c < classes.count; ++c) {
-            const std::size_t b = classes.first[c];
-            scattered += energy[c] * material.reflected(b) * material.scattering[b];
-            mirrored += energy[c] * material.mirrored(b);
-            through += energy[c] * material.transmission[b];
-            energy[c] *= 1 - material.absorption[b];
-            if (attenuation[b] > 0) energy[c] *= std::exp(-attenuation[b] * hit.distance);
-        }
+        ray.meet(hit, material, classes, random);
+        for (std::size_t c = 0; c < classes.count; ++c)
+            if (const double takes = attenuation[classes.first[c]]; takes > 0)
+                ray.energy[c] *= std::exp(-takes * hit.distance);
         ++reflections;
-        metres += hit.distance;
-        origin += direction * hit.distance;
-        plane = hit.plane;
-        const double choice = random.uniform() * (scattered + mirrored + through);
-        const double cosine = glm::dot(direction, hit.normal);
-        facing = cosine > 0 ? -hit.normal : hit.normal;
-        if (choice < scattered)
-            direction = cosineDirection(facing, random);
-        else if (choice < scattered + mirrored)
-            direction -= hit.normal * (2 * cosine);
-        else
-            facing = -facing;
     }
 };
 
@@ -128,21 +109,20 @@ double decaySeconds(const AcousticGeometry& geometry, const glm::dvec3& source, 
     std::vector<FadingRay> lanes;
     for (int sent = 0; sent < kRays || !lanes.empty();) {
         for (; lanes.size() < AcousticRays::kMost && sent < kRays; ++sent)
-            lanes.push_back({.origin = source,
-                             .direction = evenDirection(sent, kRays),
-                             .random = Random(Random::mix(options.seed, 0xDECA + static_cast<std::uint64_t>(sent))),
-                             .energy = full});
+            lanes.push_back({.ray = {.origin = source, .direction = evenDirection(sent, kRays), .energy = full},
+                             .random = Random(Random::mix(options.seed, 0xDECA + static_cast<std::uint64_t>(sent)))});
         AcousticRays rays;
-        for (const FadingRay& ray : lanes) rays.add(ray.origin, ray.facing, ray.direction, 1e6, ray.plane);
+        for (const auto& [ray, random, reflections] : lanes)
+            rays.add(ray.origin, ray.facing, ray.direction, 1e6, ray.plane);
         AcousticHits hits;
         const std::uint32_t met = geometry.closestOf(rays, hits);
         std::size_t left = 0;
         for (std::size_t i = 0; i < lanes.size(); ++i) {
-            FadingRay& ray = lanes[i];
+            FadingRay& fading = lanes[i];
             const bool shut = (met >> i & 1) != 0;
-            if (shut) ray.meet(hits[i], geometry.materials()[hits[i].material], classes, attenuation);
-            longest = std::max(longest, ray.metres);
-            if (shut && ray.goesOn(speed)) lanes[left++] = ray;
+            if (shut) fading.meet(hits[i], geometry.materials()[hits[i].material], classes, attenuation);
+            longest = std::max(longest, fading.ray.metres);
+            if (shut && fading.goesOn(speed)) lanes[left++] = fading;
         }
         lanes.erase(lanes.begin() + static_cast<std::ptrdiff_t>(left), lanes.end());
     }

@@ -1,4 +1,4 @@
-// How much of an arrival each channel of a response has, and how much later. Threading: pure function.
+// How much of an arrival each channel of a response has, and how much later. Threading: pure functions.
 #pragma once
 
 #include <rtsg/audio/impulse_response.h>
@@ -13,6 +13,12 @@ struct ArrivalPan {
 /// Of an ear (0: left) of a sphere, for a direction so far to the right (its sine): how much later than the middle of
 /// the head it hears what comes from there, and how much of it.
 ArrivalPan panOfEar(double right, int ear, double radius, double speedOfSound);
+
+/// x right, y up, z back, as a head has it; of a direction in the world frame.
+inline glm::dvec3 inListenersFrame(const glm::dvec3& direction, const ImpulseResponseOptions& options) {
+    return {glm::dot(direction, options.listenerRight), glm::dot(direction, options.listenerUp),
+            glm::dot(direction, options.listenerBack)};
+}
 
 /// `direction`: unit, world frame, from the listener.
 ArrivalPan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options);

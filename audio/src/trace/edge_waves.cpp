@@ -100,9 +100,7 @@ void addAt(std::span<const float> samples, std::ptrdiff_t at, float gain, std::v
 /// Through a head.
 void addThroughHead(const EdgeWave& wave, const WaveResponses& responses, const ImpulseResponseOptions& options,
                     std::vector<std::vector<float>>& channels) {
-    const glm::dvec3 local(glm::dot(wave.direction, options.listenerRight),
-                           glm::dot(wave.direction, options.listenerUp),
-                           glm::dot(wave.direction, options.listenerBack));
+    const glm::dvec3 local = inListenersFrame(wave.direction, options);
     const Hrtf::Ears measured = options.hrtf->at(local);
     const double position = wave.seconds * options.sampleRate - static_cast<double>(options.hrtf->early());
     const double whole = std::floor(position);

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "signal/random.h"
-#include "trace/directions.h"
+#include "trace/probe_ray.h"
 #include "walls/even_direction.h"
 
 namespace rtsg::trace {
@@ -21,36 +21,8 @@ constexpr double kDiffersLittle = 0.1;
 constexpr std::size_t kMostWalls = kRays * 512;
 
 struct Walker {
-    glm::dvec3 origin, direction, facing{0};
-    std::uint32_t plane = kNoPlane;
-    Bands energy{};      // by class
-    double arrived = 0;  // of it the most, before the last wall: what it had on its way there
-    double metres = 0;
-
-    double most() const { return *std::max_element(energy.begin(), energy.end()); }
-    void meet(const AcousticHit& hit, const AcousticMaterial& material, const BandClasses& classes, Random& random) {
-        double scattered = 0, mirrored = 0, through = 0;
-        arrived = most();
-        for (std::size_t c = 0; c < classes.count; ++c) {
-            const std::size_t b = classes.first[c];
-            scattered += energy[c] * material.reflected(b) * material.scattering[b];
-            mirrored += energy[c] * material.mirrored(b);
-            through += energy[c] * material.transmission[b];
-            energy[c] *= 1 - material.absorption[b];
-        }
-        metres += hit.distance;
-        origin += direction * hit.distance;
-        plane = hit.plane;
-        const double choice = random.uniform() * (scattered + mirrored + through);
-        const double cosine = glm::dot(direction, hit.normal);
-        facing = cosine > 0 ? -hit.normal : hit.normal;
-        if (choice < scattered)
-            direction = cosineDirection(facing, random);
-        else if (choice < scattered + mirrored)
-            direction -= hit.normal * (2 * cosine);
-        else
-            facing = -facing;
-    }
+    ProbeRay ray;
+    double arrived = 0;  // the most energy before the last wall: what it had on its way there
 };
 
 bool takeAlike(std::span<const AcousticMaterial> materials, const BandClasses& classes) {
@@ -69,19 +41,22 @@ bool walk(const AcousticGeometry& geometry, const BandClasses& classes, double m
     while (walls > 0) {
         under.clear();
         for (Walker& walker : walkers)
-            if (walker.metres < metres && walker.most() > 0 && under.size() < AcousticRays::kMost)
+            if (walker.ray.metres < metres && walker.ray.most() > 0 && under.size() < AcousticRays::kMost)
                 under.push_back(&walker);
         if (under.empty()) return true;
         walls -= std::min(walls, under.size());
         AcousticRays rays;
-        for (const Walker* w : under) rays.add(w->origin, w->facing, w->direction, 1e6, w->plane);
+        for (const Walker* w : under) rays.add(w->ray.origin, w->ray.facing, w->ray.direction, 1e6, w->ray.plane);
         AcousticHits hits;
         const std::uint32_t met = geometry.closestOf(rays, hits);
-        for (std::size_t i = 0; i < under.size(); ++i)
-            if (met >> i & 1)
-                under[i]->meet(hits[i], geometry.materials()[hits[i].material], classes, random);
+        for (std::size_t i = 0; i < under.size(); ++i) {
+            const bool shut = (met >> i & 1) != 0;
+            under[i]->arrived = shut ? under[i]->ray.most() : 0;
+            if (shut)
+                under[i]->ray.meet(hits[i], geometry.materials()[hits[i].material], classes, random);
             else
-                under[i]->energy = {}, under[i]->arrived = 0;
+                under[i]->ray.energy = {};
+        }
     }
     return false;
 }
@@ -91,10 +66,10 @@ void equalise(std::vector<Walker>& walkers, double mean, Random& random) {
     std::vector<Walker> chosen;
     double at = random.uniform(), sum = 0;
     for (const Walker& walker : walkers) {
-        const double has = walker.most();
+        const double has = walker.ray.most();
         for (sum += has / mean; at < sum && chosen.size() < walkers.size(); at += 1) {
             chosen.push_back(walker);
-            for (double& e : chosen.back().energy) e *= mean / has;
+            for (double& e : chosen.back().ray.energy) e *= mean / has;
             chosen.back().arrived *= mean / has;
         }
     }
@@ -111,9 +86,10 @@ EnergyUnderWay::EnergyUnderWay(const AcousticGeometry& geometry, const BandClass
     Random random(Random::mix(options.seed, 0xE6E));
     std::vector<Walker> walkers;
     for (std::size_t i = 0; i < kRays; ++i) {
-        Walker walker{.origin = source, .direction = evenDirection(static_cast<int>(i), static_cast<int>(kRays))};
-        const double sent = options.pattern ? options.pattern(walker.direction) : 1;
-        std::fill_n(walker.energy.begin(), classes.count, sent);
+        Walker walker{
+            .ray = {.origin = source, .direction = evenDirection(static_cast<int>(i), static_cast<int>(kRays))}};
+        const double sent = options.pattern ? options.pattern(walker.ray.direction) : 1;
+        std::fill_n(walker.ray.energy.begin(), classes.count, sent);
         walkers.push_back(walker);
     }
     stepsPerMetre_ = kSteps / metres;
@@ -123,8 +99,8 @@ EnergyUnderWay::EnergyUnderWay(const AcousticGeometry& geometry, const BandClass
         if (!walk(geometry, classes, static_cast<double>(step) / stepsPerMetre_, walkers, walls, random)) break;
         double under = 0, mean = 0, most = 0;
         for (const Walker& walker : walkers) {
-            under += walker.arrived / kRays, mean += walker.most() / kRays;
-            most = std::max(most, walker.most());
+            under += walker.arrived / kRays, mean += walker.ray.most() / kRays;
+            most = std::max(most, walker.ray.most());
         }
         if (!(mean > 0)) break;
         logarithms.push_back(std::log(under));

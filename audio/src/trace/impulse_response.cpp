@@ -42,8 +42,7 @@ ArrivalPan panOfEar(double right, int ear, double radius, double speedOfSound) {
 ArrivalPan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options) {
     if (options.channels == ImpulseResponseOptions::Channels::mono) return {};
     if (options.channels == ImpulseResponseOptions::Channels::ambisonic) {
-        const glm::dvec3 local(glm::dot(direction, options.listenerRight), glm::dot(direction, options.listenerUp),
-                               glm::dot(direction, options.listenerBack));
+        const glm::dvec3 local = inListenersFrame(direction, options);
         std::array<double, ambisonicChannels(kMaxAmbisonicOrder)> gains;
         ambisonicGains(options.ambisonicOrder, ambisonicAxes(local), gains);
         return {gains[static_cast<std::size_t>(channel)], 0};
@@ -119,9 +118,7 @@ std::vector<HeadArrival> throughHead(std::span<const Arrival> arrivals, const Im
     if (!options.hrtf || options.channels != ImpulseResponseOptions::Channels::binaural) return result;
     for (const Arrival& arrival : arrivals) {
         if (arrival.seconds > arrivals.front().seconds + options.hrtfSeconds) break;
-        const glm::dvec3 local(glm::dot(arrival.direction, options.listenerRight),
-                               glm::dot(arrival.direction, options.listenerUp),
-                               glm::dot(arrival.direction, options.listenerBack));
+        const glm::dvec3 local = inListenersFrame(arrival.direction, options);
         const Hrtf::Ears measured = options.hrtf->at(local);
         const double position = arrival.seconds * options.sampleRate - static_cast<double>(options.hrtf->early());
         const double whole = std::floor(position);
