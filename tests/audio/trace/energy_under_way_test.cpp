@@ -115,6 +115,25 @@ TEST(EnergyUnderWay, RaysThatAreSplitCarryAsMuchAsThoseThatAreNot) {
         }
 }
 
+/// Half of the rays have met the floor by then: each has little, together they have a twentieth.
+TEST(EnergyUnderWay, WhatOutlivesARouletteCarriesWhatOthersLost) {
+    Shoebox box = Shoebox::uniform({6, 5, 3}, .02, .3);
+    box.absorption[4] = .95;
+    const TriangleGeometry room = box.geometry();
+    constexpr std::size_t kRuns = 64;
+    const double seconds = .016;
+    std::vector<double> late(kRuns);
+    parallelFor(kRuns, [&](std::size_t i) {
+        TraceOptions o = shortTrace(4000, i, 0);
+        o.maxSeconds = seconds;
+        late[i] = AcousticTracer(room).trace(kSource, kListener, o).truncated[0];
+    });
+    double mean = 0, escaped = 0;
+    for (const double one : late) mean += one / kRuns;
+    const double energy = followed(box, seconds * 343, 2'000'000, escaped);
+    EXPECT_NEAR(mean, energy, .004 * energy);
+}
+
 TEST(EnergyUnderWay, EndsWhereRaysHaveNoLengthAndIsNotAskedWhereWallsAreAlike) {
     TraceOptions options;
     const TriangleGeometry alike = Shoebox::uniform({6, 5, 3}, .3, .5).geometry();
