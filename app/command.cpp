@@ -140,11 +140,29 @@ void Command::footer(const std::string& text) {
     parser_->footer(text);
 }
 
+namespace {
+
+/// What the verb does not take: an option by its name, else the word that is one too many. The parser's own text
+/// lists them all, the values of unknown options too, and backwards.
+std::string notExpected(const CLI::App& program, const CLI::ExtrasError& error) {
+    const auto verbs = program.get_subcommands();
+    const CLI::App& command = verbs.empty() ? program : *verbs.front();
+    const std::vector<std::string> words = command.remaining();
+    for (const std::string& word : words)
+        if (word.size() > 1 && word.starts_with("-"))
+            return command.get_name() + " has no option " + word.substr(0, word.find('='));
+    return words.empty() ? error.what() : command.get_name() + " takes no '" + words.front() + "' after what it has";
+}
+
+}  // namespace
+
 std::optional<int> Command::parse(int argc, char** argv) {
     try {
         parser_->parse(argc, argv);
     } catch (const CLI::Success& e) {  // --help, --version
         return parser_->exit(e);
+    } catch (const CLI::ExtrasError& e) {
+        throw UsageError(notExpected(*parser_, e));
     } catch (const CLI::ParseError& e) {
         throw UsageError(e.what());
     }

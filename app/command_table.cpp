@@ -99,7 +99,7 @@ std::string suggestion(const Command& program, const UsageError& error) {
     for (const OptionRow& row : rowsOf(command))
         if (!row.positional) known.insert(known.end(), row.names.begin(), row.names.end());
     for (std::string typed : command.remaining()) {
-        if (!typed.starts_with("-")) continue;
+        if (!typed.starts_with("--")) continue;  // every single letter is near to every other
         typed = typed.substr(0, typed.find('='));
         if (std::string name = nearest(typed, known); !name.empty()) return name;
     }

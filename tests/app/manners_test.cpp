@@ -114,6 +114,10 @@ TEST_F(Manners, SaysWhatWasMeant) {
     EXPECT_THAT(said({"convert", file, "-", "--filter", "drop-metdata"}), HasSubstr("did you mean drop-metadata?"));
     EXPECT_THAT(said({"convert", file, "-", "--filter", "triangulate=1"}), HasSubstr("triangulate takes no argument"));
     EXPECT_THAT(said({"convert", file, "out.x3db"}), HasSubstr(".rtsgb; .stl .obj .ply .glb"));
+    EXPECT_THAT(said({"mirror", "tcp://127.0.0.1:1", "-o", "a.png"}),
+                AllOf(HasSubstr("mirror has no option -o"), Not(HasSubstr("did you mean")), Not(HasSubstr("a.png"))));
+    EXPECT_THAT(said({"info", "--all=3", file}), HasSubstr("info has no option --all"));
+    EXPECT_THAT(said({"info", file, "more"}), HasSubstr("info takes no 'more' after what it has"));
     EXPECT_THAT(said({"help", "rendr"}), HasSubstr("did you mean render?"));
     EXPECT_THAT(said({"help", "xyzzy"}), HasSubstr("rtsg help names the verbs"));
     EXPECT_THAT(said({"render"}), HasSubstr("rtsg help render"));

@@ -28,43 +28,78 @@ struct PairWay {
     TwoWedgePath path;
 };
 
-/// The places on both edges by which the way is shortest: its length is convex in both, so Newton's steps, halved where
-/// they do not shorten it, find them. False if they lie beyond the edges' ends.
+/// By the shortest way from a source round a first edge to a place on a second one.
+class WayToPlace {
+  public:
+    WayToPlace(const glm::dvec3& source, const glm::dvec3& listener, const WallEdge& first, const WallEdge& second)
+        : source_(source), listener_(listener), first_(first), second_(second) {
+        along_ = glm::dot(source - first.from, first.axis);
+        radius_ = glm::length(source - first.from - first.axis * along_);
+    }
+
+    /// How the way's length grows with the place on the second edge, at most 2.
+    double growthAt(double y) {
+        bySecond = second_.from + second_.axis * y;
+        const double along = glm::dot(bySecond - first_.from, first_.axis);
+        const double radius = glm::length(bySecond - first_.from - first_.axis * along);
+        if (!(radius_ + radius > 0)) return 0;
+        x = along_ + (along - along_) * radius_ / (radius_ + radius);
+        byFirst = first_.from + first_.axis * x;
+        across = glm::distance(byFirst, bySecond);
+        out = glm::distance(bySecond, listener_);
+        if (!(across > 0 && out > 0)) return 0;
+        return glm::dot(bySecond - byFirst, second_.axis) / across + glm::dot(bySecond - listener_, second_.axis) / out;
+    }
+
+    glm::dvec3 byFirst{0}, bySecond{0};
+    double x = 0, across = 0, out = 0;
+
+  private:
+    glm::dvec3 source_, listener_;
+    const WallEdge &first_, &second_;
+    double along_ = 0, radius_ = 0;
+};
+
+/// The places on both edges by which the way is shortest. Its length is convex in both places, so that with the best
+/// one on the first edge for each on the second it is so, too, and its growth has one zero, however near the edges come
+/// to each other. False if that lies beyond the edges' ends.
 bool shortest(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way) {
     const WallEdge &a = *way.first, &b = *way.second;
-    double x = 0.5 * a.length, y = 0.5 * b.length;
-    const auto length = [&](double i, double j) {
-        const glm::dvec3 p = a.from + a.axis * i, q = b.from + b.axis * j;
-        return glm::distance(source, p) + glm::distance(p, q) + glm::distance(q, listener);
-    };
-    double now = length(x, y);
-    for (int step = 0; step < 40; ++step) {
-        const glm::dvec3 p = a.from + a.axis * x, q = b.from + b.axis * y;
-        const double s = glm::distance(source, p), w = glm::distance(p, q), r = glm::distance(q, listener);
-        if (!(s > 0 && w > 1e-6 * (s + r) && r > 0)) return false;
-        const double sa = glm::dot(p - source, a.axis) / s, wa = glm::dot(q - p, a.axis) / w;
-        const double wb = glm::dot(q - p, b.axis) / w, rb = glm::dot(listener - q, b.axis) / r;
-        const double between = glm::dot(a.axis, b.axis) - wa * wb;
-        const double xx = (1 - sa * sa) / s + (1 - wa * wa) / w, yy = (1 - wb * wb) / w + (1 - rb * rb) / r;
-        const double xy = -between / w, slopeX = sa - wa, slopeY = wb - rb, determinant = xx * yy - xy * xy;
-        if (!(determinant > 0)) return false;
-        const double dx = (slopeY * xy - slopeX * yy) / determinant, dy = (slopeX * xy - slopeY * xx) / determinant;
-        if (std::abs(dx) + std::abs(dy) < 1e-7 * now) {
-            way.byFirst = p;
-            way.bySecond = q;
-            way.path.first.sine = std::sqrt(1 - sa * sa);
-            way.path.second.sine = std::sqrt(1 - rb * rb);
-            setDistances(way.path, s, w, r, between);
-            return x >= 0 && x <= a.length && y >= 0 && y <= b.length;
+    WayToPlace to(source, listener, a, b);
+    // A little off the ends: at a corner that both share there is no direction from one to the other.
+    constexpr double kOff = 1e-9;
+    double low = kOff * b.length, high = (1 - kOff) * b.length;
+    double atLow = to.growthAt(low), atHigh = to.growthAt(high);
+    if (!(atLow < 0 && atHigh > 0)) return false;
+    // Regula falsi; an end that stays counts half, as in the Illinois method.
+    for (int step = 0, stayed = 0; step < 100 && high - low > 1e-10 * b.length; ++step) {
+        const double y = (low * atHigh - high * atLow) / (atHigh - atLow);
+        const double growth = to.growthAt(y);
+        if (std::abs(growth) < 1e-13) break;
+        if (growth < 0) {
+            low = y;
+            atLow = growth;
+            if (stayed == 1) atHigh *= 0.5;
+            stayed = 1;
+        } else {
+            high = y;
+            atHigh = growth;
+            if (stayed == -1) atLow *= 0.5;
+            stayed = -1;
         }
-        double share = 1;
-        // But for rounding.
-        while (!(length(x + share * dx, y + share * dy) <= now * (1 + 1e-14)) && share > 1e-6) share /= 2;
-        x += share * dx;
-        y += share * dy;
-        now = length(x, y);
     }
-    return false;
+    const double toFirst = glm::distance(source, to.byFirst);
+    if (!(toFirst > 0 && to.across > 1e-9 * (toFirst + to.out) && to.x >= 0 && to.x <= a.length)) return false;
+    way.byFirst = to.byFirst;
+    way.bySecond = to.bySecond;
+    const glm::dvec3 in = (to.byFirst - source) / toFirst, out = (listener - to.bySecond) / to.out;
+    const glm::dvec3 across = (to.bySecond - to.byFirst) / to.across;
+    way.path.first.sine = glm::length(glm::cross(in, a.axis));
+    way.path.second.sine = glm::length(glm::cross(out, b.axis));
+    if (!(way.path.first.sine > 0 && way.path.second.sine > 0)) return false;
+    setDistances(way.path, toFirst, to.across, to.out,
+                 glm::dot(a.axis, b.axis) - glm::dot(across, a.axis) * glm::dot(across, b.axis));
+    return true;
 }
 
 bool bends(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way) {

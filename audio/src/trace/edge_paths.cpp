@@ -14,6 +14,12 @@ double angleAbout(const WallEdge& edge, const glm::dvec3& across) {
     return angle < 0 ? angle + 2 * std::numbers::pi : angle;
 }
 
+/// Of the circle about an edge on which air is looked for.
+double openRadius(const glm::dvec3& by) {
+    const glm::dvec3 size = glm::abs(by);
+    return std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
+}
+
 }  // namespace
 
 bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, RoundEdge& round) {
@@ -25,9 +31,10 @@ bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3&
     path.receiverRadius = glm::length(acrossR);
     if (!(path.sourceRadius > 0) || !(path.receiverRadius > 0)) return false;
     const double z = zs + (zr - zs) * path.sourceRadius / (path.sourceRadius + path.receiverRadius);
-    if (!(z >= 0 && z <= edge.length)) return false;
     path.along = zr - zs;
-    round.by = edge.from + edge.axis * z;
+    path.from = -z;
+    path.to = edge.length - z;
+    round.by = edge.from + edge.axis * std::clamp(z, 0.0, edge.length);
     const bool rim = glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
     const double between = rim ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
     double s = angleAbout(edge, acrossS), r = angleAbout(edge, acrossR);
@@ -89,11 +96,15 @@ bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::d
     return !(distance > rounding) || !geometry.closest(from, way / distance, distance - rounding, kNoPlane, hit);
 }
 
+glm::dvec3 offEnds(const WallEdge& edge, const glm::dvec3& by) {
+    const double off = std::min(2 * openRadius(by), 0.25 * edge.length);
+    return edge.from + edge.axis * std::clamp(glm::dot(by - edge.from, edge.axis), off, edge.length - off);
+}
+
 bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by, double opening, double turn) {
     constexpr int kSteps = 8;
     constexpr double kOff = 0.05;  // radians from the faces
-    const glm::dvec3 size = glm::abs(by);
-    const double radius = std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
+    const double radius = openRadius(by);
     const glm::dvec3 beside = glm::cross(edge.axis, edge.faceA) * turn;
     const auto at = [&](int i) {
         const double angle = kOff + (opening - 2 * kOff) * i / kSteps;

@@ -13,11 +13,13 @@ namespace rtsg {
 /// A path round an edge, the place on it, and which way angles count from its first face on.
 struct RoundEdge {
     WedgePath path;
-    glm::dvec3 by{0};
+    glm::dvec3 by{0};  // the end that is nearer, where the shortest way leads past the edge
     double turn = 1;
+
+    bool past() const { return path.from > 0 || path.to < 0; }
 };
 
-/// Where sound goes round an edge from source to listener, if it does.
+/// Where sound goes round an edge from source to listener, if it does; its ends are those of the path.
 bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, RoundEdge& round);
 
 /// How a way bends at an edge; angles count from its first face on, in the air.
@@ -37,6 +39,9 @@ bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, 
 
 /// Whether nothing lies between a place and one on an edge, but what meets there.
 bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& edge);
+
+/// A place near to `by` on the edge for what follows, a little off the edge's ends: other walls may begin there.
+glm::dvec3 offEnds(const WallEdge& edge, const glm::dvec3& by);
 
 /// Whether there is air all round the edge: it may be the seam of two walls.
 bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by, double opening, double turn);

@@ -2,108 +2,26 @@
 #include "edge_sources.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <numbers>
 
 #include <rtsg/audio/wedge.h>
 
+#include "edge_ends.h"
 #include "edge_pairs.h"
+#include "edge_shares.h"
 #include "edge_tones.h"
 #include "edge_waves.h"
 
 namespace rtsg {
 namespace {
 
-constexpr int kTones = EdgeTones::kTones;
-
-/// Means over each octave.
-struct EdgeShares {
-    Bands direct{}, mirrored{};  // factors of the energies that are there already
-    Bands edge{};                // energy by way of the edge where direct sound is hidden by others, times 4 pi m^2
-    Bands late{};                // what is not one with direct sound that is heard, nor with the image
-    Bands dark{};                // the first with direct sound, if there is any, for it has not come otherwise
-    EdgeWave wave;               // its pressure, before air and the source's pattern
-};
-
-/// Whether direct sound and the mirror image that ends at this edge were found.
-struct Found {
-    bool direct = false, mirrored = false;
-};
-
-double distanceAt(const WedgePath& path, double angle) {
-    return std::sqrt(path.sourceRadius * path.sourceRadius + path.receiverRadius * path.receiverRadius -
-                     2 * path.sourceRadius * path.receiverRadius * std::cos(angle) + path.along * path.along);
-}
-
-/// The angle that the mirror image by the nearer face is seen under.
-double imageAngle(const WedgePath& path) {
-    const double sum = path.receiverAngle + path.sourceAngle;
-    return std::min(sum, 2 * path.opening - sum);
-}
-
-/// Grazing an edge it is chance whether direct sound is found.
-bool grazesShadow(const WedgePath& path) {
-    return std::abs(std::numbers::pi - std::abs(path.receiverAngle - path.sourceAngle)) < 1e-5;
-}
-
-/// Image sources are looked for from a little aside: next to its boundary one may be found that ought not to be.
-bool grazesImage(const WedgePath& path) {
-    return std::abs(imageAngle(path) - std::numbers::pi) * path.receiverRadius < 2e-3;
-}
-
-/// By way of the edge. At a boundary it is such that with what was found it is continuous.
-std::complex<double> waveBy(const WedgePath& path, const WedgeField& f, double mirrors, Found found,
-                            double waveNumber) {
-    const auto straight = [&](double angle, bool expected, bool there) {
-        const double distance = distanceAt(path, angle);
-        return std::polar(((expected ? 1.0 : 0.0) - (there ? 1.0 : 0.0)) / distance, -waveNumber * distance);
-    };
-    std::complex<double> wave = f.besideDirect + mirrors * f.besideMirrored;
-    if (grazesShadow(path) && found.direct != (f.direct != 0.0))
-        wave += straight(path.receiverAngle - path.sourceAngle, f.direct != 0.0, found.direct);
-    if (grazesImage(path) && found.mirrored != (f.mirrored != 0.0))
-        wave += mirrors * straight(imageAngle(path), f.mirrored != 0.0, found.mirrored);
-    return wave;
-}
-
-/// How much of the interference of direct sound with what is beside a mirror image counts: all at the boundary of the
-/// shadow, where both come the same way, and nothing at that of the image, whose interference is not looked at either.
-double coherence(const WedgePath& path) {
-    const double fromShadow = std::numbers::pi - std::abs(path.receiverAngle - path.sourceAngle);
-    const double sum = path.sourceAngle + path.receiverAngle;
-    const double fromImage = std::min(sum, 2 * path.opening - sum) - std::numbers::pi;
-    return fromImage / (fromImage + fromShadow);
-}
-
-EdgeShares edgeSharesOf(const WedgePath& path, std::uint32_t material, const EdgeTones& tones, Found found) {
-    EdgeShares shares;
-    const double way = std::hypot(path.sourceRadius + path.receiverRadius, path.along);
-    for (std::size_t b = 0; b < kBandCount; ++b) {
-        const double mirrors = tones.mirrors(material, b);
-        tones.each(b, [&](std::size_t tone, double waveNumber) {
-            const WedgeField f = wedgeField(path, waveNumber);
-            shares.wave.pressure[tone] =
-                std::complex<float>(waveBy(path, f, mirrors, found, waveNumber) * std::polar(1.0, waveNumber * way));
-            const std::complex<double> beside = mirrors * f.besideMirrored;
-            const auto add = [&](Bands& to, double energy) { to[b] += energy / kTones; };
-            if (f.mirrored != 0.0) add(shares.mirrored, std::norm(1.0 + f.besideMirrored / f.mirrored));
-            add(shares.dark, std::norm(f.direct + f.besideDirect + beside));
-            if (f.direct == 0.0) return;
-            // What is one with the image has come with it.
-            add(shares.edge, std::norm(f.besideDirect + (f.mirrored != 0.0 && found.mirrored ? 0.0 : beside)));
-            double energy = std::norm(f.direct + f.besideDirect);
-            if (f.mirrored == 0.0) {
-                // At the boundary of the image it comes when the image does, at that of the shadow with direct sound.
-                const double one = coherence(path);
-                energy += one * (std::norm(beside) + 2 * std::real((f.direct + f.besideDirect) * std::conj(beside)));
-                add(shares.late, (1 - one) * std::norm(beside));
-            }
-            add(shares.direct, energy / std::norm(f.direct));
-        });
-    }
-    return shares;
-}
+/// Of edges whose shortest way leads past them so many count, those that bend most; and what is 60 dB below sound in
+/// the open does not.
+constexpr std::size_t kPast = 32;
+constexpr double kLeastPast = 1e-3;
 
 /// Of the paths known before; null if it is not one of them.
 Arrival* arrivalOf(std::vector<Arrival>& arrivals, std::size_t known, std::uint32_t order, double seconds) {
@@ -151,17 +69,39 @@ class Diffraction {
 
     EdgePairCount run() {
         std::vector<EdgeCandidate> edges;
+        std::vector<Past> past;
         geometry_.visitEdges([&](const WallEdge& edge) {
             if (!heardStraight_ && options_.diffractionOrder > 1)
                 edges.push_back({edge, shortestBy(edge, source_, listener_)});
             RoundEdge round;
-            if (pathRound(edge, source_, listener_, round)) bend(edge, round);
+            if (!pathRound(edge, source_, listener_, round)) return;
+            if (!round.past())
+                bend(edge, round);
+            else if (const double bent = bentPast(edge, round); bent > kLeastPast)
+                past.push_back({bent, edge, round});
         });
+        std::stable_sort(past.begin(), past.end(), [](const Past& a, const Past& b) { return a.bent > b.bent; });
+        std::size_t counted = 0;
+        for (std::size_t i = 0; i < past.size() && i < 8 * kPast && counted < kPast; ++i)
+            counted += bend(past[i].edge, past[i].round);
+        for (const auto& [place, wave] : byPlace_)
+            if (!isFaint(wave, wave.seconds * c())) field_.waves.push_back(wave);
         return addEdgePairs(geometry_, source_, listener_, options_, seconds_, std::move(edges), bent_, arrivals_,
                             field_);
     }
 
   private:
+    /// Edges whose shortest way leads past them, and about how much they bend.
+    struct Past {
+        double bent;
+        WallEdge edge;
+        RoundEdge round;
+    };
+    struct EndWave {
+        glm::dvec3 place;
+        EdgeWave wave;
+    };
+
     double c() const { return options_.air.speedOfSound; }
 
     void scale(Arrival& arrival, const Bands& factor) {
@@ -172,25 +112,29 @@ class Diffraction {
         for (std::size_t b = 0; b < kBandCount; ++b) arrival.energy[b] *= factor[b];
     }
 
-    void bend(const WallEdge& edge, const RoundEdge& round) {
+    /// Whether it is heard.
+    bool bend(const WallEdge& edge, const RoundEdge& round) {
         const WedgePath& path = round.path;
         const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
-        if (!(way < seconds_ * c()) || !seen(geometry_, source_, round.by) || !seen(geometry_, listener_, round.by) ||
-            !isOpen(geometry_, edge, round.by, path.opening, round.turn))
-            return;
-        const double image = imageAngle(path);
-        const bool lit = std::abs(path.receiverAngle - path.sourceAngle) < std::numbers::pi;
-        const bool mirrored = image < std::numbers::pi;
-        Arrival* const mirror =
-            mirrored || grazesImage(path) ? arrivalOf(arrivals_, known_, 1, distanceAt(path, image) / c()) : nullptr;
-        const EdgeShares shares = edgeSharesOf(path, edge.material, tones_, {heardStraight_, mirror != nullptr});
-        if (mirror) scale(*mirror, shares.mirrored);
+        const glm::dvec3 about = offEnds(edge, round.by);
+        if (!(way < seconds_ * c()) || !seen(geometry_, source_, about) || !seen(geometry_, listener_, about) ||
+            !isOpen(geometry_, edge, about, path.opening, round.turn))
+            return false;
+        Arrival* mirror = nullptr;
+        if (isMirrored(path) || grazesImage(path))
+            mirror = arrivalOf(arrivals_, known_, 1, path.distanceAt(imageAngle(path)) / c());
         Arrival* const direct =
-            lit ? arrivalOf(arrivals_, known_, 0, glm::distance(source_, listener_) / c()) : nullptr;
-        if (direct) scale(*direct, shares.direct);
-        const Bands& share = direct ? shares.late : !lit || grazesShadow(path) ? shares.dark : shares.edge;
-        addWave(shares.wave, round.by, way);
-        if (!lit || !mirrored || !direct) addArrival(edge, round, share, lit, direct);
+            isLit(path) ? arrivalOf(arrivals_, known_, 0, glm::distance(source_, listener_) / c()) : nullptr;
+        const std::array<EdgeEnd, 2> ends = endsOf(edge, round, c());
+        const EdgeShares shares = edgeSharesOf(round, ends, edge.material, tones_, {heardStraight_, mirror != nullptr});
+        if (!round.past()) {
+            if (mirror) scale(*mirror, shares.mirrored);
+            if (direct) scale(*direct, shares.direct);
+            addWave(shares.wave, round.by, way);
+        }
+        for (std::size_t e = 0; e < 2; ++e) addEnd(shares.ends[e], ends[e]);
+        addArrival(edge, round, shares.own, direct);
+        return true;
     }
 
     double sentTo(const glm::dvec3& by) const {
@@ -204,7 +148,21 @@ class Diffraction {
         if (!isFaint(wave, way)) field_.waves.push_back(wave);
     }
 
-    void addArrival(const WallEdge& edge, const RoundEdge& round, const Bands& share, bool lit, Arrival* direct) {
+    /// All edges that end at one place are one wave: where an edge goes on in the next one, nothing is left.
+    void addEnd(EdgeWave wave, const EdgeEnd& end) {
+        if (!(end.way < seconds_ * c()) || end.place == listener_) return;
+        wave.seconds = end.way / c();
+        wave.direction = glm::normalize(end.place - listener_);
+        weaken(wave, sentTo(end.place), attenuation_, end.way);
+        const auto known = std::ranges::find(byPlace_, end.place, &EndWave::place);
+        if (known == byPlace_.end()) {
+            byPlace_.push_back({end.place, wave});
+            return;
+        }
+        for (std::size_t t = 0; t < kEdgeTones; ++t) known->wave.pressure[t] += wave.pressure[t];
+    }
+
+    void addArrival(const WallEdge& edge, const RoundEdge& round, const Bands& share, Arrival* direct) {
         const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
         Arrival arrival;
         arrival.seconds = way / c();
@@ -220,7 +178,7 @@ class Diffraction {
         }
         arrival.straight = static_cast<std::int32_t>(field_.straight.size());
         field_.straight.push_back({});
-        if (!lit) bent_.push_back({edge, round, arrivals_.size()});
+        if (!isLit(round.path)) bent_.push_back({edge, round, arrivals_.size()});
         arrivals_.push_back(arrival);
     }
 
@@ -234,6 +192,7 @@ class Diffraction {
     const std::size_t known_;  // of the arrivals: without edges
     EdgeField& field_;
     std::vector<BentArrival> bent_;
+    std::vector<EndWave> byPlace_;
     bool heardStraight_ = false;
 };
 

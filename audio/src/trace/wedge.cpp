@@ -2,7 +2,9 @@
 #include <rtsg/audio/wedge.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstddef>
 #include <numbers>
 
 namespace rtsg {
@@ -56,27 +58,110 @@ Complex diffractionTransition(double x) {
            complementaryError(kEighth * root);
 }
 
+double WedgePath::wayBy(double offset) const {
+    const double share = sourceRadius / (sourceRadius + receiverRadius);
+    return std::hypot(sourceRadius, along * share + offset) + std::hypot(receiverRadius, along * (1 - share) - offset);
+}
+
+double WedgePath::distanceAt(double angle) const {
+    return std::sqrt(sourceRadius * sourceRadius + receiverRadius * receiverRadius -
+                     2 * sourceRadius * receiverRadius * std::cos(angle) + along * along);
+}
+
 WedgeField wedgeField(const WedgePath& path, double waveNumber) {
     const double n = path.opening / kPi, rs = path.sourceRadius, rr = path.receiverRadius;
-    const double way = std::hypot(rs + rr, path.along), toEdge = way * rs / (rs + rr), fromEdge = way - toEdge;
+    const double way = path.shortestWay(), toEdge = way * rs / (rs + rr), fromEdge = way - toEdge;
     const double sine = (rs + rr) / way;
     const double length = toEdge * fromEdge / way * sine * sine, kl = waveNumber * length;
-    const auto distance = [&](double angle) {
-        return std::sqrt(rs * rs + rr * rr - 2 * rs * rr * std::cos(angle) + path.along * path.along);
-    };
     const double difference = path.receiverAngle - path.sourceAngle, sum = path.receiverAngle + path.sourceAngle;
     WedgeField field;
-    if (std::abs(difference) < kPi) field.direct = wave(waveNumber, distance(difference));
-    if (sum < kPi) field.mirrored = wave(waveNumber, distance(sum));
+    if (std::abs(difference) < kPi) field.direct = wave(waveNumber, path.distanceAt(difference));
+    if (sum < kPi) field.mirrored = wave(waveNumber, path.distanceAt(sum));
     // By the other face, whose angles count from it.
     const double other = 2 * path.opening - sum;
-    if (other < kPi) field.mirrored += wave(waveNumber, distance(other));
+    if (other < kPi) field.mirrored += wave(waveNumber, path.distanceAt(other));
     const Complex strength = -std::conj(kEighth) / (2 * n * std::sqrt(2 * kPi * waveNumber) * sine) *
                              wave(waveNumber, toEdge) * std::sqrt(toEdge / (fromEdge * way)) *
                              std::polar(1.0, -waveNumber * fromEdge);
     field.besideDirect = strength * (term(n, difference, 1, kl) + term(n, difference, -1, kl));
     field.besideMirrored = strength * (term(n, sum, 1, kl) + term(n, sum, -1, kl));
     return field;
+}
+
+namespace {
+
+/// The integrand over an edge by the length of the way, without its phase; where the way's length is complex, too.
+class EdgeIntegrand {
+  public:
+    explicit EdgeIntegrand(const WedgePath& path)
+        : index_(kPi / path.opening), twice_(2 * path.sourceRadius * path.receiverRadius) {
+        square_ =
+            path.sourceRadius * path.sourceRadius + path.receiverRadius * path.receiverRadius + path.along * path.along;
+        const double difference = path.receiverAngle - path.sourceAngle, sum = path.receiverAngle + path.sourceAngle;
+        angles_ = {index_ * (kPi + difference), index_ * (kPi - difference), index_ * (kPi + sum),
+                   index_ * (kPi - sum)};
+        for (std::size_t i = 0; i < 4; ++i) {
+            sines_[i] = std::sin(angles_[i]);
+            cosines_[i] = std::cos(angles_[i]);
+        }
+    }
+
+    /// Adds it, `weight` times.
+    void addAt(Complex way, Complex weight, WedgeEnd& sum) const {
+        const Complex cosh = (way * way - square_) / twice_, sinh = std::sqrt(cosh - 1.0) * std::sqrt(cosh + 1.0);
+        const Complex power = std::exp(index_ * std::log(cosh + sinh)), by = 0.5 * (power + 1.0 / power);
+        const Complex factor = -index_ / (2 * kPi * twice_) * weight / sinh;
+        const auto part = [&](std::size_t i) { return sines_[i] / (by - cosines_[i]); };
+        sum.besideDirect += factor * (part(0) + part(1));
+        sum.besideMirrored += factor * (part(2) + part(3));
+    }
+
+  private:
+    double index_, twice_, square_ = 0;
+    std::array<double, 4> angles_{}, sines_{}, cosines_{};
+};
+
+struct QuadratureNode {
+    double at, weight;
+};
+/// Gauss and Laguerre's, of exp(-x) from 0 on, and Gauss and Legendre's, from -1 to 1.
+constexpr std::array<QuadratureNode, 6> kLaguerre{{{0.22284660417926069, 0.45896467394996359},
+                                                   {1.1889321016726230, 0.41700083077212099},
+                                                   {2.9927363260593141, 0.11337338207404498},
+                                                   {5.7751435691045105, 0.010399197453149075},
+                                                   {9.8374674183825899, 0.00026101720281493206},
+                                                   {15.982873980601702, 8.9854790642962124e-7}}};
+constexpr std::array<QuadratureNode, 5> kLegendre{{{-0.90617984593866399, 0.23692688505618909},
+                                                   {-0.53846931010568309, 0.47862867049936647},
+                                                   {0, 0.56888888888888889},
+                                                   {0.53846931010568309, 0.47862867049936647},
+                                                   {0.90617984593866399, 0.23692688505618909}}};
+
+}  // namespace
+
+WedgeEnd wedgeBeyond(const WedgePath& path, double waveNumber, double way) {
+    const EdgeIntegrand integrand(path);
+    const Complex down = -kI / waveNumber;
+    WedgeEnd sum;
+    // Into complex lengths way - i p / k, along which it dies away as exp(-p) and does not turn. Nothing is singular on
+    // that side; the shortest way is, and `past` says how far it is from there.
+    const double past = waveNumber * std::max(0.0, way - path.shortestWay());
+    if (past > 2) {
+        for (const QuadratureNode& node : kLaguerre) integrand.addAt(way + down * node.at, down * node.weight, sum);
+        return sum;
+    }
+    // By q with p = q q, and finer towards 0.
+    constexpr double kEnd = 4.5, kFiner = 0.25;
+    const double least = std::max(0.5 * std::sqrt(past), 1e-4);
+    for (double to = kEnd; to > 0;) {
+        const double from = to > least ? to * kFiner : 0;
+        for (const QuadratureNode& node : kLegendre) {
+            const double q = 0.5 * (from + to) + 0.5 * (to - from) * node.at;
+            integrand.addAt(way + down * (q * q), down * ((to - from) * node.weight * q * std::exp(-q * q)), sum);
+        }
+        to = from;
+    }
+    return sum;
 }
 
 namespace {

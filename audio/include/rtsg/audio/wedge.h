@@ -1,15 +1,18 @@
 // Sound round an edge: the field of a point source beside a rigid wedge, by the uniform theory of diffraction.
+// An edge that ends: less what is beyond its ends, by the exact integral over an edge.
 //
 // The edge is the z axis, the wedge's faces are at the angles 0 and `opening` of the air beside it (2 pi: a half
 // plane). The field is relative to that of the source in the open at 1 m, time as exp(i w t). It is continuous
 // everywhere; near enough to the edge for a wave length to matter the theory is not exact any more (some tenths of a
 // decibel at a third of one). Two edges in a row: the product of their coefficients, of which the one that sound bends
 // less about has the shorter distances, and half of it where the way between them lies on a face of both. Source:
-// Kouyoumjian and Pathak, Proc. IEEE 62 (1974), 1448-1461, hard boundaries; Pierce, JASA 55 (1974), 941-955.
+// Kouyoumjian and Pathak, Proc. IEEE 62 (1974), 1448-1461, hard boundaries; Pierce, JASA 55 (1974), 941-955; of ends
+// Svensson, Fred and Vanderkooy, JASA 106 (1999), 2331-2344.
 // Threading: pure functions.
 #pragma once
 
 #include <complex>
+#include <limits>
 
 namespace rtsg {
 
@@ -18,6 +21,15 @@ struct WedgePath {
     double sourceRadius = 1, receiverRadius = 1;  // m from the edge
     double along = 0;                             // m between both in the edge's direction
     double sourceAngle = 0, receiverAngle = 0;    // radians from the face at 0
+
+    /// Where the edge ends: metres on from the place of the shortest way, as `along` counts.
+    double from = -std::numeric_limits<double>::infinity(), to = std::numeric_limits<double>::infinity();
+
+    /// Metres from one to the other by way of a place on the edge, `offset` metres on from where that is shortest.
+    double wayBy(double offset) const;
+    double shortestWay() const { return wayBy(0); }
+    /// Of what comes as if from the source's angle turned by `angle` less the receiver's: direct sound, or an image.
+    double distanceAt(double angle) const;
 };
 
 struct WedgeField {
@@ -29,8 +41,15 @@ struct WedgeField {
     std::complex<double> total() const { return direct + mirrored + besideDirect + besideMirrored; }
 };
 
-/// `waveNumber` in 1/m.
+/// `waveNumber` in 1/m. Of an edge that goes on for ever.
 WedgeField wedgeField(const WedgePath& path, double waveNumber);
+
+/// What an edge brings that begins at a place where the way is `way` metres, at least the shortest, and leads away from
+/// the place of the shortest for ever: one side of it. Its phase is re that of `way`; a multiple of exp(-i k way).
+struct WedgeEnd {
+    std::complex<double> besideDirect, besideMirrored;
+};
+WedgeEnd wedgeBeyond(const WedgePath& path, double waveNumber, double way);
 
 /// A way from a source round one edge and then another one, at the place where it is shortest.
 struct TwoWedgePath {

@@ -1,0 +1,83 @@
+// What is beyond the ends of an edge, at the tones that stand for all.
+#include "edge_ends.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <numbers>
+
+namespace rtsg {
+namespace {
+
+/// Relative to its delay it changes so slowly that two tones an octave tell of those between, by a cubic.
+constexpr double kTonesAStep = 2.5;
+constexpr std::size_t kSteps = static_cast<std::size_t>(kEdgeTones / kTonesAStep) + 3;
+
+void setSpectrum(const WedgePath& path, double speedOfSound, EdgeEnd& end) {
+    const auto waveNumberAt = [&](double tone) { return 2 * std::numbers::pi * edgeToneHz(tone) / speedOfSound; };
+    // Times its wave number, which what is far from the shortest way goes down with.
+    std::array<WedgeEnd, kSteps> known;
+    for (std::size_t i = 0; i < kSteps; ++i) {
+        const double waveNumber = waveNumberAt((static_cast<double>(i) - 1) * kTonesAStep);
+        known[i] = wedgeBeyond(path, waveNumber, end.way);
+        known[i].besideDirect *= waveNumber;
+        known[i].besideMirrored *= waveNumber;
+    }
+    for (std::size_t tone = 0; tone < kEdgeTones; ++tone) {
+        const double at = static_cast<double>(tone) / kTonesAStep + 1;
+        const std::size_t i = std::min(static_cast<std::size_t>(at), kSteps - 3);
+        const double t = at - static_cast<double>(i), each = 1 / waveNumberAt(static_cast<double>(tone));
+        // Catmull and Rom's.
+        const double w[] = {t * (-1 + t * (2 - t)) / 2, (2 + t * t * (3 * t - 5)) / 2, t * (1 + t * (4 - 3 * t)) / 2,
+                            t * t * (t - 1) / 2};
+        for (std::size_t k = 0; k < 4; ++k) {
+            end.besideDirect[tone] += each * w[k] * known[i - 1 + k].besideDirect;
+            end.besideMirrored[tone] += each * w[k] * known[i - 1 + k].besideMirrored;
+        }
+    }
+}
+
+}  // namespace
+
+std::array<EdgeEnd, 2> endsOf(const WallEdge& edge, const RoundEdge& round, double speedOfSound) {
+    const WedgePath& path = round.path;
+    std::array<EdgeEnd, 2> ends;
+    ends[0].place = edge.from;
+    ends[0].way = path.wayBy(path.from);
+    ends[1].place = edge.from + edge.axis * edge.length;
+    ends[1].way = path.wayBy(path.to);
+    ends[0].share = ends[1].share = -1;
+    if (path.from > 0) ends[0].share = 1;
+    if (path.to < 0) ends[1].share = 1;
+    if (ends[1].way < ends[0].way) std::swap(ends[0], ends[1]);
+    for (EdgeEnd& end : ends) setSpectrum(path, speedOfSound, end);
+    return ends;
+}
+
+double bentPast(const WallEdge& edge, const RoundEdge& round) {
+    const WedgePath& path = round.path;
+    const double near = path.from > 0 ? path.from : path.to;
+    const double along = path.along * path.sourceRadius / (path.sourceRadius + path.receiverRadius);
+    const double in = along + near, out = path.along - in;  // along the edge
+    const double toEdge = std::hypot(path.sourceRadius, in), fromEdge = std::hypot(path.receiverRadius, out);
+    // What counts of it reaches to where the way is a part of a wave of 125 Hz longer.
+    constexpr double kWaveNumber = 2.3;
+    const double longer = std::abs(in / toEdge - out / fromEdge);
+    const double length = std::min(edge.length, longer > 0 ? 1 / (kWaveNumber * longer) : edge.length);
+    const double index = std::numbers::pi / path.opening;
+    const double cosh = (toEdge * fromEdge - in * out) / (path.sourceRadius * path.receiverRadius);
+    const double power = std::pow(cosh + std::sqrt(std::max(0.0, cosh * cosh - 1)), index);
+    double bent = 0;
+    for (const double angle : {path.receiverAngle - path.sourceAngle, path.receiverAngle + path.sourceAngle}) {
+        double both = 0;
+        for (const double sign : {1.0, -1.0}) {
+            const double turned = index * (std::numbers::pi + sign * angle);
+            both += std::sin(turned) / std::max(1e-3, 0.5 * (power + 1 / power) - std::cos(turned));
+        }
+        bent += std::abs(both);
+    }
+    const double direct = path.distanceAt(path.receiverAngle - path.sourceAngle);
+    return index / (4 * std::numbers::pi) * bent * length / (toEdge * fromEdge) * direct;
+}
+
+}  // namespace rtsg
