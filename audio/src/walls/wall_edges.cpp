@@ -108,12 +108,109 @@ bool placedEdge(const MeshEdge& edge, const WorldFromLocal& m, WallEdge& result)
     return glm::dot(result.faceA, result.faceA) > 0.5 && glm::dot(result.faceB, result.faceB) > 0.5;
 }
 
+namespace {
+
+/// Edges are looked for by their middles, in cubes of so many metres.
+constexpr double kCube = 0.01;
+
+glm::dvec3 endOf(const WallEdge& edge) {
+    return edge.from + edge.axis * edge.length;
+}
+glm::dvec3 middleOf(const WallEdge& edge) {
+    return edge.from + edge.axis * (0.5 * edge.length);
+}
+
+/// Nearer than this, places in numbers of single precision are one.
+double rounding(const glm::dvec3& place) {
+    const glm::dvec3 size = glm::abs(place);
+    return 1e-6 * (1 + std::max({size.x, size.y, size.z}));
+}
+
+std::uint64_t cubeOf(const glm::dvec3& place) {
+    std::uint64_t sum = 0;
+    for (int i = 0; i < 3; ++i) {
+        const double cube = std::clamp(std::floor(place[i] / kCube), -9e15, 9e15);
+        sum = (sum ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(cube))) * 0x9E3779B97F4A7C15ull;
+        sum ^= sum >> 29;
+    }
+    return sum;
+}
+
+/// The cubes that a place may have been put into, but for rounding.
+std::vector<std::uint64_t> cubesNear(const glm::dvec3& place) {
+    const double off = rounding(place);
+    std::vector<std::uint64_t> cubes;
+    for (int i = 0; i < 8; ++i)
+        cubes.push_back(cubeOf(place + off * glm::dvec3(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1)));
+    std::sort(cubes.begin(), cubes.end());
+    cubes.erase(std::unique(cubes.begin(), cubes.end()), cubes.end());
+    return cubes;
+}
+
+bool atOnePlace(const WallEdge& a, const WallEdge& b) {
+    const double off = 2 * rounding(a.from);
+    const auto near = [&](const glm::dvec3& p, const glm::dvec3& q) { return glm::distance(p, q) <= off; };
+    return (near(a.from, b.from) && near(endOf(a), endOf(b))) || (near(a.from, endOf(b)) && near(endOf(a), b.from));
+}
+
+}  // namespace
+
+void EdgeTable::join(const Place& place, const Place& known) {
+    std::uint32_t group = at(known).group;
+    if (group == kAlone) {
+        if (unused_.empty()) {
+            unused_.push_back(static_cast<std::uint32_t>(groups_.size()));
+            groups_.emplace_back();
+        }
+        group = unused_.back();
+        unused_.pop_back();
+        groups_[group] = {known};
+        edges_[known.slot][known.index].group = group;
+    }
+    std::vector<Place>& members = groups_[group];
+    members.insert(std::upper_bound(members.begin(), members.end(), place), place);
+    edges_[place.slot][place.index].group = group;
+}
+
+void EdgeTable::add(std::uint32_t slot, const WallEdge& edge) {
+    const Place place{slot, static_cast<std::uint32_t>(edges_[slot].size())};
+    edges_[slot].push_back({edge});
+    const glm::dvec3 middle = middleOf(edge);
+    for (const std::uint64_t cube : cubesNear(middle)) {
+        const auto found = byMiddle_.find(cube);
+        if (found == byMiddle_.end()) continue;
+        const auto known =
+            std::ranges::find_if(found->second, [&](const Place& one) { return atOnePlace(edge, at(one).edge); });
+        if (known == found->second.end()) continue;
+        join(place, *known);
+        break;
+    }
+    byMiddle_[cubeOf(middle)].push_back(place);
+}
+
+void EdgeTable::removeAll(std::uint32_t slot) {
+    for (std::uint32_t i = 0; i < edges_[slot].size(); ++i) {
+        const Place place{slot, i};
+        const auto cube = byMiddle_.find(cubeOf(middleOf(at(place).edge)));
+        std::erase(cube->second, place);
+        if (cube->second.empty()) byMiddle_.erase(cube);
+        const std::uint32_t group = at(place).group;
+        if (group == kAlone) continue;
+        std::erase(groups_[group], place);
+        if (groups_[group].size() > 1) continue;
+        for (const Place& last : groups_[group]) edges_[last.slot][last.index].group = kAlone;
+        groups_[group].clear();
+        unused_.push_back(group);
+    }
+    edges_[slot].clear();
+}
+
 void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
     if (slot >= edges_.size()) {
         if (!wall.mesh) return;
         edges_.resize(slot + 1);
     }
-    edges_[slot].clear();
+    removeAll(slot);
     if (!wall.mesh) return;
     CachedMesh& cached = meshes_[wall.mesh.get()];
     // The address may be another mesh's by now.
@@ -123,7 +220,7 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
         WallEdge placed;
         if (!placedEdge(edge, wall.worldFromLocal, placed)) continue;
         placed.material = wall.material;
-        edges_[slot].push_back(placed);
+        add(slot, placed);
     }
     if (meshes_.size() > 2 * meshesAtPurge_ + 64) {
         std::erase_if(meshes_, [](const auto& entry) { return entry.second.mesh.expired(); });
@@ -131,10 +228,43 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
     }
 }
 
+void EdgeTable::visitGroup(const std::vector<Place>& group, std::span<const std::uint32_t> open,
+                           const AcousticGeometry::EdgeVisitor& visit) const {
+    constexpr double kOneFace = 1 - 1e-6;
+    std::vector<glm::dvec3> faces;
+    const WallEdge* first = nullptr;
+    for (const Place& place : group) {
+        if (std::ranges::find(open, place.slot) != open.end()) continue;
+        const WallEdge& edge = at(place).edge;
+        if (!first) first = &edge;
+        for (const glm::dvec3& face : {edge.faceA, edge.faceB})
+            if (std::ranges::none_of(faces, [&](const glm::dvec3& one) { return glm::dot(one, face) > kOneFace; }))
+                faces.push_back(face);
+    }
+    // Where more than two surfaces meet there is no wedge, and where one goes on in the other none either.
+    if (!first || faces.size() > 2 || (faces.size() == 2 && glm::dot(faces[0], faces[1]) < -std::cos(kFlat))) return;
+    WallEdge one = *first;
+    one.faceA = faces.front();
+    one.faceB = faces.back();
+    visit(one);
+}
+
 void EdgeTable::visitBut(std::span<const std::uint32_t> open, const AcousticGeometry::EdgeVisitor& visit) const {
-    for (std::uint32_t slot = 0; slot < edges_.size(); ++slot)
-        if (std::find(open.begin(), open.end(), slot) == open.end())
-            for (const WallEdge& edge : edges_[slot]) visit(edge);
+    for (std::uint32_t slot = 0; slot < edges_.size(); ++slot) {
+        if (std::ranges::find(open, slot) != open.end()) continue;
+        for (std::uint32_t i = 0; i < edges_[slot].size(); ++i) {
+            const Placed& placed = edges_[slot][i];
+            if (placed.group == kAlone) {
+                visit(placed.edge);
+                continue;
+            }
+            // With the first of them that is not open.
+            const std::vector<Place>& group = groups_[placed.group];
+            const auto first = std::ranges::find_if(
+                group, [&](const Place& one) { return std::ranges::find(open, one.slot) == open.end(); });
+            if (*first == Place{slot, i}) visitGroup(group, open, visit);
+        }
+    }
 }
 
 }  // namespace rtsg

@@ -1,9 +1,12 @@
 // Edges of walls round which sound bends: where two surfaces of a mesh meet, and the rims of surfaces.
 //
-// Corners at one place are one corner, whatever their normals. The work follows the walls that change; edges are found
-// once a mesh. Threading: change() alone; the rest are const.
+// Corners at one place are one corner, whatever their normals, and edges at one place are one edge, of whatever walls:
+// two rims that meet are an edge of both. The work follows the walls that change; edges are found once a mesh.
+// Threading: change() alone; the rest are const.
 #pragma once
 
+#include <compare>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -40,7 +43,27 @@ class EdgeTable {
         std::weak_ptr<const Mesh> mesh;
         std::shared_ptr<const std::vector<MeshEdge>> edges;
     };
-    std::vector<std::vector<WallEdge>> edges_;
+    static constexpr std::uint32_t kAlone = 0xFFFFFFFF;
+    struct Placed {
+        WallEdge edge;
+        std::uint32_t group = kAlone;
+    };
+    struct Place {
+        std::uint32_t slot = 0, index = 0;
+        auto operator<=>(const Place&) const = default;
+    };
+
+    const Placed& at(const Place& place) const { return edges_[place.slot][place.index]; }
+    void add(std::uint32_t slot, const WallEdge& edge);
+    void join(const Place& place, const Place& known);
+    void removeAll(std::uint32_t slot);
+    void visitGroup(const std::vector<Place>& group, std::span<const std::uint32_t> open,
+                    const AcousticGeometry::EdgeVisitor& visit) const;
+
+    std::vector<std::vector<Placed>> edges_;
+    std::vector<std::vector<Place>> groups_;  // edges at one place, in order
+    std::vector<std::uint32_t> unused_;       // of the groups
+    std::unordered_map<std::uint64_t, std::vector<Place>> byMiddle_;
     std::unordered_map<const Mesh*, CachedMesh> meshes_;
     std::size_t meshesAtPurge_ = 0;
 };

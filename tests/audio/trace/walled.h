@@ -17,8 +17,9 @@ namespace rtsg::test {
 
 /// Walls of one mesh, in the world at once.
 struct Walled {
+    /// As often as there are transforms.
     Walled(const std::vector<glm::dvec3>& corners, const std::vector<std::uint32_t>& triangles, double absorption = 0,
-           const WorldFromLocal& m = WorldFromLocal(1.0))
+           const std::vector<WorldFromLocal>& transforms = {WorldFromLocal(1.0)})
         : walls(world, {allBands(absorption), allBands(0), allBands(0)}) {
         auto mesh = std::make_shared<Mesh>();
         for (const glm::dvec3& p : corners) mesh->positions.push_back(Vec3f(p));
@@ -28,12 +29,14 @@ struct Walled {
         for (const Vec3f& p : mesh->positions) mesh->bounds.extend(p);
         InstanceDelta delta;
         delta.geometries.push_back({NodeId{1}, mesh});
-        Instance instance;
-        instance.id = {0, 0};
-        instance.shape = NodeId{2};
-        instance.geometry = NodeId{1};
-        instance.worldFromLocal = m;
-        delta.added.push_back(instance);
+        for (const WorldFromLocal& m : transforms) {
+            Instance instance;
+            instance.id = {static_cast<std::uint32_t>(delta.added.size()), 0};
+            instance.shape = NodeId{2};
+            instance.geometry = NodeId{1};
+            instance.worldFromLocal = m;
+            delta.added.push_back(instance);
+        }
         world.apply(delta);
         walls.apply(delta);
         geometry.follow(walls.freeze(), world);

@@ -242,7 +242,7 @@ TEST(Edges, AreThoseRoundWhichSoundBends) {
                                          2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
     WorldFromLocal large(4.0);
     large[3] = {-2, -2, -2};
-    const Walled room(corners, box, 0, large);
+    const Walled room(corners, box, 0, {large});
     EXPECT_EQ(room.edges(), 12);  // and not the diagonals
     // Within a box no edge is convex; from outside one sees round it.
     EXPECT_EQ(room.arrivals({-1, .2, .3}, {1, .4, -.3}).size(), room.arrivals({-1, .2, .3}, {1, .4, -.3}, 0).size());
@@ -258,6 +258,35 @@ TEST(Edges, AreThoseRoundWhichSoundBends) {
     EXPECT_NEAR(4 * M_PI * dark[0].energy[kBand1k + 3],
                 std::norm(wedgeField(pathTo(300), 2 * M_PI * 8000 / 343).besideDirect),
                 .1 * 4 * M_PI * dark[0].energy[kBand1k + 3]);
+}
+
+TEST(Edges, OfTwoWallsThatMeetOrLieInOnePlaceAreOne) {
+    const double far = 200;
+    const std::vector<glm::dvec3> corners{{0, 0, -far}, {far, 0, -far}, {far, 0, far}, {0, 0, far}};
+    const std::vector<std::uint32_t> quad{0, 1, 2, 0, 2, 3};
+    WorldFromLocal down(1.0);  // turned by 270 degrees about the edge
+    down[0] = {0, -1, 0};
+    down[1] = {1, 0, 0};
+    const Walled corner(corners, quad, 0, {WorldFromLocal(1.0), down});
+    EXPECT_EQ(corner.edges(), 7);
+    const Walled one({{0, 0, -far}, {far, 0, -far}, {far, 0, far}, {0, 0, far}, {0, -far, -far}, {0, -far, far}},
+                     {0, 1, 2, 0, 2, 3, 0, 4, 5, 0, 5, 3});
+    const Walled twice(corners, quad, 0, {WorldFromLocal(1.0), WorldFromLocal(1.0)}), once(corners, quad);
+    EXPECT_EQ(twice.edges(), 4);
+    const glm::dvec3 source = about(3, 60, 0);
+    for (const double degrees : {150.0, 200.0, 235.0, 250.0}) {
+        const glm::dvec3 listener = about(2, degrees, 1);
+        const double distance = glm::distance(source, listener);
+        for (const double hz : {125.0, 1000.0}) {
+            // Of two walls nothing was heard in the shadow, and of a wall that is there twice 6 dB too much.
+            EXPECT_NEAR(heardAt(corner.traced(source, listener), hz, distance),
+                        heardAt(one.traced(source, listener), hz, distance), .01)
+                << degrees;
+            EXPECT_NEAR(heardAt(twice.traced(source, listener), hz, distance),
+                        heardAt(once.traced(source, listener), hz, distance), .01)
+                << degrees;
+        }
+    }
 }
 
 TEST(Edges, SeamsOfWallsAreNone) {

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <random>
 #include <vector>
 
@@ -150,6 +151,82 @@ TEST(WallEdges, BothSurfacesOfAnEdgeHaveADirection) {
         MeshEdge flat = whole;
         (first ? flat.besideA : flat.besideB) = Vec3f(.5f, 0, 0);
         EXPECT_FALSE(placedEdge(flat, WorldFromLocal(1.0), placed)) << first;
+    }
+}
+
+/// The unit square in y = 0 as a wall.
+Wall square(const WorldFromLocal& m = WorldFromLocal(1.0)) {
+    Wall wall;
+    wall.mesh = std::make_shared<const Mesh>(meshOfTriangles(
+        {{Vec3f(0, 0, 0), Vec3f(1, 0, 0), Vec3f(1, 0, 1)}, {Vec3f(0, 0, 0), Vec3f(1, 0, 1), Vec3f(0, 0, 1)}}));
+    wall.worldFromLocal = m;
+    return wall;
+}
+
+WorldFromLocal turnedAboutZ(double degrees, const glm::dvec3& by = glm::dvec3(0)) {
+    const double a = degrees * M_PI / 180;
+    WorldFromLocal m(1.0);
+    m[0] = {std::cos(a), std::sin(a), 0};
+    m[1] = {-std::sin(a), std::cos(a), 0};
+    m[3] = by;
+    return m;
+}
+
+/// Rims, and edges of two surfaces.
+std::array<int, 2> kindsIn(const EdgeTable& table, const std::vector<std::uint32_t>& open = {}) {
+    std::array<int, 2> kinds{};
+    table.visitBut(open, [&](const WallEdge& edge) { ++kinds[glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9 ? 0 : 1]; });
+    return kinds;
+}
+
+TEST(EdgeTable, EdgesOfWallsAtOnePlaceAreOne) {
+    using Kinds = std::array<int, 2>;
+    EdgeTable table;
+    table.change(0, square());
+    EXPECT_EQ(kindsIn(table), (Kinds{4, 0}));
+    table.change(3, square(turnedAboutZ(90)));
+    EXPECT_EQ(kindsIn(table), (Kinds{6, 1}));
+    // The other one has its rim while one of them is open, and again when that is away.
+    EXPECT_EQ(kindsIn(table, {3}), (Kinds{4, 0}));
+    EXPECT_EQ(kindsIn(table, {0}), (Kinds{4, 0}));
+    table.change(3, square(turnedAboutZ(90, {0, .1, 0})));
+    EXPECT_EQ(kindsIn(table), (Kinds{8, 0}));
+    // As good as there: rounding of single precision.
+    table.change(3, square(turnedAboutZ(90, {3e-7, -2e-7, 1e-7})));
+    EXPECT_EQ(kindsIn(table), (Kinds{6, 1}));
+    // A surface that goes on, one that is there already, and a third one.
+    table.change(3, square(turnedAboutZ(178)));
+    EXPECT_EQ(kindsIn(table), (Kinds{6, 0}));
+    table.change(3, square());
+    EXPECT_EQ(kindsIn(table), (Kinds{4, 0}));
+    table.change(3, square(turnedAboutZ(90)));
+    table.change(1, square(turnedAboutZ(230)));
+    EXPECT_EQ(kindsIn(table), (Kinds{9, 0}));
+    EXPECT_EQ(kindsIn(table, {0}), (Kinds{6, 1}));
+    table.change(3, Wall());
+    EXPECT_EQ(kindsIn(table), (Kinds{6, 1}));
+    table.change(0, Wall());
+    table.change(1, Wall());
+    EXPECT_EQ(kindsIn(table), (Kinds{0, 0}));
+}
+
+TEST(EdgeTable, IsAfterChangesAsOneThatWasBuiltAnew) {
+    const unsigned seed = 1128;
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    EdgeTable table;
+    std::array<Wall, 6> walls;
+    for (int step = 0; step < 300; ++step) {
+        const std::uint32_t slot = random() % walls.size();
+        // Large coordinates, and places at the cubes' sides.
+        const glm::dvec3 by = glm::dvec3(.01 * (random() % 2), 0, 0) + 1000.0 * (random() % 2);
+        walls[slot] = random() % 4 ? square(turnedAboutZ(90.0 * (random() % 4), by)) : Wall();
+        table.change(slot, walls[slot]);
+        EdgeTable anew;
+        for (std::uint32_t i = 0; i < walls.size(); ++i) anew.change(i, walls[i]);
+        const std::vector<std::uint32_t> open{static_cast<std::uint32_t>(random() % walls.size())};
+        EXPECT_EQ(kindsIn(table), kindsIn(anew)) << step;
+        EXPECT_EQ(kindsIn(table, open), kindsIn(anew, open)) << step;
     }
 }
 
