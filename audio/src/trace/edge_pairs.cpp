@@ -2,10 +2,11 @@
 #include "edge_pairs.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <numbers>
-#include <optional>
+#include <utility>
 
 #include "edge_tones.h"
 #include "edge_waves.h"
@@ -26,7 +27,41 @@ struct PairWay {
     glm::dvec3 byFirst{0}, bySecond{0};
     EdgeTurn atFirst, atSecond;
     TwoWedgePath path;
+    /// Of each edge: how far within it both ends are from the place, metres, negative beyond an end; and half of the
+    /// second derivative of the way's length by the place, that of the other edge being the best.
+    std::array<double, 2> fromLow{}, fromHigh{}, bend{};
+    bool sharesLow[2]{}, sharesHigh[2]{};  // the end is one of the other edge, too
+    /// How much longer the way is by the ends that it leads past, metres.
+    double past = 0;
 };
+
+/// Ways past an end count as far as this share of the edge, at most a metre.
+double reachPast(const WallEdge& edge) {
+    return std::min(1.0, 0.5 * edge.length);
+}
+
+bool isOnePlace(const glm::dvec3& a, const glm::dvec3& b) {
+    return glm::distance(a, b) <= 1e-6 * (1 + glm::length(a));
+}
+
+void setShared(PairWay& way) {
+    const WallEdge* const edges[] = {way.first, way.second};
+    for (std::size_t e = 0; e < 2; ++e) {
+        const WallEdge &edge = *edges[e], &other = *edges[1 - e];
+        const auto shared = [&](const glm::dvec3& end) {
+            return isOnePlace(end, other.from) || isOnePlace(end, other.from + other.axis * other.length);
+        };
+        way.sharesLow[e] = shared(edge.from);
+        way.sharesHigh[e] = shared(edge.from + edge.axis * edge.length);
+    }
+}
+
+/// The complementary error function of sqrt(i x), x >= 0.
+std::complex<double> diagonalErfc(double x) {
+    if (!(x > 1e-12)) return 1;
+    // diffractionTransition() is this times i sqrt(pi x) exp(i x) exp(-i pi / 4).
+    return diffractionTransition(x) / std::polar(std::sqrt(std::numbers::pi * x), x + 0.25 * std::numbers::pi);
+}
 
 /// By the shortest way from a source round a first edge to a place on a second one.
 class WayToPlace {
@@ -62,13 +97,15 @@ class WayToPlace {
 
 /// The places on both edges by which the way is shortest. Its length is convex in both places, so that with the best
 /// one on the first edge for each on the second it is so, too, and its growth has one zero, however near the edges come
-/// to each other. False if that lies beyond the edges' ends.
+/// to each other. False if that lies far beyond the edges' ends, or beyond a corner of both.
 bool shortest(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way) {
     const WallEdge &a = *way.first, &b = *way.second;
     WayToPlace to(source, listener, a, b);
+    setShared(way);
     // A little off the ends: at a corner that both share there is no direction from one to the other.
     constexpr double kOff = 1e-9;
-    double low = kOff * b.length, high = (1 - kOff) * b.length;
+    double low = way.sharesLow[1] ? kOff * b.length : -reachPast(b);
+    double high = b.length + (way.sharesHigh[1] ? -kOff * b.length : reachPast(b));
     double atLow = to.growthAt(low), atHigh = to.growthAt(high);
     if (!(atLow < 0 && atHigh > 0)) return false;
     // Regula falsi; an end that stays counts half, as in the Illinois method.
@@ -89,7 +126,9 @@ bool shortest(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way
         }
     }
     const double toFirst = glm::distance(source, to.byFirst);
-    if (!(toFirst > 0 && to.across > 1e-9 * (toFirst + to.out) && to.x >= 0 && to.x <= a.length)) return false;
+    if (!(toFirst > 0 && to.across > 1e-9 * (toFirst + to.out))) return false;
+    if (!(to.x >= (way.sharesLow[0] ? 0 : -reachPast(a)) && a.length - to.x >= (way.sharesHigh[0] ? 0 : -reachPast(a))))
+        return false;
     way.byFirst = to.byFirst;
     way.bySecond = to.bySecond;
     const glm::dvec3 in = (to.byFirst - source) / toFirst, out = (listener - to.bySecond) / to.out;
@@ -97,74 +136,129 @@ bool shortest(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way
     way.path.first.sine = glm::length(glm::cross(in, a.axis));
     way.path.second.sine = glm::length(glm::cross(out, b.axis));
     if (!(way.path.first.sine > 0 && way.path.second.sine > 0)) return false;
-    setDistances(way.path, toFirst, to.across, to.out,
-                 glm::dot(a.axis, b.axis) - glm::dot(across, a.axis) * glm::dot(across, b.axis));
+    const double between = glm::dot(a.axis, b.axis) - glm::dot(across, a.axis) * glm::dot(across, b.axis);
+    setDistances(way.path, toFirst, to.across, to.out, between);
+    const auto square = [](double x) { return x * x; };
+    const auto squareSine = [&](const glm::dvec3& axis) { return 1 - square(glm::dot(across, axis)); };
+    const double xx = square(way.path.first.sine) / toFirst + squareSine(a.axis) / to.across;
+    const double yy = square(way.path.second.sine) / to.out + squareSine(b.axis) / to.across;
+    const double xy = between / to.across;
+    way.bend = {0.5 * std::max(0.0, xx - xy * xy / yy), 0.5 * std::max(0.0, yy - xy * xy / xx)};
+    const double y = glm::dot(to.bySecond - b.from, b.axis);
+    way.fromLow = {to.x, y};
+    way.fromHigh = {a.length - to.x, b.length - y};
+    way.past = 0;
+    for (std::size_t e = 0; e < 2; ++e)
+        way.past += way.bend[e] * square(std::min(0.0, std::min(way.fromLow[e], way.fromHigh[e])));
     return true;
 }
 
-bool bends(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way) {
+/// Of the whole wave that is bent by edges without ends: its share, less the phase of PairWay::past.
+std::complex<double> endsShare(const PairWay& way, double waveNumber) {
+    using Complex = std::complex<double>;
+    Complex share = std::polar(1.0, waveNumber * way.past);
+    for (std::size_t e = 0; e < 2; ++e) {
+        Complex one = 1;
+        for (const auto& [within, shared] :
+             {std::pair(way.fromLow[e], way.sharesLow[e]), std::pair(way.fromHigh[e], way.sharesHigh[e])}) {
+            const double x = waveNumber * way.bend[e] * within * within;
+            Complex beyond = 0.5 * diagonalErfc(x);
+            if (within < 0)
+                // It fades towards where ways are not looked for any more.
+                one *= beyond * (1 + within / reachPast(e == 0 ? *way.first : *way.second));
+            else
+                // What comes by the end is another wave, later: where that can be told it is not part of this one.
+                one -= beyond * std::exp(-x / 8) * (shared ? 2.0 : 1.0);
+        }
+        share *= one;
+    }
+    return share;
+}
+
+/// Whether the second edge lies in a face of the first.
+bool onFaceOf(const WallEdge& a, const WallEdge& b) {
+    const glm::dvec3 way = b.from - a.from;
+    const double rounding = 1e-5 * (glm::length(way) + b.length);
+    for (const glm::dvec3& face : {a.faceA, a.faceB}) {
+        const glm::dvec3 normal = glm::cross(a.axis, face);
+        if (std::abs(glm::dot(way, normal)) < rounding && std::abs(glm::dot(b.axis, normal)) < 1e-5) return true;
+    }
+    return false;
+}
+
+bool bends(const glm::dvec3& source, const glm::dvec3& listener, bool heardStraight, PairWay& way) {
     const glm::dvec3 across = way.bySecond - way.byFirst;
     if (!turnAt(*way.first, source - way.byFirst, across, way.atFirst) ||
         !turnAt(*way.second, -across, listener - way.bySecond, way.atSecond))
         return false;
-    // Sound that neither hides is not bent by both.
-    if (!(way.atFirst.shadow() > 0) && !(way.atSecond.shadow() > 0)) return false;
+    way.path.onOneFace = way.atFirst.outOnFace && way.atSecond.inOnFace;
+    // Sound that neither hides is bent by both where it goes along a face; not that which is thrown back.
+    constexpr double kBack = -0.5 * std::numbers::pi;
+    const bool hidden = way.atFirst.shadow() > 0 || way.atSecond.shadow() > 0;
+    if ((heardStraight || !hidden) && !way.path.onOneFace) return false;
+    if (way.atFirst.shadow() < kBack || way.atSecond.shadow() < kBack) return false;
     way.path.first.opening = way.atFirst.opening;
     way.path.first.in = way.atFirst.in;
     way.path.first.out = way.atFirst.out;
     way.path.second.opening = way.atSecond.opening;
     way.path.second.in = way.atSecond.in;
     way.path.second.out = way.atSecond.out;
-    way.path.onOneFace = way.atFirst.outOnFace && way.atSecond.inOnFace;
     return true;
 }
 
 /// Whether there is air on the whole way. What lies on a face is looked for a little off it.
 bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
             const PairWay& way) {
-    if (!seen(geometry, source, way.byFirst) || !seen(geometry, listener, way.bySecond)) return false;
+    const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
+    if (!seen(geometry, source, first) || !seen(geometry, listener, second)) return false;
     glm::dvec3 off(0);
     if (way.atFirst.outOnFace)
         off = way.atFirst.offFace(*way.first, true);
     else if (way.atSecond.inOnFace)
         off = way.atSecond.offFace(*way.second, false);
-    const glm::dvec3 size = glm::max(glm::abs(way.byFirst), glm::abs(way.bySecond));
+    const glm::dvec3 size = glm::max(glm::abs(first), glm::abs(second));
     off *= std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
-    const glm::dvec3 across = way.bySecond - way.byFirst;
+    const glm::dvec3 across = second - first;
     const double length = glm::length(across), rounding = std::min(0.25 * length, 1e-5 * (1 + length));
     AcousticHit hit;
-    if (geometry.closest(way.byFirst + off + across * (rounding / length), across / length, length - 2 * rounding,
-                         kNoPlane, hit))
+    if (geometry.closest(first + off + across * (rounding / length), across / length, length - 2 * rounding, kNoPlane,
+                         hit))
         return false;
-    return isOpen(geometry, *way.first, way.byFirst, way.atFirst.opening, way.atFirst.turn) &&
-           isOpen(geometry, *way.second, way.bySecond, way.atSecond.opening, way.atSecond.turn);
+    return isOpen(geometry, *way.first, first, way.atFirst.opening, way.atFirst.turn) &&
+           isOpen(geometry, *way.second, second, way.atSecond.opening, way.atSecond.turn);
 }
 
 bool isSame(const WallEdge& a, const WallEdge& b) {
     return a.from == b.from && a.axis == b.axis && a.length == b.length;
 }
 
-/// What an edge bends by itself, with a part of what goes on round the other one: a factor of its energy. Gives the
-/// share of that part.
-double goOn(const PairWay& way, const BentArrival& parent, bool parentIsFirst, const EdgeTones& tones,
-            Arrival& arrival) {
-    const WedgePath& alone = parent.round.path;
-    const double dark = std::abs(alone.receiverAngle - alone.sourceAngle) - std::numbers::pi;
-    const double lit = -(parentIsFirst ? way.atSecond : way.atFirst).shadow();
-    const double share = dark / (dark + lit);
-    if (!(share > 0 && share <= 1)) return 0;
+/// What is there by itself, with what goes on round both edges: a factor of its energy. `parts`: of the edges by which
+/// alone it comes, each in its shadow by itself, or both, or one, with direct sound.
+void goOn(const PairWay& way, const std::vector<const BentArrival*>& parts, const EdgeTones& tones, Arrival& arrival) {
     for (std::size_t b = 0; b < kBandCount; ++b) {
         double with = 0, without = 0;
         tones.each(b, [&](std::size_t, double waveNumber) {
             const double first = tones.mirrors(way.first->material, b), second = tones.mirrors(way.second->material, b);
-            const WedgeField f = wedgeField(alone, waveNumber);
-            const std::complex<double> by = f.besideDirect + (parentIsFirst ? first : second) * f.besideMirrored;
-            with += std::norm(by + share * twoWedgeField(way.path, waveNumber, first, second));
-            without += std::norm(by);
+            std::complex<double> sum = twoWedgeField(way.path, waveNumber, first, second) *
+                                       std::polar(1.0, -waveNumber * way.past) * endsShare(way, waveNumber);
+            // Each edge has been a factor by itself.
+            double product = 1, direct = 0;
+            for (const BentArrival* part : parts) {
+                const WedgeField f = wedgeField(part->round.path, waveNumber);
+                const std::complex<double> by =
+                    f.besideDirect + tones.mirrors(part->edge.material, b) * f.besideMirrored;
+                if (part->lit && direct == 0) {
+                    sum += f.direct;
+                    direct = std::norm(f.direct);
+                }
+                sum += by;
+                product *= std::norm(f.direct + by) / (part->lit ? direct : 1);
+            }
+            with += std::norm(sum);
+            without += product * (direct > 0 ? direct : 1);
         });
         if (without > 0) arrival.energy[b] *= with / without;
     }
-    return share;
 }
 
 /// The wave that both edges bend, and for an arrival of its own its energies.
@@ -176,18 +270,20 @@ struct Bent {
 Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
             const EdgeTones& tones) {
     const Bands attenuation = airAttenuation(options.air);
-    const double length = way.path.way;
+    const double length = way.path.way + way.past;
+    const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
     Bent bent;
     bent.arrival.seconds = bent.wave.seconds = length / options.air.speedOfSound;
     bent.arrival.order = bent.wave.order = 2;
-    bent.arrival.direction = bent.wave.direction = glm::normalize(way.bySecond - listener);
-    const double sent = options.pattern ? options.pattern(glm::normalize(way.byFirst - source)) : 1;
+    bent.arrival.direction = bent.wave.direction = glm::normalize(second - listener);
+    const double sent = options.pattern ? options.pattern(glm::normalize(first - source)) : 1;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         double energy = 0;
         tones.each(b, [&](std::size_t tone, double waveNumber) {
-            const std::complex<double> field = twoWedgeField(
-                way.path, waveNumber, tones.mirrors(way.first->material, b), tones.mirrors(way.second->material, b));
-            bent.wave.pressure[tone] = std::complex<float>(field * std::polar(1.0, waveNumber * length));
+            const std::complex<double> field =
+                endsShare(way, waveNumber) * twoWedgeField(way.path, waveNumber, tones.mirrors(way.first->material, b),
+                                                           tones.mirrors(way.second->material, b));
+            bent.wave.pressure[tone] = std::complex<float>(field * std::polar(1.0, waveNumber * way.path.way));
             energy += std::norm(field) / EdgeTones::kTones;
         });
         bent.arrival.energy[b] = sent * energy / (4 * std::numbers::pi) * std::exp(-attenuation[b] * length);
@@ -200,7 +296,8 @@ Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& list
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, std::vector<EdgeCandidate> edges,
-                           const std::vector<BentArrival>& bent, std::vector<Arrival>& arrivals, EdgeField& field) {
+                           const std::vector<BentArrival>& bent, bool heardStraight, std::vector<Arrival>& arrivals,
+                           EdgeField& field) {
     EdgePairCount count;
     const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
     std::stable_sort(edges.begin(), edges.end(), shorter);
@@ -212,11 +309,12 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
     std::vector<PairWay> ways;
     for (const EdgeCandidate& first : edges)
         for (const EdgeCandidate& second : edges) {
-            if (&first == &second) continue;
+            if (&first == &second || (heardStraight && !onFaceOf(first.edge, second.edge))) continue;
             PairWay way;
             way.first = &first.edge;
             way.second = &second.edge;
-            if (shortest(source, listener, way) && way.path.way < longest && bends(source, listener, way))
+            if (shortest(source, listener, way) && way.path.way < longest &&
+                bends(source, listener, heardStraight, way))
                 ways.push_back(way);
         }
     std::stable_sort(ways.begin(), ways.end(),
@@ -226,35 +324,39 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
         ways.resize(kPairs);
     }
     const EdgeTones tones(geometry, options.air.speedOfSound);
-    const auto addWave = [&](EdgeWave wave, double share, double length) {
-        for (std::complex<float>& tone : wave.pressure) tone *= static_cast<float>(share);
+    const auto addWave = [&](const EdgeWave& wave, double length) {
         if (!isFaint(wave, length)) field.waves.push_back(wave);
     };
-    const auto addByItself = [&](const PairWay& way) {
-        Bent both = bentBy(way, source, listener, options, tones);
-        addWave(both.wave, 1, way.path.way);
-        both.arrival.straight = static_cast<std::int32_t>(field.straight.size());
-        field.straight.push_back({});
-        arrivals.push_back(both.arrival);
-        ++count.heard;
+    const auto alone = [&](const WallEdge& edge) {
+        const auto found = std::ranges::find_if(bent, [&](const BentArrival& one) { return isSame(one.edge, edge); });
+        return found == bent.end() ? nullptr : &*found;
     };
     for (const PairWay& way : ways) {
         if (!isFree(geometry, source, listener, way)) continue;
         const bool firstHides = way.atFirst.shadow() > 0, secondHides = way.atSecond.shadow() > 0;
-        if (firstHides && secondHides) {
-            addByItself(way);
+        std::vector<const BentArrival*> parts;
+        if (firstHides != secondHides) {
+            const BentArrival* const parent = alone(firstHides ? *way.first : *way.second);
+            if (parent && !parent->lit) parts = {parent};
+        }
+        if (parts.empty() && !(firstHides && secondHides))
+            for (const WallEdge* edge : {way.first, way.second})
+                if (const BentArrival* const one = alone(*edge); one && one->lit) parts.push_back(one);
+        // It is chance whether a ray along the boundary finds its way: half of it is left on either side.
+        const bool grazes = (firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing;
+        const bool byItself = (firstHides && secondHides) || (parts.empty() && grazes);
+        if (parts.empty() && !byItself) continue;
+        Bent both = bentBy(way, source, listener, options, tones);
+        addWave(both.wave, way.path.way);
+        ++count.heard;
+        if (!byItself) {
+            // Where both edges are heard by themselves as well, levels of octaves have what each does to direct sound.
+            if (parts.size() == 1) goOn(way, parts, tones, arrivals[parts.front()->arrival]);
             continue;
         }
-        const WallEdge& hides = firstHides ? *way.first : *way.second;
-        const auto parent = std::ranges::find_if(bent, [&](const BentArrival& one) { return isSame(one.edge, hides); });
-        if (parent != bent.end()) {
-            const double share = goOn(way, *parent, firstHides, tones, arrivals[parent->arrival]);
-            if (share > 0) addWave(bentBy(way, source, listener, options, tones).wave, share, way.path.way);
-            ++count.heard;
-        } else if ((firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing) {
-            // It is chance whether a ray along the boundary finds its way: half of it is left on either side.
-            addByItself(way);
-        }
+        both.arrival.straight = static_cast<std::int32_t>(field.straight.size());
+        field.straight.push_back({});
+        arrivals.push_back(both.arrival);
     }
     return count;
 }

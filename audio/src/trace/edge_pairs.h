@@ -1,10 +1,10 @@
 // Diffraction of second order: sound that two edges in a row bend, behind what is thick, and behind two screens.
 //
-// It counts where direct sound does not come. Behind both edges it is an arrival of its own. Where one of them alone
-// hides the source (or the listener), it goes on into what that one bends: at the boundary of the other edge's shadow
-// all of it counts, so that half of the pressure is left on both sides; towards direct sound it fades. So all is
-// continuous but where both boundaries meet. Of all pairs the shortest count, see EdgePairCount. Source: see wedge.h.
-// Threading: pure functions over const geometry.
+// Behind both edges it is an arrival of its own. Where one of them alone hides the source (or the listener), it goes on
+// into what that one bends, so that at the boundary of the other edge's shadow half of the pressure is left on both
+// sides. Where direct sound is heard, or neither edge hides anything, it counts along a face of both, which sound
+// leaves at its far edge: over what is broad. So all is continuous but where both boundaries meet. Of all pairs the
+// shortest count, see EdgePairCount. Source: see wedge.h. Threading: pure functions over const geometry.
 #pragma once
 
 #include <vector>
@@ -15,11 +15,12 @@
 
 namespace rtsg {
 
-/// What an edge by itself brings where direct sound does not come.
+/// What an edge by itself brings: in its shadow an arrival of its own, in the light a part of direct sound.
 struct BentArrival {
     WallEdge edge;
     RoundEdge round;
     std::size_t arrival = 0;  // its number
+    bool lit = false;
 };
 
 /// Edges by which sound may go, with the way by each alone, or its bound.
@@ -28,8 +29,10 @@ struct EdgeCandidate {
     double way = 0;
 };
 
+/// `heardStraight`: whether direct sound is.
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, std::vector<EdgeCandidate> edges,
-                           const std::vector<BentArrival>& bent, std::vector<Arrival>& arrivals, EdgeField& field);
+                           const std::vector<BentArrival>& bent, bool heardStraight, std::vector<Arrival>& arrivals,
+                           EdgeField& field);
 
 }  // namespace rtsg

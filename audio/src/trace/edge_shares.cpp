@@ -78,8 +78,8 @@ class EnergySum {
             const double energy = std::norm(f.direct) + withDirect_ * interference(f.direct, d) + std::norm(d) +
                                   one_ * (std::norm(m) + interference(withDirect_ * f.direct + d, m));
             add(shares.direct, energy / std::norm(f.direct));
-            const Complex missed = grazesImage(path_) ? mirrors * f.mirrored : 0.0;
-            if (!mirrored_ || !found_.mirrored) add(shares.own, (1 - one_) * std::norm(missed + m));
+            // Beside an image that nothing mirrors there is another edge that ends it.
+            if (!mirrored_) add(shares.own, (1 - one_) * std::norm(m));
         }
         if (mirrored_ && !past_)
             add(shares.mirrored,

@@ -71,8 +71,7 @@ class Diffraction {
         std::vector<EdgeCandidate> edges;
         std::vector<Past> past;
         geometry_.visitEdges([&](const WallEdge& edge) {
-            if (!heardStraight_ && options_.diffractionOrder > 1)
-                edges.push_back({edge, shortestBy(edge, source_, listener_)});
+            if (options_.diffractionOrder > 1) edges.push_back({edge, shortestBy(edge, source_, listener_)});
             RoundEdge round;
             if (!pathRound(edge, source_, listener_, round)) return;
             if (!round.past())
@@ -86,8 +85,8 @@ class Diffraction {
             counted += bend(past[i].edge, past[i].round);
         for (const auto& [place, wave] : byPlace_)
             if (!isFaint(wave, wave.seconds * c())) field_.waves.push_back(wave);
-        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, std::move(edges), bent_, arrivals_,
-                            field_);
+        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, std::move(edges), bent_, heardStraight_,
+                            arrivals_, field_);
     }
 
   private:
@@ -129,7 +128,10 @@ class Diffraction {
         const EdgeShares shares = edgeSharesOf(round, ends, edge.material, tones_, {heardStraight_, mirror != nullptr});
         if (!round.past()) {
             if (mirror) scale(*mirror, shares.mirrored);
-            if (direct) scale(*direct, shares.direct);
+            if (direct) {
+                scale(*direct, shares.direct);
+                bent_.push_back({edge, round, static_cast<std::size_t>(direct - arrivals_.data()), true});
+            }
             addWave(shares.wave, round.by, way);
         }
         for (std::size_t e = 0; e < 2; ++e) addEnd(shares.ends[e], ends[e]);
@@ -178,7 +180,7 @@ class Diffraction {
         }
         arrival.straight = static_cast<std::int32_t>(field_.straight.size());
         field_.straight.push_back({});
-        if (!isLit(round.path)) bent_.push_back({edge, round, arrivals_.size()});
+        if (!isLit(round.path)) bent_.push_back({edge, round, arrivals_.size(), false});
         arrivals_.push_back(arrival);
     }
 
