@@ -16,22 +16,7 @@ namespace {
 /// More changes than this in one step are looked at as one.
 constexpr std::size_t kManyChanges = 256;
 
-glm::dvec3 mixedAxis(const glm::dvec3& a, const glm::dvec3& b, double alpha) {
-    const glm::dvec3 m = glm::mix(a, b, alpha);
-    const double length = glm::length(m);
-    return length > 1e-6 ? m / length : b;
-}
-
 }  // namespace
-
-ListenerPose mixedPose(const ListenerPose& before, const ListenerPose& now, double alpha) {
-    ListenerPose pose = now;
-    pose.position = glm::mix(before.position, now.position, alpha);
-    pose.right = mixedAxis(before.right, now.right, alpha);
-    pose.up = mixedAxis(before.up, now.up, alpha);
-    pose.back = mixedAxis(before.back, now.back, alpha);
-    return pose;
-}
 
 void AcousticOptions::ask(std::uint64_t rays, double largestError) {
     if (rays > trace.rays || largestError > 0) trace.maxImageCandidates = TraceOptions().maxImageCandidates;
@@ -162,7 +147,7 @@ void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double pos
 void AcousticEngine::Impl::takeOver(const SoundVersion& sounds, double poseSeconds) {
     const double time = poseSeconds * options.sampleRate;
     const bool all = std::exchange(listenerJumps, false);
-    if (all) listenerMotion.put(time, now.position, true);
+    if (all) listenerMotion.put(time, now, true);
     for (auto& [id, state] : states) {
         if (state.gone) continue;
         if (!sounds.find(id)) {
@@ -186,11 +171,11 @@ void AcousticEngine::Impl::followListener(const ListenerPose& listener, double p
         before = now;
         posed = true;
         toSkip = channels * latency();
-        listenerMotion.put(posedAt * options.sampleRate, now.position, true);
+        listenerMotion.put(posedAt * options.sampleRate, now, true);
     }
     listenerJumps =
         listenerJumps || !(glm::distance(before.position, now.position) <= air.speedOfSound * std::max(1e-3, seconds));
-    if (!listenerJumps) listenerMotion.put(poseSeconds * options.sampleRate, now.position, false);
+    if (!listenerJumps) listenerMotion.put(poseSeconds * options.sampleRate, now, false);
 }
 
 /// What the air of the scene changes concerns every response.
@@ -234,7 +219,8 @@ void AcousticEngine::Impl::goBack(double seconds) {
         motion = Trajectory(options.blockSize);
         motion.put(seconds * rate, position, true);
     };
-    restart(listenerMotion, now.position);
+    listenerMotion = ListenerMotion(options.blockSize);
+    listenerMotion.put(seconds * rate, now, true);
     for (auto& [id, state] : states) {
         if (state.gone) continue;
         state.mix = {};
@@ -253,16 +239,14 @@ Result<> AcousticEngine::Impl::renderTo(const SoundVersion& sounds, double until
     }
     if (sound.sampleRate != options.sampleRate || sound.channels != count)
         return fail("the sound rendered into has another format");
-    const double rate = options.sampleRate, span = untilSeconds - renderedUntil;
+    const double rate = options.sampleRate;
     const std::size_t wanted = channels * static_cast<std::size_t>(std::max(
                                               0.0, std::round(untilSeconds * rate) - std::round(renderedUntil * rate)));
     while (ready.size() < wanted) {
         const double begin = static_cast<double>(samples) / rate;
-        const double end = static_cast<double>(samples + static_cast<std::int64_t>(options.blockSize)) / rate;
         // The blocks ahead of the sound, by the latency of the mixer.
         if (begin >= untilSeconds && playing.emitters != sounds.emitters) takeOver(sounds, untilSeconds);
-        const double alpha = listenerJumps ? 0 : span > 0 ? std::clamp((end - renderedUntil) / span, 0.0, 1.0) : 1;
-        if (auto done = block(alpha); !done) return done;
+        if (auto done = block(); !done) return done;
     }
     sound.samples.insert(sound.samples.end(), ready.begin(), ready.begin() + static_cast<std::ptrdiff_t>(wanted));
     ready.erase(ready.begin(), ready.begin() + static_cast<std::ptrdiff_t>(wanted));

@@ -59,7 +59,7 @@ Result<> AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count
 void AcousticEngine::Impl::findDelay(const Trajectory& motion, const FollowedImage* image, double time, double& delay,
                                      double& slope) const {
     const double speed = air.speedOfSound / options.sampleRate;  // metres a sample
-    const Trajectory::Point at = listenerMotion.at(time);
+    const Trajectory::Point at = listenerMotion.placeAt(time);
     slope = 0;
     for (int step = 0; step < 8; ++step) {
         Trajectory::Point from = motion.at(time - delay);
@@ -397,11 +397,11 @@ void AcousticEngine::Impl::begin(Block& block, const ListenerPose& listener) con
         for (std::vector<float>& channel : *to) channel.assign(options.blockSize, 0.0f);
 }
 
-Result<> AcousticEngine::Impl::block(double alpha) {
+Result<> AcousticEngine::Impl::block() {
     const std::size_t size = options.blockSize;
-    listenerMotion.advance(static_cast<double>(samples) + static_cast<double>(size));
-    ListenerPose listener = mixedPose(before, now, alpha);
-    listener.position = listenerMotion.at(static_cast<double>(samples) + static_cast<double>(size)).position;
+    const double end = static_cast<double>(samples) + static_cast<double>(size);
+    listenerMotion.advance(end);
+    ListenerPose listener = listenerMotion.at(end);
     listener.gain = playing.listener.gain;
     listener.doppler = playing.listener.doppler;
     listener.earDistance = playing.listener.earDistance;

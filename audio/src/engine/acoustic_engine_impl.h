@@ -15,15 +15,13 @@
 #include <rtsg/audio/loopback.h>
 
 #include "emitter_state.h"
+#include "listener_motion.h"
 #include "trace_worker.h"
 
 namespace rtsg {
 
 /// Nothing is heard from farther away; metres.
 constexpr double kHorizon = 20'000;
-
-/// On the way from one pose to another.
-ListenerPose mixedPose(const ListenerPose& before, const ListenerPose& now, double alpha);
 
 struct AcousticEngine::Impl {
     Impl(const AcousticOptions& o, std::optional<LoopbackMixer> m)
@@ -81,7 +79,7 @@ struct AcousticEngine::Impl {
     void leaveOutRooms(std::vector<std::uint32_t>& around, const glm::dvec3& listener) const;
     EmitterState& stateOf(const SoundEmitter& emitter, double time);
 
-    Result<> block(double alpha);
+    Result<> block();
     Result<> renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block);
     void play(const SoundEmitter& emitter, EmitterState& state, const Block& block);
     void streamOut(const SoundEmitter& emitter, EmitterState& state, const Block& block);
@@ -149,7 +147,7 @@ struct AcousticEngine::Impl {
     std::vector<std::size_t> freeSources;
     std::vector<std::vector<float>> blocks;  // by mixer source
     ListenerPose before, now;                // at the ends of the frame being rendered
-    Trajectory listenerMotion;
+    ListenerMotion listenerMotion;
     bool posed = false, listenerJumps = false;
     SoundVersion playing;  // what is heard; what the next one changes is heard from its time on
     double renderedUntil;

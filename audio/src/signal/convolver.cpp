@@ -211,7 +211,7 @@ struct Convolver::Impl {
     bool follows = false;  // another one tells the input what comes
     std::size_t fadeLength;
     Parts current, next, waiting;
-    bool fading = false, waits = false, started = false;
+    bool fading = false, waits = false, started = false, evenly = false;
     std::size_t faded = 0;  // samples
 };
 
@@ -280,6 +280,10 @@ void Convolver::restart() {
     s.fading = s.waits = s.started = false;
 }
 
+void Convolver::fadeEvenly() {
+    impl_->evenly = true;
+}
+
 void Convolver::process(std::span<const float> input, std::span<float> output) {
     Impl& s = *impl_;
     if (!s.follows) s.input->take(input);
@@ -296,7 +300,8 @@ void Convolver::process(std::span<const float> input, std::span<float> output) {
     std::ranges::copy(s.hear(s.current), before.begin());
     const auto fresh = s.hear(s.next);
     for (std::size_t i = 0; i < s.block(); ++i) {
-        const float share = fadeIn(static_cast<double>(s.faded + i + 1) / static_cast<double>(s.fadeLength));
+        const double part = static_cast<double>(s.faded + i + 1) / static_cast<double>(s.fadeLength);
+        const float share = s.evenly ? static_cast<float>(std::min(1.0, part)) : fadeIn(part);
         output[i] += before[i] + (fresh[i] - before[i]) * share;
     }
     s.faded += s.block();

@@ -60,6 +60,8 @@ class DelayLine {
         for (; i < delays.size(); ++i) out[i] = read(index + i, delays[i]);
     }
     std::size_t written() const { return written_; }
+    /// Forgets what was written, and keeps its memory.
+    void restart() { written_ = 0; }
 
   private:
     static constexpr std::size_t kTaps = 2 * SincTable::kHalf;

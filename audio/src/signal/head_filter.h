@@ -1,9 +1,14 @@
 // HeadFilter: what both ears hear of one sound by a head of one's own, from a direction that may change.
 //
-// From another direction it fades over within the block. Once it has heard one it allocates nothing. Threading: the
-// engine's thread.
+// When an ear hears it goes smoothly with the direction, by a delay line, as far as a sphere tells of that; what is
+// left of the responses changes slowly with the direction, and goes evenly from block to block. So what moves past
+// stays beside no line of its own. Once it has heard one it allocates nothing. Threading: the engine's thread.
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
 #include <span>
 #include <vector>
 
@@ -12,18 +17,33 @@
 #include <rtsg/audio/convolver.h>
 #include <rtsg/audio/hrtf.h>
 
+#include "delay_line.h"
+#include "trace/arrival_pan.h"
+
 namespace rtsg {
 
 class HeadFilter {
   public:
     bool hasHeard() const { return heard_; }
-    /// The direction that the next blocks come from: a unit vector in the listener's frame.
+    /// The direction that the next blocks come from: a unit vector in the listener's frame. Once a block at most.
     void turn(const Hrtf& hrtf, const glm::dvec3& towards, std::size_t block) {
-        constexpr double kTurn = 0.9999;  // cosine of .8 degrees
-        if (heard_ && glm::dot(towards, from_) >= kTurn) return;
-        while (ears_.size() < 2) ears_.emplace_back(block, block);
-        hrtf.at(towards, responses_);
-        for (std::size_t e = 0; e < 2; ++e) ears_[e].setResponse(responses_[e]);
+        constexpr double kTurn = 1e-5;  // radians
+        if (heard_ && glm::distance(towards, from_) < kTurn) return;
+        if (ears_.empty()) {
+            ears_.resize(2);
+            for (Ear& ear : ears_) {
+                ear.filter = Convolver(block, block);
+                ear.filter.fadeEvenly();
+            }
+        }
+        std::array<double, 2> earlier{};
+        for (int e = 0; e < 2; ++e) {
+            Ear& ear = ears_[static_cast<std::size_t>(e)];
+            earlier[static_cast<std::size_t>(e)] = delayOf(towards, e, hrtf.sampleRate());
+            ear.goTo(earlier[static_cast<std::size_t>(e)], heard_);
+        }
+        hrtf.at(towards, responses_, earlier);
+        for (std::size_t e = 0; e < 2; ++e) ears_[e].filter.setResponse(responses_[e]);
         from_ = towards;
         heard_ = true;
     }
@@ -34,12 +54,69 @@ class HeadFilter {
     }
     /// Forgets what it heard, and keeps its memory.
     void restart() {
-        for (Convolver& ear : ears_) ear.restart();
+        for (Ear& ear : ears_) {
+            ear.filter.restart();
+            ear.line.restart();
+        }
         heard_ = false;
     }
 
   private:
-    std::vector<Convolver> ears_;
+    /// Samples, as a sphere has it: at least as much as the line needs to read between samples.
+    static double delayOf(const glm::dvec3& towards, int ear, int sampleRate) {
+        constexpr double kRadius = 0.0875, kSpeed = 343;
+        const double rate = sampleRate, latest = kRadius / kSpeed * rate;
+        return SincTable::kHalf + 1 + latest + panOfEar(towards.x, ear, kRadius, kSpeed).delay * rate;
+    }
+
+    struct Ear {
+        DelayLine line;
+        Convolver filter;
+        // Samples: at the ends of the last block and of the next, and what it grew by in a block there.
+        double from = 0, to = 0, fromGrowth = 0, toGrowth = 0;
+
+        void goTo(double delay, bool goesOn) {
+            // The slope at the end of the parabola through the last three.
+            const double now = delay - to, before = to - from;
+            to = delay;
+            toGrowth = goesOn ? now + 0.5 * (now - before) : 0;
+            if (!goesOn) from = to, fromGrowth = 0;
+        }
+
+        void process(std::span<const float> input, std::span<float> output) {
+            thread_local std::vector<double> delays;
+            thread_local std::vector<float> read, before;
+            const std::size_t count = input.size();
+            line.write(input, static_cast<std::size_t>(std::max(from, to)) + 64);
+            const std::size_t first = line.written() - count;
+            delays.resize(count);
+            read.resize(count);
+            const double blockSize = static_cast<double>(count), way = to - from;
+            // From somewhere else at once: one fades into the other, for the pitch would leap.
+            const bool jumps = std::abs(way) > 0.01 * blockSize;
+            if (jumps) {
+                std::ranges::fill(delays, from);
+                before.resize(count);
+                line.read(first, delays, before);
+                std::ranges::fill(delays, to);
+            } else {
+                const double a = fromGrowth, b = toGrowth;
+                for (std::size_t i = 0; i < count; ++i) {
+                    const double u = static_cast<double>(i + 1) / blockSize;
+                    delays[i] = from + u * (a + u * (3 * way - 2 * a - b + u * (a + b - 2 * way)));
+                }
+            }
+            line.read(first, delays, read);
+            for (std::size_t i = 0; jumps && i < count; ++i)
+                read[i] = before[i] + (read[i] - before[i]) * static_cast<float>(i + 1) / static_cast<float>(count);
+            from = to;
+            fromGrowth = jumps ? 0 : toGrowth;
+            toGrowth = 0;
+            filter.process(read, output);
+        }
+    };
+
+    std::vector<Ear> ears_;
     Hrtf::Ears responses_;
     glm::dvec3 from_{0};
     bool heard_ = false;

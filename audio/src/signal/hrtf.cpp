@@ -14,7 +14,8 @@
 namespace rtsg {
 namespace {
 
-/// The near ear is at most this much earlier than the middle of the head, and a little of filters' ringing.
+/// The near ear is at most this much earlier than the middle of the head, and a little of filters' ringing; and what a
+/// delay line needs that reads between samples.
 constexpr double kEarlySeconds = 0.0006;
 /// A response begins where it has this share of its peak.
 constexpr float kOnset = 0.1f;
@@ -114,7 +115,7 @@ Result<std::shared_ptr<const Hrtf>> Hrtf::load(const std::filesystem::path& file
     if (const char* const why = unfit(*impl->easy->hrtf, sampleRate)) return fail(file.string() + ": " + why);
     impl->rate = sampleRate;
     impl->length = static_cast<std::size_t>(length);
-    impl->early = static_cast<std::size_t>(std::ceil(kEarlySeconds * sampleRate));
+    impl->early = static_cast<std::size_t>(std::ceil(kEarlySeconds * sampleRate)) + 3 * SincTable::kHalf;
     std::vector<float> room(2 * impl->length);
     const float* front = nullptr;
     const auto delays = impl->raw({0, 0, -1}, room.data(), front);
@@ -138,17 +139,17 @@ Hrtf::Ears Hrtf::at(const glm::dvec3& direction) const {
     return ears;
 }
 
-void Hrtf::at(const glm::dvec3& direction, Ears& ears) const {
+void Hrtf::at(const glm::dvec3& direction, Ears& ears, const std::array<double, 2>& earlier) const {
     static const SincTable sinc;
     const Impl& s = *impl_;
     // A millisecond more for an ear that hears late by a delay instead of by its response.
-    const auto size = s.length + s.early + static_cast<std::size_t>(0.001 * s.rate) + 2 * SincTable::kHalf;
+    const auto size = s.length + s.early + static_cast<std::size_t>(0.001 * s.rate) + 3 * SincTable::kHalf;
     // What was measured lies behind what is made of it for the left ear.
     for (std::vector<float>& ear : ears) ear.assign(size + 2 * s.length, 0.0f);
     const float* measured = nullptr;
     const auto delays = s.raw(direction, ears[0].data() + size, measured);
     for (std::size_t e = 0; e < 2; ++e) {
-        const double shift = static_cast<double>(s.early) - s.lead + delays[e], whole = std::floor(shift);
+        const double shift = static_cast<double>(s.early) - s.lead + delays[e] - earlier[e], whole = std::floor(shift);
         std::array<float, 2 * SincTable::kHalf> taps;
         for (std::size_t k = 0; k < taps.size(); ++k) taps[k] = sinc.tap(shift - whole, static_cast<int>(k));
         const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(whole) - (SincTable::kHalf - 1);

@@ -19,7 +19,7 @@ Result<std::shared_ptr<const Hrtf>> Hrtf::load(const std::filesystem::path&, int
 Hrtf::Ears Hrtf::at(const glm::dvec3&) const {
     return {std::vector<float>{1}, std::vector<float>{1}};
 }
-void Hrtf::at(const glm::dvec3& direction, Ears& ears) const {
+void Hrtf::at(const glm::dvec3& direction, Ears& ears, const std::array<double, 2>&) const {
     ears = at(direction);
 }
 

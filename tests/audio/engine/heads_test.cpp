@@ -238,7 +238,8 @@ TEST_F(Heads, APannerOfAGraphHearsByTheHeadThatIsGiven) {
     const Hrtf::Ears ears = asked.render.hrtf->at({.8, 0, -.6});
     for (std::size_t e = 0; e < 2; ++e)
         for (std::size_t i = 0; i < ears[e].size(); ++i)
-            ASSERT_NEAR(sound.samples[2 * i + e], .5f * std::sqrt(.5f) * ears[e][i], 1e-5f) << e << ' ' << i;
+            // It is read between samples twice, which a single impulse shows most.
+            ASSERT_NEAR(sound.samples[2 * i + e], .5f * std::sqrt(.5f) * ears[e][i], 6e-5f) << e << ' ' << i;
 }
 
 /// Near ear r sin a earlier than the middle of the head, far ear r a later.

@@ -52,6 +52,8 @@ class Convolver {
     /// Forgets what it heard and which response it had, as if it were new, and keeps its memory: where responses are
     /// short, one that follows needs no other.
     void restart();
+    /// Responses come evenly from here on, not smoothly: of one that changes on and on no step is heard.
+    void fadeEvenly();
     /// Adds to `output`; both of blockSize() samples.
     void process(std::span<const float> input, std::span<float> output);
 

@@ -30,8 +30,8 @@ class Hrtf {
     /// from a unit direction in the listener's frame (x right, y up, z back). Both of the same length.
     using Ears = std::array<std::vector<float>, 2>;
     Ears at(const glm::dvec3& direction) const;
-    /// The same, in what has the room already.
-    void at(const glm::dvec3& direction, Ears& ears) const;
+    /// The same, in what has the room already, and so many samples earlier by ear: at most early().
+    void at(const glm::dvec3& direction, Ears& ears, const std::array<double, 2>& earlier = {}) const;
     /// Samples by which the near ear may hear before that.
     std::size_t early() const;
 
