@@ -55,6 +55,22 @@ Result<> AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count
     return {};
 }
 
+namespace {
+
+/// From the source, an image of it, or by way of edges.
+EdgeWay wayOf(const FollowedImage* image, const glm::dvec3& source, const glm::dvec3& listener) {
+    if (image && image->kind == FollowedImage::Kind::edge) return edgeWay(image->edge->route, source, listener);
+    const glm::dvec3 way = (image ? image->at(source) : source) - listener;
+    EdgeWay straight;
+    straight.length = glm::length(way);
+    const glm::dvec3 towards = straight.length > 0 ? way / straight.length : glm::dvec3(0);
+    straight.toSource = image ? glm::transpose(image->turn) * towards : towards;
+    straight.toListener = -towards;
+    return straight;
+}
+
+}  // namespace
+
 /// How long what arrives at `time` was under way, and how that changes; Newton's method from a guess.
 void AcousticEngine::Impl::findDelay(const Trajectory& motion, const FollowedImage* image, double time, double& delay,
                                      double& slope) const {
@@ -62,25 +78,19 @@ void AcousticEngine::Impl::findDelay(const Trajectory& motion, const FollowedIma
     const Trajectory::Point at = listenerMotion.placeAt(time);
     slope = 0;
     for (int step = 0; step < 8; ++step) {
-        Trajectory::Point from = motion.at(time - delay);
-        if (image) {
-            from.position = image->at(from.position);
-            from.velocity = image->turn * from.velocity;
-        }
-        const glm::dvec3 way = from.position - at.position;
-        const double distance = glm::length(way);
+        const Trajectory::Point from = motion.at(time - delay);
+        const EdgeWay way = wayOf(image, from.position, at.position);
         // Written so that what is no number is far away.
-        if (!(distance < kHorizon)) {
+        if (!(way.length < kHorizon)) {
             delay = kHorizon / speed;
             return;
         }
-        const glm::dvec3 towards = distance > 0 ? way / distance : glm::dvec3(0);
-        const double along = glm::dot(towards, from.velocity);
+        const double along = glm::dot(way.toSource, from.velocity);
         // Nothing is faster than nine tenths of sound here.
         const double approach = std::max(0.1 * speed, speed + along);
-        const double change = (distance - delay * speed) / approach;
+        const double change = (way.length - delay * speed) / approach;
         delay = std::max(0.0, delay + change);
-        slope = std::clamp((along - glm::dot(towards, at.velocity)) / approach, -10.0, 0.9);
+        slope = std::clamp((along + glm::dot(way.toListener, at.velocity)) / approach, -10.0, 0.9);
         if (std::abs(change) < 1e-9) return;
     }
 }
@@ -155,6 +165,7 @@ void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterSta
         open *= std::exp(-airAttenuation(air)[kBand1k] * distance);
     }
     audible = level != 0;
+    to.heard = open > 0;
     // In a response direct sound is 1 / d: times d, reflections keep their ratio to it.
     to.directGain = bounded(level * sound.coneGain(local) * std::sqrt(open));
     to.lateGain = bounded(level * std::max(distance, 0.1));
@@ -240,9 +251,12 @@ void AcousticEngine::Impl::renderLate(EmitterState& state, const SoundEmitter* e
     const auto from = [&](const FollowedImage& image, double delay) {
         return image.at(state.motion.at(end - delay).position) - block.listener.position;
     };
+    const auto ends = [&](double delay) {
+        return ImagePlayer::EdgeEnds{state.motion.at(end - delay).position, block.listener.position};
+    };
     const std::span<std::vector<float>> ears(block.ears);
     state.images.render({state.reflected, std::cref(find), std::cref(from), response, jumped, block.out,
-                         response.hrtf ? ears : ears.first(0)});
+                         response.hrtf ? ears : ears.first(0), std::cref(ends), to.lateGain, to.heard});
 }
 
 namespace {

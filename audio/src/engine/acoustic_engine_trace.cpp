@@ -108,6 +108,8 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     }
     job.tracing.pattern = patternOf(emitter, source, listener.position, options.levels == AcousticOptions::Levels::x3d);
     job.followed = followedOf(state, emitter, source, listener);
+    // Of waves by way of edges the same share of twice as many.
+    job.followedEdges = 2 * job.followed;
     job.error = options.error;
     job.maxRays = options.maxRays;
     job.longest = longest;

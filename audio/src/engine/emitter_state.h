@@ -35,6 +35,7 @@ struct HeardLevel {
     double delay = 0;  // samples
     double slope = 0;  // of the delay, samples a sample
     double directGain = 0, lateGain = 0;
+    bool heard = false;  // straight
 };
 
 /// One channel of what an emitter plays, on its way to the listener.

@@ -20,6 +20,8 @@ void ImagePlayer::Voice::restart() {
     for (Convolver& filter : filters) filter.restart();
     filtersInUse = 0;
     head.restart();
+    for (PoleBank& bank : banks) bank.restart();
+    share = 0;
 }
 
 void ImagePlayer::Set::start(Images what) {
@@ -35,6 +37,9 @@ void ImagePlayer::render(const Block& block) {
             longest = std::max(longest, set->voices[k].delay + 2 * static_cast<double>(block_));
     for (std::size_t k = 0; k < block.late.size(); ++k)
         lines_[k].write(block.late[k], static_cast<std::size_t>(longest) + 64);
+    while (static_cast<double>(reflected_.size() * block_) > longest + static_cast<double>(block_))
+        reflected_.dropFirst();
+    reflected_.push_back(block.reflects);
     // As Convolver::process() has it.
     if (!fading_ && waits_) {
         next_.start(std::exchange(waiting_, nullptr));
@@ -87,12 +92,41 @@ void ImagePlayer::findDelays(const FollowedImage& image, Voice& voice, const Blo
     voice.slope = slope;
 }
 
+/// Block::reflects at the end of a block that long ago, samples; between blocks evenly.
+double ImagePlayer::reflectedBefore(double delay) const {
+    const double blocks = std::min(delay / static_cast<double>(block_), static_cast<double>(reflected_.size() - 1));
+    const auto whole = static_cast<std::size_t>(blocks);
+    const double rest = blocks - static_cast<double>(whole), last = reflected_[reflected_.size() - 1 - whole];
+    return whole + 1 < reflected_.size() ? last + (reflected_[reflected_.size() - 2 - whole] - last) * rest : last;
+}
+
+/// Of what the line holds. A wave by way of an edge belongs to the direct sound that is heard beside it.
+double ImagePlayer::amplitudeOf(const FollowedImage& image, const Voice& voice, double distance,
+                                const Block& block) const {
+    constexpr double kMost = 100;
+    if (image.kind == FollowedImage::Kind::edge) {
+        const double then = reflectedBefore(voice.delay);
+        return then != 0 ? std::clamp(block.reflects / then, -kMost, kMost) : 1;
+    }
+    const double pressure = (image.filtered ? 1 : image.pressure) / std::max(distance, 0.01);
+    return image.kind == FollowedImage::Kind::boundary ? pressure * voice.share : pressure;
+}
+
 /// Where it is heard from at the end of the block: by channels, or by the ears of a head.
 void ImagePlayer::panVoice(const FollowedImage& image, Voice& voice, bool fresh, const Block& block) const {
-    const glm::dvec3 from = block.from(image, voice.delay);
+    glm::dvec3 from(0);
+    if (image.kind == FollowedImage::Kind::edge) {
+        const EdgeEnds ends = block.ends(voice.delay);
+        from = edgeWay(image.edge->route, ends.source, ends.listener).last - ends.listener;
+        voice.weightsBefore = voice.weights;
+        image.edge->weightsAt(ends.source, ends.listener, block.heard, voice.weights);
+        if (fresh) voice.weightsBefore = voice.weights;
+    } else {
+        from = block.from(image, voice.delay);
+    }
     const double distance = glm::length(from);
     const glm::dvec3 direction = distance > 0 ? from / distance : glm::dvec3(0, 0, -1);
-    const double amplitude = (image.filtered ? 1 : image.pressure) / std::max(distance, 0.01);
+    const double amplitude = amplitudeOf(image, voice, distance, block);
     std::swap(voice.before, voice.pans);
     const ImpulseResponseOptions& r = block.response;
     if (!block.ears.empty()) {
@@ -106,18 +140,23 @@ void ImagePlayer::panVoice(const FollowedImage& image, Voice& voice, bool fresh,
             voice.pans[c].delay *= r.sampleRate;
         }
     }
-    if (fresh) voice.before = voice.pans;
+    if (!fresh) return;
+    voice.before = voice.pans;
+    if (image.kind == FollowedImage::Kind::boundary)
+        for (ArrivalPan& pan : voice.before) pan.gain = 0;
 }
 
-/// What channel `channel` hears of what was played, into `read_`; `before`: the delay that the block begins with.
-void ImagePlayer::readLine(const DelayLine& line, const Voice& voice, double before, std::size_t channel, bool jumps) {
+/// What channel `channel` hears of what was played, into `read_`; `before`: the delay that the block begins with,
+/// `ahead`: so many samples earlier.
+void ImagePlayer::readLine(const DelayLine& line, const Voice& voice, double before, std::size_t channel, bool jumps,
+                           double ahead) {
     const std::size_t first = line.written() - block_;
     const double was = voice.before[channel].delay, is = voice.pans[channel].delay;
     const auto share = [&](std::size_t i) { return static_cast<double>(i + 1) / static_cast<double>(block_); };
     read_.resize(block_);
     later_.resize(block_);
     // An ear hears it so much later in its own time, not in that of the source.
-    for (std::size_t i = 0; i < block_; ++i) later_[i] = (was + (is - was) * share(i)) * (1 - voice.slope);
+    for (std::size_t i = 0; i < block_; ++i) later_[i] = (was + (is - was) * share(i) - ahead) * (1 - voice.slope);
     if (!jumps) {
         for (std::size_t i = 0; i < block_; ++i) later_[i] = std::max(0.0, delays_[i] + later_[i]);
         line.read(first, later_, read_);
@@ -129,8 +168,37 @@ void ImagePlayer::readLine(const DelayLine& line, const Voice& voice, double bef
     }
 }
 
+/// Whether nothing is heard of the image by a face, as it was right all the time; else its share of now is known.
+bool ImagePlayer::isSilent(const FollowedImage& image, Voice& voice, const Block& block) const {
+    double delay = voice.delay, slope = 0;
+    block.find(image, -1, delay, slope);
+    const EdgeEnds ends = block.ends(delay);
+    const double share = image.edge->boundaryGain(image.face, ends.source, ends.listener);
+    const bool silent = share == 0 && voice.share == 0;
+    if (silent && voice.started) voice.restart();
+    voice.share = share;
+    return silent;
+}
+
+/// What was read, into `heard_`.
+void ImagePlayer::filter(const FollowedImage& image, Voice& voice, std::size_t signal, const Block& block) {
+    heard_.assign(block_, 0.0f);
+    if (image.kind == FollowedImage::Kind::edge) {
+        if (voice.banks.size() <= signal) voice.banks.emplace_back(block.response.sampleRate);
+        voice.banks[signal].process(read_, voice.weightsBefore, voice.weights, heard_);
+    } else if (image.filtered) {
+        if (voice.filters.size() <= signal) voice.filters.emplace_back(block_, 1);
+        if (voice.filtersInUse <= signal) voice.filters[voice.filtersInUse++].setResponse(image.filter);
+        voice.filters[signal].process(read_, heard_);
+    } else {
+        std::swap(heard_, read_);
+    }
+}
+
 void ImagePlayer::render(const FollowedImage& image, Voice& voice, const Block& block) {
+    if (image.kind == FollowedImage::Kind::boundary && isSilent(image, voice, block)) return;
     const bool fresh = !std::exchange(voice.started, true), head = !block.ears.empty();
+    const double ahead = image.kind == FollowedImage::Kind::edge ? PoleBank::kAhead : 0;
     if (fresh) block.find(image, -1, voice.delay, voice.slope);
     const double before = voice.delay;
     findDelays(image, voice, block);
@@ -139,15 +207,8 @@ void ImagePlayer::render(const FollowedImage& image, Voice& voice, const Block& 
     const std::size_t channels = voice.pans.size();
     const bool apart = block.late.size() > 1 || block.response.channels == ImpulseResponseOptions::Channels::binaural;
     for (std::size_t s = 0; s < (apart ? channels : 1); ++s) {
-        readLine(lines_[block.late.size() > 1 ? s : 0], voice, before, s, block.jumps);
-        heard_.assign(block_, 0.0f);
-        if (image.filtered) {
-            if (voice.filters.size() <= s) voice.filters.emplace_back(block_, 1);
-            if (voice.filtersInUse <= s) voice.filters[voice.filtersInUse++].setResponse(image.filter);
-            voice.filters[s].process(read_, heard_);
-        } else {
-            std::swap(heard_, read_);
-        }
+        readLine(lines_[block.late.size() > 1 ? s : 0], voice, before, s, block.jumps, ahead);
+        filter(image, voice, s, block);
         for (std::size_t i = 0; i < block_; ++i) heard_[i] *= weights_[i];
         for (std::size_t c = apart ? s : 0; c < (apart ? s + 1 : channels); ++c) {
             const double gain = voice.before[c].gain, way = (voice.pans[c].gain - gain) / static_cast<double>(block_);

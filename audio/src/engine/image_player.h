@@ -1,4 +1,5 @@
-// ImagePlayer: images of a source that moves, each heard from where it is in every block.
+// ImagePlayer: images of a source that moves, each heard from where it is in every block, and what comes by way of
+// edges.
 //
 // A set that comes fades over as a response of a Convolver of the same block and fade does, block by block beside it,
 // so that what one of them leaves out the other has. What sets and blocks need is kept for those that follow: once the
@@ -13,9 +14,12 @@
 
 #include <rtsg/audio/convolver.h>
 
+#include "ring.h"
 #include "signal/delay_line.h"
 #include "signal/head_filter.h"
+#include "signal/pole_bank.h"
 #include "trace/arrival_pan.h"
+#include "trace/followed_edges.h"
 #include "trace/followed_images.h"
 
 namespace rtsg {
@@ -32,6 +36,9 @@ class ImagePlayer {
         waits_ = true;
     }
 
+    struct EdgeEnds {
+        glm::dvec3 source, listener;
+    };
     /// What a block needs to be heard.
     struct Block {
         /// What is reflected in this block: of all channels, or of two that stay apart.
@@ -46,6 +53,11 @@ class ImagePlayer {
         std::span<std::vector<float>> out;  // by channel; is added to
         /// With a head of one's own, in place of `out`: by ear; it comes as much later as Hrtf::early() says.
         std::span<std::vector<float>> ears = {};
+        // For waves by way of edges: the source when that went out which arrives at the end of the block with a delay,
+        // and the listener then.
+        std::function<EdgeEnds(double delay)> ends = {};
+        double reflects = 1;  // by how much, at the end of the block, `late` is louder than what is played
+        bool heard = true;    // direct sound is, at the end of the block
     };
     /// Samples between the places that a block asks for.
     static constexpr std::size_t kStep = 32;
@@ -59,6 +71,10 @@ class ImagePlayer {
         std::vector<Convolver> filters;
         std::size_t filtersInUse = 0;
         HeadFilter head;
+        // Of an edge: the filter for each signal, and its weights at the end of the last block and of this one.
+        std::vector<PoleBank> banks;
+        PoleBank::Weights weightsBefore{}, weights{};
+        double share = 0;  // of a boundary's image, at the end of the last block
 
         void restart();
     };
@@ -72,11 +88,17 @@ class ImagePlayer {
     void render(Set& set, const Block& block, bool arrives);
     void render(const FollowedImage& image, Voice& voice, const Block& block);
     void panVoice(const FollowedImage& image, Voice& voice, bool fresh, const Block& block) const;
-    void readLine(const DelayLine& line, const Voice& voice, double before, std::size_t channel, bool jumps);
+    bool isSilent(const FollowedImage& image, Voice& voice, const Block& block) const;
+    double amplitudeOf(const FollowedImage& image, const Voice& voice, double distance, const Block& block) const;
+    void filter(const FollowedImage& image, Voice& voice, std::size_t signal, const Block& block);
+    double reflectedBefore(double delay) const;
+    void readLine(const DelayLine& line, const Voice& voice, double before, std::size_t channel, bool jumps,
+                  double ahead);
     void findDelays(const FollowedImage& image, Voice& voice, const Block& block);
 
     std::size_t block_, fade_;
     std::array<DelayLine, 2> lines_;
+    Ring<double> reflected_;  // Block::reflects, of as many blocks as the lines hold
     Set current_, next_;
     Images waiting_;
     bool fading_ = false, waits_ = false, started_ = false;

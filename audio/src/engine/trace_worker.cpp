@@ -9,6 +9,7 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "signal/thread_priority.h"
+#include "trace/followed_edges.h"
 #include "trace/reach.h"
 #include "trace/sealed_result.h"
 
@@ -68,10 +69,14 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
         result.error = tracer.refineTo(traced, job.source, job.listener, job.tracing, job.error, job.maxRays);
     if (!traced.exits.empty()) result.openings = room.openings(job.source, traced.exits, traced.escaped);
     result.traced = std::make_shared<const Echogram>(traced.echogram());
-    if (job.followed > 0)
-        result.images = std::make_shared<const std::vector<FollowedImage>>(
+    if (job.followed > 0) {
+        std::vector<FollowedImage> images =
             followedImages(*result.traced, job.source, job.listener, job.response.speedOfSound, job.response.sampleRate,
-                           job.block, job.followed));
+                           job.block, job.followed);
+        addFollowedEdges(*result.traced, job.source, job.listener, job.tracing, job.response.sampleRate, job.block,
+                         job.followedEdges, images);
+        result.images = std::make_shared<const std::vector<FollowedImage>>(std::move(images));
+    }
     makeChannels(job, result);
     result.reached = recorder.reached();
     // The receiver's ball shrinks before a wall: what comes near the listener counts as well.

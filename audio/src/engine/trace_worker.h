@@ -37,6 +37,7 @@ struct TraceJob {
     std::size_t block = 256;
     /// So many images at most are left out of the response, to be rendered for themselves.
     std::size_t followed = 0;
+    std::size_t followedEdges = 0;  // and so many waves by way of edges
     /// What was traced before, where only the listener's head has turned since: nothing is traced then.
     std::shared_ptr<const Echogram> traced;
     std::shared_ptr<const std::vector<FollowedImage>> images;  // that were left out then

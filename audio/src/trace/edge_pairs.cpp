@@ -276,6 +276,13 @@ Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& list
     bent.arrival.seconds = bent.wave.seconds = length / options.air.speedOfSound;
     bent.arrival.order = bent.wave.order = 2;
     bent.arrival.direction = bent.wave.direction = glm::normalize(second - listener);
+    // What leads past an end goes by that end.
+    const auto axisIf = [&](std::size_t e, const WallEdge& edge) {
+        return way.fromLow[e] < 0 || way.fromHigh[e] < 0 ? glm::dvec3(0) : edge.axis;
+    };
+    bent.wave.route = {axisIf(0, *way.first) == glm::dvec3(0) ? first : way.byFirst,
+                       axisIf(1, *way.second) == glm::dvec3(0) ? second : way.bySecond, axisIf(0, *way.first),
+                       axisIf(1, *way.second)};
     const double sent = options.pattern ? options.pattern(glm::normalize(first - source)) : 1;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         double energy = 0;

@@ -132,7 +132,7 @@ class Diffraction {
                 scale(*direct, shares.direct);
                 bent_.push_back({edge, round, static_cast<std::size_t>(direct - arrivals_.data()), true});
             }
-            addWave(shares.wave, round.by, way);
+            addWave(shares.wave, edge, round, way);
         }
         for (std::size_t e = 0; e < 2; ++e) addEnd(shares.ends[e], ends[e]);
         addArrival(edge, round, shares.own, direct);
@@ -143,10 +143,13 @@ class Diffraction {
         return options_.pattern ? options_.pattern(glm::normalize(by - source_)) : 1;
     }
 
-    void addWave(EdgeWave wave, const glm::dvec3& by, double way) {
+    void addWave(EdgeWave wave, const WallEdge& edge, const RoundEdge& round, double way) {
         wave.seconds = way / c();
-        wave.direction = glm::normalize(by - listener_);
-        weaken(wave, sentTo(by), attenuation_, way);
+        wave.direction = glm::normalize(round.by - listener_);
+        wave.route = {round.by, round.by, edge.axis, edge.axis};
+        wave.bends = {edge.faceA, round.turn * glm::cross(edge.axis, edge.faceA), round.path.opening, {}};
+        for (std::size_t b = 0; b < kBandCount; ++b) wave.bends.mirrors[b] = tones_.mirrors(edge.material, b);
+        weaken(wave, sentTo(round.by), attenuation_, way);
         if (!isFaint(wave, way)) field_.waves.push_back(wave);
     }
 
@@ -155,6 +158,7 @@ class Diffraction {
         if (!(end.way < seconds_ * c()) || end.place == listener_) return;
         wave.seconds = end.way / c();
         wave.direction = glm::normalize(end.place - listener_);
+        wave.route = {end.place, end.place, glm::dvec3(0), glm::dvec3(0)};
         weaken(wave, sentTo(end.place), attenuation_, end.way);
         const auto known = std::ranges::find(byPlace_, end.place, &EndWave::place);
         if (known == byPlace_.end()) {

@@ -55,6 +55,13 @@ std::vector<float> minimumPhase(const Bands& amplitudes, int sampleRate, std::si
     return time;
 }
 
+void setAmplitudes(FollowedImage& image, const Bands& amplitudes, int sampleRate, std::size_t block) {
+    const auto [low, high] = std::minmax_element(amplitudes.begin(), amplitudes.end());
+    image.pressure = *high;
+    image.filtered = *high > kSame * *low;
+    if (image.filtered) image.filter = Convolver::prepare(block, minimumPhase(amplitudes, sampleRate, block));
+}
+
 std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::dvec3& source,
                                           const glm::dvec3& listener, double speedOfSound, int sampleRate,
                                           std::size_t block, std::size_t most) {
@@ -79,10 +86,7 @@ std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::d
         Bands amplitudes;
         for (std::size_t b = 0; b < kBandCount; ++b)
             amplitudes[b] = std::sqrt(4 * std::numbers::pi * energy[b]) * distance;
-        const auto [low, high] = std::minmax_element(amplitudes.begin(), amplitudes.end());
-        image.pressure = *high;
-        image.filtered = *high > kSame * *low;
-        if (image.filtered) image.filter = Convolver::prepare(block, minimumPhase(amplitudes, sampleRate, block));
+        setAmplitudes(image, amplitudes, sampleRate, block);
         images.push_back(std::move(image));
     }
     return images;
@@ -90,10 +94,16 @@ std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::d
 
 Echogram without(const Echogram& echogram, const std::vector<FollowedImage>& images) {
     Echogram rest = echogram;
+    std::vector<bool> followed(rest.edges.waves.size());
     for (const FollowedImage& image : images) {
+        if (image.kind == FollowedImage::Kind::edge) followed[image.arrival] = true;
+        if (image.kind != FollowedImage::Kind::image) continue;
         rest.arrivals[image.arrival].energy = {};
         rest.arrivals[image.arrival].straight = -1;
     }
+    std::erase_if(rest.edges.waves, [&](const EdgeWave& wave) {
+        return followed[static_cast<std::size_t>(&wave - rest.edges.waves.data())];
+    });
     return rest;
 }
 

@@ -1,10 +1,13 @@
 // Images of a source that moves, for who renders each of them for itself: they are where the source takes them, while
-// what walls leave of them, and whether they are seen at all, is what it was when they were traced.
+// what walls leave of them, and whether they are seen at all, is what it was when they were traced. What comes by way
+// of edges is followed beside them: followed_edges.h.
 //
 // Threading: pure functions.
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <memory>
 #include <vector>
 
 #include <rtsg/audio/convolver.h>
@@ -12,8 +15,16 @@
 
 namespace rtsg {
 
+struct FollowedEdge;
+
 struct FollowedImage {
-    std::size_t arrival = 0;  // which of the echogram's
+    /// boundary: an image by a face of `edge`, which is heard while it is in the light as it was not when it was
+    /// traced, and taken away while it is in the shadow as it was not.
+    enum class Kind : std::uint8_t { image, edge, boundary };
+    Kind kind = Kind::image;
+    std::shared_ptr<const FollowedEdge> edge;  // of an edge or a boundary
+    std::size_t face = 0;                      // of a boundary: 0 or 1
+    std::size_t arrival = 0;                   // which of the echogram's, or which of its waves
     glm::dmat3 turn{1.0};
     glm::dvec3 offset{0};  // the image of a source at p is at turn * p + offset
     /// Pressure at one metre from the image, where all bands have the same; else that is the filter's.
@@ -28,6 +39,9 @@ struct FollowedImage {
 std::vector<FollowedImage> followedImages(const Echogram& echogram, const glm::dvec3& source,
                                           const glm::dvec3& listener, double speedOfSound, int sampleRate,
                                           std::size_t block, std::size_t most);
+
+/// Its pressure at one metre, in octave bands.
+void setAmplitudes(FollowedImage& image, const Bands& amplitudes, int sampleRate, std::size_t block);
 
 /// What is left when these are rendered for themselves.
 Echogram without(const Echogram& echogram, const std::vector<FollowedImage>& images);

@@ -35,6 +35,20 @@ constexpr std::size_t kEdgeTones = 5 * kBandCount;
 /// Hz; `tone` may lie between two of them.
 double edgeToneHz(double tone);
 
+/// A way by places on edges, each of which moves along its edge where source and listener do.
+struct EdgeRoute {
+    glm::dvec3 first{0}, last{0};          // the places; of one edge both are the same
+    glm::dvec3 firstAxis{0}, lastAxis{0};  // unit; 0: it stays where it is, as an edge's end does
+};
+
+/// An edge of which wedgeField() knows what it bends, wherever source and listener are.
+struct BendingEdge {
+    /// Unit, square to the axis and to each other: in the first face away from the edge, and off it into the air.
+    glm::dvec3 face{0}, beside{0};
+    double opening = 0;  // radians of air from that face on; 0: there is none
+    Bands mirrors{};     // share of the pressure
+};
+
 /// What comes by way of an edge, or of two.
 struct EdgeWave {
     double seconds = 0;
@@ -42,6 +56,8 @@ struct EdgeWave {
     std::uint32_t order = 1;  // edges on its way
     /// By tone: pressure re that of the source in the open at 1 m, its phase re that of the delay; time as exp(i w t).
     std::array<std::complex<float>, kEdgeTones> pressure{};
+    EdgeRoute route;
+    BendingEdge bends;  // if it comes by one edge alone, at the place where that is shortest
 };
 
 /// All that edges do to the pressure: the waves, and nothing to what comes straight or mirrored.

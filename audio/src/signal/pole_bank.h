@@ -1,0 +1,61 @@
+// PoleBank: a filter whose spectrum goes smoothly with the logarithm of frequency, and may change in every block.
+//
+// A sum of one-pole low passes, which stay, and of a few samples about each, weighted: so a response as long as that of
+// an edge, 1 / sqrt(t), takes 25 weights, and where these go evenly from one set to the next nothing is heard of it.
+// PoleFit finds weights for a spectrum by least squares. Threading: one thread per object; PoleFit is const.
+#pragma once
+
+#include <array>
+#include <complex>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace rtsg {
+
+class PoleBank {
+  public:
+    static constexpr std::size_t kPoles = 8;
+    static constexpr std::size_t kAhead = 8;  // samples that it looks ahead, and back as many
+    static constexpr std::size_t kTaps = 2 * kAhead + 1, kWeights = kPoles + kTaps;
+    /// Of the poles, from the lowest on; then of the samples, from that which comes last on.
+    using Weights = std::array<float, kWeights>;
+
+    explicit PoleBank(int sampleRate);
+    /// Forgets what it heard.
+    void restart();
+    /// `ahead`: what comes kAhead samples later. Weights go evenly from those of the block before to those of this one.
+    void process(std::span<const float> ahead, const Weights& before, const Weights& now, std::span<float> heard);
+
+    /// What each of them multiplies its last value by.
+    static std::array<double, kPoles> poles(int sampleRate);
+
+  private:
+    using Eight = float __attribute__((vector_size(32)));
+    static_assert(sizeof(Eight) == kPoles * sizeof(float));
+
+    void addTaps(const Weights& before, const Weights& now, std::span<float> heard) const;
+    void addPoles(const Weights& before, const Weights& now, std::span<float> heard);
+
+    std::array<float, kPoles> keeps_, values_{};
+    std::vector<float> input_ = std::vector<float>(kTaps - 1);  // with what came before it
+};
+
+class PoleFit {
+  public:
+    using Weights = std::array<double, PoleBank::kWeights>;
+
+    /// For spectra at these frequencies, of which those next to half the sample rate do not count.
+    PoleFit(int sampleRate, std::vector<double> hz);
+    const std::vector<double>& hz() const { return hz_; }
+    Weights weightsOf(std::span<const std::complex<double>> spectrum) const;
+    /// At one of the frequencies.
+    std::complex<double> valueOf(const Weights& weights, std::size_t at) const;
+
+  private:
+    std::vector<double> hz_;
+    std::vector<std::array<std::complex<double>, PoleBank::kWeights>> values_;  // by frequency
+    std::vector<PoleFit::Weights> ofReal_, ofImaginary_;                        // what a part of a value adds to each
+};
+
+}  // namespace rtsg
