@@ -113,19 +113,23 @@ struct AcousticEngine::Impl {
     Result<> mixDown(Block& block);
     void begin(Block& block, const ListenerPose& listener) const;
 
-    /// What a response needs: nothing, to be made again for how the listener's head is turned, or to be traced again.
-    enum class Renewal : std::uint8_t { none, turn, trace };
+    /// What a response needs: nothing, to be made again for how the listener's head is turned or as something begins to
+    /// move, or to be traced again.
+    enum class Renewal : std::uint8_t { none, turn, setOff, trace };
     Renewal renewalOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
                       const ListenerPose& listener) const;
-    void turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener);
+    void turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener, Renewal why);
+    bool setsOff(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
+                 const ListenerPose& listener) const;
     void renew(const SoundEmitter& emitter, EmitterState& state);
     void renewLongestDue();
     ImpulseResponseOptions responseFor(InstanceId emitter, HeardBy by, const ListenerPose& listener) const;
     void submit(EmitterState& state, TraceJob job, const ListenerPose& listener);
     void trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
                const ListenerPose& listener);
-    std::size_t followedOf(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
-                           const ListenerPose& listener) const;
+    std::size_t followedOf(const EmitterState& state, std::size_t most) const;
+    bool isFollowed(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
+                    const ListenerPose& listener, double least) const;
     void takeResponse(TracedResponse traced);
     void noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener, double seconds,
                   Seal seal);

@@ -15,6 +15,15 @@ namespace {
 constexpr double kTurned = 0.998;
 /// So many sources look for leaks, and with so many rays of each batch.
 constexpr int kLeakSearches = 8, kLeakExits = 32;
+/// Seconds in which what begins to move is followed, and metres that it has moved by then.
+constexpr double kSetOff = 0.01, kSetOffMoved = 1e-4;
+/// Images of a source that follow, and waves by way of edges, at most.
+constexpr std::size_t kMostImages = 8, kMostEdges = 16;
+
+/// Some of its sound came round edges when it was traced.
+bool hasEdges(const EmitterState& state) {
+    return state.traced && !state.traced->edges.waves.empty();
+}
 
 }  // namespace
 
@@ -23,6 +32,7 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
                                                               const ListenerPose& listener) const {
     if (worker && !worker->idle()) return Renewal::none;
     if (!state.hasResponse) return Renewal::trace;
+    if (setsOff(emitter, state, source, listener)) return Renewal::setOff;
     if (seconds() < state.tracedAt + options.retraceSeconds) return Renewal::none;
     const bool aimed = emitter.sound->directional(options.levels == AcousticOptions::Levels::x3d);
     const bool moved = state.stale || glm::distance(state.tracedSource, source) > options.moveTolerance ||
@@ -48,7 +58,7 @@ void AcousticEngine::Impl::renew(const SoundEmitter& emitter, EmitterState& stat
 void AcousticEngine::Impl::renewLongestDue() {
     const auto [emitter, state, renewal] = std::exchange(due, {});
     if (renewal == Renewal::trace) trace(*state, *emitter, state->to, now);
-    if (renewal == Renewal::turn) turn(*state, *emitter, now);
+    if (renewal == Renewal::turn || renewal == Renewal::setOff) turn(*state, *emitter, now, renewal);
 }
 
 void AcousticEngine::Impl::noteWallsChanged(EmitterState& state) const {
@@ -75,20 +85,30 @@ bool AcousticEngine::Impl::leaksKnownFrom(const glm::dvec3& source) const {
     });
 }
 
-/// How many images are to follow the source, or the listener, rather than be heard from where they were: of those that
-/// move the loudest, as long as they are few, and fewer through a head, which takes more time. Sound that is not to be
-/// shifted keeps its way.
-std::size_t AcousticEngine::Impl::followedOf(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
-                                             const ListenerPose& listener) const {
-    constexpr std::size_t kMost = 8, kMostOfAll = 96, kMostThroughHead = 32;
-    const double little = 0.5 * options.moveTolerance;
-    state.moves = state.hasResponse && !state.jumps && !listenerJumps &&
-                  (glm::distance(state.tracedSource, source) > little ||
-                   glm::distance(state.tracedListener, listener.position) > little);
-    if (!state.moves || !(emitter.sound->doppler || listener.doppler)) return 0;
+/// Whether its images are to follow it: it moved by more than `least` metres, or the listener did. Sound that is not to
+/// be shifted keeps its way.
+bool AcousticEngine::Impl::isFollowed(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
+                                      const ListenerPose& listener, double least) const {
+    return state.hasResponse && !state.jumps && !listenerJumps && (emitter.sound->doppler || listener.doppler) &&
+           (glm::distance(state.tracedSource, source) > least ||
+            glm::distance(state.tracedListener, listener.position) > least);
+}
+
+/// Sound that bends must be followed from the first, as direct sound is, or it would be late where that ends.
+bool AcousticEngine::Impl::setsOff(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& source,
+                                   const ListenerPose& listener) const {
+    return !state.tracedImages && hasEdges(state) && isFollowed(emitter, state, source, listener, kSetOffMoved);
+}
+
+/// How many images, or waves by way of edges, are to follow the source, or the listener, rather than be heard from
+/// where they were: of those that move the loudest, as long as they are few, and fewer through a head, which takes more
+/// time.
+std::size_t AcousticEngine::Impl::followedOf(const EmitterState& state, std::size_t most) const {
+    constexpr std::size_t kMostOfAll = 96, kMostThroughHead = 32;
+    if (!state.moves) return 0;
     const auto moving = std::ranges::count_if(states, [](const auto& other) { return other.second.moves; });
     const std::size_t all = state.reflectedBy == HeardBy::measured ? kMostThroughHead : kMostOfAll;
-    return std::clamp<std::size_t>(all / static_cast<std::size_t>(moving), 1, kMost);
+    return std::clamp<std::size_t>(all / static_cast<std::size_t>(moving), 1, most);
 }
 
 void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitter, const glm::dvec3& source,
@@ -107,9 +127,10 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
         if (!state.leaksSought) job.tracing.exits = kLeakExits;
     }
     job.tracing.pattern = patternOf(emitter, source, listener.position, options.levels == AcousticOptions::Levels::x3d);
-    job.followed = followedOf(state, emitter, source, listener);
-    // Of waves by way of edges the same share of twice as many.
-    job.followedEdges = 2 * job.followed;
+    state.moves =
+        isFollowed(emitter, state, source, listener, hasEdges(state) ? kSetOffMoved : 0.5 * options.moveTolerance);
+    job.followed = followedOf(state, kMostImages);
+    job.followedEdges = followedOf(state, kMostEdges);
     job.error = options.error;
     job.maxRays = options.maxRays;
     job.longest = longest;
@@ -123,14 +144,27 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     submit(state, std::move(job), listener);
 }
 
-/// Ways and levels are what they were; only where they come from, seen from the head, is another.
-void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener) {
+/// Ways and levels are what they were; only where they come from, seen from the head, is another, or from here on they
+/// are followed.
+void AcousticEngine::Impl::turn(EmitterState& state, const SoundEmitter& emitter, const ListenerPose& listener,
+                                Renewal why) {
     TraceJob job;
     job.emitter = emitter.id;
     job.block = options.blockSize;
     job.response = responseFor(emitter.id, state.reflectedBy, listener);
     job.traced = state.traced;
     job.images = state.tracedImages;
+    if (why == Renewal::setOff) {
+        job.source = state.tracedSource;
+        job.listener = state.tracedListener;
+        job.tracing = options.trace;
+        job.tracing.air = air;
+        job.tracing.pattern =
+            patternOf(emitter, job.source, job.listener, options.levels == AcousticOptions::Levels::x3d);
+        state.moves = true;
+        job.followed = followedOf(state, kMostImages);
+        job.followedEdges = followedOf(state, kMostEdges);
+    }
     submit(state, std::move(job), listener);
 }
 
@@ -181,7 +215,10 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     EmitterState& state = found->second;
     for (std::size_t c = 0; c < channels; ++c) state.late[c].setResponse(std::move(traced.channels[c]));
     state.tracedImages = traced.images;
-    state.images.set(std::move(traced.images));
+    // What is followed is heard as it was, as long as it has hardly moved: the sooner it takes over the better.
+    const auto fade = static_cast<std::size_t>(traced.setsOff ? kSetOff * options.sampleRate : 0);
+    for (Convolver& late : state.late) late.fadeOnceIn(fade);
+    state.images.set(std::move(traced.images), fade);
     state.responseFrames = std::max(state.responseFrames, traced.frames);
     if (traced.turned) return;
     state.traced = std::move(traced.traced);

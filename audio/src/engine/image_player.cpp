@@ -48,12 +48,13 @@ void ImagePlayer::render(const Block& block) {
         fading_ = started_;
         started_ = true;
         faded_ = 0;
+        fadeSamples_ = onceIn_ > 0 ? std::exchange(onceIn_, 0) : fade_;
     }
     render(current_, block, false);
     if (!fading_) return;
     render(next_, block, true);
     faded_ += block_;
-    if (faded_ < fade_) return;
+    if (faded_ < fadeSamples_) return;
     std::swap(current_, next_);
     next_.images = nullptr;
     fading_ = false;
@@ -64,7 +65,7 @@ void ImagePlayer::render(Set& set, const Block& block, bool arrives) {
     weights_.assign(block_, 1.0f);
     if (fading_)
         for (std::size_t i = 0; i < block_; ++i) {
-            const float share = fadeIn(static_cast<double>(faded_ + i + 1) / static_cast<double>(fade_));
+            const float share = fadeIn(static_cast<double>(faded_ + i + 1) / static_cast<double>(fadeSamples_));
             weights_[i] = arrives ? share : 1 - share;
         }
     for (std::size_t k = 0; k < set.count(); ++k) render((*set.images)[k], set.voices[k], block);
@@ -170,9 +171,10 @@ void ImagePlayer::readLine(const DelayLine& line, const Voice& voice, double bef
 
 /// Whether nothing is heard of the image by a face, as it was right all the time; else its share of now is known.
 bool ImagePlayer::isSilent(const FollowedImage& image, Voice& voice, const Block& block) const {
-    double delay = voice.delay, slope = 0;
-    block.find(image, -1, delay, slope);
-    const EdgeEnds ends = block.ends(delay);
+    // So nearly where the source was when it left that which arrives.
+    const EdgeEnds now = block.ends(0);
+    const double distance = glm::distance(image.at(now.source), now.listener);
+    const EdgeEnds ends = block.ends(distance / image.edge->speedOfSound * block.response.sampleRate);
     const double share = image.edge->boundaryGain(image.face, ends.source, ends.listener);
     const bool silent = share == 0 && voice.share == 0;
     if (silent && voice.started) voice.restart();

@@ -30,10 +30,11 @@ class ImagePlayer {
 
     ImagePlayer(std::size_t block, std::size_t fade) : block_(block), fade_(std::max<std::size_t>(1, fade)) {}
 
-    /// Null or empty: none.
-    void set(Images images) {
+    /// Null or empty: none. `fadeOnce`: samples in which these fade over, 0: as usual.
+    void set(Images images, std::size_t fadeOnce = 0) {
         waiting_ = std::move(images);
         waits_ = true;
+        onceIn_ = fadeOnce;
     }
 
     struct EdgeEnds {
@@ -96,7 +97,8 @@ class ImagePlayer {
                   double ahead);
     void findDelays(const FollowedImage& image, Voice& voice, const Block& block);
 
-    std::size_t block_, fade_;
+    std::size_t block_, fade_, onceIn_ = 0;
+    std::size_t fadeSamples_ = fade_;  // of the set that fades in
     std::array<DelayLine, 2> lines_;
     Ring<double> reflected_;  // Block::reflects, of as many blocks as the lines hold
     Set current_, next_;

@@ -45,6 +45,16 @@ void makeChannels(const TraceJob& job, TracedResponse& result) {
     result.frames = ir.frames();
 }
 
+/// What is left out of the response, to be rendered for itself.
+std::shared_ptr<const std::vector<FollowedImage>> followedBy(const TraceJob& job, const Echogram& traced) {
+    if (job.followed == 0) return nullptr;
+    std::vector<FollowedImage> images = followedImages(traced, job.source, job.listener, job.response.speedOfSound,
+                                                       job.response.sampleRate, job.block, job.followed);
+    addFollowedEdges(traced, job.source, job.listener, job.tracing, job.response.sampleRate, job.block,
+                     job.followedEdges, images);
+    return std::make_shared<const std::vector<FollowedImage>>(std::move(images));
+}
+
 }  // namespace
 
 TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry) {
@@ -52,7 +62,8 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
         TracedResponse turned;
         turned.emitter = job.emitter;
         turned.traced = job.traced;
-        turned.images = job.images;
+        turned.setsOff = !job.images && job.followed > 0;
+        turned.images = turned.setsOff ? followedBy(job, *job.traced) : job.images;
         turned.turned = true;
         makeChannels(job, turned);
         return turned;
@@ -69,14 +80,7 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
         result.error = tracer.refineTo(traced, job.source, job.listener, job.tracing, job.error, job.maxRays);
     if (!traced.exits.empty()) result.openings = room.openings(job.source, traced.exits, traced.escaped);
     result.traced = std::make_shared<const Echogram>(traced.echogram());
-    if (job.followed > 0) {
-        std::vector<FollowedImage> images =
-            followedImages(*result.traced, job.source, job.listener, job.response.speedOfSound, job.response.sampleRate,
-                           job.block, job.followed);
-        addFollowedEdges(*result.traced, job.source, job.listener, job.tracing, job.response.sampleRate, job.block,
-                         job.followedEdges, images);
-        result.images = std::make_shared<const std::vector<FollowedImage>>(std::move(images));
-    }
+    result.images = followedBy(job, *result.traced);
     makeChannels(job, result);
     result.reached = recorder.reached();
     // The receiver's ball shrinks before a wall: what comes near the listener counts as well.

@@ -40,7 +40,7 @@ struct TraceJob {
     std::size_t followedEdges = 0;  // and so many waves by way of edges
     /// What was traced before, where only the listener's head has turned since: nothing is traced then.
     std::shared_ptr<const Echogram> traced;
-    std::shared_ptr<const std::vector<FollowedImage>> images;  // that were left out then
+    std::shared_ptr<const std::vector<FollowedImage>> images;  // that were left out then; null: to be chosen
     // Of the worker alone.
     std::shared_ptr<const AcousticState> state;
     std::shared_ptr<const RayView> rays;
@@ -59,8 +59,9 @@ struct TracedResponse {
     std::size_t frames = 0;
     std::shared_ptr<const Echogram> traced;
     std::shared_ptr<const std::vector<FollowedImage>> images;
-    bool turned = false;  // it is the job's: all below says nothing
-    AcousticBox reached;  // by its paths
+    bool setsOff = false;  // the job's images are chosen, as its source begins to move
+    bool turned = false;   // it is the job's: all below says nothing
+    AcousticBox reached;   // by its paths
     std::uint64_t rays = 0;
     std::size_t imageCount = 0;
     double error = 0;          // NaN unless asked for

@@ -204,12 +204,14 @@ struct Convolver::Impl {
         fading = started;
         started = true;
         faded = 0;
+        fadeSamples = onceIn > 0 ? std::exchange(onceIn, 0) : fadeLength;
         return true;
     }
 
     std::shared_ptr<Input> input;
     bool follows = false;  // another one tells the input what comes
-    std::size_t fadeLength;
+    std::size_t fadeLength, onceIn = 0;
+    std::size_t fadeSamples = fadeLength;  // of the response that fades in
     Parts current, next, waiting;
     bool fading = false, waits = false, started = false, evenly = false;
     std::size_t faded = 0;  // samples
@@ -274,8 +276,13 @@ void Convolver::setResponse(Response&& response) {
     impl_->wait();
 }
 
+void Convolver::fadeOnceIn(std::size_t samples) {
+    impl_->onceIn = samples;
+}
+
 void Convolver::restart() {
     Impl& s = *impl_;
+    s.onceIn = 0;
     if (!s.follows) s.input->silence();
     s.fading = s.waits = s.started = false;
 }
@@ -300,12 +307,12 @@ void Convolver::process(std::span<const float> input, std::span<float> output) {
     std::ranges::copy(s.hear(s.current), before.begin());
     const auto fresh = s.hear(s.next);
     for (std::size_t i = 0; i < s.block(); ++i) {
-        const double part = static_cast<double>(s.faded + i + 1) / static_cast<double>(s.fadeLength);
+        const double part = static_cast<double>(s.faded + i + 1) / static_cast<double>(s.fadeSamples);
         const float share = s.evenly ? static_cast<float>(std::min(1.0, part)) : fadeIn(part);
         output[i] += before[i] + (fresh[i] - before[i]) * share;
     }
     s.faded += s.block();
-    if (s.faded < s.fadeLength) return;
+    if (s.faded < s.fadeSamples) return;
     std::swap(s.current, s.next);
     s.fading = false;
 }

@@ -8,15 +8,14 @@
 #include <numbers>
 #include <span>
 
-#include "edge_waves.h"
-
 namespace rtsg {
 namespace {
 
 using EdgeValue = std::complex<double>;
 constexpr double kHalfTurn = std::numbers::pi;
 /// A wave of less of all energy is not followed, nor is what is left of one beside the closed form.
-constexpr double kLeastWave = 1e-5, kLeastRest = 1e-4;
+constexpr double kLeastWave = 1e-5;
+constexpr float kLeastRest = 1e-4f;
 /// Nearer to a boundary than this, in radians, direct sound decides on which side one is.
 constexpr double kAtBoundary = 1e-4;
 /// The lowest of the low passes, an octave apart each: log2 of 1 / s.
@@ -159,18 +158,28 @@ double FollowedEdge::boundaryGain(std::size_t face, const glm::dvec3& source, co
 
 namespace {
 
+/// Of a tone; beyond the last one it is the last.
+std::size_t bandOf(std::size_t tone) {
+    return std::min(tone, kEdgeTones - 1) * static_cast<std::size_t>(kBandCount) / kEdgeTones;
+}
+
 /// Spectra at the tones of waves, and beyond them as at the last one.
 class EdgeFit {
   public:
     using Spectrum = std::vector<EdgeValue>;
 
     explicit EdgeFit(int sampleRate) : fit_(sampleRate, tonesOf(sampleRate)) {
-        for (std::size_t k = 0; k < FollowedEdge::kLowPasses; ++k) {
-            const double pole = std::exp2(kLowestPass + static_cast<double>(k));
-            Spectrum& pass = passes_.emplace_back();
-            for (const double hz : fit_.hz()) pass.push_back(pole / EdgeValue(pole, 2 * kHalfTurn * hz));
-        }
-        passes_.emplace_back(fit_.hz().size(), 1.0);
+        Spectrum spectrum(fit_.hz().size());
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            for (std::size_t column = 0; column < FollowedEdge::kColumns; ++column) {
+                const double pole = std::exp2(kLowestPass + static_cast<double>(column));
+                for (std::size_t i = 0; i < spectrum.size(); ++i) {
+                    const bool within = bandOf(i) == b, through = column == FollowedEdge::kLowPasses;
+                    const EdgeValue pass = through ? 1.0 : pole / EdgeValue(pole, 2 * kHalfTurn * fit_.hz()[i]);
+                    spectrum[i] = within ? pass : 0.0;
+                }
+                makes_[b][column] = single(fit_.weightsOf(spectrum));
+            }
     }
     static const EdgeFit& kept(int sampleRate) {
         thread_local std::vector<std::pair<int, std::unique_ptr<const EdgeFit>>> all;
@@ -179,14 +188,13 @@ class EdgeFit {
         return *all.emplace_back(sampleRate, std::make_unique<const EdgeFit>(sampleRate)).second;
     }
 
-    /// Of all low passes, each times `colour`, by tone.
-    void makes(std::span<const double> colour, std::array<PoleBank::Weights, FollowedEdge::kColumns>& result) const {
-        Spectrum spectrum(fit_.hz().size());
-        for (std::size_t column = 0; column < FollowedEdge::kColumns; ++column) {
-            for (std::size_t i = 0; i < spectrum.size(); ++i)
-                spectrum[i] = passes_[column][i] * colour[std::min(i, kEdgeTones - 1)];
-            result[column] = single(fit_.weightsOf(spectrum));
-        }
+    /// Of all low passes, each times `colour`, an amplitude by bands.
+    void makes(const Bands& colour, FollowedEdge::Makes& result) const {
+        result = {};
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            for (std::size_t column = 0; column < FollowedEdge::kColumns; ++column)
+                for (std::size_t k = 0; k < PoleBank::kWeights; ++k)
+                    result[column][k] += static_cast<float>(colour[b]) * makes_[b][column][k];
     }
     PoleBank::Weights weightsOf(std::span<const std::complex<float>> tones) const {
         Spectrum spectrum(fit_.hz().size());
@@ -208,7 +216,7 @@ class EdgeFit {
     }
 
     PoleFit fit_;
-    std::vector<Spectrum> passes_;
+    std::array<FollowedEdge::Makes, kBandCount> makes_;  // of what is in a band alone
 };
 
 double waveEnergy(const EdgeWave& wave) {
@@ -217,9 +225,10 @@ double waveEnergy(const EdgeWave& wave) {
     return sum * kBandCount / kEdgeTones / (4 * kHalfTurn);
 }
 
-/// The bands' values at the tones.
-double atTone(const Bands& bands, std::size_t tone) {
-    return bands[tone * static_cast<std::size_t>(kBandCount) / kEdgeTones];
+/// Whether its route is that of its delay.
+bool hasRoute(const EdgeWave& wave, const glm::dvec3& source, const glm::dvec3& listener, double speedOfSound) {
+    const double length = edgeWay(wave.route, source, listener).length;
+    return std::abs(length - wave.seconds * speedOfSound) < 1e-6 * (1 + length);
 }
 
 /// Makes of waves what is followed of them.
@@ -245,13 +254,11 @@ class EdgeFollower {
             edge->rest = fit.weightsOf(wave.pressure);
             return edge;
         }
-        EdgeWave colour;
-        colour.pressure.fill(1.0f);
-        weaken(colour, sentTo(wave.route.first), attenuation_, edge->way);
-        std::array<double, kEdgeTones> beside, besideMirrored;
-        for (std::size_t tone = 0; tone < kEdgeTones; ++tone) {
-            beside[tone] = static_cast<double>(colour.pressure[tone].real());
-            besideMirrored[tone] = beside[tone] * atTone(wave.bends.mirrors, tone);
+        const double sent = sentTo(wave.route.first);
+        Bands beside, besideMirrored;
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            beside[b] = std::sqrt(sent * std::exp(-attenuation_[b] * edge->way));  // as weaken() has it
+            besideMirrored[b] = beside[b] * wave.bends.mirrors[b];
         }
         fit.makes(beside, edge->makes[0]);
         fit.makes(besideMirrored, edge->makes[1]);
@@ -292,20 +299,26 @@ class EdgeFollower {
                std::abs(kHalfTurn - image) * path.receiverRadius < 0.01;
     }
     /// What the wave has beyond the closed form.
-    void findRest(const EdgeWave& wave, const WedgePath& path, std::span<const double> beside,
-                  std::span<const double> besideMirrored, FollowedEdge& edge) const {
-        std::array<std::complex<float>, kEdgeTones> rest;
-        double most = 0, loudest = 0;
-        for (std::size_t tone = 0; tone < kEdgeTones; ++tone) {
+    void findRest(const EdgeWave& wave, const WedgePath& path, const Bands& beside, const Bands& besideMirrored,
+                  FollowedEdge& edge) const {
+        const auto knownAt = [&](std::size_t tone) {
             const double k = 2 * kHalfTurn * edgeToneHz(static_cast<double>(tone)) / edge.speedOfSound;
             const WedgeField field = wedgeField(path, k);
-            const EdgeValue known = (beside[tone] * field.besideDirect + besideMirrored[tone] * field.besideMirrored) *
-                                    std::polar(1.0, k * edge.way);
-            rest[tone] = wave.pressure[tone] - std::complex<float>(known);
-            most = std::max(most, static_cast<double>(std::abs(rest[tone])));
-            loudest = std::max(loudest, std::abs(known));
+            const std::size_t b = bandOf(tone);
+            return std::complex<float>((beside[b] * field.besideDirect + besideMirrored[b] * field.besideMirrored) *
+                                       std::polar(1.0, k * edge.way));
+        };
+        // Most have nothing, which a few tones show.
+        constexpr std::size_t kStep = 10;
+        bool any = false;
+        for (std::size_t tone = kStep / 5; tone < kEdgeTones; tone += kStep) {
+            const std::complex<float> known = knownAt(tone);
+            any = any || std::abs(wave.pressure[tone] - known) > kLeastRest * std::abs(known);
         }
-        if (most > kLeastRest * loudest) edge.rest = EdgeFit::kept(sampleRate_).weightsOf(rest);
+        if (!any) return;
+        std::array<std::complex<float>, kEdgeTones> rest;
+        for (std::size_t tone = 0; tone < kEdgeTones; ++tone) rest[tone] = wave.pressure[tone] - knownAt(tone);
+        edge.rest = EdgeFit::kept(sampleRate_).weightsOf(rest);
     }
 
     const glm::dvec3 source_, listener_;
@@ -325,8 +338,12 @@ void addFollowedEdges(const Echogram& echogram, const glm::dvec3& source, const 
     double all = 0;
     for (const double band : echogram.total()) all += band;
     std::vector<std::pair<double, std::size_t>> loudest;
-    for (std::size_t i = 0; i < waves.size(); ++i)
-        if (const double energy = waveEnergy(waves[i]); energy > kLeastWave * all) loudest.emplace_back(-energy, i);
+    for (std::size_t i = 0; i < waves.size(); ++i) {
+        const double energy = waveEnergy(waves[i]);
+        if (energy > kLeastWave * all && hasRoute(waves[i], source, listener, options.air.speedOfSound))
+            loudest.emplace_back(-energy, i);
+    }
+    lowPassShares();  // here rather than in a block of sound
     const std::size_t count = std::min(most, loudest.size());
     std::partial_sort(loudest.begin(), loudest.begin() + static_cast<std::ptrdiff_t>(count), loudest.end());
     const EdgeFollower follower(source, listener, options, sampleRate, block);

@@ -31,7 +31,8 @@ struct FollowedEdge {
     double way = 0;     // metres, when it was traced
     double speedOfSound = 343;
     /// From low passes to weights: of what is beside direct sound, and beside what the faces mirror.
-    std::array<std::array<PoleBank::Weights, kColumns>, 2> makes;
+    using Makes = std::array<PoleBank::Weights, kColumns>;
+    std::array<Makes, 2> makes;
     /// What is not known for other places, as it was.
     PoleBank::Weights rest{};
     std::array<bool, 2> mirrored{};  // whether the image by either face was in the light

@@ -96,6 +96,10 @@ TEST(EngineHeap, ABlockTakesNothingOnceAllThatPlaysHasBeenHeard) {
              tone + " } ] }",
          plain},
         {"on a wall", placed("", tone) + "SpatialSound { location 1 -.5 -2 children " + tone + " }", plain},
+        {"behind a screen",
+         placed("", tone) + "Shape { geometry IndexedFaceSet { solid FALSE coordIndex [ 0 1 2 3 ] coord Coordinate { "
+                            "point [ -2 0 -1, 2 0 -1, 2 2 -1, -2 2 -1 ] } } }",
+         plain},
         {"a sphere", placed("enableHRTF TRUE", tone) + "ListenerPointSource { position 0 1 0 interauralDistance .2 }",
          plain},
         {"ambisonic", placed("", tone), ambisonic},
