@@ -2,9 +2,12 @@
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>
+#include <cstdint>
 #include <utility>
 
 #include <fmt/format.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include "blocks.h"
 #include "catalogue.h"
@@ -88,16 +91,31 @@ void readTypes(Reader& in, std::size_t count, ChangeSet& set) {
     }
 }
 
-void readCreates(Reader& in, std::size_t count, ChangeSet& set) {
+/// Rows that are made and filled together while they are in the nearest memory.
+constexpr std::size_t kAtOnce = 256;
+
+/// In portions, as a snapshot has a million of them.
+void readCreates(Reader& in, std::size_t count, ChangesAnew& changes) {
     std::uint32_t last = 0, lastScope = 0;
-    for (std::size_t i = 0; i < count && !in.problem; ++i) {
-        bool external = false;
-        const NodeId node = readNode(in, last, external);
-        Change change = blankChange(ChangeKind::createNode, node, kNoField, external);
-        change.index = static_cast<std::uint32_t>(in.bounded(0xFFFF));
-        lastScope = in.delta(lastScope);
-        change.other = NodeId{lastScope};
-        set.changes.push_back(std::move(change));
+    for (std::size_t left = count; left > 0 && !in.problem;) {
+        const std::size_t rows = std::min(left, kAtOnce);
+        left -= rows;
+        Change* const portion = changes.add(rows);
+        Reader nodes = in;
+        for (std::size_t i = 0; i < rows; ++i) {
+            bool external = false;
+            Change& change = portion[i];
+            change.node = readNode(nodes, last, external);
+            change.field = kNoField;
+            change.kind = ChangeKind::createNode;
+            change.external = external;
+            change.isConnection = false;
+            change.index = static_cast<std::uint32_t>(nodes.bounded(0xFFFF));
+            lastScope = nodes.delta(lastScope);
+            change.other = NodeId{lastScope};
+            change.value = {};
+        }
+        in = nodes;
     }
 }
 
@@ -201,11 +219,10 @@ void readAuthors(Reader& in, std::size_t count, ChangeSet& set) {
 }
 
 /// Rows of values of at most 16 bytes: the hot path, running pointers and no branch on the type inside the loop. In
-/// portions, each of which is made and filled while it is in the nearest memory.
+/// portions.
 template <class T>
 void readPlainRows(Reader& in, std::size_t count, const std::byte* values, FieldIndex field, bool external,
                    ChangesAnew& changes) {
-    constexpr std::size_t kAtOnce = 256;
     constexpr std::size_t kAhead = 1024;  // bytes: where many replicas take turns, the changes lie far away
     std::uint32_t last = 0;
     for (std::size_t left = count; left > 0 && !in.problem;) {
@@ -300,6 +317,20 @@ constexpr std::size_t kMostFields = std::size_t{1} << 22;
 /// Up to here the memory of a set doubles, as it grows from record to record; beyond, it is just what is needed.
 constexpr std::size_t kDoubleUpTo = 32768;
 
+/// A million changes are 40 MB that the system gives out anew: in small pages that takes as long as reading them.
+void askForLargePages(void* memory, std::size_t size) {
+#ifdef MADV_HUGEPAGE
+    constexpr std::size_t kPays = std::size_t{4} << 20;
+    if (size < kPays) return;
+    const auto page = static_cast<std::uintptr_t>(::sysconf(_SC_PAGESIZE));
+    const std::uintptr_t into = reinterpret_cast<std::uintptr_t>(memory) % page;
+    // Of whole pages within; advice: without it all is well, only slower.
+    (void)::madvise(static_cast<std::byte*>(memory) + (page - into) % page, size - page, MADV_HUGEPAGE);
+#else
+    (void)memory, (void)size;
+#endif
+}
+
 /// Memory for all rows at once: as they come it would be held twice while it grows. Rows of predicted columns are
 /// charged to nobody, as the fields that they are of have been given before: their number has its own limit.
 void reserveRows(Reader& in, std::size_t remembered, ChangesAnew& changes) {
@@ -325,6 +356,7 @@ void reserveRows(Reader& in, std::size_t remembered, ChangesAnew& changes) {
     ChangeSet& set = changes.set();
     set.changes = {};
     set.changes.reserve(doubled <= kDoubleUpTo ? std::max(all, doubled) : all);
+    askForLargePages(set.changes.data(), set.changes.capacity() * sizeof(Change));
 }
 
 /// False when the column's coding is unknown; the column is then skipped. `columns`: null if nothing is remembered.
@@ -371,13 +403,11 @@ bool readValues(Reader& in, std::size_t count, wire::ColumnReader* columns, Chan
 /// False for a column in a coding of a later format.
 bool readBlock(Reader& in, unsigned kind, std::size_t count, wire::ColumnReader* columns, ChangesAnew& changes) {
     if (kind == wire::kValues) return readValues(in, count, columns, changes);
+    if (kind == wire::kCreate) return readCreates(in, count, changes), true;
     ChangeSet& set = changes.set();
     switch (kind) {
         case wire::kTypes:
             readTypes(in, count, set);
-            break;
-        case wire::kCreate:
-            readCreates(in, count, set);
             break;
         case wire::kLinks:
             readLinks(in, count, set);
