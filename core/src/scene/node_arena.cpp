@@ -34,24 +34,50 @@ void NodeArena::grow(std::size_t bytes) {
     takeChunk(lastChunk_, huge);
 }
 
+bool NodeArena::Expected::makeReady() {
+#ifdef MADV_POPULATE_WRITE
+    const std::size_t page = next.fetch_add(1, std::memory_order_relaxed);
+    if (page >= pages) return false;
+    if (madvise(chunk + page * kHugePage, kHugePage, MADV_POPULATE_WRITE) != 0) refused = true;
+    ready[page].store(true, std::memory_order_release);
+    return true;
+#else
+    return false;
+#endif
+}
+
 void NodeArena::expect(std::size_t bytes) {
 #ifdef MADV_POPULATE_WRITE
     constexpr std::size_t kPays = 8 * kHugePage;  // for a thread
     if (bytes < left_ + kPays || std::thread::hardware_concurrency() < 2) return;
-    const std::size_t size = (bytes + kHugePage - 1) / kHugePage * kHugePage;
-    std::byte* const chunk = takeChunk(size, true);
+    const std::size_t pages = (bytes + kHugePage - 1) / kHugePage;
+    filler_ = {};  // of what was expected before
+    expected_ = std::make_unique<Expected>();
+    expected_->chunk = takeChunk(pages * kHugePage, true);
+    expected_->pages = pages;
+    expected_->ready = std::make_unique<std::atomic<bool>[]>(pages);
+    entered_ = 0;
+    left_ = 0;  // page by page
     try {
-        filler_ = std::jthread([chunk, size](const std::stop_token& stop) {
-            // In steps, so that who writes there meanwhile waits for one at most. Systems before Linux 5.14 refuse.
-            for (std::size_t done = 0; done < size && !stop.stop_requested(); done += kHugePage)
-                if (madvise(chunk + done, kHugePage, MADV_POPULATE_WRITE) != 0) return;
+        filler_ = std::jthread([expected = expected_.get()](const std::stop_token& stop) {
+            while (!stop.stop_requested() && !expected->refused && expected->makeReady()) continue;
         });
     } catch (const std::system_error&) {
-        return;  // there are no more threads: who writes there waits for every page
+        expected_->refused = true;  // there are no more threads: who writes there waits for every page
     }
 #else
     (void)bytes;
 #endif
+}
+
+/// The next page of what was expected is to be written to. False if there is none.
+bool NodeArena::enterPage() {
+    if (!expected_ || entered_ == expected_->pages) return false;
+    const std::size_t page = entered_++;
+    left_ += kHugePage;
+    while (!expected_->refused && !expected_->ready[page].load(std::memory_order_acquire))
+        if (!expected_->makeReady()) break;
+    return true;
 }
 
 void* NodeArena::allocate(std::size_t bytes) {
@@ -62,6 +88,7 @@ void* NodeArena::allocate(std::size_t bytes) {
         return block;
     }
     const std::size_t size = grains * kGrain;
+    while (size > left_ && enterPage()) continue;
     if (size > left_) grow(size);
     void* block = next_;
     next_ += size;
