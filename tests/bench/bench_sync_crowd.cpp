@@ -111,9 +111,11 @@ bool mirrorCrowd(const SyncSizes& sizes, const Report& report) {
     if (!film.good) return false;
     report({"sync", fmt::format("{} peers at 60 Hz", some), "frames of 13 kB that each gets", "1/s",
             film.framesPerSecond, "", 0, "asked for of 256", kHertz});
+    const Delays alone = rawPublishing(static_cast<std::size_t>(film.bytesPerFrame), some, kOneAtATime);
+    if (alone.seconds.empty()) return false;
     report({"sync", fmt::format("{} peers at 60 Hz", some), "a frame's CPU time for each, both ends", "us",
             1e6 * film.cpuSeconds, "what the cores have for each",
-            1e6 * std::thread::hardware_concurrency() / kHertz / some, "", 0});
+            1e6 * std::thread::hardware_concurrency() / kHertz / some, "bare PUB, same bytes", 1e6 * alone.cpuSeconds});
     const Crowd crowd = crowdOf(many);
     if (crowd.seconds.empty()) return false;
     const Delays bare = rawPublishing(static_cast<std::size_t>(crowd.bytesPerFrame), many, kOneAtATime);

@@ -144,11 +144,13 @@ Paced paced(int transforms, double hertz, int frames, int followers) {
         for (const auto& f : all) sum += f->applied();
         return static_cast<double>(sum);
     };
+    const std::uint64_t bytes = (*server)->statistics().bytes;
     const double got = applied(), start = wallSeconds(), cpu = cpuSeconds();
     show(frames);
     if (!everybody()) return {};
     const double seconds = wallSeconds() - start, each = applied() - got;
-    Paced result{each / followers / seconds, (cpuSeconds() - cpu) / each, true};
+    Paced result{each / followers / seconds, (cpuSeconds() - cpu) / each, 0, true};
+    result.bytesPerFrame = double((*server)->statistics().bytes - bytes) / each;
     for (const auto& f : all) f->stop();
     for (const auto& f : all) result.good = f->finish().divergences == 0 && result.good;
     return result;

@@ -54,6 +54,7 @@ struct Flow {
 struct Paced {
     double framesPerSecond = 0;  // that each got, merged ones counted once; the mean
     double cpuSeconds = 0;       // of all that the process did, for each frame that a follower got
+    double bytesPerFrame = 0;    // that a follower got
     bool good = false;           // as Flow's
 };
 Paced paced(int transforms, double hertz, int frames, int followers);

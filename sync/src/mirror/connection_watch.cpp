@@ -51,9 +51,11 @@ void ConnectionWatch::look(Clock::time_point now) {
     suspicious_ = false;
     for (auto& [descriptor, connection] : connections_) {
         if (connection.delivered) continue;  // a message has come: nothing to be found on it this time
-        const std::optional<std::uint64_t> come = bytesRead(descriptor);
-        connection.come = come.value_or(0);
-        connection.counted = come.has_value();
+        const std::optional<std::uint64_t> received = bytesReceived(descriptor);
+        connection.counted = received.has_value();
+        // Where little has come it does not matter whether ZeroMQ has read all of it: half the calls, for each peer.
+        const bool little = connection.counted && *received <= connection.settled + kMostUnfinished;
+        connection.come = little ? *received : bytesRead(descriptor).value_or(0);
         if (!connection.counted && bytesWait(descriptor) && connection.busy++ == 0) connection.busySince = now;
         suspicious_ = suspicious_ || connection.busy > 0;
     }
