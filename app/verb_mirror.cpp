@@ -194,6 +194,7 @@ class Mirroring {
         }
     }
     bool isOver(std::size_t applied);
+    bool bringsOnlyGarbage(std::size_t applied);
     void sayWhetherHeard();
     /// The state to catch up with; of another session, which may have begun since, it is that one's.
     std::uint64_t wanted() const { return std::min(known_, client_->statistics().originSequence); }
@@ -226,6 +227,8 @@ class Mirroring {
     double since_ = 0, time_ = 0, seconds_ = 0;
     Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now(), movedAt_ = Clock::now();
     Clock::time_point lostAt_ = Clock::now();  // it was heard until then
+    Clock::time_point useful_ = Clock::now();  // what came was, until then
+    std::uint64_t garbageThen_ = 0;            // messages that were not, by then
     bool good_ = true, equal_ = false, stoodStill_ = false, saidLost_ = false;
     int status_ = kDone;
     OutputReport report_;  // of the outputs, in the end
@@ -267,6 +270,7 @@ bool Mirroring::isOver(std::size_t applied) {
     // A log that is paused, or at its end, may do so for good; a scene that is held up for a moment goes on.
     stoodStill_ = joined() && client.inStep() && secondsSince(movedAt_) >= std::max(duration_, patience_) + latency_;
     if (stoodStill_) return true;
+    if (bringsOnlyGarbage(applied)) return true;
     if (secondsSince(heard_) < patience_ + latency_) return false;
     // A server that ends in order says goodbye; a relay that has lost its origin says so.
     const bool heard = joined() || client.statistics().bytes > 0;
@@ -276,6 +280,20 @@ bool Mirroring::isOver(std::size_t applied) {
          (heard                  ? ""
           : options_.key.empty() ? " (one that has keys does not answer without --key)"
                                  : " (one does not answer whose list lacks the key, or that has none)"));
+    return true;
+}
+
+/// For as long as we wait nothing that came was of use, and more than by chance: what comes next will be no better.
+bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
+    constexpr std::uint64_t kByChance = 2;
+    const std::uint64_t garbage = client_->statistics().garbage;
+    if (applied > 0 || client_->inStep()) {
+        useful_ = Clock::now();
+        garbageThen_ = garbage;
+    }
+    if (garbage <= garbageThen_ + kByChance || secondsSince(useful_) < patience_ + latency_) return false;
+    fail(fmt::format("{}: nothing of what the server sends could be applied for {} s", options_.endpoint,
+                     patience_ + latency_));
     return true;
 }
 

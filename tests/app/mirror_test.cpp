@@ -1,8 +1,11 @@
 // Mirrors as a script uses them: two processes, and what must be the same in both.
+#include <algorithm>
+#include <cstring>
 #include <sstream>
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
+#include <xxhash.h>
 
 #include "mirror_session.h"
 #include "support/tcp_proxy.h"
@@ -81,6 +84,31 @@ TEST_F(Mirror, OnASlowLinkJoinsAndCatchesUp) {
     expectEqual(report);
     EXPECT_EQ(report.at("snapshots"), 1) << report;
     EXPECT_EQ(report.at("sequence"), report.at("origin_sequence")) << report;
+}
+
+/// Makes no sense of what a record holds; all else of it is right.
+void emptyOfSense(std::string& bytes) {
+    constexpr std::size_t kChecksumAt = 8, kKindAt = 16, kLengthAt = 18, kLengthSize = 6, kPayloadAt = 64;
+    for (std::size_t at = 0; (at = bytes.find("RTSGrec1", at)) != std::string::npos; ++at) {
+        if (at + kPayloadAt > bytes.size() || (bytes[at + kKindAt] != 2 && bytes[at + kKindAt] != 3)) continue;
+        std::uint64_t length = 0;
+        std::memcpy(&length, &bytes[at + kLengthAt], kLengthSize);
+        if (at + kPayloadAt + length > bytes.size()) continue;
+        std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(at + kPayloadAt), length, '\xFF');
+        const std::uint64_t checksum = XXH3_64bits(&bytes[at + kKindAt], kPayloadAt - kKindAt + length);
+        std::memcpy(&bytes[at + kChecksumAt], &checksum, sizeof(checksum));
+    }
+}
+
+/// Records come, and none can be applied: that is not to be waited for, however many come.
+TEST_F(Mirror, EndsWithAnErrorWhereNothingThatComesCanBeApplied) {
+    writeFile(file, "#X3D V4.0 utf8\nDEF CLOCK TimeSensor { loop TRUE }\n");  // whose records go in one piece each
+    serve({"--for", "120s"}, "tcp://127.0.0.1:*");
+    const TcpProxy way(endpoint, {}, 0, emptyOfSense);
+    Program follower({"mirror", "--json", way.endpoint, "--for", "2s", "--wait", "4s"}, streams());
+    const Outcome followed = follower.wait();
+    EXPECT_EQ(followed.status, 1) << followed.err;
+    EXPECT_THAT(followed.err, HasSubstr("nothing of what the server sends could be applied for 4 s"));
 }
 
 TEST_F(Mirror, ManyOverTcpOneOfThemLate) {

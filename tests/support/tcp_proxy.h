@@ -9,6 +9,7 @@
 #include <atomic>
 #include <chrono>
 #include <deque>
+#include <functional>
 #include <string>
 #include <thread>
 #include <utility>
@@ -25,9 +26,13 @@ namespace rtsg::test {
 class TcpProxy {
   public:
     /// `server`: tcp://127.0.0.1:PORT; `delay`: how long bytes are under way, in each direction; `rate`: how many of
-    /// the server's pass in a second, 0: all.
-    explicit TcpProxy(const std::string& server, std::chrono::milliseconds delay = {}, std::size_t rate = 0)
-        : target_(addressOf(std::stoi(server.substr(server.rfind(':') + 1)))), delay_(delay), rate_(rate) {
+    /// the server's pass in a second, 0: all; `bend`: what becomes of the server's, as many as were read at once.
+    explicit TcpProxy(const std::string& server, std::chrono::milliseconds delay = {}, std::size_t rate = 0,
+                      std::function<void(std::string&)> bend = {})
+        : target_(addressOf(std::stoi(server.substr(server.rfind(':') + 1)))),
+          delay_(delay),
+          rate_(rate),
+          bend_(std::move(bend)) {
         listen();
         endpoint = "tcp://127.0.0.1:" + std::to_string(ntohs(own_.sin_port));
         thread_ = std::thread([this] { run(); });
@@ -91,12 +96,13 @@ class TcpProxy {
         pairs_.push_back({client, server});
     }
     /// False at the end of the stream.
-    bool pass(int from, int to, bool limited) {
+    bool pass(int from, int to, bool limited, bool bent) {
         const std::size_t most = limited ? std::min(buffer_.size(), static_cast<std::size_t>(credit_)) : buffer_.size();
         const ssize_t got = ::recv(from, buffer_.data(), most, 0);
         if (got <= 0) return false;
         if (limited) credit_ -= static_cast<double>(got);
-        const std::string bytes(buffer_.data(), static_cast<std::size_t>(got));
+        std::string bytes(buffer_.data(), static_cast<std::size_t>(got));
+        if (bent) bend_(bytes);
         if (delay_.count() == 0) return give(to, bytes);
         way_.push_back({Clock::now() + delay_, to, bytes});
         return true;
@@ -146,7 +152,7 @@ class TcpProxy {
                     if (items[at + side].revents) {
                         const bool limited = rate_ > 0 && side == 1;
                         if (limited && credit_ < 1) continue;
-                        open = pass(pairs_[i][side], pairs_[i][1 - side], limited) && open;
+                        open = pass(pairs_[i][side], pairs_[i][1 - side], limited, bend_ && side == 1) && open;
                     }
                 at += 2;
                 if (open) {
@@ -173,6 +179,7 @@ class TcpProxy {
     sockaddr_in target_, own_{};
     const std::chrono::milliseconds delay_;
     const std::size_t rate_;
+    const std::function<void(std::string&)> bend_;
     double credit_ = 0;
     Clock::time_point earned_ = Clock::now();
     std::deque<Bytes> way_;
