@@ -1,5 +1,6 @@
 // Mirrors as a script uses them: two processes, and what must be the same in both.
 #include <algorithm>
+#include <atomic>
 #include <cstring>
 #include <sstream>
 
@@ -109,6 +110,28 @@ TEST_F(Mirror, EndsWithAnErrorWhereNothingThatComesCanBeApplied) {
     const Outcome followed = follower.wait();
     EXPECT_EQ(followed.status, 1) << followed.err;
     EXPECT_THAT(followed.err, HasSubstr("nothing of what the server sends could be applied for 4 s"));
+}
+
+/// Its hash is the origin's, of a state that the origin has left since.
+TEST_F(Mirror, IsNotEqualWhereTheOriginHasGoneOn) {
+    writeFile(file, "#X3D V4.0 utf8\nDEF CLOCK TimeSensor { loop TRUE }\n");
+    serve({"--for", "120s"}, "tcp://127.0.0.1:*");
+    std::atomic<bool> bends = false;
+    const TcpProxy way(endpoint, {}, 0, [&](std::string& bytes) {
+        if (bends) emptyOfSense(bytes);
+    });
+    const std::string log = folder / "mirrored.rlog";
+    Program mirror({"mirror", "--json", way.endpoint, "--record", log, "--wait", "2s"}, streams());
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (readFile(log).size() < 1000 && std::chrono::steady_clock::now() < end)
+        std::this_thread::sleep_for(std::chrono::milliseconds(20));
+    bends = true;
+    const Outcome followed = mirror.wait();
+    EXPECT_EQ(followed.status, 1) << followed.err;
+    const json report = json::parse(followed.out);
+    EXPECT_EQ(report.at("hash"), report.at("origin_hash")) << report;
+    EXPECT_LT(report.at("sequence"), report.at("origin_sequence")) << report;
+    EXPECT_EQ(report.at("equal"), false) << report;
 }
 
 TEST_F(Mirror, ManyOverTcpOneOfThemLate) {
