@@ -125,6 +125,39 @@ TEST_F(Rotation, OldPiecesAreLetGo) {
     EXPECT_EQ(check(all.back(), recorded).last, recorded.last);
 }
 
+/// Recording goes on, younger pieces go in their turn, and that one once it can.
+TEST_F(Rotation, AnOldPieceThatCannotBeRemovedIsTriedAgain) {
+    LogOptions options;
+    options.rotateSeconds = .5;
+    options.keepSeconds = 2;
+    Scene scene;
+    test::RandomEdits edits(scene, 5);
+    auto log = LogWriter::create(file(), builtinTypes(), options);
+    ASSERT_TRUE(log) << log.error().format();
+    const Attachment attachment = scene.bus().attach(**log);
+    int frame = 0;
+    const auto run = [&](int until) {
+        for (; frame < until; ++frame) {
+            edits.step();
+            scene.newFrame(frame * .1);
+        }
+    };
+    run(20);
+    const std::filesystem::path oldest = files().front(), second = files().at(1);
+    ASSERT_NE(second, file());
+    std::filesystem::remove(oldest);
+    std::filesystem::create_directory(oldest);  // with something in it nobody can remove it, root neither
+    writeAll(oldest / "something", "");
+    run(60);
+    EXPECT_TRUE(std::filesystem::exists(oldest));
+    EXPECT_FALSE(std::filesystem::exists(second));
+    std::filesystem::remove(oldest / "something");
+    run(70);
+    EXPECT_FALSE(std::filesystem::exists(oldest));
+    EXPECT_EQ(attachment.failure(), "");
+    EXPECT_TRUE((*log)->close());
+}
+
 /// As after a kill: what the session wrote before grows old too, and what is kept has no hole.
 TEST_F(Rotation, ASessionThatGoesOnLetsItsOldPiecesGo) {
     record(file("a.0001.rlog"), 30, 4);  // another session, which only has such a name
