@@ -88,6 +88,32 @@ TEST_F(Measure, SaysWhereCurvesCannotBeCutFinelyEnough) {
                                    "error 1e-05: up to 0.0082 % of what comes there may be missing"));
 }
 
+// A ball a hundred times as bright as the panel that hides it lacks nothing by its cut; once it looks out behind the
+// panel, its whole cut counts.
+TEST_F(Measure, CurvedLampsThatAreHiddenLackNothing) {
+    constexpr double kForm = .2394564;  // of a square of 2 x 2, 2 m off its middle
+    const std::string path = folder / "hidden.x3dv";
+    const auto measured = [&](double aside) {
+        writeFile(path, fmt::format(R"(#X3D V4.0 utf8
+PROFILE Full
+Transform {{ translation 0 2 0 rotation 1 0 0 1.5707963267949 children Shape {{
+  geometry Rectangle2D {{ size 2 2 }}
+  appearance Appearance {{ material Material {{ diffuseColor 0 0 0 emissiveColor 1 1 1 }} }} }} }}
+Transform {{ translation {} 8 0 children Shape {{ geometry Sphere {{ radius 3 }}
+  appearance Appearance {{ material UnlitMaterial {{ emissiveColor 100 100 100 }} }} }} }}
+)",
+                                    aside));
+        return rtsg({"measure", path, "--irradiance", "0,0,0,0,1,0", "--samples", "65536", "--json"});
+    };
+    const Outcome hidden = measured(0), seen = measured(1.2);
+    ASSERT_EQ(hidden.status, 0) << hidden.err;
+    const json report = json::parse(hidden.out);
+    EXPECT_NEAR(report.at("luminous").get<double>(), kPi * kForm, 3 / 1.96 * report.at("luminous_ci95").get<double>());
+    const double ofHidden = report.at("luminous_cut"), ofSeen = json::parse(seen.out).at("luminous_cut");
+    EXPECT_LT(ofHidden, .01 / 5 * kPi * kForm);
+    EXPECT_GT(ofSeen, 20 * ofHidden);
+}
+
 TEST_F(Measure, NamesLightsThatDoNotShineOnThePlace) {
     const std::string path = folder / "group.x3dv";
     writeFile(path,

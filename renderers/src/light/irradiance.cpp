@@ -10,6 +10,7 @@
 
 #include "draw.h"
 #include "emitters.h"
+#include "path_emitters.h"
 #include "probe.h"
 
 namespace rtsg {
@@ -35,8 +36,8 @@ double solidAngle(const Vec3d& a, const Vec3d& b, const Vec3d& c) {
 ///
 /// Chords an e-th of the radius off take 4/3 e of a disk's light, or twice that where they run across both directions
 /// of a ball. That holds for the whole lamp head-on; of one that the place's horizon cuts the rim may be all there is.
-/// So the light is counted that would come from it without horizon, cosine and obstacle, and all that arrives, for what
-/// comes by way of other surfaces.
+/// So the light is counted that would come from it without horizon, cosine and obstacle, where the place sees any of
+/// it, and all that arrives, for what comes by way of other surfaces.
 class CurvedLamps {
   public:
     CurvedLamps(const TraceScene& scene, const Probe& probe, double chordError) {
@@ -44,7 +45,7 @@ class CurvedLamps {
         constexpr double kOfChord = 8.0 / 3;
         share_ = kOfChord * chordError;
         for (const Emitters::Source& source : Emitters::sourcesIn(scene))
-            if (source.mesh->curveSize > 0) direct_ += directly(source, probe);
+            if (source.mesh->curveSize > 0 && sees(scene, source, probe)) direct_ += directly(source, probe);
     }
     /// Red, green, blue and luminance, for such an irradiance.
     glm::dvec4 lack(const glm::dvec4& irradiance) const {
@@ -67,6 +68,33 @@ class CurvedLamps {
             if (shines(front) || (front.back && shines(*front.back))) return true;
         }
         return false;
+    }
+    /// Whether any light comes from a lamp to a place directly: rays to places all over it tell, at least one to each
+    /// triangle of all but the finest.
+    static bool sees(const TraceScene& scene, const Emitters::Source& source, const Probe& probe) {
+        constexpr std::uint64_t kLeast = 1 << 12, kMost = 1 << 16;
+        const std::uint64_t triangles = source.mesh->triangleCount, rays = std::clamp(4 * triangles, kLeast, kMost);
+        Emitters::Emitter target;
+        target.instance = source.slot;
+        for (std::uint64_t i = 0; i < rays; ++i) {
+            // Places on the triangle as Roberts 2018 spreads them, its halves folded onto each other.
+            double u = std::fmod(.7548776662466927 * static_cast<double>(i), 1);
+            double v = std::fmod(.5698402909980532 * static_cast<double>(i), 1);
+            if (u + v > 1) u = 1 - u, v = 1 - v;
+            target.triangle = static_cast<std::uint32_t>(i * triangles / rays);
+            Vec3f at[3];
+            for (std::uint32_t corner = 0; corner < 3; ++corner)
+                at[corner] = source.rayFromLocal * Vec4f(source.mesh->vertex(target.triangle, corner), 1);
+            const Vec3f place =
+                at[0] + static_cast<float>(u) * (at[1] - at[0]) + static_cast<float>(v) * (at[2] - at[0]);
+            const Vec3f start = RayView::leave(probe.point(), place - probe.place);
+            const Ray ray{start, kLeave, place - start, kReach};
+            Vec3f left;
+            if (glm::dot(place - probe.place, probe.normal) > 0 &&
+                reachesEmitter(scene, target, place, ray, scene.world->intersect(ray), left))
+                return true;
+        }
+        return triangles == 0;
     }
     static Vec3d directly(const Emitters::Source& source, const Probe& probe) {
         const Mesh& mesh = *source.mesh;

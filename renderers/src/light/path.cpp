@@ -171,19 +171,16 @@ class Paths {
 
     /// Fills the packet with the probe.
     void place(const Probe& probe, const Material& white) {
-        // As far off as a surface that goes through the place may be by its roundings: of the place's own coordinates,
-        // and less of the largest of them, as what turns a surface mixes them.
-        constexpr float kOwn = 0x1p-22f, kLargest = 0x1p-24f;
+        const HitPoint point = probe.point();
         SurfacePacket& s = surfaces_;
         s.mask = s.linear = 0xFFFF;
         s.back = s.special = s.unlit = s.physical = s.shiny = 0;
         s.oneInstance = s.pointsFound = true, s.filled = nullptr;
-        const Vec3f a = glm::abs(probe.place), off = kOwn * a + kLargest * std::max({a.x, a.y, a.z, 1.0f});
         for (int lane = 0; lane < 16; ++lane) {
             s.hits.normalX[lane] = probe.normal.x, s.hits.normalY[lane] = probe.normal.y;
             s.hits.normalZ[lane] = probe.normal.z;
             s.hits.instance[lane] = kNoInstance, s.hits.triangle[lane] = 0;
-            s.position.set(lane, probe.place), s.exact.set(lane, probe.place), s.error.set(lane, off);
+            s.position.set(lane, probe.place), s.exact.set(lane, probe.place), s.error.set(lane, point.error);
             s.view.set(lane, probe.normal), s.normal.set(lane, probe.normal);
             s.base.set(lane, Vec3f(1));
             for (Lanes3* nothing : {&s.specular, &s.emissive, &s.ambient}) nothing->set(lane, Vec3f(0));
