@@ -103,6 +103,53 @@ TEST(Pictures, NameTheLineOfWhatTheyLack) {
     EXPECT_EQ(lines, (std::vector<std::uint32_t>{4, 5, 6}));
 }
 
+/// A TIFF file of one strip: every pixel the same, `bits` a number; photometric interpretation 2 (light) or 5 (inks).
+std::string tiff(int side, int photometric, int bits, const std::vector<int>& pixel) {
+    const auto little = [](std::uint64_t value, int bytes) {
+        std::string text;
+        for (int i = 0; i < bytes; ++i) text += static_cast<char>(value >> 8 * i & 0xFF);
+        return text;
+    };
+    std::string data, depths;
+    for (int i = 0; i < side * side; ++i)
+        for (const int value : pixel) data += little(static_cast<std::uint64_t>(value), bits / 8);
+    for (std::size_t i = 0; i < pixel.size(); ++i) depths += little(static_cast<std::uint64_t>(bits), 2);
+    const std::size_t tags = 9, behind = 8 + 2 + 12 * tags + 4, begin = behind + depths.size();
+    const auto tag = [&](int number, std::size_t count, std::size_t value) {
+        return little(static_cast<std::uint64_t>(number), 2) + little(4, 2) + little(count, 4) + little(value, 4);
+    };
+    std::string file = "II*" + std::string(1, '\0') + little(8, 4) + little(tags, 2);
+    const auto wide = static_cast<std::size_t>(side);
+    file += tag(256, 1, wide) + tag(257, 1, wide);
+    file += little(258, 2) + little(3, 2) + little(pixel.size(), 4) + little(behind, 4);
+    file += tag(259, 1, 1) + tag(262, 1, static_cast<std::size_t>(photometric)) + tag(273, 1, begin) +
+            tag(277, 1, pixel.size()) + tag(278, 1, wide) + tag(279, 1, data.size());
+    return file + little(0, 4) + depths + data;
+}
+
+// Inks (cyan 0, magenta 1/2, yellow 1, black 1/4) are the light that paper sends, (1 - ink) (1 - black), and sixteen
+// bits are not cut to eight; half a file is none, with a reason, but for a JPEG file's upper half.
+TEST_F(TextureUrls, OfInksOfSixteenBitsAndOfHalfAFile) {
+    const auto at = [&](const std::string& name) {
+        const auto textures = texturesOf(shape(name));
+        EXPECT_TRUE(textures.at(0)) << problems;
+        EXPECT_EQ(problems, "");
+        return textures[0] ? textures[0]->sample(.5f, .5f, 0, TextureAccess{}) : Vec4f(-1);
+    };
+    write("inks8.tif", tiff(8, 5, 8, {0, 128, 255, 64}));
+    write("inks16.tif", tiff(8, 5, 16, {0, 32768, 65535, 16384}));
+    for (const char* name : {"inks8.tif", "inks16.tif"}) {
+        const Vec4f seen = at(name);
+        EXPECT_NEAR(srgbFromLinear(seen.r), .75, .004);
+        EXPECT_NEAR(srgbFromLinear(seen.g), .375, .004);
+        EXPECT_NEAR(seen.b, 0, 1e-6);
+        EXPECT_EQ(seen.a, 1);
+    }
+    write("half.tif", tiff(64, 2, 8, {1, 2, 3}).substr(0, 60));
+    EXPECT_FALSE(texturesOf(shape("half.tif")).at(0));
+    EXPECT_THAT(problems, HasSubstr("half.tif: "));
+}
+
 TEST_F(TextureUrls, HaveLimitedPixels) {
     ResourcePolicy policy;
     policy.maximumPixels = 400;
