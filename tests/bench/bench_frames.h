@@ -40,8 +40,9 @@ struct FrameFigures {
     std::array<double, 3> update{}, trace{},
         differing{};  // by kMappings; share of rays that hit otherwise than in flat
     double flatTrace = 0, picture = 0;
-    double wholeFrame = 0;  // wall clock, all cores: from newFrame() to the picture
-    double bareFrame = 0;   // its rays through bare Embree, all cores at work all the time
+    double wholeFrame = 0;     // wall clock, all cores: from newFrame() to the picture
+    double wholeFrameCpu = 0;  // the same as CPU time, over the cores
+    double bareFrame = 0;      // its rays through bare Embree, all cores at work all the time
     std::array<RayWorld::Memory, 3> memory{};
     double flatBytes = 0, rssLoaded = 0, rssPicture = 0;
 };

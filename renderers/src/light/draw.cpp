@@ -196,6 +196,10 @@ void emplaceEnvironments(const TraceScene& scene, Sources& sources) {
                            return light.color * light.from->radiance(direction, sideAngle * footprint);
                        },
                        from.source(), light.color});
+        if (!from.source().specular) continue;
+        far.back().inPicture = [&light, sideAngle](std::size_t side, Vec2f place, float footprint) {
+            return light.color * light.from->radianceInPicture(side, place, sideAngle * footprint);
+        };
     }
     sources.sky = SkyTable::of(scene.skyTable, all ? nullptr : scene.sky, std::move(far));
 }

@@ -66,11 +66,14 @@ Vec3f usableLight(const Vec4f& color) {
     return result;
 }
 
+/// The angle of a picture's side: that of a cube spans a quarter turn, a panorama a half and a whole one.
+float sideOf(const SpaceTexture& picture) {
+    return picture.layers().size() == 6 ? kPi / 2 : kPi * std::numbers::sqrt2_v<float>;
+}
+
 /// `width`: radians.
 Vec3f lookUp(const SpaceTexture& picture, const Vec3f& direction, float width) {
-    // A side of a cube spans a quarter turn, a panorama a half and a whole one.
-    const float side = picture.layers().size() == 6 ? kPi / 2 : kPi * std::numbers::sqrt2_v<float>;
-    return usableLight(picture.sample(direction, width / side, {}, ColorSpace::linear));
+    return usableLight(picture.sample(direction, width / sideOf(picture), {}, ColorSpace::linear));
 }
 
 /// The i-th of `count` points that fill a square evenly (Hammersley's).
@@ -129,6 +132,11 @@ Vec3f Environment::radiance(const Vec3f& direction, float width) const {
     return low_ ? sumOf(*low_, direction) : Vec3f(1);
 }
 
+Vec3f Environment::radianceInPicture(std::size_t side, Vec2f place, float width) const {
+    const SpaceTexture& picture = *source_.specular;
+    return usableLight(picture.sampleSide(side, place, width / sideOf(picture), {}, ColorSpace::linear));
+}
+
 std::size_t Environment::detail() const {
     if (!source_.specular) return low_ ? 8 : 0;
     int most = 0;
@@ -160,27 +168,34 @@ Vec3f Environment::matte(const Vec3f& normal) const {
     return matte_->at(normal);
 }
 
-/// Facets of GGX, seen along their normal: each is chosen by its area there, and counts by the cosine of what it
-/// mirrors.
-Vec3f Environment::spread(const Vec3f& direction, float roughness) const {
+/// Each is chosen by its area there, and counts by the cosine of what it mirrors.
+std::vector<Environment::Facet> Environment::facetsOf(float roughness) {
     constexpr std::uint32_t kFacets = 64;
     const float alpha = roughness * roughness, a2 = alpha * alpha;
-    const Vec3f across = glm::normalize(
-                    glm::cross(std::abs(direction.y) < .9f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0), direction)),
-                along = glm::cross(direction, across);
-    Vec3f sum(0);
-    float weights = 0;
+    std::vector<Facet> result;
     for (std::uint32_t i = 0; i < kFacets; ++i) {
         const Vec2f u = evenly(i, kFacets);
         const float cosine = std::sqrt((1 - u.x) / (1 + (a2 - 1) * u.x)),
                     sine = std::sqrt(std::max(1 - cosine * cosine, 0.0f)), weight = 2 * cosine * cosine - 1;
         if (!(weight > 0)) continue;
         const float turn = 2 * kPi * u.y;
-        const Vec3f facet = across * (sine * std::cos(turn)) + along * (sine * std::sin(turn)) + direction * cosine;
         const float d = cosine * cosine * (a2 - 1) + 1, density = a2 / (kPi * d * d) / 4;
         const float width = std::sqrt(1 / (density * static_cast<float>(kFacets)));
-        sum += weight * radiance(2 * cosine * facet - direction, std::min(width, kPi / 2));
-        weights += weight;
+        result.push_back({sine * std::cos(turn), sine * std::sin(turn), cosine, weight, std::min(width, kPi / 2)});
+    }
+    return result;
+}
+
+Vec3f Environment::spread(const Vec3f& direction, const std::vector<Facet>& facets) const {
+    const Vec3f across = glm::normalize(
+                    glm::cross(std::abs(direction.y) < .9f ? Vec3f(0, 1, 0) : Vec3f(1, 0, 0), direction)),
+                along = glm::cross(direction, across);
+    Vec3f sum(0);
+    float weights = 0;
+    for (const Facet& f : facets) {
+        const Vec3f facet = across * f.across + along * f.along + direction * f.outwards;
+        sum += f.weight * radiance(2 * f.outwards * facet - direction, f.width);
+        weights += f.weight;
     }
     return weights > 0 ? sum / weights : radiance(direction);
 }
@@ -193,7 +208,8 @@ void Environment::findBlurred() const {
     const auto find = [this] {
         for (int level = 1; level <= kLevels; ++level) {
             const float r = static_cast<float>(level) / kLevels;
-            blurred_.emplace_back(r < .4f ? 65 : 33, [&](const Vec3f& d) { return spread(d, r); });
+            const std::vector<Facet> facets = facetsOf(r);
+            blurred_.emplace_back(r < .4f ? 65 : 33, [&](const Vec3f& d) { return spread(d, facets); });
         }
     };
     std::call_once(blurredOnce_, [&] { apart(find); });

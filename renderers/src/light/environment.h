@@ -37,6 +37,8 @@ class Environment {
 
     /// What comes from a direction. `width`: radians, over which it is averaged.
     Vec3f radiance(const Vec3f& direction, float width = 0) const;
+    /// The same from a place of its picture, on a side of the cube or round all. Precondition: it has one.
+    Vec3f radianceInPicture(std::size_t side, Vec2f place, float width) const;
     /// What a white matte surface shows: its irradiance over pi.
     Vec3f matte(const Vec3f& normal) const;
     /// What comes around a direction, as facets of a roughness (0 to 1) spread it for a view along their normal.
@@ -68,7 +70,13 @@ class Environment {
     void findMatte() const;
     void findBlurred() const;
     Grid convolved() const;
-    Vec3f spread(const Vec3f& direction, float roughness) const;
+    /// A facet of GGX seen along the surface's normal: its own normal, and how much of what it mirrors counts.
+    struct Facet {
+        float across, along, outwards;
+        float weight, width;
+    };
+    static std::vector<Facet> facetsOf(float roughness);
+    Vec3f spread(const Vec3f& direction, const std::vector<Facet>& facets) const;
 
     Source source_;
     std::optional<Harmonics> low_;  // the light, where no picture of mirrors tells it

@@ -23,15 +23,14 @@ FarLight ofPictures(const Sky& sky) {
             result.detail =
                 std::max(result.detail, static_cast<std::size_t>(std::max(picture->width(), picture->height())));
     result.localFromWorld = sky.localFromWorld;
-    result.radiance = [&sky](const Vec3f& direction, float footprint) {
-        const CubePlace place = cubePlace(direction);
-        const auto& picture = sky.panorama[static_cast<std::size_t>(place.side)];
+    result.inPicture = [&sky](std::size_t side, Vec2f place, float footprint) {
+        const auto& picture = sky.panorama[side];
         if (!picture) return Vec3f(0);
         // A texture's footprint is a share of the mean of its sides: here no pixel of the longer must be passed over.
         const auto w = static_cast<float>(picture->width()), h = static_cast<float>(picture->height());
         const float wide = footprint * std::max(w, h) / std::sqrt(w * h);
         const TextureAccess access{TextureWrap::clamp, TextureWrap::clamp, true};
-        const Vec4f texel = picture->sample(place.st.x, place.st.y, wide, access, ColorSpace::linear);
+        const Vec4f texel = picture->sample(place.x, place.y, wide, access, ColorSpace::linear);
         return Vec3f(texel) * (texel.a);
     };
     return result;
@@ -76,10 +75,15 @@ std::vector<float> SkyCells::lookAround(const FarLight& of) {
     const std::size_t columns = 2 * across_ + 1, lines = 2 * down_ + 1;
     std::vector<float> looks(rows_.size() / down_ * lines * columns), peaks(rows_.size() / down_ * lines);
     parallelFor(peaks.size(), [&](std::size_t line) {
+        const std::size_t side = line / lines;
+        const bool round = shape_ == FarLight::Shape::panorama;
+        float spread = 0;  // of all of a panorama's line
         for (std::size_t column = 0; column < columns; ++column) {
             const Vec2f st = glm::clamp(Vec2f(column, line % lines) * step, inside, 1.0f - inside);
-            const float y = skyLuminance(of.radiance(directionAt(line / lines * down_, st), step.y));
-            looks[line * columns + column] = y * spreadAt(st);
+            const float y = skyLuminance(of.inPicture ? of.inPicture(side, st, step.y)
+                                                      : of.radiance(directionAt(side * down_, st), step.y));
+            if (!round || column == 0) spread = spreadAt(st);
+            looks[line * columns + column] = y * spread;
             peaks[line] = std::max(peaks[line], y);
         }
     });
@@ -205,7 +209,7 @@ std::shared_ptr<const SkyLight> SkyTable::of(SkyTable* table, const Sky* sky, st
     auto made = std::make_shared<const SkyLight>(sky, more);
     const std::scoped_lock lock(table->mutex_);
     table->sky_ = sky ? std::optional<Sky>(*sky) : std::nullopt;
-    for (FarLight& far : more) far.radiance = nullptr;
+    for (FarLight& far : more) far.radiance = nullptr, far.inPicture = nullptr;
     table->more_ = std::move(more);
     return table->last_ = std::move(made);
 }

@@ -30,6 +30,8 @@ struct FarLight {
     std::function<Vec3f(const Vec3f& direction, float footprint)> radiance;
     Environment::Source source{};  // which tells it, and in which colour
     Vec3f color{1};
+    /// The same from a place in its picture, whose corners are (0, 0) and (1, 1); where there is one.
+    std::function<Vec3f(std::size_t side, Vec2f place, float footprint)> inPicture{};
 };
 
 /// A cell is chosen by its light (luminance times solid angle), a direction within it evenly over its part of the
@@ -100,7 +102,7 @@ class SkyTable {
 
     std::mutex mutex_;
     std::optional<Sky> sky_;      // of `last_`
-    std::vector<FarLight> more_;  // the same, without `radiance`
+    std::vector<FarLight> more_;  // the same, without their functions
     std::shared_ptr<const SkyLight> last_;
 };
 

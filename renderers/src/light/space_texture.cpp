@@ -132,22 +132,23 @@ std::size_t SpaceTexture::bytes() const {
     return sum;
 }
 
+Vec4f SpaceTexture::sampleSide(std::size_t side, Vec2f place, float footprint, const TextureAccess& access,
+                               ColorSpace space) const {
+    if (!layers_[side]) return Vec4f(0);
+    TextureAccess own = access;
+    own.wrapS = kind_ == Kind::panorama ? TextureWrap::repeat : TextureWrap::clamp, own.wrapT = TextureWrap::clamp;
+    return layers_[side]->sample(place.x, place.y, footprint, own, space);
+}
+
 Vec4f SpaceTexture::sample(const Vec3f& str, float footprint, const TextureAccess& access, ColorSpace space) const {
     if (kind_ == Kind::cube) {
         const CubePlace place = cubePlace(str);
-        const auto& side = layers_[static_cast<std::size_t>(place.side)];
-        if (!side) return Vec4f(0);
-        TextureAccess own = access;
-        own.wrapS = own.wrapT = TextureWrap::clamp;
-        return side->sample(place.st.x, place.st.y, footprint, own, space);
+        return sampleSide(static_cast<std::size_t>(place.side), place.st, footprint, access, space);
     }
     if (kind_ == Kind::panorama) {
         const float length = glm::length(str);
         const Vec3f d = length > 0 && std::isfinite(length) ? str / length : Vec3f(0, 0, -1);
-        const Vec2f st = panoramaPlace(d);
-        TextureAccess own = access;
-        own.wrapS = TextureWrap::repeat, own.wrapT = TextureWrap::clamp;
-        return layers_[0]->sample(st.x, st.y, footprint, own, space);
+        return sampleSide(0, panoramaPlace(d), footprint, access, space);
     }
     const auto count = static_cast<int>(layers_.size());
     const auto of = [&](int i) {

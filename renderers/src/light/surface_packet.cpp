@@ -17,6 +17,15 @@ using namespace simd;
 
 namespace {
 
+/// How much larger a triangle of an instance is in a picture than in space, by length: found last, as the lanes of a
+/// packet often meet the same one.
+struct LastStretch {
+    std::uint32_t triangle = 0;
+    std::size_t channel = SIZE_MAX;
+    bool flat = false;  // in two dimensions of the picture
+    float value = 0;    // 0: none
+};
+
 /// A lane's way to its textures.
 struct TextureLookup {
     const RayInstance& instance;
@@ -26,6 +35,7 @@ struct TextureLookup {
     ColorSpace space = ColorSpace::linear;
     const TraceScene* scene = nullptr;
     Vec3f position{0}, normal{0};  // ray space
+    LastStretch* last = nullptr;   // of this instance
 
     std::size_t channelOf(TextureRole role) const { return slot.channels[static_cast<std::size_t>(role)]; }
     const TexCoords* coordsOf(std::size_t channel) const {
@@ -95,6 +105,16 @@ struct TextureLookup {
         const TexCoords* own = coordsOf(channel);
         if (own && own->generator != TexCoords::Generator::none) return 0;
         if (!use.texture && !isFlat(use) && (!own || !own->authored || use.generated || use.space->isCube())) return 0;
+        const float size = sizeInPicture(channel, use.texture != nullptr);
+        if (!(size > 0)) return 0;
+        const float stretch =
+            use.matrix3 ? std::cbrt(std::abs(glm::determinant(glm::mat3(*use.matrix3)))) : use.matrix.stretch();
+        return footprint * size * stretch;
+    }
+    /// LastStretch::value of the triangle that was hit.
+    float sizeInPicture(std::size_t channel, bool flat) const {
+        if (last && last->triangle == hit.triangle && last->channel == channel && last->flat == flat)
+            return last->value;
         const Mesh& mesh = *instance.mesh;
         const MeshAttribute* values = channel < mesh.texCoords.size() && mesh.texCoords[channel].values.present()
                                           ? &mesh.texCoords[channel].values
@@ -105,15 +125,14 @@ struct TextureLookup {
         for (std::uint32_t c = 0; c < 3; ++c) {
             const Vec4f value = values ? values->value(hit.triangle, c)
                                        : mesh.texCoord(hit.triangle, corners[c][0], corners[c][1], channel);
-            st[c] = {value.x, value.y, use.texture ? 0 : value.z};
+            st[c] = {value.x, value.y, flat ? 0 : value.z};
             p[c] = rayFromLocal * mesh.vertex(hit.triangle, c);
         }
         const float textureArea = glm::length(glm::cross(st[1] - st[0], st[2] - st[0]));
         const float worldArea = glm::length(glm::cross(p[1] - p[0], p[2] - p[0]));
-        if (!(worldArea > 0) || !(textureArea > 0)) return 0;
-        const float stretch =
-            use.matrix3 ? std::cbrt(std::abs(glm::determinant(glm::mat3(*use.matrix3)))) : use.matrix.stretch();
-        return footprint * std::sqrt(textureArea / worldArea) * stretch;
+        const float size = worldArea > 0 && textureArea > 0 ? std::sqrt(textureArea / worldArea) : 0;
+        if (last) *last = {hit.triangle, channel, flat, size};
+        return size;
     }
     Vec4f sample(const TextureUse& use, std::size_t channel, float width) const {
         const Vec3f str = coordinates(channel, use);
@@ -467,6 +486,7 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
     if (entry.mirrors || entry.transmits || common.alphaColored) out.special |= lanes;
     if (entry.textured || common.colored) {
         out.filled = nullptr;
+        LastStretch last;
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             const Hit hit = out.hit(lane);
@@ -476,7 +496,7 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
             const float footprint = scene.sampleWidth(run) / std::sqrt(cosine);
             const ColorSpace space = out.linear >> lane & 1u ? ColorSpace::linear : ColorSpace::display;
             applyDetail({*common.instance, *common.slot, hit, footprint, space, &scene, out.position.get(lane),
-                         out.normal.get(lane)},
+                         out.normal.get(lane), &last},
                         *out.material[lane], out, lane);
         }
     }

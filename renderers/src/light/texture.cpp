@@ -111,6 +111,12 @@ F4 valuesOf(std::uint32_t word) {
     return __builtin_convertvector(bytes, F4) * (1 / 255.0f);
 }
 
+/// The same in linear light.
+F4 lightOf(std::uint32_t word, const float* table) {
+    return F4{table[word & 255u], table[word >> 8 & 255u], table[word >> 16 & 255u],
+              static_cast<float>(word >> 24) * (1 / 255.0f)};
+}
+
 /// Brings a coordinate near 0 so that what follows fits into int and keeps its bits.
 float reduce(float s, TextureWrap wrap) {
     if (!std::isfinite(s)) return 0;
@@ -430,10 +436,11 @@ Vec4f Texture::borderColor(const TextureAccess& access, bool decode) const {
     return asLight ? Vec4f(linearFromSrgb(Vec3f(access.border)), access.border.a) : access.border;
 }
 
+/// `s`, `t`: from reduce().
 Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAccess& access, bool smooth,
                            bool decode) const {
-    const float x = reduce(s, access.wrapS) * static_cast<float>(level.width);
-    const float y = reduce(t, access.wrapT) * static_cast<float>(level.height);
+    const float x = s * static_cast<float>(level.width);
+    const float y = t * static_cast<float>(level.height);
     const auto at = [&](int i, int j) {
         return (i | j) < 0 ? borderColor(access, decode) : texel(level, i, j, decode);
     };
@@ -451,19 +458,26 @@ Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAc
         readTiles(level, x0, y0, 2, 2, decode, block);
         return (block[0] * (1 - fx) + block[1] * fx) * (1 - fy) + (block[2] * (1 - fx) + block[3] * fx) * fy;
     }
-    if (!tiles_ && level.linear.empty() && !decode && (x0 | x1 | y0 | y1) >= 0) {
+    if (!tiles_ && (x0 | x1 | y0 | y1) >= 0) {
         const auto width = static_cast<std::size_t>(level.width);
-        const std::uint32_t* const low = level.encoded.data() + static_cast<std::size_t>(y0) * width;
-        const std::uint32_t* const high = level.encoded.data() + static_cast<std::size_t>(y1) * width;
-        const F4 bottomRow = valuesOf(low[x0]) * (1 - fx) + valuesOf(low[x1]) * fx;
-        const F4 topRow = valuesOf(high[x0]) * (1 - fx) + valuesOf(high[x1]) * fx;
-        const F4 found = bottomRow * (1 - fy) + topRow * fy;
-        return {found[0], found[1], found[2], found[3]};
+        const std::size_t low = static_cast<std::size_t>(y0) * width, high = static_cast<std::size_t>(y1) * width;
+        const auto mixed = [&](const auto& pixels, const auto& of) {
+            const auto *const lower = pixels.data() + low, *const upper = pixels.data() + high;
+            const F4 bottomRow = of(lower[x0]) * (1 - fx) + of(lower[x1]) * fx;
+            const F4 topRow = of(upper[x0]) * (1 - fx) + of(upper[x1]) * fx;
+            const F4 found = bottomRow * (1 - fy) + topRow * fy;
+            return Vec4f(found[0], found[1], found[2], found[3]);
+        };
+        if (!level.linear.empty()) return mixed(level.linear, [](const Vec4f& v) { return F4{v.x, v.y, v.z, v.w}; });
+        if (!decode) return mixed(level.encoded, valuesOf);
+        const float* const table = decodeTable().data();
+        return mixed(level.encoded, [table](std::uint32_t word) { return lightOf(word, table); });
     }
     return (at(x0, y0) * (1 - fx) + at(x1, y0) * fx) * (1 - fy) + (at(x0, y1) * (1 - fx) + at(x1, y1) * fx) * fy;
 }
 
 Vec4f Texture::sampleLevels(float s, float t, float footprint, const TextureAccess& access, bool decode) const {
+    s = reduce(s, access.wrapS), t = reduce(t, access.wrapT);
     const float pixels = footprint * std::sqrt(static_cast<float>(width()) * static_cast<float>(height()));
     if (!(pixels > 1)) return sampleLevel(finest_, s, t, access, access.smooth, decode);
     const bool smooth = access.smoothFar;

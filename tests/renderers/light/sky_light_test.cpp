@@ -233,6 +233,50 @@ TEST(SkyLight, NoPixelIsTooSmall) {
     }
 }
 
+// Where a light tells what is at a place of its picture, nobody asks it for directions, which give the same but for
+// their rounding: in panoramas and cubes of bytes and of floats.
+TEST(SkyLight, PlacesOfPicturesGiveWhatTheirDirectionsGive) {
+    const auto pictureOf = [](int wide, int high, bool floats, unsigned seed) {
+        std::mt19937 random(seed);
+        const std::size_t count = std::size_t(wide) * std::size_t(high);
+        if (!floats) {
+            std::vector<std::uint8_t> bytes(3 * count);
+            for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
+            return std::make_shared<const Texture>(*Texture::fromBytes(bytes, wide, high, 3));
+        }
+        std::vector<Vec4f> pixels(count);
+        for (Vec4f& pixel : pixels) pixel = {random() % 100, random() % 100, random() % 100, 100};
+        return std::make_shared<const Texture>(
+            *Texture::fromFloats(std::move(pixels), wide, high, 3, Texture::Content::color));
+    };
+    for (const bool round : {true, false})
+        for (const bool floats : {true, false}) {
+            SCOPED_TRACE(fmt::format("round {} floats {}", round, floats));
+            std::array<std::shared_ptr<const Texture>, 6> sides;
+            for (unsigned side = 0; side < 6; ++side) sides[side] = pictureOf(64, 64, floats, side);
+            const auto picture = round ? SpaceTexture::ofPicture(pictureOf(128, 64, floats, 9))
+                                       : Result<SpaceTexture>(SpaceTexture::cube(sides));
+            ASSERT_TRUE(picture);
+            trace::FarLight byDirection, byPlace;
+            byDirection.shape = byPlace.shape = round ? trace::FarLight::Shape::panorama : trace::FarLight::Shape::cube;
+            byDirection.detail = byPlace.detail = 64;
+            byDirection.radiance = [&](const Vec3f& d, float footprint) {
+                return Vec3f(picture->sample(d, footprint, {}, ColorSpace::linear));
+            };
+            byPlace.inPicture = [&](std::size_t side, Vec2f place, float footprint) {
+                return Vec3f(picture->sampleSide(side, place, footprint, {}, ColorSpace::linear));
+            };
+            const SkyLight one(nullptr, {byDirection}), other(nullptr, {byPlace});
+            EXPECT_NEAR(other.unevenness(), one.unevenness(), 1e-4 * one.unevenness());
+            std::mt19937 random(3);
+            std::normal_distribution<float> normal;
+            for (int i = 0; i < 1000; ++i) {
+                const Vec3f d = glm::normalize(Vec3f(normal(random), normal(random), normal(random)));
+                EXPECT_NEAR(other.density(d), one.density(d), 1e-3 * one.density(d) + 1e-5);
+            }
+        }
+}
+
 // A table gives the last picture's sky as long as nothing of it is other.
 TEST(SkyTable, KeepsASkyUntilItChanges) {
     trace::SkyTable table;

@@ -52,6 +52,9 @@ class SpaceTexture {
     /// Texture::sample, of a side or layer; blocks are filtered within their layers.
     Vec4f sample(const Vec3f& str, float footprint, const TextureAccess& access,
                  ColorSpace space = ColorSpace::linear) const;
+    /// The same at a place of a side of a cube, or (side 0) of a panorama. Precondition: isCube().
+    Vec4f sampleSide(std::size_t side, Vec2f place, float footprint, const TextureAccess& access,
+                     ColorSpace space = ColorSpace::linear) const;
 
   private:
     enum class Kind : std::uint8_t { cube, panorama, block };
