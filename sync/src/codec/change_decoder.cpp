@@ -92,13 +92,13 @@ void readTypes(Reader& in, std::size_t count, ChangeSet& set) {
 }
 
 /// Rows that are made and filled together while they are in the nearest memory.
-constexpr std::size_t kRowsAtOnce = 256;
+constexpr std::size_t kAtOnce = 256;
 
 /// In portions, as a snapshot has a million of them.
 void readCreates(Reader& in, std::size_t count, ChangesAnew& changes) {
     std::uint32_t last = 0, lastScope = 0;
     for (std::size_t left = count; left > 0 && !in.problem;) {
-        const std::size_t rows = std::min(left, kRowsAtOnce);
+        const std::size_t rows = std::min(left, kAtOnce);
         left -= rows;
         Change* const portion = changes.add(rows);
         Reader nodes = in;
@@ -226,7 +226,7 @@ void readPlainRows(Reader& in, std::size_t count, const std::byte* values, Field
     constexpr std::size_t kAhead = 1024;  // bytes: where many replicas take turns, the changes lie far away
     std::uint32_t last = 0;
     for (std::size_t left = count; left > 0 && !in.problem;) {
-        const std::size_t rows = std::min(left, kRowsAtOnce);
+        const std::size_t rows = std::min(left, kAtOnce);
         left -= rows;
         Change* const portion = changes.add(rows);
         Reader nodes = in;

@@ -4,6 +4,7 @@
 #include <random>
 
 #include <fmt/format.h>
+#include <poll.h>
 
 #include "client_impl.h"
 #include "connection_watch.h"
@@ -15,11 +16,13 @@ using mirror::Message;
 
 namespace {
 
-constexpr auto kConnectQuickly = 20ms;  // that an attempt may take, at least
-constexpr auto kAttemptsFor = 2s;       // with one such time, at first; then longer,
-constexpr int kMostAttemptsFor = 8;     // up to so many times
-constexpr auto kHelloAgain = 500ms;     // after a refusal or a goodbye
-constexpr auto kHelloLost = 2s;         // without any answer at first, and twice as long each time
+constexpr int kLinger = 100;                                // ms, for the goodbye
+constexpr int kReconnect = 10;                              // ms between attempts
+constexpr int kConnectWithin = 2000, kConnectQuickly = 20;  // ms that an attempt may take: at most, at least
+constexpr auto kAttemptsFor = 2s;                           // with one such time, at first; then longer,
+constexpr int kMostAttemptsFor = 8;                         // up to so many times
+constexpr auto kHelloAgain = 500ms;                         // after a refusal or a goodbye
+constexpr auto kHelloLost = 2s;                             // without any answer at first, and twice as long each time
 constexpr int kMostDoublings = 4;
 constexpr auto kLongestTurn = 20ms;  // of poll() beyond its timeout, while frames keep coming
 constexpr auto kQuiet = 400ms;       // beyond a heartbeat: then the server counts as lost, though it may come back
@@ -43,6 +46,8 @@ MirrorClient::Impl::Impl(Scene& replica, MirrorClientOptions options)
     : replica_(replica),
       nextProvisional_(0),
       options_(std::move(options)),
+      socket_(context_, ZMQ_DEALER),
+      monitor_(context_, ZMQ_PAIR),
       decoder_(builtinTypes()),
       dictionaryHash_(decoder_.localHash()),
       originTypes_(dictionaryHash_) {}
@@ -50,11 +55,14 @@ MirrorClient::Impl::Impl(Scene& replica, MirrorClientOptions options)
 MirrorClient::Impl::~Impl() {
     mirror::begin(message_, Message::bye);
     send();
+    zmq_socket_monitor(socket_.get(), nullptr, 0);
 }
 
-/// Nothing is sent without a connection: ZeroMQ would keep it for the next one, where it means nothing.
+/// Nothing is handed to ZeroMQ without a connection: it would keep it for the next one, where it means nothing.
 bool MirrorClient::Impl::send() {
-    return linked() && link_->send(message_.bytes());
+    if (!linked()) return false;
+    ZmqMessage out(message_.bytes());
+    return socket_.send(out);
 }
 
 bool MirrorClient::Impl::control(std::string_view command) {
@@ -108,8 +116,27 @@ void MirrorClient::Impl::garbage(std::string text) {
 
 Result<> MirrorClient::Impl::start(const std::string& endpoint) {
     endpoint_ = endpoint;
-    link_ = makeLink(endpoint, options_.keys);
-    if (auto ok = link_->start(); !ok) return ok;
+    socket_.set(ZMQ_LINGER, kLinger);
+    socket_.set(ZMQ_RECONNECT_IVL, kReconnect);
+    socket_.set(ZMQ_CONNECT_TIMEOUT, kConnectWithin);
+    // Not ZMQ_IMMEDIATE: with it, libzmq 4.3 drops what has not been read when a connection ends, and ends the process
+    // (an assertion in fq.cpp) if that happens between two parts of a message.
+    socket_.set(ZMQ_RCVHWM, 0);  // bounded by the window
+    socket_.set(ZMQ_MAXMSGSIZE, std::int64_t{16} << 20);
+    if (options_.keys) {
+        socket_.set(ZMQ_CURVE_SERVERKEY, options_.keys->serverPublic);
+        socket_.set(ZMQ_CURVE_PUBLICKEY, options_.keys->clientPublic.front());
+        socket_.set(ZMQ_CURVE_SECRETKEY, options_.keys->clientSecret);
+    }
+    monitor_.set(ZMQ_LINGER, 0);
+    constexpr int events = ZMQ_EVENT_CONNECTED | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED;
+    if (zmq_socket_monitor(socket_.get(), "inproc://connection", events) != 0 ||
+        zmq_connect(monitor_.get(), "inproc://connection") != 0)
+        return std::unexpected(zmqFailure("cannot watch the connection"));
+    watchConnection();  // nobody is woken by it who has not found it empty before
+    if (auto ok = checkPort(endpoint); !ok) return ok;
+    if (zmq_connect(socket_.get(), endpoint.c_str()) != 0)
+        return std::unexpected(zmqFailure(fmt::format("cannot connect to {}", endpoint)));
     session_ = randomNumber();
     client_ = randomNumber();
     return {};
@@ -157,11 +184,26 @@ bool MirrorClient::Impl::mayGreet(Clock::time_point now) const {
 }
 
 /// A lost connection is known at once, not after a silence; the next hello goes out when there is another one.
-void MirrorClient::Impl::noteConnection() {
-    while (const auto event = link_->nextEvent()) {
-        up_ = *event == MirrorLink::Event::up;
-        if (up_ && !connected_) helloPending_ = true;
-        cut_ |= !up_;
+void MirrorClient::Impl::watchConnection() {
+    while (true) {
+        ZmqMessage event;
+        if (!monitor_.receive(event)) return;
+        std::uint16_t what = 0;
+        std::int32_t descriptor = 0;  // of events about connections
+        if (event.bytes().size() >= sizeof(what) + sizeof(descriptor)) {
+            std::memcpy(&what, event.bytes().data(), sizeof(what));
+            std::memcpy(&descriptor, event.bytes().data() + sizeof(what), sizeof(descriptor));
+        }
+        monitor_.skipRest(event);
+        if (what == ZMQ_EVENT_CONNECTED) {
+            descriptor_ = descriptor;
+        } else if (what == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) {
+            up_ = true;
+            if (!connected_) helloPending_ = true;
+        } else if (what == ZMQ_EVENT_DISCONNECTED && descriptor == descriptor_) {
+            up_ = false;
+            cut_ = true;
+        }
     }
 }
 
@@ -178,7 +220,7 @@ void MirrorClient::Impl::connectionLost() {
 bool MirrorClient::Impl::bringsBytes(Clock::time_point now) {
     const std::chrono::duration<double> since = now - lookedAt_;
     if (since < kLookAtBytes) return false;
-    const std::optional<std::uint64_t> bytes = bytesReceived(link_->descriptor());
+    const std::optional<std::uint64_t> bytes = bytesReceived(descriptor_);
     if (!bytes) return false;
     lookedAt_ = now;
     const std::uint64_t before = std::exchange(brought_, *bytes);
@@ -224,10 +266,11 @@ void MirrorClient::Impl::keepInTouch(bool idle) {
 void MirrorClient::Impl::reconnect(Clock::time_point now) {
     reconnected_ = now;
     up_ = false;
-    constexpr auto kLongest = MirrorLink::kConnectWithin;
-    const auto trips =
-        clock_.known() ? std::chrono::milliseconds(static_cast<std::int64_t>(4e3 * clock_.delay())) : kLongest;
-    link_->reconnect(attempts_++ % 2 ? kLongest : std::clamp(trips, kConnectQuickly, kLongest));
+    const int trips = clock_.known() ? static_cast<int>(4e3 * clock_.delay()) : kConnectWithin;
+    socket_.set(ZMQ_CONNECT_TIMEOUT,
+                attempts_++ % 2 ? kConnectWithin : std::clamp(trips, kConnectQuickly, kConnectWithin));
+    zmq_disconnect(socket_.get(), endpoint_.c_str());
+    zmq_connect(socket_.get(), endpoint_.c_str());
 }
 
 void MirrorClient::Impl::pingNow(Clock::time_point now) {
@@ -241,11 +284,16 @@ void MirrorClient::Impl::pingNow(Clock::time_point now) {
     send();
 }
 
-/// At most so long for something to come, and whether it may have.
+/// At most so long for something to come, and whether it may have. A ZeroMQ socket's descriptor tells that something
+/// has come since the socket was last found empty, and sending may take that note away: so whoever has sent looks into
+/// the socket, and whoever has found it empty waits at the descriptor. Asking zmq_poll() would be several system calls
+/// more for each frame. The monitor's socket is read until it is empty and nothing is ever sent on it.
 bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
-    const bool any = link_->wait(untilDue(most));
-    noteConnection();
-    return any;
+    const auto longest = socket_.foundEmpty() ? untilDue(most) : 0ms;
+    pollfd items[] = {{socket_.descriptor(), POLLIN, 0}, {monitor_.descriptor(), POLLIN, 0}};
+    const bool any = ::poll(items, 2, static_cast<int>(longest.count())) > 0;
+    if (any && items[1].revents) watchConnection();
+    return any || !socket_.foundEmpty();
 }
 
 /// Until there is something to say though nothing has come; little is due while all is well.
@@ -297,27 +345,30 @@ int MirrorClient::Impl::receivePortion() {
 }
 
 bool MirrorClient::Impl::receiveOne() {
-    const std::optional<MirrorLink::Message> message = link_->receive();
-    if (!message) return false;
-    if (message->parts > 2) {
-        garbage("a message of too many parts");
-        return true;
+    ZmqMessage first, second;
+    if (!socket_.receive(first)) return false;
+    if (first.more()) {
+        socket_.receive(second);
+        if (second.more()) {
+            socket_.skipRest(second);
+            garbage("a message of too many parts");
+            return true;
+        }
     }
-    wire::Reader in(message->first);
+    wire::Reader in(first.bytes());
     const std::optional<Message> type = mirror::readPrologue(in);
     if (!type) {
-        garbage(fmt::format("a message of {} bytes that is none of this protocol", message->first.size()));
+        garbage(fmt::format("a message of {} bytes that is none of this protocol", first.bytes().size()));
         return true;
     }
     heard_ = Clock::now();
     // Answers to what was under way may follow a goodbye; only a new welcome takes it back.
     if (*type == Message::bye) serverLeft_ = true;
-    receive(*type, in, message->first, message->second);
+    receive(*type, in, first, second);
     return true;
 }
 
-void MirrorClient::Impl::receive(Message type, wire::Reader& in, std::span<const std::byte> first,
-                                 std::span<const std::byte> second) {
+void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second) {
     std::uint64_t numbers[2];
     switch (type) {
         case Message::welcome:
@@ -368,7 +419,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, std::span<const
         case Message::digest:
         case Message::anatomy:
         case Message::verdict:
-            if (connected_) arrived(first, false, 0);
+            if (connected_) arrived(first.bytes(), false, 0);
             return;
         default:
             return garbage(fmt::format("a message of unknown type {}", static_cast<unsigned>(type)));
@@ -388,13 +439,13 @@ bool MirrorClient::Impl::originLost() const {
     return !connected_ || relayLost_ || quiet_;
 }
 
-void MirrorClient::Impl::welcome(wire::Reader& in, std::span<const std::byte> second) {
+void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
     std::uint64_t numbers[3];  // session, epoch, heartbeat
     if (!mirror::read(in, numbers)) return garbage("a malformed welcome");
     if (numbers[0] != session_) return;
-    if (const auto intact = checkRecord(second, 0, options_.maxRecord); !intact)
+    if (const auto intact = checkRecord(second.bytes(), 0, options_.maxRecord); !intact)
         return garbage("a damaged head: " + intact.error().text);
-    const Result<StreamHead> head = decodeHead(second);
+    const Result<StreamHead> head = decodeHead(second.bytes());
     if (!head) return garbage("a head: " + head.error().text);
     if (head->formatVersion < kFormatVersion) {
         refusal_ = fmt::format("the server is of an earlier version: its hashes are those of format {}, ours of {}",
@@ -448,7 +499,7 @@ void MirrorClient::Impl::noticeLoss(std::uint64_t sent) {
     hello(false);
 }
 
-void MirrorClient::Impl::data(wire::Reader& in, std::span<const std::byte> part) {
+void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {
     std::uint64_t numbers[4];  // session, size, offset, published
     if (!mirror::read(in, numbers)) return garbage("malformed data");
     const auto [session, size, offset, published] = numbers;
@@ -456,6 +507,7 @@ void MirrorClient::Impl::data(wire::Reader& in, std::span<const std::byte> part)
     std::uint64_t later[1] = {0};
     if (in.left() >= sizeof(later)) (void)mirror::read(in, later);
     if ((later[0] & 1) == 0) awaited_ = true;
+    const std::span<const std::byte> part = second.bytes();
     if (size > options_.maxRecord) {
         refusal_ = fmt::format("it sends a record of {} bytes, {} are the most taken", size, options_.maxRecord);
         return;
@@ -509,7 +561,8 @@ bool MirrorClient::Impl::sendRequests() {
             const std::uint64_t numbers[] = {session_, request.number, whole.size(), request.sent};
             mirror::write(message_, Message::submit, numbers);
             if (!request.author.empty()) wire::putText(message_, request.author);
-            if (!link_->send(message_.bytes(), part)) return false;
+            ZmqMessage head(message_.bytes()), body(part);
+            if (!socket_.send(head, true) || !socket_.send(body)) return false;
             request.sent += part.size();
             request.sentAt = now;
         }

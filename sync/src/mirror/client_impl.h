@@ -7,19 +7,17 @@
 
 #include <atomic>
 #include <deque>
-#include <memory>
 #include <optional>
-#include <span>
 
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/mirror_client.h>
 
 #include "clock.h"
-#include "link.h"
 #include "message.h"
 #include "playout.h"
 #include "questions.h"
+#include "zmq_socket.h"
 
 namespace rtsg {
 
@@ -76,7 +74,7 @@ class MirrorClient::Impl {
     void loseCommands(std::ptrdiff_t count);
     void hello(bool afresh);
     bool mayGreet(Clock::time_point now) const;
-    void noteConnection();
+    void watchConnection();
     void connectionLost();
     bool linked() const { return up_ && !cut_; }
     void keepInTouch(bool idle);
@@ -87,11 +85,10 @@ class MirrorClient::Impl {
     std::chrono::milliseconds longestSleep() const;
     int receivePortion();
     bool receiveOne();
-    void receive(mirror::Message type, wire::Reader& in, std::span<const std::byte> first,
-                 std::span<const std::byte> second);
+    void receive(mirror::Message type, wire::Reader& in, const ZmqMessage& first, const ZmqMessage& second);
     void hearOrigin(wire::Reader& in);
-    void welcome(wire::Reader& in, std::span<const std::byte> second);
-    void data(wire::Reader& in, std::span<const std::byte> part);
+    void welcome(wire::Reader& in, const ZmqMessage& second);
+    void data(wire::Reader& in, const ZmqMessage& second);
     void noticeLoss(std::uint64_t sent);
     void acknowledge();
 
@@ -120,7 +117,8 @@ class MirrorClient::Impl {
     MirrorClientOptions options_;
     std::string endpoint_;
     std::atomic<std::uint64_t> foreignPolls_{0};
-    std::unique_ptr<MirrorLink> link_;
+    ZmqContext context_;
+    ZmqSocket socket_, monitor_;
     mutable ChangeDecoder decoder_;
     ChangeEncoder encoder_;
     InputDecoder inputDecoder_;
@@ -133,6 +131,7 @@ class MirrorClient::Impl {
     int unanswered_ = 0;      // hellos by this connection since something was answered
     bool up_ = false;         // there is a connection, by the last event of it that was read
     bool cut_ = false;        // one has ended; what came by it is still being read
+    int descriptor_ = -1;     // of the newest connection
     bool relayLost_ = false;  // the server is a relay without an origin
     bool moreWaits_ = false;  // not all that has come has been received
     bool quiet_ = false;      // nothing has been heard for longer than a heartbeat
