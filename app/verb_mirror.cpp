@@ -285,7 +285,7 @@ bool Mirroring::isOver(std::size_t applied) {
 
 /// For as long as we wait nothing that came was of use, and more than by chance: what comes next will be no better.
 bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
-    constexpr std::uint64_t kByChance = 2;
+    constexpr std::uint64_t kByChance = 8;
     const std::uint64_t garbage = client_->statistics().garbage;
     if (applied > 0 || client_->inStep()) {
         useful_ = Clock::now();

@@ -19,6 +19,7 @@ void ImagePlayer::Voice::restart() {
     started = false;
     for (Convolver& filter : filters) filter.restart();
     filtersInUse = 0;
+    weights = weightsBefore = {};
     head.restart();
     for (PoleBank& bank : banks) bank.restart();
     share = 0;

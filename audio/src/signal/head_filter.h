@@ -74,13 +74,14 @@ class HeadFilter {
         Convolver filter;
         // Samples: at the ends of the last block and of the next, and what it grew by in a block there.
         double from = 0, to = 0, fromGrowth = 0, toGrowth = 0;
+        double grew = 0;  // in the last block
 
         void goTo(double delay, bool goesOn) {
             // The slope at the end of the parabola through the last three.
-            const double now = delay - to, before = to - from;
+            const double now = delay - to;
             to = delay;
-            toGrowth = goesOn ? now + 0.5 * (now - before) : 0;
-            if (!goesOn) from = to, fromGrowth = 0;
+            toGrowth = goesOn ? now + 0.5 * (now - grew) : 0;
+            if (!goesOn) from = to, fromGrowth = 0, grew = 0;
         }
 
         void process(std::span<const float> input, std::span<float> output) {
@@ -110,6 +111,7 @@ class HeadFilter {
             for (std::size_t i = 0; jumps && i < count; ++i)
                 read[i] = before[i] + (read[i] - before[i]) * static_cast<float>(i + 1) / static_cast<float>(count);
             from = to;
+            grew = jumps ? 0 : way;
             fromGrowth = jumps ? 0 : toGrowth;
             toGrowth = 0;
             filter.process(read, output);

@@ -14,8 +14,8 @@
 namespace rtsg {
 namespace {
 
-/// Of edges, those by which the way is shortest are tried with each other; of pairs, the shortest are looked at.
-constexpr std::size_t kEdges = 32, kPairs = 48;
+/// Of pairs, the shortest are looked at.
+constexpr std::size_t kPairs = 48;
 
 /// Nearer to a boundary than this, in radians, one is on it.
 constexpr double kGrazing = 1e-5;
@@ -302,16 +302,11 @@ Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& list
 }  // namespace
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                           const TraceOptions& options, double seconds, std::vector<EdgeCandidate> edges,
-                           const std::vector<BentArrival>& bent, bool heardStraight, std::vector<Arrival>& arrivals,
-                           EdgeField& field) {
+                           const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& edges,
+                           std::size_t edgeCount, const std::vector<BentArrival>& bent, bool heardStraight,
+                           std::vector<Arrival>& arrivals, EdgeField& field) {
     EdgePairCount count;
-    const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
-    std::stable_sort(edges.begin(), edges.end(), shorter);
-    if (edges.size() > kEdges) {
-        count.leftOut = edges.size() * (edges.size() - 1) - kEdges * (kEdges - 1);
-        edges.resize(kEdges);
-    }
+    if (edgeCount > edges.size()) count.leftOut = edgeCount * (edgeCount - 1) - edges.size() * (edges.size() - 1);
     const double longest = seconds * options.air.speedOfSound;
     std::vector<PairWay> ways;
     for (const EdgeCandidate& first : edges)

@@ -7,6 +7,7 @@
 // shortest count, see EdgePairCount. Source: see wedge.h. Threading: pure functions over const geometry.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "edge_paths.h"
@@ -29,10 +30,13 @@ struct EdgeCandidate {
     double way = 0;
 };
 
-/// `heardStraight`: whether direct sound is.
+/// Of edges, those by which the way is shortest are tried with each other.
+constexpr std::size_t kPairedEdges = 32;
+
+/// `edges`: the shortest of `edgeCount`, at most kPairedEdges. `heardStraight`: whether direct sound is.
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                           const TraceOptions& options, double seconds, std::vector<EdgeCandidate> edges,
-                           const std::vector<BentArrival>& bent, bool heardStraight, std::vector<Arrival>& arrivals,
-                           EdgeField& field);
+                           const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& edges,
+                           std::size_t edgeCount, const std::vector<BentArrival>& bent, bool heardStraight,
+                           std::vector<Arrival>& arrivals, EdgeField& field);
 
 }  // namespace rtsg

@@ -49,6 +49,19 @@ double shortestBy(const WallEdge& edge, const glm::dvec3& source, const glm::dve
     return glm::distance(source, by) + glm::distance(by, listener);
 }
 
+/// The first of all in order, those that were told first before their equals.
+template <class Item, class Before>
+void sortFirst(std::vector<Item>& items, std::size_t count, const Before& before) {
+    std::stable_sort(items.begin(), items.end(), before);
+    if (items.size() > count) items.erase(items.begin() + static_cast<std::ptrdiff_t>(count), items.end());
+}
+/// Adds one; of many that are told one after the other some more than the first are kept.
+template <class Item, class Before>
+void keepFirst(std::vector<Item>& items, const Item& item, std::size_t count, const Before& before) {
+    items.push_back(item);
+    if (items.size() >= 4 * count) sortFirst(items, count, before);
+}
+
 /// What edges do to the paths known so far, one edge after the other.
 class Diffraction {
   public:
@@ -69,7 +82,10 @@ class Diffraction {
 
     EdgePairCount run() {
         std::vector<EdgeCandidate> edges;
+        std::size_t edgeCount = 0;
         std::vector<Past> past;
+        const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
+        const auto stronger = [](const Past& a, const Past& b) { return a.bent > b.bent; };
         geometry_.visitEdges([&](const WallEdge& edge) {
             if (options_.diffractionOrder > 1) edges.push_back({edge, shortestBy(edge, source_, listener_)});
             RoundEdge round;
@@ -77,15 +93,15 @@ class Diffraction {
             if (!round.past())
                 bend(edge, round);
             else if (const double bent = bentPast(edge, round); bent > kLeastPast)
-                past.push_back({bent, edge, round});
+                keepFirst(past, {bent, edge, round}, 8 * kPast, stronger);
         });
-        std::stable_sort(past.begin(), past.end(), [](const Past& a, const Past& b) { return a.bent > b.bent; });
+        sortFirst(edges, kPairedEdges, shorter);
+        sortFirst(past, 8 * kPast, stronger);
         std::size_t counted = 0;
-        for (std::size_t i = 0; i < past.size() && i < 8 * kPast && counted < kPast; ++i)
-            counted += bend(past[i].edge, past[i].round);
+        for (std::size_t i = 0; i < past.size() && counted < kPast; ++i) counted += bend(past[i].edge, past[i].round);
         for (const auto& [place, wave] : byPlace_)
             if (!isFaint(wave, wave.seconds * c())) field_.waves.push_back(wave);
-        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, std::move(edges), bent_, heardStraight_,
+        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges, edgeCount, bent_, heardStraight_,
                             arrivals_, field_);
     }
 

@@ -64,8 +64,9 @@ double WedgePath::wayBy(double offset) const {
 }
 
 double WedgePath::distanceAt(double angle) const {
-    return std::sqrt(sourceRadius * sourceRadius + receiverRadius * receiverRadius -
-                     2 * sourceRadius * receiverRadius * std::cos(angle) + along * along);
+    // Not by the cosine: of places next to each other nothing but rounding would be left.
+    const double apart = sourceRadius - receiverRadius, half = std::sin(angle / 2);
+    return std::sqrt(apart * apart + 4 * sourceRadius * receiverRadius * half * half + along * along);
 }
 
 WedgeField wedgeField(const WedgePath& path, double waveNumber) {

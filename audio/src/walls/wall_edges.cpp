@@ -110,45 +110,58 @@ bool placedEdge(const MeshEdge& edge, const WorldFromLocal& m, WallEdge& result)
 
 namespace {
 
-/// Edges are looked for by their middles, in cubes of so many metres.
-constexpr double kCube = 0.01;
-
 glm::dvec3 endOf(const WallEdge& edge) {
     return edge.from + edge.axis * edge.length;
 }
-glm::dvec3 middleOf(const WallEdge& edge) {
-    return edge.from + edge.axis * (0.5 * edge.length);
-}
 
-/// Nearer than this, places in numbers of single precision are one.
-double rounding(const glm::dvec3& place) {
+double largest(const glm::dvec3& place) {
     const glm::dvec3 size = glm::abs(place);
-    return 1e-6 * (1 + std::max({size.x, size.y, size.z}));
+    return std::max({size.x, size.y, size.z});
 }
 
-std::uint64_t cubeOf(const glm::dvec3& place) {
-    std::uint64_t sum = 0;
+/// What roundings of an edge's places are measured by, metres.
+double sizeOf(const WallEdge& edge) {
+    return 1 + std::max(largest(edge.from), largest(endOf(edge)));
+}
+/// Nearer than this, places in numbers of single precision are one.
+double rounding(double size) {
+    return 2e-6 * size;
+}
+
+/// Edges are looked for by their middles, in cubes of some roundings, so that few edges are in one.
+std::uint64_t cubeOf(const glm::dvec3& place, double size) {
+    int octave = 0;
+    std::frexp(size, &octave);
+    const double side = std::ldexp(8 * rounding(1), octave);
+    auto sum = static_cast<std::uint64_t>(octave);
     for (int i = 0; i < 3; ++i) {
-        const double cube = std::clamp(std::floor(place[i] / kCube), -9e15, 9e15);
+        const double cube = std::clamp(std::floor(place[i] / side), -9e15, 9e15);
         sum = (sum ^ static_cast<std::uint64_t>(static_cast<std::int64_t>(cube))) * 0x9E3779B97F4A7C15ull;
         sum ^= sum >> 29;
     }
     return sum;
 }
+std::uint64_t cubeOf(const WallEdge& edge) {
+    return cubeOf(edge.from + edge.axis * (0.5 * edge.length), sizeOf(edge));
+}
 
-/// The cubes that a place may have been put into, but for rounding.
-std::vector<std::uint64_t> cubesNear(const glm::dvec3& place) {
-    const double off = rounding(place);
-    std::vector<std::uint64_t> cubes;
-    for (int i = 0; i < 8; ++i)
-        cubes.push_back(cubeOf(place + off * glm::dvec3(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1)));
-    std::sort(cubes.begin(), cubes.end());
-    cubes.erase(std::unique(cubes.begin(), cubes.end()), cubes.end());
-    return cubes;
+/// Calls with the cubes in which an edge at one place with this may be; with some more than once.
+template <class Call>
+void visitCubesNear(const WallEdge& edge, const Call& call) {
+    const double size = sizeOf(edge), off = rounding(size);
+    const glm::dvec3 middle = edge.from + edge.axis * (0.5 * edge.length);
+    std::uint64_t last = ~cubeOf(edge);
+    for (const double as : {size * (1 - 1e-5), size * (1 + 1e-5)})
+        for (int i = 0; i < 8; ++i) {
+            const glm::dvec3 corner(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1);
+            const std::uint64_t cube = cubeOf(middle + off * corner, as);
+            if (cube != last && call(cube)) return;
+            last = cube;
+        }
 }
 
 bool atOnePlace(const WallEdge& a, const WallEdge& b) {
-    const double off = 2 * rounding(a.from);
+    const double off = rounding(sizeOf(a));
     const auto near = [&](const glm::dvec3& p, const glm::dvec3& q) { return glm::distance(p, q) <= off; };
     return (near(a.from, b.from) && near(endOf(a), endOf(b))) || (near(a.from, endOf(b)) && near(endOf(a), b.from));
 }
@@ -175,23 +188,22 @@ void EdgeTable::join(const Place& place, const Place& known) {
 void EdgeTable::add(std::uint32_t slot, const WallEdge& edge) {
     const Place place{slot, static_cast<std::uint32_t>(edges_[slot].size())};
     edges_[slot].push_back({edge});
-    const glm::dvec3 middle = middleOf(edge);
-    for (const std::uint64_t cube : cubesNear(middle)) {
+    visitCubesNear(edge, [&](std::uint64_t cube) {
         const auto found = byMiddle_.find(cube);
-        if (found == byMiddle_.end()) continue;
+        if (found == byMiddle_.end()) return false;
         const auto known =
             std::ranges::find_if(found->second, [&](const Place& one) { return atOnePlace(edge, at(one).edge); });
-        if (known == found->second.end()) continue;
+        if (known == found->second.end()) return false;
         join(place, *known);
-        break;
-    }
-    byMiddle_[cubeOf(middle)].push_back(place);
+        return true;
+    });
+    byMiddle_[cubeOf(edge)].push_back(place);
 }
 
 void EdgeTable::removeAll(std::uint32_t slot) {
     for (std::uint32_t i = 0; i < edges_[slot].size(); ++i) {
         const Place place{slot, i};
-        const auto cube = byMiddle_.find(cubeOf(middleOf(at(place).edge)));
+        const auto cube = byMiddle_.find(cubeOf(at(place).edge));
         std::erase(cube->second, place);
         if (cube->second.empty()) byMiddle_.erase(cube);
         const std::uint32_t group = at(place).group;

@@ -49,15 +49,18 @@ bool NodeArena::Expected::makeReady() {
 void NodeArena::expect(std::size_t bytes) {
 #ifdef MADV_POPULATE_WRITE
     constexpr std::size_t kPays = 8 * kHugePage;  // for a thread
-    if (bytes < left_ + kPays || std::thread::hardware_concurrency() < 2) return;
+    // What was expected and has not been needed is still there.
+    const std::size_t unentered = expected_ ? (expected_->pages - entered_) * kHugePage : 0;
+    if (bytes < left_ + unentered + kPays || std::thread::hardware_concurrency() < 2) return;
     const std::size_t pages = (bytes + kHugePage - 1) / kHugePage;
+    auto fresh = std::make_unique<Expected>();
+    fresh->pages = pages;
+    fresh->ready = std::make_unique<std::atomic<bool>[]>(pages);
+    fresh->chunk = takeChunk(pages * kHugePage, true);
+    left_ = 0;     // page by page
     filler_ = {};  // of what was expected before
-    expected_ = std::make_unique<Expected>();
-    expected_->chunk = takeChunk(pages * kHugePage, true);
-    expected_->pages = pages;
-    expected_->ready = std::make_unique<std::atomic<bool>[]>(pages);
+    expected_ = std::move(fresh);
     entered_ = 0;
-    left_ = 0;  // page by page
     try {
         filler_ = std::jthread([expected = expected_.get()](const std::stop_token& stop) {
             while (!stop.stop_requested() && !expected->refused && expected->makeReady()) continue;

@@ -210,6 +210,39 @@ TEST(EdgeTable, EdgesOfWallsAtOnePlaceAreOne) {
     EXPECT_EQ(kindsIn(table), (Kinds{0, 0}));
 }
 
+TEST(EdgeTable, RoundingIsThatOfTheEdgesEndsWhereverItsMiddleIs) {
+    // From -100 to 100 m: the middle is 0, where cubes begin, and ends are good to some micrometres.
+    WorldFromLocal large(200.0);
+    large[3] = {0, 0, -100};
+    for (const double off : {-6e-6, -2e-6, 2e-6, 6e-6}) {
+        WorldFromLocal other = turnedAboutZ(90, {off, 0, -100 + off});
+        for (int i = 0; i < 3; ++i) other[i] *= 200.0;
+        EdgeTable table;
+        table.change(0, square(large));
+        table.change(1, square(other));
+        EXPECT_EQ(kindsIn(table), (std::array<int, 2>{6, 1})) << off;
+    }
+}
+
+TEST(EdgeTable, TinyMeshesAreLookedThroughAsQuickly) {
+    // 20,000 triangles within a centimetre, as of a model in other units: with all of their edges in one list this took
+    // seconds a change; the test is that it ends.
+    std::vector<Triangle> triangles;
+    for (int i = 0; i < 20'000; ++i) {
+        const auto x = static_cast<float>(i % 150), y = static_cast<float>(i / 150);
+        triangles.push_back({Vec3f(x, y, 0), Vec3f(x + .5f, y, .3f), Vec3f(x, y + .5f, .1f)});
+    }
+    Wall wall;
+    wall.mesh = std::make_shared<const Mesh>(meshOfTriangles(triangles));
+    wall.worldFromLocal = WorldFromLocal(1e-5);
+    EdgeTable table;
+    for (int frame = 0; frame < 5; ++frame) {
+        wall.worldFromLocal[3] = {1e-4 * frame, 0, 0};
+        table.change(0, wall);
+    }
+    EXPECT_EQ(kindsIn(table)[0], 60'000);
+}
+
 TEST(EdgeTable, IsAfterChangesAsOneThatWasBuiltAnew) {
     const unsigned seed = 1128;
     SCOPED_TRACE(seed);

@@ -73,5 +73,17 @@ TEST(NodeArena, LittleThatIsExpectedTakesNoMemoryOfItsOwn) {
     EXPECT_EQ(static_cast<std::byte*>(arena.allocate(kBlock)) - first, std::ptrdiff_t{kBlock});
 }
 
+TEST(NodeArena, WhatIsExpectedAgainAndNotNeededIsThereOnce) {
+    NodeArena arena;
+    const std::size_t much = std::size_t{20} << 20;
+    arena.expect(much);
+    auto* const first = static_cast<std::byte*>(arena.allocate(kBlock));
+    // As of a scene in which many nodes go and as many come: these take what was freed.
+    for (int i = 0; i < 10; ++i) {
+        arena.expect(much - (std::size_t{4} << 20));
+        EXPECT_EQ(static_cast<std::byte*>(arena.allocate(kBlock)) - first, (i + 1) * std::ptrdiff_t{kBlock});
+    }
+}
+
 }  // namespace
 }  // namespace rtsg
