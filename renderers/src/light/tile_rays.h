@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstdint>
 #include <limits>
@@ -46,6 +47,7 @@ struct TilePacket {
 /// A tile's rays: the primary ones, then those that they lead to, generation by generation.
 class TileLoop {
   public:
+    enum class Turn : std::uint8_t { none, mirrored, bent };
     static constexpr std::size_t kTogether = 4;  // packets; they and what is made of them stay in the nearest cache
     TileLoop(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
              std::span<TileResult> groups)
@@ -61,7 +63,8 @@ class TileLoop {
     TileLoop(const TileLoop&) = delete;
     TileLoop& operator=(const TileLoop&) = delete;
     ~TileLoop() {
-        now_.clear(), next_.clear();
+        for (std::vector<PathTask>& queue : now_) queue.clear();
+        for (std::vector<PathTask>& queue : next_) queue.clear();
         swapQueues();
     }
 
@@ -84,7 +87,7 @@ class TileLoop {
                     if (!startPacket(group, block, sample, packet)) break;
                     if (++count < kTogether) continue;
                     pass();
-                    if (next_.size() >= kDrain) drain(trace);
+                    if (waiting() >= kDrain) drain(trace);
                 }
             }
         }
@@ -98,9 +101,9 @@ class TileLoop {
     }
     /// Where the samples lie, so that it is not found again. They must outlive run().
     void usePlaces(std::span<const SamplePlaces> places) { places_ = places; }
-    void push(const PathTask& task) { next_.push_back(task); }
-    /// A new one, to be filled in.
-    PathTask& push() { return next_.emplace_back(); }
+    void push(const PathTask& task) { next_[0].push_back(task); }
+    /// A new one, to be filled in. What turns alike at neighbouring places goes on side by side, so it waits apart.
+    PathTask& push(Turn turn = Turn::none) { return next_[static_cast<std::size_t>(turn)].emplace_back(); }
 
     /// Of the picture.
     int x(std::uint16_t pixel) const { return x0_ + pixel % kTileSide; }
@@ -112,23 +115,51 @@ class TileLoop {
   private:
     static constexpr std::size_t kDrain = 8192;  // queued rays, so that many samples need no more memory than few
 
+    using Queues = std::array<std::vector<PathTask>, 3>;  // by Turn
+
+    std::size_t waiting() const { return next_[0].size() + next_[1].size() + next_[2].size(); }
     /// The queues' memory stays with the thread: to get it anew for each tile costs more than to trace some.
     void swapQueues() {
-        thread_local std::vector<PathTask> now, next;
+        thread_local Queues now, next;
         now_.swap(now), next_.swap(next);
     }
 
+    /// Generation by generation, and in each turn by turn: what a pixel gets comes in the same order whatever goes
+    /// along in the packets.
     template <class Trace>
     void drain(const Trace& trace) {
-        while (!next_.empty()) {
+        while (waiting() > 0) {
             now_.swap(next_);
-            next_.clear();
-            for (std::size_t first = 0; first < now_.size();) {
-                std::size_t count = 0;
-                for (; count < kTogether && first < now_.size(); ++count, first += 16) fill(packets_[count], first);
-                trace(std::span(packets_, count));
+            for (std::vector<PathTask>& queue : next_) queue.clear();
+            std::size_t count = 0, mixed = 0, turn = 0, at = 0;
+            const auto pass = [&] {
+                if (count > 0) trace(std::span(packets_, count));
+                count = 0;
+            };
+            for (;;) {
+                while (turn < now_.size() && at == now_[turn].size()) ++turn, at = 0;
+                if (turn == now_.size()) break;
+                std::span<PathTask> tasks = std::span(now_[turn]).subspan(at);
+                if (tasks.size() >= 16) {
+                    tasks = tasks.first(16);
+                    at += 16;
+                } else {
+                    tasks = gather(turn, at, mixed_[mixed++]);
+                }
+                fill(packets_[count], tasks);
+                if (++count == kTogether) pass();
             }
+            pass();
         }
+    }
+    /// The last tasks of a turn and the first of those that follow.
+    std::span<PathTask> gather(std::size_t& turn, std::size_t& at, std::array<PathTask, 16>& to) {
+        std::size_t count = 0;
+        for (; turn < now_.size(); ++turn, at = 0) {
+            while (count < to.size() && at < now_[turn].size()) to[count++] = now_[turn][at++];
+            if (count == to.size()) break;
+        }
+        return std::span(to).first(count);
     }
     /// With primary rays; false: all of them are outside the picture.
     bool startPacket(std::size_t group, int block, int sample, TilePacket& packet) {
@@ -144,19 +175,19 @@ class TileLoop {
         return true;
     }
     /// With queued rays.
-    void fill(TilePacket& packet, std::size_t first) {
-        const auto count = static_cast<int>(std::min<std::size_t>(16, now_.size() - first));
+    void fill(TilePacket& packet, std::span<PathTask> tasks) {
+        const auto count = static_cast<int>(tasks.size());
         for (int lane = 0; lane < 16; ++lane) {
             packet.rays.skip(lane);
             if (lane >= count) continue;
-            const PathTask& task = now_[first + static_cast<std::size_t>(lane)];
+            const PathTask& task = tasks[static_cast<std::size_t>(lane)];
             const bool ends = isBounded_ && task.depth == 0;
             packet.rays.set(lane, {task.origin, kLeave, task.direction,
                                    ends ? endOfSight(camera_, task) : std::numeric_limits<float>::infinity()});
             packet.pixels[lane] = task.pixel;
         }
         packet.active = (std::uint32_t{1} << count) - 1;
-        packet.block = 0, packet.sample = 0, packet.tasks = &now_[first];
+        packet.block = 0, packet.sample = 0, packet.tasks = tasks.data();
         groups_[0].secondaryRays += static_cast<std::uint64_t>(count);
     }
 
@@ -167,7 +198,8 @@ class TileLoop {
     int x0_, y0_;
     std::span<TileResult> groups_;
     std::span<const SamplePlaces> places_;
-    std::vector<PathTask> now_, next_;
+    Queues now_, next_;
+    std::array<PathTask, 16> mixed_[3];  // packets of several turns
     TilePacket packets_[kTogether];
 };
 

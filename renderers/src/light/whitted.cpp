@@ -21,6 +21,8 @@ constexpr float kSmallShare = .1f;     // of a pixel
 constexpr float kLeastCutoff = 1e-6f;  // so that the number of rays of a sample has a bound
 
 class Tile {
+    using Turn = TileLoop::Turn;
+
   public:
     Tile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
          std::span<TileResult> groups)
@@ -268,9 +270,9 @@ class Tile {
         // Rays are filled in where they wait: to copy what was just written in parts takes as long as many sums.
         const PathTask& from = task ? *task : kFromEye;
         const HitPoint point = s.point(lane);
-        const auto queue = [&](const Vec3f& share, const Vec3f& towards, const auto& fill) {
+        const auto queue = [&](Turn how, const Vec3f& share, const Vec3f& towards, const auto& fill) {
             if (!(std::max({share.x, share.y, share.z}) >= cutoff_)) return;
-            PathTask& next = loop_.push();
+            PathTask& next = loop_.push(how);
             next = from;
             next.origin = RayWorld::leave(point, towards), next.direction = towards, next.weight = share;
             next.travelled = from.travelled + s.distance[lane];
@@ -298,7 +300,7 @@ class Tile {
                 Vec3f out = reflectDirection(direction, normal);
                 // A shading normal may mirror into the surface; the true one never does.
                 if (glm::dot(out, facing) <= 0) out = reflectDirection(direction, facing);
-                queue(mirrored * fog, out, turn);
+                queue(Turn::mirrored, mirrored * fog, out, turn);
             }
         }
         const Vec3f entering = weight * coverage * w.passing * (1 - opacity);
@@ -309,7 +311,7 @@ class Tile {
             } else if (bent) {
                 Vec3f out = *bent;
                 if (glm::dot(out, facing) >= 0) out = refractDirection(direction, facing, w.eta).value_or(direction);
-                queue(entering * fog, out, [&](PathTask& next) {
+                queue(Turn::bent, entering * fog, out, [&](PathTask& next) {
                     turn(next);
                     next.absorption = back ? Vec3f(0) : material.absorption;
                 });
@@ -319,7 +321,7 @@ class Tile {
         if (straight != Vec3f(0) && from.passes >= kMaxPasses) {
             cut(straight);
         } else if (straight != Vec3f(0)) {
-            queue(straight, direction, [&](PathTask& next) {
+            queue(Turn::none, straight, direction, [&](PathTask& next) {
                 next.passes = static_cast<std::uint16_t>(from.passes + 1);
                 next.line = from.line + s.distance[lane];
             });

@@ -1,6 +1,9 @@
 // Groups of samples that are traced together: each gets, bit for bit, what it gets alone.
 #include "light/tile_rays.h"
 
+#include <algorithm>
+#include <bit>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -68,6 +71,41 @@ TEST(TileGroups, GetWhatEachGetsAlone) {
             EXPECT_EQ(groups[0].secondaryRays, secondary);
             EXPECT_EQ(groups[0].shadowRays, shadow);
         }
+}
+
+// Of 17 x 3 rays that surfaces side by side ask for, those that turn alike share packets, in the order in which they
+// were asked for: 16 straight ones; the last of them with 15 mirrored ones; two more of those with 14 bent ones; the
+// last three.
+TEST(TileLoop, WhatTurnsAlikeGoesTogether) {
+    LightScene s(square(1, unlit("1 1 1")), 16, 16);
+    LightTracer tracer;
+    s.world->add(tracer);
+    const auto state = tracer.latest();
+    const auto camera = tracer.camera(s.world->rays(), 1);
+    ASSERT_TRUE(camera);
+    const RenderSettings settings = s.options.settings;
+    const trace::TraceScene scene = trace::makeTraceScene(*state, s.world->rays(), *camera, settings, trace::Part());
+    std::vector<TileResult> groups(1);
+    using trace::TileLoop;
+    TileLoop loop(scene, *camera, settings, 0, 0, groups);
+    for (std::uint16_t place = 0; place < 17; ++place)
+        for (const TileLoop::Turn turn : {TileLoop::Turn::mirrored, TileLoop::Turn::bent, TileLoop::Turn::none}) {
+            trace::PathTask& task = loop.push(turn);
+            task.pixel = place, task.depth = static_cast<std::uint16_t>(turn);
+        }
+    std::vector<int> counts;
+    std::vector<std::pair<int, int>> order;
+    loop.finish([&](std::span<trace::TilePacket> packets) {
+        for (const trace::TilePacket& packet : packets) {
+            counts.push_back(std::popcount(packet.active));
+            for (int lane = 0; lane < counts.back(); ++lane)
+                order.emplace_back(packet.tasks[lane].depth, packet.pixels[lane]);
+        }
+    });
+    EXPECT_EQ(counts, (std::vector<int>{16, 16, 16, 3}));
+    EXPECT_EQ(order.size(), 51u);
+    EXPECT_TRUE(std::ranges::is_sorted(order));
+    EXPECT_EQ(groups[0].secondaryRays, 51u);
 }
 
 }  // namespace
