@@ -65,7 +65,7 @@ const [width, height] = given.size;
 /** Runs rtsg; what it says on standard error is in the result, and does not end the comparison. */
 function rtsg(...args) {
   try {
-    execFileSync(given.program, args, {stdio: ['ignore', 'pipe', 'pipe'], timeout: 120_000});
+    execFileSync(given.program, args, {stdio: ['ignore', 'pipe', 'pipe'], timeout: 600_000});
     return '';
   } catch (failed) {
     return `${failed.stderr ?? failed}`;
@@ -205,8 +205,10 @@ async function drawInX3dom(page, url) {
   await page.goto(url);
   return whenStill(page, 'X3D, x3d');
 }
-/** What an element shows once two pictures of it are the same. */
+/** What an element shows once two pictures of it are the same, and a while of frames has been drawn: where the machine is slow, two that
+ * show nothing yet are the same as well. */
 async function whenStill(page, element) {
+  await page.evaluate(async () => { for (let i = 0; i < 30; ++i) await new Promise(requestAnimationFrame); });
   let before = null;
   for (let i = 0; i < 20; ++i) {
     await page.waitForTimeout(400);
