@@ -13,9 +13,6 @@ namespace {
 
 constexpr float kPi = std::numbers::pi_v<float>;
 
-float largest(const Vec3f& v) {
-    return std::max({v.x, v.y, v.z});
-}
 Vec3f headOn(const Vec3f& base, float metallic) {
     return glm::mix(Vec3f(0.04f), base, metallic);
 }

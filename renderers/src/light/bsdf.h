@@ -8,6 +8,8 @@
 // multiplied by the cosine; see energyLimited()); Heitz 2018, Journal of Computer Graphics Techniques 7, 4 (samples).
 #pragma once
 
+#include <algorithm>
+
 #include <rtsg/renderers/material.h>
 
 namespace rtsg::trace {
@@ -16,6 +18,10 @@ namespace rtsg::trace {
 /// irradiance, so that a white one under a light of intensity 1 shows 1/pi of what a white Material does. So do
 /// browsers.
 constexpr float kPhysicalLight = 0.318309886f;
+
+inline float largest(const Vec3f& v) {
+    return std::max({v.x, v.y, v.z});
+}
 
 struct BsdfSample {
     Vec3f direction{0, 0, 1};

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "bsdf.h"
 #include "lane_gather.h"
 #include "path_parts.h"
 #include "shutter.h"
@@ -16,10 +17,6 @@ namespace {
 
 /// Beyond this number of triangles, instances are left to bounces.
 constexpr std::size_t kMost = std::size_t{1} << 22;
-
-float largest(const Vec3f& v) {
-    return std::max({v.x, v.y, v.z});
-}
 
 /// What a material emits at most, whatever its textures; 0: nothing, or not of the kind that is looked for.
 float emission(const Material& material, const Mesh& mesh) {

@@ -11,10 +11,11 @@ namespace rtsg::trace {
 
 namespace {
 
-constexpr float kPi = std::numbers::pi_v<float>;
+constexpr float kPiFloat = std::numbers::pi_v<float>;
 
 /// By how much the cosine's convolution multiplies harmonics of each degree (Ramamoorthi & Hanrahan 2001, equation 8).
-constexpr float kCosine[9] = {kPi, 2 * kPi / 3, 2 * kPi / 3, 2 * kPi / 3, kPi / 4, kPi / 4, kPi / 4, kPi / 4, kPi / 4};
+constexpr float kCosine[9] = {kPiFloat,     2 * kPiFloat / 3, 2 * kPiFloat / 3, 2 * kPiFloat / 3, kPiFloat / 4,
+                              kPiFloat / 4, kPiFloat / 4,     kPiFloat / 4,     kPiFloat / 4};
 
 std::array<float, 9> harmonicsAt(const Vec3f& d) {
     return {0.28209479f,
@@ -55,7 +56,7 @@ Harmonics lightBehind(const F& shown) {
     for (const Cell& cell : cellsOf(32)) {
         const std::array<float, 9> y = harmonicsAt(cell.direction);
         const Vec3f value = shown(cell.direction) * cell.solid;
-        for (std::size_t i = 0; i < 9; ++i) light[i] += value * (y[i] * kPi / kCosine[i]);
+        for (std::size_t i = 0; i < 9; ++i) light[i] += value * (y[i] * kPiFloat / kCosine[i]);
     }
     return light;
 }
@@ -68,7 +69,7 @@ Vec3f usableLight(const Vec4f& color) {
 
 /// The angle of a picture's side: that of a cube spans a quarter turn, a panorama a half and a whole one.
 float sideOf(const SpaceTexture& picture) {
-    return picture.layers().size() == 6 ? kPi / 2 : kPi * std::numbers::sqrt2_v<float>;
+    return picture.layers().size() == 6 ? kPiFloat / 2 : kPiFloat * std::numbers::sqrt2_v<float>;
 }
 
 /// `width`: radians.
@@ -120,7 +121,7 @@ Vec3f Environment::Grid::at(const Vec3f& direction) const {
 Environment::Environment(Source source) : source_(std::move(source)) {
     if (source_.specular) return;
     if (source_.diffuse) {
-        low_ = lightBehind([&](const Vec3f& d) { return lookUp(*source_.diffuse, d, kPi / 64); });
+        low_ = lightBehind([&](const Vec3f& d) { return lookUp(*source_.diffuse, d, kPiFloat / 64); });
     } else if (source_.irradiance) {
         low_ = *source_.irradiance;
         for (std::size_t i = 0; i < 9; ++i) (*low_)[i] /= kCosine[i];
@@ -150,7 +151,7 @@ Environment::Grid Environment::convolved() const {
     std::vector<Cell> cells = cellsOf(kCells);
     std::vector<Vec3f> light(cells.size());
     parallelFor(cells.size(), [&](std::size_t i) {
-        light[i] = radiance(cells[i].direction, kPi / 2 / kCells) * (cells[i].solid / kPi);
+        light[i] = radiance(cells[i].direction, kPiFloat / 2 / kCells) * (cells[i].solid / kPiFloat);
     });
     return {25, [&](const Vec3f& normal) {
                 Vec3f sum(0);
@@ -162,7 +163,7 @@ Environment::Grid Environment::convolved() const {
 
 Vec3f Environment::matte(const Vec3f& normal) const {
     if (source_.diffuse) return lookUp(*source_.diffuse, normal, 0);
-    if (source_.irradiance) return sumOf(*source_.irradiance, normal) / kPi;
+    if (source_.irradiance) return sumOf(*source_.irradiance, normal) / kPiFloat;
     if (isEven()) return Vec3f(1);
     findMatte();
     return matte_->at(normal);
@@ -178,10 +179,10 @@ std::vector<Environment::Facet> Environment::facetsOf(float roughness) {
         const float cosine = std::sqrt((1 - u.x) / (1 + (a2 - 1) * u.x)),
                     sine = std::sqrt(std::max(1 - cosine * cosine, 0.0f)), weight = 2 * cosine * cosine - 1;
         if (!(weight > 0)) continue;
-        const float turn = 2 * kPi * u.y;
-        const float d = cosine * cosine * (a2 - 1) + 1, density = a2 / (kPi * d * d) / 4;
+        const float turn = 2 * kPiFloat * u.y;
+        const float d = cosine * cosine * (a2 - 1) + 1, density = a2 / (kPiFloat * d * d) / 4;
         const float width = std::sqrt(1 / (density * static_cast<float>(kFacets)));
-        result.push_back({sine * std::cos(turn), sine * std::sin(turn), cosine, weight, std::min(width, kPi / 2)});
+        result.push_back({sine * std::cos(turn), sine * std::sin(turn), cosine, weight, std::min(width, kPiFloat / 2)});
     }
     return result;
 }

@@ -37,10 +37,6 @@ namespace {
 constexpr int kMaxPasses = 10'000, kMaxBounces = 10'000;
 constexpr float kRedraw = Roulette8::kRedraw;
 
-float largest(const Vec3f& v) {
-    return std::max({v.x, v.y, v.z});
-}
-
 /// Two unit vectors square to a unit vector and each other (Duff et al. 2017); as path_scatter.h has them.
 void basis(const Vec3f& n, Vec3f& s, Vec3f& t) {
     const float sign = n.z < -kUpright ? -1.0f : 1.0f, a = -1 / (sign + n.z), b = n.x * n.y * a;

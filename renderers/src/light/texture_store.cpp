@@ -11,6 +11,8 @@
 
 #include <rtsg/core/x3d.h>
 
+#include "image/color_profile.h"
+
 namespace rtsg {
 
 namespace {
@@ -95,6 +97,9 @@ std::shared_ptr<const Texture> TextureStore::ofResource(Resource opened, Texture
         return nullptr;
     }
     if (!countPixels(pixelsOf(*texture), why)) return nullptr;
+    if (content == Texture::Content::color)
+        if (std::string profile = foreignColorProfile(file->view()); !profile.empty())
+            profiles_[resource.name()] = std::move(profile);
     auto made = std::make_shared<const Texture>(std::move(*texture));
     if (isFile) files_[key] = made;
     return made;
@@ -184,14 +189,18 @@ std::shared_ptr<const Texture> TextureStore::ofUrls(const Scene& scene, const No
             list.texture = ofResource(std::move(resource), content, why);
             if (list.texture && !list.texture->inTiles() && !list.texture->damage().empty())
                 list.damage = fmt::format("{}: {}", name, list.texture->damage());
+            if (const auto found = profiles_.find(name); list.texture && found != profiles_.end())
+                list.profile = fmt::format("{}: {}", name, found->second);
             return list.texture != nullptr;
         });
-    if (!list.damage.empty()) {
+    const auto tell = [&](std::string_view of, std::string_view what) {
+        if (what.empty()) return;
         const std::string_view name = scene.name(node.id());
         diagnostics.warningAt(scene.placeOf(node.id()),
-                              fmt::format("{}{}{} shows as much of its picture as can be read, which is damaged: {}",
-                                          node.type().name, name.empty() ? "" : " ", name, list.damage));
-    }
+                              fmt::format("{}{}{} {}: {}", node.type().name, name.empty() ? "" : " ", name, of, what));
+    };
+    tell("shows as much of its picture as can be read, which is damaged", list.damage);
+    tell("takes the colours of its picture for those of sRGB, though they are of another profile", list.profile);
     if (list.texture) return list.texture;
     tellOfNone(scene, node, list.why, diagnostics);
     return nullptr;

@@ -80,10 +80,12 @@ class TextureStore {
     std::unordered_set<std::string> damaged_;                                // keys of files_ that were told of
     struct List {
         std::shared_ptr<const Texture> texture;
-        std::string why;     // there is none
-        std::string damage;  // there is one, but not all of it
+        std::string why;      // there is none
+        std::string damage;   // there is one, but not all of it
+        std::string profile;  // of its colors, which are taken for those of sRGB
     };
-    std::unordered_map<std::string, List> lists_;  // by folders and urls
+    std::unordered_map<std::string, List> lists_;            // by folders and urls
+    std::unordered_map<std::string, std::string> profiles_;  // of pictures that are not sRGB, by the resource's name
     std::size_t kept_ = 0;
     std::uint64_t pixelsInUse_ = 0;                     // of those in the tables around, as the policy counts them
     std::unordered_map<std::uint64_t, Pixels> pixels_;  // by node and content
