@@ -328,6 +328,13 @@ class SurfaceMesher {
 
 // ---- nodes --------------------------------------------------------------------------------------------------------
 
+/// Whether even knots stand in for those given: none are, or they do not fit.
+bool takesEvenKnots(int order, std::size_t count, std::span<const double> knots) {
+    bool replaced = false;
+    if (NurbsBasis::fits(order, count)) NurbsBasis(order, count, knots, &replaced);
+    return replaced;
+}
+
 /// Closed ones without knots of their own go around evenly: the first points come again after the last. False: they do
 /// not end where they begin.
 bool closeEvenly(int order, std::vector<Vec3d>& points, std::vector<double>& weights) {
@@ -385,8 +392,13 @@ class NurbsReader {
             }
         return list;
     }
-    /// `around`: the first points come again in the end.
-    bool basis(int order, std::size_t count, std::span<const double> knots, const char* name, bool around,
+    void tellOfKnots(int order, std::size_t count, const Array<double>& knots, const char* name) {
+        if (!knots.empty())
+            warn(mesh_, fmt::format("the knots{} do not fit {} control points of order {}: taken as even", name, count,
+                                    order));
+    }
+    /// `even`: in place of the knots; `around`: the first points come again in the end.
+    bool basis(int order, std::size_t count, std::span<const double> knots, const char* name, bool even, bool around,
                NurbsBasis& out) {
         using Ends = NurbsBasis::EvenEnds;
         if (!NurbsBasis::fits(order, count)) {
@@ -396,11 +408,8 @@ class NurbsReader {
                              count, name, order, NurbsBasis::kMostOrder));
             return false;
         }
-        bool replaced = false;
-        out = NurbsBasis(order, count, knots, &replaced, around ? Ends::periodic : Ends::clamped);
-        if (replaced && !knots.empty())
-            warn(mesh_, fmt::format("the knots{} do not fit {} control points of order {}: taken as even", name, count,
-                                    order));
+        if (even) knots = {};
+        out = NurbsBasis(order, count, knots, nullptr, around ? Ends::periodic : Ends::clamped);
         return true;
     }
 
@@ -412,9 +421,11 @@ class NurbsReader {
     bool make(std::vector<Vec3d> list, const Array<double>& weight, const Array<double>& knot, int order, bool closed,
               NurbsCurve& out) {
         std::vector<double> weights(weight.begin(), weight.end());
-        const bool around = closed && knot.empty() && closeEvenly(order, list, weights);
+        const bool even = takesEvenKnots(order, list.size(), spanOf(knot));
+        if (even) tellOfKnots(order, list.size(), knot, "");
+        const bool around = closed && even && closeEvenly(order, list, weights);
         out.points = nurbsPoints(list, weights);
-        return basis(order, list.size(), spanOf(knot), "", around, out.basis);
+        return basis(order, list.size(), spanOf(knot), "", even, around, out.basis);
     }
     /// A NurbsCurve2D, or a ContourPolyline2D, which is one of order 2.
     bool readFlat(NodeId id, NurbsCurve& out, std::int32_t& tessellation) {
@@ -498,12 +509,14 @@ class NurbsReader {
         weights.resize(list.size(), 1);
         const int orderU = node_.get(T::uOrder), orderV = node_.get(T::vOrder);
         const std::size_t plainU = nu, plainV = nv;
-        const bool aroundU =
-            node_.get(T::uClosed) && node_.get(T::uKnot).empty() && closeU(orderU, nu, nv, list, weights);
-        const bool aroundV =
-            node_.get(T::vClosed) && node_.get(T::vKnot).empty() && closeV(orderV, nu, nv, list, weights);
-        if (!basis(orderU, nu, spanOf(node_.get(T::uKnot)), " along u", aroundU, s.u) ||
-            !basis(orderV, nv, spanOf(node_.get(T::vKnot)), " along v", aroundV, s.v))
+        const auto knotsU = spanOf(node_.get(T::uKnot)), knotsV = spanOf(node_.get(T::vKnot));
+        const bool evenU = takesEvenKnots(orderU, nu, knotsU), evenV = takesEvenKnots(orderV, nv, knotsV);
+        if (evenU) tellOfKnots(orderU, nu, node_.get(T::uKnot), " along u");
+        if (evenV) tellOfKnots(orderV, nv, node_.get(T::vKnot), " along v");
+        const bool aroundU = node_.get(T::uClosed) && evenU && closeU(orderU, nu, nv, list, weights);
+        const bool aroundV = node_.get(T::vClosed) && evenV && closeV(orderV, nu, nv, list, weights);
+        if (!basis(orderU, nu, knotsU, " along u", evenU, aroundU, s.u) ||
+            !basis(orderV, nv, knotsV, " along v", evenV, aroundV, s.v))
             return;
         s.points = nurbsPoints(list, weights);
         SurfaceTexture texture;
@@ -569,8 +582,14 @@ class NurbsReader {
                 return;
             }
             list.resize(nu * nv);
-            if (!basis(node->get(T::uOrder), nu, spanOf(node->get(T::uKnot)), " of texCoord along u", false, made.u) ||
-                !basis(node->get(T::vOrder), nv, spanOf(node->get(T::vKnot)), " of texCoord along v", false, made.v))
+            const auto alongSide = [&](int order, std::size_t count, const Array<double>& knots, const char* name,
+                                       NurbsBasis& to) {
+                const bool even = takesEvenKnots(order, count, spanOf(knots));
+                if (even) tellOfKnots(order, count, knots, name);
+                return basis(order, count, spanOf(knots), name, even, false, to);
+            };
+            if (!alongSide(node->get(T::uOrder), nu, node->get(T::uKnot), " of texCoord along u", made.u) ||
+                !alongSide(node->get(T::vOrder), nv, node->get(T::vKnot), " of texCoord along v", made.v))
                 return;
             made.points = nurbsPoints(list, spanOf(node->get(T::weight)));
             out.coordinates = std::move(made);

@@ -101,6 +101,13 @@ TEST(NurbsCurves, KnotsThatDoNotFitAreEven) {
         "NurbsCurve { order 3 closed TRUE controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0, 0 2 0, 0 0 0 ] } }");
     EXPECT_LT(glm::distance(closed.vertex(0, 0), closed.vertex(closed.strokeCount - 1, 1)), 1e-6f);
     EXPECT_LT(glm::distance(closed.vertex(0, 0), Vec3f(1, 0, 0)), 1e-6f) << "rounded everywhere alike";
+    // Knots that do not fit are none.
+    const Mesh unfit = nurbsMesh(
+        "NurbsCurve { order 3 closed TRUE knot [ 0 1 2 3 4 ] "
+        "controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0, 0 2 0, 0 0 0 ] } }");
+    EXPECT_NE(said(unfit).find("do not fit 5 control points of order 3"), std::string::npos) << said(unfit);
+    EXPECT_LT(glm::distance(unfit.vertex(0, 0), Vec3f(1, 0, 0)), 1e-6f);
+    EXPECT_EQ(unfit.strokeCount, closed.strokeCount);
     // What does not end where it begins is not closed, whatever the field says.
     const Mesh open = nurbsMesh(
         "NurbsCurve { order 3 closed TRUE controlPoint Coordinate { point [ 0 0 0, 2 0 0, 2 2 0, 0 2 0 ] } }");
@@ -123,6 +130,12 @@ TEST(NurbsSurfaces, ReachTheirCornersWithoutKnots) {
     EXPECT_NEAR(ring.bounds.max.x, 1, 1e-5) << "the middles of the sides";
     EXPECT_NEAR(ring.bounds.min.z, -1, 1e-5);
     EXPECT_NEAR(ring.bounds.max.y, 2, 1e-6);
+    const Mesh unfit = nurbsMesh(
+        "NurbsPatchSurface { uClosed TRUE uKnot 0 uDimension 5 vDimension 2 vOrder 2 controlPoint Coordinate { point [ "
+        "1 0 1, -1 0 1, -1 0 -1, 1 0 -1, 1 0 1, 1 2 1, -1 2 1, -1 2 -1, 1 2 -1, 1 2 1 ] } }");
+    EXPECT_NE(said(unfit).find("along u do not fit 5"), std::string::npos) << said(unfit);
+    EXPECT_EQ(unfit.bounds.min, ring.bounds.min);
+    EXPECT_EQ(unfit.bounds.max, ring.bounds.max);
     for (std::uint32_t t = 0; t < ring.triangleCount; ++t)
         for (std::uint32_t c = 0; c < 3; ++c) {
             const Vec3f p = ring.vertex(t, c);
