@@ -227,22 +227,16 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     }
 }
 
-/// Whether an eye sees through it because it is the back of a solid.
-bool isNoBack(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
-    const Material& material = scene.materials[scene.slots[hit.instance].material].material;
-    return scene.world->instance(hit.instance).mesh->solid && material.refractiveIndex == 0 && !hit.isCap() &&
-           glm::dot(direction, hit.normal) > 0;
-}
-
 }  // namespace
 
 Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind) {
     Vec3f left(1);
     const float tMax = ray.tMax;
     for (int step = 0; step < kMostPassed; ++step) {
-        const Hit hit = world.intersect(ray, kind);
+        Hit hit = world.intersect(ray, kind);
         if (!hit) return left;
-        const bool isNone = kind == RayKind::eye && isNoBack(scene, hit, ray.direction);
+        if (kind == RayKind::eye) hit = frontOf(scene, world, ray, hit, kind);
+        const bool isNone = kind == RayKind::eye && isBackOfSolid(scene, hit, ray.direction);
         const Vec3f through = isNone ? Vec3f(1) : straightTransmittance(scene, hit, ray.direction);
         if (!passOn(scene, hit, through, tMax, ray, left)) return left;
     }

@@ -40,8 +40,9 @@ bool reaches(const TraceScene& scene, const Emitters::Emitter& target, const Vec
     left = Vec3f(1);
     for (int step = 0; step < kMostPassed; ++step) {
         if (!hit) return false;
-        if (hit.instance == target.instance && hit.triangle == target.triangle) return true;
         if (hit.instance >= scene.slots.size()) return false;
+        hit = frontOf(scene, *scene.world, ray, hit);
+        if (hit.instance == target.instance && hit.triangle == target.triangle) return true;
         left *= passes(scene, hit, direction);
         if (left == Vec3f(0)) return false;
         ray.origin = behind(scene, hit, ray), ray.tMin = kLeave, ray.tMax = kReach;
@@ -58,6 +59,7 @@ bool escapes(const TraceScene& scene, Ray ray, Hit hit, Vec3f& left) {
     for (int step = 0; step < kMostPassed; ++step) {
         if (!hit) return true;
         if (hit.instance >= scene.slots.size()) return false;
+        hit = frontOf(scene, *scene.world, ray, hit);
         left *= passes(scene, hit, ray.direction);
         if (left == Vec3f(0)) return false;
         ray.origin = behind(scene, hit, ray), ray.tMin = kLeave, ray.tMax = HUGE_VALF;

@@ -82,6 +82,7 @@ void Shutter::trace(const TraceScene& scene, const RenderSettings& settings, int
     const auto count = static_cast<double>(instants_.size());
     TraceScene now = scene;
     now.shutter = nullptr;
+    now.coincident = nullptr;
     const int end = std::min(groups[0].lastSample, settings.samplesPerPixel);
     for (int sample = groups[0].firstSample; sample < end; ++sample) {
         const double share = (sample + start) / settings.samplesPerPixel;

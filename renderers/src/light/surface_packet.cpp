@@ -7,6 +7,7 @@
 
 #include "bsdf.h"
 #include "bsdf8.h"
+#include "coincident.h"
 #include "generated_coordinates.h"
 #include "lanes.h"
 #include "packet_kernels.h"
@@ -500,7 +501,7 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
                         *out.material[lane], out, lane);
         }
     }
-    // The back of a solid is not there, unless light is to find its way out of glass.
+    // As isBackOfSolid().
     if (common.mesh->solid && front.refractiveIndex == 0) {
         const std::uint32_t culled = lanes & out.back;
         out.special |= culled;
@@ -509,7 +510,42 @@ void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t 
     }
 }
 
+/// Fronts of solids in the place of backs that rays met.
+void turnToFronts(const TraceScene& scene, const RayPacket16& rays, SurfacePacket& out) {
+    std::uint32_t behind = 0;
+    for (int at = 0; at < 16; at += 8) {
+        const PacketHits16& hits = out.hits;
+        const F8 along = load(rays.directionX + at) * load(hits.normalX + at) +
+                         load(rays.directionY + at) * load(hits.normalY + at) +
+                         load(rays.directionZ + at) * load(hits.normalZ + at);
+        behind |= laneBits(along > 0.0f) << at;
+    }
+    for (std::uint32_t rest = behind & out.mask & ~out.caps; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const Hit met = scene.world->hit(rays, lane);
+        const Hit front = frontOf(scene, *scene.world, rays.ray(lane), met);
+        if (front.instance == met.instance && front.triangle == met.triangle) continue;
+        out.oneInstance &= front.instance == met.instance;
+        out.hits.instance[lane] = front.instance, out.hits.triangle[lane] = front.triangle;
+        out.hits.u[lane] = front.u, out.hits.v[lane] = front.v;
+        out.hits.normalX[lane] = front.normal.x, out.hits.normalY[lane] = front.normal.y;
+        out.hits.normalZ[lane] = front.normal.z;
+    }
+}
+
 }  // namespace
+
+bool isBackOfSolid(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
+    return scene.world->instance(hit.instance).mesh->solid && !hit.isCap() && glm::dot(direction, hit.normal) > 0 &&
+           scene.materials[slotOf(scene, hit.instance).material].material.refractiveIndex == 0;
+}
+
+Hit frontOf(const TraceScene& scene, const RayView& world, const Ray& ray, const Hit& hit, RayKind kind) {
+    if (!isBackOfSolid(scene, hit, ray.direction)) return hit;
+    if (scene.coincident && !scene.coincident->mayHide(*scene.world, hit)) return hit;
+    const Hit front = world.frontInPlace(ray, hit, kind);
+    return front ? front : hit;
+}
 
 void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32_t mask, const PathTask* tasks,
                    SurfacePacket& out) {
@@ -521,6 +557,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
         for (int lane = 0; lane < 16; ++lane)
             if ((mask >> lane & 1u) && out.hits.triangle[lane] == kCap) out.caps |= 1u << lane;
     out.pointsFound = false;
+    turnToFronts(scene, rays, out);
     Common common;
     common.find(scene, out.hits.instance[std::countr_zero(mask)]);
     if (!out.oneInstance || out.caps || !common.mesh->normals.present() || std::popcount(mask) <= kFewLanes)

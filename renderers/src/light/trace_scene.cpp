@@ -10,6 +10,7 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "active.h"
+#include "coincident.h"
 #include "draw.h"
 #include "environment.h"
 #include "left_out.h"
@@ -170,6 +171,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     }();
     const std::uint16_t layer = camera.layer;
     TraceScene scene;
+    scene.coincident = std::make_shared<CoincidentFaces>();
     const auto height = static_cast<float>(camera.pixel(settings.height));
     (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
     constexpr int kMostSharing = 64;  // more samples than these see no more of a texture: an eighth of a pixel is all

@@ -26,6 +26,7 @@ class LargeRays;
 
 namespace rtsg::trace {
 
+class CoincidentFaces;
 class Environment;
 class ScopeFilter;
 struct Volume;
@@ -195,15 +196,16 @@ struct TraceScene {
     Vec3f eye{0}, forward{0, 0, -1};
     Vec3f right{1, 0, 0}, up{0, 1, 0};  // times an offset from the eye: pixels' heights for 1 ahead
     void placeInPicture(const Camera& camera);
-    EmitterTable* emitterTable = nullptr;  // that of the scene's last picture
-    SkyTable* skyTable = nullptr;          // the same
-    const Emitters* emitters = nullptr;    // of paths, where anything shines
-    const Lamps* lamps = nullptr;          // of paths, where there are many
-    const SkyLight* skyLight = nullptr;    // of paths, where the sky is so uneven that it must be looked for
-    const PlainSurfaces* plain = nullptr;  // of paths
-    const LargeRays* large = nullptr;      // of paths in stages, where they pay
-    const Shutter* shutter = nullptr;      // where something moves while it is open
-    const PrimaryRays* primary = nullptr;  // of the picture, where they find what they meet together
+    EmitterTable* emitterTable = nullptr;         // that of the scene's last picture
+    SkyTable* skyTable = nullptr;                 // the same
+    const Emitters* emitters = nullptr;           // of paths, where anything shines
+    const Lamps* lamps = nullptr;                 // of paths, where there are many
+    const SkyLight* skyLight = nullptr;           // of paths, where the sky is so uneven that it must be looked for
+    const PlainSurfaces* plain = nullptr;         // of paths
+    const LargeRays* large = nullptr;             // of paths in stages, where they pay
+    const Shutter* shutter = nullptr;             // where something moves while it is open
+    std::shared_ptr<CoincidentFaces> coincident;  // null: something moves, or nobody keeps what is found
+    const PrimaryRays* primary = nullptr;         // of the picture, where they find what they meet together
     MaterialList materials;
     SlotPages slots;
     LightGroups lightGroups;

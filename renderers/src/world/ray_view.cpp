@@ -259,6 +259,18 @@ Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const
     return best;
 }
 
+Hit RayView::frontInPlace(const Ray& ray, const Hit& back, RayKind kind) const {
+    const float radius =
+        roundingAt(ray.origin, ray.origin + back.t * ray.direction) + 2 * glm::length(point(back).error);
+    Hit best;
+    visitPlace(*this, tables_->top, ray, back.t, radius, meant(kind), [&](const Hit& found) {
+        const bool isBack = glm::dot(found.normal, ray.direction) > 0;
+        if ((isBack && instances_[found.instance].mesh->solid) || found.t < ray.tMin || !(found.t < best.t)) return;
+        if (!filter_ || !filter_->concerns(found.instance) || !isLeftOut(*filter_, found, ray)) best = found;
+    });
+    return best;
+}
+
 std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
                                   RayKind kind) const {
     // Rays that run together meet few instances: each is asked about once, as long as they meet the same.

@@ -114,6 +114,9 @@ class RayView {
     HitPoint point(const Hit& hit) const;
     /// The same of any hit, of which `ray` met it: on lines and points where it did, and on caps, which it alone tells.
     HitPoint point(const Hit& hit, const Ray& ray) const;
+    /// Where `ray` met the back of a solid, which is not there: what else lies in its place, up to roundings, and is no
+    /// such back; no instance if there is nothing. Which of surfaces that coincide a ray tells is chance.
+    Hit frontInPlace(const Ray& ray, const Hit& back, RayKind kind = RayKind::view) const;
     /// Where a ray leaving `from` towards `direction` should start so that it does not hit the surface it leaves.
     static Vec3f leave(const HitPoint& from, const Vec3f& direction);
 

@@ -1,0 +1,122 @@
+// Looks around a triangle for others in its plane that turn their front to the other side, or are there from both.
+#include "coincident.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace rtsg::trace {
+
+namespace {
+
+struct FaceInPlane {
+    std::array<Vec3d, 3> corner;
+    Vec3d normal;  // as hits have it; 0: it has no area
+    FaceInPlane(const RayInstance& instance, std::uint32_t triangle) {
+        std::array<Vec3d, 3> local;
+        for (std::uint32_t i = 0; i < 3; ++i) {
+            local[i] = Vec3d(instance.mesh->vertex(triangle, i));
+            corner[i] = glm::dmat4x3(instance.rayFromLocal) * glm::dvec4(local[i], 1);
+        }
+        normal = glm::dmat3(instance.normalFromLocal) * glm::cross(local[1] - local[0], local[2] - local[0]);
+        const double length = glm::length(normal);
+        normal = length > 0 ? normal / length : Vec3d(0);
+    }
+    Vec3d at(double u, double v) const { return (1 - u - v) * corner[0] + u * corner[1] + v * corner[2]; }
+};
+
+/// A part of a triangle: u and v from these on, `share` of its sides wide.
+struct TrianglePart {
+    double u = 0, v = 0, share = 1;
+};
+
+/// Along an axis square to an edge of `a` in its plane: whether `b` lies on the edge's outer side, or on it.
+bool isApart(const FaceInPlane& a, const FaceInPlane& b, double margin) {
+    for (std::size_t i = 0; i < 3; ++i) {
+        const Vec3d edge = a.corner[(i + 1) % 3] - a.corner[i];
+        Vec3d inwards = glm::cross(a.normal, edge);
+        if (glm::dot(inwards, a.corner[(i + 2) % 3] - a.corner[i]) < 0) inwards = -inwards;
+        const double length = glm::length(inwards);
+        if (!(length > 0)) continue;
+        double most = -std::numeric_limits<double>::infinity();
+        for (const Vec3d& p : b.corner) most = std::max(most, glm::dot(inwards, p - a.corner[i]) / length);
+        if (most <= margin) return true;
+    }
+    return false;
+}
+
+/// `margin`: how far apart roundings may make places that are the same.
+bool overlap(const FaceInPlane& a, const FaceInPlane& b, double margin) {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+    for (const Vec3d& p : b.corner) {
+        const double above = glm::dot(a.normal, p - a.corner[0]);
+        low = std::min(low, above), high = std::max(high, above);
+    }
+    return low <= margin && high >= -margin && !isApart(a, b, margin) && !isApart(b, a, margin);
+}
+
+enum State : std::uint64_t { unknown, alone, inCompany, tooMuch };
+
+/// tooMuch: more than `most` triangles lie around this part.
+State lookAround(const RayView& world, std::uint32_t slot, std::uint32_t triangle, const TrianglePart& part, int most) {
+    const FaceInPlane face(world.instance(slot), triangle);
+    if (face.normal == Vec3d(0)) return inCompany;
+    const double half = part.share / 2;
+    const Vec3d middle = part.share < 1 ? face.at(part.u + half, part.v + half) : face.at(1.0 / 3, 1.0 / 3);
+    double radius = 0, size = 0;
+    for (const Vec3d& p : face.corner) {
+        radius = std::max(radius, glm::distance(p, middle));
+        size = std::max({size, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+    }
+    if (part.share < 1) {
+        const Vec3d across = part.share * (face.corner[1] - face.corner[0]),
+                    along = part.share * (face.corner[2] - face.corner[0]);
+        radius = std::max(glm::length(across + along), glm::length(across - along)) / 2;
+    }
+    const double margin = 0x1p-18 * size + 1e-30;  // some times what a hit's own roundings may be
+    const auto reach = static_cast<float>((radius + margin) * 1.001);
+    State state = alone;
+    world.visitNear(Vec3f(middle), reach, [&](std::uint32_t otherSlot, std::uint32_t otherTriangle) {
+        if (state != alone) return 0.0f;
+        if (otherSlot == slot && otherTriangle == triangle) return reach;
+        if (--most < 0) state = tooMuch;
+        const RayInstance& instance = world.instance(otherSlot);
+        const FaceInPlane other(instance, otherTriangle);
+        const double cosine = glm::dot(face.normal, other.normal);
+        constexpr double kParallel = .999;
+        const bool shows = cosine < -kParallel || (cosine > kParallel && !instance.mesh->solid);
+        if (shows && overlap(face, other, margin)) state = inCompany;
+        return reach;
+    });
+    return state;
+}
+
+}  // namespace
+
+bool CoincidentFaces::mayHide(const RayView& world, const Hit& hit) {
+    constexpr std::uint64_t kSlots = std::uint64_t{1} << 21;
+    if (hit.instance >= kSlots) return true;
+    const auto ask = [&](std::uint64_t number, const TrianglePart& part, int most) {
+        const std::uint64_t key = std::uint64_t{hit.instance} << 43 | std::uint64_t{hit.triangle} << 11 | number << 2;
+        std::atomic<std::uint64_t>& place = known_[(key * 0x9E3779B97F4A7C15u) >> 52];
+        const std::uint64_t known = place.load(std::memory_order_relaxed);
+        if ((known & ~std::uint64_t{3}) == key && (known & 3u) != unknown) return static_cast<State>(known & 3u);
+        const State state = lookAround(world, hit.instance, hit.triangle, part, most);
+        place.store(key | state, std::memory_order_relaxed);
+        return state;
+    };
+    constexpr int kFew = 256, kMany = 1 << 14;
+    constexpr std::uint64_t kParts = 16;  // along a side
+    State state = ask(kParts * kParts, {}, kFew);
+    if (state == tooMuch) {
+        // What is large lies beside much that does not concern this place.
+        const auto i = std::min<std::uint64_t>(static_cast<std::uint64_t>(hit.u * kParts), kParts - 1),
+                   j = std::min<std::uint64_t>(static_cast<std::uint64_t>(hit.v * kParts), kParts - 1);
+        constexpr double kShare = 1.0 / kParts;
+        state = ask(i * kParts + j, {static_cast<double>(i) * kShare, static_cast<double>(j) * kShare, kShare}, kMany);
+    }
+    return state != alone;
+}
+
+}  // namespace rtsg::trace
