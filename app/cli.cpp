@@ -22,6 +22,8 @@
 namespace rtsg::app {
 
 void print(const Diagnostics& diagnostics, std::string_view said) {
+    // By which part each was told first: what a file's reader says of a value, a picture need not say again.
+    static std::unordered_map<std::string, DiagnosticCode> toldBy;
     std::unordered_map<std::string, std::size_t> times;
     std::vector<const std::string*> lines;  // in their order
     for (const Diagnostic& d : diagnostics.all()) {
@@ -29,6 +31,9 @@ void print(const Diagnostics& diagnostics, std::string_view said) {
         if (d.code == DiagnosticCode("subscriber-failed") && d.text.starts_with(kDetached) &&
             said.find(d.text.substr(kDetached.size())) != said.npos)
             continue;
+        Diagnostic anybodys = d;
+        anybodys.code = DiagnosticCode("application");
+        if (toldBy.try_emplace(anybodys.format(), d.code).first->second != d.code) continue;
         const auto [line, fresh] = times.try_emplace(terminalText(d.format()), 0);
         if (fresh) lines.push_back(&line->first);
         ++line->second;

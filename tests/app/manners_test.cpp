@@ -85,6 +85,19 @@ TEST_F(Manners, WhatIsMadeOfADamagedSceneIsThereAndSaidToBeOfTheRest) {
     EXPECT_EQ(rtsg({"render", folder / "w.x3dv", "-o", picture, "--size", "16x16"}).status, 0);
 }
 
+/// Who reads the file, and who makes the picture, both find it.
+TEST_F(Manners, WhatTwoPartsFindIsSaidOnce) {
+    writeFile(folder / "m.x3dv",
+              "#X3D V4.0 utf8\nPROFILE Full\nShape { appearance Appearance { texture MultiTexture { mode \"BRIGHTER\" "
+              "texture PixelTexture { image 1 1 1 255 } } } geometry Box { } }\n");
+    const std::string scene = folder / "m.x3dv", picture = folder / "m.png";
+    const Outcome run = rtsg({"render", scene, "-o", picture, "--size", "8x8"});
+    EXPECT_EQ(run.status, 0);
+    const std::size_t first = run.err.find("BRIGHTER");
+    EXPECT_NE(first, std::string::npos) << run.err;
+    EXPECT_EQ(run.err.find("BRIGHTER", first + 1), std::string::npos) << run.err;
+}
+
 TEST_F(Manners, ReportsShowControlCharactersOfAScene) {
     // A name may hold U+009B, with which some terminals begin an order as with ESC and a bracket.
     writeFile(

@@ -332,8 +332,9 @@ struct Reader {
             for (const auto& [known, mode] : kModes)
                 if (name == known) return mode;
             if (!name.empty())
-                diagnostics.warningAt(scene.placeOf(multi.id()),
-                                      "MultiTexture has no mode \"" + std::string(name) + "\": taken as MODULATE");
+                diagnostics.warningAt(
+                    scene.placeOf(multi.id()),  // in the words of who read the file
+                    fmt::format("MultiTexture.mode: '{}' is no mode of a MultiTexture: taken as MODULATE", name));
             return M::modulate;
         };
         // "colours, alpha", or one for both.
