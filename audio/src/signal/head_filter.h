@@ -18,7 +18,7 @@
 #include <rtsg/audio/hrtf.h>
 
 #include "delay_line.h"
-#include "trace/arrival_pan.h"
+#include "sphere_ear.h"
 
 namespace rtsg {
 
@@ -66,7 +66,7 @@ class HeadFilter {
     static double delayOf(const glm::dvec3& towards, int ear, int sampleRate) {
         constexpr double kRadius = 0.0875, kSpeed = 343;
         const double rate = sampleRate, latest = kRadius / kSpeed * rate;
-        return SincTable::kHalf + 1 + latest + panOfEar(towards.x, ear, kRadius, kSpeed).delay * rate;
+        return SincTable::kHalf + 1 + latest + sphereEarDelay(towards.x, ear, kRadius, kSpeed) * rate;
     }
 
     struct Ear {

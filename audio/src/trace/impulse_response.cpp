@@ -14,6 +14,7 @@
 #include "signal/fft.h"
 #include "signal/fractional_delay.h"
 #include "signal/random.h"
+#include "signal/sphere_ear.h"
 #include "trace/arrival_pan.h"
 #include "trace/edge_waves.h"
 
@@ -33,10 +34,8 @@ double gaussian(Random& random) {
 }  // namespace
 
 ArrivalPan panOfEar(double right, int ear, double radius, double speedOfSound) {
-    // Relative to the head's centre: the near ear hears earlier by r sin a, the far one later by r a.
-    const double towards = ear == 0 ? -right : right, angle = std::asin(std::clamp(towards, -1.0, 1.0));
     return {stereoGains({right, 0, 0})[static_cast<std::size_t>(ear)],
-            -(towards > 0 ? towards : angle) * radius / speedOfSound};
+            sphereEarDelay(right, ear, radius, speedOfSound)};
 }
 
 ArrivalPan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options) {

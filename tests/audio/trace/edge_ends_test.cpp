@@ -14,23 +14,23 @@ namespace rtsg {
 namespace {
 
 using namespace test;
-using Pressure = std::complex<double>;
+using EdgePressure = std::complex<double>;
 
 /// The integral along the edge, from `from` to `to` metres on from the place of the shortest way; plain trapezoids,
 /// finer near to that. Parts with the difference of the angles, and with their sum.
-std::array<Pressure, 2> alongEdge(const WedgePath& path, double waveNumber, double from, double to) {
+std::array<EdgePressure, 2> alongEdge(const WedgePath& path, double waveNumber, double from, double to) {
     const double nu = M_PI / path.opening, rs = path.sourceRadius, rr = path.receiverRadius;
     const double shortest = path.along * rs / (rs + rr);
     constexpr double kFine = 1e-4;
     constexpr int kSteps = 60'000;
     const double begin = std::asinh(from / kFine), end = std::asinh(to / kFine);
-    std::array<Pressure, 2> sum{};
+    std::array<EdgePressure, 2> sum{};
     for (int i = 0; i < kSteps; ++i) {
         const double u = begin + (end - begin) * (i + .5) / kSteps;
         const double in = shortest + kFine * std::sinh(u), out = path.along - in;
         const double m = std::hypot(rs, in), l = std::hypot(rr, out);
         const double eta = std::acosh(std::max(1.0, (m * l - in * out) / (rs * rr)));
-        const Pressure here =
+        const EdgePressure here =
             std::polar(-nu / (4 * M_PI * m * l) * kFine * std::cosh(u) * (end - begin) / kSteps, -waveNumber * (m + l));
         const double difference = path.receiverAngle - path.sourceAngle, both = path.receiverAngle + path.sourceAngle;
         for (const double sign : {1.0, -1.0}) {
@@ -62,9 +62,9 @@ TEST(EdgeEnds, WhatIsBeyondAPlaceIsTheIntegralFromThereOn) {
         const double offset = std::exp(between(std::log(.003), std::log(4.0))) * (i % 2 ? 1 : -1);
         const double way = path.wayBy(offset);
         const WedgeEnd beyond = wedgeBeyond(path, waveNumber, way);
-        const std::array<Pressure, 2> exact =
+        const std::array<EdgePressure, 2> exact =
             offset > 0 ? alongEdge(path, waveNumber, offset, 3000) : alongEdge(path, waveNumber, -3000, offset);
-        const Pressure turned = std::polar(1.0, -waveNumber * way);
+        const EdgePressure turned = std::polar(1.0, -waveNumber * way);
         const double open = 1 / path.shortestWay();
         EXPECT_NEAR(std::abs(turned * beyond.besideDirect - exact[0]), 0, 2e-4 * open + 1e-3 * std::abs(exact[0])) << i;
         EXPECT_NEAR(std::abs(turned * beyond.besideMirrored - exact[1]), 0, 2e-4 * open + 1e-3 * std::abs(exact[1]))
@@ -99,7 +99,7 @@ double behindScreen(const glm::dvec3& source, const glm::dvec3& listener, double
     const double k = 2 * M_PI * hz / 343, distance = glm::distance(source, listener);
     const glm::dvec3 through = source + (listener - source) * (source.z / (source.z - listener.z));
     const bool hidden = std::abs(through.x) < 2 && through.y > 0 && through.y < 2;
-    Pressure sum = hidden ? 0.0 : std::polar(1 / distance, -k * distance);
+    EdgePressure sum = hidden ? 0.0 : std::polar(1 / distance, -k * distance);
     for (const Rim& rim : rims) {
         const double length = glm::distance(rim.from, rim.to);
         const glm::dvec3 axis = (rim.to - rim.from) / length, normal = glm::cross(axis, rim.inward);
@@ -119,7 +119,7 @@ double behindScreen(const glm::dvec3& source, const glm::dvec3& listener, double
         path.receiverAngle = angle[1];
         path.along = along[1] - along[0];
         const double shortest = along[0] + path.along * radius[0] / (radius[0] + radius[1]);
-        const std::array<Pressure, 2> by = alongEdge(path, k, -shortest, length - shortest);
+        const std::array<EdgePressure, 2> by = alongEdge(path, k, -shortest, length - shortest);
         sum += by[0] + by[1];
     }
     return 20 * std::log10(std::abs(sum) * distance);
