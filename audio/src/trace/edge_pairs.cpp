@@ -67,7 +67,7 @@ std::complex<double> diagonalErfc(double x) {
 class WayToPlace {
   public:
     WayToPlace(const glm::dvec3& source, const glm::dvec3& listener, const WallEdge& first, const WallEdge& second)
-        : source_(source), listener_(listener), first_(first), second_(second) {
+        : listener_(listener), first_(first), second_(second) {
         along_ = glm::dot(source - first.from, first.axis);
         radius_ = glm::length(source - first.from - first.axis * along_);
     }
@@ -90,7 +90,7 @@ class WayToPlace {
     double x = 0, across = 0, out = 0;
 
   private:
-    glm::dvec3 source_, listener_;
+    glm::dvec3 listener_;
     const WallEdge &first_, &second_;
     double along_ = 0, radius_ = 0;
 };

@@ -80,7 +80,7 @@ class LowPassShares {
 /// Which of a wedge's boundaries count, and where one is. `side`: of the boundary that is near, -1 in the light, 1 in
 /// the shadow, 0 as it comes.
 struct EdgeTerms {
-    explicit EdgeTerms(const WedgePath& path) : path_(path), n_(path.opening / kHalfTurn) {
+    explicit EdgeTerms(const WedgePath& path) : n_(path.opening / kHalfTurn) {
         const double radii = path.sourceRadius + path.receiverRadius;
         way = std::hypot(radii, path.along);
         // Kouyoumjian's and Pathak's distance.
@@ -104,7 +104,6 @@ struct EdgeTerms {
     double way = 0;
 
   private:
-    const WedgePath& path_;
     double n_, length_ = 0;
 };
 
@@ -205,7 +204,8 @@ class EdgeFit {
   private:
     static std::vector<double> tonesOf(int sampleRate) {
         std::vector<double> hz;
-        for (std::size_t tone = 0; tone < kEdgeTones || edgeToneHz(static_cast<double>(tone)) < sampleRate / 2; ++tone)
+        for (std::size_t tone = 0; tone < kEdgeTones || edgeToneHz(static_cast<double>(tone)) < 0.5 * sampleRate;
+             ++tone)
             hz.push_back(edgeToneHz(static_cast<double>(tone)));
         return hz;
     }

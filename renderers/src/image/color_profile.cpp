@@ -221,7 +221,7 @@ std::string foreignColorProfile(Bytes file) {
     const std::vector<std::uint8_t> found = profileIn(file);
     const Profile profile(found);
     if (!profile.isWhole() || isSrgb(profile)) return {};
-    const std::string name = nameOf(profile);
+    std::string name = nameOf(profile);
     // One with tables in place of primaries: its name is all there is to go by.
     if (profile.isFor("RGB ") && profile.tag("rXYZ").empty() && name.contains("sRGB")) return {};
     if (!name.empty()) return name;
