@@ -162,6 +162,7 @@ std::complex<double> endsShare(const PairWay& way, double waveNumber) {
         for (const auto& [within, shared] :
              {std::pair(way.fromLow[e], way.sharesLow[e]), std::pair(way.fromHigh[e], way.sharesHigh[e])}) {
             const double x = waveNumber * way.bend[e] * within * within;
+            if (within >= 0 && x > 60) continue;
             Complex beyond = 0.5 * diagonalErfc(x);
             if (within < 0)
                 // It fades towards where ways are not looked for any more.

@@ -49,18 +49,39 @@ double shortestBy(const WallEdge& edge, const glm::dvec3& source, const glm::dve
     return glm::distance(source, by) + glm::distance(by, listener);
 }
 
-/// The first of all in order, those that were told first before their equals.
+/// Of many that are told one after the other the first in order, of equals those that were told first.
 template <class Item, class Before>
-void sortFirst(std::vector<Item>& items, std::size_t count, const Before& before) {
-    std::stable_sort(items.begin(), items.end(), before);
-    if (items.size() > count) items.erase(items.begin() + static_cast<std::ptrdiff_t>(count), items.end());
-}
-/// Adds one; of many that are told one after the other some more than the first are kept.
-template <class Item, class Before>
-void keepFirst(std::vector<Item>& items, const Item& item, std::size_t count, const Before& before) {
-    items.push_back(item);
-    if (items.size() >= 4 * count) sortFirst(items, count, before);
-}
+class FirstOf {
+  public:
+    FirstOf(std::size_t count, Before before) : count_(count), before_(before) {}
+
+    void add(const Item& item) {
+        ++told_;
+        if (full_ && !before_(item, last_)) return;
+        items_.push_back(item);
+        if (items_.size() >= 4 * count_) sort();
+    }
+    const std::vector<Item>& sorted() {
+        sort();
+        return items_;
+    }
+    std::size_t told() const { return told_; }
+
+  private:
+    void sort() {
+        std::stable_sort(items_.begin(), items_.end(), before_);
+        if (items_.size() < count_) return;
+        items_.erase(items_.begin() + static_cast<std::ptrdiff_t>(count_), items_.end());
+        last_ = items_.back();
+        full_ = true;
+    }
+
+    std::size_t count_, told_ = 0;
+    Before before_;
+    std::vector<Item> items_;
+    Item last_{};
+    bool full_ = false;
+};
 
 /// What edges do to the paths known so far, one edge after the other.
 class Diffraction {
@@ -81,34 +102,32 @@ class Diffraction {
     }
 
     EdgePairCount run() {
-        std::vector<EdgeCandidate> edges;
-        std::size_t edgeCount = 0;
-        std::vector<Past> past;
         const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
         const auto stronger = [](const Past& a, const Past& b) { return a.bent > b.bent; };
+        FirstOf<EdgeCandidate, decltype(shorter)> edges(kPairedEdges, shorter);
+        FirstOf<Past, decltype(stronger)> pastAll(8 * kPast, stronger);
         geometry_.visitEdges([&](const WallEdge& edge) {
-            if (options_.diffractionOrder > 1) edges.push_back({edge, shortestBy(edge, source_, listener_)});
+            if (options_.diffractionOrder > 1) edges.add({edge, shortestBy(edge, source_, listener_)});
             RoundEdge round;
             if (!pathRound(edge, source_, listener_, round)) return;
             if (!round.past())
                 bend(edge, round);
             else if (const double bent = bentPast(edge, round); bent > kLeastPast)
-                keepFirst(past, {bent, edge, round}, 8 * kPast, stronger);
+                pastAll.add({bent, edge, round});
         });
-        sortFirst(edges, kPairedEdges, shorter);
-        sortFirst(past, 8 * kPast, stronger);
+        const std::vector<Past>& past = pastAll.sorted();
         std::size_t counted = 0;
         for (std::size_t i = 0; i < past.size() && counted < kPast; ++i) counted += bend(past[i].edge, past[i].round);
         for (const auto& [place, wave] : byPlace_)
             if (!isFaint(wave, wave.seconds * c())) field_.waves.push_back(wave);
-        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges, edgeCount, bent_, heardStraight_,
-                            arrivals_, field_);
+        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(), edges.told(), bent_,
+                            heardStraight_, arrivals_, field_);
     }
 
   private:
     /// Edges whose shortest way leads past them, and about how much they bend.
     struct Past {
-        double bent;
+        double bent = 0;
         WallEdge edge;
         RoundEdge round;
     };

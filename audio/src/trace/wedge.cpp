@@ -16,6 +16,12 @@ constexpr Complex kI(0, 1);
 /// exp(i pi / 4)
 const Complex kEighth(std::numbers::sqrt2 / 2, std::numbers::sqrt2 / 2);
 
+/// a / b of finite numbers: the library's looks after infinities, at several times the cost.
+Complex quotient(const Complex& a, const Complex& b) {
+    const double scale = 1 / std::norm(b);
+    return {(a.real() * b.real() + a.imag() * b.imag()) * scale, (a.imag() * b.real() - a.real() * b.imag()) * scale};
+}
+
 /// erfc(z) for z on the diagonal: its series near 0, its continued fraction beyond.
 Complex complementaryError(Complex z) {
     if (std::abs(z) < 2.5) {
@@ -26,8 +32,9 @@ Complex complementaryError(Complex z) {
         }
         return 1.0 - 2 / std::sqrt(kPi) * sum;
     }
+    // So many terms that the next are below rounding.
     Complex fraction = z;
-    for (int n = 80; n >= 1; --n) fraction = z + 0.5 * n / fraction;
+    for (int n = static_cast<int>(340 / std::norm(z)) + 3; n >= 1; --n) fraction = z + quotient(0.5 * n, fraction);
     return std::exp(-z * z) / (std::sqrt(kPi) * fraction);
 }
 
@@ -110,9 +117,9 @@ class EdgeIntegrand {
     /// Adds it, `weight` times.
     void addAt(Complex way, Complex weight, WedgeEnd& sum) const {
         const Complex cosh = (way * way - square_) / twice_, sinh = std::sqrt(cosh - 1.0) * std::sqrt(cosh + 1.0);
-        const Complex power = std::exp(index_ * std::log(cosh + sinh)), by = 0.5 * (power + 1.0 / power);
-        const Complex factor = -index_ / (2 * kPi * twice_) * weight / sinh;
-        const auto part = [&](std::size_t i) { return sines_[i] / (by - cosines_[i]); };
+        const Complex power = std::exp(index_ * std::log(cosh + sinh)), by = 0.5 * (power + quotient(1.0, power));
+        const Complex factor = -index_ / (2 * kPi * twice_) * quotient(weight, sinh);
+        const auto part = [&](std::size_t i) { return quotient(sines_[i], by - cosines_[i]); };
         sum.besideDirect += factor * (part(0) + part(1));
         sum.besideMirrored += factor * (part(2) + part(3));
     }
