@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <numbers>
 
 namespace rtsg {
@@ -11,6 +12,8 @@ namespace {
 
 /// Relative to its delay it changes so slowly that two tones an octave tell of those between, by a cubic.
 constexpr double kTonesAStep = 2.5;
+/// What counts of an edge beyond its end reaches to where the way is a part of a wave of 125 Hz longer; 1 / m.
+constexpr double kBentWaveNumber = 2.3;
 constexpr std::size_t kSteps = static_cast<std::size_t>(kEdgeTones / kTonesAStep) + 3;
 
 void setSpectrum(const WedgePath& path, double speedOfSound, EdgeEnd& end) {
@@ -58,16 +61,32 @@ std::array<EdgeEnd, 2> endsOf(const WallEdge& edge, const RoundEdge& round, doub
     return ends;
 }
 
+double bentPastAtMost(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener) {
+    constexpr double kAll = std::numeric_limits<double>::infinity();
+    const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
+    const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
+    const double ss = glm::dot(toSource, toSource) - zs * zs, rr = glm::dot(toListener, toListener) - zr * zr;
+    if (!(ss > 0 && rr > 0)) return kAll;
+    const double s = std::sqrt(ss), r = std::sqrt(rr), z = zs + (zr - zs) * s / (s + r);
+    if (z >= 0 && z <= edge.length) return kAll;
+    const double end = z < 0 ? 0 : edge.length, in = end - zs, out = zr - end;
+    const double toEdge = std::sqrt(ss + in * in), fromEdge = std::sqrt(rr + out * out);
+    // Each of four terms is at most 1 / (cosh(eta / 2) - 1), as the opening is at most 2 pi.
+    const double cosh = (toEdge * fromEdge - in * out) / (s * r), over = std::sqrt(0.5 * (cosh + 1)) - 1;
+    if (!(over > 1e-6)) return kAll;
+    const double longer = std::abs(in / toEdge - out / fromEdge);
+    const double length = longer * edge.length * kBentWaveNumber > 1 ? 1 / (kBentWaveNumber * longer) : edge.length;
+    return length / (std::numbers::pi * over * toEdge * fromEdge) * glm::distance(source, listener);
+}
+
 double bentPast(const WallEdge& edge, const RoundEdge& round) {
     const WedgePath& path = round.path;
     const double near = path.from > 0 ? path.from : path.to;
     const double along = path.along * path.sourceRadius / (path.sourceRadius + path.receiverRadius);
     const double in = along + near, out = path.along - in;  // along the edge
     const double toEdge = std::hypot(path.sourceRadius, in), fromEdge = std::hypot(path.receiverRadius, out);
-    // What counts of it reaches to where the way is a part of a wave of 125 Hz longer.
-    constexpr double kWaveNumber = 2.3;
     const double longer = std::abs(in / toEdge - out / fromEdge);
-    const double length = std::min(edge.length, longer > 0 ? 1 / (kWaveNumber * longer) : edge.length);
+    const double length = std::min(edge.length, longer > 0 ? 1 / (kBentWaveNumber * longer) : edge.length);
     const double index = std::numbers::pi / path.opening;
     const double cosh = (toEdge * fromEdge - in * out) / (path.sourceRadius * path.receiverRadius);
     const double power = std::pow(cosh + std::sqrt(std::max(0.0, cosh * cosh - 1)), index);

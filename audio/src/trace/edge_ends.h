@@ -26,6 +26,10 @@ struct EdgeEnd {
 /// Both ends, the one with the shorter way first.
 std::array<EdgeEnd, 2> endsOf(const WallEdge& edge, const RoundEdge& round, double speedOfSound);
 
+/// At most what bentPast() is, of all edges that are in the air: without angles. Infinity where the way leads by the
+/// edge.
+double bentPastAtMost(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener);
+
 /// About how much of sound in the open an edge bends whose shortest way leads past it; cheap.
 double bentPast(const WallEdge& edge, const RoundEdge& round);
 

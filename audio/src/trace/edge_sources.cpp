@@ -66,6 +66,8 @@ class FirstOf {
         return items_;
     }
     std::size_t told() const { return told_; }
+    /// What does not come before it is not kept any more; at first there is none.
+    const Item& last() const { return last_; }
 
   private:
     void sort() {
@@ -108,6 +110,8 @@ class Diffraction {
         FirstOf<Past, decltype(stronger)> pastAll(8 * kPast, stronger);
         geometry_.visitEdges([&](const WallEdge& edge) {
             if (options_.diffractionOrder > 1) edges.add({edge, shortestBy(edge, source_, listener_)});
+            // Of most edges of a furnished room no angle need be known.
+            if (!(bentPastAtMost(edge, source_, listener_) > pastAll.last().bent)) return;
             RoundEdge round;
             if (!pathRound(edge, source_, listener_, round)) return;
             if (!round.past())
@@ -127,7 +131,7 @@ class Diffraction {
   private:
     /// Edges whose shortest way leads past them, and about how much they bend.
     struct Past {
-        double bent = 0;
+        double bent = kLeastPast;
         WallEdge edge;
         RoundEdge round;
     };

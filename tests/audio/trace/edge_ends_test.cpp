@@ -8,6 +8,7 @@
 
 #include <gtest/gtest.h>
 
+#include "trace/edge_ends.h"
 #include "walled.h"
 
 namespace rtsg {
@@ -170,6 +171,34 @@ TEST(EdgeEnds, ShortEdgesBendLittle) {
     const Walled plate({{-.02, -.02, 0}, {.02, -.02, 0}, {.02, .02, 0}, {-.02, .02, 0}}, {0, 1, 2, 0, 2, 3});
     const glm::dvec3 source(0, .3, 2), listener(.1, .2, -2);
     EXPECT_NEAR(heardAt(plate.traced(source, listener), 125, glm::distance(source, listener)), 0, .15);
+}
+
+TEST(EdgeEnds, WhatIsSaidToBendAtMostIsNotLess) {
+    const unsigned seed = 1128;
+    SCOPED_TRACE(seed);
+    std::mt19937 random(seed);
+    const auto place = [&](double size) {
+        std::uniform_real_distribution<double> each(-size, size);
+        return glm::dvec3(each(random), each(random), each(random));
+    };
+    int past = 0, told = 0;
+    for (int i = 0; i < 20'000; ++i) {
+        WallEdge edge;
+        edge.from = place(3);
+        edge.axis = glm::normalize(place(1));
+        edge.length = std::exp(place(3).x);
+        edge.faceA = glm::normalize(glm::cross(edge.axis, place(1)));
+        edge.faceB = i % 2 ? edge.faceA : glm::normalize(glm::cross(edge.axis, place(1)));
+        const glm::dvec3 source = place(5), listener = place(5);
+        RoundEdge round;
+        if (!pathRound(edge, source, listener, round) || !round.past()) continue;
+        const double most = bentPastAtMost(edge, source, listener);
+        EXPECT_GE(most, bentPast(edge, round) * (1 - 1e-9)) << i;
+        ++past;
+        told += std::isfinite(most);
+    }
+    EXPECT_GT(past, 1000);
+    EXPECT_GT(told, past * 9 / 10);
 }
 
 }  // namespace
