@@ -13,9 +13,9 @@
 
 #include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/audio/wedge.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/shared_world.h>
+
+#include "played_frames.h"
 
 namespace rtsg {
 namespace {
@@ -39,33 +39,18 @@ AcousticOptions inFirstOrder() {
 std::vector<double> playBent(const std::string& walls, const glm::dvec3& listener, double seconds,
                              const BentPlace& place, AcousticOptions options = inFirstOrder(),
                              const std::string& sound = "minBack 300 minFront 300") {
-    Scene scene;
-    Diagnostics diagnostics;
-    EXPECT_TRUE(
-        loadText(scene,
-                 fmt::format("#X3D V4.0 utf8\nPROFILE Full\n{}DEF Car Transform {{ children Sound {{ {} maxBack "
-                             "900 maxFront 900 source OscillatorSource {{ frequency 1000 }} }} }}\n"
-                             "ListenerPointSource {{ position {} {} {} }}\n",
-                             walls, sound, listener.x, listener.y, listener.z),
-                 diagnostics));
-    SharedWorld world(scene);
-    AcousticTables tables(world.rays());
-    world.add(tables);
-    const NodeId car = scene.findName("Car");
     options.trace.air.absorbs = false;
     options.trace.air.speedOfSound = kBentSpeed;
     options.trace.rays = 50;
     options.trace.maxSeconds = .5;
-    auto engine = *AcousticEngine::create(options);
-    SoundBuffer played;
-    constexpr double kFrames = 60;
-    for (int frame = 0; frame <= std::lround(seconds * kFrames); ++frame) {
-        const double t = frame / kFrames;
-        EXPECT_TRUE(scene.set(car, x3d::Transform::translation, Vec3f(place(t))));
-        scene.newFrame(t);
-        EXPECT_TRUE(engine->render(*tables.latest(), world.rays(), t, played));
-    }
-    world.remove(tables);
+    const std::string text = fmt::format(
+        "{}DEF Car Transform {{ children Sound {{ {} maxBack 900 maxFront 900 source OscillatorSource {{ "
+        "frequency 1000 }} }} }}\nListenerPointSource {{ position {} {} {} }}\n",
+        walls, sound, listener.x, listener.y, listener.z);
+    const SoundBuffer played =
+        test::playedFrames(text, "Car", options, 60, seconds, [&](Scene& scene, NodeId car, double t) {
+            EXPECT_TRUE(scene.set(car, x3d::Transform::translation, Vec3f(place(t))));
+        });
     std::vector<double> first;
     const auto channels = static_cast<std::size_t>(played.channels);
     for (std::size_t i = 0; i < played.frames(); ++i)

@@ -8,11 +8,10 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/acoustic_engine.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/shared_world.h>
 
 #include "engine/trajectory.h"
+#include "played_frames.h"
 
 namespace rtsg {
 namespace {
@@ -22,28 +21,10 @@ constexpr double kMovingRate = 48000, kMovingTone = 1000;
 /// Renders while `place` says where the emitter is.
 template <class Place>
 SoundBuffer render(const std::string& text, AcousticOptions options, double fps, double seconds, const Place& place) {
-    Scene scene;
-    Diagnostics diagnostics;
-    EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + text, diagnostics));
-    SharedWorld world(scene);
-    AcousticTables tables(world.rays());
-    world.add(tables);
-    const NodeId car = scene.findName("Car");
-    EXPECT_TRUE(scene.set(car, x3d::Transform::translation, Vec3f(place(0.0))));
-    scene.newFrame(0);
     options.trace.air.absorbs = false;
-    auto engine = *AcousticEngine::create(options);
-    SoundBuffer sound;
-    // The state of the start, then frame by frame.
-    EXPECT_TRUE(engine->render(*tables.latest(), world.rays(), 0, sound));
-    for (int frame = 1; frame <= std::lround(seconds * fps); ++frame) {
-        const double t = frame / fps;
+    return test::playedFrames(text, "Car", options, fps, seconds, [&](Scene& scene, NodeId car, double t) {
         EXPECT_TRUE(scene.set(car, x3d::Transform::translation, Vec3f(place(t))));
-        scene.newFrame(t);
-        EXPECT_TRUE(engine->render(*tables.latest(), world.rays(), t, sound));
-    }
-    world.remove(tables);
-    return sound;
+    });
 }
 
 struct Line {

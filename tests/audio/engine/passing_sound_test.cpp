@@ -12,10 +12,9 @@
 
 #include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/audio/hrtf.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/shared_world.h>
 
+#include "played_frames.h"
 #include "signal/fft.h"
 
 namespace rtsg {
@@ -24,26 +23,7 @@ namespace {
 /// 2 s at 60 frames a second, of which `frame` says what changes.
 SoundBuffer passing(const AcousticOptions& options, const std::function<void(Scene&, NodeId, double)>& frame,
                     const std::string& text) {
-    Scene scene;
-    Diagnostics diagnostics;
-    EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + text, diagnostics));
-    SharedWorld world(scene);
-    AcousticTables tables(world.rays());
-    world.add(tables);
-    const NodeId mover = scene.findName("Mover");
-    frame(scene, mover, 0);
-    scene.newFrame(0);
-    auto engine = *AcousticEngine::create(options);
-    SoundBuffer sound;
-    EXPECT_TRUE(engine->render(*tables.latest(), world.rays(), 0, sound));
-    for (int i = 1; i <= 120; ++i) {
-        const double t = i / 60.0;
-        frame(scene, mover, t);
-        scene.newFrame(t);
-        EXPECT_TRUE(engine->render(*tables.latest(), world.rays(), t, sound));
-    }
-    world.remove(tables);
-    return sound;
+    return test::playedFrames(text, "Mover", options, 60, 2, frame);
 }
 
 /// dB of all: what is more than 60 and 400 Hz from 1 kHz in a second and a third of all channels.
