@@ -206,11 +206,11 @@ std::vector<Group> groupsOf(const AcousticGeometry& geometry, const glm::dvec3& 
     for (std::size_t i = 0; i < std::min(listeners.size(), results.size()); ++i) {
         // A place that is none, or farther away than anything is heard, neither sends nor receives.
         if (!(glm::distance(from, listeners[i]) < 1e6)) continue;
-        const glm::dvec3 source = offWalls(geometry, from, listeners[i]);
+        const glm::dvec3 source = outsideBodies(geometry, from, listeners[i]);
         auto group = std::find_if(groups.begin(), groups.end(), [&](const Group& g) { return g.source == source; });
         if (group == groups.end()) group = groups.insert(group, {source, {}, {}});
         group->results.push_back(&results[i]);
-        group->listeners.push_back(offWalls(geometry, listeners[i], from));
+        group->listeners.push_back(outsideBodies(geometry, listeners[i], from));
     }
     return groups;
 }

@@ -18,15 +18,14 @@ constexpr std::size_t kSteps = static_cast<std::size_t>(kEdgeTones / kTonesAStep
 
 void setSpectrum(const WedgePath& path, double speedOfSound, EdgeEnd& end) {
     const auto waveNumberAt = [&](double tone) { return 2 * std::numbers::pi * edgeToneHz(tone) / speedOfSound; };
-    // The lowest tone has most of it.
-    const WedgeEnd most = wedgeBeyond(path, waveNumberAt(0), end.way);
-    constexpr double kFaint = 1e-4;
-    if (!(std::abs(most.besideDirect) + std::abs(most.besideMirrored) > kFaint / end.way)) return;
-    // Times its wave number, which what is far from the shortest way goes down with.
     std::array<WedgeEnd, kSteps> known;
+    wedgeBeyond(path, waveNumberAt(-kTonesAStep), end.way, known);
+    // The lowest tone has most of it.
+    constexpr double kFaint = 1e-4;
+    if (!(std::abs(known[1].besideDirect) + std::abs(known[1].besideMirrored) > kFaint / end.way)) return;
+    // Times its wave number, which what is far from the shortest way goes down with.
     for (std::size_t i = 0; i < kSteps; ++i) {
         const double waveNumber = waveNumberAt((static_cast<double>(i) - 1) * kTonesAStep);
-        known[i] = wedgeBeyond(path, waveNumber, end.way);
         known[i].besideDirect *= waveNumber;
         known[i].besideMirrored *= waveNumber;
     }

@@ -75,8 +75,10 @@ bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, 
     };
     double in = about(back, result.inOnFace), out = about(on, result.outOnFace);
     // Of a rim it is not told on which side of the surface the way lies; and along a face nothing bends.
-    if ((result.inOnFace || result.outOnFace) && (rim || (result.inOnFace && result.outOnFace))) return false;
-    const bool other = !result.inOnFace ? in > between : out > between;
+    const bool onFaces = result.inOnFace && result.outOnFace;
+    if ((result.inOnFace || result.outOnFace) && (rim || (onFaces && in == out))) return false;
+    // From one face to the other it bends in the air of more than half a turn, if at all.
+    const bool other = onFaces ? between < std::numbers::pi : !result.inOnFace ? in > between : out > between;
     result.turn = other ? -1 : 1;
     result.opening = other ? 2 * std::numbers::pi - between : between;
     if (other) {

@@ -451,7 +451,7 @@ const ImageSources& ImageCandidates::found() const {
 
 ImageSources findImageSources(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to,
                               const ImageSourceOptions& options, double speedOfSound, const Bands& attenuation) {
-    const glm::dvec3 source = offWalls(geometry, from, to);
+    const glm::dvec3 source = outsideBodies(geometry, from, to);
     return findImageSources(geometry, ImageCandidates(geometry, source, options), to, options, speedOfSound,
                             attenuation);
 }

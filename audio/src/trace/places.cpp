@@ -29,39 +29,80 @@ double innerSide(const AcousticGeometry& geometry, const glm::dvec3& point, cons
     return back && !front ? -1 : 1;
 }
 
-}  // namespace
-
-glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards) {
+double roundingOf(const glm::dvec3& point) {
     const glm::dvec3 size = glm::abs(point);
-    const double off = 0x1p-19 * (0x1p-3 + std::max({size.x, size.y, size.z}));
-    // Direct sound asks in every block.
-    thread_local std::vector<Touched> walls;
-    thread_local std::vector<double> sides;
-    walls.clear();
-    sides.clear();
+    return 0x1p-19 * (0x1p-3 + std::max({size.x, size.y, size.z}));
+}
+
+/// The walls that a place touches, and on which side of each it is meant to be.
+struct TouchedWalls {
+    std::vector<Touched> walls;
+    std::vector<double> sides;
+};
+
+void findTouched(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards, double off,
+                 TouchedWalls& touched) {
+    touched.walls.clear();
+    touched.sides.clear();
     geometry.surfacesNear(point, off, [&](const glm::dvec3& normal, double distance) {
-        for (const Touched& known : walls)
+        for (const Touched& known : touched.walls)
             if (std::abs(glm::dot(known.normal, normal)) > 1 - 1e-9) return;
-        walls.push_back({normal, distance});
+        touched.walls.push_back({normal, distance});
     });
-    if (walls.empty()) return point;
-    for (const Touched& wall : walls) {
+    for (const Touched& wall : touched.walls) {
         const double across = glm::dot(towards - point, wall.normal) + wall.distance;
-        sides.push_back(across > off ? 1 : across < -off ? -1 : innerSide(geometry, point, wall, off));
+        touched.sides.push_back(across > off ? 1 : across < -off ? -1 : innerSide(geometry, point, wall, off));
     }
+}
+
+glm::dvec3 movedOff(const TouchedWalls& touched, const glm::dvec3& point, double off) {
     glm::dvec3 moved = point;
     // In a corner that is no right one, leaving one wall leads back to the other: the more acute it is, the more rounds
     // settle it.
     bool settled = false;
     for (int round = 0; round < 128 && !settled; ++round) {
         settled = true;
-        for (std::size_t i = 0; i < walls.size(); ++i) {
-            const double now = sides[i] * (walls[i].distance + glm::dot(moved - point, walls[i].normal));
-            if (now < off) moved += walls[i].normal * (sides[i] * (off - now));
+        for (std::size_t i = 0; i < touched.walls.size(); ++i) {
+            const auto& [normal, distance] = touched.walls[i];
+            const double now = touched.sides[i] * (distance + glm::dot(moved - point, normal));
+            if (now < off) moved += normal * (touched.sides[i] * (off - now));
             settled = settled && now > 0.99 * off;
         }
     }
     return moved;
+}
+
+}  // namespace
+
+glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards) {
+    const double off = roundingOf(point);
+    thread_local TouchedWalls touched;  // direct sound asks in every block
+    findTouched(geometry, point, towards, off, touched);
+    return touched.walls.empty() ? point : movedOff(touched, point, off);
+}
+
+glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards) {
+    const double off = roundingOf(point);
+    TouchedWalls touched;
+    findTouched(geometry, point, towards, off, touched);
+    if (touched.walls.empty()) return point;
+    const glm::dvec3 near = movedOff(touched, point, off);
+    if (!geometry.sealed(near, towards)) return near;
+    // So far that it touches the wall no more.
+    const auto isFound = [&](const TouchedWalls& turned, glm::dvec3& place) {
+        place = movedOff(turned, point, 2 * off);
+        return !geometry.sealed(place, towards);
+    };
+    glm::dvec3 place(0);
+    TouchedWalls turned = touched;
+    for (double& side : turned.sides) side = -side;
+    if (isFound(turned, place)) return place;
+    for (std::size_t i = 0; i < touched.sides.size() && touched.sides.size() > 1; ++i) {
+        turned = touched;
+        turned.sides[i] = -turned.sides[i];
+        if (isFound(turned, place)) return place;
+    }
+    return near;
 }
 
 Surroundings surroundings(const AcousticGeometry& geometry, const glm::dvec3& listener, double openDistance,

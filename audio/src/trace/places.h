@@ -1,8 +1,8 @@
 // Where sources and listeners are put that touch a wall, and what surrounds a listener.
 //
-// A place on a wall is the limit of places before it, on the side from which it is looked at; so it is moved off by
-// some roundings of its coordinates in single precision, as rays are (1e-5 m in a room of some metres).
-// Threading: pure functions over const geometry.
+// A place on a wall is the limit of places before it, on the side from which it is looked at, unless that is inside of
+// a body; so it is moved off by some roundings of its coordinates in single precision, as rays are (1e-5 m in a room of
+// some metres). Threading: pure functions over const geometry.
 #pragma once
 
 #include <glm/glm.hpp>
@@ -14,6 +14,11 @@ namespace rtsg {
 /// `point`, or where it touches walls a place just before them: on the side of `towards`, or if that is on the wall as
 /// well, on the side that has something in front of it, or else on the one that the wall faces.
 glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards);
+
+/// The same; but where that is sealed off from `towards`, as the inside of a body is whose face the place is on, on the
+/// other side of one wall or all, if that is not. What it moves to another side touches no wall there. Takes some
+/// thousand rays if the wall is in the way.
+glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards);
 
 /// What a listener's surroundings measure: seen from there.
 struct Surroundings {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numbers>
+#include <span>
 
 namespace rtsg {
 namespace {
@@ -58,11 +59,50 @@ Complex wave(double waveNumber, double distance) {
 
 }  // namespace
 
+namespace {
+
+/// exp(i r r) erfc(r exp(i pi / 4)) from r = 0 to kEnd, which does not turn: by cubics between places.
+class SmoothError {
+  public:
+    static constexpr int kEnd = 8;
+
+    SmoothError() {
+        for (int i = 0; i <= kEnd * kSteps; ++i) {
+            const double r = static_cast<double>(i) / kSteps;
+            const Complex value = std::polar(1.0, r * r) * complementaryError(kEighth * r);
+            const Complex slope = 2.0 * kI * r * value - 2 / std::sqrt(kPi) * kEighth;
+            places_[static_cast<std::size_t>(i)] = {value, slope / static_cast<double>(kSteps)};
+        }
+    }
+
+    Complex at(double r) const {
+        const auto i = std::min(static_cast<std::size_t>(r * kSteps), places_.size() - 2);
+        const Place &a = places_[i], &b = places_[i + 1];
+        const double t = r * kSteps - static_cast<double>(i), rest = 1 - t;
+        return rest * rest * ((1 + 2 * t) * a.value + t * a.slope) +
+               t * t * ((1 + 2 * rest) * b.value - rest * b.slope);
+    }
+
+  private:
+    static constexpr int kSteps = 64;  // to 2e-9
+    struct Place {
+        Complex value, slope;
+    };
+    std::array<Place, kEnd * kSteps + 1> places_;
+};
+
+}  // namespace
+
 Complex diffractionTransition(double x) {
+    static const SmoothError smooth;
     if (!(x > 0)) return 0;
     const double root = std::sqrt(x);
-    return 2.0 * kI * root * std::polar(1.0, x) * (std::sqrt(kPi) / 2) * std::conj(kEighth) *
-           complementaryError(kEighth * root);
+    if (root < SmoothError::kEnd) return kI * std::conj(kEighth) * std::sqrt(kPi) * root * smooth.at(root);
+    // The asymptotic series, whose next term is below 3e-9.
+    const Complex each = 0.5 * kI / x;
+    Complex sum = 1;
+    for (const double factor : {11.0, 9.0, 7.0, 5.0, 3.0, 1.0}) sum = 1.0 + factor * each * sum;
+    return sum;
 }
 
 double WedgePath::wayBy(double offset) const {
@@ -98,13 +138,18 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber) {
 
 namespace {
 
+/// Of places in complex lengths: the farthest from the real ones for the lowest wave number is kLast / k sqrt(2) from
+/// there, and the nearest for the highest so near, relative to what is smaller, its wave or how far it is past.
+constexpr double kLast = 24, kSmall = 0.004, kLeast = 1e-9;
+constexpr std::size_t kMostNodes = 64;
+
 /// The integrand over an edge by the length of the way, without its phase; where the way's length is complex, too.
 class EdgeIntegrand {
   public:
     explicit EdgeIntegrand(const WedgePath& path)
-        : index_(kPi / path.opening), twice_(2 * path.sourceRadius * path.receiverRadius) {
-        square_ =
-            path.sourceRadius * path.sourceRadius + path.receiverRadius * path.receiverRadius + path.along * path.along;
+        : index_(kPi / path.opening),
+          twice_(2 * path.sourceRadius * path.receiverRadius),
+          shortest_(path.shortestWay()) {
         const double difference = path.receiverAngle - path.sourceAngle, sum = path.receiverAngle + path.sourceAngle;
         angles_ = {index_ * (kPi + difference), index_ * (kPi - difference), index_ * (kPi + sum),
                    index_ * (kPi - sum)};
@@ -114,62 +159,71 @@ class EdgeIntegrand {
         }
     }
 
-    /// Adds it, `weight` times.
-    void addAt(Complex way, Complex weight, WedgeEnd& sum) const {
-        const Complex cosh = (way * way - square_) / twice_, sinh = std::sqrt(cosh - 1.0) * std::sqrt(cosh + 1.0);
-        const Complex power = std::exp(index_ * std::log(cosh + sinh)), by = 0.5 * (power + quotient(1.0, power));
-        const Complex factor = -index_ / (2 * kPi * twice_) * quotient(weight, sinh);
+    /// At the length `way` - i `down`, where `past` is what the first is longer than the shortest way; down > 0.
+    WedgeEnd at(double past, double down) const {
+        const Complex longer(past, -down), less = longer * (longer + 2 * shortest_) / twice_;  // cosh - 1
+        // Of both roots the one that goes on from real lengths, where cosh is above 1.
+        Complex sinh = root(less * (less + 2.0));
+        if (sinh.imag() > 0) sinh = -sinh;
+        const Complex exponential = 1.0 + less + sinh;
+        const double angle = index_ * std::atan2(exponential.imag(), exponential.real());
+        const double size = std::exp(0.5 * index_ * std::log(std::norm(exponential)));
+        const Complex power(size * std::cos(angle), size * std::sin(angle)), by = 0.5 * (power + quotient(1.0, power));
+        const Complex factor = quotient(-index_ / (2 * kPi * twice_), sinh);
         const auto part = [&](std::size_t i) { return quotient(sines_[i], by - cosines_[i]); };
-        sum.besideDirect += factor * (part(0) + part(1));
-        sum.besideMirrored += factor * (part(2) + part(3));
+        return {factor * (part(0) + part(1)), factor * (part(2) + part(3))};
     }
 
   private:
-    double index_, twice_, square_ = 0;
+    /// The library's looks after infinities, at several times the cost.
+    static Complex root(const Complex& z) {
+        const double large = std::sqrt(0.5 * (std::sqrt(std::norm(z)) + std::abs(z.real())));
+        if (!(large > 0)) return 0;
+        const double small = 0.5 * z.imag() / large;
+        return z.real() >= 0 ? Complex(large, small) : Complex(std::abs(small), std::copysign(large, z.imag()));
+    }
+
+    double index_, twice_, shortest_;
     std::array<double, 4> angles_{}, sines_{}, cosines_{};
 };
 
-struct QuadratureNode {
-    double at, weight;
-};
-/// Gauss and Laguerre's, of exp(-x) from 0 on, and Gauss and Legendre's, from -1 to 1.
-constexpr std::array<QuadratureNode, 6> kLaguerre{{{0.22284660417926069, 0.45896467394996359},
-                                                   {1.1889321016726230, 0.41700083077212099},
-                                                   {2.9927363260593141, 0.11337338207404498},
-                                                   {5.7751435691045105, 0.010399197453149075},
-                                                   {9.8374674183825899, 0.00026101720281493206},
-                                                   {15.982873980601702, 8.9854790642962124e-7}}};
-constexpr std::array<QuadratureNode, 5> kLegendre{{{-0.90617984593866399, 0.23692688505618909},
-                                                   {-0.53846931010568309, 0.47862867049936647},
-                                                   {0, 0.56888888888888889},
-                                                   {0.53846931010568309, 0.47862867049936647},
-                                                   {0.90617984593866399, 0.23692688505618909}}};
+/// exp(-kLast 2^(-m / 2)).
+double fallen(std::size_t m) {
+    static const auto table = [] {
+        std::array<double, 2 * kMostNodes> result{};
+        for (std::size_t i = 0; i < result.size(); ++i)
+            result[i] = std::exp(-kLast * std::exp2(-0.5 * static_cast<double>(i)));
+        return result;
+    }();
+    return table[m];
+}
 
 }  // namespace
 
-WedgeEnd wedgeBeyond(const WedgePath& path, double waveNumber, double way) {
+void wedgeBeyond(const WedgePath& path, double waveNumber, double way, std::span<WedgeEnd> ends) {
+    // Into complex lengths way - i u, along which it dies away as exp(-k u) and does not turn. Nothing is singular on
+    // that side; the shortest way is, and `past` says how far it is from there. By trapezoids in log u, whose errors go
+    // down as exp(-pi^2 / step); all wave numbers have one set of places, as steps of u are two of theirs.
     const EdgeIntegrand integrand(path);
-    const Complex down = -kI / waveNumber;
-    WedgeEnd sum;
-    // Into complex lengths way - i p / k, along which it dies away as exp(-p) and does not turn. Nothing is singular on
-    // that side; the shortest way is, and `past` says how far it is from there.
-    const double past = waveNumber * std::max(0.0, way - path.shortestWay());
-    if (past > 2) {
-        for (const QuadratureNode& node : kLaguerre) integrand.addAt(way + down * node.at, down * node.weight, sum);
-        return sum;
-    }
-    // By q with p = q q, and finer towards 0.
-    constexpr double kEnd = 4.5, kFiner = 0.25;
-    const double least = std::max(0.5 * std::sqrt(past), 1e-4);
-    for (double to = kEnd; to > 0;) {
-        const double from = to > least ? to * kFiner : 0;
-        for (const QuadratureNode& node : kLegendre) {
-            const double q = 0.5 * (from + to) + 0.5 * (to - from) * node.at;
-            integrand.addAt(way + down * (q * q), down * ((to - from) * node.weight * q * std::exp(-q * q)), sum);
+    const double past = std::max(0.0, way - path.shortestWay());
+    const double highest = waveNumber * std::exp2(0.5 * static_cast<double>(ends.size() - 1));
+    const double least = std::max(kSmall * std::min(1 / highest, past), kLeast / highest);
+    std::ranges::fill(ends, WedgeEnd{});
+    double down = kLast / waveNumber;
+    for (std::size_t node = 0; node < kMostNodes; ++node, down *= 0.5) {
+        // What is left below the last place is as if it went on like 1, or at the shortest way like 1 / sqrt(u).
+        const bool last = down < least || node + 1 == kMostNodes;
+        const double rest = last ? (down > past ? 1 / (std::numbers::sqrt2 - 1) : 1.0) : 0.0;
+        const WedgeEnd here = integrand.at(past, down);
+        const Complex weight = -kI * (std::numbers::ln2 * down * (1 + rest));
+        const Complex direct = weight * here.besideDirect, mirrored = weight * here.besideMirrored;
+        for (std::size_t i = 0; i < std::min(ends.size(), 2 * node + 1); ++i) {
+            const double share = fallen(2 * node - i);
+            ends[i].besideDirect += share * direct;
+            ends[i].besideMirrored += share * mirrored;
         }
-        to = from;
+        if (last) break;
     }
-    return sum;
 }
 
 namespace {

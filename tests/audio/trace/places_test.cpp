@@ -5,6 +5,7 @@
 
 #include "audio/triangle_geometry.h"
 #include "trace/places.h"
+#include "walled.h"
 
 namespace rtsg {
 namespace {
@@ -25,6 +26,45 @@ TEST(Places, InACornerOfAnyAngleAPlaceComesOffBothWalls) {
         EXPECT_GT(glm::dot(moved, fromFirst), 1e-8) << degrees;
         EXPECT_GT(glm::dot(moved, fromSecond), 1e-8) << degrees;
         EXPECT_LT(glm::length(moved), 1e-4) << degrees;
+    }
+}
+
+/// A cube with its middle in the origin, sides of 1 m.
+test::Walled cube() {
+    std::vector<glm::dvec3> corners;
+    for (int i = 0; i < 8; ++i) corners.emplace_back(i & 1 ? .5 : -.5, i & 2 ? .5 : -.5, i & 4 ? .5 : -.5);
+    return {corners, {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                      2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5}};
+}
+
+TEST(Places, OnAFaceOfABodyIsBeforeItAlsoBehindTheBody) {
+    const test::Walled body = cube();
+    const glm::dvec3 far(-3, .1, .2);
+    // On a face, on an edge, and on a corner, all hidden by the body.
+    for (const glm::dvec3& place : {glm::dvec3(.5, .1, .05), glm::dvec3(.5, .5, .05), glm::dvec3(.5, .5, .5)}) {
+        const glm::dvec3 moved = outsideBodies(body.geometry, place, far);
+        EXPECT_GT(std::max({moved.x, moved.y, moved.z}), .5);
+        EXPECT_LT(glm::distance(moved, place), 1e-4);
+        // It does not come back when it is asked about again.
+        EXPECT_EQ(outsideBodies(body.geometry, moved, far), moved);
+        EXPECT_EQ(offWalls(body.geometry, moved, far), moved);
+    }
+    // Seen from inside it is inside, and in sight of it before the face.
+    EXPECT_LT(outsideBodies(body.geometry, {.5, .1, .05}, glm::dvec3(0)).x, .5);
+    EXPECT_GT(outsideBodies(body.geometry, {.5, .1, .05}, {3, 0, 0}).x, .5);
+}
+
+TEST(Places, WhatBendsRoundABodyIsHeardOnItsFarFace) {
+    const test::Walled body = cube();
+    const glm::dvec3 source(-3, .1, .2);
+    const auto level = [&](const glm::dvec3& from, const glm::dvec3& to) {
+        return 10 * std::log10(test::total(body.arrivals(from, to))[kBand1k]);
+    };
+    const double before = level(source, {.5002, .1, .05});
+    EXPECT_GT(before, -60);
+    for (const double x : {.5, .500001, .499999}) {
+        EXPECT_NEAR(level(source, {x, .1, .05}), before, .05) << x;
+        EXPECT_NEAR(level({x, .1, .05}, source), before, .05) << x;
     }
 }
 

@@ -153,6 +153,12 @@ class AcousticGeometry {
         static_cast<void>(point), static_cast<void>(radius), static_cast<void>(found);
         return false;
     }
+    /// Whether no way leads from one place to the other; false as well where that is not known. Takes some thousand
+    /// rays.
+    virtual bool sealed(const glm::dvec3& a, const glm::dvec3& b) const {
+        static_cast<void>(a), static_cast<void>(b);
+        return false;
+    }
     using EdgeVisitor = std::function<void(const WallEdge&)>;
     virtual void visitEdges(const EdgeVisitor& visit) const { static_cast<void>(visit); }
 };

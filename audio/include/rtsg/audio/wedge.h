@@ -13,6 +13,7 @@
 
 #include <complex>
 #include <limits>
+#include <span>
 
 namespace rtsg {
 
@@ -49,7 +50,8 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber);
 struct WedgeEnd {
     std::complex<double> besideDirect, besideMirrored;
 };
-WedgeEnd wedgeBeyond(const WedgePath& path, double waveNumber, double way);
+/// For wave numbers from `waveNumber` on, each sqrt(2) times the one before.
+void wedgeBeyond(const WedgePath& path, double waveNumber, double way, std::span<WedgeEnd> ends);
 
 /// A way from a source round one edge and then another one, at the place where it is shortest.
 struct TwoWedgePath {
