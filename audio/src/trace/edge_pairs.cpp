@@ -8,6 +8,7 @@
 #include <numbers>
 #include <utility>
 
+#include "edge_overlaps.h"
 #include "edge_tones.h"
 #include "edge_waves.h"
 
@@ -230,7 +231,28 @@ bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const gl
 }
 
 bool isSame(const WallEdge& a, const WallEdge& b) {
-    return a.from == b.from && a.axis == b.axis && a.length == b.length;
+    WallEdge both;
+    return (a.from == b.from && a.axis == b.axis && a.length == b.length) || joinedEdge(a, b, both);
+}
+
+/// Of edges that lie on each other in part one is left, that reaches as far as all.
+std::vector<EdgeCandidate> withoutOverlaps(const std::vector<EdgeCandidate>& edges) {
+    std::vector<EdgeCandidate> result;
+    for (const EdgeCandidate& edge : edges) {
+        EdgeCandidate all = edge;
+        // What it has joined may reach to another one.
+        for (std::size_t i = 0; i < result.size();) {
+            if (!joinedEdge(all.edge, result[i].edge, all.edge)) {
+                ++i;
+                continue;
+            }
+            all.way = std::min(all.way, result[i].way);
+            result.erase(result.begin() + static_cast<std::ptrdiff_t>(i));
+            i = 0;
+        }
+        result.push_back(all);
+    }
+    return result;
 }
 
 /// What is there by itself, with what goes on round both edges: a factor of its energy. `parts`: of the edges by which
@@ -303,11 +325,14 @@ Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& list
 }  // namespace
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                           const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& edges,
+                           const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
                            std::size_t edgeCount, const std::vector<BentArrival>& bent, bool heardStraight,
                            std::vector<Arrival>& arrivals, EdgeField& field) {
     EdgePairCount count;
-    if (edgeCount > edges.size()) count.leftOut = edgeCount * (edgeCount - 1) - edges.size() * (edges.size() - 1);
+    std::vector<EdgeCandidate> edges = withoutOverlaps(candidates);
+    edgeCount -= candidates.size() - edges.size();
+    if (edges.size() > kPairedEdges) edges.resize(kPairedEdges);
+    count.leftOut = edgeCount * (edgeCount - 1) - edges.size() * (edges.size() - 1);
     const double longest = seconds * options.air.speedOfSound;
     std::vector<PairWay> ways;
     for (const EdgeCandidate& first : edges)

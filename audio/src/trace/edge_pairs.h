@@ -33,9 +33,10 @@ struct EdgeCandidate {
 /// Of edges, those by which the way is shortest are tried with each other.
 constexpr std::size_t kPairedEdges = 32;
 
-/// `edges`: the shortest of `edgeCount`, at most kPairedEdges. `heardStraight`: whether direct sound is.
+/// `candidates`: the shortest of `edgeCount`, twice kPairedEdges if there are so many: some may be one.
+/// `heardStraight`: whether direct sound is.
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                           const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& edges,
+                           const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
                            std::size_t edgeCount, const std::vector<BentArrival>& bent, bool heardStraight,
                            std::vector<Arrival>& arrivals, EdgeField& field);
 

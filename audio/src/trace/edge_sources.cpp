@@ -5,11 +5,14 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <limits>
 #include <numbers>
+#include <utility>
 
 #include <rtsg/audio/wedge.h>
 
 #include "edge_ends.h"
+#include "edge_overlaps.h"
 #include "edge_pairs.h"
 #include "edge_shares.h"
 #include "edge_tones.h"
@@ -22,6 +25,7 @@ namespace {
 /// the open does not.
 constexpr std::size_t kPast = 32;
 constexpr double kLeastPast = 1e-3;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Of the paths known before; null if it is not one of them.
 Arrival* arrivalOf(std::vector<Arrival>& arrivals, std::size_t known, std::uint32_t order, double seconds) {
@@ -105,9 +109,10 @@ class Diffraction {
 
     EdgePairCount run() {
         const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
-        const auto stronger = [](const Past& a, const Past& b) { return a.bent > b.bent; };
-        FirstOf<EdgeCandidate, decltype(shorter)> edges(kPairedEdges, shorter);
-        FirstOf<Past, decltype(stronger)> pastAll(8 * kPast, stronger);
+        const auto stronger = [](const Bending& a, const Bending& b) { return a.bent > b.bent; };
+        FirstOf<EdgeCandidate, decltype(shorter)> edges(2 * kPairedEdges, shorter);
+        FirstOf<Bending, decltype(stronger)> pastAll(8 * kPast, stronger);
+        std::vector<Bending> found;
         geometry_.visitEdges([&](const WallEdge& edge) {
             if (options_.diffractionOrder > 1) edges.add({edge, shortestBy(edge, source_, listener_)});
             // Of most edges of a furnished room no angle need be known.
@@ -115,13 +120,17 @@ class Diffraction {
             RoundEdge round;
             if (!pathRound(edge, source_, listener_, round)) return;
             if (!round.past())
-                bend(edge, round);
+                found.push_back({kInfinity, edge, round});
             else if (const double bent = bentPast(edge, round); bent > kLeastPast)
                 pastAll.add({bent, edge, round});
         });
-        const std::vector<Past>& past = pastAll.sorted();
+        found.insert(found.end(), pastAll.sorted().begin(), pastAll.sorted().end());
+        joinOverlaps(found);
         std::size_t counted = 0;
-        for (std::size_t i = 0; i < past.size() && counted < kPast; ++i) counted += bend(past[i].edge, past[i].round);
+        for (const Bending& one : found) {
+            if (one.round.past() && counted == kPast) break;
+            counted += bend(one.edge, one.round) && one.round.past();
+        }
         for (const auto& [place, wave] : byPlace_)
             if (!isFaint(wave, wave.seconds * c())) field_.waves.push_back(wave);
         return addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(), edges.told(), bent_,
@@ -129,8 +138,8 @@ class Diffraction {
     }
 
   private:
-    /// Edges whose shortest way leads past them, and about how much they bend.
-    struct Past {
+    /// `bent`: about how much, of an edge whose shortest way leads past it; else infinite.
+    struct Bending {
         double bent = kLeastPast;
         WallEdge edge;
         RoundEdge round;
@@ -141,6 +150,34 @@ class Diffraction {
     };
 
     double c() const { return options_.air.speedOfSound; }
+
+    /// Edges on one line have one shortest way, past their ends or not.
+    void joinOverlaps(std::vector<Bending>& found) const {
+        std::vector<std::pair<double, std::size_t>> byWay;
+        for (std::size_t i = 0; i < found.size(); ++i) byWay.emplace_back(found[i].round.path.shortestWay(), i);
+        std::sort(byWay.begin(), byWay.end());
+        bool any = false;
+        for (std::size_t i = 0; i < byWay.size(); ++i) {
+            Bending& one = found[byWay[i].second];
+            for (std::size_t k = i + 1; k < byWay.size(); ++k) {
+                Bending& other = found[byWay[k].second];
+                if (byWay[k].first - byWay[i].first > 4 * edgeRounding(one.edge)) break;
+                WallEdge both;
+                RoundEdge round;
+                if (other.bent < 0 || !joinedEdge(one.edge, other.edge, both) ||
+                    !pathRound(both, source_, listener_, round))
+                    continue;
+                other = {round.past() ? bentPast(both, round) : kInfinity, both, round};
+                one.bent = -1;  // it is in the other one
+                any = true;
+                break;
+            }
+        }
+        if (!any) return;
+        std::erase_if(found, [](const Bending& one) { return one.bent < 0; });
+        std::stable_sort(found.begin(), found.end(),
+                         [](const Bending& a, const Bending& b) { return a.bent > b.bent; });
+    }
 
     void scale(Arrival& arrival, const Bands& factor) {
         if (arrival.straight < 0) {

@@ -311,5 +311,36 @@ TEST(EdgePairs, TwoScreensAndCornersCount) {
     EXPECT_TRUE(has(std::hypot(2 * std::hypot(2, 2) + 2, .1)));
 }
 
+/// Boxes from y = -.5 to .5 and z = -.5 to .5, each from one x to another.
+Walled boxes(const std::vector<std::array<double, 2>>& reaches) {
+    std::vector<glm::dvec3> corners;
+    std::vector<std::uint32_t> triangles;
+    for (const auto& [low, high] : reaches) {
+        const auto first = static_cast<std::uint32_t>(corners.size());
+        for (int i = 0; i < 8; ++i) corners.emplace_back(i & 1 ? high : low, i & 2 ? .5 : -.5, i & 4 ? .5 : -.5);
+        for (const std::uint32_t corner : {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                                           2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5})
+            triangles.push_back(first + corner);
+    }
+    return {corners, triangles};
+}
+
+TEST(EdgePairs, BodiesThatStandInEachOtherAreOne) {
+    const Walled whole = boxes({{-1, 1}}), two = boxes({{-1, .3}, {-.2, 1}});
+    const Walled inside = boxes({{-1, 1}, {-.6, .1}}), three = boxes({{-.2, .6}, {-1, 0}, {.4, 1}});
+    for (const glm::dvec3& listener : {glm::dvec3(.1, .2, -2), glm::dvec3(.6, .9, -1.5), glm::dvec3(1.7, .1, -1)}) {
+        const glm::dvec3 source(.05, .1, 2);
+        const TraceResult expected = whole.traced(source, listener);
+        const double distance = glm::distance(source, listener);
+        for (const Walled* wall : {&two, &inside, &three}) {
+            const TraceResult traced = wall->traced(source, listener);
+            for (const double hz : {125.0, 500.0, 2000.0})
+                EXPECT_NEAR(heardAt(traced, hz, distance), heardAt(expected, hz, distance), .02) << hz;
+            for (std::size_t b = 0; b < kBandCount; ++b)
+                EXPECT_NEAR(total(traced.arrivals)[b] / total(expected.arrivals)[b], 1, .005) << b;
+        }
+    }
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -1,0 +1,46 @@
+// Finds out whether two edges lie on one line and share a part of it.
+#include "edge_overlaps.h"
+
+#include <algorithm>
+
+namespace rtsg {
+namespace {
+
+glm::dvec3 endOf(const WallEdge& edge) {
+    return edge.from + edge.axis * edge.length;
+}
+
+double largest(const glm::dvec3& place) {
+    const glm::dvec3 size = glm::abs(place);
+    return std::max({size.x, size.y, size.z});
+}
+
+bool haveSameFaces(const WallEdge& a, const WallEdge& b) {
+    const auto same = [](const glm::dvec3& face, const glm::dvec3& other) { return glm::dot(face, other) > 1 - 1e-6; };
+    return (same(a.faceA, b.faceA) && same(a.faceB, b.faceB)) || (same(a.faceA, b.faceB) && same(a.faceB, b.faceA));
+}
+
+}  // namespace
+
+double edgeRounding(const WallEdge& edge) {
+    return 2e-6 * (1 + std::max(largest(edge.from), largest(endOf(edge))));
+}
+
+bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both) {
+    // The direction of the longer one is known better.
+    if (b.length > a.length) return joinedEdge(b, a, both);
+    const double off = edgeRounding(a);
+    const glm::dvec3 from = b.from - a.from, to = endOf(b) - a.from;
+    double low = glm::dot(from, a.axis), high = glm::dot(to, a.axis);
+    if (glm::distance(from, a.axis * low) > off || glm::distance(to, a.axis * high) > off) return false;
+    if (low > high) std::swap(low, high);
+    // What only touches goes on in the other, and is no part of it.
+    if (low > a.length - off || high < off || !haveSameFaces(a, b)) return false;
+    both = a;
+    low = std::min(low, 0.0);
+    both.from += a.axis * low;
+    both.length = std::max(high, a.length) - low;
+    return true;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,16 @@
+// Edges that lie on each other in part, as those of bodies that stand in each other: they are one.
+//
+// Threading: pure functions.
+#pragma once
+
+#include <rtsg/audio/acoustic_geometry.h>
+
+namespace rtsg {
+
+/// Whether both lie on one line, have a part of it in common, and have the same faces; `both` is then all of them.
+bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both);
+
+/// Below this two lengths of ways by edges on one line, metres, are one.
+double edgeRounding(const WallEdge& edge);
+
+}  // namespace rtsg
