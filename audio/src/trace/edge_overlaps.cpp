@@ -34,8 +34,7 @@ bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both) {
     double low = glm::dot(from, a.axis), high = glm::dot(to, a.axis);
     if (glm::distance(from, a.axis * low) > off || glm::distance(to, a.axis * high) > off) return false;
     if (low > high) std::swap(low, high);
-    // What only touches goes on in the other, and is no part of it.
-    if (low > a.length - off || high < off || !haveSameFaces(a, b)) return false;
+    if (low > a.length + off || high < -off || !haveSameFaces(a, b)) return false;
     both = a;
     low = std::min(low, 0.0);
     both.from += a.axis * low;

@@ -1,4 +1,5 @@
-// Edges that lie on each other in part, as those of bodies that stand in each other: they are one.
+// Edges that lie on each other in part, as those of bodies that stand in each other, or go on in each other: they are
+// one.
 //
 // Threading: pure functions.
 #pragma once
@@ -7,7 +8,7 @@
 
 namespace rtsg {
 
-/// Whether both lie on one line, have a part of it in common, and have the same faces; `both` is then all of them.
+/// Whether both lie on one line, meet there, and have the same faces; `both` is then all of them.
 bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both);
 
 /// Below this two lengths of ways by edges on one line, metres, are one.

@@ -4,7 +4,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <tuple>
+
+#include "straight_edges.h"
 
 namespace rtsg {
 namespace {
@@ -17,10 +18,6 @@ struct Edge {
     Vec3f besideA, besideB;
     int sides = 0;  // of triangles
 };
-
-bool before(const Vec3f& a, const Vec3f& b) {
-    return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
-}
 
 /// The edges of a mesh by their ends.
 class EdgesByEnds {
@@ -82,7 +79,7 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh) {
         for (std::uint32_t c = 0; c < 3; ++c) {
             const Vec3f &a = corners[c], &b = corners[(c + 1) % 3], &beside = corners[(c + 2) % 3];
             if (!std::isfinite(a.x + a.y + a.z + b.x + b.y + b.z) || a == b) continue;
-            before(b, a) ? found.add(b, a, beside) : found.add(a, b, beside);
+            isBefore(b, a) ? found.add(b, a, beside) : found.add(a, b, beside);
         }
     }
     for (const Edge& edge : found.edges())
@@ -91,7 +88,7 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh) {
             result.push_back({edge.from, edge.to, edge.besideA, edge.besideB});
     // By their ends, however the triangles are numbered.
     std::sort(result.begin(), result.end(), [](const MeshEdge& a, const MeshEdge& b) {
-        return a.from != b.from ? before(a.from, b.from) : before(a.to, b.to);
+        return a.from != b.from ? isBefore(a.from, b.from) : isBefore(a.to, b.to);
     });
     return result;
 }
@@ -226,8 +223,11 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
     if (!wall.mesh) return;
     CachedMesh& cached = meshes_[wall.mesh.get()];
     // The address may be another mesh's by now.
-    if (cached.mesh.lock() != wall.mesh)
-        cached = {wall.mesh, std::make_shared<const std::vector<MeshEdge>>(edgesOf(*wall.mesh))};
+    if (cached.mesh.lock() != wall.mesh) {
+        std::vector<MeshEdge> edges = edgesOf(*wall.mesh);
+        joinStraight(edges);
+        cached = {wall.mesh, std::make_shared<const std::vector<MeshEdge>>(std::move(edges))};
+    }
     for (const MeshEdge& edge : *cached.edges) {
         WallEdge placed;
         if (!placedEdge(edge, wall.worldFromLocal, placed)) continue;

@@ -99,13 +99,15 @@ TEST(EdgeEnds, FromTheShortestWayOnItIsHalfOfTheEdge) {
     }
 }
 
-/// A screen in the plane z = 0 that stands free: x from -2 to 2 m, y from 0 to 2 m, its rims in so many pieces each.
-Walled screen(int pieces = 1) {
+/// A screen in the plane z = 0 that stands free: x from -2 to 2 m, y from 0 to 2 m, its rims in so many pieces each,
+/// that are `uneven` metres off a straight line.
+Walled screen(int pieces = 1, double uneven = 0) {
     std::vector<glm::dvec3> corners;
     std::vector<std::uint32_t> triangles;
     const auto at = [&](int i, int j) { return static_cast<std::uint32_t>(i * (pieces + 1) + j); };
     for (int i = 0; i <= pieces; ++i)
-        for (int j = 0; j <= pieces; ++j) corners.emplace_back(-2 + 4.0 * i / pieces, 2.0 * j / pieces, 0);
+        for (int j = 0; j <= pieces; ++j)
+            corners.emplace_back(-2 + 4.0 * i / pieces + uneven * (j % 2), 2.0 * j / pieces + uneven * (i % 2), 0);
     for (int i = 0; i < pieces; ++i)
         for (int j = 0; j < pieces; ++j)
             for (const std::uint32_t corner :
@@ -167,8 +169,9 @@ TEST(EdgeEnds, RoundAScreenIsHeardWhatItsRimsBendAsFarAsTheyReach) {
 }
 
 TEST(EdgeEnds, AnEdgeInPiecesIsAsOneInOnePiece) {
-    const Walled whole = screen(), cut = screen(6);
+    const Walled whole = screen(), cut = screen(6, 5e-6);
     EXPECT_EQ(cut.edges(), 24);
+    EXPECT_EQ(screen(6).edges(), 4);
     const glm::dvec3 source(.4, .7, 1.1);
     for (const double x : {.3, 2.6, 7.2}) {
         const glm::dvec3 listener(x, .6, -4.5);

@@ -342,5 +342,24 @@ TEST(EdgePairs, BodiesThatStandInEachOtherAreOne) {
     }
 }
 
+TEST(EdgePairs, AWallInManyPiecesBendsAsOneOfOnePiece) {
+    const Walled whole = boxes({{-2, 2}});
+    std::vector<std::array<double, 2>> bricks;
+    for (int i = 0; i < 8; ++i) bricks.push_back({-2 + .5 * i, -1.5 + .5 * i});
+    const Walled many = boxes(bricks), two = boxes({{-2, 0}, {0, 2}});
+    for (const glm::dvec3& listener : {glm::dvec3(.1, .2, -2), glm::dvec3(.6, .9, -1.5), glm::dvec3(2.7, .1, -1)}) {
+        const glm::dvec3 source(-.05, .1, 2);
+        const TraceResult expected = whole.traced(source, listener);
+        const double distance = glm::distance(source, listener);
+        for (const Walled* wall : {&two, &many}) {
+            const TraceResult traced = wall->traced(source, listener);
+            for (const double hz : {125.0, 500.0, 2000.0})
+                EXPECT_NEAR(heardAt(traced, hz, distance), heardAt(expected, hz, distance), .02) << hz;
+            for (std::size_t b = 0; b < kBandCount; ++b)
+                EXPECT_NEAR(total(traced.arrivals)[b] / total(expected.arrivals)[b], 1, .005) << b;
+        }
+    }
+}
+
 }  // namespace
 }  // namespace rtsg
