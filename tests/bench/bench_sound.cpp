@@ -66,7 +66,7 @@ class RayList final : public AcousticGeometry {
         geometry_->surfacesNear(point, radius, visit);
     }
 
-    bool sealed(const glm::dvec3& a, const glm::dvec3& b) const override { return geometry_->sealed(a, b); }
+    Passage passage(const glm::dvec3& a, const glm::dvec3& b) const override { return geometry_->passage(a, b); }
     void visitEdges(const EdgeVisitor& visit) const override { geometry_->visitEdges(visit); }
 
   private:

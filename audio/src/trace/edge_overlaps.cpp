@@ -3,16 +3,13 @@
 
 #include <algorithm>
 
+#include "edge_paths.h"
+
 namespace rtsg {
 namespace {
 
 glm::dvec3 endOf(const WallEdge& edge) {
     return edge.from + edge.axis * edge.length;
-}
-
-double largest(const glm::dvec3& place) {
-    const glm::dvec3 size = glm::abs(place);
-    return std::max({size.x, size.y, size.z});
 }
 
 bool haveSameFaces(const WallEdge& a, const WallEdge& b) {
@@ -23,7 +20,7 @@ bool haveSameFaces(const WallEdge& a, const WallEdge& b) {
 }  // namespace
 
 double edgeRounding(const WallEdge& edge) {
-    return 2e-6 * (1 + std::max(largest(edge.from), largest(endOf(edge))));
+    return 1e-9 + placeRounding(edge.from) + placeRounding(endOf(edge));
 }
 
 bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both) {

@@ -11,7 +11,7 @@ namespace rtsg {
 /// Whether both lie on one line, meet there, and have the same faces; `both` is then all of them.
 bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both);
 
-/// Below this two lengths of ways by edges on one line, metres, are one.
+/// Metres; nearer than this, places in numbers of single precision are one.
 double edgeRounding(const WallEdge& edge);
 
 }  // namespace rtsg

@@ -180,10 +180,12 @@ std::complex<double> endsShare(const PairWay& way, double waveNumber) {
 /// Whether the second edge lies in a face of the first.
 bool onFaceOf(const WallEdge& a, const WallEdge& b) {
     const glm::dvec3 way = b.from - a.from;
-    const double rounding = 1e-5 * (glm::length(way) + b.length);
+    const double place = placeRounding(a.from), rounding = 1e-5 * (glm::length(way) + b.length) + 2 * place;
     for (const glm::dvec3& face : {a.faceA, a.faceB}) {
         const glm::dvec3 normal = glm::cross(a.axis, face);
-        if (std::abs(glm::dot(way, normal)) < rounding && std::abs(glm::dot(b.axis, normal)) < 1e-5) return true;
+        if (std::abs(glm::dot(way, normal)) < rounding &&
+            std::abs(glm::dot(b.axis, normal)) < 1e-5 + 2 * place / b.length)
+            return true;
     }
     return false;
 }
@@ -236,9 +238,14 @@ bool isSame(const WallEdge& a, const WallEdge& b) {
 }
 
 /// Of edges that lie on each other in part one is left, that reaches as far as all.
-std::vector<EdgeCandidate> withoutOverlaps(const std::vector<EdgeCandidate>& edges) {
+std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, const std::vector<EdgeCandidate>& edges,
+                                           std::size_t& looked) {
     std::vector<EdgeCandidate> result;
-    for (const EdgeCandidate& edge : edges) {
+    looked = 0;
+    for (std::size_t open = 0; looked < edges.size() && open < 2 * kPairedEdges; ++looked) {
+        const EdgeCandidate& edge = edges[looked];
+        if (!isOpen(geometry, edge.edge, offEnds(edge.edge, edge.by))) continue;
+        ++open;
         EdgeCandidate all = edge;
         // What it has joined may reach to another one.
         for (std::size_t i = 0; i < result.size();) {
@@ -291,7 +298,7 @@ struct Bent {
 };
 
 Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
-            const EdgeTones& tones) {
+            const EdgeTones& tones, const std::array<float, kEdgeTones>& left) {
     const Bands attenuation = airAttenuation(options.air);
     const double length = way.path.way + way.past;
     const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
@@ -311,8 +318,9 @@ Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& list
         double energy = 0;
         tones.each(b, [&](std::size_t tone, double waveNumber) {
             const std::complex<double> field =
-                endsShare(way, waveNumber) * twoWedgeField(way.path, waveNumber, tones.mirrors(way.first->material, b),
-                                                           tones.mirrors(way.second->material, b));
+                static_cast<double>(left[tone]) * endsShare(way, waveNumber) *
+                twoWedgeField(way.path, waveNumber, tones.mirrors(way.first->material, b),
+                              tones.mirrors(way.second->material, b));
             bent.wave.pressure[tone] = std::complex<float>(field * std::polar(1.0, waveNumber * way.path.way));
             energy += std::norm(field) / EdgeTones::kTones;
         });
@@ -326,11 +334,13 @@ Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& list
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const std::vector<BentArrival>& bent, bool heardStraight,
-                           std::vector<Arrival>& arrivals, EdgeField& field) {
+                           std::size_t edgeCount, const std::vector<BentArrival>& bent,
+                           const std::vector<PartlySeen>& partly, bool heardStraight, std::vector<Arrival>& arrivals,
+                           EdgeField& field) {
     EdgePairCount count;
-    std::vector<EdgeCandidate> edges = withoutOverlaps(candidates);
-    edgeCount -= candidates.size() - edges.size();
+    std::size_t looked = 0;
+    std::vector<EdgeCandidate> edges = withoutOverlaps(geometry, candidates, looked);
+    edgeCount -= looked - edges.size();
     if (edges.size() > kPairedEdges) edges.resize(kPairedEdges);
     count.leftOut = edgeCount * (edgeCount - 1) - edges.size() * (edges.size() - 1);
     const double longest = seconds * options.air.speedOfSound;
@@ -374,7 +384,12 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
         const bool grazes = (firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing;
         const bool byItself = (firstHides && secondHides) || (parts.empty() && grazes);
         if (parts.empty() && !byItself) continue;
-        Bent both = bentBy(way, source, listener, options, tones);
+        std::array<float, kEdgeTones> left;
+        left.fill(1);
+        for (const PartlySeen& one : partly)
+            if (isSame(one.edge, *way.first) || isSame(one.edge, *way.second))
+                for (std::size_t t = 0; t < kEdgeTones; ++t) left[t] *= one.left[t];
+        Bent both = bentBy(way, source, listener, options, tones, left);
         addWave(both.wave, way.path.way);
         ++count.heard;
         if (!byItself) {

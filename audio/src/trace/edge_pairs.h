@@ -7,6 +7,7 @@
 // shortest count, see EdgePairCount. Source: see wedge.h. Threading: pure functions over const geometry.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -24,20 +25,30 @@ struct BentArrival {
     bool lit = false;
 };
 
+/// An edge of which something hides a part, and what it leaves to pairs of it and another edge, by tone.
+struct PartlySeen {
+    WallEdge edge;
+    std::array<float, kEdgeTones> left{};
+};
+
 /// Edges by which sound may go, with the way by each alone, or its bound.
 struct EdgeCandidate {
     WallEdge edge;
     double way = 0;
+    glm::dvec3 by{0};  // the place by which it goes
 };
 
 /// Of edges, those by which the way is shortest are tried with each other.
 constexpr std::size_t kPairedEdges = 32;
+/// They are chosen from so many: seams between bodies are among them, and edges that are one.
+constexpr std::size_t kLookedAtEdges = 256;
 
-/// `candidates`: the shortest of `edgeCount`, twice kPairedEdges if there are so many: some may be one.
+/// `candidates`: the shortest of `edgeCount`, kLookedAtEdges if there are so many.
 /// `heardStraight`: whether direct sound is.
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const std::vector<BentArrival>& bent, bool heardStraight,
-                           std::vector<Arrival>& arrivals, EdgeField& field);
+                           std::size_t edgeCount, const std::vector<BentArrival>& bent,
+                           const std::vector<PartlySeen>& partly, bool heardStraight, std::vector<Arrival>& arrivals,
+                           EdgeField& field);
 
 }  // namespace rtsg

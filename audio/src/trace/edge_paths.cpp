@@ -22,6 +22,11 @@ double openRadius(const glm::dvec3& by) {
 
 }  // namespace
 
+double placeRounding(const glm::dvec3& place) {
+    const glm::dvec3 size = glm::abs(place);
+    return 2.5e-7 * std::max({size.x, size.y, size.z});
+}
+
 bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, RoundEdge& round) {
     WedgePath& path = round.path;
     const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
@@ -64,13 +69,14 @@ glm::dvec3 EdgeTurn::offFace(const WallEdge& edge, bool along) const {
 }
 
 bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result) {
-    constexpr double kOnFace = 1e-5;  // radians
+    const double rounding = placeRounding(edge.from);
     const bool rim = glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
     const double between = rim ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
     const auto about = [&](const glm::dvec3& way, bool& face) {
-        const double angle = angleAbout(edge, way - edge.axis * glm::dot(way, edge.axis));
-        const bool first = angle < kOnFace || angle > 2 * std::numbers::pi - kOnFace;
-        face = first || std::abs(angle - between) < kOnFace;
+        const glm::dvec3 across = way - edge.axis * glm::dot(way, edge.axis);
+        const double angle = angleAbout(edge, across), onFace = std::min(0.01, 1e-5 + rounding / glm::length(across));
+        const bool first = angle < onFace || angle > 2 * std::numbers::pi - onFace;
+        face = first || std::abs(angle - between) < onFace;
         return first ? 0 : face ? between : angle;
     };
     double in = about(back, result.inOnFace), out = about(on, result.outOnFace);
@@ -91,9 +97,13 @@ bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, 
     return in <= result.opening && out <= result.opening && result.opening > std::numbers::pi + 0.05;
 }
 
+double seenRounding(double distance, const glm::dvec3& edge) {
+    return 1e-5 * (1 + distance) + placeRounding(edge);
+}
+
 bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& edge) {
     const glm::dvec3 way = edge - from;
-    const double distance = glm::length(way), rounding = 1e-5 * (1 + distance);
+    const double distance = glm::length(way), rounding = seenRounding(distance, edge);
     AcousticHit hit;
     return !(distance > rounding) || !geometry.closest(from, way / distance, distance - rounding, kNoPlane, hit);
 }
@@ -101,6 +111,13 @@ bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::d
 glm::dvec3 offEnds(const WallEdge& edge, const glm::dvec3& by) {
     const double off = std::min(2 * openRadius(by), 0.25 * edge.length);
     return edge.from + edge.axis * std::clamp(glm::dot(by - edge.from, edge.axis), off, edge.length - off);
+}
+
+bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by) {
+    const bool rim = glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
+    const double between = rim ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
+    const bool other = between < std::numbers::pi;
+    return isOpen(geometry, edge, by, other ? 2 * std::numbers::pi - between : between, other ? -1 : 1);
 }
 
 bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by, double opening, double turn) {

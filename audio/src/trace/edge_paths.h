@@ -10,6 +10,9 @@
 
 namespace rtsg {
 
+/// Metres that single precision may have shifted a corner by, twice over.
+double placeRounding(const glm::dvec3& place);
+
 /// A path round an edge, the place on it, and which way angles count from its first face on.
 struct RoundEdge {
     WedgePath path;
@@ -37,6 +40,8 @@ struct EdgeTurn {
 /// the edge is a rim. False where there is no air for it, or nothing to bend about.
 bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result);
 
+/// Metres before a place on an edge from which on nothing counts that lies between.
+double seenRounding(double distance, const glm::dvec3& edge);
 /// Whether nothing lies between a place and one on an edge, but what meets there.
 bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& edge);
 
@@ -45,5 +50,7 @@ glm::dvec3 offEnds(const WallEdge& edge, const glm::dvec3& by);
 
 /// Whether there is air all round the edge: it may be the seam of two walls.
 bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by, double opening, double turn);
+/// The same on the side where there is more of it.
+bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by);
 
 }  // namespace rtsg

@@ -14,6 +14,7 @@
 #include "edge_ends.h"
 #include "edge_overlaps.h"
 #include "edge_pairs.h"
+#include "edge_parts.h"
 #include "edge_shares.h"
 #include "edge_tones.h"
 #include "edge_waves.h"
@@ -44,13 +45,13 @@ bool isFaintBeside(const Arrival& arrival, const Arrival& other) {
 }
 
 /// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
-double shortestBy(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener) {
+EdgeCandidate candidateBy(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener) {
     const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
     const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
     const double rs = glm::length(toSource - edge.axis * zs), rr = glm::length(toListener - edge.axis * zr);
     const double z = std::clamp(rs + rr > 0 ? zs + (zr - zs) * rs / (rs + rr) : zs, 0.0, edge.length);
     const glm::dvec3 by = edge.from + edge.axis * z;
-    return glm::distance(source, by) + glm::distance(by, listener);
+    return {edge, glm::distance(source, by) + glm::distance(by, listener), by};
 }
 
 /// Of many that are told one after the other the first in order, of equals those that were told first.
@@ -110,11 +111,11 @@ class Diffraction {
     EdgePairCount run() {
         const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
         const auto stronger = [](const Bending& a, const Bending& b) { return a.bent > b.bent; };
-        FirstOf<EdgeCandidate, decltype(shorter)> edges(2 * kPairedEdges, shorter);
+        FirstOf<EdgeCandidate, decltype(shorter)> edges(kLookedAtEdges, shorter);
         FirstOf<Bending, decltype(stronger)> pastAll(8 * kPast, stronger);
         std::vector<Bending> found;
         geometry_.visitEdges([&](const WallEdge& edge) {
-            if (options_.diffractionOrder > 1) edges.add({edge, shortestBy(edge, source_, listener_)});
+            if (options_.diffractionOrder > 1) edges.add(candidateBy(edge, source_, listener_));
             // Of most edges of a furnished room no angle need be known.
             if (!(bentPastAtMost(edge, source_, listener_) > pastAll.last().bent)) return;
             RoundEdge round;
@@ -129,12 +130,12 @@ class Diffraction {
         std::size_t counted = 0;
         for (const Bending& one : found) {
             if (one.round.past() && counted == kPast) break;
-            counted += bend(one.edge, one.round) && one.round.past();
+            counted += bendParts(one) && one.round.past();
         }
         for (const auto& [place, wave] : byPlace_)
             if (!isFaint(wave, wave.seconds * c())) field_.waves.push_back(wave);
         return addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(), edges.told(), bent_,
-                            heardStraight_, arrivals_, field_);
+                            partly_, heardStraight_, arrivals_, field_);
     }
 
   private:
@@ -187,14 +188,59 @@ class Diffraction {
         for (std::size_t b = 0; b < kBandCount; ++b) arrival.energy[b] *= factor[b];
     }
 
-    /// Whether it is heard.
-    bool bend(const WallEdge& edge, const RoundEdge& round) {
+    /// Each part that is seen, as an edge of its own; whether any is heard.
+    bool bendParts(const Bending& one) {
+        const double way = glm::distance(source_, one.round.by) + glm::distance(one.round.by, listener_);
+        if (!(way < seconds_ * c())) return false;
+        const std::vector<EdgePart> parts = partsSeen(geometry_, source_, listener_, one.edge, one.round.by);
+        const bool whole = parts.size() == 1 && parts[0].from == 0 && parts[0].to == one.edge.length;
+        if (whole || parts.empty()) return whole && bend(one.edge, one.round, nullptr);
+        Pressures sum{};
+
+        bool heard = false;
+        for (const EdgePart& seen : parts) {
+            WallEdge part = one.edge;
+            part.from += part.axis * seen.from;
+            part.length = seen.to - seen.from;
+            RoundEdge round;
+            if (part.length > 0 && pathRound(part, source_, listener_, round)) heard = bend(part, round, &sum) || heard;
+        }
+        if (!heard) return false;
+        // What is left for those who go round what hides it: nothing if half of the edge is there, as at the boundary
+        // of a shadow half of what sends straight.
+        const std::array<EdgeEnd, 2> ends = endsOf(one.edge, one.round, c());
+        const EdgeShares all = edgeSharesOf(one.round, ends, one.edge.material, tones_, {heardStraight_, false});
+        Pressures unhidden{};
+        addPressures(all, ends, one.round.path.shortestWay(), unhidden);
+        PartlySeen partly{one.edge, {}};
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const double of = std::abs(unhidden[t]);
+            partly.left[t] = static_cast<float>(of > 0 ? std::max(0.0, 1 - 2 * std::abs(sum[t]) / of) : 0);
+        }
+        partly_.push_back(partly);
+        return true;
+    }
+
+    using Pressures = std::array<std::complex<double>, kEdgeTones>;
+
+    /// With all phases; `way`: that of the wave by the shortest way.
+    void addPressures(const EdgeShares& shares, const std::array<EdgeEnd, 2>& ends, double way, Pressures& sum) const {
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const double waveNumber = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / c();
+            const auto turned = [&](const EdgeWave& wave, double by) {
+                return std::complex<double>(wave.pressure[t]) * std::polar(1.0, -waveNumber * by);
+            };
+            sum[t] +=
+                turned(shares.wave, way) + turned(shares.ends[0], ends[0].way) + turned(shares.ends[1], ends[1].way);
+        }
+    }
+
+    /// Whether it is heard; its pressures are added to `sum` if there is one.
+    bool bend(const WallEdge& edge, const RoundEdge& round, Pressures* sum) {
         const WedgePath& path = round.path;
         const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
         const glm::dvec3 about = offEnds(edge, round.by);
-        if (!(way < seconds_ * c()) || !seen(geometry_, source_, about) || !seen(geometry_, listener_, about) ||
-            !isOpen(geometry_, edge, about, path.opening, round.turn))
-            return false;
+        if (!(way < seconds_ * c()) || !isOpen(geometry_, edge, about, path.opening, round.turn)) return false;
         Arrival* mirror = nullptr;
         if (isMirrored(path) || grazesImage(path))
             mirror = arrivalOf(arrivals_, known_, 1, path.distanceAt(imageAngle(path)) / c());
@@ -202,6 +248,7 @@ class Diffraction {
             isLit(path) ? arrivalOf(arrivals_, known_, 0, glm::distance(source_, listener_) / c()) : nullptr;
         const std::array<EdgeEnd, 2> ends = endsOf(edge, round, c());
         const EdgeShares shares = edgeSharesOf(round, ends, edge.material, tones_, {heardStraight_, mirror != nullptr});
+        if (sum) addPressures(shares, ends, path.shortestWay(), *sum);
         if (!round.past()) {
             if (mirror) scale(*mirror, shares.mirrored);
             if (direct) {
@@ -236,7 +283,9 @@ class Diffraction {
         wave.direction = glm::normalize(end.place - listener_);
         wave.route = {end.place, end.place, glm::dvec3(0), glm::dvec3(0)};
         weaken(wave, sentTo(end.place), attenuation_, end.way);
-        const auto known = std::ranges::find(byPlace_, end.place, &EndWave::place);
+        const double rounding = 2 * placeRounding(end.place);
+        const auto known = std::ranges::find_if(
+            byPlace_, [&](const EndWave& one) { return glm::distance(one.place, end.place) <= rounding; });
         if (known == byPlace_.end()) {
             byPlace_.push_back({end.place, wave});
             return;
@@ -274,6 +323,7 @@ class Diffraction {
     const std::size_t known_;  // of the arrivals: without edges
     EdgeField& field_;
     std::vector<BentArrival> bent_;
+    std::vector<PartlySeen> partly_;
     std::vector<EndWave> byPlace_;
     bool heardStraight_ = false;
 };

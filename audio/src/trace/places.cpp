@@ -87,20 +87,30 @@ glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& poi
     findTouched(geometry, point, towards, off, touched);
     if (touched.walls.empty()) return point;
     const glm::dvec3 near = movedOff(touched, point, off);
-    if (!geometry.sealed(near, towards)) return near;
+    const Passage known = geometry.passage(near, towards);
+    if (known == Passage::found) return near;
     // So far that it touches the wall no more.
-    const auto isFound = [&](const TouchedWalls& turned, glm::dvec3& place) {
-        place = movedOff(turned, point, 2 * off);
-        return !geometry.sealed(place, towards);
-    };
     glm::dvec3 place(0);
+    const auto isBetter = [&](const TouchedWalls& turned) {
+        place = movedOff(turned, point, 2 * off);
+        return geometry.passage(place, towards) != Passage::none;
+    };
     TouchedWalls turned = touched;
+    if (known == Passage::unknown) {
+        // Both in the open, as over and under a ground that has no thickness: before the wall.
+        bool behind = false;
+        for (double& side : turned.sides) {
+            behind = behind || side < 0;
+            side = 1;
+        }
+        return behind && isBetter(turned) ? place : near;
+    }
     for (double& side : turned.sides) side = -side;
-    if (isFound(turned, place)) return place;
+    if (isBetter(turned)) return place;
     for (std::size_t i = 0; i < touched.sides.size() && touched.sides.size() > 1; ++i) {
         turned = touched;
         turned.sides[i] = -turned.sides[i];
-        if (isFound(turned, place)) return place;
+        if (isBetter(turned)) return place;
     }
     return near;
 }

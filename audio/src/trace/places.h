@@ -16,8 +16,9 @@ namespace rtsg {
 glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards);
 
 /// The same; but where that is sealed off from `towards`, as the inside of a body is whose face the place is on, on the
-/// other side of one wall or all, if that is not. What it moves to another side touches no wall there. Takes some
-/// thousand rays if the wall is in the way.
+/// other side of one wall or all, if that is not; and where no way is found from behind a wall, before it, as over a
+/// ground that has no thickness. What it moves to another side touches no wall there. Takes some thousand rays if the
+/// wall is in the way.
 glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards);
 
 /// What a listener's surroundings measure: seen from there.

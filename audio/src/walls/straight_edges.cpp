@@ -16,7 +16,7 @@ double roundingOf(const Vec3f& a, const Vec3f& b) {
     double size = 0;
     for (int i = 0; i < 3; ++i)
         size = std::max({size, std::abs(static_cast<double>(a[i])), std::abs(static_cast<double>(b[i]))});
-    return 1e-6 * size;
+    return 2.5e-7 * size;
 }
 
 /// Where both ends of the line are one, to that.

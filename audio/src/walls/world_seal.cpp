@@ -99,6 +99,12 @@ WorldGeometry::Flood WorldGeometry::floodFrom(std::span<const std::uint32_t> ope
     return flood;
 }
 
+Passage WorldGeometry::passageBut(std::span<const std::uint32_t> open, const glm::dvec3& a, const glm::dvec3& b) const {
+    if (!rays_ || !(glm::distance(a, b) < 1e6)) return Passage::unknown;
+    if (floodFrom(open, a, b).arrived) return Passage::found;
+    return sealBetween(open, a, b) ? Passage::none : Passage::unknown;
+}
+
 RoomOpenings WorldGeometry::openings(const glm::dvec3& source, std::span<const EscapedRay> exits,
                                      const Bands& escaped) const {
     if (!rays_) return {};

@@ -169,7 +169,7 @@ TEST(EdgeEnds, RoundAScreenIsHeardWhatItsRimsBendAsFarAsTheyReach) {
 }
 
 TEST(EdgeEnds, AnEdgeInPiecesIsAsOneInOnePiece) {
-    const Walled whole = screen(), cut = screen(6, 5e-6);
+    const Walled whole = screen(), cut = screen(6, 2e-6);
     EXPECT_EQ(cut.edges(), 24);
     EXPECT_EQ(screen(6).edges(), 4);
     const glm::dvec3 source(.4, .7, 1.1);
@@ -228,6 +228,46 @@ TEST(EdgeEnds, WhatIsSaidToBendAtMostIsNotLess) {
     }
     EXPECT_GT(past, 1000);
     EXPECT_GT(told, past * 9 / 10);
+}
+
+/// A screen 20 m broad and so high that sound goes over it alone, and a post before it, of so many metres.
+Walled screenBehindPost(double size, double x = 0) {
+    std::vector<glm::dvec3> corners{{-10, -60, 0}, {10, -60, 0}, {10, 1, 0}, {-10, 1, 0}};
+    std::vector<std::uint32_t> triangles{0, 1, 2, 0, 2, 3};
+    if (size > 0) {
+        for (int i = 0; i < 8; ++i)
+            corners.emplace_back(x + (i & 1 ? .5 : -.5) * size, i & 2 ? 1.5 : .5, -.3 + (i & 4 ? .5 : -.5) * size);
+        for (const std::uint32_t corner : {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                                           2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5})
+            triangles.push_back(4 + corner);
+    }
+    return {corners, triangles};
+}
+
+TEST(EdgeEnds, AnEdgeThatIsHiddenInPartBendsWithTheRest) {
+    const Walled alone = screenBehindPost(0);
+    const glm::dvec3 source(0, -.5, -2), listener(0, -.3, 2);
+    // A rod before the place of the shortest way took the whole edge away: 14 dB.
+    const Walled rod = screenBehindPost(.02);
+    for (const double hz : {125.0, 500.0})
+        EXPECT_NEAR(heardAt(rod.traced(source, listener), hz, 4), heardAt(alone.traced(source, listener), hz, 4), 1)
+            << hz;
+    // No step where the shortest way comes out behind a post.
+    const Walled post = screenBehindPost(.2);
+    double last = heardAt(post.traced(source, {-.3, -.3, 2}), 125, 4);
+    for (double x = -.28; x <= .3; x += .02) {
+        const double now = heardAt(post.traced(source, {x, -.3, 2}), 125, 4);
+        EXPECT_NEAR(now, last, 1) << x;
+        last = now;
+    }
+    // A wall from x = 0 on hides the edge from the source where x is above 2: it ends there.
+    const Walled half(
+        {{-10, -60, 0}, {10, -60, 0}, {10, 1, 0}, {-10, 1, 0}, {0, -60, -1}, {10, -60, -1}, {10, 60, -1}, {0, 60, -1}},
+        {0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7});
+    int ends = 0;
+    for (const EdgeWave& wave : half.traced({-2, -.5, -2}, {-2, -.3, 2}, 1).edges.waves)
+        ends += wave.route.first.y == 1 && std::abs(wave.route.first.x - 2) < .05;
+    EXPECT_EQ(ends, 1);
 }
 
 }  // namespace

@@ -68,5 +68,19 @@ TEST(Places, WhatBendsRoundABodyIsHeardOnItsFarFace) {
     }
 }
 
+TEST(Places, OnAGroundIsAboveItAlsoBehindAHill) {
+    // A ridge along z, both slopes facing up, open below.
+    const test::Walled hill({{-20, 0, -50}, {0, 5, -50}, {20, 0, -50}, {-20, 0, 50}, {0, 5, 50}, {20, 0, 50}},
+                            {0, 3, 1, 1, 3, 4, 1, 4, 2, 2, 4, 5});
+    const auto on = [](double x, double above) { return glm::dvec3(x, 5 - std::abs(x) / 4 + above, 1); };
+    const auto level = [&](double above) {
+        return 10 * std::log10(test::total(hill.arrivals(on(-6, above), on(8, .5)))[kBand1k - 2]);
+    };
+    const glm::dvec3 moved = outsideBodies(hill.geometry, on(-6, 0), on(8, .5));
+    EXPECT_GT(moved.y, on(-6, 0).y);
+    EXPECT_GT(level(.001), -60);
+    EXPECT_NEAR(level(0), level(.001), .1);
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -108,6 +108,9 @@ struct AcousticRays {
 };
 using AcousticHits = std::array<AcousticHit, AcousticRays::kMost>;
 
+/// What is known of ways from one place to another.
+enum class Passage : std::uint8_t { found, unknown, none };
+
 class AcousticGeometry {
   public:
     virtual ~AcousticGeometry() = default;
@@ -153,11 +156,10 @@ class AcousticGeometry {
         static_cast<void>(point), static_cast<void>(radius), static_cast<void>(found);
         return false;
     }
-    /// Whether no way leads from one place to the other; false as well where that is not known. Takes some thousand
-    /// rays.
-    virtual bool sealed(const glm::dvec3& a, const glm::dvec3& b) const {
+    /// Whether a way leads from one place to the other, however often it is turned by walls. Takes some thousand rays.
+    virtual Passage passage(const glm::dvec3& a, const glm::dvec3& b) const {
         static_cast<void>(a), static_cast<void>(b);
-        return false;
+        return Passage::unknown;
     }
     using EdgeVisitor = std::function<void(const WallEdge&)>;
     virtual void visitEdges(const EdgeVisitor& visit) const { static_cast<void>(visit); }

@@ -103,7 +103,8 @@ class WorldGeometry final : public AcousticGeometry {
     }
     bool trianglesNearBut(std::span<const std::uint32_t> open, const glm::dvec3& point, double radius,
                           std::vector<WallTriangle>& found) const;
-    bool sealed(const glm::dvec3& a, const glm::dvec3& b) const override { return sealBetween({}, a, b).has_value(); }
+    Passage passage(const glm::dvec3& a, const glm::dvec3& b) const override { return passageBut({}, a, b); }
+    Passage passageBut(std::span<const std::uint32_t> open, const glm::dvec3& a, const glm::dvec3& b) const;
     void visitEdges(const EdgeVisitor& visit) const override { visitEdgesBut({}, visit); }
     /// Those of all instances but the ones in `open` (slots).
     void visitEdgesBut(std::span<const std::uint32_t> open, const EdgeVisitor& visit) const;
@@ -179,7 +180,7 @@ class OpenedGeometry final : public AcousticGeometry {
     bool trianglesNear(const glm::dvec3& point, double radius, std::vector<WallTriangle>& found) const override {
         return whole_->trianglesNearBut(open_, point, radius, found);
     }
-    bool sealed(const glm::dvec3& a, const glm::dvec3& b) const override { return sealBetween(a, b).has_value(); }
+    Passage passage(const glm::dvec3& a, const glm::dvec3& b) const override { return whole_->passageBut(open_, a, b); }
     void visitEdges(const EdgeVisitor& visit) const override { whole_->visitEdgesBut(open_, visit); }
     /// As WorldGeometry's.
     std::optional<Seal> sealBetween(const glm::dvec3& source, const glm::dvec3& listener) const {
