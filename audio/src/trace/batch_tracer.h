@@ -89,6 +89,8 @@ class BatchTracer {
     /// comes from one after the other is much alike.
     static constexpr int kEarly = 3;
     static constexpr double kLaterLooks = 0.3;
+    /// Metres; a little more than places on walls are moved off them.
+    static constexpr double kBesideWall = 1e-3;
     /// Walls that parts of rays meet at most, for each that those meet which were sent.
     static constexpr std::int64_t kWallsOfParts = 3;
 
@@ -184,7 +186,10 @@ class BatchTracer {
         // What came through a wall would meet that again.
         const bool through = glm::dot(lanes_.before[i] - rays.origin[i], rays.facing[i]) < 0;
         if (rays.except[i] == kNoPlane || through) return false;
-        const glm::dvec3 inside = offWalls(geometry_, rays.origin[i], lanes_.before[i]);
+        // Where it comes from next to the wall, as from a source that touches a body, tells no side.
+        glm::dvec3 towards = lanes_.before[i];
+        if (glm::dot(towards - rays.origin[i], rays.facing[i]) < kBesideWall) towards += kBesideWall * rays.facing[i];
+        const glm::dvec3 inside = offWalls(geometry_, rays.origin[i], towards);
         const bool met = geometry_.closest(inside, rays.direction[i], rays.maxDistance[i], kNoPlane,
                                            hits_[static_cast<std::size_t>(i)]);
         if (met) rays.origin.set(i, inside);

@@ -24,6 +24,7 @@ double edgeRounding(const WallEdge& edge) {
 }
 
 bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both) {
+    if (a.material != b.material) return false;
     // The direction of the longer one is known better.
     if (b.length > a.length) return joinedEdge(b, a, both);
     const double off = edgeRounding(a);

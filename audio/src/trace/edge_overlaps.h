@@ -8,7 +8,7 @@
 
 namespace rtsg {
 
-/// Whether both lie on one line, meet there, and have the same faces; `both` is then all of them.
+/// Whether both lie on one line, meet there, and have the same faces and material; `both` is then all of them.
 bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both);
 
 /// Metres; nearer than this, places in numbers of single precision are one.

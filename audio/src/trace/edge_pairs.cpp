@@ -214,7 +214,9 @@ bool bends(const glm::dvec3& source, const glm::dvec3& listener, bool heardStrai
 bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
             const PairWay& way) {
     const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
-    if (!seen(geometry, source, first) || !seen(geometry, listener, second)) return false;
+    if (!seen(geometry, source, aimAt(*way.first, first, source)) ||
+        !seen(geometry, listener, aimAt(*way.second, second, listener)))
+        return false;
     glm::dvec3 off(0);
     if (way.atFirst.outOnFace)
         off = way.atFirst.offFace(*way.first, true);

@@ -26,7 +26,14 @@ class EdgeView {
     }
     bool seenAt(double place) const {
         const glm::dvec3 at = edge_.from + edge_.axis * place;
-        return seen(geometry_, source_, at) && seen(geometry_, listener_, at);
+        return seen(geometry_, source_, aimAt(edge_, at, source_)) &&
+               seen(geometry_, listener_, aimAt(edge_, at, listener_)) && (!covered_ || isOpen(geometry_, edge_, at));
+    }
+    /// Another body touches it somewhere: what that covers is not seen.
+    void lookUnderBodies(const std::vector<double>& places, std::uint32_t& seen) {
+        covered_ = true;
+        for (std::size_t i = 0; i < places.size(); ++i)
+            if ((seen >> i & 1) && !isOpen(geometry_, edge_, edge_.from + edge_.axis * places[i])) seen &= ~(1u << i);
     }
     /// Between a place that is seen and one that is not.
     double boundary(double within, double beyond) const {
@@ -41,7 +48,7 @@ class EdgeView {
     std::uint32_t hidden(const glm::dvec3& from, const std::vector<double>& places) const {
         AcousticRays rays;
         for (const double place : places) {
-            const glm::dvec3 at = edge_.from + edge_.axis * place, way = at - from;
+            const glm::dvec3 at = aimAt(edge_, edge_.from + edge_.axis * place, from), way = at - from;
             const double distance = glm::length(way);
             rays.add(from, glm::dvec3(0), distance > 0 ? way / distance : edge_.axis,
                      std::max(0.0, distance - seenRounding(distance, at)), kNoPlane);
@@ -53,13 +60,14 @@ class EdgeView {
     const AcousticGeometry& geometry_;
     const glm::dvec3 &source_, &listener_;
     const WallEdge& edge_;
+    bool covered_ = false;
 };
 
 }  // namespace
 
 std::vector<EdgePart> partsSeen(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                                 const WallEdge& edge, const glm::dvec3& by) {
-    const EdgeView view(geometry, source, listener, edge);
+    EdgeView view(geometry, source, listener, edge);
     const auto along = [&](const glm::dvec3& place) { return glm::dot(offEnds(edge, place) - edge.from, edge.axis); };
     const double middle = along(by), first = along(edge.from), last = along(edge.from + edge.axis * edge.length);
     std::vector<double> places{middle};
@@ -69,7 +77,8 @@ std::vector<EdgePart> partsSeen(const AcousticGeometry& geometry, const glm::dve
         if (last > middle) places.push_back(middle + (last - middle) * step);
     }
     std::sort(places.begin(), places.end());
-    const std::uint32_t seen = view.seenAt(places);
+    std::uint32_t seen = view.seenAt(places);
+    if (seen != 0 && !isOpen(geometry, edge, edge.from + edge.axis * middle)) view.lookUnderBodies(places, seen);
     std::vector<EdgePart> parts;
     for (std::size_t i = 0; i < places.size(); ++i) {
         if (!(seen >> i & 1)) continue;

@@ -97,6 +97,22 @@ bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, 
     return in <= result.opening && out <= result.opening && result.opening > std::numbers::pi + 0.05;
 }
 
+glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3& from) {
+    // Radians above the face; in its plane one may as well be beyond its far end, where that hides the edge or not.
+    constexpr double kLeast = 1e-6, kMost = 1e-2;
+    const double between = glm::dot(edge.faceA, edge.faceB);
+    if (between > 1 - 1e-9) return place;
+    const glm::dvec3 way = from - place, across = way - edge.axis * glm::dot(way, edge.axis);
+    const double size = glm::length(across);
+    const auto isAlong = [&](const glm::dvec3& face, const glm::dvec3& other) {
+        const double above = -glm::dot(across, glm::normalize(other - face * between));
+        return glm::dot(across, face) > 0 && above > kLeast * size && above < kMost * size;
+    };
+    if (!isAlong(edge.faceA, edge.faceB) && !isAlong(edge.faceB, edge.faceA)) return place;
+    const glm::dvec3 away = -(edge.faceA + edge.faceB);
+    return place + away * (0.1 * openRadius(place) / glm::length(away));
+}
+
 double seenRounding(double distance, const glm::dvec3& edge) {
     return 1e-5 * (1 + distance) + placeRounding(edge);
 }

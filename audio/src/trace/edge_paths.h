@@ -40,6 +40,10 @@ struct EdgeTurn {
 /// the edge is a rim. False where there is no air for it, or nothing to bend about.
 bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result);
 
+/// What to look at to see a place on an edge of less than half a turn. From where one looks along a face of it that is
+/// a place in the air beside it: rounding may have put the edge itself behind that face.
+glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3& from);
+
 /// Metres before a place on an edge from which on nothing counts that lies between.
 double seenRounding(double distance, const glm::dvec3& edge);
 /// Whether nothing lies between a place and one on an edge, but what meets there.

@@ -213,8 +213,10 @@ void WorldGeometry::addBodies(const glm::dvec3& point, const glm::dvec3& directi
         const Hit hit = rays_->intersect(ray, RayKind::sound);
         if (!hit) return;
         if (std::find(bodies.begin(), bodies.end(), hit.instance) == bodies.end()) {
-            const AcousticBox box = worldBox(walls_.walls[hit.instance]);
+            const Wall& wall = walls_.walls[hit.instance];
+            const AcousticBox box = worldBox(wall);
             if (box.empty() || box.distance(point) > 0 || glm::length(box.high - box.low) > maxSize) return;
+            if (wall.mesh->isClosed() && !boxHolds(hit.instance, point)) return;
             bodies.push_back(hit.instance);
         }
         ray.tMin = std::nextafter(std::max(hit.t, 1e-30f), std::numeric_limits<float>::infinity());
@@ -236,7 +238,10 @@ bool WorldGeometry::boxHolds(std::uint32_t slot, const glm::dvec3& point) const 
     const glm::dmat3 linear(m[0], m[1], m[2]);
     if (glm::determinant(linear) == 0) return false;
     const glm::dvec3 local = glm::inverse(linear) * (point - m[3]);
-    const glm::dvec3 low(wall.mesh->bounds.min), high(wall.mesh->bounds.max), slack = 1e-6 * (high - low);
+    const glm::dvec3 low(wall.mesh->bounds.min), high(wall.mesh->bounds.max);
+    // What touches a closed body is not in it; sheets have no inside.
+    const glm::dvec3 scale(glm::length(linear[0]), glm::length(linear[1]), glm::length(linear[2]));
+    const glm::dvec3 slack = wall.mesh->isClosed() ? -4 * roundingAt(point) / scale : 1e-6 * (high - low);
     return glm::all(glm::greaterThanEqual(local, low - slack)) && glm::all(glm::lessThanEqual(local, high + slack));
 }
 

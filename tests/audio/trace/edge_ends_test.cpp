@@ -260,6 +260,19 @@ TEST(EdgeEnds, AnEdgeThatIsHiddenInPartBendsWithTheRest) {
         EXPECT_NEAR(now, last, 1) << x;
         last = now;
     }
+    // A body that stands on the edge covers a part of it.
+    const auto standing = [](double low) {
+        std::vector<glm::dvec3> corners{{-10, -60, 0}, {10, -60, 0}, {10, 1, 0}, {-10, 1, 0}};
+        for (int i = 0; i < 8; ++i) corners.emplace_back(i & 1 ? .1 : -.1, i & 2 ? 2 : low, i & 4 ? .1 : -.1);
+        std::vector<std::uint32_t> triangles{0, 1, 2, 0, 2, 3};
+        for (const std::uint32_t corner : {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                                           2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5})
+            triangles.push_back(4 + corner);
+        return Walled(corners, triangles);
+    };
+    const double on = heardAt(standing(1).traced(source, listener), 125, 4);
+    EXPECT_NEAR(on, heardAt(standing(.5).traced(source, listener), 125, 4), .5);
+    EXPECT_NEAR(on, heardAt(alone.traced(source, listener), 125, 4), 2);
     // A wall from x = 0 on hides the edge from the source where x is above 2: it ends there.
     const Walled half(
         {{-10, -60, 0}, {10, -60, 0}, {10, 1, 0}, {-10, 1, 0}, {0, -60, -1}, {10, -60, -1}, {10, 60, -1}, {0, 60, -1}},

@@ -82,5 +82,30 @@ TEST(Places, OnAGroundIsAboveItAlsoBehindAHill) {
     EXPECT_NEAR(level(0), level(.001), .1);
 }
 
+TEST(Places, OnABodyInTheOpenNothingIsSentIntoIt) {
+    const test::Walled body = cube();
+    TraceOptions options;
+    options.rays = 4000;
+    options.air.absorbs = false;
+    const auto escaped = [&](double y) {
+        return AcousticTracer(body.geometry).trace(glm::dvec3(.1, y, .2), glm::dvec3(1, .8, .5), options).escaped[0];
+    };
+    // Half of it went into the body, and stayed there.
+    EXPECT_NEAR(escaped(.5), 1, 1e-9);
+    EXPECT_NEAR(escaped(.5001), 1, 1e-9);
+}
+
+TEST(Places, WhatTouchesABodyIsNotInIt) {
+    const test::Walled body = cube();
+    EXPECT_EQ(body.geometry.instancesAround(glm::dvec3(0), 2.5).size(), 1u);
+    EXPECT_EQ(body.geometry.instancesAround(glm::dvec3(.1, .4999, .2), 2.5).size(), 1u);
+    for (const glm::dvec3& place :
+         {glm::dvec3(.1, .5, .2), glm::dvec3(.5, .5, .2), glm::dvec3(.5, .5, .5), glm::dvec3(0, .5001, 0)})
+        EXPECT_TRUE(body.geometry.instancesAround(place, 2.5).empty());
+    // A sheet has no inside: what is on it is its own sound.
+    const test::Walled sheet({{-1, -1, 0}, {1, -1, 0}, {1, 1, 0}, {-1, 1, 0}}, {0, 1, 2, 0, 2, 3});
+    EXPECT_EQ(sheet.geometry.instancesAround(glm::dvec3(.1, .2, 0), 4).size(), 1u);
+}
+
 }  // namespace
 }  // namespace rtsg
