@@ -89,10 +89,34 @@ class BandDecay {
         double after(double seconds) {
             const auto& arrivals = decay_.arrivals_->after;
             while (next_ < arrivals.size() && arrivals[next_].first <= seconds) ++next_;
-            return (next_ < arrivals.size() ? arrivals[next_].second : 0) + decay_.binsAfter(seconds);
+            return exactFrom(next_) + decay_.binsAfter(seconds);
+        }
+
+        struct Step {
+            double seconds, before, after;  // energies: as it comes near that time, and from there on
+        };
+        /// Where what is left changes otherwise than evenly: at an arrival that takes more than a little of the
+        /// `energy` that was left at the time of the last call, where a bin ends, or `at` the latest.
+        Step next(double seconds, double energy, double at) {
+            constexpr double kLittle = 0.002;
+            const auto& arrivals = decay_.arrivals_->after;
+            const double end = std::min(at, decay_.binEndAfter(seconds));
+            for (; next_ < arrivals.size() && arrivals[next_].first <= end; ++next_) {
+                if (exactFrom(next_) - exactFrom(next_ + 1) < kLittle * energy) continue;
+                const double time = arrivals[next_].first, before = exactFrom(next_) + decay_.binsAfter(time);
+                return {time, before, after(time)};
+            }
+            const double left = exactFrom(next_) + decay_.binsAfter(end);
+            return {end, left, left};
         }
 
       private:
+        /// What arrives from one arrival on.
+        double exactFrom(std::size_t arrival) const {
+            const auto& arrivals = decay_.arrivals_->after;
+            return arrival < arrivals.size() ? arrivals[arrival].second : 0;
+        }
+
         const BandDecay& decay_;
         std::size_t next_ = 0;
     };
@@ -105,44 +129,92 @@ class BandDecay {
         return tail_[bin] + (tail_[bin + 1] - tail_[bin]) * (position - static_cast<double>(bin));
     }
 
+    double binEndAfter(double seconds) const {
+        const double bin = std::floor((seconds - start_) * binsPerSecond_) + 1;
+        const double end = start_ + bin / binsPerSecond_;
+        return end > seconds ? end : start_ + (bin + 1) / binsPerSecond_;
+    }
+
     std::shared_ptr<const BandArrivals> arrivals_;
     std::vector<double> tail_;  // energy from the bin's start on
     double binsPerSecond_, start_;
     double first_, moment_, total_ = 0;
 };
 
-struct DecayCurve {
-    double grid;
-    std::vector<double> levelDb;  // at k * grid after the first arrival, down to just below -45 dB
-
-    DecayCurve(const BandDecay& decay, double gridSeconds, double lowestDb = -46) : grid(gridSeconds) {
-        levelDb.push_back(0);
-        const double lowest = std::pow(10.0, lowestDb / 10) * decay.total();
+/// What is left of an echogram's energy from time to time: the levels between two of these, and what a line through
+/// them needs, are exact.
+class DecayCurve {
+  public:
+    /// Pieces are no longer than `grid` seconds; arrivals that take little are seen as going evenly over one.
+    DecayCurve(const BandDecay& decay, double grid) : total_(decay.total()) {
+        constexpr double kLowestDb = -46;
+        const double lowest = std::pow(10.0, kLowestDb / 10) * total_;
         BandDecay::Walk walk(decay);
-        for (std::size_t k = 1;; ++k) {
-            const double energy = walk.after(decay.first() + static_cast<double>(k) * grid);
-            if (energy <= 0) break;
-            levelDb.push_back(10 * std::log10(energy / decay.total()));
+        for (double time = decay.first(), energy = walk.after(time); energy > 0;) {
+            BandDecay::Walk::Step step = walk.next(time, energy, time + grid);
+            pieces_.push_back({time, step.seconds - time, energy, step.before});
             if (energy < lowest) break;
+            time = step.seconds;
+            energy = step.after;
         }
     }
 
     /// 60 dB over the slope of the least-squares line between two levels; NaN unless the decay goes on for 10 dB below
     /// them, where the end of what was traced no longer bends it.
     double reverberationTime(double fromDb, double toDb) const {
-        if (levelDb.back() > toDb - 10) return kNan;
-        double n = 0, sumT = 0, sumL = 0, sumTT = 0, sumTL = 0;
-        for (std::size_t k = 0; k < levelDb.size(); ++k) {
-            const double level = levelDb[k];
-            if (level > fromDb) continue;
-            if (level < toDb) break;
-            const double t = static_cast<double>(k) * grid;
-            n += 1, sumT += t, sumL += level, sumTT += t * t, sumTL += t * level;
+        constexpr double kFlat = 1e-9;  // dB
+        const auto energyAt = [&](double decibels) { return std::pow(10.0, decibels / 10) * total_; };
+        if (pieces_.empty() || pieces_.back().from > energyAt(toDb - 10)) return kNan;
+        const double most = energyAt(fromDb), least = energyAt(toDb);
+        Sums sums;
+        for (Piece piece : pieces_) {
+            if (piece.from < least) break;
+            if (piece.to >= most && piece.from > most) continue;
+            const bool last = piece.to < least;
+            if (piece.from > most) piece = piece.below(most);
+            if (last) piece = piece.above(least);
+            sums.add(piece, total_);
+            if (last) break;
         }
-        if (n < 2) return kNan;
-        const double slope = (n * sumTL - sumT * sumL) / (n * sumTT - sumT * sumT);
-        return slope < 0 ? -60 / slope : kNan;
+        const double spread = sums.one * sums.timeSquared - sums.time * sums.time;
+        if (!(spread > 0)) return kNan;
+        const double slope = (sums.one * sums.timeLevel - sums.time * sums.level) / spread;
+        return slope * sums.one < -kFlat ? -60 / slope : kNan;
     }
+
+  private:
+    /// Energy that goes evenly from one value to another.
+    struct Piece {
+        double start, length, from, to;
+        double timeOf(double energy) const { return length * (from - energy) / (from - to); }
+        Piece below(double energy) const { return {start + timeOf(energy), length - timeOf(energy), energy, to}; }
+        Piece above(double energy) const { return {start, timeOf(energy), from, energy}; }
+    };
+    /// Over time: of 1, the time, its square, the level in decibels, and that times the time.
+    struct Sums {
+        double one = 0, time = 0, timeSquared = 0, level = 0, timeLevel = 0;
+
+        void add(const Piece& p, double total) {
+            constexpr double kEven = 0.25;  // so far the series below are exact to 1e-8
+            const double middle = (p.from + p.to) / 2, share = (p.from - p.to) / middle, half = p.length / 2;
+            if (share > kEven) {
+                add({p.start, half, p.from, middle}, total);
+                add({p.start + half, half, middle, p.to}, total);
+                return;
+            }
+            const double at = p.start + half, decibels = 10 / std::numbers::ln10, square = share * share;
+            const double mean = decibels * (std::log(middle / total) - square / 24 * (1 + square * 3 / 40));
+            const double moment = -decibels * p.length * share / 12 * (1 + square / 20);
+            one += p.length;
+            time += p.length * at;
+            timeSquared += p.length * (at * at + p.length * p.length / 12);
+            level += p.length * mean;
+            timeLevel += p.length * (at * mean + moment);
+        }
+    };
+
+    double total_;
+    std::vector<Piece> pieces_;  // down to just below -45 dB
 };
 
 /// Sets the figures of one band.
@@ -185,7 +257,16 @@ RoomMetrics roomMetrics(const Echogram& echogram) {
 std::vector<double> decayCurveDb(const Echogram& echogram, std::size_t band, double gridSeconds) {
     const BandDecay decay(echogram, band);
     if (!(decay.total() > 0)) return {};
-    return DecayCurve(decay, gridSeconds, -65).levelDb;
+    const double lowest = std::pow(10.0, -6.5) * decay.total();
+    std::vector<double> levelDb{0};
+    BandDecay::Walk walk(decay);
+    for (std::size_t k = 1;; ++k) {
+        const double energy = walk.after(decay.first() + static_cast<double>(k) * gridSeconds);
+        if (energy <= 0) break;
+        levelDb.push_back(10 * std::log10(energy / decay.total()));
+        if (energy < lowest) break;
+    }
+    return levelDb;
 }
 
 double largestError(const MetricsEstimate& m) {
@@ -196,6 +277,7 @@ double largestError(const MetricsEstimate& m) {
             worst = std::max(worst, std::isfinite(halfWidth) ? halfWidth / noticeable : 1e9);
     };
     for (std::size_t b = kBand1k - 3; b <= kBand1k + 2; ++b) {  // 125 Hz to 4 kHz
+        take(m.value.edt[b], m.ci95.edt[b], 0.05 * m.value.edt[b]);
         take(m.value.t20[b], m.ci95.t20[b], 0.05 * m.value.t20[b]);
         take(m.value.t30[b], m.ci95.t30[b], 0.05 * m.value.t30[b]);
         take(m.value.c80[b], m.ci95.c80[b], 1);

@@ -49,6 +49,55 @@ TEST(RoomMetrics, ExponentialDecayInClosedForm) {
     }
 }
 
+/// Least squares through the levels of a millionth of a second each, between two of them.
+double fineReverberationTime(const std::function<double(double)>& energyAfter, double fromDb, double toDb) {
+    double n = 0, sumT = 0, sumL = 0, sumTT = 0, sumTL = 0;
+    for (std::size_t k = 0;; ++k) {
+        const double t = (static_cast<double>(k) + .5) * 1e-6, level = 10 * std::log10(energyAfter(t));
+        if (level > fromDb) continue;
+        if (level < toDb) break;
+        n += 1, sumT += t, sumL += level, sumTT += t * t, sumTL += t * level;
+    }
+    return -60 * (n * sumTT - sumT * sumT) / (n * sumTL - sumT * sumL);
+}
+
+/// Where direct sound and single echoes stand out, one more sample or one less is seen.
+TEST(RoomMetrics, SlopesAreThoseOfLevelsAtAllTimes) {
+    constexpr double T = .5, k = 13.815510557964274 / T;
+    for (const double direct : {.1, .4, .6}) {
+        Echogram echogram;
+        std::vector<std::pair<double, double>> pulses{{.01, direct}, {.013, .1}, {.0217, .05}};
+        double pulsed = 0;
+        for (const auto& [seconds, energy] : pulses) {
+            Arrival& arrival = echogram.arrivals.emplace_back();
+            arrival.seconds = seconds;
+            arrival.energy = allBands(energy);
+            pulsed += energy;
+        }
+        echogram.late = exponential(T, 3 * T);
+        echogram.late.start = .01;
+        for (Bands& bin : echogram.late.bins)
+            for (double& energy : bin) energy *= 1 - pulsed;
+        const auto after = [&](double t) {  // the first arrival
+            double energy = (1 - pulsed) * std::exp(-k * t);
+            for (const auto& [seconds, each] : pulses)
+                if (seconds - .01 > t) energy += each;
+            return energy;
+        };
+        const RoomMetrics m = roomMetrics(echogram);
+        EXPECT_NEAR(m.edt[kBand1k], fineReverberationTime(after, 0, -10), 3e-4 * T) << direct;
+        EXPECT_NEAR(m.t20[kBand1k], fineReverberationTime(after, -5, -25), 3e-4 * T) << direct;
+        EXPECT_NEAR(m.t30[kBand1k], fineReverberationTime(after, -5, -35), 3e-4 * T) << direct;
+    }
+}
+
+TEST(RoomMetrics, TheLargestErrorIsThatOfTheEarlyDecayTimeToo) {
+    MetricsEstimate estimate;
+    for (Bands* figure : {&estimate.value.edt, &estimate.value.t20, &estimate.value.t30}) *figure = allBands(1);
+    estimate.ci95.edt = allBands(.1);
+    EXPECT_NEAR(largestError(estimate), 2, 1e-12) << "of 5 % each";
+}
+
 TEST(RoomMetrics, DoubleSlopeFollowsTheEarlyThenTheLateDecay) {
     Echogram echogram;
     echogram.late = exponential(0.5, 9);

@@ -1,12 +1,11 @@
 // Room-acoustic figures of an Echogram, one per octave band, with confidence intervals.
 //
 // Source: ISO 3382-1:2009 clauses 3 and A.2 by Schroeder backward integration: EDT, T20 and T30 are least-squares
-// lines through 0..-10, -5..-25 and -5..-35 dB of the decay curve sampled every 0.1 ms, extrapolated to 60 dB;
-// C50, C80, D50 and Ts count from the first arrival; G is re the same source at 10 m in free field (unit power).
-// Differs: there is no background noise to correct for, so the curve is integrated from the end of the echogram.
-// A figure is NaN where the band has no energy or the decay is too short for it: EDT, T20 and T30 need a curve down to
-// -20, -35 and -45 dB, as there is no T30 without T20.
-// Threading: pure functions.
+// lines through 0..-10, -5..-25 and -5..-35 dB of the decay curve at all times, extrapolated to 60 dB; C50, C80, D50
+// and Ts count from the first arrival; G is re the same source at 10 m in free field (unit power). Differs: there is no
+// background noise to correct for, so the curve is integrated from the end of the echogram. A figure is NaN where the
+// band has no energy or the decay is too short for it: EDT, T20 and T30 need a curve down to -20, -35 and -45 dB, as
+// there is no T30 without T20. Threading: pure functions.
 #pragma once
 
 #include <array>
@@ -58,8 +57,8 @@ MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<
 /// arrival, re all of it; down to just below -65 dB or its end. Empty where the band has no energy.
 std::vector<double> decayCurveDb(const Echogram& echogram, std::size_t band, double gridSeconds);
 
-/// The largest half width from 125 Hz to 4 kHz in just noticeable differences (T 5 %, C80 1 dB, D50 .05, G 1 dB) of the
-/// figures that exist.
+/// The largest half width from 125 Hz to 4 kHz in just noticeable differences (EDT and T 5 %, C80 1 dB, D50 .05, G 1
+/// dB) of the figures that exist.
 double largestError(const MetricsEstimate& estimate);
 
 /// Two-sided 95 % quantile of Student's t; NaN below one degree of freedom.
