@@ -10,9 +10,21 @@ namespace {
 
 constexpr double kReach = 0.1;            // m: farther away rays find what is scattered well
 constexpr double kReachOfDistance = 0.2;  // of the source, whose sound changes over the spot
-constexpr int kDirections = 1024;
+constexpr int kDirections = 4096;
+/// Of the reach: a wall that is nearer is touched.
+constexpr double kTouched = 0x1p-12;
+/// Of the reach: so far away flat rays may meet it.
+constexpr double kFlat = 1000;
 /// Normals closer than this are those of one wall.
 constexpr double kAlike = 0.98;
+
+/// Each with the one against it, so that just half of them meet a wall that goes through the middle; turned so that
+/// none lies in a plane of two axes.
+glm::dvec3 evenPair(int i) {
+    constexpr int kHalf = kDirections / 2;
+    static const glm::dmat3 turn({.36, .48, -.8}, {-.8, .6, 0}, {.48, .64, .6});
+    return i < kHalf ? turn * evenDirection(i, kDirections) : -(turn * evenDirection(i - kHalf, kDirections));
+}
 
 }  // namespace
 
@@ -31,11 +43,17 @@ void NearWalls::look(const AcousticGeometry& geometry, const BandClasses& classe
     for (int first = 0; first < kDirections; first += AcousticRays::kMost) {
         AcousticRays rays;
         for (int i = first; i < first + AcousticRays::kMost; ++i)
-            rays.add(listener, glm::dvec3(0), evenDirection(i, kDirections), reach_, kNoPlane);
+            rays.add(listener, glm::dvec3(0), evenPair(i), kFlat * reach_, kNoPlane);
         AcousticHits hits;
         const std::uint32_t met = geometry.closestOf(rays, hits);
-        for (int i = 0; i < rays.count; ++i)
-            if (met >> i & 1) follow(geometry, classes, listener, rays.direction[i], hits[static_cast<std::size_t>(i)]);
+        for (int i = 0; i < rays.count; ++i) {
+            const AcousticHit& hit = hits[static_cast<std::size_t>(i)];
+            // Of a wall that is touched all counts, however flat the ray.
+            if ((met >> i & 1) != 0 &&
+                (hit.distance <= reach_ ||
+                 hit.distance * std::abs(glm::dot(hit.normal, rays.direction[i])) < kTouched * reach_))
+                follow(geometry, classes, listener, rays.direction[i], hit);
+        }
     }
     for (Wall& wall : walls_) {
         wall.way /= static_cast<double>(wall.views.size());

@@ -49,6 +49,25 @@ TEST(NearWalls, ADiffusePlaneSendsWhatTheIntegralSaysFromAnyHeight) {
     }
 }
 
+/// A listener on a wall sees it in half of all directions, however the wall lies.
+TEST(NearWalls, OfAWallThatIsTouchedHalfOfAllDirectionsCount) {
+    for (int i = -3; i < 40; ++i) {
+        const glm::dvec3 normal = i < 0 ? glm::dvec3(i == -1, i == -2, i == -3) : evenDirection(i, 40);
+        const glm::dvec3 one = glm::normalize(glm::cross(normal, glm::dvec3(.3, .9, .1))) * 300.0,
+                         other = glm::cross(normal, one), away = normal * 4e-6;
+        TriangleGeometry plane;
+        plane.addQuad(-one - other, one - other, one + other, other - one, plane.addMaterial(.2, 1));
+        plane.finish();
+        const trace::BandClasses classes = trace::bandClasses(plane.materials());
+        for (const double distance : {2.0, .11}) {
+            const trace::NearWalls near(plane, classes, normal * distance, away);
+            double share = 0;
+            near.echo(normal, [&](double, const Bands& shares) { share += shares[0]; });
+            EXPECT_NEAR(share, 2 * .8, 1e-9) << i << ' ' << distance;
+        }
+    }
+}
+
 /// Where no wall takes anything away the field is the same in every place and from all sides, so that what comes from
 /// the open part of the sphere and its echo are together what the whole sphere would send.
 TEST(NearWalls, InALosslessRoomNoCornerIsQuieterThanTheMiddle) {
