@@ -22,22 +22,39 @@ namespace {
 /// Where things without a place are: out of hearing, but a number (metres).
 constexpr double kNowhere = 1e12;
 
-/// Octave bands in a metadata node called `name`; false when there are none.
-bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Bands& bands, int depth = 0) {
+double shareOf(double value) {
+    return std::isfinite(value) ? std::clamp(value, 0.0, 1.0) : 0.0;
+}
+
+/// Octave bands in a metadata node called `name`; false when there are none. `tell`: what is wrong with one.
+bool bandsFromMetadata(const Scene& scene, NodeId id, std::string_view name, Bands& bands, const TellMaterial& tell,
+                       int depth = 0) {
     const Node* node = scene.find(id);
     if (!node || depth > 8) return false;
     std::vector<double> values;
     if (node->is(x3d::MetadataSet::type)) {
         for (const NodeId child : node->get(x3d::MetadataSet::value))
-            if (bandsFromMetadata(scene, child, name, bands, depth + 1)) return true;
+            if (bandsFromMetadata(scene, child, name, bands, tell, depth + 1)) return true;
         return false;
     }
     if (node->is(x3d::MetadataFloat::type) && node->get(x3d::MetadataFloat::name).view() == name) {
         for (const float value : node->get(x3d::MetadataFloat::value)) values.push_back(static_cast<double>(value));
     } else if (node->is(x3d::MetadataDouble::type) && node->get(x3d::MetadataDouble::name).view() == name) {
         for (const double value : node->get(x3d::MetadataDouble::value)) values.push_back(value);
+    } else {
+        return false;
     }
-    if (values.size() < 6 || values.size() > kBandCount) return false;
+    if (values.size() < 6 || values.size() > kBandCount) {
+        if (tell)
+            tell(id, fmt::format("{} of the metadata has {} value{}, and octave bands are 10 or 9 (from 31.5 Hz on), 8 "
+                                 "(from 63 Hz) or 7 or 6 (from 125 Hz): the field counts",
+                                 name, values.size(), values.size() == 1 ? "" : "s"));
+        return false;
+    }
+    const auto wrong = std::ranges::find_if(values, [](double value) { return !(value >= 0 && value <= 1); });
+    if (tell && wrong != values.end())
+        tell(id, fmt::format("{} of the metadata has the value {:g}, outside 0 to 1: {:g} counts", name, *wrong,
+                             shareOf(*wrong)));
     const int count = static_cast<int>(values.size());
     // From 31.5 Hz, from 63 Hz, or from 125 Hz.
     const int first = count >= 9 ? 0 : count == 8 ? 1 : 2;
@@ -70,7 +87,8 @@ FoundPose poseFrom(const WorldFromLocal& m, const Vec3d& position, const Rotatio
 
 }  // namespace
 
-AcousticMaterial acousticMaterial(const Scene& scene, const Node& node, const AcousticMaterial& defaults) {
+AcousticMaterial acousticMaterial(const Scene& scene, const Node& node, const AcousticMaterial& defaults,
+                                  const TellMaterial& tell) {
     using P = x3d::AcousticProperties;
     if (!node.get(P::enabled)) return defaults;
     Bands absorption = allBands(static_cast<double>(node.get(P::absorption)));
@@ -78,15 +96,14 @@ AcousticMaterial acousticMaterial(const Scene& scene, const Node& node, const Ac
     Bands specular = allBands(static_cast<double>(node.get(P::specular)));
     Bands refraction = allBands(static_cast<double>(node.get(P::refraction)));
     const NodeId metadata = node.get(P::metadata);
-    bandsFromMetadata(scene, metadata, "absorption", absorption);
-    bandsFromMetadata(scene, metadata, "diffuse", diffuse);
-    bandsFromMetadata(scene, metadata, "specular", specular);
-    bandsFromMetadata(scene, metadata, "refraction", refraction);
+    bandsFromMetadata(scene, metadata, "absorption", absorption, tell);
+    bandsFromMetadata(scene, metadata, "diffuse", diffuse, tell);
+    bandsFromMetadata(scene, metadata, "specular", specular, tell);
+    bandsFromMetadata(scene, metadata, "refraction", refraction, tell);
     AcousticMaterial material;
-    const auto share = [](double value) { return std::isfinite(value) ? std::clamp(value, 0.0, 1.0) : 0.0; };
     for (std::size_t b = 0; b < kBandCount; ++b) {
-        const double a = share(absorption[b]), through = std::min(share(refraction[b]), 1 - a), left = 1 - a - through;
-        const double d = share(diffuse[b]), s = share(specular[b]);
+        const double a = shareOf(absorption[b]), through = std::min(shareOf(refraction[b]), 1 - a);
+        const double left = 1 - a - through, d = shareOf(diffuse[b]), s = shareOf(specular[b]);
         material.absorption[b] = a;
         material.transmission[b] = through;
         // Fields are in single precision: where diffuse is all that is left, rounding leaves no mirror.
@@ -311,7 +328,10 @@ void SoundScene::readWalls(const Scene& scene, const ChangeSet& changes, const I
     const auto read = [&](NodeId id) {
         const Node* node = scene.effectiveNode(id);
         const bool says = node && node->is(x3d::AcousticProperties::type);
-        walls_->setMaterial(id, says ? acousticMaterial(scene, *node, defaults_) : defaults_);
+        const auto tell = [&](NodeId metadata, std::string text) {
+            warnOnce(scene.placeOf(metadata), fmt::format("{}: {}", nameOf(scene, *node), text));
+        };
+        walls_->setMaterial(id, says ? acousticMaterial(scene, *node, defaults_, tell) : defaults_);
     };
     // Known from before or not: while nothing had it nobody told of its changes.
     std::unordered_set<std::uint32_t> now;

@@ -365,5 +365,29 @@ TEST_F(Listen, BandsOfMetadataLieWhereTheirNumberSays) {
     expect(".1 .2 .3 .4 .5", allBands(.5));                                                     // none: the field
 }
 
+/// Once each, with the line of the metadata and what counts instead.
+TEST_F(Listen, MetadataThatAreNoBandsAreTold) {
+    const auto told = [&](const std::string& name, const std::string& values) {
+        Scene scene;
+        load(scene,
+             room("absorption .5 metadata\nMetadataDouble { name \"" + name + "\" value [ " + values + " ] }", kPair));
+        const auto report = listen(scene, options());
+        EXPECT_TRUE(report);
+        std::string all;
+        for (const Diagnostic& d : report->diagnostics.all()) all += fmt::format("{}: {}", d.where.line, d.text);
+        const std::size_t node = all.find("AcousticProperties"), text = all.find(": absorption");
+        return text == all.npos ? all : all.substr(0, node) + all.substr(text + 2);
+    };
+    EXPECT_EQ(told("absorption", ".1 .2 .3 .4 .5 .6"), "");
+    EXPECT_EQ(told("color", ".1 .2 .3"), "");
+    EXPECT_EQ(told("absorption", ".1 .2 .3"),
+              "4: absorption of the metadata has 3 values, and octave bands are 10 or 9 (from 31.5 Hz on), 8 (from 63 "
+              "Hz) or 7 or 6 (from 125 Hz): the field counts");
+    EXPECT_EQ(told("absorption", ".1 .2 -1 .4 .5 2"),
+              "4: absorption of the metadata has the value -1, outside 0 to 1: 0 counts");
+    EXPECT_EQ(told("absorption", ".1 .2 .3 .4 .5 2"),
+              "4: absorption of the metadata has the value 2, outside 0 to 1: 1 counts");
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -12,6 +12,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -32,8 +33,11 @@ namespace rtsg {
 class FieldNumbers;
 class Walls;
 
+/// What is wrong with a metadata node, and what counts.
+using TellMaterial = std::function<void(NodeId metadata, std::string)>;
 /// A node's acoustic material; `defaults` while it is not enabled.
-AcousticMaterial acousticMaterial(const Scene& scene, const Node& acousticProperties, const AcousticMaterial& defaults);
+AcousticMaterial acousticMaterial(const Scene& scene, const Node& acousticProperties, const AcousticMaterial& defaults,
+                                  const TellMaterial& tell = {});
 
 /// When a time-dependent node is active (8.2.4), in seconds of scene time.
 struct SoundTimes {
