@@ -353,7 +353,7 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
             continue;
         }
         if (state.inputs.empty()) {  // it has never been heard
-            toldSealed.erase(it->first);
+            endSeal(it->first, seconds());
             it = states.erase(it);
             continue;
         }
@@ -367,9 +367,7 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
         if (state.fading > 0) {
             ++it;
         } else {
-            for (const EmitterInput& input : state.inputs)
-                if (input.mixerSource) freeSources.push_back(*input.mixerSource);
-            toldSealed.erase(it->first);
+            endSeal(it->first, seconds());
             it = states.erase(it);
         }
     }

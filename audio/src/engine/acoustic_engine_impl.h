@@ -133,6 +133,7 @@ struct AcousticEngine::Impl {
     void takeResponse(TracedResponse traced);
     void noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener, double seconds,
                   Seal seal);
+    void endSeal(InstanceId emitter, double seconds);
     double seconds() const { return static_cast<double>(samples) / options.sampleRate; }
     void noteWallsChanged(EmitterState& state) const;
     bool shallSeekLeaks(const EmitterState& state) const;
@@ -168,7 +169,8 @@ struct AcousticEngine::Impl {
     std::vector<SealedSource> sealed;
     std::map<InstanceId, UnheardSource> unheard;  // until any sound was in its reach
     bool anyInReach = false, anyHeard = false;
-    std::map<InstanceId, bool> toldSealed;  // of those that are: whether the source is inside
+    /// Of those that are: whether the source is inside, and which of `sealed` it is.
+    std::map<InstanceId, std::pair<bool, std::size_t>> toldSealed;
     std::vector<SoundLeak> leaks;
     int leakSearches = 0;
     // Of sound that does not wait.

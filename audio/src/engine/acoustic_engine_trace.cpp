@@ -225,7 +225,7 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     state.reached = traced.reached;
     state.tracing = false;
     state.seal = std::move(traced.seal);
-    if (!state.seal) toldSealed.erase(traced.emitter);
+    if (!state.seal) endSeal(traced.emitter, seconds());
     // In the open, or where nothing is lost, looking costs nothing, and walls may come yet.
     if (traced.openings.outdoors || !(traced.openings.escaped > 0)) return;
     state.leaksSought = true;
@@ -253,11 +253,19 @@ void AcousticEngine::Impl::noteLeaks(const SoundEmitter& emitter, const glm::dve
 void AcousticEngine::Impl::noteSeal(const SoundEmitter& emitter, const glm::dvec3& source, const glm::dvec3& listener,
                                     double seconds, Seal seal) {
     constexpr std::size_t kMost = 1000;
-    const auto [told, fresh] = toldSealed.try_emplace(emitter.id, seal.sourceInside);
-    if (!fresh && told->second == seal.sourceInside) return;
-    told->second = seal.sourceInside;
+    const auto told = toldSealed.find(emitter.id);
+    if (told != toldSealed.end() && told->second.first == seal.sourceInside) return;
+    endSeal(emitter.id, seconds);
+    toldSealed[emitter.id] = {seal.sourceInside, sealed.size()};
     if (sealed.size() < kMost)
         sealed.push_back({emitter.name, emitter.sound->node, source, listener, seconds, std::move(seal)});
+}
+
+void AcousticEngine::Impl::endSeal(InstanceId emitter, double seconds) {
+    const auto told = toldSealed.find(emitter);
+    if (told == toldSealed.end()) return;
+    if (told->second.second < sealed.size()) sealed[told->second.second].until = seconds;
+    toldSealed.erase(told);
 }
 
 /// Why, as it is at present: what comes into reach later is heard.
@@ -311,7 +319,7 @@ void AcousticEngine::note(const SoundEmitter& emitter, const glm::dvec3& listene
     if (seal)
         impl_->noteSeal(emitter, emitter.position(), listener, seconds, std::move(*seal));
     else
-        impl_->toldSealed.erase(emitter.id);
+        impl_->endSeal(emitter.id, seconds);
 }
 
 }  // namespace rtsg

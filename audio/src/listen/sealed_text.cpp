@@ -169,8 +169,11 @@ void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double
                       shapeText(scene, places, shape.shape, shape.geometry, shape.box);
         }
         if (seal.more > 0) shapes += fmt::format(" and {} more", seal.more);
-        const std::string since =
-            found.seconds > start ? fmt::format("from {:.2f} s on ", found.seconds - start) : std::string();
+        const std::string from = fmt::format("from {:.2f} s ", found.seconds - start);
+        const std::string since = found.until ? (found.seconds > start ? from + "to" : "until") +
+                                                    fmt::format(" {:.2f} s ", *found.until - start)
+                                  : found.seconds > start ? from + "on "
+                                                          : std::string();
         const std::string source = placeOf(found.source), listener = placeOf(found.listener);
         Diagnostic told{Severity::warning, {}, {}, {}, DiagnosticCode("sealed")};
         told.text = fmt::format("{}nothing is heard of {}: ", since, found.name);

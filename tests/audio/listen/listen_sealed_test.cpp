@@ -128,10 +128,17 @@ TEST_F(ListenSealed, IsToldAgainOnlyWhenItIsSealedAgain) {
     };
     const auto texts = heard(body, at, .6);
     ASSERT_EQ(texts.size(), 2u);
-    EXPECT_TRUE(texts[0].starts_with("nothing is heard of Voice: ")) << texts[0];
+    EXPECT_TRUE(texts[0].starts_with("until 0.2")) << texts[0];
+    EXPECT_NE(texts[0].find(" s nothing is heard of Voice: "), std::string::npos) << texts[0];
     // What a frame says holds for the sound since the one before.
     EXPECT_TRUE(texts[1].starts_with("from 0.3") || texts[1].starts_with("from 0.4")) << texts[1];
     EXPECT_NE(texts[1].find(" s on nothing is heard of Voice: "), std::string::npos) << texts[1];
+    // Sealed from .1 to .3 s.
+    const auto between = heard(
+        body, [](Scene& scene, double t) { move(scene, "AtDrum", Vec3f(t > .1 && t < .3 ? 0.0f : 20.0f, 0, 0)); }, .5);
+    ASSERT_EQ(between.size(), 1u);
+    EXPECT_TRUE(between[0].starts_with("from 0.1")) << between[0];
+    EXPECT_NE(between[0].find(" s to 0."), std::string::npos) << between[0];
 }
 
 TEST_F(ListenSealed, WhatFollowsCloseBehindASourceDoesNotPassOverIt) {

@@ -105,6 +105,7 @@ struct SealedSource {
     glm::dvec3 source{0}, listener{0};
     double seconds = 0;  // scene time
     Seal seal;
+    std::optional<double> until = std::nullopt;  // scene time, if it was let out again
 };
 
 /// A source of which nothing was heard, whatever it played, because of itself or of how far away it was.
