@@ -29,7 +29,7 @@ struct AcousticEngine::Impl {
           channels(static_cast<std::size_t>(o.ambisonicOrder > 0 ? ambisonicChannels(o.ambisonicOrder) : 2)),
           air(o.air.over(o.trace.air)),
           longest(o.trace.maxSeconds * air.speedOfSound),
-          mixer(std::move(m)),
+          geometry({.edges = !o.background}),  // the worker has its own
           clips(o.sampleRate, o.resources, o.given),
           listenerMotion(o.blockSize),
           renderedUntil(o.startTime),

@@ -53,7 +53,7 @@ void cornersOf(const Wall& wall, std::uint32_t triangle, glm::dvec3 (&corners)[3
 WorldGeometry::WorldGeometry() : WorldGeometry(Options{}) {}
 WorldGeometry::WorldGeometry(const Options& options)
     : planes_(std::make_unique<WallPlanes>(options.maxPlanes)),
-      edges_(std::make_unique<EdgeTable>()),
+      edges_(options.edges ? std::make_unique<EdgeTable>() : nullptr),
       few_(std::make_unique<FewWalls>()) {}
 WorldGeometry::~WorldGeometry() = default;
 
@@ -65,7 +65,7 @@ std::uint64_t WorldGeometry::work() const {
 }
 
 void WorldGeometry::visitEdgesBut(std::span<const std::uint32_t> open, const EdgeVisitor& visit) const {
-    edges_->visitBut(open, visit);
+    if (edges_) edges_->visitBut(open, visit);
 }
 
 void WorldGeometry::followMaterials(const PagedArray<AcousticMaterial>& materials) {
@@ -98,7 +98,7 @@ const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version,
                                       changed = true;
                                       few_->change(static_cast<std::uint32_t>(at), before, now);
                                       planes_->change(static_cast<std::uint32_t>(at), now);
-                                      edges_->change(static_cast<std::uint32_t>(at), now);
+                                      if (edges_) edges_->change(static_cast<std::uint32_t>(at), now);
                                       for (const AcousticBox& box : {worldBox(before), worldBox(now)})
                                           if (!box.empty()) changes_.boxes.push_back(box);
                                   });

@@ -67,6 +67,23 @@ AcousticOptions few() {
     return options;
 }
 
+/// To look for the edges of a mesh takes longer than a block of sound, and only who traces needs them: the thread of
+/// sound does not where another one traces.
+TEST(AcousticEngine, LooksForEdgesOnlyWhereItTraces) {
+    for (const bool background : {false, true}) {
+        Stage stage;
+        AcousticOptions options;
+        options.background = background;
+        const auto engine = AcousticEngine::create(options);
+        ASSERT_TRUE(engine);
+        int edges = 0;
+        (*engine)
+            ->geometryFor(*stage.tables.latest(), stage.world.rays(), {1, 1, 1.5})
+            .visitEdges([&](const WallEdge&) { ++edges; });
+        EXPECT_EQ(edges > 0, !background);
+    }
+}
+
 TEST(AcousticEngine, GoesOnWhereTimeGoesBack) {
     Stage stage(
         "#X3D V4.0 utf8\nPROFILE Full\nAudioDestination { gain .5 children BufferAudioSource { startTime 1 sampleRate "

@@ -47,6 +47,8 @@ class WorldGeometry final : public AcousticGeometry {
     struct Options {
         /// With more planes than this no sources are mirrored, rays do it all, and the search for planes ends there.
         std::size_t maxPlanes = 20'000;
+        /// Of meshes with thousands of triangles they take a while: who traces nothing needs none.
+        bool edges = true;
     };
     /// What follow() found changed.
     struct Changes {
