@@ -116,7 +116,7 @@ void SoundArguments::addTo(Command& command) {
     auto* a = command.addOption("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->range(1, 7);
     b->excludes(s)->excludes(a);
     s->excludes(a);
-    command.addOption("--sofa", sofa, "of --binaural: the head, as a SOFA file; else OpenAL's");
+    command.addOption("--sofa", sofa, "of --binaural: the head, as a SOFA file; else a sphere");
     given.addTo(command);
     command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
         ->range(std::uint64_t{1}, std::uint64_t{1} << 40);

@@ -31,17 +31,9 @@ Result<std::unique_ptr<AcousticEngine>> AcousticEngine::create(const AcousticOpt
     if (options.sampleRate < 8000 || options.sampleRate > 192'000) return fail("the sample rate must be 8 to 192 kHz");
     if (options.ambisonicOrder < 0 || options.ambisonicOrder > kMaxAmbisonicOrder)
         return fail("the ambisonic order must be 1 to 7");
-    std::optional<LoopbackMixer> mixer;
     if (options.hrtf && options.hrtf->sampleRate() != options.sampleRate)
         return fail("the head's responses have another sample rate");
-    // Two plain channels are panned here, and put through a head that is given.
-    if (options.binaural && !options.hrtf && options.ambisonicOrder == 0) {
-        auto opened = LoopbackMixer::open(
-            {.sampleRate = options.sampleRate, .binaural = options.binaural, .blockSize = options.blockSize});
-        if (!opened) return std::unexpected(opened.error());
-        mixer = std::move(*opened);
-    }
-    return std::unique_ptr<AcousticEngine>(new AcousticEngine(std::make_unique<Impl>(options, std::move(mixer))));
+    return std::unique_ptr<AcousticEngine>(new AcousticEngine(std::make_unique<Impl>(options)));
 }
 
 namespace {
@@ -60,7 +52,8 @@ void readClips(const std::vector<SoundVoice>& voices, const std::vector<std::sha
 void AcousticEngine::prepare(const AcousticState& state) {
     for (const SoundEmitter& emitter : *state.sounds.emitters)
         readClips(emitter.sound->voices, emitter.sound->processes, impl_->clips);
-    impl_->openMixer(state.sounds);
+    impl_->runAheadFor(state.sounds);
+    impl_->findHead(state.sounds.listener);
 }
 int AcousticEngine::channels() const {
     return static_cast<int>(impl_->channels);
@@ -160,7 +153,7 @@ void AcousticEngine::Impl::takeOver(const SoundVersion& sounds, double poseSecon
         state.jumped = state.jumped || jumps || all;
     }
     followAir(sounds);
-    openMixer(sounds);
+    runAheadFor(sounds);
     playing = sounds;
 }
 
@@ -244,9 +237,9 @@ Result<> AcousticEngine::Impl::renderTo(const SoundVersion& sounds, double until
                                               0.0, std::round(untilSeconds * rate) - std::round(renderedUntil * rate)));
     while (ready.size() < wanted) {
         const double begin = static_cast<double>(samples) / rate;
-        // The blocks ahead of the sound, by the latency of the mixer.
+        // The blocks ahead of the sound, by the latency of heads.
         if (begin >= untilSeconds && playing.emitters != sounds.emitters) takeOver(sounds, untilSeconds);
-        if (auto done = block(); !done) return done;
+        block();
     }
     sound.samples.insert(sound.samples.end(), ready.begin(), ready.begin() + static_cast<std::ptrdiff_t>(wanted));
     ready.erase(ready.begin(), ready.begin() + static_cast<std::ptrdiff_t>(wanted));

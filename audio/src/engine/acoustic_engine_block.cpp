@@ -23,9 +23,8 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
         const auto exactly = static_cast<std::size_t>(speakers ? std::min(sound.maxChannels, 2) : 0);
         AudioChannels& played = exactly == 1 ? state.lead : state.dry;
         state.mix.render(sound.voices, sound.processes,
-                         {clips, samples, options.blockSize, emitter, block.listener, air.speedOfSound,
-                          hasMeasuredHead() ? options.hrtf.get() : nullptr},
-                         played, {sound.discrete, exactly, std::max<std::size_t>(1, state.inputs.size())});
+                         {clips, samples, options.blockSize, emitter, block.listener, *head}, played,
+                         {sound.discrete, exactly, std::max<std::size_t>(1, state.inputs.size())});
         if (exactly == 1) {
             state.dry.resize(2);
             for (std::vector<float>& dry : state.dry) dry = state.lead[0];
@@ -40,19 +39,8 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
     state.mix = {};
 }
 
-Result<> AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count, bool forMixer) {
+void AcousticEngine::Impl::makeInputs(EmitterState& state, std::size_t count) const {
     while (state.inputs.size() < count) state.inputs.emplace_back().gains.resize(channels);
-    for (EmitterInput& input : state.inputs) {
-        if (!forMixer || input.mixerSource) continue;
-        if (freeSources.empty()) {
-            if (auto added = mixer->addSource(); !added) return std::unexpected(added.error());
-            freeSources.push_back(blocks.size());
-            blocks.emplace_back(options.blockSize);
-        }
-        input.mixerSource = freeSources.back();
-        freeSources.pop_back();
-    }
-    return {};
 }
 
 namespace {
@@ -178,37 +166,26 @@ void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& t
     block.crossfade = crossfade;
     const double farthest =
         std::max({to.delay, state.level.delay, *std::max_element(block.delays.begin(), block.delays.end())});
-    // Of a sphere the far ear hears it that much later.
-    const double later = 2 * block.listener.headRadius() / air.speedOfSound * options.sampleRate;
     state.direct.resize(state.inputs.size());
     for (std::size_t k = 0; k < state.inputs.size(); ++k) {
         DelayLine& line = state.inputs[k].line;
-        line.write(state.dry[k], static_cast<std::size_t>(farthest + later) + 2);
-        readDirect(line, block, 0, 0, state.direct[k]);
+        line.write(state.dry[k], static_cast<std::size_t>(farthest) + 2);
+        readDirect(line, block, state.direct[k]);
     }
 }
 
-/// What was just written, as it comes; an ear hears it so many samples later, from the end of the last block to that of
-/// this one.
-void AcousticEngine::Impl::readDirect(const DelayLine& line, Block& block, double earBefore, double ear,
-                                      std::vector<float>& out) const {
+/// What was just written, as it comes.
+void AcousticEngine::Impl::readDirect(const DelayLine& line, const Block& block, std::vector<float>& out) const {
     const std::size_t size = options.blockSize, first = line.written() - size;
     const auto share = [&](std::size_t i) { return static_cast<double>(i + 1) / static_cast<double>(size); };
     out.resize(size);
-    block.ways.resize(size);
-    // In its own time, not in that of the source.
-    for (std::size_t i = 0; i < size; ++i)
-        block.ways[i] = (earBefore + (ear - earBefore) * share(i)) * (1 - block.after.slope);
     if (block.crossfade) {
         for (std::size_t i = 0; i < size; ++i) {
-            const auto at = [&](double delay) {
-                return static_cast<double>(line.read(first + i, std::max(0.0, delay + block.ways[i])));
-            };
+            const auto at = [&](double delay) { return static_cast<double>(line.read(first + i, delay)); };
             out[i] = static_cast<float>(at(block.after.delay) * share(i) + at(block.before.delay) * (1 - share(i)));
         }
     } else {
-        for (std::size_t i = 0; i < size; ++i) block.ways[i] = std::max(0.0, block.delays[i] + block.ways[i]);
-        line.read(first, block.ways, out);
+        line.read(first, block.delays, out);
     }
     for (std::size_t i = 0; i < size; ++i) {
         const double gain = block.before.directGain + (block.after.directGain - block.before.directGain) * share(i);
@@ -270,19 +247,17 @@ bool makesSound(const EmitterState& state) {
 
 }  // namespace
 
-Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
+void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block) {
     const SoundNode& sound = *emitter.sound;
     if (sound.stream) {
         if (options.keepStreams) streamOut(emitter, state, block);
-        return {};
+        return;
     }
     const double start = static_cast<double>(samples), end = start + static_cast<double>(options.blockSize);
     state.motion.advance(end);
     play(emitter, state, block);
-    const HeardBy by = state.reflectedBy = heardBy(sound, block.listener);
-    // A channel that is new in the block in which the sound leaves the mixer fades from there, as the others do.
-    const bool forMixer = by == HeardBy::mixer || state.heardBy == HeardBy::mixer;
-    if (auto made = makeInputs(state, state.dry.size(), forMixer); !made) return made;
+    state.reflectedBy = heardBy(sound);
+    makeInputs(state, state.dry.size());
     HeardLevel to;
     if (!state.started)
         findDelay(state.motion, nullptr, static_cast<double>(samples), state.level.delay, state.level.slope);
@@ -292,6 +267,7 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     const bool doppler = sound.doppler || (block.listener.doppler && sound.law != SoundNode::Law::none);
     const bool held = !doppler && state.started && !silent;
     const glm::dvec3 apparent = apparentPosition(state, to.delay);
+    findTurns(state, apparent, !(state.started && state.jumped), block);
     if (held) {
         to.delay = state.level.delay;
         to.slope = 0;
@@ -317,7 +293,7 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
     state.jumped = false;
     state.held = held;
     renderDirect(state, to, crossfade, block);
-    spatialise(sound, state, apparent, block);
+    spatialise(sound, state, block);
     if (options.reflections && sound.reflected) {
         // Source, listener and walls of one instant, that of the scene, which the block is on its way to.
         // Who will be somewhere else when the frame ends is not there yet.
@@ -336,7 +312,6 @@ Result<> AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, Emitte
         state.openings = {};
     }
     state.level = to;
-    return {};
 }
 
 void AcousticEngine::Impl::noteSilence(EmitterState& state) const {
@@ -373,14 +348,9 @@ void AcousticEngine::Impl::fadeOut(Block& block) {
     }
 }
 
-/// Panned direct sound and delayed reflections into `ready`.
-Result<> AcousticEngine::Impl::mixDown(Block& block) {
+/// What went through the head and, delayed, what did not, into `ready`.
+void AcousticEngine::Impl::mixDown(const Block& block) {
     const std::size_t size = options.blockSize;
-    block.mixed.assign(channels * size, 0.0f);
-    if (mixer) {
-        block.mixerInputs.assign(blocks.begin(), blocks.end());
-        if (auto rendered = mixer->render(block.mixerInputs, block.mixed); !rendered) return rendered;
-    }
     for (std::size_t i = 0; i < size; ++i)
         for (std::size_t ch = 0; ch < channels; ++ch) {
             float late = block.out[ch][i];
@@ -389,7 +359,7 @@ Result<> AcousticEngine::Impl::mixDown(Block& block) {
                 lateAt = (lateAt + 1) % lateRing.size();
             }
             const float ear = block.ears.empty() ? 0 : block.ears[ch][i];
-            float sample = block.mixed[channels * i + ch] + ear + late;
+            float sample = ear + late;
             if (!(std::abs(sample) <= static_cast<float>(kLoudest))) sample = 0;
             if (toSkip > 0) {
                 --toSkip;
@@ -397,19 +367,18 @@ Result<> AcousticEngine::Impl::mixDown(Block& block) {
                 ready.push_back(sample);
             }
         }
-    return {};
 }
 
 /// Silence, in what the last block was.
 void AcousticEngine::Impl::begin(Block& block, const ListenerPose& listener) const {
     block.listener = listener;
     block.out.resize(channels);
-    block.ears.resize(hasMeasuredHead() ? channels : 0);
+    block.ears.resize(lateRing.empty() ? 0 : channels);
     for (AudioChannels* to : {&block.out, &block.ears})
         for (std::vector<float>& channel : *to) channel.assign(options.blockSize, 0.0f);
 }
 
-Result<> AcousticEngine::Impl::block() {
+void AcousticEngine::Impl::block() {
     const std::size_t size = options.blockSize;
     const double end = static_cast<double>(samples) + static_cast<double>(size);
     listenerMotion.advance(end);
@@ -418,15 +387,13 @@ Result<> AcousticEngine::Impl::block() {
     listener.doppler = playing.listener.doppler;
     listener.earDistance = playing.listener.earDistance;
     begin(work, listener);
-    for (auto& b : blocks) std::fill(b.begin(), b.end(), 0.0f);
-    for (const SoundEmitter& emitter : *playing.emitters)
-        if (auto done = renderEmitter(emitter, states.at(emitter.id), work); !done) return done;
+    findHead(listener);
+    for (const SoundEmitter& emitter : *playing.emitters) renderEmitter(emitter, states.at(emitter.id), work);
     renewLongestDue();
     fadeOut(work);
     endStreams();
-    if (auto mixed = mixDown(work); !mixed) return mixed;
+    mixDown(work);
     samples += static_cast<std::int64_t>(size);
-    return {};
 }
 
 }  // namespace rtsg

@@ -12,7 +12,6 @@
 #include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/clip_library.h>
-#include <rtsg/audio/loopback.h>
 
 #include "emitter_state.h"
 #include "listener_motion.h"
@@ -24,7 +23,7 @@ namespace rtsg {
 constexpr double kHorizon = 20'000;
 
 struct AcousticEngine::Impl {
-    Impl(const AcousticOptions& o, std::optional<LoopbackMixer> m)
+    explicit Impl(const AcousticOptions& o)
         : options(o),
           channels(static_cast<std::size_t>(o.ambisonicOrder > 0 ? ambisonicChannels(o.ambisonicOrder) : 2)),
           air(o.air.over(o.trace.air)),
@@ -35,24 +34,28 @@ struct AcousticEngine::Impl {
           renderedUntil(o.startTime),
           posedAt(o.startTime),
           samples(std::llround(o.startTime * o.sampleRate)),
-          firstSample(samples),
-          lateRing(channels * latency()) {}
+          firstSample(samples) {
+        if (options.binaural) runAhead();
+    }
 
     /// What one block sounds like while it is made.
     struct Block {
         ListenerPose listener;       // at the end
         std::vector<double> delays;  // by sample
-        AudioChannels out;           // all but what goes to the mixer and through the head
+        AudioChannels out;           // all but what goes through the head
         AudioChannels ears;          // what went through the head
         // Of the emitter that is being rendered: at the ends of the block before and of this one.
         HeardLevel before, after;
         bool crossfade = false;  // from one delay to the other
+        /// Where the emitter is heard from, in the listener's frame: until sample `end`.
+        struct Turn {
+            std::size_t end = 0;
+            glm::dvec3 offset{0};  // metres
+        };
+        std::vector<Turn> turns;
         // Room for steps of it.
         std::vector<double> gains;  // by channel
-        std::vector<double> ways;   // of the emitter to an ear, samples, by sample
         std::vector<float> part;    // of the emitter, by sample
-        std::vector<float> mixed;   // by the mixer, interleaved
-        std::vector<std::span<const float>> mixerInputs;
         std::vector<std::uint32_t> bodies;
     };
     /// What comes or goes in a block.
@@ -60,10 +63,12 @@ struct AcousticEngine::Impl {
         double from = 1, to = 1;
     };
 
-    std::size_t latency() const { return mixer ? mixer->latency() : hasMeasuredHead() ? options.hrtf->early() : 0; }
-    bool hasMeasuredHead() const { return options.hrtf && options.ambisonicOrder == 0; }
-    HeardBy heardBy(const SoundNode& sound, const ListenerPose& listener) const;
-    void openMixer(const SoundVersion& sounds);
+    /// Samples by which blocks run ahead of the sound.
+    std::size_t latency() const { return lateRing.size() / channels; }
+    void runAhead();
+    void runAheadFor(const SoundVersion& sounds);
+    void findHead(const ListenerPose& listener);
+    HeardBy heardBy(const SoundNode& sound) const;
 
     void follow(const AcousticState& state, const RayView& rays);
     /// Everything but the sound: what is where at `poseSeconds`.
@@ -79,12 +84,12 @@ struct AcousticEngine::Impl {
     void leaveOutRooms(std::vector<std::uint32_t>& around, const glm::dvec3& listener) const;
     EmitterState& stateOf(const SoundEmitter& emitter, double time);
 
-    Result<> block();
-    Result<> renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block);
+    void block();
+    void renderEmitter(const SoundEmitter& emitter, EmitterState& state, Block& block);
     void play(const SoundEmitter& emitter, EmitterState& state, const Block& block);
     void streamOut(const SoundEmitter& emitter, EmitterState& state, const Block& block);
     void endStreams();
-    Result<> makeInputs(EmitterState& state, std::size_t count, bool forMixer);
+    void makeInputs(EmitterState& state, std::size_t count) const;
     /// Of the source, or of an image of it.
     void findDelay(const Trajectory& motion, const FollowedImage* image, double time, double& delay,
                    double& slope) const;
@@ -95,22 +100,21 @@ struct AcousticEngine::Impl {
     void levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent, Block& block,
                  HeardLevel& to, bool& audible) const;
     void renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block);
-    void spatialise(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent, Block& block);
-    void readDirect(const DelayLine& line, Block& block, double earBefore, double ear, std::vector<float>& out) const;
+    void findTurns(const EmitterState& state, const glm::dvec3& apparent, bool even, Block& block) const;
+    void spatialise(const SoundNode& sound, EmitterState& state, Block& block);
+    void readDirect(const DelayLine& line, const Block& block, std::vector<float>& out) const;
     void gainsOf(const glm::dvec3& towards, bool spatialize, std::size_t input, std::size_t inputs,
                  std::vector<double>& gains) const;
-    void hear(EmitterState& state, std::size_t input, HeardBy by, const glm::dvec3& towards, bool spatialize,
-              const Ramp& ramp, Block& block);
-    void hearBySphere(EmitterInput& input, const std::array<double, 2>& delays, const std::vector<double>& gains,
-                      Block& block) const;
+    void hear(EmitterState& state, std::size_t input, HeardBy by, bool spatialize, const Ramp& ramp, Block& block);
+    void ringOut(EmitterInput& input, Block& block) const;
     void mixInput(const EmitterInput& input, const std::vector<double>& gains, std::size_t channel,
-                  const std::vector<float>& direct, Block& block) const;
+                  std::span<const float> direct, std::span<float> out) const;
     void hearGone(EmitterState& state, Block& block);
     void renderLate(EmitterState& state, const SoundEmitter* emitter, const HeardLevel& to, bool jumped, Block& block);
     void noteSilence(EmitterState& state) const;
     void noteUnheard(const SoundEmitter& emitter, double distance, bool inReach, const ListenerPose& listener);
     void fadeOut(Block& block);
-    Result<> mixDown(Block& block);
+    void mixDown(const Block& block);
     void begin(Block& block, const ListenerPose& listener) const;
 
     /// What a response needs: nothing, to be made again for how the listener's head is turned or as something begins to
@@ -145,13 +149,11 @@ struct AcousticEngine::Impl {
     Air air;         // of the state being rendered
     double longest;  // metres that sound goes within a response
     WorldGeometry geometry;
-    std::optional<LoopbackMixer> mixer;  // of those that are to be heard through OpenAL's head
-    bool mixerTried = false;             // since a sound asked for it
+    std::shared_ptr<const Hrtf> head;      // of the listener: the user's, or a sphere
+    double headRadius = 0, headSpeed = 0;  // of that, and of the air
     ClipLibrary clips;
     std::map<InstanceId, EmitterState> states;
-    std::vector<std::size_t> freeSources;
-    std::vector<std::vector<float>> blocks;  // by mixer source
-    ListenerPose before, now;                // at the ends of the frame being rendered
+    ListenerPose before, now;  // at the ends of the frame being rendered
     ListenerMotion listenerMotion;
     bool posed = false, listenerJumps = false;
     SoundVersion playing;  // what is heard; what the next one changes is heard from its time on
@@ -159,10 +161,10 @@ struct AcousticEngine::Impl {
     double posedAt = 0;           // the scene time of the last poses
     std::int64_t samples;         // consumed from the voices
     std::int64_t firstSample;     // what `samples` began with, less what time went back by
-    std::vector<float> lateRing;  // interleaved; delays all else by the mixer's latency
+    std::vector<float> lateRing;  // interleaved; delays all else by as much as heads may be early
     std::size_t lateAt = 0;       // the oldest in it
     Block work;                   // is kept from block to block
-    std::size_t toSkip = 0;       // of the mixer's latency, still to be dropped
+    std::size_t toSkip = 0;       // of the latency, still to be dropped
     std::vector<float> ready;     // interleaved, rendered but not yet asked for
     HeardResponses heard;
     std::vector<StreamedSound> streams;

@@ -39,7 +39,7 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
                        glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
                        (aimed && !(glm::dot(state.tracedAim, emitter.aim()) >= kTurned));
     if (moved || (state.wallsChanged && shallSeekLeaks(state))) return Renewal::trace;
-    const bool allRound = options.ambisonicOrder > 0 || state.reflectedBy == HeardBy::measured;
+    const bool allRound = options.ambisonicOrder > 0 || state.reflectedBy == HeardBy::head;
     const bool turned = glm::dot(state.tracedRight, listener.right) < kTurned ||
                         (allRound && glm::dot(state.tracedBack, listener.back) < kTurned) ||
                         state.tracedBy != state.reflectedBy || state.tracedRadius != listener.headRadius();
@@ -107,7 +107,7 @@ std::size_t AcousticEngine::Impl::followedOf(const EmitterState& state, std::siz
     constexpr std::size_t kMostOfAll = 96, kMostThroughHead = 32;
     if (!state.moves) return 0;
     const auto moving = std::ranges::count_if(states, [](const auto& other) { return other.second.moves; });
-    const std::size_t all = state.reflectedBy == HeardBy::measured ? kMostThroughHead : kMostOfAll;
+    const std::size_t all = state.reflectedBy == HeardBy::head ? kMostThroughHead : kMostOfAll;
     return std::clamp<std::size_t>(all / static_cast<std::size_t>(moving), 1, most);
 }
 
@@ -176,7 +176,7 @@ ImpulseResponseOptions AcousticEngine::Impl::responseFor(InstanceId emitter, Hea
                         : by == HeardBy::gains     ? Channels::stereo
                                                    : Channels::binaural;
     response.ambisonicOrder = options.ambisonicOrder;
-    if (by == HeardBy::measured) response.hrtf = options.hrtf;
+    if (by == HeardBy::head) response.hrtf = head;
     response.headRadius = listener.headRadius();
     response.sampleRate = options.sampleRate;
     response.listenerRight = listener.right;

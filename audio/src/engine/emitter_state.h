@@ -3,7 +3,6 @@
 // Threading: the engine's thread.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <limits>
 #include <memory>
@@ -26,9 +25,8 @@
 
 namespace rtsg {
 
-/// How what comes from a direction becomes two ears or other channels: by gains, through a head of one's own that was
-/// measured, through OpenAL's, or by a sphere that is a head.
-enum class HeardBy : std::uint8_t { gains, measured, mixer, sphere };
+/// How what comes from a direction becomes two ears or other channels.
+enum class HeardBy : std::uint8_t { gains, head };
 
 /// How much of an emitter reaches the listener, and when.
 struct HeardLevel {
@@ -41,10 +39,9 @@ struct HeardLevel {
 /// One channel of what an emitter plays, on its way to the listener.
 struct EmitterInput {
     DelayLine line;
-    std::optional<std::size_t> mixerSource;
-    std::vector<double> gains;          // by channel of the output, at the end of the last block
-    std::array<double, 2> earDelays{};  // samples; of a sphere, as well
+    std::vector<double> gains;  // by channel of the output, at the end of the last block
     HeadFilter head;
+    std::size_t ringing = 0;  // samples in which that is still heard of what came through it before
 };
 
 struct EmitterState {

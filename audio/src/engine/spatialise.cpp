@@ -1,4 +1,4 @@
-// Directions of what comes straight from an emitter: gains of channels, heads that were measured, spheres.
+// Directions of what comes straight from an emitter: gains of channels, or a head.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -8,7 +8,6 @@
 #include <rtsg/audio/panning.h>
 
 #include "acoustic_engine_impl.h"
-#include "trace/arrival_pan.h"
 
 namespace rtsg {
 namespace {
@@ -41,6 +40,15 @@ glm::dvec3 turned(const glm::dvec3& direction, double degrees) {
     return {c * direction.x + s * direction.z, direction.y, c * direction.z - s * direction.x};
 }
 
+/// Nearer than this, metres, sound comes from nowhere.
+constexpr double kHere = 1e-6;
+
+/// Unit, as far as it is within hearing; 0 of what is here.
+glm::dvec3 directionOf(const glm::dvec3& offset) {
+    const double far = glm::length(offset), distance = far < kHorizon ? far : kHorizon;
+    return distance > kHere ? offset / distance : glm::dvec3(0);
+}
+
 /// Of what goes through a head: some direction, if it has none.
 glm::dvec3 directionOr(const glm::dvec3& direction, const glm::dvec3& otherwise) {
     return direction == glm::dvec3(0) ? otherwise : direction;
@@ -49,27 +57,30 @@ glm::dvec3 directionOr(const glm::dvec3& direction, const glm::dvec3& otherwise)
 }  // namespace
 
 /// Through a head if the user has asked for one, or the sound itself (SpatialSound's enableHRTF).
-HeardBy AcousticEngine::Impl::heardBy(const SoundNode& sound, const ListenerPose& listener) const {
-    if (options.ambisonicOrder > 0 || !(options.binaural || sound.head)) return HeardBy::gains;
-    if (options.hrtf) return HeardBy::measured;
-    return mixer && !(listener.earDistance > 0) ? HeardBy::mixer : HeardBy::sphere;
+HeardBy AcousticEngine::Impl::heardBy(const SoundNode& sound) const {
+    return options.ambisonicOrder == 0 && (options.binaural || sound.head) ? HeardBy::head : HeardBy::gains;
 }
 
-/// When the first sound asks for a head by itself. From here on blocks run ahead of the sound by the latency.
-void AcousticEngine::Impl::openMixer(const SoundVersion& sounds) {
-    if (mixer || mixerTried || options.hrtf || options.ambisonicOrder > 0) return;
-    if (std::ranges::none_of(*sounds.emitters, [](const SoundEmitter& emitter) { return emitter.sound->head; })) return;
-    mixerTried = true;
-    auto opened =
-        LoopbackMixer::open({.sampleRate = options.sampleRate, .binaural = true, .blockSize = options.blockSize});
-    if (!opened) {
-        clips.note("enableHRTF: a sphere stands for the head, as " + opened.error().text);
-        return;
-    }
-    mixer = std::move(*opened);
-    const std::size_t early = channels * latency();
-    lateRing.resize(early);
-    toSkip += early;
+/// From here on blocks run ahead of the sound, by as much as an ear may be early.
+void AcousticEngine::Impl::runAhead() {
+    if (!lateRing.empty() || options.ambisonicOrder > 0) return;
+    findHead(now);
+    lateRing.resize(channels * head->early());
+    toSkip += lateRing.size();
+}
+
+/// When the first sound asks for a head by itself.
+void AcousticEngine::Impl::runAheadFor(const SoundVersion& sounds) {
+    if (std::ranges::any_of(*sounds.emitters, [](const SoundEmitter& emitter) { return emitter.sound->head; }))
+        runAhead();
+}
+
+void AcousticEngine::Impl::findHead(const ListenerPose& listener) {
+    const double radius = listener.headRadius();
+    if (head && (options.hrtf || (radius == headRadius && air.speedOfSound == headSpeed))) return;
+    head = options.hrtf ? options.hrtf : Hrtf::sphere(options.sampleRate, radius, air.speedOfSound);
+    headRadius = radius;
+    headSpeed = air.speedOfSound;
 }
 
 /// Gains of one input by channel of the output.
@@ -99,91 +110,92 @@ void AcousticEngine::Impl::gainsOf(const glm::dvec3& towards, bool spatialize, s
     for (std::size_t c = 0; c < 2; ++c) gains[c] = own[c] * share;
 }
 
+/// `apparent` is where it is heard from at the end of the block. `even`: it got there evenly. Precondition: delaysOf()
+/// was called.
+void AcousticEngine::Impl::findTurns(const EmitterState& state, const glm::dvec3& apparent, bool even,
+                                     Block& block) const {
+    // Gains go on straight lines in between: what turns is smooth enough then.
+    constexpr std::size_t kStep = 256;
+    block.turns.clear();
+    for (std::size_t end = kStep; even && end < options.blockSize; end += kStep) {
+        const double time = static_cast<double>(samples) + static_cast<double>(end);
+        const ListenerPose listener = listenerMotion.at(time);
+        const glm::dvec3 from = state.motion.at(time - block.delays[end - 1]).position;
+        block.turns.push_back({end, listener.toLocal(from - listener.position)});
+    }
+    block.turns.push_back({options.blockSize, block.listener.toLocal(apparent - block.listener.position)});
+}
+
 /// Gives direct sound the direction that it comes from. Where it comes by another way than before one fades into the
 /// other.
-void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent,
-                                      Block& block) {
-    const glm::dvec3 offset = apparent - block.listener.position;
-    const double far = glm::distance(apparent, block.listener.position);
-    const double distance = far < kHorizon ? far : kHorizon;
-    const bool spatialize = sound.spatialize && distance > 1e-6;
-    const glm::dvec3 towards = spatialize ? block.listener.toLocal(offset) / distance : glm::dvec3(0);
+void AcousticEngine::Impl::spatialise(const SoundNode& sound, EmitterState& state, Block& block) {
+    const bool spatialize = sound.spatialize && !(glm::length(block.turns.back().offset) <= kHere);
     const HeardBy by = spatialize ? state.reflectedBy : HeardBy::gains;
     const HeardBy earlier = state.spatialisedOnce ? state.heardBy : by;
     for (std::size_t k = 0; k < state.inputs.size(); ++k) {
-        if (earlier != by) hear(state, k, earlier, towards, spatialize, {1, 0}, block);
-        hear(state, k, by, towards, spatialize, earlier == by ? Ramp{} : Ramp{0, 1}, block);
+        if (earlier != by) hear(state, k, earlier, spatialize, {1, 0}, block);
+        if (by != HeardBy::head && earlier == by) ringOut(state.inputs[k], block);
+        hear(state, k, by, spatialize, earlier == by ? Ramp{} : Ramp{0, 1}, block);
     }
     state.heardBy = by;
     state.spatialisedOnce = true;
 }
 
-void AcousticEngine::Impl::hear(EmitterState& state, std::size_t k, HeardBy by, const glm::dvec3& towards,
-                                bool spatialize, const Ramp& ramp, Block& block) {
+void AcousticEngine::Impl::hear(EmitterState& state, std::size_t k, HeardBy by, bool spatialize, const Ramp& ramp,
+                                Block& block) {
     const std::size_t size = options.blockSize, inputs = state.inputs.size();
     EmitterInput& input = state.inputs[k];
-    const glm::dvec3 ahead(0, 0, -1), direction = turned(directionOr(towards, ahead), channelAngle(k, inputs));
     const bool fresh = !state.spatialisedOnce || ramp.from == 0;
-    if (by == HeardBy::mixer || by == HeardBy::measured) {
+    const auto towards = [&](const Block::Turn& turn) { return spatialize ? directionOf(turn.offset) : glm::dvec3(0); };
+    if (by == HeardBy::head) {
+        const glm::dvec3 ahead(0, 0, -1);
+        const glm::dvec3 direction = turned(directionOr(towards(block.turns.back()), ahead), channelAngle(k, inputs));
         std::vector<float>& share = block.part;
         share.resize(size);
         for (std::size_t i = 0; i < size; ++i) {
             const double w = ramp.from + (ramp.to - ramp.from) * static_cast<double>(i + 1) / static_cast<double>(size);
             share[i] = state.direct[k][i] * static_cast<float>(w / static_cast<double>(inputs));
         }
-        if (by == HeardBy::mixer) {
-            mixer->setDirection(*input.mixerSource, glm::vec3(direction));
-            std::copy(share.begin(), share.end(), blocks[*input.mixerSource].begin());
-            return;
-        }
-        input.head.turn(*options.hrtf, direction, size);
+        input.head.turn(*head, direction, size);
         for (std::size_t e = 0; e < 2; ++e) input.head.process(e, share, block.ears[e]);
+        input.ringing = input.head.rings();
         return;
     }
     std::vector<double>& gains = block.gains;
     gains.resize(channels);
-    if (by == HeardBy::gains) {
-        gainsOf(towards, spatialize, k, inputs, gains);
-        for (double& gain : gains) gain *= ramp.to;
-        if (fresh)
+    const std::span<const float> direct(state.direct[k]);
+    std::size_t start = 0;
+    for (const Block::Turn& turn : block.turns) {
+        const double share = static_cast<double>(turn.end) / static_cast<double>(size);
+        gainsOf(towards(turn), spatialize, k, inputs, gains);
+        if (start == 0 && fresh)
             for (std::size_t c = 0; c < channels; ++c) input.gains[c] = gains[c] * ramp.from;
-        for (std::size_t c = 0; c < channels; ++c) mixInput(input, gains, c, state.direct[k], block);
+        for (double& gain : gains) gain *= ramp.from + (ramp.to - ramp.from) * share;
+        for (std::size_t c = 0; c < channels; ++c)
+            mixInput(input, gains, c, direct.subspan(start, turn.end - start),
+                     std::span(block.out[c]).subspan(start, turn.end - start));
         input.gains = gains;
-        return;
+        start = turn.end;
     }
-    const double radius = block.listener.headRadius();
-    std::array<double, 2> delays{};
-    for (int e = 0; e < 2; ++e) {
-        const ArrivalPan ear = panOfEar(direction.x, e, radius, air.speedOfSound);
-        delays[static_cast<std::size_t>(e)] = ear.delay * options.sampleRate;
-        gains[static_cast<std::size_t>(e)] = ear.gain * ramp.to / static_cast<double>(inputs);
-    }
-    if (fresh) {
-        input.earDelays = delays;
-        for (std::size_t c = 0; c < 2; ++c) input.gains[c] = gains[c] * ramp.from;
-    }
-    hearBySphere(input, delays, gains, block);
 }
 
-/// Each ear at its time.
-void AcousticEngine::Impl::hearBySphere(EmitterInput& input, const std::array<double, 2>& delays,
-                                        const std::vector<double>& gains, Block& block) const {
-    for (std::size_t e = 0; e < 2; ++e) {
-        readDirect(input.line, block, input.earDelays[e], delays[e], block.part);
-        mixInput(input, gains, e, block.part, block);
-    }
-    input.earDelays = delays;
-    input.gains = gains;
+/// What has gone into the head before is heard to its end.
+void AcousticEngine::Impl::ringOut(EmitterInput& input, Block& block) const {
+    if (input.ringing == 0) return;
+    block.part.assign(options.blockSize, 0.0f);
+    for (std::size_t e = 0; e < 2; ++e) input.head.process(e, block.part, block.ears[e]);
+    input.ringing -= std::min(input.ringing, options.blockSize);
+    if (input.ringing == 0) input.head.restart();
 }
 
-/// Adds what a channel hears of an input, with a gain that goes from the last block's to this.
+/// Adds what a channel hears of an input, with a gain that goes from the last one to this.
 void AcousticEngine::Impl::mixInput(const EmitterInput& input, const std::vector<double>& gains, std::size_t channel,
-                                    const std::vector<float>& direct, Block& block) const {
-    const std::size_t size = options.blockSize;
+                                    std::span<const float> direct, std::span<float> out) const {
+    const std::size_t size = out.size();
     const double earlier = input.gains[channel], way = gains[channel] - earlier;
     if (gains[channel] == 0 && earlier == 0) return;
     for (std::size_t i = 0; i < size; ++i)
-        block.out[channel][i] +=
+        out[i] +=
             direct[i] * static_cast<float>(earlier + way * static_cast<double>(i + 1) / static_cast<double>(size));
 }
 
@@ -195,16 +207,9 @@ void AcousticEngine::Impl::hearGone(EmitterState& state, Block& block) {
         std::vector<float>& direct = state.direct[k];
         switch (state.heardBy) {
             case HeardBy::gains:
-                for (std::size_t c = 0; c < channels; ++c) mixInput(input, input.gains, c, direct, block);
+                for (std::size_t c = 0; c < channels; ++c) mixInput(input, input.gains, c, direct, block.out[c]);
                 break;
-            case HeardBy::sphere:
-                hearBySphere(input, std::array(input.earDelays), std::vector<double>(input.gains), block);
-                break;
-            case HeardBy::mixer:
-                for (float& sample : direct) sample /= inputs;
-                blocks[*input.mixerSource] = direct;
-                break;
-            case HeardBy::measured:
+            case HeardBy::head:
                 for (float& sample : direct) sample /= inputs;
                 for (std::size_t e = 0; e < 2; ++e) input.head.process(e, direct, block.ears[e]);
                 break;

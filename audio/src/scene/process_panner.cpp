@@ -8,7 +8,6 @@
 #include <rtsg/audio/panning.h>
 
 #include "process_player.h"
-#include "trace/arrival_pan.h"
 
 namespace rtsg {
 
@@ -56,38 +55,20 @@ void ProcessPlayer::pan(const AudioProcess& process, const GraphBlock& block, Au
     }
 }
 
-/// Its "HRTF": each ear hears the channel of its side, as loud together as "equalpower" is. A sphere's ears hear what
-/// comes to the middle of the head as much later as it takes from the nearest place on it, and a moment more for what
-/// reads between samples: the near one is not early.
+/// Its "HRTF": each ear hears the channel of its side, as loud together as "equalpower" is, and as much late as the
+/// head may be early.
 void ProcessPlayer::panByHead(const glm::dvec3& direction, double level, const GraphBlock& block, AudioChannels& out) {
     constexpr double kHalfPower = std::numbers::sqrt2 / 2;
-    const double radius = block.listener.headRadius(), rate = block.clips.sampleRate();
-    const double toSphere = radius / block.speedOfSound;
-    std::array<Ear, 2> ears;
-    for (int e = 0; e < 2; ++e) {
-        const ArrivalPan pan = panOfEar(direction.x, e, radius, block.speedOfSound);
-        ears[static_cast<std::size_t>(e)] =
-            block.head ? Ear{level * kHalfPower, 0}
-                       : Ear{level * kHalfPower * pan.gain, (pan.delay + toSphere) * rate + SincTable::kHalf};
-    }
-    const std::array<Ear, 2> before = heard_.value_or(ears);
-    heard_ = ears;
+    const double gain = level * kHalfPower, before = heard_.value_or(gain);
+    heard_ = gain;
     panned_.reset();
-    if (block.head) head_.turn(*block.head, direction, block.frames);
+    head_.turn(block.head, direction, block.frames);
     out.resize(2);
     for (std::size_t e = 0; e < 2; ++e) {
-        out[e].resize(block.frames);
-        DelayLine& line = ears_[e];
-        const std::size_t first = line.written();
-        line.write(two_[e], static_cast<std::size_t>(3 * toSphere * rate) + SincTable::kHalf + 2);
         for (std::size_t i = 0; i < block.frames; ++i) {
             const double w = static_cast<double>(i + 1) / static_cast<double>(block.frames);
-            const double gain = before[e].gain + (ears[e].gain - before[e].gain) * w;
-            const double delay = before[e].delay + (ears[e].delay - before[e].delay) * w;
-            out[e][i] = line.read(first + i, delay) * static_cast<float>(gain);
+            two_[e][i] *= static_cast<float>(before + (gain - before) * w);
         }
-        if (!block.head) continue;
-        std::swap(out[e], two_[e]);
         out[e].assign(block.frames, 0.0f);
         head_.process(e, two_[e], out[e]);
     }

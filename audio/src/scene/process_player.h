@@ -42,8 +42,7 @@ struct GraphBlock {
     std::size_t frames;            // all blocks of a graph have as many
     const SoundEmitter& emitter;   // that the graph leads to: what is panned in it is placed in its frame
     const ListenerPose& listener;  // at the end of the block
-    double speedOfSound = 343;
-    const Hrtf* head = nullptr;  // of what is panned by a head (enableHRTF); null: a sphere
+    const Hrtf& head;              // of what is panned by a head (enableHRTF)
 };
 
 struct AudioLayout {
@@ -116,11 +115,7 @@ class ProcessPlayer {
     std::optional<PanGains> panned_;                        // at the end of the last block
     // Of a panner that is a head.
     HeadFilter head_;
-    std::array<DelayLine, 2> ears_;
-    struct Ear {
-        double gain = 0, delay = 0;
-    };
-    std::optional<std::array<Ear, 2>> heard_;  // at the end of the last block
+    std::optional<double> heard_;  // how loud, at the end of the last block
 };
 
 }  // namespace rtsg

@@ -255,7 +255,7 @@ ListenerPose SoundScene::poseOf(const Scene& scene, const Placed& placed) {
 
 /// As far as it is that of a head, or of microphones; 0: not said.
 double SoundScene::earDistance(const Scene& scene, const Node& node) {
-    constexpr double kMost = 10;
+    constexpr double kMost = 0.5;
     const double told = std::max(0.0, numbersIn(scene, node).any("interauralDistance", 0, 0));
     if (told > kMost)
         warnOnce(scene.placeOf(node.id()),

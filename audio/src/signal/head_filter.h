@@ -1,4 +1,4 @@
-// HeadFilter: what both ears hear of one sound by a head of one's own, from a direction that may change.
+// HeadFilter: what both ears hear of one sound by a head, from a direction that may change.
 //
 // When an ear hears it goes smoothly with the direction, by a delay line, as far as a sphere tells of that; what is
 // left of the responses changes slowly with the direction, and goes evenly from block to block. So what moves past
@@ -18,7 +18,6 @@
 #include <rtsg/audio/hrtf.h>
 
 #include "delay_line.h"
-#include "sphere_ear.h"
 
 namespace rtsg {
 
@@ -28,7 +27,7 @@ class HeadFilter {
     /// The direction that the next blocks come from: a unit vector in the listener's frame. Once a block at most.
     void turn(const Hrtf& hrtf, const glm::dvec3& towards, std::size_t block) {
         constexpr double kTurn = 1e-5;  // radians
-        if (heard_ && glm::distance(towards, from_) < kTurn) return;
+        if (heard_ && &hrtf == head_ && glm::distance(towards, from_) < kTurn) return;
         if (ears_.empty()) {
             ears_.resize(2);
             for (Ear& ear : ears_) {
@@ -39,15 +38,20 @@ class HeadFilter {
         std::array<double, 2> earlier{};
         for (int e = 0; e < 2; ++e) {
             Ear& ear = ears_[static_cast<std::size_t>(e)];
-            earlier[static_cast<std::size_t>(e)] = delayOf(towards, e, hrtf.sampleRate());
+            earlier[static_cast<std::size_t>(e)] = hrtf.smoothDelay(towards, e);
             ear.goTo(earlier[static_cast<std::size_t>(e)], heard_);
         }
         hrtf.at(towards, responses_, earlier);
         for (std::size_t e = 0; e < 2; ++e) ears_[e].filter.setResponse(responses_[e]);
         from_ = towards;
+        head_ = &hrtf;
         heard_ = true;
     }
     const glm::dvec3& direction() const { return from_; }
+    /// Samples for which what it heard goes on once it hears no more. Precondition as of process().
+    std::size_t rings() const {
+        return responses_[0].size() + static_cast<std::size_t>(std::max(ears_[0].to, ears_[1].to)) + SincTable::kHalf;
+    }
     /// Adds to `output` what ear 0 (left) or 1 hears of a block. Precondition: turn() was called.
     void process(std::size_t ear, std::span<const float> input, std::span<float> output) {
         ears_[ear].process(input, output);
@@ -62,13 +66,6 @@ class HeadFilter {
     }
 
   private:
-    /// Samples, as a sphere has it: at least as much as the line needs to read between samples.
-    static double delayOf(const glm::dvec3& towards, int ear, int sampleRate) {
-        constexpr double kRadius = 0.0875, kSpeed = 343;
-        const double rate = sampleRate, latest = kRadius / kSpeed * rate;
-        return SincTable::kHalf + 1 + latest + sphereEarDelay(towards.x, ear, kRadius, kSpeed) * rate;
-    }
-
     struct Ear {
         DelayLine line;
         Convolver filter;
@@ -121,6 +118,7 @@ class HeadFilter {
     std::vector<Ear> ears_;
     Hrtf::Ears responses_;
     glm::dvec3 from_{0};
+    const Hrtf* head_ = nullptr;  // of the last direction
     bool heard_ = false;
 };
 

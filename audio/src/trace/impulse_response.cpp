@@ -112,24 +112,16 @@ std::vector<Arrival> pulsesOf(const Echogram& echogram) {
 
 /// By arrival, as far as they are early; empty without a head.
 std::vector<HeadArrival> throughHead(std::span<const Arrival> arrivals, const ImpulseResponseOptions& options) {
-    static const SincTable sinc;
     std::vector<HeadArrival> result;
-    if (!options.hrtf || options.channels != ImpulseResponseOptions::Channels::binaural) return result;
+    if (!options.hrtf) return result;
     for (const Arrival& arrival : arrivals) {
         if (arrival.seconds > arrivals.front().seconds + options.hrtfSeconds) break;
-        const glm::dvec3 local = inListenersFrame(arrival.direction, options);
-        const Hrtf::Ears measured = options.hrtf->at(local);
         const double position = arrival.seconds * options.sampleRate - static_cast<double>(options.hrtf->early());
-        const double whole = std::floor(position);
-        HeadArrival placed;
-        placed.first = static_cast<std::ptrdiff_t>(whole) - (SincTable::kHalf - 1);
-        for (std::size_t e = 0; e < 2; ++e) {
-            placed.ears[e].resize(measured[e].size() + 2 * SincTable::kHalf);
-            for (std::size_t i = 0; i < measured[e].size(); ++i)
-                for (int k = 0; k < 2 * SincTable::kHalf; ++k)
-                    placed.ears[e][i + static_cast<std::size_t>(k)] += measured[e][i] * sinc.tap(position - whole, k);
-        }
-        result.push_back(std::move(placed));
+        const double whole = std::floor(position), earlier = whole - position;
+        HeadArrival& placed = result.emplace_back();
+        placed.first = static_cast<std::ptrdiff_t>(whole);
+        if (arrival.order < options.firstOrder) continue;
+        options.hrtf->at(inListenersFrame(arrival.direction, options), placed.ears, {earlier, earlier});
     }
     return result;
 }
@@ -203,8 +195,13 @@ double bandWeight(int band, double hz) {
     return weightAt(band, octaveOf(hz));
 }
 
-ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& options) {
+ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& asked) {
     using Channels = ImpulseResponseOptions::Channels;
+    ImpulseResponseOptions options = asked;
+    if (options.channels != Channels::binaural)
+        options.hrtf = nullptr;
+    else if (!options.hrtf)
+        options.hrtf = Hrtf::sphere(options.sampleRate, options.headRadius, options.speedOfSound);
     const bool ambisonic = options.channels == Channels::ambisonic;
     const int channelCount = ambisonic ? ambisonicChannels(std::clamp(options.ambisonicOrder, 0, kMaxAmbisonicOrder))
                              : options.channels == Channels::mono ? 1
@@ -214,8 +211,10 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
     const std::vector<HeadArrival> heads = throughHead(pulses, options);
     const auto farEar = static_cast<std::size_t>(
         options.channels == Channels::binaural ? std::ceil(2 * options.headRadius / options.speedOfSound * rate) : 0);
+    std::size_t throughEars = 0;
+    for (const HeadArrival& head : heads) throughEars = std::max(throughEars, head.ears[0].size());
     const std::size_t useful = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
-                               2 * SincTable::kHalf + 64 + farEar + (heads.empty() ? 0 : heads.front().ears[0].size());
+                               2 * SincTable::kHalf + 64 + farEar + throughEars;
     const std::size_t frames = std::max(useful, framesOfWaves(echogram, options));
     const auto kept = RealFft::kept(RealFft::sizeFor(frames + 4096));
     const RealFft& fft = *kept;

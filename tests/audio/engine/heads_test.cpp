@@ -1,5 +1,5 @@
-// By which head sounds are heard: SpatialSound's enableHRTF and the interauralDistance of who listens, against
-// Woodworth's sphere in closed form and what --binaural gives.
+// By which head sounds are heard: SpatialSound's enableHRTF and the interauralDistance of who listens, against the
+// series for a rigid sphere and what --binaural gives.
 #include <array>
 #include <cmath>
 #include <complex>
@@ -12,7 +12,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "../listen/listen_scene.h"
+#include "audio/listen/listen_scene.h"
+#include "audio/signal/rigid_sphere.h"
 
 namespace rtsg {
 namespace {
@@ -93,7 +94,7 @@ TEST_F(Heads, EnableHrtfIsHeardByTheHeadOfBinauralSound) {
             EXPECT_GT(moduloPeriod(ears(own)[0].delay - ears(own)[1].delay), 4e-4);
         }
     }
-    // One's own head goes before OpenAL's, and before a sphere.
+    // One's own head goes before a sphere.
     if (std::filesystem::exists(kMeasured)) {
         ListenOptions own = plain();
         own.render.hrtf = binaural.render.hrtf = *Hrtf::load(kMeasured, kRate);
@@ -242,7 +243,7 @@ TEST_F(Heads, APannerOfAGraphHearsByTheHeadThatIsGiven) {
             ASSERT_NEAR(sound.samples[2 * i + e], .5f * std::sqrt(.5f) * ears[e][i], 6e-5f) << e << ' ' << i;
 }
 
-/// Near ear r sin a earlier than the middle of the head, far ear r a later.
+/// As loud and as late as the pressure on it.
 TEST_F(Heads, InterauralDistanceIsTheSizeOfASphereThatHears) {
     for (const bool binaural : {false, true})
         for (const double ears : {.12, .3})
@@ -254,25 +255,24 @@ TEST_F(Heads, InterauralDistanceIsTheSizeOfASphereThatHears) {
                     heard(hornAt(binaural ? "" : "enableHRTF TRUE", azimuth) +
                               fmt::format("ListenerPointSource {{ interauralDistance {} }}", ears),
                           asked);
-                const double side = std::sin(azimuth * std::numbers::pi / 180), r = ears / 2;
                 const auto got = Heads::ears(sound);
                 for (std::size_t e = 0; e < 2; ++e) {
-                    const double towards = e == 0 ? -side : side;
-                    const double later = towards > 0 ? -r * towards : r * std::asin(-towards);
-                    EXPECT_NEAR(moduloPeriod(got[e].delay - (5 + later) / kSpeed), 0, 2e-7) << e;
-                    EXPECT_NEAR(got[e].amplitude, std::sqrt(1 + .9 * towards), 1e-4) << e;
+                    const auto expected = test::earOnSphere(ears / 2, kHertz, azimuth, static_cast<int>(e));
+                    const double later = -std::arg(expected) / (2 * std::numbers::pi * kHertz);
+                    EXPECT_NEAR(moduloPeriod(got[e].delay - 5 / kSpeed - later), 0, 5e-7) << e;
+                    EXPECT_NEAR(got[e].amplitude, std::abs(expected), 1e-3) << e;
                 }
             }
     // Two loudspeakers have no ears.
     const SoundBuffer with = heard(hornAt("", 50) + "ListenerPointSource { interauralDistance .3 }", plain()),
                       without = heard(hornAt("", 50) + "ListenerPointSource { }", plain());
     EXPECT_EQ(with.samples, without.samples);
-    // Nobody's ears are further apart than 10 m.
+    // Nobody's ears are further apart than half a metre.
     ListenOptions asked = plain();
     asked.render.binaural = true;
     asked.seconds = .02;
     heard(hornAt("", 50) + "DEF Ear ListenerPointSource { interauralDistance 100 }", asked,
-          "Ear: its interauralDistance is too large: 10 m count");
+          "Ear: its interauralDistance is too large: 0.5 m count");
 }
 
 /// What a wall sends back comes to such ears too: of sources that stand, and of those that pass.
@@ -308,19 +308,20 @@ TEST_F(Heads, ReflectionsComeToTheEarsOfASphere) {
             std::complex<double> sum = 0, level = 0;
             for (std::size_t i = 45'600; i < 47'520; ++i) {
                 const double t = static_cast<double>(i) / kRate;
-                double emitted = t, later = 0, towards = 0, distance = 0;
+                double emitted = t, distance = 0, x = 0;
                 for (int step = 0; step < 20; ++step) {
-                    const double x = 6 + speed * emitted;
+                    x = 6 + speed * emitted;
                     distance = std::hypot(x, 8);
-                    towards = (e == 0 ? -x : x) / distance;
-                    later = towards > 0 ? -.2 * towards : .2 * std::asin(-towards);
-                    emitted = t - (distance + later) / kSpeed;
+                    emitted = t - distance / kSpeed;
                 }
-                const auto turn = std::polar(1.0, -2 * std::numbers::pi * kHertz * emitted);
+                // As high as it is heard.
+                const double pitch = 2 * std::numbers::pi * kHertz / (1 + speed * x / distance / kSpeed);
+                const auto ear = test::onRigidSphere(pitch * .2 / kSpeed, std::acos((e == 0 ? -x : x) / distance));
+                const auto turn = std::polar(1.0, -2 * std::numbers::pi * kHertz * emitted - std::arg(ear));
                 sum += static_cast<double>(echo.samples[2 * i + e] - direct.samples[2 * i + e]) * turn;
                 // Beside the source 1, at d of the image so many times less.
                 const double near = 6 + speed * (t - (6 + speed * t) / kSpeed);
-                level += near / distance * std::sqrt(1 + .9 * towards);
+                level += near / distance * std::abs(ear);
             }
             EXPECT_NEAR(20 * std::abs(sum) / std::abs(level), 1, .015) << e;
             EXPECT_NEAR((std::arg(sum) + std::numbers::pi / 2) / (2 * std::numbers::pi * kHertz), 0, 2e-6) << e;

@@ -281,17 +281,18 @@ TEST_F(Clips, MayBeHeardByTwoWaysAtOnce) {
     AudioChannels out;
     const SoundEmitter emitter{{}, std::make_shared<SoundNode>(), WorldFromLocal(1.0), {}};
     const ListenerPose listener;
+    const auto head = Hrtf::sphere(48000, .0875, 343);
     for (std::int64_t first = 0; first < 1024; first += 256) {
         out.clear();
-        mix.render({once, half}, {}, {clips, first, 256, emitter, listener}, out);
+        mix.render({once, half}, {}, {clips, first, 256, emitter, listener, *head}, out);
         for (std::size_t i = 0; i < 256; ++i)
             ASSERT_EQ(out[0][i], 1.5f * static_cast<float>(first + static_cast<std::int64_t>(i)) * 0x1p-20f);
     }
     // One that is gone for a while comes back where the clock is by then.
     out.clear();
-    mix.render({once}, {}, {clips, 1024, 256, emitter, listener}, out);
+    mix.render({once}, {}, {clips, 1024, 256, emitter, listener, *head}, out);
     out.clear();
-    mix.render({once, half}, {}, {clips, 48000, 256, emitter, listener}, out);
+    mix.render({once, half}, {}, {clips, 48000, 256, emitter, listener, *head}, out);
     EXPECT_EQ(out[0][5], (1285 + .5f * 48005) * 0x1p-20f);
 }
 

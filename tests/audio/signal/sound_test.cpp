@@ -1,4 +1,4 @@
-// Sound as signals: ambisonics, convolution, files, the mixer.
+// Sound as signals: ambisonics, convolution, files.
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -10,7 +10,6 @@
 
 #include <rtsg/audio/ambisonics.h>
 #include <rtsg/audio/convolver.h>
-#include <rtsg/audio/loopback.h>
 #include <rtsg/audio/panning.h>
 #include <rtsg/audio/sound_file.h>
 
@@ -388,77 +387,6 @@ TEST(SoundFile, ResamplingTakesShortSoundsAndRefusesRatesTooFarApart) {
     EXPECT_EQ(far.error().text, "cannot convert from 1000 to 256001 Hz");
     EXPECT_FALSE(resample(SoundBuffer{256'001, 1, std::vector<float>(100)}, 1000));
 }
-
-class Loopback : public testing::TestWithParam<bool> {
-  protected:
-    static std::vector<float> run(LoopbackMixer& mixer, const std::vector<float>& input, const glm::vec3& direction) {
-        const std::size_t block = mixer.blockSize(), source = *mixer.addSource();
-        mixer.setDirection(source, direction);
-        std::vector<float> out(2 * (input.size() / block) * block);
-        for (std::size_t i = 0; i + block <= input.size(); i += block) {
-            const std::span<const float> piece = std::span(input).subspan(i, block);
-            EXPECT_TRUE(mixer.render({&piece, 1}, std::span(out).subspan(2 * i, 2 * block)));
-        }
-        return out;
-    }
-};
-
-TEST_P(Loopback, IsCalibratedAheadAndTellsItsLatency) {
-    auto mixer = LoopbackMixer::open({.binaural = GetParam()});
-    ASSERT_TRUE(mixer) << mixer.error().text;
-    std::vector<float> impulse(256 * 8);
-    impulse[300] = 1;
-    const std::vector<float> out = run(*mixer, impulse, {0, 0, -1});
-    std::array<double, 2> energy{};
-    std::size_t peak = 0;
-    for (std::size_t i = 0; i < out.size(); ++i) {
-        energy[i % 2] += static_cast<double>(out[i]) * out[i];
-        if (i % 2 == 0 && std::abs(out[i]) > std::abs(out[peak])) peak = i;
-    }
-    EXPECT_NEAR(energy[0], 1, GetParam() ? 0.1 : 1e-4);
-    EXPECT_NEAR(energy[0] + energy[1], 2, 1e-3);
-    EXPECT_EQ(peak / 2, 300 + mixer->latency());
-    if (!GetParam()) {
-        EXPECT_NEAR(mixer->frontGain(), 0.596, 0.002);
-    }
-}
-
-TEST_P(Loopback, RepeatsBitForBit) {
-    const std::vector<float> input = noise(256 * 20);
-    std::vector<std::vector<float>> outputs;
-    for (int i = 0; i < 2; ++i) {
-        auto mixer = LoopbackMixer::open({.binaural = GetParam()});
-        ASSERT_TRUE(mixer);
-        outputs.push_back(run(*mixer, input, {0.7f, 0.1f, -0.4f}));
-    }
-    EXPECT_EQ(outputs[0], outputs[1]);
-}
-
-TEST_P(Loopback, RightIsRight) {
-    auto mixer = LoopbackMixer::open({.binaural = GetParam()});
-    ASSERT_TRUE(mixer);
-    const std::vector<float> out = run(*mixer, noise(256 * 20), {1, 0, 0});
-    std::array<double, 2> energy{};
-    for (std::size_t i = 0; i < out.size(); ++i) energy[i % 2] += static_cast<double>(out[i]) * out[i];
-    EXPECT_GT(energy[1], 4 * energy[0]);
-}
-
-TEST_P(Loopback, ALongStreamHasNoGaps) {
-    auto mixer = LoopbackMixer::open({.binaural = GetParam(), .blockSize = 128});
-    ASSERT_TRUE(mixer);
-    std::vector<float> tone(128 * 200);
-    for (std::size_t i = 0; i < tone.size(); ++i)
-        tone[i] = static_cast<float>(0.5 * std::sin(2 * M_PI * 500 * static_cast<double>(i) / 48000));
-    const std::vector<float> out = run(*mixer, tone, {0, 0, -1});
-    // A steady tone obeys x[n+1] = 2 cos(w) x[n] - x[n-1]; a gap or a step breaks that.
-    const double c = 2 * std::cos(2 * M_PI * 500 / 48000);
-    for (std::size_t i = 2 * 1024; i + 2 < out.size(); i += 2)
-        ASSERT_NEAR(out[i + 2], c * out[i] - out[i - 2], 2e-4) << i / 2;
-}
-
-INSTANTIATE_TEST_SUITE_P(Output, Loopback, testing::Bool(), [](const testing::TestParamInfo<bool>& binaural) {
-    return binaural.param ? "binaural" : "stereo";
-});
 
 }  // namespace
 }  // namespace rtsg

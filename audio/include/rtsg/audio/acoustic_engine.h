@@ -4,9 +4,9 @@
 //     (*engine)->render(*tables.latest(), *world.freeze(), t, sound);      // to scene time t
 //
 // Each emitter goes two ways: direct sound through a delay line of its own (propagation delay, hence Doppler) to the
-// panning, binaural by the LoopbackMixer; reflections through a Convolver with the impulse response of the traced room,
-// traced anew when emitter or listener have moved, or a wall within reach of its paths. Clips keep their channels. Time
-// runs in samples: scene time t is sample t * sampleRate; places in between are smooth. Levels: 1 is full scale.
+// panning or a head; reflections through a Convolver with the impulse response of the traced room, traced anew when
+// emitter or listener have moved, or a wall within reach of its paths. Clips keep their channels. Time runs in samples:
+// scene time t is sample t * sampleRate; places in between are smooth. Levels: 1 is full scale.
 // Threading: one thread at a time, which need not be the scene's: the state and the rays are all that it reads. Tracing
 // runs on all cores. Source: ISO/IEC 19775-1 V4.0 clause 16; Vorlaender 2008, 11.4 for the split into direct and rest.
 #pragma once
@@ -35,12 +35,12 @@ struct AcousticOptions {
 
     int sampleRate = 48000;
     bool binaural = false;
-    /// The head of binaural sound, and of SpatialSounds with enableHRTF; null: OpenAL's for what comes straight, a
-    /// sphere for reflections, and a sphere for both where the listener has an interauralDistance.
+    /// The head of binaural sound, and of SpatialSounds with enableHRTF; null: a sphere, of the listener's
+    /// interauralDistance if it has one.
     std::shared_ptr<const Hrtf> hrtf;
-    /// 1 to 7: an ambisonic sound (see ambisonics.h) instead of two channels, and no OpenAL; 0: not.
+    /// 1 to 7: an ambisonic sound (see ambisonics.h) instead of two channels; 0: not.
     int ambisonicOrder = 0;
-    /// 256 keeps moving sources smooth under HRTF.
+    /// Directions and levels are found once in a block, and are smooth in between.
     std::size_t blockSize = 256;
     Levels levels = Levels::x3d;
     /// Of the responses that are heard; metrics want more rays (see listen()).
@@ -143,7 +143,7 @@ class AcousticEngine {
     ~AcousticEngine();
 
     /// Renders the scene time from the end of the last call (at first the start time) to `untilSeconds`, in whole
-    /// blocks, and appends it to `sound`. The latency of OpenAL is taken out. The state is that of `untilSeconds`:
+    /// blocks, and appends it to `sound`. The latency of heads is taken out. The state is that of `untilSeconds`:
     /// places are on their way there, smoothly, from those of the call before; what else changed (fields, what comes
     /// and goes, who is put somewhere else) is heard from the first block that begins then or later, and until then
     /// what the call before was given; at the first call it is so from the start. Walls, and with them reflections,
@@ -159,8 +159,8 @@ class AcousticEngine {
     /// up without losing one now and then.
     double liveEnd() const;
 
-    /// Reads the clips that the state names, and opens OpenAL's head if a sound asks for one, so that none of this has
-    /// to be done while sound is made.
+    /// Reads the clips that the state names, and computes the head, so that none of this has to be done while sound is
+    /// made.
     void prepare(const AcousticState& state);
     /// Of what render() appends.
     int channels() const;

@@ -32,7 +32,7 @@ struct ImpulseResponseOptions {
     enum class Channels : std::uint8_t {
         mono,       // pressure at the listener
         stereo,     // arrivals panned by their direction; what comes from ahead has the full pressure in both
-        binaural,   // and the ears' difference in arrival time added (Woodworth's sphere), or an HRTF
+        binaural,   // through a head: that of an HRTF, or a sphere
         ambisonic,  // see ambisonics.h; the remainder comes evenly from all directions
     };
     Channels channels = Channels::mono;
@@ -46,7 +46,8 @@ struct ImpulseResponseOptions {
     double cutShare = 1e-8;
     double speedOfSound = 343;
     double headRadius = kHeadRadius;  // of binaural sound without an HRTF, metres
-    /// Binaural: what arrives within `hrtfSeconds` of the first arrival is heard through this head. Null: none.
+    /// Binaural: what arrives within `hrtfSeconds` of the first arrival is heard through this head, what comes later as
+    /// in stereo, by each ear at its time (Woodworth's sphere). Null: a rigid sphere.
     std::shared_ptr<const Hrtf> hrtf;
     double hrtfSeconds = 0.08;
     std::uint64_t seed = 1;
