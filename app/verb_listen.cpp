@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/live_sound.h>
+#include <rtsg/audio/sound_file.h>
 #include <rtsg/core/output_file.h>
 
 #include "files.h"
@@ -131,6 +132,11 @@ int listenTo(const ListenArguments& options) {
     const std::string form = std::filesystem::path(options.report).extension().string();
     if (!options.report.empty() && form != ".html" && form != ".json" && form != ".txt")
         throw UsageError("--report", options.report + ": reports are .html, .json or .txt");
+    if (!options.ir.empty() && !isSofa(options.ir) && !checkSoundName(options.ir))
+        throw UsageError("--ir", options.ir + ": responses are .wav or .sofa");
+    // All of the sound is kept until its end.
+    constexpr double kLongest = 24 * 3600;
+    if (parseSeconds(options.duration) > kLongest) throw UsageError("--for", options.duration + ": it is 24h at most");
     std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
                                     {"--ir", options.ir, isSofa(options.ir) ? OutputKind::report : OutputKind::sound},
                                     {"--report", options.report, OutputKind::report}};

@@ -473,6 +473,14 @@ TEST_F(Listen, ReportsRoomsOfManyPlaces) {
              {"listen", file, "-o", folder / "a.wav", "--sofa", folder / "none.sofa"}})
         EXPECT_EQ(rtsg(wrong).status, 2) << testing::PrintToString(wrong);
     EXPECT_EQ(rtsg({"listen", file, "-o", folder / "a.wav", "--binaural", "--sofa", file}).status, 1) << "bad input";
+    const Outcome names = rtsg({"listen", file, "--ir", folder / "a.txt"});
+    EXPECT_EQ(names.status, 2);
+    EXPECT_THAT(names.err, HasSubstr("a.txt: responses are .wav or .sofa"));
+    EXPECT_THAT(rtsg({"listen", file, "-o", folder / "a.wav", "--binaural", "--sofa", folder.path()}).err,
+                HasSubstr("it is a folder, not a SOFA file"));
+    const Outcome longest = rtsg({"listen", file, "-o", folder / "a.wav", "--for", "1e9s"});
+    EXPECT_EQ(longest.status, 2);
+    EXPECT_THAT(longest.err, HasSubstr("1e9s: it is 24h at most"));
 }
 
 }  // namespace

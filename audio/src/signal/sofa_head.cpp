@@ -97,6 +97,7 @@ Result<std::shared_ptr<const Hrtf>> Hrtf::load(const std::filesystem::path& file
     auto impl = std::make_unique<SofaHead>();
     int length = 0, error = MYSOFA_OK;
     std::error_code none;
+    if (std::filesystem::is_directory(file, none)) return fail(file.string() + ": it is a folder, not a SOFA file");
     if (!std::filesystem::is_regular_file(file, none)) return fail(file.string() + ": there is no such file");
     impl->easy = mysofa_open(file.c_str(), static_cast<float>(sampleRate), &length, &error);
     if (!impl->easy || error != MYSOFA_OK || length <= 0) return fail(file.string() + ": " + reason(error));
