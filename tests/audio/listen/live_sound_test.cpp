@@ -90,6 +90,24 @@ TEST(LiveSound, PlaysWhileTheSceneRunsAndTracesBeside) {
     EXPECT_FALSE(LiveSound::start(world, missing));
 }
 
+/// The device's first block is of the scene as it is, whenever that goes on: walls of thousands of triangles that came
+/// while it plays would be looked at in haste.
+TEST(LiveSound, BeginsWithTheSceneAsItIs) {
+    Scene scene;
+    Diagnostics diagnostics;
+    SharedWorld world(scene);
+    ASSERT_TRUE(loadText(scene, kRoom, diagnostics));
+    LiveOptions options;
+    options.render = fewLive();
+    auto live = LiveSound::start(world, options);
+    ASSERT_TRUE(live) << live.error().text;
+    for (int i = 0; i < 2000 && (*live)->report().heard.responses == 0; ++i)
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    const LiveReport report = (*live)->stop();
+    EXPECT_GE(report.heard.responses, 1u);
+    EXPECT_GT(report.heard.images, 5u) << "of the room";
+}
+
 TEST(LiveSound, WhatNodesFindComesBackWhileItPlays) {
     Scene scene;
     Diagnostics diagnostics;
