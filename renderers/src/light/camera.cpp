@@ -281,14 +281,14 @@ Vec4f Sky::color(const Vec3f& direction, ColorSpace space) const {
     if (uniform()) return Vec4f(skyColors.empty() ? Vec3f(0) : inSpace(skyColors[0]), 1) * alpha;
     const Vec3f d = localFromWorld * direction;
     const float across = std::sqrt(d.x * d.x + d.z * d.z);
-    const float fromZenith = angleTo(d.y, across), fromNadir = angleTo(-d.y, across);
-    Vec3f result = skyColors.empty() ? Vec3f(0) : gradient(skyColors, skyAngles, fromZenith);
+    Vec3f result = skyColors.empty() ? Vec3f(0) : gradient(skyColors, skyAngles, angleTo(d.y, across));
     if (!groundColors.empty()) {
         // A single colour without an angle is a ground up to the horizon.
         const float reach =
             groundAngles.empty()
                 ? std::numbers::pi_v<float> / 2
                 : groundAngles[std::min(groundAngles.size(), std::max<std::size_t>(groundColors.size() - 1, 1)) - 1];
+        const float fromNadir = angleTo(-d.y, across);
         if (fromNadir <= reach) result = gradient(groundColors, groundAngles, fromNadir);
     }
     Vec4f rgba(inSpace(result) * alpha, alpha);

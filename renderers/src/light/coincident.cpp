@@ -2,9 +2,12 @@
 #include "coincident.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <utility>
+
+#include "mesh/simd8.h"
 
 namespace rtsg::trace {
 
@@ -117,6 +120,46 @@ bool CoincidentFaces::mayHide(const RayView& world, const Hit& hit) {
         state = ask(i * kParts + j, {static_cast<double>(i) * kShare, static_cast<double>(j) * kShare, kShare}, kMany);
     }
     return state != alone;
+}
+
+bool isBackOfSolid(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
+    return !hit.isCap() && glm::dot(direction, hit.normal) > 0 && hidesBacks(scene, hit.instance);
+}
+
+Hit frontOf(const TraceScene& scene, const RayView& world, const Ray& ray, const Hit& hit, RayKind kind) {
+    if (!isBackOfSolid(scene, hit, ray.direction)) return hit;
+    if (scene.coincident && !scene.coincident->mayHide(*scene.world, hit)) return hit;
+    const Hit front = world.frontInPlace(ray, hit, kind);
+    return front ? front : hit;
+}
+
+void turnToFronts(const TraceScene& scene, const RayPacket16& rays, SurfacePacket& out) {
+    using namespace simd;
+    if (out.oneInstance && !hidesBacks(scene, out.hits.instance[0])) return;
+    std::uint32_t behind = 0;
+    for (int at = 0; at < 16; at += 8) {
+        const PacketHits16& hits = out.hits;
+        const F8 along = load(rays.directionX + at) * load(hits.normalX + at) +
+                         load(rays.directionY + at) * load(hits.normalY + at) +
+                         load(rays.directionZ + at) * load(hits.normalZ + at);
+        behind |= laneBits(along > 0.0f) << at;
+    }
+    std::uint32_t last = kNoInstance;
+    bool hides = false;
+    for (std::uint32_t rest = behind & out.mask & ~out.caps; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        const std::uint32_t instance = out.hits.instance[lane];
+        if (instance != last) last = instance, hides = hidesBacks(scene, instance);
+        if (!hides) continue;
+        const Hit met = scene.world->hit(rays, lane);
+        const Hit front = frontOf(scene, *scene.world, rays.ray(lane), met);
+        if (front.instance == met.instance && front.triangle == met.triangle) continue;
+        out.oneInstance &= front.instance == met.instance;
+        out.hits.instance[lane] = front.instance, out.hits.triangle[lane] = front.triangle;
+        out.hits.u[lane] = front.u, out.hits.v[lane] = front.v;
+        out.hits.normalX[lane] = front.normal.x, out.hits.normalY[lane] = front.normal.y;
+        out.hits.normalZ[lane] = front.normal.z;
+    }
 }
 
 }  // namespace rtsg::trace

@@ -1,5 +1,5 @@
-// CoincidentFaces: which triangles may have others in their place, so that rays that met the back of a solid, which is
-// not there, look for these.
+// Backs of solids, which eyes see through, and CoincidentFaces: which triangles may have others in their place, so that
+// rays that met such a back look for these.
 //
 // Invariant: what is said of a triangle hangs on the geometry alone, not on which rays ask or in which order.
 // Threading: any.
@@ -10,6 +10,8 @@
 #include <cstdint>
 
 #include <rtsg/renderers/ray_view.h>
+
+#include "surface_packet.h"
 
 namespace rtsg::trace {
 
@@ -24,5 +26,21 @@ class CoincidentFaces {
     static constexpr std::size_t kKept = std::size_t{1} << 12;
     std::array<std::atomic<std::uint64_t>, kKept> known_{};  // the last answers: slot, triangle, part, the answer
 };
+
+/// Whether an eye sees through the backs of an instance because it is a solid; those of glass are there, so that light
+/// finds its way out.
+inline bool hidesBacks(const TraceScene& scene, std::uint32_t instance) {
+    return scene.world->instance(instance).mesh->solid &&
+           scene.materials[scene.slot(instance).material].material.refractiveIndex == 0;
+}
+/// Whether that is so of what was met.
+bool isBackOfSolid(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
+
+/// What `ray` met, or in the place of the back of a solid what else lies there; that back if there is nothing.
+Hit frontOf(const TraceScene& scene, const RayView& world, const Ray& ray, const Hit& hit,
+            RayKind kind = RayKind::view);
+
+/// Puts fronts of solids in the place of backs that rays met.
+void turnToFronts(const TraceScene& scene, const RayPacket16& rays, SurfacePacket& surfaces);
 
 }  // namespace rtsg::trace

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "bsdf.h"
+#include "coincident.h"
 #include "lanes.h"
 #include "left_out.h"
 #include "packet_kernels.h"

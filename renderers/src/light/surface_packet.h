@@ -69,14 +69,6 @@ struct alignas(64) SurfacePacket {
 void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32_t mask, const PathTask* tasks,
                    SurfacePacket& out);
 
-/// Whether an eye sees through it because it is the back of a solid; that of glass is there, so that light finds its
-/// way out.
-bool isBackOfSolid(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
-
-/// What `ray` met, or in the place of the back of a solid what else lies there; that back if there is nothing.
-Hit frontOf(const TraceScene& scene, const RayView& world, const Ray& ray, const Hit& hit,
-            RayKind kind = RayKind::view);
-
 /// Fills `exact` and `error`, once.
 void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
 

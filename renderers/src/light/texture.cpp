@@ -13,15 +13,11 @@
 
 #include "image/image_files.h"
 #include "light/texture_pixels.h"
+#include "mesh/simd8.h"
 
 namespace rtsg {
 
-namespace {
-
-constexpr int kMaxSide = 1 << 15;
-constexpr int kMaxTiledSide = 1 << 17;  // beyond, single floats between 0 and 1 tell pixels apart too badly
-
-const std::array<float, 256>& decodeTable() {
+const std::array<float, 256>& lightOfBytes() {
     static const auto table = [] {
         std::array<float, 256> result{};
         for (int i = 0; i < 256; ++i)
@@ -30,6 +26,11 @@ const std::array<float, 256>& decodeTable() {
     }();
     return table;
 }
+
+namespace {
+
+constexpr int kMaxSide = 1 << 15;
+constexpr int kMaxTiledSide = 1 << 17;  // beyond, single floats between 0 and 1 tell pixels apart too badly
 
 std::uint32_t byteOf(float value) {
     return static_cast<std::uint32_t>(std::lround(std::clamp(value, 0.0f, 1.0f) * 255.0f));
@@ -72,7 +73,7 @@ std::uint32_t meanOfFour(const std::array<std::uint32_t, 4>& words, bool decode)
     for (unsigned shift = 0; shift < 24; shift += 8) {
         const auto byte = [&](std::size_t i) { return words[i] >> shift & 255u; };
         if (decode) {
-            const auto& table = decodeTable();
+            const auto& table = lightOfBytes();
             result |= byteOfLight((table[byte(0)] + table[byte(1)] + table[byte(2)] + table[byte(3)]) / 4) << shift;
         } else {
             result |= (byte(0) + byte(1) + byte(2) + byte(3) + 2) / 4 << shift;
@@ -426,7 +427,7 @@ Vec4f Texture::texel(const Level& level, int x, int y, bool decode) const {
                      static_cast<float>(word >> 16 & 255u), 0) *
                    (1 / 255.0f) +
                Vec4f(0, 0, 0, alpha);
-    const auto& table = decodeTable();
+    const auto& table = lightOfBytes();
     return {table[word & 255u], table[word >> 8 & 255u], table[word >> 16 & 255u], alpha};
 }
 
@@ -470,7 +471,7 @@ Vec4f Texture::sampleLevel(const Level& level, float s, float t, const TextureAc
         };
         if (!level.linear.empty()) return mixed(level.linear, [](const Vec4f& v) { return F4{v.x, v.y, v.z, v.w}; });
         if (!decode) return mixed(level.encoded, valuesOf);
-        const float* const table = decodeTable().data();
+        const float* const table = lightOfBytes().data();
         return mixed(level.encoded, [table](std::uint32_t word) { return lightOf(word, table); });
     }
     return (at(x0, y0) * (1 - fx) + at(x1, y0) * fx) * (1 - fy) + (at(x0, y1) * (1 - fx) + at(x1, y1) * fx) * fy;
@@ -485,7 +486,7 @@ Vec4f Texture::sampleLevels(float s, float t, float footprint, const TextureAcce
     const std::vector<Level>& levels = coarse(decode);
     const auto level = [&](std::size_t i) -> const Level& { return i == 0 ? finest_ : levels[i - 1]; };
     const auto last = levels.size();
-    float depth = std::log2(pixels);
+    float depth = simd::log2Of(simd::all(pixels))[0];  // as sampleLanes()
     if (access.levels == TextureLevels::nearest) depth = std::round(depth);
     if (depth >= static_cast<float>(last)) return sampleLevel(level(last), s, t, access, smooth, decode);
     const auto fine = static_cast<std::size_t>(depth);

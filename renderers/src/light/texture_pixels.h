@@ -1,6 +1,8 @@
 // What image files and films hold, made into textures.
 #pragma once
 
+#include <array>
+
 #include <rtsg/renderers/texture.h>
 
 #include "image/image_files.h"
@@ -9,5 +11,8 @@ namespace rtsg {
 
 /// One layer. Errors: as Texture::fromBytes() and fromFloats().
 Result<Texture> textureFromPixels(const FilePixels& file, Texture::Content content, int layer = 0);
+
+/// linearFromSrgb() of each byte.
+const std::array<float, 256>& lightOfBytes();
 
 }  // namespace rtsg

@@ -232,6 +232,11 @@ struct TraceScene {
     /// How wide that is (metres) where rays have come `run` metres far.
     float sampleWidth(float run) const { return sampleShare * (pixelSpread * run + pixelSize); }
 
+    /// What an instance is drawn with.
+    const SlotShading& slot(std::uint32_t instance) const {
+        static const SlotShading unknown;
+        return instance < slots.size() ? slots[instance] : unknown;
+    }
     Vec4f skyColor(const Vec3f& direction, bool linear) const {
         if (evenSky) return linear ? skyLinear : skyDisplay;
         return sky->color(direction, linear ? ColorSpace::linear : ColorSpace::display);

@@ -40,6 +40,7 @@ struct TextureAccess {
     Vec4f border{0};                          // display values, as the field has them
 };
 
+class LaneSampler;
 class Resource;
 class TiledPicture;
 
@@ -99,6 +100,13 @@ class Texture {
     /// the result; for data it changes nothing.
     Vec4f sample(float s, float t, float footprint, const TextureAccess& access,
                  ColorSpace space = ColorSpace::linear) const;
+    /// Eight colours, channel by channel.
+    struct Lanes {
+        alignas(32) float r[8], g[8], b[8], a[8];
+    };
+    /// The same at eight places, bit for bit. `lanes`: which of them count, a bit each; the others hold rubbish.
+    void sampleLanes(const float* s, const float* t, const float* footprints, std::uint32_t lanes,
+                     const TextureAccess& access, ColorSpace space, Lanes& out) const;
 
     /// A rectangle of it as a texture of its own, pixels counted from the lower left; `turned`: by half a turn.
     /// Precondition: it lies within and is not empty.
@@ -120,6 +128,7 @@ class Texture {
     Vec4f sampleLevel(const Level& level, float s, float t, const TextureAccess& access, bool smooth,
                       bool decode) const;
     Vec4f sampleLevels(float s, float t, float footprint, const TextureAccess& access, bool decode) const;
+    friend class LaneSampler;
     Vec4f borderColor(const TextureAccess& access, bool decode) const;
     const std::vector<Level>& coarse(bool decode) const;
     Level halved(const Level& fine, bool decode) const;
