@@ -104,6 +104,8 @@ class TileLoop {
     void push(const PathTask& task) { next_[0].push_back(task); }
     /// A new one, to be filled in. What turns alike at neighbouring places goes on side by side, so it waits apart.
     PathTask& push(Turn turn = Turn::none) { return next_[static_cast<std::size_t>(turn)].emplace_back(); }
+    /// One like another, to be changed.
+    PathTask& push(Turn turn, const PathTask& like) { return next_[static_cast<std::size_t>(turn)].emplace_back(like); }
 
     /// Of the picture.
     int x(std::uint16_t pixel) const { return x0_ + pixel % kTileSide; }

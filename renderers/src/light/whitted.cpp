@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "packet_kernels.h"
+#include "surface_branches.h"
 #include "surface_packet.h"
 #include "tile_rays.h"
 #include "trail.h"
@@ -145,6 +146,7 @@ class Tile {
             packetKernels().addToPixels(surfaces, hits, &loop_.sumOf(packet.pixels[0]).x);
             return;
         }
+        if (surfaces.special) branches_.find(surfaces, hits & surfaces.special);
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(packet, surfaces, std::countr_zero(rest));
     }
 
@@ -205,76 +207,37 @@ class Tile {
         add(pixel, task, weight * (1 - fog), scene_.fogs.of(scope).color(light), light, 1);
     }
 
-    /// What becomes of the light that a surface sends along a ray: shares of the mirror, of its own colours if it is
-    /// opaque, of what passes if it is clear, of what does not pass straight, and of what hides what is behind it by
-    /// itself if it is opaque. Mirror and what passes are never more than 1, or rays would multiply.
-    struct Parts {
-        Vec3f mirror, body, passing, whole, covering;
-        float eta = 1;
-    };
-    static Parts parts(const SurfacePacket& s, int lane, float cosine, bool back) {
-        const Material& material = *s.material[lane];
-        const float opacity = s.opacity[lane];
-        const Vec3f rest = Vec3f(1) - material.reflectivity;
-        Parts result{material.reflectivity, rest, rest, Vec3f(1), rest};
-        if (material.refractiveIndex > 0) {
-            result.eta = back ? 1 / material.refractiveIndex : material.refractiveIndex;
-            const float reflectance = fresnelDielectric(cosine, result.eta).mean();
-            result.mirror += result.body * reflectance;
-            result.body *= 1 - reflectance;
-            result.passing = result.covering = result.body;
-            return result;
-        }
-        if (material.model == ShadingModel::physical) {
-            // The diffuse part already is what Fresnel leaves, so `body` stays whole. Of a clear one the gloss is as
-            // clear as the rest (glTF 2.0, 3.9.4: alpha is coverage).
-            const Vec3f gloss = glm::min(s.gloss(lane, cosine), Vec3f(1));
-            result.mirror += rest * gloss * opacity;
-            result.covering = rest * (Vec3f(1) - gloss);
-        }
-        result.whole = opacity + (1 - opacity) * material.reflectivity;
-        return result;
-    }
-
     /// Adds what a surface sends itself, and the fog before it.
     void addOwn(std::uint16_t pixel, const PathTask* task, const SurfacePacket& s, int lane, const Vec3f& weight,
-                float fog, const Parts& w) {
+                float fog) {
         const Vec3f shown = weight * s.coverage[lane], solid = shown * s.opacity[lane] * fog;
-        add(pixel, task, solid * w.body, s.radiance.get(lane), s.linear >> lane & 1u, 0, false);
+        add(pixel, task, solid * branches_.body.get(lane), s.radiance.get(lane), s.linear >> lane & 1u, 0, false);
         // What is mirrored covers by what its ray meets, also where `body` is whole.
-        const Vec3f covered = solid * w.covering;
+        const Vec3f covered = solid * branches_.covering.get(lane);
         loop_.sumOf(pixel).a += (covered.x + covered.y + covered.z) / 3;
-        addFog(pixel, task, shown * w.whole, fog, s.lights[lane]);
+        addFog(pixel, task, shown * branches_.whole.get(lane), fog, s.lights[lane]);
     }
 
     void branch(const TilePacket& packet, const SurfacePacket& s, int lane, const Vec3f& weight, float fog) {
-        const RayPacket16& rays = packet.rays;
-        const PathTask* tasks = packet.tasks;
         const std::uint16_t pixel = packet.pixels[lane];
-        const Material& material = *s.material[lane];
-        const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
-        const bool back = s.back >> lane & 1u;
-        const Vec3f normal = s.normal.get(lane), facing = back ? -s.outside(lane) : s.outside(lane);
-        const float cosine = std::clamp(glm::dot(normal, -direction), 0.0f, 1.0f);
         const float coverage = s.coverage[lane], opacity = s.opacity[lane];
-        const bool glass = material.refractiveIndex > 0;
-        const Parts w = parts(s, lane, cosine, back);
-        const PathTask* task = tasks ? tasks + lane : nullptr;
-        const bool linear = s.linear >> lane & 1u;
-        addOwn(pixel, task, s, lane, weight, fog, w);
+        const bool glass = branches_.glass >> lane & 1u;
+        const PathTask* task = packet.tasks ? packet.tasks + lane : nullptr;
+        addOwn(pixel, task, s, lane, weight, fog);
         // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
         // its own colour. What it lets pass straight goes on as the ray came.
-        const bool root = scene_.space == ColorSpace::automatic && linear && !(task && task->linear);
-        if (root) loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0), weight * fog * coverage * w.whole);
+        const bool root = scene_.space == ColorSpace::automatic && (s.linear >> lane & 1u) && !(task && task->linear);
+        if (root)
+            loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0),
+                                           weight * fog * coverage * branches_.whole.get(lane));
 
-        // Rays are filled in where they wait: to copy what was just written in parts takes as long as many sums.
         const PathTask& from = task ? *task : kFromEye;
-        const HitPoint point = s.point(lane);
-        const auto queue = [&](Turn how, const Vec3f& share, const Vec3f& towards, const auto& fill) {
+        // Rays are filled in where they wait: to copy what was just written in parts takes as long as many sums.
+        const auto queue = [&](Turn how, const Vec3f& share, const Lanes3& start, const Vec3f& towards,
+                               const auto& fill) {
             if (!(std::max({share.x, share.y, share.z}) >= cutoff_)) return;
-            PathTask& next = loop_.push(how);
-            next = from;
-            next.origin = RayWorld::leave(point, towards), next.direction = towards, next.weight = share;
+            PathTask& next = loop_.push(how, from);
+            next.origin = start.get(lane), next.direction = towards, next.weight = share;
             next.travelled = from.travelled + s.distance[lane];
             next.pixel = pixel;
             fill(next);
@@ -292,36 +255,28 @@ class Tile {
             loop_.sumOf(pixel).a += (share.x + share.y + share.z) / 3;  // dark, and not clear
             if (most >= cutoff_) loop_.resultOf(pixel).addMissing(pixel % kTilePixels, most);
         };
-        const Vec3f mirrored = weight * coverage * w.mirror;
+        const Vec3f mirrored = weight * coverage * branches_.mirror.get(lane);
         if (mirrored != Vec3f(0)) {
-            if (!deeper) {
+            if (deeper)
+                queue(Turn::mirrored, mirrored * fog, branches_.before, branches_.mirrored.get(lane), turn);
+            else
                 cut(mirrored * fog);
-            } else {
-                Vec3f out = reflectDirection(direction, normal);
-                // A shading normal may mirror into the surface; the true one never does.
-                if (glm::dot(out, facing) <= 0) out = reflectDirection(direction, facing);
-                queue(Turn::mirrored, mirrored * fog, out, turn);
-            }
         }
-        const Vec3f entering = weight * coverage * w.passing * (1 - opacity);
+        const Vec3f entering = weight * coverage * branches_.passing.get(lane) * (1 - opacity);
         if (glass && entering != Vec3f(0)) {
-            const auto bent = refractDirection(direction, normal, w.eta);
-            if (!deeper) {
+            if (!deeper)
                 cut(entering * fog);
-            } else if (bent) {
-                Vec3f out = *bent;
-                if (glm::dot(out, facing) >= 0) out = refractDirection(direction, facing, w.eta).value_or(direction);
-                queue(Turn::bent, entering * fog, out, [&](PathTask& next) {
+            else if (branches_.refracts >> lane & 1u)
+                queue(Turn::bent, entering * fog, branches_.behind, branches_.bent.get(lane), [&](PathTask& next) {
                     turn(next);
-                    next.absorption = back ? Vec3f(0) : material.absorption;
+                    next.absorption = s.back >> lane & 1u ? Vec3f(0) : s.material[lane]->absorption;
                 });
-            }
         }
         const Vec3f straight = weight * (1 - coverage) + (glass ? Vec3f(0) : entering);
         if (straight != Vec3f(0) && from.passes >= kMaxPasses) {
             cut(straight);
         } else if (straight != Vec3f(0)) {
-            queue(Turn::none, straight, direction, [&](PathTask& next) {
+            queue(Turn::none, straight, branches_.behind, -s.view.get(lane), [&](PathTask& next) {
                 next.passes = static_cast<std::uint16_t>(from.passes + 1);
                 next.line = from.line + s.distance[lane];
             });
@@ -336,6 +291,7 @@ class Tile {
     TileResult& counts_;  // of all groups
     TileLoop loop_;
     SurfacePacket surfaces_[TileLoop::kTogether]{};  // unused lanes stay finite
+    SurfaceBranches branches_;                       // of the packet at hand
     bool isKnown_ = false;
     std::vector<bvh::TileHits> known_;  // by sample: what primary rays meet of what rests
     std::vector<SamplePlaces> places_;  // of more than one

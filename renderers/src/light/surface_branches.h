@@ -1,0 +1,27 @@
+// SurfaceBranches: the rays that surfaces send on which mirror, bend or let through, and what each is a share of.
+//
+// Invariant: a lane's do not depend on the others. Threading: a packet's. Source: Fresnel's equations and Snell's law,
+// as shading.h has them.
+#pragma once
+
+#include <cstdint>
+
+#include "surface_packet.h"
+
+namespace rtsg::trace {
+
+struct SurfaceBranches {
+    std::uint32_t glass = 0;     // lanes that bend what they let through, and of these
+    std::uint32_t refracts = 0;  // those that do not reflect all of it
+    /// What becomes of the light that a surface sends along a ray: shares of the mirror, of its own colours if it is
+    /// opaque, of what passes if it is clear, of what does not pass straight, and of what hides what is behind it by
+    /// itself if it is opaque. Mirror and what passes are never more than 1, or rays would multiply.
+    Lanes3 mirror, body, passing, whole, covering;
+    Lanes3 mirrored, bent;  // directions; bent only of glass
+    Lanes3 before, behind;  // where rays start on the side that is seen, and on the other
+
+    /// Of the lanes of `lanes`. Precondition: findPoints().
+    void find(const SurfacePacket& surfaces, std::uint32_t lanes);
+};
+
+}  // namespace rtsg::trace
