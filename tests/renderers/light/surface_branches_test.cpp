@@ -67,7 +67,7 @@ class Packet {
     SurfacePacket s{};
 };
 
-void expectNear(const Vec3f& found, const Vec3d& expected, double margin, const char* what) {
+void expectWithin(const Vec3f& found, const Vec3d& expected, double margin, const char* what) {
     for (int k = 0; k < 3; ++k) EXPECT_NEAR(found[k], expected[k], margin) << what << ' ' << k;
 }
 
@@ -79,7 +79,7 @@ void checkDirections(const SurfacePacket& s, const SurfaceBranches& found, int l
     Vec3d mirrored = mirroredAt(direction, normal);
     if (std::abs(glm::dot(mirrored, facing)) > 1e-5) {
         if (glm::dot(mirrored, facing) < 0) mirrored = mirroredAt(direction, facing);
-        expectNear(found.mirrored.get(lane), mirrored, 1e-6, "mirrored");
+        expectWithin(found.mirrored.get(lane), mirrored, 1e-6, "mirrored");
     }
     // Starts clear the box of the error, on the side that the ray goes to.
     const Vec3d exact(s.exact.get(lane));
@@ -97,7 +97,7 @@ void checkDirections(const SurfacePacket& s, const SurfaceBranches& found, int l
     EXPECT_EQ(found.refracts >> lane & 1u, bends);
     if (!bends || std::abs(glm::dot(bent, facing)) < 1e-3) return;
     if (glm::dot(bent, facing) > 0) bent = bentAt(direction, facing, eta, other) ? other : direction;
-    expectNear(found.bent.get(lane), bent, 2e-4, "bent");
+    expectWithin(found.bent.get(lane), bent, 2e-4, "bent");
 }
 
 void checkShares(const SurfacePacket& s, const SurfaceBranches& found, int lane) {
@@ -108,10 +108,10 @@ void checkShares(const SurfacePacket& s, const SurfaceBranches& found, int lane)
     if (material.refractiveIndex > 0) {
         const double index = material.refractiveIndex, share = mirroredShare(cosine, back ? 1 / index : index);
         const double margin = share < 1 && share > .9 ? 1e-2 : 1e-5;  // steep where it becomes total
-        expectNear(found.mirror.get(lane), mirror + rest * share, margin, "mirror of glass");
+        expectWithin(found.mirror.get(lane), mirror + rest * share, margin, "mirror of glass");
         for (const Lanes3* left : {&found.body, &found.passing, &found.covering})
-            expectNear(left->get(lane), rest * (1 - share), margin, "left by glass");
-        expectNear(found.whole.get(lane), Vec3d(1), 0, "whole");
+            expectWithin(left->get(lane), rest * (1 - share), margin, "left by glass");
+        expectWithin(found.whole.get(lane), Vec3d(1), 0, "whole");
         return;
     }
     Vec3d gloss(0);
@@ -119,11 +119,11 @@ void checkShares(const SurfacePacket& s, const SurfaceBranches& found, int lane)
         const Vec3d f0 = .04 * (1.0 - s.metallic[lane]) + Vec3d(s.base.get(lane)) * double{s.metallic[lane]};
         gloss = (f0 + (1.0 - f0) * std::pow(1 - cosine, 5)) * std::pow(1.0 - s.roughness[lane], 2);
     }
-    expectNear(found.mirror.get(lane), mirror + rest * gloss * opacity, 1e-6, "mirror");
-    expectNear(found.body.get(lane), rest, 1e-6, "body");
-    expectNear(found.passing.get(lane), rest, 1e-6, "passing");
-    expectNear(found.covering.get(lane), rest * (1.0 - gloss), 1e-6, "covering");
-    expectNear(found.whole.get(lane), opacity + (1 - opacity) * mirror, 1e-6, "whole");
+    expectWithin(found.mirror.get(lane), mirror + rest * gloss * opacity, 1e-6, "mirror");
+    expectWithin(found.body.get(lane), rest, 1e-6, "body");
+    expectWithin(found.passing.get(lane), rest, 1e-6, "passing");
+    expectWithin(found.covering.get(lane), rest * (1.0 - gloss), 1e-6, "covering");
+    expectWithin(found.whole.get(lane), opacity + (1 - opacity) * mirror, 1e-6, "whole");
 }
 
 TEST(SurfaceBranches, AreThoseOfFresnelAndSnell) {
