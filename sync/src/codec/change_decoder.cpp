@@ -91,32 +91,44 @@ void readTypes(Reader& in, std::size_t count, ChangeSet& set) {
     }
 }
 
-/// Rows that are made and filled together while they are in the nearest memory.
-constexpr std::size_t kAtOnce = 256;
-
-/// In portions, as a snapshot has a million of them.
-void readCreates(Reader& in, std::size_t count, ChangesAnew& changes) {
-    std::uint32_t last = 0, lastScope = 0;
+/// Calls `fill(row, rows)` for each of so many changes in turn, with what the rows are read from. In portions, each of
+/// which is made and filled while it is in the nearest memory.
+template <class Fill>
+[[gnu::always_inline]] inline void readRows(Reader& in, std::size_t count, ChangesAnew& changes, const Fill& fill) {
+    constexpr std::size_t kAtOnce = 256;
     for (std::size_t left = count; left > 0 && !in.problem;) {
         const std::size_t rows = std::min(left, kAtOnce);
         left -= rows;
         Change* const portion = changes.add(rows);
-        Reader nodes = in;
-        for (std::size_t i = 0; i < rows; ++i) {
-            bool external = false;
-            Change& change = portion[i];
-            change.node = readNode(nodes, last, external);
-            change.field = kNoField;
-            change.kind = ChangeKind::createNode;
-            change.external = external;
-            change.isConnection = false;
-            change.index = static_cast<std::uint32_t>(nodes.bounded(0xFFFF));
-            lastScope = nodes.delta(lastScope);
-            change.other = NodeId{lastScope};
-            change.value = {};
-        }
-        in = nodes;
+        Reader own = in;  // in registers, whatever is written in between
+        for (std::size_t i = 0; i < rows; ++i) fill(portion[i], own);
+        in = own;
     }
+}
+
+/// All but the value, which is to be set.
+[[gnu::always_inline]] inline void setRow(Change& change, ChangeKind kind, NodeId node, FieldIndex field,
+                                          bool external) {
+    change.node = node;
+    change.field = field;
+    change.kind = kind;
+    change.external = external;
+    change.isConnection = false;
+    change.other = {};
+    change.index = 0;
+}
+
+void readCreates(Reader& in, std::size_t count, ChangesAnew& changes) {
+    std::uint32_t last = 0, lastScope = 0;
+    readRows(in, count, changes, [&](Change& change, Reader& rows) {
+        bool external = false;
+        const NodeId node = readNode(rows, last, external);
+        setRow(change, ChangeKind::createNode, node, kNoField, external);
+        change.index = static_cast<std::uint32_t>(rows.bounded(0xFFFF));
+        lastScope = rows.delta(lastScope);
+        change.other = NodeId{lastScope};
+        change.value = {};
+    });
 }
 
 void readLinks(Reader& in, std::size_t count, ChangeSet& set) {
@@ -218,34 +230,19 @@ void readAuthors(Reader& in, std::size_t count, ChangeSet& set) {
     if (!in.problem && count > 0) set.authors = std::move(authors);
 }
 
-/// Rows of values of at most 16 bytes: the hot path, running pointers and no branch on the type inside the loop. In
-/// portions.
+/// Rows of values of at most 16 bytes: the hot path, running pointers and no branch on the type inside the loop.
 template <class T>
 void readPlainRows(Reader& in, std::size_t count, const std::byte* values, FieldIndex field, bool external,
                    ChangesAnew& changes) {
     constexpr std::size_t kAhead = 1024;  // bytes: where many replicas take turns, the changes lie far away
     std::uint32_t last = 0;
-    for (std::size_t left = count; left > 0 && !in.problem;) {
-        const std::size_t rows = std::min(left, kAtOnce);
-        left -= rows;
-        Change* const portion = changes.add(rows);
-        Reader nodes = in;
-        for (std::size_t i = 0; i < rows; ++i) {
-            last = nodes.delta(last);
-            Change& change = portion[i];
-            __builtin_prefetch(reinterpret_cast<const std::byte*>(&change) + kAhead, 1);
-            change.node = NodeId{last};
-            change.field = field;
-            change.kind = ChangeKind::setField;
-            change.external = external;
-            change.isConnection = false;
-            change.other = {};
-            change.index = 0;
-            change.value.setPlain(FieldTypeOf<T>::value, values, sizeof(T));
-            values += sizeof(T);
-        }
-        in = nodes;
-    }
+    readRows(in, count, changes, [&](Change& change, Reader& rows) {
+        __builtin_prefetch(reinterpret_cast<const std::byte*>(&change) + kAhead, 1);
+        last = rows.delta(last);
+        setRow(change, ChangeKind::setField, NodeId{last}, field, external);
+        change.value.setPlain(FieldTypeOf<T>::value, values, sizeof(T));
+        values += sizeof(T);
+    });
 }
 
 /// Values of one size.
