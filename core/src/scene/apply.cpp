@@ -1,5 +1,6 @@
 // State in and out as ChangeSets: snapshot, apply, dump. Nothing that arrives here is trusted.
 #include <algorithm>
+#include <cstring>
 
 #include <fmt/format.h>
 
@@ -89,11 +90,16 @@ auto noNode(NodeId id) {
 
 }  // namespace
 
+namespace {
+
+/// Ids come in order, with gaps at will; no number shall be the last.
+constexpr std::uint32_t kMaximumLeap = 1u << 30;
+
+}  // namespace
+
 Result<> Scene::State::applyCreation(const Change& c, bool pending) {
-    // Ids come in order, with gaps at will; no number shall be the last.
     if (!c.node || find(c.node)) return fail(fmt::format("node {} exists already", c.node.value));
     if (c.index >= types.size()) return fail(fmt::format("unknown node type {}", c.index));
-    constexpr std::uint32_t kMaximumLeap = 1u << 30;
     if (c.node.value - std::min(c.node.value, nextId) > kMaximumLeap)
         return fail(fmt::format("node id {} is out of sequence", c.node.value));
     // A number that comes again belongs to another node, whose values are the defaults.
@@ -103,6 +109,36 @@ Result<> Scene::State::applyCreation(const Change& c, bool pending) {
     if (pending) newNodes.push_back(created.id_);
     wake(created);
     return {};
+}
+
+std::size_t Scene::State::applyCreationRun(std::span<const Change> changes) {
+    if (changes.empty() || changes.front().index >= types.size()) return 0;
+    const TypeIndex index{static_cast<std::uint16_t>(changes.front().index)};
+    const TypeEntry& entry = types[index.value];
+    if (entry.isScript || isCounted(index)) return 0;
+    const bool wakes = behavioursEnabled && entry.behaviour.onTime;
+    const std::uint64_t nameHash = entry.nameHash;
+    const auto isThere = [&](FieldIndex field) {
+        detail::ArrayHeader* header = nullptr;
+        std::memcpy(&header, entry.type->defaults() + entry.type->slot(field).offset, sizeof(header));
+        return header != nullptr;
+    };
+    const bool shares = std::ranges::any_of(entry.type->sharedFields(), isThere);
+    detail::TermSum sum;
+    std::size_t i = 0;
+    for (; i < changes.size(); ++i) {
+        const Change& c = changes[i];
+        // From the next number on there is none.
+        if (c.kind != ChangeKind::createNode || c.index != index.value || c.node.value < nextId ||
+            c.node.value - nextId > kMaximumLeap)
+            break;
+        Node& node = makeNode(c.node, index, *entry.type, c.other);
+        if (shares) retainDefaults(node);
+        sum.add(detail::nodeTerm(c.node, nameHash, c.other));
+        if (wakes) woken.push_back(c.node);
+    }
+    hash.add(sum.value());
+    return i;
 }
 
 Result<> Scene::State::applyField(Node& node, const Change& c, bool pending) {
@@ -318,6 +354,7 @@ Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<c
     noting = pending;
     touched = UINT32_MAX;
     for (std::size_t i = 0; i < changes.size(); ++i) {
+        if (!pending && changes[i].kind == ChangeKind::createNode) i += applyCreationRun(changes.subspan(i));
         if (!pending && isRun(changes.subspan(i))) i += writeSealedRun(changes.subspan(i));
         if (i == changes.size()) break;
         const Change& change = changes[i];

@@ -83,8 +83,8 @@ bool NodeArena::enterPage() {
     return true;
 }
 
-void* NodeArena::allocate(std::size_t bytes) {
-    const std::size_t grains = (bytes + kGrain - 1) / kGrain;
+/// Of what was freed, or of a page or chunk to come.
+void* NodeArena::allocateElsewhere(std::size_t grains) {
     if (grains < free_.size() && free_[grains]) {
         Free* block = free_[grains];
         free_[grains] = block->next;

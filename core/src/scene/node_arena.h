@@ -17,7 +17,14 @@ namespace rtsg {
 
 class NodeArena {
   public:
-    void* allocate(std::size_t bytes);
+    void* allocate(std::size_t bytes) {
+        const std::size_t grains = (bytes + kGrain - 1) / kGrain, size = grains * kGrain;
+        if (size > left_ || (grains < free_.size() && free_[grains])) return allocateElsewhere(grains);
+        void* block = next_;
+        next_ += size;
+        left_ -= size;
+        return block;
+    }
     /// `bytes` as given to allocate.
     void deallocate(void* block, std::size_t bytes);
     /// So much will be asked for soon: a lot of it is made ready meanwhile.
@@ -41,6 +48,7 @@ class NodeArena {
         /// The next one that is left; false if none is.
         bool makeReady();
     };
+    void* allocateElsewhere(std::size_t grains);
     void grow(std::size_t bytes);
     std::byte* takeChunk(std::size_t size, bool huge);
     bool enterPage();

@@ -31,16 +31,15 @@ void NodeTable::makePage(std::uint32_t page) {
     scattered_.erase(first, last);
 }
 
-void NodeTable::add(NodeId id, Node& node) {
+/// In a page of its own, or scattered.
+void NodeTable::addElsewhere(NodeId id, Node& node) {
     const std::uint32_t page = id.value / kPage;
     ++size_;
-    if (page >= pages_.size() || !pages_[page]) {
-        if (!mayHave(page)) {
-            scattered_.emplace(id.value, &node);
-            return;
-        }
-        makePage(page);
+    if (!mayHave(page)) {
+        scattered_.emplace(id.value, &node);
+        return;
     }
+    makePage(page);
     pages_[page][id.value % kPage] = &node;
     ++counts_[page];
 }

@@ -42,7 +42,13 @@ class NodeTable {
         if (page < pages_.size() && pages_[page]) __builtin_prefetch(&pages_[page][id.value % kPage]);
     }
     /// Precondition: there is none of this number.
-    void add(NodeId id, Node& node);
+    void add(NodeId id, Node& node) {
+        const std::uint32_t page = id.value / kPage;
+        if (page >= pages_.size() || !pages_[page]) return addElsewhere(id, node);
+        ++size_;
+        pages_[page][id.value % kPage] = &node;
+        ++counts_[page];
+    }
     /// Precondition: it is there. A page that is empty then goes, unless `next`, the number to be given next, is in it.
     void remove(NodeId id, NodeId next);
     std::size_t size() const { return size_; }
@@ -65,6 +71,7 @@ class NodeTable {
     static constexpr std::uint32_t kAlwaysPages = 16, kNodesPerPage = 64;
 
     Node* findScattered(NodeId id) const;
+    void addElsewhere(NodeId id, Node& node);
     bool mayHave(std::uint32_t page) const;
     void makePage(std::uint32_t page);
 

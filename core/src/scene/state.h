@@ -167,6 +167,9 @@ struct Scene::State : Scene::Lane {
     std::uint32_t nextId = 1;
     [[gnu::always_inline]] Node* find(NodeId id) const { return nodeTable.find(id); }
     Node& allocate(NodeId id, TypeIndex type, NodeId scope);
+    /// With the type's defaults, which a node whose type's own are shared has yet to retain. Nothing is counted.
+    Node& makeNode(NodeId id, TypeIndex typeIndex, const NodeType& type, NodeId scope);
+    static void retainDefaults(Node& node);
     void release(Node& node);
     void destroyInPlace(Node& node);
     void dropLinks(Node& node);
@@ -199,6 +202,8 @@ struct Scene::State : Scene::Lane {
 
     // ---- types, names, routes ----
     std::vector<TypeEntry> types;
+    /// Scenes count them, or keep lists of them.
+    static bool isCounted(TypeIndex type);
     std::vector<std::shared_ptr<const NodeType>> ownTypes;
     std::unordered_map<std::string_view, std::uint16_t> typeByName;
     void addTypeEntry(const NodeType& type);
@@ -601,6 +606,9 @@ struct Scene::State : Scene::Lane {
     /// `pending`: as an edit of this scene's own, which the next set tells; else as part of a set that has told it.
     Result<> applyChange(const Change& change, bool pending);
     Result<> applyCreation(const Change& change, bool pending);
+    /// As many from the first on as create nodes of one type in the order of their numbers, none of them pending;
+    /// returns how many.
+    std::size_t applyCreationRun(std::span<const Change> changes);
     Result<> applyField(Node& node, const Change& change, bool pending);
     Result<> applyChildOp(Node& node, const Change& change);
     Result<> applyRouteOp(const Node& node, const Change& change, bool pending);

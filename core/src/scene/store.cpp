@@ -128,26 +128,38 @@ void Scene::State::addTypeEntry(const NodeType& type) {
     }
 }
 
+bool Scene::State::isCounted(TypeIndex type) {
+    return type == x3d::Collision::type || isPickSensor(type);
+}
+
 Node& Scene::State::allocate(NodeId id, TypeIndex typeIndex, NodeId scope) {
-    const NodeType& type = *types[typeIndex.value].type;
-    void* bytes = memory.allocate(sizeof(Node) + type.blockSize());
-    Node* node = new (bytes) Node;
     if (types[typeIndex.value].isScript) ++scriptNodes;
     if (typeIndex == x3d::Collision::type) ++collisionNodes;
     if (isPickSensor(typeIndex)) pickSensors.insert(std::ranges::upper_bound(pickSensors, id), id);
+    Node& node = makeNode(id, typeIndex, *types[typeIndex.value].type, scope);
+    retainDefaults(node);
+    return node;
+}
+
+Node& Scene::State::makeNode(NodeId id, TypeIndex typeIndex, const NodeType& type, NodeId scope) {
+    void* bytes = memory.allocate(sizeof(Node) + type.blockSize());
+    Node* node = new (bytes) Node;
     node->id_ = id;
     node->scope_ = scope;
     node->typeIndex_ = typeIndex;
     node->type_ = &type;
     std::memcpy(node->block(), type.defaults(), type.blockSize());
-    for (const FieldIndex i : type.sharedFields()) {
-        detail::ArrayHeader* header = nullptr;
-        std::memcpy(&header, node->storage(i), sizeof(header));
-        detail::retain(header);
-    }
     nodeTable.add(id, *node);
     nextId = std::max(nextId, id.value + 1);
     return *node;
+}
+
+void Scene::State::retainDefaults(Node& node) {
+    for (const FieldIndex i : node.type_->sharedFields()) {
+        detail::ArrayHeader* header = nullptr;
+        std::memcpy(&header, node.storage(i), sizeof(header));
+        detail::retain(header);
+    }
 }
 
 void Scene::State::destroyInPlace(Node& node) {
