@@ -285,6 +285,7 @@ Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
     if (set->from != s.sequence)
         return fail(fmt::format("a set from {} does not follow state {}", set->from, s.sequence));
     s.firstNewId = UINT32_MAX;  // nothing here is pending
+    s.targets.clear();
     if (auto ok = s.applyChanges(set->changes, set->types, false); !ok) return ok;
     s.firstNewId = s.nextId;
     // A set that leads to the state it starts from puts right what had gone wrong; the running hash may have as well.

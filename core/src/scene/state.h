@@ -303,6 +303,33 @@ struct Scene::State : Scene::Lane {
     bool mayRepeat(std::span<const Change> changes) const;
     template <std::size_t size>
     std::size_t rewriteAlike(std::span<const Change> changes, std::span<WrittenField> entries, const KnownField& known);
+    /// Where the plain values of the last set went, for one that gives all of them anew (apply_again.cpp). It is there
+    /// from the second such set on; entries of the last set are not, then.
+    struct Targets {
+        struct Target {
+            std::byte* at = nullptr;
+            std::uint64_t seed = 0;  // of its term
+        };
+        /// Those of one field of nodes of one type that follow one another.
+        struct Run {
+            std::size_t count = 0;
+            FieldIndex field = kNoField;
+            FieldType type = FieldType::SFBool;
+            std::uint32_t size = 0;
+            const std::byte* fallback = nullptr;
+        };
+        std::vector<Target> all;
+        std::vector<Run> runs;
+        Hash128 terms;            // of all, their sum
+        std::uint64_t state = 0;  // of the scene when these were written last: in another one they are void
+        void clear();
+    };
+    Targets targets;
+    bool areTargets(std::span<const PlainColumn> columns) const;
+    /// Finds them by the entries of the last set. False if that gave something else, or its entries do not hold on.
+    bool findTargets(std::span<const PlainColumn> columns);
+    bool addTarget(const WrittenField& entry, const PlainColumn& column, bool beginsColumn);
+    void writeTargets(std::span<const PlainColumn> columns);
     /// Stores only; precondition: beginWrite, or this comes from a sealed set.
     void store(Node& node, FieldIndex field, const void* value);
     void write(Lane& lane, Node& node, FieldIndex field, const void* value);  // writing.h

@@ -289,11 +289,11 @@ void MirrorClient::Impl::pingNow(Clock::time_point now) {
 /// the socket, and whoever has found it empty waits at the descriptor. Asking zmq_poll() would be several system calls
 /// more for each frame. The monitor's socket is read until it is empty and nothing is ever sent on it.
 bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
-    const auto longest = socket_.foundEmpty() ? untilDue(most) : 0ms;
+    if (!socket_.foundEmpty()) return true;  // what became of the connection has its turn after what came by it
     pollfd items[] = {{socket_.descriptor(), POLLIN, 0}, {monitor_.descriptor(), POLLIN, 0}};
-    const bool any = ::poll(items, 2, static_cast<int>(longest.count())) > 0;
+    const bool any = ::poll(items, 2, static_cast<int>(untilDue(most).count())) > 0;
     if (any && items[1].revents) watchConnection();
-    return any || !socket_.foundEmpty();
+    return any;
 }
 
 /// Until there is something to say though nothing has come; little is due while all is well.

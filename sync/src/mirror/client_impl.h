@@ -14,6 +14,7 @@
 #include <rtsg/sync/mirror_client.h>
 
 #include "clock.h"
+#include "codec/plain_columns.h"
 #include "message.h"
 #include "playout.h"
 #include "questions.h"
@@ -100,6 +101,8 @@ class MirrorClient::Impl {
     void record(std::span<const std::byte> bytes);
     bool editedByItsOwner();
     void apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh);
+    bool applyAgain(std::span<const std::byte> bytes, const RecordHeader& header);
+    Result<> applySet(std::span<const std::byte> bytes, const RecordHeader& header);
     void input(std::span<const std::byte> bytes, const RecordHeader& header);
     void stopRunning(const std::string& why);
     void noteLag();
@@ -120,6 +123,7 @@ class MirrorClient::Impl {
     ZmqContext context_;
     ZmqSocket socket_, monitor_;
     mutable ChangeDecoder decoder_;
+    wire::RepeatedColumns repeated_;
     ChangeEncoder encoder_;
     InputDecoder inputDecoder_;
     std::uint64_t dictionaryHash_;  // for hellos; 0 once something has been asked of an origin with other types

@@ -146,12 +146,31 @@ std::shared_ptr<ChangeSet> MirrorClient::Impl::freshSet() {
     return sets_.emplace_back(std::make_shared<ChangeSet>());
 }
 
-void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh) {
+/// True if the frame gave anew what the last one did, and nobody wants to see the set: most frames of a scene in
+/// motion.
+bool MirrorClient::Impl::applyAgain(std::span<const std::byte> bytes, const RecordHeader& header) {
+    if (!decoder_.exact()) return false;
+    const auto columns = repeated_.match(bytes, header);
+    if (!columns || !replica_.applyAgain(header.to, header.time, *columns)) return false;
+    lastChanges_ = 0;
+    for (const PlainColumn& column : *columns) lastChanges_ += column.count;
+    return true;
+}
+
+Result<> MirrorClient::Impl::applySet(std::span<const std::byte> bytes, const RecordHeader& header) {
     const std::shared_ptr<ChangeSet> set = freshSet();
+    repeated_.forget();
     Result<> ok = decoder_.decode(bytes, *set);
     touched_ = true;
     lastChanges_ = set->changes.size();
     if (ok) ok = replica_.apply(set);
+    if (ok) repeated_.remember(bytes, header);
+    return ok;
+}
+
+void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh) {
+    Result<> ok;
+    if (afresh || !applyAgain(bytes, header)) ok = applySet(bytes, header);
     if (!ok) {
         garbage(fmt::format("state {}, which cannot be applied: {}", header.to, ok.error().text));
         haveState_ = false;
@@ -210,6 +229,7 @@ void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHea
         return;
     }
     if (!running_) return hello(false);
+    repeated_.forget();
     const auto ran = replica_.runInput(*set->input, header.time);
     touched_ = true;
     if (!ran) return stopRunning(ran.error().text);
@@ -343,6 +363,7 @@ void MirrorClient::Impl::nothingDiffers() {
     set->from = set->to = state_;
     set->time = replica_.now();
     set->hash = statistics_.originHash;
+    repeated_.forget();
     if (auto ok = replica_.apply(set); !ok) return giveUpRepair(ok.error().text);  // computes the hash anew
     statistics_.hash = replica_.hash();
     if (statistics_.hash != statistics_.originHash) return giveUpRepair("the state hash stays wrong");
@@ -364,6 +385,7 @@ void MirrorClient::Impl::healed() {
 void MirrorClient::Impl::repair(std::span<const std::byte> bytes, const RecordHeader& header) {
     if (!bisection_.running()) return;
     const std::shared_ptr<ChangeSet> set = freshSet();
+    repeated_.forget();
     Result<> ok = decoder_.decode(bytes, *set);
     if (ok) {
         bisection_.complete(replica_, *set);

@@ -6,6 +6,7 @@
 // set that leads from the empty scene (sequence 0) to a state. Sealed sets are immutable: any thread may read them.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -95,6 +96,14 @@ struct ChangeSet {
 
     bool isSnapshot() const { return from == 0; }
     void clear();
+};
+
+/// New values of one field of some nodes, side by side as they lie in memory.
+struct PlainColumn {
+    FieldIndex field = kNoField;
+    FieldType type = FieldType::SFBool;  // of at most 16 bytes that own nothing and name no node
+    std::size_t count = 0;
+    const std::byte* values = nullptr;  // of any alignment
 };
 
 class Scene;

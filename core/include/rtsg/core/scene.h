@@ -270,6 +270,12 @@ class Scene {
     /// Applies a set that starts at sequence() (or a snapshot onto an empty scene), and publishes it. On an error
     /// nothing is guaranteed but safety: the scene must then be discarded.
     Result<> apply(std::shared_ptr<const ChangeSet> set);
+    /// As apply() of a set from sequence() to `to` that gives anew what the last set gave: the same fields of the same
+    /// nodes in the same order and nothing else, as most frames do of a scene in motion. No set is made: several times
+    /// as fast where nobody is attached to the bus to read one. False, with nothing done, where it cannot be: the last
+    /// set was no such one, somebody is attached, nodes act here, there are edits that are not sealed, inputs are
+    /// recorded. Precondition: `columns` name what the last set did, in its order.
+    bool applyAgain(std::uint64_t to, double time, std::span<const PlainColumn> columns);
     /// Forgets everything, as freshly constructed, but what the application has set (behaviours, listener, recording,
     /// options) and subscribers, to whom the next set that is applied comes as a snapshot. For replicas that join anew.
     Result<> reset();

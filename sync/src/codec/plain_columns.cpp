@@ -1,0 +1,72 @@
+// Tells what a frame of plain values says of places from what it says of values, and compares the former.
+#include "plain_columns.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "blocks.h"
+#include "column_rows.h"
+
+namespace rtsg::wire {
+
+RawColumn readRawColumn(Reader& blocks) {
+    const auto kind = blocks.number<std::uint8_t>();
+    const std::uint64_t count = blocks.varint();
+    Reader block = blocks.part(blocks.count(1));
+    const std::byte* const begin = block.at;
+    const auto coding = block.number<std::uint8_t>();
+    block.number<std::uint8_t>();  // flags
+    const FieldType type = readFieldType(block);
+    const auto field = static_cast<FieldIndex>(block.bounded(0xFFFF));
+    if (blocks.problem || block.problem || kind != kValues || coding != kCodingRaw || !fixedSize(type)) return {};
+    const std::size_t size = info(type).elementSize;
+    if (count > block.left() / size) return {};
+    const std::byte* const values = block.end - count * size;
+    return {{begin, values}, {field, type, static_cast<std::size_t>(count), values}};
+}
+
+/// Whether it is that alone, read as it comes.
+bool RepeatedColumns::readAll(std::span<const std::byte> record, const RecordHeader& header) {
+    read_.clear();
+    if (header.kind != RecordKind::frame || header.from == header.to || header.flags != 0) return false;
+    Reader blocks(record.subspan(kRecordHeaderSize, header.length));
+    while (blocks.left()) {
+        const RawColumn& one = read_.emplace_back(readRawColumn(blocks));
+        if (one.places.empty() || info(one.column.type).size > sizeof(Vec4f)) return false;
+        const auto isNone = [](std::byte b) { return std::to_integer<unsigned>(b) > 1; };
+        if (one.column.type == FieldType::SFBool &&
+            std::any_of(one.column.values, one.column.values + one.column.count, isNone))
+            return false;
+    }
+    return true;
+}
+
+void RepeatedColumns::remember(std::span<const std::byte> record, const RecordHeader& header) {
+    places_.clear();
+    if (!readAll(record, header)) return;
+    for (const RawColumn& one : read_) {
+        places_.put(static_cast<std::uint64_t>(one.column.count));
+        places_.append(one.places);
+    }
+}
+
+std::optional<std::span<const PlainColumn>> RepeatedColumns::match(std::span<const std::byte> record,
+                                                                   const RecordHeader& header) {
+    if (places_.empty() || !readAll(record, header)) return std::nullopt;
+    columns_.clear();
+    std::span<const std::byte> known = places_.bytes();
+    for (const RawColumn& one : read_) {
+        std::uint64_t count = 0;
+        if (known.size() < sizeof(count) + one.places.size()) return std::nullopt;
+        std::memcpy(&count, known.data(), sizeof(count));
+        known = known.subspan(sizeof(count));
+        if (count != one.column.count || !std::ranges::equal(known.first(one.places.size()), one.places))
+            return std::nullopt;
+        known = known.subspan(one.places.size());
+        columns_.push_back(one.column);
+    }
+    if (!known.empty()) return std::nullopt;
+    return columns_;
+}
+
+}  // namespace rtsg::wire
