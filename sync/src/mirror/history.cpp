@@ -109,6 +109,10 @@ void MirrorHistory::addEarlier(SharedRecord record) {
 }
 
 std::size_t MirrorHistory::indexOf(std::uint64_t state) const {
+    if (frames_.empty()) return 0;
+    // Where all of them lead one state on, as most do.
+    const std::uint64_t first = frames_.front()->header.from, likely = state - first;
+    if (state >= first && likely < frames_.size() && frames_[likely]->header.from == state) return likely;
     const auto found =
         std::ranges::lower_bound(frames_, state, {}, [](const SharedRecord& r) { return r->header.from; });
     return found != frames_.end() && (*found)->header.from == state ? static_cast<std::size_t>(found - frames_.begin())

@@ -36,6 +36,7 @@ constexpr auto kTick = 10ms, kLongestSleep = 1000ms;              // between loo
 constexpr auto kTickCosts = 50us;                                 // a peer: so that looking takes some percent at most
 constexpr auto kSettle = 5ms;                                     // between statistics of more peers
 constexpr std::size_t kFew = 16;                                  // than these
+constexpr auto kGather = 1000us;                                  // what more peers say in this time is read together
 constexpr auto kLookAround = 20ms, kLookAgain = 1ms;              // for connections that send no whole message
 constexpr auto kUnusedPart = 10s;                                 // until a part without peers is let go
 constexpr auto kNoRegions = 60s;                                  // until it is tried again whether they can be
@@ -72,7 +73,8 @@ MirrorServer::Io::Io(std::shared_ptr<Shared> shared)
       gate_(context_),
       history_(streams_.try_emplace(0, shared_->options.history).first->second.history),
       shadow_(shared_->pool, shared_->wake, std::max<std::uint64_t>(shared_->options.history, 64 << 20),
-              shared_->options.maximumPlaces) {}
+              shared_->options.maximumPlaces),
+      merges_(shared_->pool) {}
 
 MirrorServer::Io::~Io() {
     shared_->stop = true;
@@ -111,6 +113,7 @@ void MirrorServer::Io::restart() {
     }
     std::erase_if(streams_, [](const auto& s) { return s.first != 0; });
     history_.clear();
+    merges_.clear();
     streams_.begin()->second.keyframeAsked = false;
     shadow_.restart();
     ledger_.clear();
@@ -142,6 +145,18 @@ void MirrorServer::Io::giveUp(const char* why) {
     shared_->caughtUp.notify_all();
 }
 
+/// A thousand peers answer one after the other, and to wake for each costs more than what it says: what comes within a
+/// short time is read together. Frames of the scene go out at once.
+void MirrorServer::Io::gather() {
+    const auto left = turned_ + kGather - Clock::now();
+    if (peers_.size() > kFew && !news_ && left > 0ns) {
+        pollfd item = {shared_->wake, POLLIN, 0};
+        const timespec most = {0, static_cast<long>(std::chrono::nanoseconds(left).count())};
+        (void)::ppoll(&item, 1, &most, nullptr);
+    }
+    turned_ = Clock::now();
+}
+
 /// Sleeps until something comes or is due. Sockets that have not been found empty may hold something already.
 MirrorServer::Io::Came MirrorServer::Io::wait() {
     const ZmqSocket* sockets[] = {&router_, &gate_.monitor(), &gate_.zap()};
@@ -161,6 +176,7 @@ MirrorServer::Io::Came MirrorServer::Io::wait() {
 }
 
 void MirrorServer::Io::turn() {
+    gather();
     const Came came = wait();
     takeInbox();
     takeAnswers();
@@ -348,8 +364,8 @@ void MirrorServer::Io::keepKeyframeNear(std::uint32_t part) {
 void MirrorServer::Io::takeAnswers() {
     shadow_.checkAlive();
     for (MirrorShadow::Answer& answer : shadow_.takeAnswers()) {
-        news_ = true;
         if (answer.kind == Kind::keyframe || answer.kind == Kind::frame) {
+            news_ = true;
             const auto stream = streams_.find(answer.part);
             if (stream == streams_.end()) continue;
             if (answer.kind == Kind::keyframe) {
@@ -366,6 +382,7 @@ void MirrorServer::Io::takeAnswers() {
         }
         const auto peer = peers_.find(answer.peer);
         if (peer == peers_.end() || peer->second.session != answer.session) continue;
+        noteHeard(peer->first);  // there is something for this one
         peer->second.answer = std::move(answer);
     }
 }

@@ -10,6 +10,7 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
@@ -21,6 +22,7 @@
 #include "history.h"
 #include "message.h"
 #include "pace.h"
+#include "plain_merges.h"
 #include "shadow.h"
 #include "upstream.h"
 #include "zmq_socket.h"
@@ -143,6 +145,7 @@ class MirrorServer::Io {
         bool messages = false, connections = false, knocks = false;
     };
     Came wait();
+    void gather();
     void turn();
     void giveUp(const char* why);
     void sayGoodbye();
@@ -201,6 +204,8 @@ class MirrorServer::Io {
     SharedRecord asFollowed(Peer& peer, SharedRecord next);
     SharedRecord keyframeFor(Peer& peer);
     SharedRecord frameFor(Peer& peer);
+    /// Merged here if that is easy; else null, and the shadow is asked.
+    SharedRecord mergeNow(Peer& peer, std::vector<SharedRecord> frames);
     void merge(Peer& peer, std::vector<SharedRecord> frames, bool all = false);
     void mergeHeld(Peer& peer);
     SharedRecord frameTowards(Peer& peer, std::uint64_t state);
@@ -210,6 +215,8 @@ class MirrorServer::Io {
     bool askForAcknowledgement(Peer& peer);
     void askAllForAcknowledgements();
     bool sendTo(const std::string& identity, const ByteBuffer& head, ZmqMessage* body = nullptr);
+    /// A message of a part of a record, the same for all peers that get it; if the part is no whole record, for one.
+    const ZmqMessage& bodyOf(const SharedRecord& record, std::span<const std::byte> part);
     /// With its state and the scene's. False when the peer is gone.
     bool ping(const Peer& peer);
     void garbage(std::string text);
@@ -224,6 +231,7 @@ class MirrorServer::Io {
     MirrorHistory& history_;                   // of that
     std::uint32_t nextPart_ = 1;
     MirrorShadow shadow_;
+    PlainMerges merges_;
     mirror::RequestLedger ledger_;
     std::set<std::uint64_t> submitters_;  // clients that are here and sent requests
     Peers peers_;
@@ -231,12 +239,14 @@ class MirrorServer::Io {
     bool leaving_ = false;            // only what peers have read, and their answers to goodbyes, count
     bool news_ = true;                // for everybody: frames, answers, verdicts
     std::vector<std::string> heard_;  // peers, in this turn
-    Clock::time_point allDue_{}, ticked_{}, settled_{};
+    Clock::time_point allDue_{}, ticked_{}, settled_{}, turned_{};
     bool unsettled_ = false;  // something has happened since the statistics were published
     bool heldUp_ = false;     // as published
     MirrorServerStatistics statistics_;
     std::uint64_t crowded_ = 0, strangers_ = 0;  // refused for want of room, or of a key
     ByteBuffer message_, head_;
+    std::optional<ZmqMessage> body_;
+    SharedRecord bodyRecord_;  // which `body_` is all of
     std::uint64_t dictionaryHash_ = 0;
     Clock::time_point forgetAsked_{};
     std::string noRegions_;             // why not, when that was tried last

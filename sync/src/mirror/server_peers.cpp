@@ -351,12 +351,23 @@ void MirrorServer::Io::mergeHeld(Peer& peer) {
     merge(peer, std::move(frames), all);
 }
 
-/// Everything that the peer has not got merged into one, if that is more than a frame; made by the shadow.
+SharedRecord MirrorServer::Io::mergeNow(Peer& peer, std::vector<SharedRecord> frames) {
+    if (peer.whenSlow != MirrorWhenSlow::nearFirst)
+        if (SharedRecord merged = merges_.merge(peer.part, frames)) {
+            statistics_.merged += frames.size();
+            return merged;
+        }
+    // What waits for the peer's being there has its turn after that.
+    if (peer.answer) peer.after = std::exchange(peer.answer, std::nullopt);
+    merge(peer, std::move(frames));
+    return nullptr;
+}
+
+/// Everything that the peer has not got merged into one, if that is more than a frame.
 SharedRecord MirrorServer::Io::frameFor(Peer& peer) {
     SharedRecord next = historyOf(peer).frameFrom(peer.state);
     if (!next || next->header.to == historyOf(peer).newest()) return next;
-    merge(peer, historyOf(peer).framesFrom(peer.state, kMostMerged));
-    return nullptr;
+    return mergeNow(peer, historyOf(peer).framesFrom(peer.state, kMostMerged));
 }
 
 /// An answer is about `state` and waits until the peer is there: frame by frame, or at once if that would be late.
@@ -365,9 +376,7 @@ SharedRecord MirrorServer::Io::frameTowards(Peer& peer, std::uint64_t state) {
     if (!next || next->header.to >= state || !late(peer)) return next;
     std::vector<SharedRecord> frames = historyOf(peer).framesFrom(peer.state, kMostMerged);
     std::erase_if(frames, [state](const SharedRecord& frame) { return frame->header.to > state; });
-    peer.after = std::exchange(peer.answer, std::nullopt);
-    merge(peer, std::move(frames));
-    return nullptr;
+    return mergeNow(peer, std::move(frames));
 }
 
 SharedRecord MirrorServer::Io::nextFor(Peer& peer) {
@@ -480,6 +489,15 @@ SharedRecord MirrorServer::Io::asFollowed(Peer& peer, SharedRecord next) {
     return codedFor(peer, next);
 }
 
+/// The last one is kept until another record has its turn: it is at most as long as a part.
+const ZmqMessage& MirrorServer::Io::bodyOf(const SharedRecord& record, std::span<const std::byte> part) {
+    const bool isWhole = part.size() == record->bytes.size();
+    if (isWhole && body_ && bodyRecord_ == record) return *body_;
+    body_.emplace(part, record);
+    bodyRecord_ = isWhole ? record : nullptr;
+    return *body_;
+}
+
 bool MirrorServer::Io::sendChunk(Peer& peer) {
     const std::span<const std::byte> whole = peer.sending->bytes.bytes();
     const Clock::time_point now = Clock::now();
@@ -493,7 +511,7 @@ bool MirrorServer::Io::sendChunk(Peer& peer) {
         ZmqMessage body(part);
         ok = sendTo(peer.identity, message_, &body);
     } else {
-        ZmqMessage body(part, peer.sending);
+        ZmqMessage body(ZmqMessage::Shared{}, bodyOf(peer.sending, part));
         ok = sendTo(peer.identity, message_, &body);
     }
     if (!ok) return false;

@@ -36,6 +36,12 @@ class ZmqMessage {
     explicit ZmqMessage(std::span<const std::byte> bytes);
     /// Sends `bytes` in place; `owner` keeps them alive until ZeroMQ is done with them.
     ZmqMessage(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
+    /// The same bytes as `other`'s, which both keep alive.
+    struct Shared {};
+    ZmqMessage(Shared, const ZmqMessage& other) {
+        zmq_msg_init(&message_);
+        zmq_msg_copy(&message_, &other.message_);
+    }
     ~ZmqMessage() { zmq_msg_close(&message_); }
     ZmqMessage(const ZmqMessage&) = delete;
     ZmqMessage& operator=(const ZmqMessage&) = delete;

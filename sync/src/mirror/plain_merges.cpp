@@ -1,0 +1,48 @@
+// Compares what frames say of places, and gives the last one the first one's start.
+#include "plain_merges.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "superseded.h"
+
+namespace rtsg {
+
+namespace {
+
+constexpr std::uint64_t kMostBytes = std::uint64_t{2} << 20;  // of the frames: some tenths of a millisecond
+constexpr std::size_t kKept = 16;
+
+bool isPlainFrame(const RecordHeader& header) {
+    return header.kind == RecordKind::frame && header.from != header.to && header.flags == 0;
+}
+
+}  // namespace
+
+SharedRecord PlainMerges::merge(std::uint32_t part, std::span<const SharedRecord> frames) {
+    if (frames.empty()) return nullptr;
+    const RecordHeader &first = frames.front()->header, &last = frames.back()->header;
+    for (const Made& known : made_) {
+        const RecordHeader& header = known.record->header;
+        if (known.part == part && header.from == first.from && header.to == last.to && header.hash == last.hash)
+            return known.record;
+    }
+    std::uint64_t bytes = 0;
+    for (const SharedRecord& frame : frames)
+        if (!isPlainFrame(frame->header) || (bytes += frame->bytes.size()) > kMostBytes) return nullptr;
+    for (std::size_t i = 1; i < frames.size(); ++i)
+        if (!mirror::isSuperseded(frames[i - 1]->bytes.bytes(), frames[i]->bytes.bytes())) return nullptr;
+    const std::shared_ptr<EncodedRecord> merged = pool_->take();
+    merged->header = last;
+    merged->header.from = first.from;
+    merged->published = frames.back()->published;
+    merged->bytes.clear();
+    merged->bytes.append(frames.back()->bytes.bytes());
+    sealRecord(merged->bytes, merged->header);
+    merged->header = *parseRecordHeader(merged->bytes.bytes());
+    made_.push_front({part, merged});
+    if (made_.size() > kKept) made_.pop_back();
+    return merged;
+}
+
+}  // namespace rtsg
