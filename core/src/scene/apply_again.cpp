@@ -71,7 +71,7 @@ bool Scene::State::findTargets(std::span<const PlainColumn> columns) {
     return true;
 }
 
-void Scene::State::writeTargets(std::span<const PlainColumn> columns) {
+[[gnu::flatten]] void Scene::State::writeTargets(std::span<const PlainColumn> columns) {
     detail::TermSum sum;
     const Targets::Target* target = targets.all.data();
     const Targets::Target* const end = target + targets.all.size();

@@ -25,6 +25,10 @@ RawColumn readRawColumn(Reader& blocks) {
     return {{begin, values}, {field, type, static_cast<std::size_t>(count), values}};
 }
 
+bool areSame(std::span<const std::byte> a, std::span<const std::byte> b) {
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size()) == 0;
+}
+
 /// Whether it is that alone, read as it comes.
 bool RepeatedColumns::readAll(std::span<const std::byte> record, const RecordHeader& header) {
     read_.clear();
@@ -60,8 +64,7 @@ std::optional<std::span<const PlainColumn>> RepeatedColumns::match(std::span<con
         if (known.size() < sizeof(count) + one.places.size()) return std::nullopt;
         std::memcpy(&count, known.data(), sizeof(count));
         known = known.subspan(sizeof(count));
-        if (count != one.column.count || !std::ranges::equal(known.first(one.places.size()), one.places))
-            return std::nullopt;
+        if (count != one.column.count || !areSame(known.first(one.places.size()), one.places)) return std::nullopt;
         known = known.subspan(one.places.size());
         columns_.push_back(one.column);
     }

@@ -22,6 +22,8 @@ struct RawColumn {
 };
 /// Reads one block.
 RawColumn readRawColumn(Reader& blocks);
+/// Standard algorithms compare bytes of this type one by one.
+bool areSame(std::span<const std::byte> a, std::span<const std::byte> b);
 
 /// Finds out which frames give anew just what the last frame that was applied gave: most frames of a scene in motion.
 class RepeatedColumns {

@@ -1,8 +1,6 @@
 // Compares two frames' columns, all but the values: the fields of a scene in motion are the same in frame after frame.
 #include "superseded.h"
 
-#include <algorithm>
-
 #include <rtsg/sync/record.h>
 
 #include "codec/plain_columns.h"
@@ -13,7 +11,7 @@ bool isSuperseded(std::span<const std::byte> frame, std::span<const std::byte> n
     wire::Reader a(frame.subspan(kRecordHeaderSize)), b(next.subspan(kRecordHeaderSize));
     while (a.left() && b.left()) {
         const std::span<const std::byte> first = wire::readRawColumn(a).places, second = wire::readRawColumn(b).places;
-        if (first.empty() || !std::ranges::equal(first, second)) return false;
+        if (first.empty() || !wire::areSame(first, second)) return false;
     }
     return !a.left() && !b.left();
 }
