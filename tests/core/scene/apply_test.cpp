@@ -1,4 +1,4 @@
-// Sets that come from elsewhere: long runs of plain values, and what is wrong in the middle of one.
+// Sets that come from elsewhere: long runs of plain values and of new nodes, and what is wrong in the middle of one.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -299,6 +299,58 @@ TEST(RunsThatMovePlaces, AreHeardOfWhenTheyComeAgain) {
     allTo({0, 0, 10});  // where the viewer is
     scene.newFrame(2);
     EXPECT_TRUE(scene.node(sensor).get(x3d::ProximitySensor::isActive));
+}
+
+Change creationOf(std::uint32_t number, TypeIndex type, NodeId scope = {}) {
+    Change change;
+    change.kind = ChangeKind::createNode;
+    change.node = NodeId{number};
+    change.index = type.value;
+    change.other = scope;
+    return change;
+}
+
+TEST(RunsOfCreations, AreTheNodesThatWereMadeOneByOne) {
+    Scene origin, replica;
+    const TypeIndex types[] = {x3d::Transform::type, x3d::Collision::type,      x3d::IndexedFaceSet::type,
+                               x3d::Transform::type, x3d::LinePickSensor::type, x3d::NavigationInfo::type};
+    NodeId scope;
+    for (const TypeIndex type : types) {
+        for (int i = 0; i < 7; ++i) (void)origin.createNode(type, scope);
+        scope = origin.createNode(x3d::Group::type);
+    }
+    origin.newFrame(0);
+    ASSERT_TRUE(replica.apply(std::make_shared<ChangeSet>(origin.snapshot())));
+    EXPECT_EQ(replica.dump(), origin.dump());
+    EXPECT_EQ(replica.hash(), origin.hash());
+    EXPECT_EQ(replica.hash(), hashAnew(replica));
+    // Values that all nodes of a type share are not taken down with one of them.
+    EXPECT_GT(replica.destroyUnreachable(), 40u);
+    EXPECT_EQ(replica.createNode(x3d::NavigationInfo::type), origin.createNode(x3d::NavigationInfo::type));
+}
+
+TEST(RunsOfCreations, NumbersOfBeforeOrTwiceOrTypesThatAreNoneEndThem) {
+    const TypeIndex group = x3d::Group::type;
+    const TypeIndex none{0xFFFF};
+    const auto applied = [&](std::vector<Change> changes) {
+        Scene scene;
+        for (int i = 0; i < 3; ++i) (void)scene.createNode(group);  // 2, 3, 4
+        scene.newFrame(0);
+        const std::size_t before = scene.nodeCount();
+        const bool good = scene.apply(setAfter(scene, changes)).has_value();
+        if (good) {
+            EXPECT_EQ(scene.nodeCount(), before + changes.size());
+            EXPECT_EQ(scene.hash(), hashAnew(scene));
+        }
+        return good;
+    };
+    EXPECT_TRUE(applied({creationOf(5, group), creationOf(6, group), creationOf(9, group)}));
+    EXPECT_TRUE(applied({creationOf(9, group), creationOf(7, group), creationOf(10, group)})) << "out of order";
+    EXPECT_FALSE(applied({creationOf(5, group), creationOf(6, group), creationOf(6, group)})) << "twice";
+    EXPECT_FALSE(applied({creationOf(5, group), creationOf(3, group), creationOf(6, group)})) << "it is there";
+    EXPECT_FALSE(applied({creationOf(5, group), creationOf(0, group)})) << "no number";
+    EXPECT_FALSE(applied({creationOf(5, group), creationOf(6, none)})) << "no type";
+    EXPECT_FALSE(applied({creationOf(5, group), creationOf(0xFFFFFFFF, group)})) << "too far ahead";
 }
 
 }  // namespace
