@@ -6,6 +6,7 @@
 // fields.
 #pragma once
 
+#include "held_script.h"
 #include "reader_common.h"
 #include "units.h"
 
@@ -59,10 +60,11 @@ class ElementReader : private FieldTextReport {
         is,
         leaf
     };
-    /// What a Script or shader holds back until it is clear: fields that an IS may follow, and its source text.
+    /// Of a Script or shader: its source text, and what connects fields that it declares.
     struct Source {
-        std::vector<std::pair<FieldDeclaration, std::optional<Value>>> fields;
-        std::unordered_map<std::string, std::vector<std::string>> connections;  // to fields not declared yet
+        static constexpr std::size_t kNotHeld = ~std::size_t{0};
+        std::size_t number = kNotHeld;  // among the nodes of held_
+        HeldScript::Connections connections;
         std::optional<Array<String>> url;
         SourceLocation where;
         std::string text;
@@ -126,7 +128,7 @@ class ElementReader : private FieldTextReport {
     void startIs(Attributes attributes);
     void startConnect(Attributes attributes);
     void tellDeclaration(Frame& frame);
-    void tellFields(Frame& node);
+    void tellConnections(Frame& frame);
     void endNode(Frame& frame);
 
     // helpers
@@ -146,6 +148,7 @@ class ElementReader : private FieldTextReport {
 
     DocumentHandler* handler_;
     DocumentHandler* loud_;
+    std::unique_ptr<HeldScript> held_;  // the outermost open Script of a PROTO's body, which hears all that is in it
     NullHandler silent_;
     static constexpr std::size_t kNotMuted = ~std::size_t{0};
     std::size_t mutedAt_ = kNotMuted;

@@ -2,6 +2,7 @@
 #include "reader_element.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "reader_classic.h"
 #include "spelled_name.h"
@@ -149,9 +150,17 @@ void ElementReader::openNode(NodeShape shape, Attributes attributes) {
                                  "DEF '" + std::string(def).substr(0, 80) +
                                      "' has white space in it, which no name may have; ROUTE and USE find it so");
     }
+    if (shape.own && bodies_ > 0 && !held_ && mutedAt_ == kNotMuted) {
+        held_ = std::make_unique<HeldScript>(*handler_);
+        handler_ = loud_ = &held_->commands();
+    }
     handler_->beginNode(shape.name(), def ? def : "", into.name, where());
+    const std::size_t number = held_ && mutedAt_ == kNotMuted ? held_->count() : Source::kNotHeld;
     push(Inside::node);
-    if (shape.type && hasSourceText(*shape.type)) frames_.back().source = std::make_unique<Source>();
+    if (shape.type && hasSourceText(*shape.type)) {
+        frames_.back().source = std::make_unique<Source>();
+        frames_.back().source->number = number;
+    }
     frames_.back().shape = std::move(shape);
     nodeAttributes(attributes);
 }
@@ -250,10 +259,7 @@ void ElementReader::startField(Attributes attributes) {
     if (external) return push(Inside::leaf);
     if (!ref.takesValue()) {
         if (value && *value) error("the event " + field.name + " takes no value");
-        if (script)
-            parent.source->fields.emplace_back(std::move(field), std::nullopt);
-        else
-            handler_->declareField(field, std::nullopt, where());
+        handler_->declareField(field, std::nullopt, where());
         return push(Inside::leaf);
     }
     if (sf(field.type) == FieldType::SFNode) {
@@ -265,53 +271,33 @@ void ElementReader::startField(Attributes attributes) {
     Value parsed = Value::zero(field.type);
     if (value && !parseAttribute("value", value, field.type, parsed)) parsed = Value::zero(field.type);
     units_.toStandard(nullptr, parsed);
-    if (script)
-        parent.source->fields.emplace_back(std::move(field), std::move(parsed));
-    else
-        handler_->declareField(field, std::move(parsed), where());
+    handler_->declareField(field, std::move(parsed), where());
     push(Inside::leaf);
 }
 
 /// Tells of a node-valued field: its first node is about to come, or there is none (then `frame` has been popped).
 void ElementReader::tellDeclaration(Frame& frame) {
     const std::unique_ptr<FieldDeclaration> field = std::move(frame.declared);
-    // The Script that it is in comes before it on the stack.
-    Frame* parent = frames_.empty() ? nullptr : &frames_.back();
-    if (parent == &frame) parent = &frames_[frames_.size() - 2];
-    const bool script = parent && parent->source;
-    if (script) tellFields(*parent);
-    const bool nodesFollow = parent && parent != &frames_.back();
-    std::vector<std::string> connections;
-    if (script)
-        if (const auto found = parent->source->connections.find(field->name);
-            found != parent->source->connections.end())
-            connections = found->second;
-    std::optional<Value> value;
-    if (!nodesFollow && connections.empty()) value = Value::zero(field->type);
-    handler_->declareField(*field, std::move(value), frame.open);
-    for (const std::string& proto : connections) handler_->isConnection(frame.into.name, proto, frame.open);
+    const bool nodesFollow = !frames_.empty() && &frame == &frames_.back();
+    handler_->declareField(*field, nodesFollow ? std::nullopt : std::optional(Value::zero(field->type)), frame.open);
 }
 
-/// Tells of the fields held back so far, each with the connection it has, or else its value.
-void ElementReader::tellFields(Frame& node) {
-    Source& source = *node.source;
-    auto fields = std::move(source.fields);
-    source.fields.clear();
-    for (auto& [field, value] : fields) {
-        const auto found = source.connections.find(field.name);
-        if (found == source.connections.end()) {
-            handler_->declareField(field, std::move(value), node.open);
-            continue;
-        }
-        handler_->declareField(field, std::nullopt, node.open);
-        for (const std::string& proto : found->second) handler_->isConnection(field.name, proto, node.open);
+/// Of the fields that a Script declares, all of which are known by now.
+void ElementReader::tellConnections(Frame& frame) {
+    HeldScript::Connections connections;
+    for (auto& [name, protos] : frame.source->connections) {
+        if (const FieldRef field = findField(frame.shape, name))
+            std::ranges::move(protos, std::back_inserter(connections[std::string(field.name)]));
+        else
+            diagnostics_.error(frame.open, std::string(frame.shape.name()) + " has no field '" + name + "' to connect");
     }
+    if (frame.source->number != Source::kNotHeld) held_->connect(frame.source->number, std::move(connections));
 }
 
 void ElementReader::endNode(Frame& frame) {
     if (frame.source) {
         Source& source = *frame.source;
-        tellFields(frame);
+        tellConnections(frame);
         Array<String> url = source.url ? *source.url : Array<String>();
         const std::size_t start = source.text.find_first_not_of(" \t\r\n");
         const bool hasText = start != source.text.npos;
@@ -329,12 +315,12 @@ void ElementReader::endNode(Frame& frame) {
             else
                 diagnostics_.error(frame.open, std::string(frame.shape.name()) + " takes no source text");
         }
-        for (const auto& [field, protos] : source.connections)
-            if (!findField(frame.shape, field))
-                diagnostics_.error(frame.open,
-                                   std::string(frame.shape.name()) + " has no field '" + field + "' to connect");
     }
     handler_->endNode(where());
+    if (!frame.source || frame.source->number != 0) return;
+    const std::unique_ptr<HeldScript> held = std::move(held_);
+    handler_ = loud_ = &held->next();
+    held->tell();
 }
 
 void ElementReader::startFieldValue(Attributes attributes) {
@@ -385,10 +371,9 @@ void ElementReader::startConnect(Attributes attributes) {
         error("connect needs nodeField and protoField");
     } else {
         const FieldRef field = findField(node.shape, nodeField);
-        const bool held = node.source && (!field || std::ranges::any_of(node.source->fields, [&](const auto& f) {
-                              return f.first.name == field.name;
-                          }));
-        if (held)
+        // Fields of its own may be declared behind it.
+        const bool declared = node.source && (!field || (node.shape.own && !field.definition));
+        if (declared)
             node.source->connections[field ? std::string(field.name) : std::string(nodeField)].emplace_back(protoField);
         else if (field || !node.shape.known())
             handler_->isConnection(field ? field.name : std::string_view(nodeField), protoField, where());

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include "value/number_text.h"
+
 namespace rtsg::detail {
 
 namespace {
@@ -31,10 +33,6 @@ bool isReserved(std::string_view name, Spelling spelling) {
             return std::ranges::find(kMeanings, name) != kMeanings.end() || name.starts_with("xmlns");
     }
     return false;
-}
-
-bool isDigit(char c) {
-    return c >= '0' && c <= '9';
 }
 
 /// Whether the byte at `i` may not stand there.

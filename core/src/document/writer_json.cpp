@@ -357,12 +357,13 @@ class JsonWriter final : public DocumentHandler {
                     member(many ? "\"#comment\":[" : "\"#comment\":", std::move(one.items), many ? "]" : "");
                     one.items.clear();
                 }
-        if (Rope connections = take("connect"); !connections.empty())
-            member("\"IS\":{\"connect\":[", std::move(connections), "]}");
         const bool proto = frame.proto != nullptr;
         if (!frame.declarations.empty())
             member(proto ? "\"ProtoInterface\":{\"field\":[" : "\"field\":[", declared(frame.declarations),
                    proto ? "]}" : "]");
+        // Behind fields of a node's own, which no reader knows before.
+        if (Rope connections = take("connect"); !connections.empty())
+            member("\"IS\":{\"connect\":[", std::move(connections), "]}");
         if (proto) member("\"ProtoBody\":{\"-children\":[", take("ProtoBody"), "]}");
         if (!frame.values.empty()) member("\"fieldValue\":[", declared(frame.values), "]");
         for (Member& one : frame.members) {

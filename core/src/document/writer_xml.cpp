@@ -66,7 +66,8 @@ class XmlWriter final : public DocumentHandler {
         if (!container.empty()) write(attribute("containerField", container, where));
         frame.shape = std::move(shape);
         frame.indent = indent() + 1;
-        // A Script's source text is an attribute or content, which shows at its end; an IS comes before all content.
+        // A Script's source text is an attribute or content, which shows at its end; an IS comes before all content but
+        // fields.
         if (valuesFirst_ && !frame.shape.own && protos_ == 0)
             frame.tagOpen = true;
         else
@@ -82,14 +83,16 @@ class XmlWriter final : public DocumentHandler {
             return;
         }
         std::string& gap = *frame.gap;
-        if (!frame.connections.empty()) {
-            const std::string before = "\n" + std::string(spaces(frame.indent), ' ');
-            frame.connections = before + "<IS>" + frame.connections + before + "</IS>";
-        }
-        const bool empty = !frame.filled && frame.connections.empty();
-        gap += empty ? "/>" : ">" + frame.connections;
+        const bool empty = !frame.filled && frame.connections.empty() && frame.source.view().empty();
+        gap += empty ? "/>" : ">";
+        // Fields of a node's own are known to no reader before they come: what connects them follows them, and its
+        // source text follows that.
+        (frame.shape.own ? pieces_.back().text : gap) += connectionElement(frame);
         if (!empty) {
-            if (!frame.endsWithText) newLine();
+            if (frame.source.view().empty())
+                newLine();
+            else
+                writeSource(frame.source.view());
             write("</" + frame.element + ">");
         }
         closeGap(frame);
@@ -123,7 +126,7 @@ class XmlWriter final : public DocumentHandler {
             return;
         }
         if (nodes) return;  // NULL and the empty list are what a node without such children has
-        if (frame.shape.type && field == "url" && declaresFields(*frame.shape.type) && writeSource(value)) return;
+        if (frame.shape.type && field == "url" && declaresFields(*frame.shape.type) && keepSource(value)) return;
         if (frame.shape.unknown && value.holds<String>()) {
             // As it was read.
             const std::string name = spellName(field, Spelling::attribute);
@@ -283,12 +286,12 @@ class XmlWriter final : public DocumentHandler {
         std::shared_ptr<ProtoType> proto;
         std::string* gap = nullptr;  // attributes go here; ends with the start tag
         Rope::iterator gapAt{};
-        bool tagOpen = false;       // no gap: attributes are written as they come
-        std::string connections;    // the connect elements of its IS
-        std::size_t indent = 0;     // of its content
-        bool filled = false;        // it has content (interface: the ProtoInterface is open)
-        bool endsWithText = false;  // CDATA: no white space may follow
-        std::string openValue;      // "field" or "fieldValue" whose nodes are coming
+        bool tagOpen = false;     // no gap: attributes are written as they come
+        std::string connections;  // the connect elements of its IS
+        std::size_t indent = 0;   // of its content
+        bool filled = false;      // it has content (interface: the ProtoInterface is open)
+        String source;            // text that goes into CDATA
+        std::string openValue;    // "field" or "fieldValue" whose nodes are coming
         std::string valueName;
         bool valueEmpty = false;             // its start tag is still open
         std::set<std::string> unknownGiven;  // attributes of a node of unknown type
@@ -350,12 +353,16 @@ class XmlWriter final : public DocumentHandler {
         frame.tagOpen = false;
         write(">");
     }
-    /// Writes the connections that have come since the last time.
+    /// The IS of the connections that have come since the last time, if there are any.
+    static std::string connectionElement(Frame& frame) {
+        if (frame.connections.empty()) return {};
+        const std::string before = "\n" + std::string(spaces(frame.indent), ' ');
+        return before + "<IS>" + std::exchange(frame.connections, {}) + before + "</IS>";
+    }
     void tellConnections(Frame& frame) {
         if (frame.connections.empty()) return;
         closeTag(frame);
-        const std::string before = "\n" + std::string(spaces(frame.indent), ' ');
-        write(before + "<IS>" + std::exchange(frame.connections, {}) + before + "</IS>");
+        write(connectionElement(frame));
         frame.filled = true;
     }
     void endDirect(Frame& frame) {
@@ -387,7 +394,6 @@ class XmlWriter final : public DocumentHandler {
                 tellConnections(frame);
             }
             frame.filled = true;
-            frame.endsWithText = false;
         }
         newLine();
     }
@@ -531,7 +537,7 @@ class XmlWriter final : public DocumentHandler {
         }
     }
     /// The source text of a Script, if it can stand in CDATA: the last url, in several lines.
-    bool writeSource(const Value& url) {
+    bool keepSource(const Value& url) {
         const Array<String>& urls = url.as<Array<String>>();
         if (urls.empty()) return false;
         const std::string_view text = urls.back();
@@ -541,13 +547,15 @@ class XmlWriter final : public DocumentHandler {
             text, [](char c) { return static_cast<unsigned char>(c) >= 0x20 || c == '\n' || c == '\t'; });
         Frame& frame = frames_.back();
         if (!source || !spelled || text.find('\n') == text.npos || frame.shape.type->name != "Script") return false;
-        closeValue();
         if (urls.size() > 1) {
             Array<String> others = urls;
             others.erase(urls.size() - 1);
             *frame.gap += valueAttribute("url", Value(std::move(others)), {});
         }
-        frame.filled = true;
+        frame.source = urls.back();
+        return true;
+    }
+    void writeSource(std::string_view text) {
         write("<![CDATA[");
         std::size_t from = 0;
         for (std::size_t end = text.find("]]>"); end != text.npos; end = text.find("]]>", from)) {
@@ -557,8 +565,6 @@ class XmlWriter final : public DocumentHandler {
         }
         write(text.substr(from));
         write("]]>");
-        frame.endsWithText = true;
-        return true;
     }
 
     TextSink sink_;

@@ -122,6 +122,49 @@ TEST(ReaderXml, ScriptFieldsSourceAndIs) {
                             "endproto", "begin Script", "set url MFString [\"ecmascript:var x = a[b[0]]>1;\"]", "end"));
 }
 
+TEST(ReaderXml, AnIsBeforeOrBehindTheFieldsItConnectsReadsAlike) {
+    const auto script = [](const std::string& first, const std::string& last) {
+        return "<ProtoDeclare name='P'><ProtoInterface><field name='a' type='SFFloat' accessType='inputOutput' "
+               "value='1'/><field name='g' type='SFNode' accessType='inputOutput'/><field name='u' type='MFString' "
+               "accessType='inputOutput'/></ProtoInterface><ProtoBody><Script DEF='S'>" +
+               first +
+               "<field name='a' type='SFFloat' accessType='inputOutput' value='2'/>"
+               "<!-- said --><field name='none' type='SFNode' accessType='inputOutput'/>"
+               "<field name='kids' type='MFNode' accessType='inputOutput'><Group DEF='G'/><Script>" +
+               first + "<field name='a' type='SFFloat' accessType='inputOutput' value='3'/>" + last +
+               "</Script></field><field name='b' type='SFBool' accessType='inputOnly'/>" + last +
+               "<![CDATA[ecmascript:\nf();]]></Script><Group/></ProtoBody></ProtoDeclare>"
+               "<Script><field name='a' type='SFFloat' accessType='inputOutput' value='4'/></Script>";
+    };
+    const std::string is =
+        "<IS><connect nodeField='a' protoField='a'/><connect nodeField='set_none' protoField='g'/></IS>";
+    const std::string known = "<IS><connect nodeField='a' protoField='a'/></IS>";
+    const Read before = readXmlScene(script(known, "")), behind = readXmlScene(script("", known));
+    EXPECT_EQ(before.complaints(), "");
+    EXPECT_EQ(behind.complaints(), "");
+    EXPECT_THAT(
+        behind.handler.lines,
+        ElementsAre("proto P", "declare inputOutput SFFloat a = 1", "declare inputOutput SFNode g = NULL",
+                    "declare inputOutput MFString u = []", "body", "begin Script DEF S",
+                    "declare inputOutput SFFloat a", "is a a", "declare inputOutput SFNode none = NULL",
+                    "declare inputOutput MFNode kids", "begin Group DEF G in kids", "end", "begin Script in kids",
+                    "declare inputOutput SFFloat a", "is a a", "end", "declare inputOnly SFBool b",
+                    "set url MFString [\"ecmascript:\nf();\"]", "end", "begin Group", "end", "endproto", "begin Script",
+                    "declare inputOutput SFFloat a = 4", "end"));
+    EXPECT_EQ(before.handler.text(), behind.handler.text());
+    // Of a node, by the name of its event.
+    const Read node = readXmlScene(
+        "<ProtoDeclare name='P'><ProtoInterface><field name='a' type='SFFloat' "
+        "accessType='inputOutput'/><field name='g' type='SFNode' accessType='inputOutput'/>"
+        "</ProtoInterface><ProtoBody><Script>" +
+        is +
+        "<field name='none' type='SFNode' accessType='inputOutput'/><field name='a' "
+        "type='SFFloat' accessType='inputOutput'/></Script></ProtoBody></ProtoDeclare>");
+    EXPECT_EQ(node.complaints(), "");
+    EXPECT_THAT(node.handler.lines, testing::IsSupersetOf({"declare inputOutput SFNode none", "is none g",
+                                                           "declare inputOutput SFFloat a", "is a a"}));
+}
+
 TEST(ReaderXml, RoutesImportsExports) {
     const Read r = readXmlScene(
         "<Transform DEF='A'/><Transform DEF='B'/><ROUTE fromNode='A' fromField='translation_changed' toNode='B' "

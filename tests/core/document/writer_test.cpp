@@ -94,6 +94,27 @@ TEST(Writer, XmlJsonXmlGivesEqualCommands) {
     EXPECT_EQ(rewrite(json, Encoding::xml), xml) << json;
 }
 
+// Readers that go by the order know a Script's own fields only once they have come.
+TEST(Writer, AnIsComesBehindTheFieldsThatANodeDeclares) {
+    constexpr const char* kDocument =
+        "#X3D V4.0 utf8\nPROFILE Immersive\nPROTO P [inputOutput SFFloat a 1 inputOutput SFVec3f at 0 0 0] {"
+        "Script { inputOutput SFFloat a IS a initializeOnly SFNode t Group { }"
+        " url \"ecmascript:\nf();\" } Transform { translation IS at children Group { } } }";
+    EXPECT_THAT(rewrite(kDocument, Encoding::xml),
+                HasSubstr("        <Script>\n          <field accessType='inputOutput' type='SFFloat' name='a'/>\n"
+                          "          <field accessType='initializeOnly' type='SFNode' name='t'>\n            <Group/>\n"
+                          "          </field>\n          <IS>\n            <connect nodeField='a' protoField='a'/>\n"
+                          "          </IS><![CDATA[ecmascript:\nf();]]></Script>\n        <Transform>\n          <IS>\n"
+                          "            <connect nodeField='translation' protoField='at'/>\n          </IS>\n"
+                          "          <Group/>\n        </Transform>\n"));
+    const std::string json = rewrite(kDocument, Encoding::json);
+    const std::size_t script = json.find("\"Script\""), transform = json.find("\"Transform\"");
+    EXPECT_LT(json.find("\"field\"", script), json.find("\"IS\"", script)) << json;
+    EXPECT_LT(json.find("\"IS\"", transform), json.find("\"Group\"", transform)) << json;
+    EXPECT_EQ(Read(json).handler.text(), Read(kDocument).handler.text());
+    EXPECT_EQ(Read(rewrite(kDocument, Encoding::xml)).handler.text(), Read(kDocument).handler.text());
+}
+
 TEST(Writer, ClassicLayout) {
     EXPECT_EQ(rewrite("#X3D V4.0 utf8\nPROFILE Immersive Group{children[Shape{geometry Box{size 1 2 3}}Group{}]}",
                       Encoding::classicVrml),
