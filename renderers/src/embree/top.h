@@ -43,16 +43,18 @@ struct PassedHits;
 
 class TopView {
   public:
-    RawHit intersect(const Ray& ray, RayKind kind) const;
-    bool occluded(const Ray& ray, RayKind kind) const;
+    // `hider`: what it hides is not met; null: everything is.
+    RawHit intersect(const Ray& ray, RayKind kind, const RayFilter* hider = nullptr) const;
+    bool occluded(const Ray& ray, RayKind kind, const RayFilter* hider = nullptr) const;
     /// Lanes with all-ones in `valid` are traced; the packet's private members are set for all. Returns a bit per lane
     /// that hit something.
-    std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
-        return intersect(rays, valid, coherent, kind, nullptr);
-    }
-    /// The same, where something else may know what they meet of the main group.
     std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
-                            const PrimaryBlock* known) const;
+                            const RayFilter* hider = nullptr) const {
+        return intersect(rays, valid, coherent, kind, nullptr, hider);
+    }
+    /// The same, where something else may know what they meet of the main group, hidden or not.
+    std::uint32_t intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
+                            const PrimaryBlock* known, const RayFilter* hider) const;
     /// Null: rays are quicker.
     std::unique_ptr<const PrimaryHits> primaryHits(const PixelGrid& grid, RayKind kind, int samples) const {
         return main_ ? PrimaryHits::make(*main_->resting, maskOf(kind), grid, samples) : nullptr;
@@ -64,7 +66,7 @@ class TopView {
     /// Blocked lanes end with tMax -inf. Returns a bit for each. `passed`: where what it lets pass is noted; null:
     /// everything blocks.
     std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
-                           PassedHits* passed = nullptr) const;
+                           PassedHits* passed = nullptr, const RayFilter* hider = nullptr) const;
 
     /// As RayView's.
     void visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const;

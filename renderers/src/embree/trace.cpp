@@ -2,7 +2,6 @@
 #include <bit>
 #include <cstddef>
 #include <cstring>
-#include <optional>
 #include <utility>
 
 #include "packet_avx512.h"
@@ -39,6 +38,47 @@ void leave(const Ray& ray, RTCRay& r) {
     r.dir_x = ray.direction.x, r.dir_y = ray.direction.y, r.dir_z = ray.direction.z;
 }
 
+/// What goes with rays that pass hits: those on what is hidden, and those that are noted.
+struct Passing {
+    const TopView& top;
+    const RayFilter* hider;
+    PassedHits* passed;  // null: none are
+};
+
+void note(const RTCFilterFunctionNArguments& asked, unsigned i, std::uint32_t geometry, std::uint32_t object,
+          PassedHits& passed) {
+    const unsigned size = asked.N, lane = RTCRayN_id(asked.ray, size, i);
+    if (passed.count[lane] == PassedHits::kMost) {
+        passed.many |= 1u << lane;
+        return;
+    }
+    passed.hits[lane][passed.count[lane]++] = {
+        RTCRayN_tfar(asked.ray, size, i),
+        RTCHitN_u(asked.hit, size, i),
+        RTCHitN_v(asked.hit, size, i),
+        {RTCHitN_Ng_x(asked.hit, size, i), RTCHitN_Ng_y(asked.hit, size, i), RTCHitN_Ng_z(asked.hit, size, i)},
+        RTCHitN_primID(asked.hit, size, i),
+        geometry,
+        object};
+    asked.valid[i] = 0;
+}
+
+/// Embree asks whether hits count.
+void passHits(const RTCFilterFunctionNArguments* asked) {
+    const auto& [top, hider, passed] = *static_cast<const Passing*>(RayCast::told(*asked));
+    const unsigned size = asked->N;
+    for (unsigned i = 0; i < size; ++i) {
+        if (asked->valid[i] == 0) continue;
+        const std::uint32_t object = RTCHitN_instID(asked->hit, size, i, 0);
+        const std::uint32_t geometry = RTCHitN_geomID(asked->hit, size, i);
+        const std::uint32_t slot = top.objectOf(object).slotOf(geometry);
+        if (hider && hider->hides(slot))
+            asked->valid[i] = 0;
+        else if (passed && passed->passes(passed->asked, slot))
+            note(*asked, i, geometry, object, *passed);
+    }
+}
+
 inline RawHit rawHit(const RTCRayHit& r) {
     return {r.ray.tfar,   r.hit.u,      r.hit.v,        {r.hit.Ng_x, r.hit.Ng_y, r.hit.Ng_z},
             r.hit.primID, r.hit.geomID, r.hit.instID[0]};
@@ -68,7 +108,7 @@ void TopView::restore(PassedHits& passed) const {
         for (std::uint32_t i = 0; i < passed.count[lane]; ++i) restore(passed.hits[lane][i]);
 }
 
-RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
+RawHit TopView::intersect(const Ray& ray, RayKind kind, const RayFilter* hider) const {
     const auto found = [this](const RTCRayHit& r) {
         RawHit hit = rawHit(r);
         if (hasCuts_) restore(hit);
@@ -79,6 +119,8 @@ RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
     r.hit.geomID = RTC_INVALID_GEOMETRY_ID;
     r.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     RayCast cast(false);
+    Passing passing{*this, hider, nullptr};
+    if (hider) cast.ask(passHits, &passing);
     if (main_) {
         cast.intersect(main_->scene, r);
         if (tree_.empty()) return found(r);
@@ -101,10 +143,12 @@ RawHit TopView::intersect(const Ray& ray, RayKind kind) const {
     return found(r);
 }
 
-bool TopView::occluded(const Ray& ray, RayKind kind) const {
+bool TopView::occluded(const Ray& ray, RayKind kind, const RayFilter* hider) const {
     RTCRay r;
     fill(r, ray, maskOf(kind));
     RayCast cast(false);
+    Passing passing{*this, hider, nullptr};
+    if (hider) cast.ask(passHits, &passing);
     if (main_) {
         cast.occluded(main_->scene, r);
         if (r.tfar < 0 || tree_.empty()) return r.tfar < 0;
@@ -220,12 +264,14 @@ void TopView::setSize(const InstanceTree::Box& box) {
 }
 
 std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
-                                 const PrimaryBlock* known) const {
+                                 const PrimaryBlock* known, const RayFilter* hider) const {
     complete(rays, maskOf(kind));
     auto& packet = reinterpret_cast<RTCRayHit16&>(rays);
     const bool isMet = main_ && known && known->meet(valid, rays);
     if (isMet && tree_.empty()) return metBy(rays);
     RayCast cast(coherent || runTogether(rays, valid));
+    Passing passing{*this, hider, nullptr};
+    if (hider) cast.ask(passHits, &passing);
     if (main_ && !isMet) cast.intersect(valid, main_->scene, packet);
     if (!tree_.empty()) {
         traverse(tree_, rays, valid, [&](std::uint32_t index, const std::int32_t* lanes) {
@@ -253,51 +299,14 @@ std::uint32_t TopView::metBy(RayPacket16& rays) const {
     return hits;
 }
 
-namespace {
-
-/// What goes with rays that pass hits.
-struct Passing {
-    const TopView& top;
-    PassedHits& passed;
-};
-
-/// Embree asks whether hits count.
-void passHits(const RTCFilterFunctionNArguments* asked) {
-    const auto& [top, passed] = *static_cast<const Passing*>(RayCast::told(*asked));
-    const unsigned size = asked->N;
-    for (unsigned i = 0; i < size; ++i) {
-        if (asked->valid[i] == 0) continue;
-        const std::uint32_t object = RTCHitN_instID(asked->hit, size, i, 0);
-        const std::uint32_t geometry = RTCHitN_geomID(asked->hit, size, i);
-        if (!passed.passes(passed.asked, top.objectOf(object).slotOf(geometry))) continue;
-        const unsigned lane = RTCRayN_id(asked->ray, size, i);
-        if (passed.count[lane] == PassedHits::kMost) {
-            passed.many |= 1u << lane;
-            continue;
-        }
-        passed.hits[lane][passed.count[lane]++] = {
-            RTCRayN_tfar(asked->ray, size, i),
-            RTCHitN_u(asked->hit, size, i),
-            RTCHitN_v(asked->hit, size, i),
-            {RTCHitN_Ng_x(asked->hit, size, i), RTCHitN_Ng_y(asked->hit, size, i), RTCHitN_Ng_z(asked->hit, size, i)},
-            RTCHitN_primID(asked->hit, size, i),
-            geometry,
-            object};
-        asked->valid[i] = 0;
-    }
-}
-
-}  // namespace
-
 std::uint32_t TopView::occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
-                                PassedHits* passed) const {
+                                PassedHits* passed, const RayFilter* hider) const {
     complete(rays, maskOf(kind));
     RayCast cast(kOccludesCoherently && (coherent || runTogether(rays, valid)));
-    std::optional<Passing> passing;
-    if (passed) {
+    Passing passing{*this, hider, passed};
+    if (passed)
         for (std::uint32_t lane = 0; lane < 16; ++lane) rays.id_[lane] = lane;
-        cast.ask(passHits, &passing.emplace(*this, *passed));
-    }
+    if (passed || hider) cast.ask(passHits, &passing);
     auto& packet = reinterpret_cast<RTCRay16&>(rays);
     if (main_) cast.occluded(valid, main_->scene, packet);
     if (!tree_.empty()) {

@@ -1,6 +1,8 @@
 // A LayerSet's layers: where each is seen in a picture, through which eye, and one over the other.
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "active.h"
 #include "data_layers.h"
@@ -34,6 +36,24 @@ void layOver(const Picture& over, int left, int topmost, Picture& under) {
         }
 }
 
+/// The slots that are not of a layer; empty: none is.
+std::vector<bool> outsideOf(std::uint16_t layer, const RayView& world) {
+    std::vector<bool> outside(world.instances().size());
+    bool any = false;
+    for (std::uint32_t slot = 0; slot < outside.size(); ++slot) {
+        const RayInstance& instance = world.instance(slot);
+        outside[slot] = instance.info.layer != layer;
+        any = any || (!outside[slot] && instance.info.id && instance.mesh);
+    }
+    return any ? outside : std::vector<bool>();
+}
+
+/// In place of drawing a layer in which nothing is.
+void passOver(const LayerView& view, Trail& trail) {
+    Trail::Part& part = trail.next(view.camera);
+    part = {part.camera, Picture(view.width, view.height), {}, {}, {}};
+}
+
 void addStats(const RenderStats& part, double share, RenderStats& sum) {
     sum.primaryRays += part.primaryRays, sum.shadowRays += part.shadowRays, sum.secondaryRays += part.secondaryRays;
     sum.missing += part.missing * share, sum.missingMost = std::max(sum.missingMost, part.missingMost);
@@ -55,6 +75,12 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
     if (settings.layers != 0) addLayers(world, settings, picture);
     for (std::size_t i = 0; i < views.size() && !stats.cancelled; ++i) {
         const LayerView& view = views[i];
+        std::vector<bool> outside = outsideOf(view.camera.layer, world);
+        if (i > 0 && outside.empty() && !active<SkyEntry>(state, view.camera.layer)) {
+            if (trail) passOver(view, *trail);
+            continue;
+        }
+        outside.resize(world.instances().size(), true);
         RenderSettings own = settings;
         own.width = view.width, own.height = view.height;
         if (settings.before && !isSameView(view.camera, camera))  // of other eyes nothing is known of the time before
@@ -63,10 +89,7 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
             own.progress = [&](double done) {
                 return settings.progress((static_cast<double>(i) + done) / static_cast<double>(views.size()));
             };
-        Part part{.headlight = view.camera.forward, .hidden = {}, .over = i > 0};
-        part.hidden.resize(world.instances().size());
-        for (std::uint32_t slot = 0; slot < world.instances().size(); ++slot)
-            part.hidden[slot] = world.instance(slot).info.layer != view.camera.layer;
+        const Part part{.headlight = view.camera.forward, .hidden = std::move(outside), .over = i > 0};
         RenderStats drawn;
         const Picture layer = drawPart(state, world, view.camera, own, part, drawn, trail);
         const double share = double{1} * view.width * view.height / (double{1} * settings.width * settings.height);

@@ -139,7 +139,11 @@ template <class Base, class Hides>
 class InstanceFilter : public Base {
   public:
     InstanceFilter(Hides hides, std::shared_ptr<const RayFilter> other)
-        : hides_(std::move(hides)), other_(std::move(other)) {}
+        : hides_(std::move(hides)), other_(std::move(other)) {
+        this->hidesAny_ = true;
+        this->bounds_ = other_ ? other_->bounds() : Bounds{};
+    }
+    bool hides(std::uint32_t slot) const override { return hides_(slot); }
     bool concerns(std::uint32_t slot) const override { return hides_(slot) || (other_ && other_->concerns(slot)); }
     bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const override {
         return hides_(slot) || (other_ && other_->leavesOut(slot, at, error));

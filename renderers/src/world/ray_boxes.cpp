@@ -1,6 +1,9 @@
 // Boxes around instances, and sixteen rays against one, eight at a time.
 #include "ray_boxes.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "mesh/simd8.h"
 
 namespace rtsg {
@@ -8,6 +11,7 @@ namespace rtsg {
 using namespace simd;
 
 std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
+    if (box.empty()) return 0;
     std::uint32_t met = 0;
     for (int at = 0; at < 16; at += 8) {
         F8 near = all(0), far = load(rays.tMax + at);
@@ -22,6 +26,17 @@ std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
         met |= laneBits(near <= far * 1.00001f) << at;
     }
     return met;
+}
+
+bool meetsBox(const Ray& ray, const Bounds& box) {
+    if (box.empty()) return false;
+    float near = 0, far = ray.tMax;
+    for (int k = 0; k < 3; ++k) {
+        const float d = std::abs(ray.direction[k]) < 1e-20f ? 1e-20f : ray.direction[k];
+        const float a = (box.min[k] - ray.origin[k]) / d, b = (box.max[k] - ray.origin[k]) / d;
+        near = std::max(near, std::min(a, b)), far = std::min(far, std::max(a, b));
+    }
+    return near <= far * 1.00001f;
 }
 
 bool comeNear(const RayPacket16& rays, const Vec3f& middle, float radiusSquared) {

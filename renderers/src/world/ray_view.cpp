@@ -49,11 +49,22 @@ inline int findValid(const RayPacket16& rays, std::int32_t* valid) {
     return bad;
 }
 
+/// Lanes that do not come where there is anything that stays become inactive.
+inline void leaveOut(const RayFilter& hider, const RayPacket16& rays, const std::int32_t* valid, std::int32_t* kept) {
+    const std::uint32_t met = meetBox(rays, hider.keptBounds());
+    for (int i = 0; i < 16; ++i) kept[i] = met >> i & 1u ? valid[i] : 0;
+}
+
 /// The lanes that are traced, a bit each.
 inline std::uint32_t lanesOf(const std::int32_t* valid) {
     std::uint32_t lanes = 0;
     for (int i = 0; i < 16; ++i) lanes |= static_cast<std::uint32_t>(valid[i] != 0) << i;
     return lanes;
+}
+
+/// Of those the ones about which a filter must be asked: of what it hides rays are told by themselves.
+inline std::uint32_t lanesToAsk(const RayFilter* filter, const RayPacket16& rays, const std::int32_t* valid) {
+    return filter ? meetBox(rays, filter->bounds()) & lanesOf(valid) : 0;
 }
 
 inline bool acceptable(const Ray& ray) {
@@ -160,7 +171,9 @@ Hit RayView::intersect(const Ray& ray, RayKind kind) const {
 }
 
 Hit RayView::intersectAll(const Ray& ray, RayKind kind) const {
-    Hit hit = resolve(tables_->top.intersect(ray, kind), tables_->top, instances_);
+    const RayFilter* hider = this->hider();
+    if (hider && !meetsBox(ray, hider->keptBounds())) return {};
+    Hit hit = resolve(tables_->top.intersect(ray, kind, hider), tables_->top, instances_);
     if (seesStrokes(kind)) meetStrokes(ray, kind, hit);
     return hit;
 }
@@ -396,8 +409,12 @@ bool RayView::occluded(const Ray& ray, RayKind kind) const {
         tables_->badRays.fetch_add(1, std::memory_order_relaxed);
         return false;
     }
-    if (filter_) return static_cast<bool>(meetCaps(ray, intersectFiltered(ray, kind), kind));
-    return tables_->top.occluded(ray, kind) || (seesStrokes(kind) && tables_->strokes.occluded(ray, {lens_, kind}));
+    if (filter_ && !filter_->bounds().empty())
+        return static_cast<bool>(meetCaps(ray, intersectFiltered(ray, kind), kind));
+    const RayFilter* hider = this->hider();
+    if (hider && !meetsBox(ray, hider->keptBounds())) return false;
+    return tables_->top.occluded(ray, kind, hider) ||
+           (seesStrokes(kind) && tables_->strokes.occluded(ray, {lens_, kind, filter_}));
 }
 
 std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind) const {
@@ -409,7 +426,7 @@ std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind,
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
-    const std::uint32_t asked = filter_ ? meetBox(rays, filter_->bounds()) & lanesOf(valid) : 0;
+    const std::uint32_t asked = lanesToAsk(filter_, rays, valid);
     float tMax[16];
     if (asked) std::memcpy(tMax, rays.tMax, sizeof tMax);
     const std::uint32_t hits = intersectAll(rays, valid, coherent, kind, known);
@@ -418,7 +435,17 @@ std::uint32_t RayView::intersect(RayPacket16& rays, bool coherent, RayKind kind,
 
 std::uint32_t RayView::intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                                     const bvh::PrimaryBlock* known) const {
-    std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind, known);
+    const RayFilter* hider = this->hider();
+    alignas(64) std::int32_t kept[16];
+    float tMax[16];
+    if (hider) {
+        leaveOut(*hider, rays, valid, kept);
+        valid = kept;
+        std::memcpy(tMax, rays.tMax, sizeof tMax);
+    }
+    // What is known of their way is so of all that is there.
+    std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind, known, known ? nullptr : hider);
+    if (hider && known) hits = passHidden(rays, hits, tMax, coherent, kind);
     // Most packets come nowhere near a line or point.
     if (!seesStrokes(kind) || !comeNear(rays, strokesMiddle_, strokesRadiusSquared_)) return hits;
     struct Met final : bvh::StrokeSurface {
@@ -435,8 +462,39 @@ std::uint32_t RayView::intersectAll(RayPacket16& rays, const std::int32_t* valid
     return hits | tables_->strokes.intersect(rays, valid, {lens_, kind, filter_, hits ? &met : nullptr});
 }
 
+std::uint32_t RayView::passHidden(RayPacket16& rays, std::uint32_t hits, const float* tMax, bool coherent,
+                                  RayKind kind) const {
+    const RayFilter& hider = *this->hider();
+    alignas(64) std::int32_t again[16] = {};
+    std::uint32_t hidden = 0;
+    for (std::uint32_t rest = hits; rest; rest &= rest - 1) {
+        const int i = std::countr_zero(rest);
+        if (!hider.hides(tables_->top.objectOf(rays.inst_[i]).slotOf(rays.geom_[i]))) continue;
+        again[i] = -1, hidden |= 1u << i;
+    }
+    if (!hidden) return hits;
+    RayPacket16 behind = rays;
+    std::memcpy(behind.tMax, tMax, sizeof behind.tMax);
+    const std::uint32_t met = tables_->top.intersect(behind, again, coherent, kind, &hider);
+    for (std::uint32_t rest = hidden; rest; rest &= rest - 1) {
+        const int i = std::countr_zero(rest);
+        rays.tMax[i] = behind.tMax[i];
+        rays.u_[i] = behind.u_[i], rays.v_[i] = behind.v_[i];
+        rays.normalX_[i] = behind.normalX_[i], rays.normalY_[i] = behind.normalY_[i];
+        rays.normalZ_[i] = behind.normalZ_[i];
+        rays.prim_[i] = behind.prim_[i], rays.geom_[i] = behind.geom_[i], rays.inst_[i] = behind.inst_[i];
+    }
+    return (hits & ~hidden) | (met & hidden);
+}
+
 std::uint32_t RayView::occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const {
-    std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind);
+    const RayFilter* hider = this->hider();
+    alignas(64) std::int32_t kept[16];
+    if (hider) {
+        leaveOut(*hider, rays, valid, kept);
+        valid = kept;
+    }
+    std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind, nullptr, hider);
     if (seesStrokes(kind) && comeNear(rays, strokesMiddle_, strokesRadiusSquared_))
         blocked |= tables_->strokes.occluded(rays, valid, {lens_, kind, filter_});
     return blocked;
@@ -447,7 +505,7 @@ std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) 
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
-    std::uint32_t asked = filter_ ? meetBox(rays, filter_->bounds()) & lanesOf(valid) : 0;
+    std::uint32_t asked = lanesToAsk(filter_, rays, valid);
     if (!asked) return occludedByAll(rays, valid, coherent, kind);
     // What blocks a ray may be left out where it does: of those that something blocks the nearest is looked for, and
     // what is beyond it if need be. Where there are caps something may be in the way that no ray meets by itself.
@@ -481,9 +539,11 @@ std::uint32_t RayView::occludedBut(RayPacket16& rays, bool coherent, RayKind kin
         unknown = lanesOf(valid);
         return 0;
     }
-    if (filter_) unknown = meetBox(rays, filter_->bounds()) & lanesOf(valid);
+    unknown = lanesToAsk(filter_, rays, valid);
     for (std::uint32_t rest = unknown; rest; rest &= rest - 1) valid[std::countr_zero(rest)] = 0;
-    const std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind, &passed);
+    const RayFilter* hider = this->hider();
+    if (hider) leaveOut(*hider, rays, valid, valid);
+    const std::uint32_t blocked = tables_->top.occluded(rays, valid, coherent, kind, &passed, hider);
     unknown |= passed.many;
     return blocked & ~passed.many;
 }

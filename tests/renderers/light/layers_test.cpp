@@ -1,4 +1,6 @@
 // Layers one over the other, each with its own eye, background, lights and fog; what is picked is what is seen.
+#include <random>
+
 #include <rtsg/renderers/picking.h>
 
 #include <rtsg/core/x3d.h>
@@ -263,6 +265,71 @@ TEST(Layers, ArePickedWhereTheyCoincide) {
                 EXPECT_EQ(s.world->rays().instance(pick->instance.slot).info.layer, layer);
             }
     }
+}
+
+/// Triangles, some of them clear, and lines, all in one place, under a lamp whose shadows fall on them.
+std::string thicket(unsigned seed) {
+    std::mt19937 random(seed);
+    const auto next = [&](double most) { return std::uniform_real_distribution<>(-most, most)(random); };
+    std::string all = "NavigationInfo { headlight FALSE } DirectionalLight { direction -.3 -.5 -1 shadows TRUE } ";
+    for (int i = 0; i < 40; ++i) {
+        const Vec3d at(next(3), next(3), next(2));
+        std::string points;
+        for (int k = 0; k < 3; ++k) points += fmt::format("{} {} {}, ", at.x + next(1), at.y + next(1), at.z + next(1));
+        all += fmt::format(
+            "Shape {{ appearance Appearance {{ material Material {{ diffuseColor {} {} {} transparency {} }} }} "
+            "geometry {} {{ {} coord Coordinate {{ point [ {} ] }} }} }} ",
+            std::abs(next(1)), std::abs(next(1)), std::abs(next(1)), i % 3 == 0 ? .5 : 0,
+            i % 8 == 7 ? "LineSet" : "IndexedTriangleSet", i % 8 == 7 ? "vertexCount 3" : "solid FALSE index [ 0 1 2 ]",
+            points);
+    }
+    return all;
+}
+
+TEST(Layers, AreEachAsIfTheOthersWereNotThere) {
+    for (const unsigned seed : {1u, 2u, 3u}) {
+        const std::string own = thicket(seed), other = thicket(seed + 100);
+        const auto drawn = [&](const std::string& scene, const std::string& layer) {
+            LightScene s(scene + " LayerSet { order [ 0 1 ] layers [ Layer { children [ " + layer + " ] } ] }", 64, 64);
+            s.options.settings.colorSpace = ColorSpace::display;
+            return s.picture();
+        };
+        // What a layer adds, and what it leaves of what is behind it, is seen before black and before white.
+        const std::string eye = "NavigationInfo { headlight FALSE } Viewpoint { } ";
+        const Picture black = drawn(eye, other), white = drawn(eye + "Background { skyColor 1 1 1 } ", other),
+                      behind = drawn(own + "Viewpoint { } ", ""), both = drawn(own + "Viewpoint { } ", other);
+        int wrong = 0, covered = 0, clear = 0;
+        for (std::size_t i = 0; i < both.pixels.size(); ++i) {
+            const Vec3f on(black.pixels[i]), left = Vec3f(white.pixels[i]) - on;
+            covered += left.r < .01f, clear += left.r > .99f;
+            const Vec3f off = glm::abs(Vec3f(both.pixels[i]) - (on + left * Vec3f(behind.pixels[i])));
+            wrong += std::max({off.r, off.g, off.b}) > 1e-4f;
+        }
+        EXPECT_LE(wrong, 2) << "but for roundings at edges, seed " << seed;
+        EXPECT_GT(covered, 400);
+        EXPECT_GT(clear, 400);
+    }
+}
+
+TEST(Layers, InWhichNothingIsCostNoRays) {
+    const std::string scene = "Viewpoint { } " + thicket(5);
+    LightScene alone(scene), layered(scene +
+                                     "LayerSet { order [ 0 1 2 3 ] layers [ Layer { children DEF Eye Viewpoint { } } "
+                                     "DEF Late Layer { } LayoutLayer { } ] }");
+    const Picture expected = alone.picture(), seen = layered.picture();
+    EXPECT_EQ(seen.pixels, expected.pixels);
+    EXPECT_EQ(layered.stats.primaryRays, alone.stats.primaryRays);
+    EXPECT_EQ(layered.stats.shadowRays, alone.stats.shadowRays);
+    // What comes into one of them is drawn, and gone again when it goes.
+    const NodeId late = layered.node("Late"), background = layered.scene.createNode(x3d::Background::type);
+    ASSERT_TRUE(layered.scene.set(background, x3d::Background::skyColor, Array<Color>{{0, 0, 1}}));
+    ASSERT_TRUE(layered.scene.set(late, x3d::Layer::children, Array<NodeId>{background}));
+    layered.scene.newFrame(1);
+    EXPECT_EQ(layered.center(), Vec3f(0, 0, 1));
+    ASSERT_TRUE(layered.scene.set(late, x3d::Layer::children, Array<NodeId>{}));
+    layered.scene.newFrame(2);
+    EXPECT_EQ(layered.picture().pixels, expected.pixels);
+    EXPECT_EQ(layered.stats.primaryRays, alone.stats.primaryRays);
 }
 
 TEST(Layers, AViewpointThatViewsAllViewsAllOfItsLayer) {

@@ -45,6 +45,9 @@ class RayFilter {
     virtual ~RayFilter() = default;
     /// Whether anything of an instance may be left out at all.
     virtual bool concerns(std::uint32_t slot) const = 0;
+    /// Whether all of it is: rays pass it as if it were not there.
+    virtual bool hides(std::uint32_t) const { return false; }
+    bool hidesAny() const { return hidesAny_; }
     /// Whether a place of it, in ray space, is. `error`: how far off it may be, in metres; what lies that close to the
     /// bound of what is left out stays.
     virtual bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const = 0;
@@ -53,9 +56,10 @@ class RayFilter {
         const Vec3f way = t * direction, sizes = glm::abs(origin) + glm::abs(way);
         return leavesOut(slot, origin + way, 0x1p-21f * std::max({sizes.x, sizes.y, sizes.z}));
     }
-    /// Ray space; around all that it concerns, so that rays elsewhere need not ask.
+    /// Ray space; around all that it concerns and does not hide, so that rays elsewhere need not ask. Empty: that is
+    /// nothing.
     const Bounds& bounds() const { return bounds_; }
-    /// Ray space; around all surfaces that it may keep, so that elsewhere nobody need look for one.
+    /// Ray space; around all that it may keep, so that elsewhere nobody need look for anything.
     const Bounds& keptBounds() const { return kept_; }
 
     /// Where a ray goes through a plane that bodies have caps on.
@@ -75,6 +79,7 @@ class RayFilter {
   protected:
     static constexpr float kFar = std::numeric_limits<float>::infinity();
     Bounds bounds_{Vec3f(-kFar), Vec3f(kFar)}, kept_ = bounds_;
+    bool hidesAny_ = false;
 };
 
 /// In place of a triangle, of a hit on a cap: where a plane cuts a closed body. It has no colours or textures of its

@@ -182,6 +182,10 @@ class RayView {
     std::uint32_t occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;
     std::uint32_t filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
                              RayKind kind) const;
+    /// Null: nothing is hidden.
+    const RayFilter* hider() const { return filter_ && filter_->hidesAny() ? filter_ : nullptr; }
+    std::uint32_t passHidden(RayPacket16& rays, std::uint32_t hits, const float* tMax, bool coherent,
+                             RayKind kind) const;
     bool seesStrokes(RayKind kind) const { return strokesRadiusSquared_ >= 0 && kind != RayKind::sound; }
     void meetStrokes(const Ray& ray, RayKind kind, Hit& hit) const;
 };
