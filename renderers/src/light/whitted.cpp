@@ -75,6 +75,14 @@ class Tile {
         }
         loop_.sumOf(pixel) += Vec4f(weight * color, 0);
     }
+    /// What is seen of a surface, straight or through others. Of what is mixed with something before or behind it a
+    /// display value above white counts as white, as it does where browsers mix.
+    Vec3f seenOf(const SurfacePacket& s, int lane, const PathTask* task) const {
+        const Vec3f radiance = s.radiance.get(lane);
+        const bool light = scene_.space == ColorSpace::linear || (s.linear >> lane & 1u) || (task && task->linear);
+        const bool mixed = task || s.coverage[lane] * s.opacity[lane] < 1;
+        return light || !mixed || (task && task->depth > 0) ? radiance : glm::min(radiance, Vec3f(1));
+    }
     /// Whether what has no space of its own is to be light: sky and fog.
     bool asLight(const PathTask* task) const { return scene_.space == ColorSpace::linear || (task && task->linear); }
 
@@ -195,7 +203,7 @@ class Tile {
             fog = s.fogLeft(scene_, lane, packet.rays.at(lane, t), t + (tasks ? tasks[lane].line : 0));
         if (!(s.special >> lane & 1u)) {
             const PathTask* task = tasks ? tasks + lane : nullptr;
-            add(pixel, task, weight * fog, s.radiance.get(lane), s.linear >> lane & 1u, 1);
+            add(pixel, task, weight * fog, seenOf(s, lane, task), s.linear >> lane & 1u, 1);
             addFog(pixel, task, weight, fog, s.lights[lane]);
             return;
         }
@@ -211,7 +219,7 @@ class Tile {
     void addOwn(std::uint16_t pixel, const PathTask* task, const SurfacePacket& s, int lane, const Vec3f& weight,
                 float fog) {
         const Vec3f shown = weight * s.coverage[lane], solid = shown * s.opacity[lane] * fog;
-        add(pixel, task, solid * branches_.body.get(lane), s.radiance.get(lane), s.linear >> lane & 1u, 0, false);
+        add(pixel, task, solid * branches_.body.get(lane), seenOf(s, lane, task), s.linear >> lane & 1u, 0, false);
         // What is mirrored covers by what its ray meets, also where `body` is whole.
         const Vec3f covered = solid * branches_.covering.get(lane);
         loop_.sumOf(pixel).a += (covered.x + covered.y + covered.z) / 3;

@@ -455,5 +455,36 @@ TEST(LightTracer, WhatIsWhollyTransparentHidesNothingInItsPlane) {
         }
 }
 
+// Two lamps light a white surface twice: what is written is cut at white, and so is what is mixed with something else.
+TEST(LightTracer, WhatIsMixedWithSomethingElseIsNoBrighterThanWhite) {
+    const std::string lamps = "DirectionalLight { direction 0 0 -1 } DirectionalLight { direction 0 0 -1 } ";
+    const auto pane = [](const char* material, double z) {
+        return fmt::format("Transform {{ translation 0 0 {} children {} }} ", z, square(2, material));
+    };
+    const auto white = [](double transparency) {
+        return fmt::format("material Material {{ diffuseColor 1 1 1 ambientIntensity 0 transparency {} }}",
+                           transparency);
+    };
+    const char* const dark = "material UnlitMaterial { emissiveColor 0 0 0 transparency .75 }";
+    const auto seen = [&](const std::string& body, ColorSpace space = ColorSpace::automatic) {
+        LightScene s(lamps + body);
+        s.options.settings.colorSpace = space;
+        return s.center();
+    };
+    const std::string whole = pane(white(0).c_str(), 0), half = pane(white(.5).c_str(), 0);
+    expectColor(seen(whole), {2, 2, 2}, 1e-5);
+    expectColor(seen(half), {.5, .5, .5}, 1e-5);
+    expectColor(seen(half, ColorSpace::display), {.5, .5, .5}, 1e-5);
+    expectColor(seen(half, ColorSpace::linear), {1, 1, 1}, 1e-5);
+    expectColor(seen(whole + pane(dark, 1)), {.75, .75, .75}, 1e-5);
+    expectColor(seen(whole + pane(dark, 1), ColorSpace::linear), {1.125, 1.125, 1.125},
+                1e-5);  // the lamps shine through
+    // A mirror shows a half of what it mirrors, however bright.
+    const std::string aside = "Transform { rotation 0 1 0 .785398163 children " + square(2, mirror(".5")) +
+                              " } Transform { translation 5 0 0 rotation 0 1 0 -1.570796327 children " +
+                              square(2, white(0)) + " } DirectionalLight { direction 1 -1 0 intensity 2.8284271 } ";
+    expectColor(seen(aside), {1, 1, 1}, 1e-4);
+}
+
 }  // namespace
 }  // namespace rtsg
