@@ -450,12 +450,16 @@ class XmlWriter final : public DocumentHandler {
         newLine();
         return {};
     }
-    /// What the reader would choose by itself need not be said.
+    /// What all readers choose by themselves need not be said. Of an instance that is `children`, whatever node it
+    /// stands for: not all of them look into the PROTO. Of a node of unknown type nothing better is known.
     std::string containerField(const NodeShape& parent, std::string_view field, const NodeShape& child) const {
+        constexpr std::string_view kUnsaid = "children";
+        if (child.unknown && field == kUnsaid) return {};
         const NodeType* type = child.standsFor();
         const FieldRef place = findField(parent, field);
-        const std::string_view usual = type ? std::string_view(type->containerField) : "children";
-        return field == usual && place && accepts(place, type) ? "" : std::string(spelled(parent, field));
+        const std::string_view usual = type ? std::string_view(type->containerField) : kUnsaid;
+        const bool chosen = field == usual && place && accepts(place, type) && (!child.proto || usual == kUnsaid);
+        return chosen ? "" : std::string(spelled(parent, field));
     }
     /// The field's name in the version that is written.
     std::string_view spelled(const NodeShape& shape, std::string_view field) const {

@@ -115,6 +115,24 @@ TEST(Writer, AnIsComesBehindTheFieldsThatANodeDeclares) {
     EXPECT_EQ(Read(rewrite(kDocument, Encoding::xml)).handler.text(), Read(kDocument).handler.text());
 }
 
+// Of instances readers take `children` to be meant that do not look into the PROTO.
+TEST(Writer, PlacesOfInstancesAreSaid) {
+    constexpr const char* kDocument =
+        "#X3D V4.0 utf8\nPROFILE Immersive\nPROTO G [] { Box { } } PROTO S [] { Shape { } }"
+        "Group { children [ DEF I S { } Shape { geometry DEF J G { } } Shape { geometry USE J } USE I ] }";
+    const std::string xml = rewrite(kDocument, Encoding::xml);
+    EXPECT_THAT(xml,
+                HasSubstr("<ProtoInstance name='S' DEF='I'/>\n      <Shape>\n        <ProtoInstance name='G' DEF='J' "
+                          "containerField='geometry'/>\n      </Shape>\n      <Shape>\n        <ProtoInstance "
+                          "name='G' USE='J' containerField='geometry'/>\n      </Shape>\n      <ProtoInstance "
+                          "name='S' USE='I'/>\n"));
+    EXPECT_EQ(Read(xml).handler.text(), Read(kDocument).handler.text());
+    // What the file does not say of a node of unknown type is not made up.
+    const std::string unknown =
+        "<X3D version='4.0' profile='Full'><Scene><Appearance><Polish/></Appearance></Scene></X3D>";
+    EXPECT_THAT(rewrite(unknown, Encoding::xml), HasSubstr("<Polish/>"));
+}
+
 TEST(Writer, ClassicLayout) {
     EXPECT_EQ(rewrite("#X3D V4.0 utf8\nPROFILE Immersive Group{children[Shape{geometry Box{size 1 2 3}}Group{}]}",
                       Encoding::classicVrml),
