@@ -4,7 +4,7 @@
 //
 // Both get the same document: the scene as `rtsg convert` writes it, with its TimeSensors switched off, so that nothing
 // moves between the pictures, with the standard's default Viewpoint where it has none but those of a humanoid (rtsg would
-// frame it, and binds a humanoid's), and without textures whose files are not there. rtsg draws no reflections, which a
+// frame it, and binds a humanoid's), with the descriptions of Scripts declared in them, and without textures whose files are not there. rtsg draws no reflections, which a
 // browser has not; X_ITE draws at its highest quality. A silhouette is where a picture differs from that of the same scene with all its Shapes made
 // invisible. Writes DIR/index.html with the pictures, DIR/results.json and a line a scene.
 // Exit status 0: compared, whatever came out; 77: skipped, with the reason, where Chromium or the packages of `./dev web`
@@ -105,6 +105,18 @@ function dropMissing(document, folder) {
   drop(document);
 }
 
+/** Scripts have a `description` since X3D 4.0. X_ITE gives a program no variable of it, but of one that the Script declares, as those of
+ * before do; to rtsg both are the same. */
+function declareDescriptions(file) {
+  const text = readFileSync(file, 'utf8').replaceAll(/<Script\b([^>]*[^>/]|)>(.*?)<\/Script>/gs, (whole, attributes, content) => {
+    const value = / description=('[^']*')/.exec(attributes)?.[1];
+    if (value === undefined && !/<connect nodeField='description'/.test(content)) return whole;
+    return `<Script${attributes.replace(/ description='[^']*'/, '')}><field accessType='inputOutput' type='SFString' name='description'${
+      value ? ` value=${value}` : ''}/>${content}</Script>`;
+  });
+  writeFileSync(file, text);
+}
+
 /** The scene as it stands, and without its shapes, as XML in `scratch`; what went wrong. */
 function prepare(scene, name) {
   const json = path.join(scratch, `${name}.json`);
@@ -126,6 +138,7 @@ function prepare(scene, name) {
     if (document.X3D) document.X3D['@version'] = '4.0', document.X3D['@profile'] = 'Full';
     writeFileSync(json, JSON.stringify(document));
     rtsg('convert', json, path.join(scratch, `${name}-${kind}.x3d`), '--force');
+    declareDescriptions(path.join(scratch, `${name}-${kind}.x3d`));
     rtsg('render', path.join(scratch, `${name}-${kind}.x3d`), '-o', path.join(given.out, `${name}-${kind}-rtsg.png`), '--size',
       `${width}x${height}`, '--spp', '16', '--shadows', 'authored', '--depth', '0', '--base', path.dirname(scene), '--allow', path.dirname(path.dirname(scene)));
   }

@@ -114,7 +114,7 @@ class RayCast {
     void trace(const int* v, RTCScene s, RTCRay8& r) { rtcOccluded8(v, s, &context_, &r); }
     void trace(const int* v, RTCScene s, RTCRay4& r) { rtcOccluded4(v, s, &context_, &r); }
 #endif
-    /// From here on `filter` is asked of each hit of occlusion rays whether it counts. told() gives it `what`.
+    /// From here on `filter` is asked of each hit whether it counts. told() gives it `what`.
     void ask(RTCFilterFunctionN filter, void* what) {
 #if RTSG_EMBREE >= 4
         filter_ = filter;
