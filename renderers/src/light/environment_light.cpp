@@ -43,10 +43,19 @@ Vec3f shown(const TraceEnvironment& light, const SurfacePacket& s, int lane) {
 }  // namespace
 
 void addEnvironments(const TraceScene& scene, SurfacePacket& s) {
+    // Lanes mostly lie in one scope, and that in none of these lights'.
+    const auto firstLit = [&](std::uint32_t scope) {
+        std::uint32_t at = scene.environments.start(scope);
+        while (at != EnvironmentGroups::kEnd && scene.environments.lightsOf(at).empty())
+            at = scene.environments.next(at);
+        return at;
+    };
+    std::uint32_t scope = s.lights[std::countr_zero(s.mask)], first = firstLit(scope);
+    if (s.oneInstance && first == EnvironmentGroups::kEnd) return;
     for (std::uint32_t lit = s.mask & ~s.unlit; lit; lit &= lit - 1) {
         const int lane = std::countr_zero(lit);
-        std::uint32_t at = scene.environments.start(s.lights[lane]);
-        for (; at != EnvironmentGroups::kEnd; at = scene.environments.next(at))
+        if (s.lights[lane] != scope) scope = s.lights[lane], first = firstLit(scope);
+        for (std::uint32_t at = first; at != EnvironmentGroups::kEnd; at = scene.environments.next(at))
             for (const TraceEnvironment& light : scene.environments.lightsOf(at))
                 s.radiance.add(lane, shown(light, s, lane));
     }
