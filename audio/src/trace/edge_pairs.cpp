@@ -246,7 +246,8 @@ std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, con
     looked = 0;
     for (std::size_t open = 0; looked < edges.size() && open < 2 * kPairedEdges; ++looked) {
         const EdgeCandidate& edge = edges[looked];
-        if (!isOpen(geometry, edge.edge, offEnds(edge.edge, edge.by))) continue;
+        // An edge that is far off and never heard is no reason to trace again when something is changed there.
+        if (!isOpen(geometry.unnoted(), edge.edge, offEnds(edge.edge, edge.by))) continue;
         ++open;
         EdgeCandidate all = edge;
         // What it has joined may reach to another one.

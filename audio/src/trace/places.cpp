@@ -87,6 +87,10 @@ glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& poi
     findTouched(geometry, point, towards, off, touched);
     if (touched.walls.empty()) return point;
     const glm::dvec3 near = movedOff(touched, point, off);
+    const double distance = glm::distance(near, towards);
+    AcousticHit hit;
+    if (!(distance > 0) || !geometry.closest(near, (towards - near) / distance, distance * (1 - 1e-6), kNoPlane, hit))
+        return near;
     const Passage known = geometry.passage(near, towards);
     if (known == Passage::found) return near;
     // So far that it touches the wall no more.

@@ -161,6 +161,8 @@ class AcousticGeometry {
         static_cast<void>(a), static_cast<void>(b);
         return Passage::unknown;
     }
+    /// The same, for questions of whose answers nobody need take note: what they reach may change unseen.
+    virtual const AcousticGeometry& unnoted() const { return *this; }
     using EdgeVisitor = std::function<void(const WallEdge&)>;
     virtual void visitEdges(const EdgeVisitor& visit) const { static_cast<void>(visit); }
 };
