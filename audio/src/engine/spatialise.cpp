@@ -77,7 +77,10 @@ void AcousticEngine::Impl::runAheadFor(const SoundVersion& sounds) {
 
 void AcousticEngine::Impl::findHead(const ListenerPose& listener) {
     const double radius = listener.headRadius();
-    if (head && (options.hrtf || (radius == headRadius && air.speedOfSound == headSpeed))) return;
+    // To make one takes longer than a block lasts; nobody hears smaller differences.
+    constexpr double kAlike = 5e-3;
+    const auto alike = [](double a, double b) { return std::abs(a - b) <= kAlike * b; };
+    if (head && (options.hrtf || (alike(radius, headRadius) && alike(air.speedOfSound, headSpeed)))) return;
     head = options.hrtf ? options.hrtf : Hrtf::sphere(options.sampleRate, radius, air.speedOfSound);
     headRadius = radius;
     headSpeed = air.speedOfSound;

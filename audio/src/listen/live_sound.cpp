@@ -159,7 +159,8 @@ Result<std::unique_ptr<LiveSound>> LiveSound::start(SharedWorld& world, const Li
     impl->added = true;
     // The device's first block is of this: what it takes to look at walls and sources for the first time is over before
     // it plays, whenever the scene goes on. Where readers hold too many states it begins with the next one.
-    if (auto present = world.present()) impl->state = std::move(*present);
+    if (auto present = world.present(); present && (*present)->of(impl->number) && (*present)->rays)
+        impl->state = std::move(*present);
     impl->engine->prepare(*impl->tables.latest());
     impl->thread = std::thread([s = impl.get()] { s->run(); });
     return std::unique_ptr<LiveSound>(new LiveSound(std::move(impl)));

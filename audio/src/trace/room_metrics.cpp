@@ -277,7 +277,9 @@ double largestError(const MetricsEstimate& m) {
             worst = std::max(worst, std::isfinite(halfWidth) ? halfWidth / noticeable : 1e9);
     };
     for (std::size_t b = kBand1k - 3; b <= kBand1k + 2; ++b) {  // 125 Hz to 4 kHz
-        take(m.value.edt[b], m.ci95.edt[b], 0.05 * m.value.edt[b]);
+        // Where direct sound alone is 10 dB above what follows, some of the batches have no early decay: no number of
+        // rays would tell how far off it is.
+        if (std::isfinite(m.ci95.edt[b])) take(m.value.edt[b], m.ci95.edt[b], 0.05 * m.value.edt[b]);
         take(m.value.t20[b], m.ci95.t20[b], 0.05 * m.value.t20[b]);
         take(m.value.t30[b], m.ci95.t30[b], 0.05 * m.value.t30[b]);
         take(m.value.c80[b], m.ci95.c80[b], 1);

@@ -10,6 +10,8 @@ namespace rtsg {
 namespace {
 
 constexpr std::uint32_t kNone = 0xFFFFFFFF;
+/// Of more edges that end at one place not all are tried with each other.
+constexpr std::size_t kMostAtCorner = 64;
 
 /// What single precision may shift a corner by, with some to spare.
 double roundingOf(const Vec3f& a, const Vec3f& b) {
@@ -59,7 +61,8 @@ class Links {
             return cornerOf(a) != cornerOf(b) ? isBefore(cornerOf(a), cornerOf(b)) : a < b;
         });
         for (std::size_t i = 0; i < ends.size(); ++i)
-            for (std::size_t k = i + 1; k < ends.size() && cornerOf(ends[k]) == cornerOf(ends[i]); ++k)
+            for (std::size_t k = i + 1;
+                 k < std::min(ends.size(), i + kMostAtCorner) && cornerOf(ends[k]) == cornerOf(ends[i]); ++k)
                 if (next_[ends[i]] == kNone && next_[ends[k]] == kNone &&
                     goesOn(edges_[ends[i] / 2], edges_[ends[k] / 2], cornerOf(ends[i]))) {
                     next_[ends[i]] = ends[k];

@@ -93,14 +93,14 @@ auto noNode(NodeId id) {
 namespace {
 
 /// Ids come in order, with gaps at will; no number shall be the last.
-constexpr std::uint32_t kMaximumLeap = 1u << 30;
+constexpr std::uint32_t kMaximumLeap = 1u << 30, kLastId = 0xFFFFFFFF;
 
 }  // namespace
 
 Result<> Scene::State::applyCreation(const Change& c, bool pending) {
     if (!c.node || find(c.node)) return fail(fmt::format("node {} exists already", c.node.value));
     if (c.index >= types.size()) return fail(fmt::format("unknown node type {}", c.index));
-    if (c.node.value - std::min(c.node.value, nextId) > kMaximumLeap)
+    if (c.node.value - std::min(c.node.value, nextId) > kMaximumLeap || c.node.value == kLastId)
         return fail(fmt::format("node id {} is out of sequence", c.node.value));
     // A number that comes again belongs to another node, whose values are the defaults.
     if (c.node.value < nextId) forgetTerms();
@@ -130,7 +130,7 @@ std::size_t Scene::State::applyCreationRun(std::span<const Change> changes) {
         const Change& c = changes[i];
         // From the next number on there is none.
         if (c.kind != ChangeKind::createNode || c.index != index.value || c.node.value < nextId ||
-            c.node.value - nextId > kMaximumLeap)
+            c.node.value - nextId > kMaximumLeap || c.node.value == kLastId)
             break;
         Node& node = makeNode(c.node, index, *entry.type, c.other);
         if (shares) retainDefaults(node);

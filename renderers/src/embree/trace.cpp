@@ -155,6 +155,7 @@ bool TopView::occluded(const Ray& ray, RayKind kind, const RayFilter* hider) con
     }
     tree_.traverse(ray, [&](std::uint32_t index) {
         const TopObject& o = object(index);
+        cast.setInstance(index);
         if (o.resting) {
             cast.occluded(o.scene, r);
             return r.tfar;

@@ -78,6 +78,8 @@ Picture trace::drawLayers(const LightState& state, const RayView& world, const C
         std::vector<bool> outside = outsideOf(view.camera.layer, world);
         if (i > 0 && outside.empty() && !active<SkyEntry>(state, view.camera.layer)) {
             if (trail) passOver(view, *trail);
+            const double done = (static_cast<double>(i) + 1) / static_cast<double>(views.size());
+            if (settings.progress && !settings.progress(done)) stats.cancelled = true;
             continue;
         }
         outside.resize(world.instances().size(), true);

@@ -154,6 +154,16 @@ TEST(VolumeStyles, WhatIsBeyondALightsScopeThrowsNoShadow) {
     EXPECT_EQ(of(wall, ""), Vec3f(0));
     EXPECT_GT(of("", "").r, 0);
     EXPECT_EQ(of("", wall), of("", ""));
+    // Likewise of walls that may move, which have trees of their own, with one at rest beside them and without.
+    const std::string moving = "DEF M " + wall;
+    const std::string mover =
+        " DEF P PositionInterpolator { key 0 keyValue 30 0 40 } ROUTE P.value_changed TO M.set_translation";
+    const std::string resting = "Transform { translation 0 90 0 children " + square(1, unlit("1 1 1")) + " } ";
+    for (const std::string& beside : {std::string(), resting}) {
+        EXPECT_EQ(of(moving, beside + mover), Vec3f(0));
+        EXPECT_EQ(of("", beside + moving + mover), of("", ""));
+        EXPECT_EQ(of(beside, moving + mover), of("", ""));
+    }
 }
 
 // A dense volume is dark where its own body hides the light.
