@@ -196,7 +196,6 @@ class Diffraction {
         const bool whole = parts.size() == 1 && parts[0].from == 0 && parts[0].to == one.edge.length;
         if (whole || parts.empty()) return whole && bend(one.edge, one.round, nullptr);
         Pressures sum{};
-
         bool heard = false;
         for (const EdgePart& seen : parts) {
             WallEdge part = one.edge;

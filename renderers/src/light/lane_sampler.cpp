@@ -14,17 +14,6 @@ using namespace simd;
 
 namespace {
 
-F8 floorOf(F8 v) {
-#ifdef __AVX__
-    __m256 r;
-    std::memcpy(&r, &v, sizeof r);
-    r = _mm256_floor_ps(r);
-    std::memcpy(&v, &r, sizeof v);
-#else
-    for (int i = 0; i < 8; ++i) v[i] = std::floor(v[i]);
-#endif
-    return v;
-}
 F8 floats(I8 v) {
     return __builtin_convertvector(v, F8);
 }

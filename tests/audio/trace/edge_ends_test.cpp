@@ -9,6 +9,7 @@
 #include <gtest/gtest.h>
 
 #include "trace/edge_ends.h"
+#include "trace/edge_parts.h"
 #include "walled.h"
 
 namespace rtsg {
@@ -281,6 +282,26 @@ TEST(EdgeEnds, AnEdgeThatIsHiddenInPartBendsWithTheRest) {
     for (const EdgeWave& wave : half.traced({-2, -.5, -2}, {-2, -.3, 2}, 1).edges.waves)
         ends += wave.route.first.y == 1 && std::abs(wave.route.first.x - 2) < .05;
     EXPECT_EQ(ends, 1);
+}
+
+TEST(EdgeEnds, AnEdgeIsSeenUpToWhatHidesItHoweverNearOneIs) {
+    // The edge of the screen at y = 1; a wall before it from x = 0 on.
+    for (const double size : {.1, 1.0, 30.0}) {
+        const glm::dvec3 source(-.2 * size, .8 * size, -.4 * size), listener(-.2 * size, .9 * size, .4 * size);
+        std::vector<glm::dvec3> corners{{-9, -9, 0},  {9, -9, 0},   {9, 1, 0},   {-9, 1, 0},
+                                        {0, -9, -.2}, {9, -9, -.2}, {9, 9, -.2}, {0, 9, -.2}};
+        for (glm::dvec3& corner : corners) corner *= size;
+        const Walled walls(corners, {0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7});
+        WallEdge edge;
+        edge.from = {-9 * size, size, 0};
+        edge.axis = {1, 0, 0};
+        edge.length = 18 * size;
+        edge.faceA = edge.faceB = {0, -1, 0};
+        const std::vector<EdgePart> parts = partsSeen(walls.geometry, source, listener, edge, {-.2 * size, size, 0});
+        ASSERT_EQ(parts.size(), 1u) << size;
+        EXPECT_EQ(parts[0].from, 0) << size;
+        EXPECT_NEAR(parts[0].to, 9.2 * size, .01 * size) << size;
+    }
 }
 
 }  // namespace

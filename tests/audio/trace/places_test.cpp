@@ -49,6 +49,8 @@ TEST(Places, OnAFaceOfABodyIsBeforeItAlsoBehindTheBody) {
         EXPECT_EQ(outsideBodies(body.geometry, moved, far), moved);
         EXPECT_EQ(offWalls(body.geometry, moved, far), moved);
     }
+    // However near the other one is.
+    EXPECT_GT(outsideBodies(body.geometry, {.5, .1, .05}, {-.4, .6, .1}).x, .5);
     // Seen from inside it is inside, and in sight of it before the face.
     EXPECT_LT(outsideBodies(body.geometry, {.5, .1, .05}, glm::dvec3(0)).x, .5);
     EXPECT_GT(outsideBodies(body.geometry, {.5, .1, .05}, {3, 0, 0}).x, .5);

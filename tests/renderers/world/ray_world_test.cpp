@@ -57,6 +57,41 @@ TEST(RayWorld, RandomScenesAgreeWithBruteForceInEveryMapping) {
         }
 }
 
+/// Every other one.
+struct HideSome final : RayFilter {
+    HideSome() {
+        hidesAny_ = true;
+        bounds_ = {};
+    }
+    bool concerns(std::uint32_t slot) const override { return hides(slot); }
+    bool hides(std::uint32_t slot) const override { return slot % 2 == 1; }
+    bool leavesOut(std::uint32_t slot, const Vec3f&, float) const override { return hides(slot); }
+};
+
+// In one tree with others, and in trees of their own, with and without anything at rest beside them.
+TEST(RayWorld, RaysPassWhatAFilterHidesInEveryMapping) {
+    for (const Mapping mapping : kMappings)
+        for (const bool allMove : {false, true}) {
+            SCOPED_TRACE(testing::Message() << "seed " << kWorldSeed << ", mapping " << int(mapping) << allMove);
+            std::mt19937 random(kWorldSeed);
+            RayWorld world({.mapping = mapping});
+            BruteForce kept;
+            InstanceDelta delta;
+            std::vector<std::shared_ptr<Mesh>> meshes{makeBox(), makeSphere(2), makeSoup(random, 30)};
+            for (std::uint32_t g = 0; g < meshes.size(); ++g) delta.geometries.push_back({NodeId{10 + g}, meshes[g]});
+            for (std::uint32_t i = 0; i < 60; ++i) {
+                const std::uint32_t g = random() % 3;
+                Instance instance = makeInstance(i, NodeId{10 + g}, randomTransform(random, 10));
+                instance.motion = allMove || random() % 2 ? Motion::moving : Motion::unknown;
+                delta.added.push_back(instance);
+                if (i % 2 == 0) kept.things[instance.id.slot] = {instance, meshes[g]};
+            }
+            world.apply(delta);
+            const HideSome filter;
+            expectSameHits(LensedView(world, PixelLens(), &filter), kept, random, 40, 14);
+        }
+}
+
 // Law 2: following deltas gives what building from scratch would; here the brute force is the scratch.
 TEST(RayWorld, FollowsRandomEdits) {
     for (const Mapping mapping : kMappings) {
