@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "coincident.h"
 #include "lamps.h"
 #include "lanes.h"
 #include "sky_light.h"
