@@ -246,6 +246,8 @@ int Session::startLog() {
     // The state that there is, before the first new one: that of the document, or the one that the log ends with,
     // again. Else the recorder begins with whatever is newest once it has its file.
     log_->waitFor(running_.scene().sequence(), std::chrono::seconds(10));
+    // Nobody is ahead of the log, should this program be killed. States of a lossy scene have other numbers.
+    if (!lossy_) log_->onAcknowledged(server_->sendWhatIsLogged());
     return kDone;
 }
 

@@ -288,6 +288,54 @@ TEST_F(ReplayAsTest, WhatIsWrongIsNamedAsItWasTyped) {
     EXPECT_THAT(rerun({"--expect-sound", folder / "a.png"}).err, HasSubstr("--expect-sound: " + (folder / "a.png")));
 }
 
+/// Records a scene whose Script does something in its fifth frame, and runs it again, in each way.
+class RerunOfScripts : public CommandLine {
+  protected:
+    void sameAgain(const std::string& nodes, const std::string& script, const std::string& routes = "",
+                   const std::vector<std::string>& more = {}) {
+        const std::string source = folder / "made.x3dv", log = folder / "made.rlog";
+        writeFile(source,
+                  "#X3D V3.3 utf8\nPROFILE Immersive\nDEF T TimeSensor { loop TRUE cycleInterval 2 startTime 1 }\n" +
+                      nodes + "\nDEF SC Script { inputOnly SFTime tick outputOnly MFNode add outputOnly SFBool load " +
+                      "url \"ecmascript: var n = 0; function tick(t) { n++; if (n == 5) { " + script +
+                      " } }\" }\nROUTE T.time TO SC.tick\n" + routes);
+        for (const std::vector<std::string>& how : {std::vector<std::string>{}, {"--inputs"}, {"--mode", "input"}}) {
+            std::vector<std::string> record = {"record", source, "-o", log, "--for", ".5s", "--fps", "30", "--force"};
+            record.insert(record.end(), how.begin(), how.end());
+            record.insert(record.end(), more.begin(), more.end());
+            const Outcome recorded = rtsg(record);
+            ASSERT_EQ(recorded.status, 0) << recorded.err;
+            const Outcome again = rtsg({"replay", "--json", log, "--rerun", source});
+            EXPECT_EQ(again.status, 0) << (how.empty() ? "states" : how.back()) << ": " << again.err;
+            if (again.status != 0) continue;
+            const json report = json::parse(again.out);
+            EXPECT_EQ(report["frames"], report["verified"]);
+            EXPECT_GT(report["frames"], 10);
+        }
+    }
+};
+
+TEST_F(RerunOfScripts, NodesThatScriptsMakeAreMadeOnce) {
+    const std::string group = "DEF G Group { }", route = "ROUTE SC.add TO G.addChildren\n";
+    sameAgain(group, "add = new MFNode(Browser.createVrmlFromString('DEF M Transform { children Shape { } }')[0]);",
+              route);
+    sameAgain(group, "add = new MFNode(Browser.createX3DFromString('Transform { }').rootNodes[0]);", route);
+}
+
+TEST_F(RerunOfScripts, FilesThatScriptsAskForAreLoadedOnce) {
+    writeFile(folder / "piece.x3dv", "#X3D V3.3 utf8\nPROFILE Immersive\nDEF P Transform { translation 1 2 3 }\n");
+    writeFile(folder / "inl.x3dv",
+              "#X3D V3.3 utf8\nPROFILE Immersive\nDEF C TimeSensor { loop TRUE cycleInterval 1 startTime 1 }\n"
+              "DEF I PositionInterpolator { key [0 1] keyValue [0 0 0, 1 0 0] }\nDEF X Transform { }\n"
+              "ROUTE C.fraction_changed TO I.set_fraction\nROUTE I.value_changed TO X.translation\n");
+    sameAgain("DEF G Group { }",
+              "Browser.createVrmlFromURL(new MFString('piece.x3dv'), Browser.currentScene.getNamedNode('G'), "
+              "'addChildren');");
+    const std::string inlined = "DEF IN Inline { url \"inl.x3dv\" load FALSE }";
+    sameAgain(inlined, "load = true;", "ROUTE SC.load TO IN.load\n");
+    sameAgain(inlined, "", "", {"--set", "IN.load=TRUE@.1"});
+}
+
 TEST_F(ReplayAsTest, DiffNamesWhatTwoScenesOrLogsDifferIn) {
     const std::string other = folder / "other.x3dv", otherLog = folder / "other.rlog";
     writeFile(other, scene("3"));

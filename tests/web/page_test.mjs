@@ -176,6 +176,16 @@ const setTime = (page, name, field) => page.evaluate(([n, f]) => {
   rtsg.mirror.submitEvents([{node: node.id, field: node.type.fields.findIndex((def) => def.name === f), type: 8, value: scene.time}]);
 }, [name, field]);
 const cases = {
+  async 'says what it lacks'() {
+    const server = await serve(door, '--web', '0');
+    const page = await browser.newPage();
+    await page.route('**/hash-wasm/**', (route) => route.fulfill({status: 404, body: ''}));
+    await page.goto(server.web);
+    await until(page, () => document.getElementById('notice').textContent.includes('./dev web'));
+    assert.equal(await page.textContent('#connection'), 'not started');
+    await page.close();
+    await stop(server);
+  },
   async 'follows, shows and compares'() {
     const server = await serve(door, '--web', '0');
     const page = await open(server.web);

@@ -106,7 +106,7 @@ Result<> Scene::State::applyCreation(const Change& c, bool pending) {
     if (c.node.value < nextId) forgetTerms();
     Node& created = allocate(c.node, TypeIndex{static_cast<std::uint16_t>(c.index)}, c.other);
     hash.add(detail::nodeTerm(created.id_, types[c.index].nameHash, c.other));
-    if (pending) newNodes.push_back(created.id_);
+    if (pending) newNodes.push_back({created.id_, c.external});
     wake(created);
     return {};
 }
@@ -214,7 +214,7 @@ Result<> Scene::State::applyChange(const Change& c, bool pending) {
         case ChangeKind::setName:
             if (!c.value.holds<String>()) return fail(kWrongType, "a name is a string");
             setName(*node, c.value.as<String>());
-            if (pending) renamedNodes.push_back(c.node);
+            if (pending) renamedNodes.push_back({c.node, c.external});
             return {};
         case ChangeKind::addRoute:
         case ChangeKind::removeRoute:

@@ -113,6 +113,7 @@ void Scene::State::captureInput(bool running) {
         Change& change = in.edits.emplace_back();
         change.node = entry.node;
         change.field = entry.field;
+        change.external = entry.external;
         change.value = node->value(entry.field);
     });
     appendOtherEdits(in.edits);

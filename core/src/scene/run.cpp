@@ -570,8 +570,11 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
         t = s.now;
     }
     if (!s.playing) {
+        // The application has no part in it: it comes by itself where the frames are run again.
+        s.writingExternally = false;
         s.serveRequests();
         s.destroyDropped();
+        s.writingExternally = true;
     }
     s.prepareInput(t);
     if (s.recording) s.captureInput(true);

@@ -243,7 +243,7 @@ NodeId Scene::createNode(TypeIndex type, NodeId scope) {
     if (s.refuseForeign() || !s.checkEdit() || type.value >= s.types.size() || s.nextId == UINT32_MAX) return {};
     Node& node = s.allocate(NodeId{s.nextId}, type, scope);
     s.hash.add(detail::nodeTerm(node.id_, s.types[type.value].nameHash, scope));
-    s.newNodes.push_back(node.id_);
+    s.newNodes.push_back({node.id_, s.writingExternally});
     s.wake(node);
     return node.id_;
 }
@@ -409,10 +409,10 @@ Result<> Scene::setName(NodeId id, std::string_view name) {
     if (!name.empty())
         if (const NodeId holder = findName(name, node->scope_); holder && holder != id) {
             s.setName(*s.find(holder), {});
-            s.renamedNodes.push_back(holder);
+            s.renamedNodes.push_back({holder, s.writingExternally});
         }
     s.setName(*node, name);
-    s.renamedNodes.push_back(id);
+    s.renamedNodes.push_back({id, s.writingExternally});
     return {};
 }
 

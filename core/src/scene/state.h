@@ -231,7 +231,12 @@ struct Scene::State : Scene::Lane {
     std::uint32_t firstNewId = 1;  // ids from here on were created since the last seal
     bool noting = true;            // false while a sealed set is applied: nothing of it is pending
     std::vector<DefinedType> newTypes;
-    std::vector<NodeId> newNodes, destroyedNodes, renamedNodes;
+    /// What became of a node since the last seal, and whether the application did it.
+    struct NodeEdit {
+        NodeId node;
+        bool external = true;
+    };
+    std::vector<NodeEdit> newNodes, destroyedNodes, renamedNodes;
     std::vector<Change> childOps, routeOps, events;
     std::map<std::pair<NodeId, FieldIndex>, std::size_t> childOpCounts;
 

@@ -180,7 +180,7 @@ void Scene::State::destroy(Node& node, bool record) {
         std::erase_if(childOps, [&](const Change& c) { return c.node == node.id_; });
         std::erase_if(childOpCounts, [&](const auto& e) { return e.first.first == node.id_; });
     }
-    if (record && !isNew(node.id_)) destroyedNodes.push_back(node.id_);
+    if (record && !isNew(node.id_)) destroyedNodes.push_back({node.id_, writingExternally});
     release(node);
 }
 
@@ -199,12 +199,13 @@ void Scene::State::appendDefinitions(std::vector<Change>& out, std::span<const D
 }
 
 void Scene::State::appendCreations(std::vector<Change>& out) const {
-    for (const NodeId id : newNodes) {
+    for (const auto& [id, external] : newNodes) {
         const Node* node = find(id);
         if (!node) continue;
         Change& change = out.emplace_back();
         change.kind = ChangeKind::createNode;
         change.node = id;
+        change.external = external;
         change.index = node->typeIndex_.value;
         change.other = node->scope_;
     }
@@ -212,14 +213,17 @@ void Scene::State::appendCreations(std::vector<Change>& out) const {
 
 void Scene::State::appendOtherEdits(std::vector<Change>& out) {
     out.insert(out.end(), childOps.begin(), childOps.end());
-    std::ranges::sort(renamedNodes);
-    renamedNodes.erase(std::unique(renamedNodes.begin(), renamedNodes.end()), renamedNodes.end());
-    for (const NodeId id : renamedNodes) {
+    // Of several of one node the last.
+    std::ranges::reverse(renamedNodes);
+    std::ranges::stable_sort(renamedNodes, {}, &NodeEdit::node);
+    renamedNodes.erase(std::ranges::unique(renamedNodes, {}, &NodeEdit::node).begin(), renamedNodes.end());
+    for (const auto& [id, external] : renamedNodes) {
         const Node* node = find(id);
         if (!node) continue;
         Change& change = out.emplace_back();
         change.kind = ChangeKind::setName;
         change.node = id;
+        change.external = external;
         change.value = node->links_ ? node->links_->name : String();
     }
     // An addition undone within the frame leaves no trace. ChangeKind::event marks the void ones.
@@ -235,10 +239,11 @@ void Scene::State::appendOtherEdits(std::vector<Change>& out) {
     }
     for (const Change& change : routeOps)
         if (change.kind != ChangeKind::event) out.push_back(change);
-    for (const NodeId id : destroyedNodes) {
+    for (const auto& [id, external] : destroyedNodes) {
         Change& change = out.emplace_back();
         change.kind = ChangeKind::destroyNode;
         change.node = id;
+        change.external = external;
     }
 }
 

@@ -5,6 +5,8 @@
 #include <condition_variable>
 #include <cstdio>
 #include <exception>
+#include <functional>
+#include <limits>
 #include <mutex>
 #include <thread>
 
@@ -78,7 +80,8 @@ struct LogRecorder::Impl {
     bool begun = false;        // guarded by mutex; the first state is in the file
     std::uint64_t starts = 0;  // guarded by mutex; how often what is in the file has started over
     Result<> result;           // guarded by mutex
-    char thrown[160] = {};     // guarded by mutex; by the thread: there may be no memory for a string
+    std::function<void(std::uint64_t, std::uint64_t)> heard;  // guarded by mutex; onAcknowledged()
+    char thrown[160] = {};  // guarded by mutex; by the thread: there may be no memory for a string
     std::thread thread;
 
     /// Of a thread that has ended, or is still at it.
@@ -99,8 +102,15 @@ struct LogRecorder::Impl {
         begun = true;
         acknowledged = changes.to;
         bytes = log->bytes();
+        if (heard) heard(starts, acknowledged);
         progress.notify_all();
         return {};
+    }
+
+    /// With `mutex` held: who waits for what will never be in the file waits no longer.
+    void tellEnd() const {
+        constexpr std::uint64_t kAny = std::numeric_limits<std::uint64_t>::max();
+        if (heard) heard(kAny, kAny);
     }
 
     /// On the scene's thread, until at most so many states are not in the file.
@@ -156,6 +166,7 @@ struct LogRecorder::Impl {
         result = std::move(how);
         ended = true;
         bytes = log->bytes();
+        tellEnd();
         progress.notify_all();
     }
 };
@@ -195,6 +206,15 @@ std::uint64_t LogRecorder::merged() const {
 }
 std::uint64_t LogRecorder::bytes() const {
     return impl_->bytes;
+}
+
+void LogRecorder::onAcknowledged(std::function<void(std::uint64_t start, std::uint64_t state)> heard) {
+    const std::scoped_lock lock(impl_->mutex);
+    impl_->heard = std::move(heard);
+    if (impl_->ended)
+        impl_->tellEnd();
+    else if (impl_->begun && impl_->heard)
+        impl_->heard(impl_->starts, impl_->acknowledged);
 }
 
 bool LogRecorder::waitFor(std::uint64_t state, std::chrono::milliseconds timeout) const {

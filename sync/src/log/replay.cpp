@@ -56,7 +56,11 @@ Result<std::unique_ptr<Replayer>> Replayer::open(const std::filesystem::path& fi
     if (!log) return std::unexpected(log.error());
     std::unique_ptr<Replayer> replayer(new Replayer(std::move(*log)));
     while (const std::optional<LogReader::Record> record = replayer->log_.next()) {
-        if (record->header.kind != RecordKind::head) continue;
+        if (record->header.kind != RecordKind::head) {
+            // What a log's beginning has lost: nothing tells which scene these are of.
+            if (record->header.kind == RecordKind::frame) replayer->missFrames();
+            continue;
+        }
         if (auto ok = replayer->adoptHead(record->bytes); !ok) return std::unexpected(ok.error());
         replayer->first_ = replayer->head_;
         return replayer;

@@ -96,8 +96,8 @@ Result<> InputPlayer::edit(const ChangeSet& set, const Change& c) {
     if (!value) return std::unexpected(value.error());
     switch (c.kind) {
         case ChangeKind::setField:
-            // Written by an event that comes again.
-            if (std::ranges::binary_search(sent_, std::pair(c.node, c.field))) return {};
+            // Written by an event that comes again, or by what runs here, too.
+            if (std::ranges::binary_search(sent_, std::pair(c.node, c.field)) || isOutput(node, field)) return {};
             return live_.setField(node, field, *value);
         case ChangeKind::setName:
             return live_.setName(node, c.value.as<String>().str());
@@ -123,6 +123,11 @@ Result<> InputPlayer::edit(const ChangeSet& set, const Change& c) {
         default:
             return {};
     }
+}
+
+bool InputPlayer::isOutput(NodeId id, FieldIndex field) const {
+    const Node* node = live_.find(id);
+    return node && field < node->type().fields.size() && node->type().fields[field].access == Access::outputOnly;
 }
 
 std::string InputPlayer::describe(const Change& change) const {

@@ -37,6 +37,7 @@ class InputPlayer {
     Result<> create(const Change& change);
     Result<> edit(const ChangeSet& set, const Change& change);
     void pair(NodeId node);
+    bool isOutput(NodeId node, FieldIndex field) const;
     std::string describe(const Change& change) const;
 
     Scene& live_;

@@ -3,6 +3,8 @@
 
 #include <thread>
 
+#include <fmt/format.h>
+
 #include "client_impl.h"
 #include "upstream.h"
 
@@ -16,6 +18,9 @@ Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, cons
     if (const Result<bool> local = isLocalEndpoint(endpoint); !local) return std::unexpected(local.error());
     if (options.keys)
         if (auto ok = options.keys->checkForClient(); !ok) return std::unexpected(ok.error());
+    if (options.parts.size() > mirror::kMostParts)
+        return fail(fmt::format("{} parts: a hello names {} at most", options.parts.size(), mirror::kMostParts), {},
+                    endpoint);
     if (!replica.isOwnThread())
         return std::unexpected(Diagnostic{Severity::error, endpoint, {}, "the replica belongs to another thread"});
     replica.setBehavioursEnabled(false);

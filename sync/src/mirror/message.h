@@ -19,7 +19,7 @@ namespace rtsg::mirror {
 constexpr std::uint8_t kVersion = 1;
 constexpr std::size_t kPrologue = 8;
 constexpr std::size_t kLongestName = 200;
-constexpr std::size_t kMostParts = 32;  // of a scene that a peer may name in its hello
+constexpr std::size_t kMostParts = 1024;  // of a scene that a peer may name in its hello
 constexpr std::size_t kLongestControl = 200;
 constexpr std::size_t kSubmitPart = 8 << 10;  // bytes of a submission in one message
 constexpr std::size_t kLongestSubmission = 1 << 20;

@@ -1,6 +1,10 @@
 // The scene's side of a mirror server: encodes what is published once, and carries out what peers have sent.
 #include <rtsg/sync/mirror_server.h>
 
+#include <algorithm>
+#include <chrono>
+#include <deque>
+#include <iterator>
 #include <random>
 #include <thread>
 
@@ -19,6 +23,7 @@ namespace rtsg {
 namespace {
 
 constexpr std::size_t kMostForwarded = 64;  // commands that wait for an answer from the origin
+constexpr auto kLongestWaitForEvents = std::chrono::milliseconds(250);
 
 }  // namespace
 
@@ -33,6 +38,22 @@ void MirrorServer::Shared::post(Item item) {
         inbox.push_back(std::move(item));
     }
     awaken();
+}
+
+/// A frame that has waited for long is let go, and what follows with its own time.
+std::vector<MirrorServer::Shared::Item> MirrorServer::Shared::takeItems(bool all) {
+    if (all || longestWaitForLog.count() == 0) return std::exchange(inbox, {});
+    const std::uint64_t now = mirror::clockNow();
+    const auto longest = static_cast<std::uint64_t>(std::chrono::nanoseconds(longestWaitForLog).count());
+    const auto waits = [&](const Item& item) {
+        const std::uint64_t state = item.record->header.to;
+        const bool logged = item.start < loggedStart || (item.start == loggedStart && state <= loggedState);
+        return !logged && item.record->published + longest > now;
+    };
+    const auto first = std::ranges::find_if(inbox, waits);
+    std::vector<Item> items(std::move_iterator(inbox.begin()), std::move_iterator(first));
+    inbox.erase(inbox.begin(), first);
+    return items;
 }
 
 void MirrorServer::Shared::awaken() const {
@@ -62,14 +83,28 @@ struct MirrorServer::Encoder {
     ChangeEncoder encoder, predicting;
     InputEncoder inputs;
     std::uint64_t last = 0;
+    std::uint64_t starts = 0;  // how often the scene has started over since sendWhatIsLogged()
     bool started = false, predicts = false;
+};
+
+/// What the scene's thread has taken of peers, and has not carried out or told yet.
+struct MirrorServer::Order {
+    using Clock = std::chrono::steady_clock;
+    struct Waiting {
+        mirror::Submission submission;
+        Clock::time_point since;
+    };
+    std::deque<Waiting> requests;
+    std::vector<mirror::Verdict> events;  // verdicts on those that are queued for the next frame
+    double queuedAt = 0;                  // the scene's time then
 };
 
 MirrorServer::MirrorServer(Scene& scene, std::shared_ptr<Shared> shared)
     : scene_(scene),
       shared_(std::move(shared)),
       encoder_(std::make_unique<Encoder>(shared_->options.mode)),
-      writers_(std::make_unique<mirror::Writers>()) {}
+      writers_(std::make_unique<mirror::Writers>()),
+      order_(std::make_unique<Order>()) {}
 
 Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const std::string& endpoint,
                                                           MirrorServerOptions options) {
@@ -184,7 +219,8 @@ void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     const bool restart = !requested && changes.isSnapshot() && encoder_->started && encoder_->last != 0;
     encoder_->started = true;
     encoder_->last = changes.to;
-    shared_->post({record, requested, restart});
+    encoder_->starts += restart;
+    shared_->post({record, requested, restart, false, encoder_->starts});
 }
 
 void MirrorServer::waitForThoseWhoBlock() {
@@ -196,6 +232,7 @@ void MirrorServer::waitForThoseWhoBlock() {
 Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = shared_->result(); !ok) return ok;
     encodeAndPost(changes, false);
+    tellOfEvents(changes);
     const bool inThisState = scene.sequence() == changes.to && !scene.hasUnsealedEdits();
     if (inThisState && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
     if (shared_->options.blockFor.count() > 0) waitForThoseWhoBlock();
@@ -238,14 +275,44 @@ void MirrorServer::service() {
                              {},
                              {}});
     } else {
-        for (const mirror::Submission& submission : submissions)
-            shared_->answer(mirror::carryOut(scene_, submission, *writers_));
+        carryOutInOrder(std::move(submissions));
     }
     for (const std::uint64_t client : left) letGo(client);
     if (any) shared_->awaken();
     if (!shared_->wantSnapshot) return;
     scene_.seal();  // publishes what is pending, and with it the snapshot
     if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);
+}
+
+/// Edits take effect at once, events with the next frame: what was asked after an event waits for that.
+void MirrorServer::carryOutInOrder(std::vector<mirror::Submission> submissions) {
+    const auto now = Order::Clock::now();
+    for (mirror::Submission& submission : submissions) order_->requests.push_back({std::move(submission), now});
+    while (!order_->requests.empty()) {
+        const auto& [submission, since] = order_->requests.front();
+        if (!order_->events.empty() && now - since < kLongestWaitForEvents && !mirror::asksForEventsAlone(submission))
+            return;
+        mirror::Verdict verdict = mirror::carryOut(scene_, submission, *writers_);
+        order_->requests.pop_front();
+        if (verdict.state > scene_.sequence()) {
+            order_->events.push_back(std::move(verdict));
+            order_->queuedAt = scene_.now();
+        } else {
+            shared_->answer(std::move(verdict));
+        }
+    }
+}
+
+/// `changes` may be of the frame in which they happened; a set of edits alone has the scene's time of before.
+void MirrorServer::tellOfEvents(const ChangeSet& changes) {
+    if (order_->events.empty()) return;
+    const auto isEvent = [](const Change& change) { return change.kind == ChangeKind::event; };
+    if (changes.time == order_->queuedAt && std::ranges::none_of(changes.changes, isEvent)) return;
+    for (mirror::Verdict& verdict : std::exchange(order_->events, {})) {
+        verdict.state = changes.to;
+        shared_->answer(std::move(verdict));
+    }
+    shared_->awaken();
 }
 
 void MirrorServer::onControl(Controller controller) {
@@ -309,6 +376,21 @@ void MirrorServer::answerCommand(std::string reply) {
         shared_->replies.push_back({std::move(peer), session, std::move(reply)});
     }
     shared_->awaken();
+}
+
+std::function<void(std::uint64_t start, std::uint64_t state)> MirrorServer::sendWhatIsLogged(
+    std::chrono::milliseconds atMost) {
+    encoder_->starts = 0;
+    const std::scoped_lock lock(shared_->mutex);
+    shared_->longestWaitForLog = atMost;
+    return [shared = shared_](std::uint64_t start, std::uint64_t state) {
+        {
+            const std::scoped_lock guard(shared->mutex);
+            shared->loggedStart = start;
+            shared->loggedState = state;
+        }
+        shared->awaken();
+    };
 }
 
 void MirrorServer::setOriginLost(bool lost) {

@@ -307,7 +307,7 @@ void MirrorServer::Io::takeInbox() {
     std::vector<Shared::Control> replies;
     {
         const std::scoped_lock lock(shared_->mutex);
-        items.swap(shared_->inbox);
+        items = shared_->takeItems(leaving_);
         verdicts.swap(shared_->verdicts);
         replies.swap(shared_->replies);
     }

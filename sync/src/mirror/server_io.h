@@ -33,9 +33,10 @@ namespace rtsg {
 struct MirrorServer::Shared {
     struct Item {
         SharedRecord record;
-        bool requested = false;  // a snapshot that the scene's thread was asked for
-        bool restart = false;    // the scene has started over: nothing before counts
-        bool earlier = false;    // of before this server
+        bool requested = false;   // a snapshot that the scene's thread was asked for
+        bool restart = false;     // the scene has started over: nothing before counts
+        bool earlier = false;     // of before this server
+        std::uint64_t start = 0;  // how often the scene had started over since sendWhatIsLogged()
     };
     /// What a peer asks a player for, or is answered.
     struct Control {
@@ -59,6 +60,8 @@ struct MirrorServer::Shared {
     std::condition_variable caughtUp;
     bool heldUp = false;  // a peer that may hold the scene up is behind
     std::vector<Item> inbox;
+    std::chrono::milliseconds longestWaitForLog{0};  // 0: nothing waits
+    std::uint64_t loggedStart = 0, loggedState = 0;  // what is in the log
     std::vector<mirror::Submission> submissions;
     std::vector<std::uint64_t> left;  // clients that sent some, and are gone
     std::uint64_t submittedBytes = 0;
@@ -71,6 +74,8 @@ struct MirrorServer::Shared {
     ~Shared();
     Result<> result();
     void post(Item item);
+    /// Takes out of the inbox what peers may get, with `all` everything.
+    std::vector<Item> takeItems(bool all);
     void awaken() const;
     void answer(mirror::Verdict verdict);
     void report(Severity severity, std::string text);

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/terminal.h>
+
 #include "code_guard.h"
 #include "codec/node_label.h"
 #include "edit.h"
@@ -212,6 +214,14 @@ std::string reason(const Scene& scene, const Change& change, const Diagnostic& w
     return (text + std::string(more)).substr(0, kLongestReason);
 }
 
+/// Readers of what is saved later would refuse all of it.
+bool isReadable(const Value& value) {
+    const auto readable = [](std::string_view text) { return asUtf8(text) == text; };
+    if (value.type() == FieldType::SFString) return readable(value.as<String>().str());
+    if (value.type() != FieldType::MFString) return true;
+    return std::ranges::all_of(value.as<Array<String>>(), [&](const String& text) { return readable(text.str()); });
+}
+
 /// `judge` has then judged all changes of it.
 Result<MirrorRequest> examine(const Scene& scene, const Submission& submission, Request& judge) {
     auto asked = readRequest(submission.record, submission.noTypes);
@@ -220,8 +230,10 @@ Result<MirrorRequest> examine(const Scene& scene, const Submission& submission, 
     if (asked->kind != MirrorRequest::Kind::changes && submission.permission < MirrorUpstream::edits)
         return fail(submission.permission == MirrorUpstream::none ? "this peer may only follow"
                                                                   : "this peer may send events, not edit");
-    for (const Change& change : asked->changes)
+    for (const Change& change : asked->changes) {
+        if (!isReadable(change.value)) return fail("a text that is not UTF-8");
         if (auto fine = judge.check(change); !fine) return fail(reason(scene, change, fine.error()));
+    }
     return asked;
 }
 
@@ -264,6 +276,13 @@ Result<MirrorRequest> examine(Scene& scene, const Submission& submission) {
     Verdict unused;
     Request request(scene, submission.permission, unused);
     return examine(scene, submission, request);
+}
+
+bool asksForEventsAlone(const Submission& submission) {
+    const auto asked = readRequest(submission.record, submission.noTypes);
+    if (!asked) return true;
+    const auto isEvent = [](const Change& change) { return change.kind == ChangeKind::event; };
+    return asked->kind == MirrorRequest::Kind::changes && std::ranges::all_of(asked->changes, isEvent);
 }
 
 Verdict carryOut(Scene& scene, const Submission& submission, Writers& writers) {

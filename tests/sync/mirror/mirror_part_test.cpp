@@ -148,6 +148,23 @@ TEST(MirrorPart, ManyPartsBesideTheWholeAndNoMoreThanAllowed) {
     EXPECT_EQ(whole.scene.dump(), robot.scene.dump());
 }
 
+TEST(MirrorPart, AHelloNamesManyOrIsRefusedBeforeItIsSent) {
+    Robot robot;
+    std::vector<std::string> parts{"LEFT"};
+    for (int i = 1; i < 1024; ++i) parts.push_back("NONE" + std::to_string(i));
+    PartFollower most(robot.server->endpoint(), parts);
+    EXPECT_TRUE(pollUntilAt(*most.client, robot.scene));
+    EXPECT_TRUE(most.scene.findName("LEFT"));
+    EXPECT_FALSE(most.scene.findName("RIGHT"));
+    MirrorClientOptions options;
+    options.parts = parts;
+    options.parts.push_back("RIGHT");
+    Scene scene;
+    const auto more = MirrorClient::connect(scene, robot.server->endpoint(), options);
+    ASSERT_FALSE(more);
+    EXPECT_EQ(more.error().text, "1025 parts: a hello names 1024 at most");
+}
+
 TEST(MirrorPart, ADifferenceInsideIsRepairedFromThePart) {
     Robot robot;
     PartFollower follower(robot.server->endpoint(), {"LEFT"});

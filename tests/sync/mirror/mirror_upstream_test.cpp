@@ -84,6 +84,82 @@ TEST(MirrorUpstream, AnEditComesBackToEveryReplica) {
     EXPECT_EQ(first.client->statistics().divergences, 0u);
 }
 
+TEST(MirrorUpstream, WhatIsAskedAfterAnEventTakesEffectAfterIt) {
+    EditedOrigin origin(MirrorUpstream::edits);
+    EditingReplica replica(origin.server->endpoint());
+    ASSERT_TRUE(test::pollUntilAt(*replica.client, origin.scene));
+    const auto settleTwo = [&](bool first, bool second) {
+        EXPECT_TRUE(first && second);
+        const auto until = std::chrono::steady_clock::now() + 30ms;  // both are there when the server looks
+        while (std::chrono::steady_clock::now() < until) replica.client->poll(2ms);
+        replica.verdicts.clear();
+        EXPECT_TRUE(replica.settle(origin, 2));
+        for (const MirrorVerdict& verdict : replica.verdicts) EXPECT_EQ(verdict.refusal, "");
+    };
+    const FieldIndex place = x3d::Transform::translation.index;
+    for (int i = 0; i < 5; ++i) {
+        const float x = static_cast<float>(i);
+        const auto event = replica.client->submitEvent(origin.box, place, Vec3f(x, 4, 0));
+        const auto edit = replica.client->submitEdit(origin.box, place, Vec3f(x, 5, 0));
+        settleTwo(event.has_value(), edit.has_value());
+        EXPECT_EQ(origin.scene.node(origin.box).get(x3d::Transform::translation), Vec3f(x, 5, 0)) << "the later one";
+        ASSERT_EQ(replica.verdicts.size(), 2u);
+        EXPECT_LT(replica.verdicts[0].state, replica.verdicts[1].state);
+    }
+    // An event is heard by a node that is destroyed right after it.
+    ASSERT_TRUE(origin.scene.addRoute(origin.toggle, x3d::BooleanToggle::toggle.index, origin.group,
+                                      x3d::Group::visible.index));
+    ASSERT_TRUE(origin.scene.setField(origin.group, x3d::Group::visible.index, false));
+    origin.scene.newFrame(++origin.frame * .1);
+    const auto event = replica.client->submitEvent(origin.toggle, x3d::BooleanToggle::set_boolean.index, true);
+    const auto end = replica.client->submit({change(ChangeKind::destroyNode, origin.toggle)});
+    settleTwo(event.has_value(), end.has_value());
+    EXPECT_FALSE(origin.scene.find(origin.toggle));
+    EXPECT_TRUE(origin.scene.node(origin.group).get(x3d::Group::visible));
+}
+
+TEST(MirrorUpstream, AnEventsVerdictNamesTheStateThatItLedTo) {
+    EditedOrigin origin(MirrorUpstream::edits);
+    EditingReplica replica(origin.server->endpoint());
+    ASSERT_TRUE(test::pollUntilAt(*replica.client, origin.scene));
+    ASSERT_TRUE(replica.client->submitEvent(origin.toggle, x3d::BooleanToggle::set_boolean.index, true));
+    const auto until = std::chrono::steady_clock::now() + 30ms;
+    while (std::chrono::steady_clock::now() < until) replica.client->poll(2ms);
+    origin.server->service();
+    // What the application does before the frame is published first, as a state of its own.
+    ASSERT_TRUE(origin.scene.setField(origin.box, x3d::Transform::scale.index, Vec3f(2, 2, 2)));
+    origin.scene.seal();
+    const std::uint64_t before = origin.scene.sequence();
+    ASSERT_TRUE(replica.settle(origin, 1));
+    EXPECT_TRUE(replica.scene.node(origin.toggle).get(x3d::BooleanToggle::toggle));
+    ASSERT_EQ(replica.verdicts.size(), 1u);
+    EXPECT_EQ(replica.verdicts[0].refusal, "");
+    EXPECT_EQ(replica.verdicts[0].state, before + 1);
+}
+
+TEST(MirrorUpstream, TextsThatAreNotUtf8AreRefused) {
+    EditedOrigin origin(MirrorUpstream::edits);
+    EditingReplica replica(origin.server->endpoint());
+    ASSERT_TRUE(test::pollUntilAt(*replica.client, origin.scene));
+    const NodeId info = origin.scene.createNode(x3d::WorldInfo::type);
+    ASSERT_TRUE(origin.scene.insertChild(origin.scene.root(), x3d::RtsgScene::children.index, info));
+    origin.scene.newFrame(++origin.frame);
+    ASSERT_TRUE(test::pollUntilAt(*replica.client, origin.scene));
+    const String cut = "K\xC3", whole = "K\xC3\xB6ln";
+    std::size_t answers = 0;
+    const auto refusal = [&](ChangeKind kind, FieldIndex field, Value value) {
+        EXPECT_TRUE(replica.client->submit({change(kind, info, field, std::move(value))}));
+        EXPECT_TRUE(replica.settle(origin, ++answers));
+        return replica.verdicts.back().refusal;
+    };
+    for (const auto& [text, expected] : {std::pair(cut, "a text that is not UTF-8"), std::pair(whole, "")}) {
+        EXPECT_EQ(refusal(ChangeKind::setName, kNoField, text), expected);
+        EXPECT_EQ(refusal(ChangeKind::setField, x3d::WorldInfo::title.index, text), expected);
+        EXPECT_EQ(refusal(ChangeKind::setField, x3d::WorldInfo::info.index, Array<String>{String("ok"), text}),
+                  expected);
+    }
+}
+
 /// What is asked of a player of a log: passed on where there is one and the peer may, and answered in any case.
 TEST(MirrorControl, IsAnsweredOnceInOrderAndNeverCut) {
     {

@@ -16,7 +16,9 @@ namespace rtsg {
 class LogCheck {
   public:
     explicit LogCheck(Replayer& replayer)
-        : replayer_(replayer), gaps_(replayer.gaps()), unclosed_(replayer.unclosedSessions()) {}
+        : replayer_(replayer),
+          gaps_(replayer.frames() > 0 ? replayer.gaps() : 0),
+          unclosed_(replayer.unclosedSessions()) {}
 
     /// As Replayer::step().
     Result<bool> step();

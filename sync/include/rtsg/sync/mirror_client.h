@@ -62,7 +62,7 @@ struct MirrorClientOptions {
     /// Or, alone, a region: `region:[NAME,|x,y,z,]radius[,margin]` in metres, what is that near to a node, a point or
     /// the bound viewpoint, as it moves; it leaves when it is farther by that share of the radius (.1 unless said).
     /// The state hash is then that of a scene that holds just this; the server computes the same.
-    std::vector<std::string> parts;
+    std::vector<std::string> parts;  // 1,024 at most
     /// Only fields of these aspects, and those that refer to nodes; none: all.
     std::vector<Aspect> aspects;
     /// Memory that changes behind the replica's back shows in no running hash: every so often a few thousand nodes are

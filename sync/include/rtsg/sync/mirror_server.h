@@ -122,7 +122,8 @@ class MirrorServer : public Subscriber {
 
     /// Carries out what peers have sent, between frames. Call it once a frame, and now and then while the scene stands
     /// still. Pointers of peers that are gone let go of what they held. Takes a snapshot if the server's replica could
-    /// not keep up and was given up (statistics: stalls).
+    /// not keep up and was given up (statistics: stalls). Events wait for the next frame, and what was asked after them
+    /// waits with them (250 ms at most), so that of two requests the later one counts.
     void service();
 
     /// service() asks it what peers that may send events have asked a player of a log for, as LogPlayer::command(); its
@@ -146,6 +147,12 @@ class MirrorServer : public Subscriber {
     /// Whether the scene's own origin is lost: peers are told at once, and again with every ping.
     void setOriginLost(bool lost);
 
+    /// From now on peers get a frame, and the verdicts on what they asked for in it, only when a log has it: if this
+    /// process is killed, none of them is ahead of the log. What is returned is for LogRecorder::onAcknowledged() of a
+    /// recorder of the same scene; it may outlive the server. Frames wait `atMost` so long, as a disk may hang.
+    std::function<void(std::uint64_t start, std::uint64_t state)> sendWhatIsLogged(
+        std::chrono::milliseconds atMost = std::chrono::milliseconds(1000));
+
     /// Waits until all peers have acknowledged the scene's state; false if `timeout` passes first.
     bool drain(std::chrono::milliseconds timeout);
 
@@ -155,12 +162,15 @@ class MirrorServer : public Subscriber {
   private:
     struct Shared;
     struct Encoder;
+    struct Order;
     class Io;
     MirrorServer(Scene& scene, std::shared_ptr<Shared> shared);
     void encodeAndPost(const ChangeSet& changes, bool requested);
     void encodePredicted(const ChangeSet& changes, EncodedRecord& record);
     void encodeInput(const ChangeSet& changes, EncodedRecord& record);
     void waitForThoseWhoBlock();
+    void carryOutInOrder(std::vector<mirror::Submission> submissions);
+    void tellOfEvents(const ChangeSet& changes);
     void pass(const std::vector<mirror::Submission>& submissions);
     void letGo(std::uint64_t client);
 
@@ -174,6 +184,7 @@ class MirrorServer : public Subscriber {
     std::map<std::uint64_t, std::pair<std::uint64_t, std::uint64_t>> forwarded_;  // to client and request
     std::deque<std::pair<std::string, std::uint64_t>> forwardedCommands_;         // of which peer and session
     std::unique_ptr<mirror::Writers> writers_;
+    std::unique_ptr<Order> order_;
     Attachment attachment_;
 };
 
