@@ -163,6 +163,22 @@ TEST_F(Replay, KeyframesComeAsOftenAsAsked) {
     EXPECT_EQ(rtsg({"record", source, "-o", log, "--keyframe-seconds", "often", "--force"}).status, 2);
 }
 
+TEST_F(Replay, ALogThatHasLostItsBeginningDoesNotVerify) {
+    const std::string source = folder / "source.x3dv";
+    writeFile(source, scene());
+    ASSERT_EQ(rtsg({"record", source, "-o", log, "--for", "2s", "--fps", "20", "--keyframe-seconds", "500ms"}).status,
+              0);
+    const std::string bytes = readFile(log);
+    // Behind the first head and keyframe: frames that lead on from nothing, up to the next head.
+    std::size_t record = 0;
+    for (int i = 0; i < 5; ++i) record = bytes.find("RTSGrec1", record + 1);
+    writeFile(folder / "late.rlog", bytes.substr(record));
+    const Outcome late = rtsg({"replay", "--json", folder / "late.rlog", "--verify"});
+    EXPECT_EQ(late.status, 1);
+    EXPECT_THAT(late.err, HasSubstr("are missing"));
+    EXPECT_THAT(rtsg({"replay", folder / "late.rlog"}).out, HasSubstr("1 gap"));
+}
+
 TEST_F(Replay, ComparesLogsAndNamesTheField) {
     record(log, scene());
     const std::string same = folder / "same.rlog", other = folder / "other.rlog";
