@@ -53,7 +53,7 @@ void AcousticEngine::prepare(const AcousticState& state) {
     for (const SoundEmitter& emitter : *state.sounds.emitters)
         readClips(emitter.sound->voices, emitter.sound->processes, impl_->clips);
     impl_->runAheadFor(state.sounds);
-    impl_->findHead(state.sounds.listener);
+    impl_->makeHead(state.sounds.listener);
 }
 int AcousticEngine::channels() const {
     return static_cast<int>(impl_->channels);

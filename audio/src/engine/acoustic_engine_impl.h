@@ -14,6 +14,7 @@
 #include <rtsg/audio/clip_library.h>
 
 #include "emitter_state.h"
+#include "head_maker.h"
 #include "listener_motion.h"
 #include "trace_worker.h"
 
@@ -36,6 +37,8 @@ struct AcousticEngine::Impl {
           samples(std::llround(o.startTime * o.sampleRate)),
           firstSample(samples) {
         if (options.binaural) runAhead();
+        // Whatever asks for a head while live sound is made finds one.
+        if (options.background) makeHead(now);
     }
 
     /// What one block sounds like while it is made.
@@ -68,6 +71,8 @@ struct AcousticEngine::Impl {
     void runAhead();
     void runAheadFor(const SoundVersion& sounds);
     void findHead(const ListenerPose& listener);
+    void makeHead(const ListenerPose& listener);
+    bool hearsAs(const ListenerPose& listener) const;
     HeardBy heardBy(const SoundNode& sound) const;
 
     void follow(const AcousticState& state, const RayView& rays);
@@ -150,7 +155,9 @@ struct AcousticEngine::Impl {
     double longest;  // metres that sound goes within a response
     WorldGeometry geometry;
     std::shared_ptr<const Hrtf> head;      // of the listener: the user's, or a sphere
-    double headRadius = 0, headSpeed = 0;  // of that, and of the air
+    HeadMaker::Size headSize;              // of that, if it is one
+    std::unique_ptr<HeadMaker> headMaker;  // of sound that does not wait, once there was another
+    HeadMaker::Size headAsked;
     ClipLibrary clips;
     std::map<InstanceId, EmitterState> states;
     ListenerPose before, now;  // at the ends of the frame being rendered

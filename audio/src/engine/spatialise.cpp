@@ -54,6 +54,13 @@ glm::dvec3 directionOr(const glm::dvec3& direction, const glm::dvec3& otherwise)
     return direction == glm::dvec3(0) ? otherwise : direction;
 }
 
+/// Whether nobody hears which of two heads it is.
+bool alike(const HeadMaker::Size& a, const HeadMaker::Size& b) {
+    constexpr double kAlike = 5e-3;
+    return std::abs(a.radius - b.radius) <= kAlike * b.radius &&
+           std::abs(a.speedOfSound - b.speedOfSound) <= kAlike * b.speedOfSound;
+}
+
 }  // namespace
 
 /// Through a head if the user has asked for one, or the sound itself (SpatialSound's enableHRTF).
@@ -75,15 +82,32 @@ void AcousticEngine::Impl::runAheadFor(const SoundVersion& sounds) {
         runAhead();
 }
 
+bool AcousticEngine::Impl::hearsAs(const ListenerPose& listener) const {
+    return head && (options.hrtf || alike({listener.headRadius(), air.speedOfSound}, headSize));
+}
+
+void AcousticEngine::Impl::makeHead(const ListenerPose& listener) {
+    if (hearsAs(listener)) return;
+    headSize = {listener.headRadius(), air.speedOfSound};
+    head = options.hrtf ? options.hrtf : Hrtf::sphere(options.sampleRate, headSize.radius, headSize.speedOfSound);
+}
+
+/// Where sound does not wait, the one that there is hears until another is ready.
 void AcousticEngine::Impl::findHead(const ListenerPose& listener) {
-    const double radius = listener.headRadius();
-    // To make one takes longer than a block lasts; nobody hears smaller differences.
-    constexpr double kAlike = 5e-3;
-    const auto alike = [](double a, double b) { return std::abs(a - b) <= kAlike * b; };
-    if (head && (options.hrtf || (alike(radius, headRadius) && alike(air.speedOfSound, headSpeed)))) return;
-    head = options.hrtf ? options.hrtf : Hrtf::sphere(options.sampleRate, radius, air.speedOfSound);
-    headRadius = radius;
-    headSpeed = air.speedOfSound;
+    if (!options.background || !head) return makeHead(listener);
+    if (headMaker)
+        if (auto made = headMaker->take()) {
+            head = std::move(made->head);
+            headSize = made->size;
+        }
+    if (hearsAs(listener)) return;
+    const HeadMaker::Size size{listener.headRadius(), air.speedOfSound};
+    if (!headMaker)
+        headMaker = std::make_unique<HeadMaker>(options.sampleRate);
+    else if (alike(size, headAsked))
+        return;  // under way
+    headAsked = size;
+    headMaker->ask(size);
 }
 
 /// Gains of one input by channel of the output.

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 #include <rtsg/audio/hrtf.h>
 
@@ -32,5 +33,8 @@ struct Hrtf::Impl {
     double sphereSeconds = 0;  // in which sound passes its radius
     double lineDelay = 0;      // samples; of a direction from which an ear hears as the middle of the sphere does
 };
+
+/// How many spheres the calling thread has computed so far.
+std::uint64_t spheresComputedHere();
 
 }  // namespace rtsg

@@ -74,6 +74,8 @@ std::vector<std::complex<double>> pressureAt(double cosine, std::span<const Sphe
     return pressure;
 }
 
+thread_local std::uint64_t spheresComputed = 0;
+
 class SphereHead final : public Hrtf::Impl {
   public:
     SphereHead(int sampleRate, double seconds) {
@@ -148,6 +150,10 @@ class SphereHead final : public Hrtf::Impl {
 
 }  // namespace
 
+std::uint64_t spheresComputedHere() {
+    return spheresComputed;
+}
+
 std::shared_ptr<const Hrtf> Hrtf::sphere(int sampleRate, double radius, double speedOfSound) {
     constexpr std::size_t kKept = 16;
     static std::mutex mutex;
@@ -158,6 +164,7 @@ std::shared_ptr<const Hrtf> Hrtf::sphere(int sampleRate, double radius, double s
         if (rate == sampleRate && size == seconds) return head;
     if (kept.size() == kKept) kept.erase(kept.begin());
     std::shared_ptr<const Hrtf> head(new Hrtf(std::make_unique<SphereHead>(sampleRate, seconds)));
+    ++spheresComputed;
     kept.emplace_back(sampleRate, seconds, head);
     return head;
 }

@@ -161,10 +161,9 @@ class BatchTracer {
             else
                 leave(i);
         });
-        for (int i = 0; i < rays.count; ++i)
-            if (lanes_.last[i] == RayLanes<N>::Event::mirror && !lanes_.again[i])
-                hearOnTheWay(i,
-                             (met >> i & 1) != 0 ? hits_[static_cast<std::size_t>(i)].distance : rays.maxDistance[i]);
+        forEachBit(asked & comeBy(), [&](int i) {
+            hearOnTheWay(i, (met >> i & 1) != 0 ? hits_[static_cast<std::size_t>(i)].distance : rays.maxDistance[i]);
+        });
         return met == 0 ? asked : asked & ~interact(met);
     }
 
@@ -222,6 +221,25 @@ class BatchTracer {
         for (double& e : exit.energy) e /= initial_;
     }
 
+    /// Rays that a mirror sent here and that come by a listener; all of them as long as it matters whether they would
+    /// have counted.
+    std::uint32_t comeBy() const {
+        const AcousticRays::Vectors &o = lanes_.rays.origin, &d = lanes_.rays.direction;
+        const std::uint32_t mirrored =
+            lanesWhere([&](int i) { return (lanes_.last[i] == RayLanes<N>::Event::mirror) & !lanes_.again[i]; });
+        if (mirrored == 0 || std::ranges::find(wasTried_, 0) != wasTried_.end()) return mirrored;
+        alignas(64) double most[RayLanes<N>::kMost] = {};  // squares of half the ways through balls
+        for (const Ear& ear : ears_) {
+            const double square = ear.radius * ear.radius;
+            for (int i = 0; i < RayLanes<N>::kMost; ++i) {
+                const double x = ear.position.x - o.x[i], y = ear.position.y - o.y[i], z = ear.position.z - o.z[i];
+                const double nearest = x * d.x[i] + y * d.y[i] + z * d.z[i];
+                const double half2 = square - ((x * x + y * y + z * z) - nearest * nearest);
+                most[i] = half2 > most[i] ? half2 : most[i];
+            }
+        }
+        return mirrored & lanesWhere([&](int i) { return most[i] > 0; });
+    }
     /// Of a ray that a mirror sent here, as far as it goes.
     void hearOnTheWay(int i, double length) {
         const glm::dvec3 origin = lanes_.rays.origin[i], direction = lanes_.rays.direction[i];
@@ -230,7 +248,7 @@ class BatchTracer {
             const glm::dvec3 toCenter = ear.position - origin;
             const double nearest = glm::dot(toCenter, direction);
             const double half2 = ear.radius * ear.radius - (glm::dot(toCenter, toCenter) - nearest * nearest);
-            // Most pass it by. Whether they would have counted matters as long as none has.
+            // Whether it would have counted matters as long as none has.
             const bool crosses = half2 > 0;
             if ((!crosses && wasTried_[who]) || !countsInBall(i, ear)) continue;
             noteTried(who, lanes_.energyOf(i));
@@ -361,7 +379,7 @@ class BatchTracer {
         const AcousticRays& rays = lanes_.rays;
         const glm::dvec3 ear = ears_[0].position;
         alignas(64) double factor[kMost], distance[kMost];
-        AcousticRays::Vectors direction;
+        AcousticRays::Vectors& direction = towardsListener_;
         for (int i = 0; i < kMost; ++i) {
             const double x = ear.x - rays.origin.x[i], y = ear.y - rays.origin.y[i], z = ear.z - rays.origin.z[i];
             const double towards = x * rays.facing.x[i] + y * rays.facing.y[i] + z * rays.facing.z[i];
@@ -374,10 +392,11 @@ class BatchTracer {
         const std::uint32_t wanted = lanesWhere([&](int i) {
             return factor[i] > 0 && distance[i] >= beside && lanes_.travelled[i] + distance[i] < maxDistance_;
         });
+        Energy<N> tried = batch_.heard[0].tried;
+        forEachBit(wanted & from, [&](int i) { add<N>(tried, lanes_.scattered(i)); });
+        batch_.heard[0].tried = tried;
         forEachBit(wanted & from, [&](int i) {
-            const Energy<N> energy = lanes_.scattered(i);
-            add<N>(batch_.heard[0].tried, energy);
-            ask(0, energy, factor[i], lanes_.travelled[i] + distance[i], rays.origin[i], rays.facing[i], direction[i],
+            ask(0, lanes_.scattered(i), factor[i], lanes_.travelled[i] + distance[i], rays.origin[i], rays.facing[i], direction[i],
                 distance[i], hits_[static_cast<std::size_t>(i)]);
         });
     }
@@ -523,6 +542,7 @@ class BatchTracer {
     std::uint32_t cornered_ = 0;                     // lanes that isBehindCorner() has put to their wall
     std::int64_t wallsOfParts_ = 0, wallsOfSent_ = 0;
     AcousticHits hits_;  // of the lanes
+    AcousticRays::Vectors towardsListener_;
     /// What is heard of the walls of one step if nothing is in between.
     struct {
         AcousticRays rays;

@@ -56,11 +56,10 @@ class ListenerChoice {
         while (!(sums[lane] > 0)) --lane;
         rest -= upTo[lane] - sums[lane];
         std::size_t row = 0;
-        float passed = 0;
-        for (std::size_t r = 0; r + 1 < before.rows.size(); ++r) row += (passed += worth_[r][lane]) <= rest;
-        while (!(worth_[row][lane] > 0)) --row;
+        for (std::size_t r = 0; r + 1 < before.rows.size(); ++r) row += weighed_[r].upTo[lane] <= rest;
+        while (!(weighed_[row].worth[lane] > 0)) --row;
         which = before.of[row * kLanes + lane];
-        return static_cast<double>(worth_[row][lane]) / static_cast<double>(all);
+        return static_cast<double>(weighed_[row].worth[lane]) / static_cast<double>(all);
     }
 
   private:
@@ -74,6 +73,10 @@ class ListenerChoice {
     struct Row {
         Lanes x{}, y{}, z{};  // from the center
         Lanes worth{};        // at a distance of 1; nothing of those that fill up the last row
+    };
+    /// What a row is worth from some place, and with it those before.
+    struct Weighed {
+        Lanes worth, upTo;
     };
     /// What is before a side.
     struct Before {
@@ -107,7 +110,7 @@ class ListenerChoice {
             row.x[lane] = place.x, row.y[lane] = place.y, row.z[lane] = place.z;
             row.worth[lane] = static_cast<float>(shares_[i] * towards);
         }
-        worth_.resize(std::max(worth_.size(), before.rows.size()));
+        weighed_.resize(std::max(weighed_.size(), before.rows.size()));
     }
 
     /// 1 / sqrt(x) to some tenths of a percent; Lomont 2003.
@@ -119,13 +122,13 @@ class ListenerChoice {
     /// What targets are worth; the sum of each column.
     Lanes weigh(const Before& before, const glm::vec3& point) {
         Lanes sums{};
-        Lanes* worth = worth_.data();
+        Weighed* weighed = weighed_.data();
         for (const Row& row : before.rows) {
             const Lanes x = row.x - point.x, y = row.y - point.y, z = row.z - point.z;
             const Lanes inverse = rootInverse(x * x + y * y + z * z + 1e-12f);
             const Lanes now = row.worth * (inverse * inverse * inverse);
-            *worth++ = now;
             sums += now;
+            *weighed++ = {now, sums};
         }
         return sums;
     }
@@ -136,7 +139,7 @@ class ListenerChoice {
     std::vector<std::uint32_t> sideAt_;  // in `sides_`
     std::vector<Before> sides_;
     Before passing_;
-    std::vector<Lanes> worth_;  // of each row
+    std::vector<Weighed> weighed_;  // by row
 };
 
 }  // namespace rtsg::trace

@@ -124,9 +124,9 @@ class RayLanes {
             shares[i] = &walls[any ? hit.material : 0];
             rays.except[i] = hit.plane;
         }
-        before = rays.origin;
         Vectors &o = rays.origin, &d = rays.direction, &n = normal_, &f = rays.facing;
         for (int i = 0; i < kMost; ++i) {
+            before.x[i] = o.x[i], before.y[i] = o.y[i], before.z[i] = o.z[i];
             o.x[i] += d.x[i] * distance[i], o.y[i] += d.y[i] * distance[i], o.z[i] += d.z[i] * distance[i];
             travelled[i] += distance[i];
             cosine_[i] = d.x[i] * n.x[i] + d.y[i] * n.y[i] + d.z[i] * n.z[i];
@@ -204,9 +204,12 @@ class RayLanes {
         for (int i = 0; i < kMost; ++i) {
             const bool scatters = event[i] == kScatters;
             mirrors[i] = scatters ? MirrorSequence() : mirrors[i];
+            scatteredAt[i] = scatters ? travelled[i] : scatteredAt[i];
+        }
+        for (int i = 0; i < kMost; ++i) {
+            const bool scatters = event[i] == kScatters;
             onlyMirrors[i] = onlyMirrors[i] & !scatters;
             last[i] = scatters ? Event::diffuse : last[i];
-            scatteredAt[i] = scatters ? travelled[i] : scatteredAt[i];
         }
         forEachBit(lanesWhere([&](int i) { return event[i] == kReflects; }), [&](int i) {
             const std::uint32_t plane = rays.except[i];
@@ -247,8 +250,7 @@ class RayLanes {
             for (int i = 0; i < kMost; ++i) sum[i] += energies[b][i];
     }
     void turn(const std::int64_t (&event)[kMost], const double (&across)[kMost], const double (&round)[kMost]) {
-        Vectors scattered;
-        cosineDirections(rays.facing, across, round, scattered);
+        cosineDirections(rays.facing, across, round, scattered_);
         const auto along = [&](double(&direction)[kMost], double(&facing)[kMost], const double(&away)[kMost],
                                const double(&normal)[kMost]) {
             for (int i = 0; i < kMost; ++i) {
@@ -257,9 +259,9 @@ class RayLanes {
                 facing[i] = event[i] == kPasses ? -facing[i] : facing[i];
             }
         };
-        along(rays.direction.x, rays.facing.x, scattered.x, normal_.x);
-        along(rays.direction.y, rays.facing.y, scattered.y, normal_.y);
-        along(rays.direction.z, rays.facing.z, scattered.z, normal_.z);
+        along(rays.direction.x, rays.facing.x, scattered_.x, normal_.x);
+        along(rays.direction.y, rays.facing.y, scattered_.y, normal_.y);
+        along(rays.direction.z, rays.facing.z, scattered_.z, normal_.z);
     }
     /// Gives each the energy of what it does, over the chance of that.
     void weigh(const std::int64_t (&event)[kMost]) {
@@ -282,7 +284,7 @@ class RayLanes {
         std::uint32_t except[kMost];
         double travelled[kMost];
     } way_ = {};
-    Vectors normal_;
+    Vectors normal_, scattered_;
     alignas(64) double cosine_[kMost] = {};  // of the normal with the way there
     alignas(64) Energies diffuse_ = {}, mirror_ = {}, through_ = {};
     alignas(64) double diffuseSum_[kMost] = {}, mirrorSum_[kMost] = {}, throughSum_[kMost] = {};

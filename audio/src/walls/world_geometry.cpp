@@ -9,6 +9,7 @@
 
 #include "even_direction.h"
 #include "few_walls.h"
+#include "loose_triangles.h"
 #include "wall_edges.h"
 #include "wall_planes.h"
 
@@ -113,10 +114,8 @@ const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version,
 void WorldGeometry::makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,
                               const glm::dvec3& direction, AcousticHit& hit) const {
     if (plane == kNoPlane) {
-        // Of length 1 in single precision; one step of Newton's makes it so here.
-        const glm::dvec3 normal(found.normal);
-        hit.normal = normal * (1.5 - 0.5 * glm::dot(normal, normal));
-        hit.clear = clearOf(wall, found) + roundingAt(origin);
+        hit.normal = looseNormal(found.normal);
+        hit.clear = looseClearance(wall, rays_->instance(found.instance), rays_->origin()) + roundingAt(origin);
         return;
     }
     const double rough = hit.distance;
@@ -134,25 +133,12 @@ void WorldGeometry::makeExact(const Hit& found, const Wall& wall, std::uint32_t 
     if (!isNearRough(hit.distance, rough)) hit.distance = rough;
 }
 
-/// How far rays may be off a triangle of an instance, or it off where it is in double precision (RayView::point() has
-/// the bound and where it is from).
-double WorldGeometry::clearOf(const Wall& wall, const Hit& found) const {
-    constexpr double kEps = 0x1p-24, kGamma = 12 * kEps / (1 - 12 * kEps);
-    const RayInstance& instance = rays_->instance(found.instance);
-    // Of its whole mesh: a little more than of the triangle alone, and at hand.
-    const glm::dvec3 moved = glm::abs(wall.worldFromLocal[3] - rays_->origin());
-    const Vec3f& floor = instance.errorFloor;
-    return (wall.reach * double{instance.errorScale} + moved.x + moved.y + moved.z) * kGamma + double{floor.x} +
-           double{floor.y} + double{floor.z};
-}
-
 WorldGeometry::Judged WorldGeometry::judge(const Hit& found, double rough, std::span<const std::uint32_t> open,
                                            const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
                                            std::uint32_t except, AcousticHit& hit) const {
     const std::uint32_t known = planes_->usable() ? planes_->planeOf(found.instance, found.triangle) : kNoPlane;
-    // Without a plane the triangle itself is left out, under a number that no plane has, nor kNoPlane.
-    const std::uint32_t own = (found.instance * 0x9E3779B1u + found.triangle) & 0x7FFFFFFFu;
-    const std::uint32_t plane = known != kNoPlane ? known : 0x80000000u | std::min(own, 0x7FFFFFFEu);
+    // Without a plane the triangle itself is left out.
+    const std::uint32_t plane = known != kNoPlane ? known : looseNumber(found.instance, found.triangle);
     if (plane == except || std::find(open.begin(), open.end(), found.instance) != open.end()) return Judged::doubtful;
     const Wall& wall = walls_.walls[found.instance];
     hit.distance = rough;

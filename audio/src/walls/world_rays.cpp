@@ -7,6 +7,7 @@
 #include <rtsg/audio/world_geometry.h>
 
 #include "few_walls.h"
+#include "loose_triangles.h"
 #include "wall_planes.h"
 
 namespace rtsg {
@@ -41,8 +42,9 @@ void setOrigins(const double (&from)[kLanes], const double (&along)[kLanes], con
 }
 
 /// Rays that start on a surface begin a little before it; others a little before their origin (`early`).
-void startRays(const AcousticRays& rays, const glm::dvec3& center, RayPacket16& packet, double (&early)[kLanes]) {
-    alignas(64) double rounding[kLanes], x[kLanes], y[kLanes], z[kLanes];
+void startRays(const AcousticRays& rays, const glm::dvec3& center, RayPacket16& packet, double (&early)[kLanes],
+               double (&rounding)[kLanes]) {
+    alignas(64) double x[kLanes], y[kLanes], z[kLanes];
     findRounding(rays, center, rounding);
     setDirections(rays, packet);
     const AcousticRays::Vectors &d = rays.direction, &f = rays.facing;
@@ -91,15 +93,26 @@ inline bool WorldGeometry::meetsPlane(std::uint32_t instance, std::uint32_t tria
     return true;
 }
 
+/// The same for what lies on no plane, where there are none.
+inline bool WorldGeometry::meetsLoose(const PacketHits16& found, double rough, double rounding,
+                                      const AcousticRays& rays, int lane, AcousticHit& hit) const {
+    const std::uint32_t instance = found.instance[lane], own = looseNumber(instance, found.triangle[lane]);
+    if (own == rays.except[lane] || !(rough >= 0 && rough < rays.maxDistance[lane])) return false;
+    const Wall& wall = walls_.walls[instance];
+    hit = {rough, looseNormal({found.normalX[lane], found.normalY[lane], found.normalZ[lane]}), own, wall.material,
+           looseClearance(wall, rays_->instance(instance), rays_->origin()) + rounding};
+    return true;
+}
+
 std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, const AcousticRays& rays,
                                           AcousticHits& hits) const {
     if (few_->usable() && open.empty()) return few_->closest(rays, hits);
     RayPacket16 packet;
     PacketHits16 found;
-    alignas(64) double early[kLanes];  // metres that a ray starts before its origin
+    alignas(64) double early[kLanes], rounding[kLanes];  // early: metres that a ray starts before its origin
     // Off the surface that it starts on, nearly always the first thing in the way is the answer; else closestBut() is
     // asked, which searches from behind that surface on.
-    startRays(rays, rays_->origin(), packet, early);
+    startRays(rays, rays_->origin(), packet, early, rounding);
     for (int i = 0; i < rays.count; ++i) {
         if (early[i] == 0 || rays.except[i] >= planes_->planes().size()) continue;
         // The surface that it starts on is met after `early`, and a little later or earlier.
@@ -108,14 +121,15 @@ std::uint32_t WorldGeometry::closestOfBut(std::span<const std::uint32_t> open, c
     }
     const std::uint32_t mask = rays_->intersect(packet, false, RayKind::sound);
     rays_->hits(packet, mask, found);
-    const bool onPlanes = planes_->usable() && open.empty();
+    const bool onPlanes = planes_->usable() && open.empty(), onNone = !planes_->usable() && open.empty();
     std::uint32_t met = 0;
     for (int i = 0; i < rays.count; ++i) {
         AcousticHit& hit = hits[static_cast<std::size_t>(i)];
         Judged judged = Judged::doubtful;
         if (mask >> i & 1) {
             const double rough = static_cast<double>(packet.tMax[i]) - early[i];
-            if (onPlanes && meetsPlane(found.instance[i], found.triangle[i], rough, rays, i, hit)) {
+            if ((onPlanes && meetsPlane(found.instance[i], found.triangle[i], rough, rays, i, hit)) ||
+                (onNone && meetsLoose(found, rough, rounding[i], rays, i, hit))) {
                 met |= 1u << i;
                 continue;
             }
@@ -147,20 +161,21 @@ std::uint32_t WorldGeometry::blockedOfBut(std::span<const std::uint32_t> open, c
 /// is not to be there.
 void WorldGeometry::settleDoubts(std::span<const std::uint32_t> open, const AcousticRays& rays, RayPacket16& packet,
                                  std::uint32_t& blocked) const {
-    std::uint32_t doubtful = 0;
-    for (int i = 0; i < AcousticRays::kMost; ++i) {
-        if (!(blocked >> i & 1) || (rays.clear[i] > 0 && open.empty())) {
+    std::uint32_t doubtful = blocked;
+    if (open.empty())
+        for (int i = 0; i < kLanes; ++i) doubtful &= ~(std::uint32_t{rays.clear[i] > 0} << i);
+    if (doubtful == 0) return;
+    for (int i = 0; i < kLanes; ++i) {
+        if (!(doubtful >> i & 1)) {
             packet.skip(i);
             continue;
         }
-        doubtful |= 1u << i;
         // From there on it cannot be that surface.
         const double off = 2 * PlaneTolerance().distance / glm::dot(rays.facing[i], rays.direction[i]);
         packet.tMin[i] = static_cast<float>(std::min(off, 1e9));
         packet.tMax[i] = static_cast<float>(rays.maxDistance[i] - 2 * roundingAt(rays.origin[i]));
         if (!(packet.tMin[i] < packet.tMax[i])) packet.skip(i);
     }
-    if (doubtful == 0) return;
     if (open.empty()) doubtful &= ~rays_->occluded(packet, false, RayKind::sound);
     for (; doubtful != 0; doubtful &= doubtful - 1) {
         const int i = std::countr_zero(doubtful);

@@ -253,6 +253,11 @@ inline void complete(RayPacket16& rays, std::uint32_t mask) {
 // a frustum that meets more boxes than each by itself; measured with mirrors, lamps and the scenes of `bench frames`.
 constexpr float kParallel = .4f, kNearby = 1e-4f;
 
+/// Those of sound come from all over a room.
+bool mayRunTogether(RayKind kind) {
+    return kind != RayKind::sound;
+}
+
 }  // namespace
 
 bool TopView::runTogether(const RayPacket16& rays, const std::int32_t* valid) const {
@@ -270,7 +275,7 @@ std::uint32_t TopView::intersect(RayPacket16& rays, const std::int32_t* valid, b
     auto& packet = reinterpret_cast<RTCRayHit16&>(rays);
     const bool isMet = main_ && known && known->meet(valid, rays);
     if (isMet && tree_.empty()) return metBy(rays);
-    RayCast cast(coherent || runTogether(rays, valid));
+    RayCast cast(coherent || (mayRunTogether(kind) && runTogether(rays, valid)));
     Passing passing{*this, hider, nullptr};
     if (hider) cast.ask(passHits, &passing);
     if (main_ && !isMet) cast.intersect(valid, main_->scene, packet);
@@ -303,7 +308,7 @@ std::uint32_t TopView::metBy(RayPacket16& rays) const {
 std::uint32_t TopView::occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                                 PassedHits* passed, const RayFilter* hider) const {
     complete(rays, maskOf(kind));
-    RayCast cast(kOccludesCoherently && (coherent || runTogether(rays, valid)));
+    RayCast cast(kOccludesCoherently && (coherent || (mayRunTogether(kind) && runTogether(rays, valid))));
     Passing passing{*this, hider, passed};
     if (passed)
         for (std::uint32_t lane = 0; lane < 16; ++lane) rays.id_[lane] = lane;

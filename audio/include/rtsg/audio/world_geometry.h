@@ -118,7 +118,6 @@ class WorldGeometry final : public AcousticGeometry {
                  const glm::dvec3& direction, double maxDistance, std::uint32_t except, AcousticHit& hit) const;
     void settleDoubts(std::span<const std::uint32_t> open, const AcousticRays& rays, RayPacket16& packet,
                       std::uint32_t& blocked) const;
-    double clearOf(const Wall& wall, const Hit& found) const;
     struct Flood;
     Flood floodFrom(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& to) const;
     bool meets(std::span<const std::uint32_t> open, const glm::dvec3& from, const glm::dvec3& direction, double length,
@@ -134,6 +133,8 @@ class WorldGeometry final : public AcousticGeometry {
         return std::abs(distance - rough) < 1e-3 * (1 + std::abs(rough));
     }
     bool meetsPlane(std::uint32_t instance, std::uint32_t triangle, double rough, const AcousticRays& rays, int lane,
+                    AcousticHit& hit) const;
+    bool meetsLoose(const PacketHits16& found, double rough, double rounding, const AcousticRays& rays, int lane,
                     AcousticHit& hit) const;
     void followMaterials(const PagedArray<AcousticMaterial>& materials);
     void makeExact(const Hit& found, const Wall& wall, std::uint32_t plane, const glm::dvec3& origin,

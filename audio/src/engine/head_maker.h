@@ -1,0 +1,49 @@
+// HeadMaker: makes spheres that hear (Hrtf::sphere) while sound goes on, on a thread of its own.
+//
+// To make one takes longer than a block of sound lasts. Threading: ask() and take() from one other thread, which they
+// never keep waiting.
+#pragma once
+
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include <rtsg/audio/hrtf.h>
+
+namespace rtsg {
+
+class HeadMaker {
+  public:
+    explicit HeadMaker(int sampleRate);
+    ~HeadMaker();
+    HeadMaker(const HeadMaker&) = delete;
+    HeadMaker& operator=(const HeadMaker&) = delete;
+
+    /// What Hrtf::sphere() makes of.
+    struct Size {
+        double radius = 0, speedOfSound = 0;
+    };
+    struct Made {
+        Size size;
+        std::shared_ptr<const Hrtf> head;
+    };
+    /// Of what was asked for before and is not begun yet nothing comes.
+    void ask(const Size& size);
+    /// What was made last since the last call.
+    std::optional<Made> take();
+
+  private:
+    void run();
+
+    const int sampleRate_;
+    std::mutex mutex_;
+    std::condition_variable wake_;
+    std::optional<Size> asked_;
+    std::optional<Made> made_;
+    bool stop_ = false;
+    std::thread thread_;
+};
+
+}  // namespace rtsg
