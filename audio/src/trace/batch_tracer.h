@@ -396,8 +396,8 @@ class BatchTracer {
         forEachBit(wanted & from, [&](int i) { add<N>(tried, lanes_.scattered(i)); });
         batch_.heard[0].tried = tried;
         forEachBit(wanted & from, [&](int i) {
-            ask(0, lanes_.scattered(i), factor[i], lanes_.travelled[i] + distance[i], rays.origin[i], rays.facing[i], direction[i],
-                distance[i], hits_[static_cast<std::size_t>(i)]);
+            ask(0, lanes_.scattered(i), factor[i], lanes_.travelled[i] + distance[i], rays.origin[i], rays.facing[i],
+                direction[i], distance[i], hits_[static_cast<std::size_t>(i)]);
         });
     }
 

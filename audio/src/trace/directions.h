@@ -45,8 +45,8 @@ inline void cosineDirections(const AcousticRays::Vectors& normal, const double (
         constexpr double k3 = 1.0 / 6, k5 = k3 / 20, k7 = k5 / 42, k9 = k7 / 72, k11 = k9 / 110, k13 = k11 / 156,
                          k15 = k13 / 210, k17 = k15 / 272;
         const double h4 = h2 * h2, h8 = h4 * h4;
-        const double sine =
-            half * (((1 - h2 * k3) + h4 * (k5 - h2 * k7)) + h8 * (((k9 - h2 * k11) + h4 * (k13 - h2 * k15)) + h8 * k17));
+        const double sine = half * (((1 - h2 * k3) + h4 * (k5 - h2 * k7)) +
+                                    h8 * (((k9 - h2 * k11) + h4 * (k13 - h2 * k15)) + h8 * k17));
         const double rest = 1 - sine * sine, cosine = std::sqrt(rest > 0 ? rest : 0);
         const double r = std::sqrt(across[i]);
         const double x = r * (1 - 2 * sine * sine), y = r * 2 * sine * cosine, up = std::sqrt(1 - across[i]);

@@ -64,6 +64,8 @@ void NearWalls::look(const AcousticGeometry& geometry, const BandClasses& classe
 /// What is seen in a direction, where the first wall is `hit`, and in the mirrors there.
 void NearWalls::follow(const AcousticGeometry& geometry, const BandClasses& classes, const glm::dvec3& listener,
                        const glm::dvec3& direction, AcousticHit hit) {
+    // A flat ray to a wall that is touched stands for the spot, which ends there.
+    hit.distance = std::min(hit.distance, reach_);
     glm::dvec3 point = listener, ahead = direction;
     Bands left{};
     std::fill_n(left.begin(), classes.count, 1.0);

@@ -24,8 +24,7 @@
 namespace rtsg {
 namespace {
 
-constexpr double kTone = 500;
-constexpr std::size_t kBlock = 256;
+constexpr double kHeadTone = 500;
 
 /// A tone 5 m ahead and to the right, and who listens to it with ears so far apart, block by block.
 class OneTone {
@@ -63,7 +62,7 @@ class OneTone {
         for (std::size_t i = frames - 9600; i < frames; ++i)
             for (std::size_t e = 0; e < 2; ++e)
                 sums[e] += static_cast<double>(sound_.samples[2 * i + e]) *
-                           std::polar(1.0, -2 * std::numbers::pi * kTone * static_cast<double>(i) / 48000);
+                           std::polar(1.0, -2 * std::numbers::pi * kHeadTone * static_cast<double>(i) / 48000);
         return sums[1] / sums[0];
     }
     const std::vector<float>& samples() const { return sound_.samples; }
@@ -78,7 +77,7 @@ class OneTone {
 
 std::complex<double> rightOnSphere(double apart) {
     const double azimuth = std::atan2(4, 3) * 180 / std::numbers::pi;
-    return test::earOnSphere(apart / 2, kTone, azimuth, 1) / test::earOnSphere(apart / 2, kTone, azimuth, 0);
+    return test::earOnSphere(apart / 2, kHeadTone, azimuth, 1) / test::earOnSphere(apart / 2, kHeadTone, azimuth, 0);
 }
 
 TEST(HeadMaker, TheThreadOfSoundMakesNoHead) {
@@ -108,7 +107,7 @@ TEST(HeadMaker, TheThreadOfSoundMakesNoHead) {
         loudest = std::max(loudest, std::abs(tone.samples()[i]));
         steepest = std::max(steepest, std::abs(tone.samples()[i] - tone.samples()[i - 2]));
     }
-    EXPECT_LT(steepest, 2 * loudest * 2 * std::numbers::pi * kTone / 48000);
+    EXPECT_LT(steepest, 2 * loudest * 2 * std::numbers::pi * kHeadTone / 48000);
     // Sound that waits makes its own, at once and so always the same.
     OneTone waits(false);
     waits.blocks(10);

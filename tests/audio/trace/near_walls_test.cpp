@@ -68,6 +68,31 @@ TEST(NearWalls, OfAWallThatIsTouchedHalfOfAllDirectionsCount) {
     }
 }
 
+/// One of the rays that look for walls, or another, is nearly parallel to it and meets it 50 m away: the spot that
+/// counts ends at the reach. See TheirEchoComesAsMuchLaterAsItsWayIsLonger.
+TEST(NearWalls, AFlatRayToAWallThatIsTouchedIsNoLongerThanTheSpot) {
+    constexpr double kOff = 4e-6, kReach = .1;
+    const glm::dmat3 turn({.36, .48, -.8}, {-.8, .6, 0}, {.48, .64, .6});
+    for (const int ray : {0, 100, 1000, 2000}) {
+        const glm::dvec3 flat = turn * evenDirection(ray, 4096);
+        const glm::dvec3 normal =
+            glm::normalize(glm::normalize(glm::cross(flat, glm::dvec3(.3, .9, .1))) - kOff / 50 * flat);
+        const glm::dvec3 one = glm::normalize(glm::cross(normal, glm::dvec3(.3, .9, .1))) * 300.0,
+                         other = glm::cross(normal, one);
+        TriangleGeometry plane;
+        plane.addQuad(-one - other, one - other, one + other, other - one, plane.addMaterial(.2, 1));
+        plane.finish();
+        const trace::NearWalls near(plane, trace::bandClasses(plane.materials()), normal * 2.0, normal * kOff);
+        int walls = 0;
+        near.echo(normal, [&](double later, const Bands&) {
+            ++walls;
+            // To some rays of two thousand.
+            EXPECT_NEAR(later, kOff * std::log(kReach / kOff) + kOff, 3 * kReach / 2048) << ray;
+        });
+        EXPECT_EQ(walls, 1) << ray;
+    }
+}
+
 /// Where no wall takes anything away the field is the same in every place and from all sides, so that what comes from
 /// the open part of the sphere and its echo are together what the whole sphere would send.
 TEST(NearWalls, InALosslessRoomNoCornerIsQuieterThanTheMiddle) {
