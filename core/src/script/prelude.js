@@ -5,7 +5,8 @@
 // scene. It answers with the names that every program finds in its global object, and a function that makes a program's
 // controller. A field is read when it is first touched in a call and kept until the call ends; then whatever was
 // assigned, or has been changed in place since it was read (`points[3].y = 1`), goes to the scene in the order of first
-// touch, as events where the field sends or takes them. A function of Browser that changes the scene has all that sent
+// touch, as events where the field sends or takes them: of an output of its own also what is assigned once more in place
+// (`out.x = out.x`). A function of Browser that changes the scene has all that sent
 // before; objects that the program has been given stay the fields' own. What is refused then, is told of each by itself.
 (function (native) {
     "use strict";
@@ -495,8 +496,44 @@
         return field.tuple === undefined ? revive(field.code, flat, nodeOf) : field.tuple.load(flat, 0);
     }
 
+    // ---- outputs in place ----------------------------------------------------------------------------------------
+    const wholes = new WeakMap();  // what a program is given by a Watch -> what is behind it
+    /// What a program is given of an output of its own: every assignment in it makes its cell one that has been assigned,
+    /// also of what is there already. Once its call is over it is a value like others.
+    class Watch {
+        constructor(cell) { this.cell = cell; this.value = cell.value; }
+        wrap(value) {
+            const given = new Proxy(value, this);
+            wholes.set(given, value);
+            return given;
+        }
+        defineProperty(target, key, what) {
+            const whole = wholes.get(what.value);
+            if (whole !== undefined) what.value = whole;  // else values that change places would be wrapped ever deeper
+            return this.told(Reflect.defineProperty(target, key, what));
+        }
+        deleteProperty(target, key) { return this.told(Reflect.deleteProperty(target, key)); }
+        told(done) {
+            if (this.cell.value === this.value) this.cell.assigned = true;
+            return done;
+        }
+    }
+    /// Of lists of tuples, and of images: what is in them can be assigned to as well.
+    class WatchInside extends Watch {
+        constructor(cell) { super(cell); this.inner = new Watch(cell); this.parts = new WeakMap(); }
+        get(target, key, receiver) {
+            const found = Reflect.get(target, key, receiver);
+            if (typeof found !== "object" || found === null || !Object.hasOwn(target, key)) return found;
+            let part = this.parts.get(found);
+            if (part === undefined) this.parts.set(found, part = (found instanceof Tuple ? this.inner : this).wrap(found));
+            return part;
+        }
+    }
+    const hasInside = code => code === SFImage || (code & 1) === 1 && (code - 1 === SFImage || tuples.has(code - 1));
+    const watched = cell => (hasInside(cell.field.code) ? new WatchInside(cell) : new Watch(cell)).wrap(cell.value);
+
     // ---- nodes, and what prints ----------------------------------------------------------------------------------
-    const inputOnly = 1, mostSpare = 64, mostFields = 4096, touchedBits = 24, ids = new WeakMap(), fields = new Map();
+    const inputOnly = 1, outputOnly = 2, inputOutput = 3, mostSpare = 64, mostFields = 4096, touchedBits = 24, ids = new WeakMap(), fields = new Map();
     class SFNode_ {
         /// As in VRML97: the first node of a text.
         constructor(text = "") { return native.global().Browser.createVrmlFromString(String(text))[0] ?? fail("TypeError", "SFNode: the text has no node"); }
@@ -528,8 +565,9 @@
         if (known !== undefined) return known;
         if (fields.size >= mostFields) fields.clear();
         const code = packed >> 16 & 0xFF;
-        const field = {index: packed & 0xFFFF, place: (packed & 0xFFFF) % touchedBits, code, access: packed >> 24, name,
-                       tuple: tuples.get(code), spare: spares.get(code), changes: changesInPlace(code)};
+        const access = packed >> 24, changes = changesInPlace(code);
+        const field = {index: packed & 0xFFFF, place: (packed & 0xFFFF) % touchedBits, code, access, name, tuple: tuples.get(code),
+                       spare: spares.get(code), changes, sentInPlace: changes && (access === outputOnly || access === inputOutput)};
         fields.set(key, field);
         return field;
     }
@@ -541,8 +579,8 @@
         // Lists keep their length: to shorten one costs as much as a call.
         let order = [], count = 0, spareOrder = null, hasOthers = false;
         // One value each, and its place in the order or -1. `base`: in the plain form as it was read or sent, for what can be
-        // changed in place; `given`: the program has had the object; `age`: the flush after which it was compared with
-        // the scene. The Script's own by index.
+        // changed in place; `given`: the program has had the object; `shown`: what it has had, where that is watched; `age`:
+        // the flush after which it was compared with the scene. The Script's own by index.
         const own = [], others = new Map();
         let age = 0, depth = 0;
         // Which of its own fields have a cell in that order, a bit each, or several that share one: readers look here.
@@ -565,7 +603,7 @@
             const key = id === self ? field.index : id * 65536 + field.index;
             let cell = id === self ? own[key] : others.get(key);
             if (cell === undefined) {
-                cell = {id, field, value: undefined, base: undefined, assigned: false, given: false, at: -1, age: 0};
+                cell = {id, field, value: undefined, shown: undefined, base: undefined, assigned: false, given: false, at: -1, age: 0};
                 if (id === self) own[key] = cell; else others.set(key, cell);
                 hasOthers ||= id !== self;
             }
@@ -578,7 +616,7 @@
         }
         function drop(cell) {
             cell.at = -1;
-            cell.value = cell.base = undefined;
+            cell.value = cell.shown = cell.base = undefined;
         }
         /// What the object says is what the scene says, unless the program has changed it since.
         function renew(cell) {
@@ -603,13 +641,14 @@
                 renew(cell);
             }
             cell.given = field.changes;
-            return cell.value;
+            if (cell.id !== self || !field.sentInPlace) return cell.value;
+            return cell.shown ??= watched(cell);
         }
         function assignTo(cell, value) {
             const kept = copied(cell.field, value, nodeOf);
             if (cell.at >= 0) order[cell.at] = null;
             cell.value = kept;
-            cell.base = undefined;
+            cell.shown = cell.base = undefined;
             cell.assigned = true;
             cell.given = false;
             cell.age = age;
@@ -745,7 +784,7 @@
                     const kept = copied(field, value, nodeOf);
                     if (cell.at >= 0) order[cell.at] = null;
                     cell.value = kept;
-                    cell.base = undefined;
+                    cell.shown = cell.base = undefined;
                     cell.assigned = true;
                     cell.given = false;
                     cell.age = age;
@@ -812,7 +851,7 @@
                         count = 0;
                         const {field, value, base, assigned} = cell;
                         cell.at = -1;
-                        cell.value = cell.base = undefined;
+                        cell.value = cell.shown = cell.base = undefined;
                         if (assigned || field.changes) {
                             const left = plainOr(field, value, why => tell(self, field, why));
                             if (left !== undefined && (assigned || !isAlike(left, base))) {

@@ -16,11 +16,16 @@ using namespace simd;
 
 namespace {
 
+/// How far a step of 1 leads along each axis, at most.
+Vec3f rowLengths(const glm::mat3& m) {
+    const glm::mat3 rows = glm::transpose(m);
+    return {glm::length(rows[0]), glm::length(rows[1]), glm::length(rows[2])};
+}
+
 void place(StrokeObject& o, const WorldFromLocal& m) {
     o.rayFromLocal = glm::mat4x3(m);
     o.localFromRay = glm::mat3(glm::inverse(glm::dmat3(m[0], m[1], m[2])));
-    const glm::mat3 rows = glm::transpose(o.localFromRay);
-    for (int k = 0; k < 3; ++k) o.rowLengths[k] = glm::length(rows[k]);
+    o.rowLengths = rowLengths(o.localFromRay);
 }
 
 }  // namespace
@@ -198,6 +203,34 @@ V8 broadcast(const Vec3f& v) {
     return {all(v.x), all(v.y), all(v.z)};
 }
 
+/// The space in which a lens' pixels are square: ray space, but for an eye whose own space is scaled unevenly.
+struct Square {
+    bool isRaySpace = true;
+    glm::mat3 fromRay{1.0f}, toRay{1.0f}, normalFromRay{1.0f};
+    Vec3f rows{1};      // lengths of those of toRay
+    float longest = 1;  // no step of 1 is longer in ray space
+
+    explicit Square(const PixelLens& lens) {
+        if (!lens.toSquare) return;
+        isRaySpace = false;
+        fromRay = *lens.toSquare;
+        const glm::dmat3 inverse = glm::inverse(glm::dmat3(fromRay));
+        toRay = glm::mat3(inverse), normalFromRay = glm::mat3(glm::transpose(inverse));
+        rows = rowLengths(toRay);
+        longest = glm::length(rows);
+    }
+    V8 of(const V8& v) const {
+        if (isRaySpace) return v;
+        return broadcast(fromRay[0]) * v.x + broadcast(fromRay[1]) * v.y + broadcast(fromRay[2]) * v.z;
+    }
+    /// How far the farthest corner of a box is from a point at most; both in ray space.
+    float farthest(const Vec3f& lower, const Vec3f& upper, const Vec3f& from) const {
+        const Vec3f far = glm::max(glm::abs(lower - from), glm::abs(upper - from));
+        if (isRaySpace) return glm::length(far);
+        return glm::length(glm::abs(fromRay[0]) * far.x + glm::abs(fromRay[1]) * far.y + glm::abs(fromRay[2]) * far.z);
+    }
+};
+
 /// What eight pairs of a ray and a stroke have in common.
 struct Width {
     V8 eye, forward;
@@ -205,8 +238,8 @@ struct Width {
     const StrokeStyle* attenuated = nullptr;
     float halfWidth;
 
-    Width(const PixelLens& lens, const StrokeObject& o)
-        : eye(broadcast(lens.eye)),
+    Width(const PixelLens& lens, const Square& square, const StrokeObject& o)
+        : eye(broadcast(square.fromRay * lens.eye)),
           forward(broadcast(lens.forward)),
           spreadSquared(lens.spread * lens.spread),
           sizeSquared(lens.size * lens.size),
@@ -322,11 +355,11 @@ bool isDrawn(std::int32_t type, float pixels, float width) {
     }
 }
 
-/// The ends of a leaf's strokes in ray space.
+/// The ends of a leaf's strokes, placed.
 class LeafEnds {
   public:
-    void set(int i, const glm::mat4x3& rayFromLocal, const StrokeBvh::Stroke& stroke) {
-        const Vec3f a = rayFromLocal * Vec4f(stroke.a, 1), b = rayFromLocal * Vec4f(stroke.b, 1);
+    void set(int i, const glm::mat4x3& fromLocal, const StrokeBvh::Stroke& stroke) {
+        const Vec3f a = fromLocal * Vec4f(stroke.a, 1), b = fromLocal * Vec4f(stroke.b, 1);
         for (int c = 0; c < 3; ++c) lanes_[c][i] = a[c], lanes_[3 + c][i] = b[c];
     }
     Vec3f a(int i) const { return {lanes_[0][i], lanes_[1][i], lanes_[2][i]}; }
@@ -374,11 +407,11 @@ namespace {
 /// says, and that of no stroke is more than the box's farthest corner is away.
 struct Reach {
     Vec3f lower, upper;
-    Reach(const TreeView::Box& box, const PixelLens& lens, float widest) {
-        const Vec3f far = glm::max(glm::abs(box.lower - lens.eye), glm::abs(box.upper - lens.eye));
-        const float room = kRoom * widest * (lens.spread * glm::length(far) + lens.size);
+    Reach(const TreeView::Box& box, const PixelLens& lens, const Square& square, float widest) {
+        const float far = square.farthest(box.lower, box.upper, lens.eye);
+        const Vec3f room = square.rows * (kRoom * widest * (lens.spread * far + lens.size));
         // And for the roundings of boxes and rays.
-        const Vec3f slack = room + 0x1p-18f * (glm::max(glm::abs(box.lower), glm::abs(box.upper)) + glm::length(far));
+        const Vec3f slack = room + 0x1p-18f * (glm::max(glm::abs(box.lower), glm::abs(box.upper)) + square.rows * far);
         lower = box.lower - slack, upper = box.upper + slack;
     }
     /// Lanes that may come into it within their segments.
@@ -400,14 +433,15 @@ struct Reach {
 
 }  // namespace
 
-/// The rays of a query: one, or those of a packet that run together. `spread`: by how much they differ from the middle
-/// one, at its origin and in direction.
+/// The rays of a query: one, or those of a packet that run together, in the lens' square space, where metres count.
+/// `spread`: by how much they differ from the middle one, at its origin and in direction.
 struct StrokeView::Rays {
     static constexpr std::int32_t kNoSlot = -1;
     Vec3f origin, direction;  // of the middle; unit
     float originSpread = 0, directionSpread = 0;
     float start = 0, end = 0;  // metres
     V8 o[2], d[2];
+    V8 givenO[2], givenD[2];  // in ray space
     F8 tMin[2], tMax[2], length[2];
     F8 surface[2];   // tMax as it was
     int lane = 0;    // which of the query's the first of these is
@@ -420,12 +454,14 @@ struct StrokeView::Rays {
     Rays() {
         for (int h = 0; h < 2; ++h) hitSlot[h] = I8{} + kNoSlot, hitStroke[h] = I8{}, u[h] = F8{};
     }
-    explicit Rays(const Ray& ray) : Rays() {
-        const float size = glm::length(ray.direction);
-        origin = ray.origin, direction = ray.direction / size;
+    Rays(const Ray& ray, const Square& square) : Rays() {
+        origin = square.fromRay * ray.origin, direction = square.fromRay * ray.direction;
+        const float size = glm::length(direction);
+        o[0] = broadcast(origin), d[0] = broadcast(direction);
+        direction /= size;
         start = ray.tMin * size;
         halves = 1;
-        o[0] = broadcast(ray.origin), d[0] = broadcast(ray.direction);
+        givenO[0] = broadcast(ray.origin), givenD[0] = broadcast(ray.direction);
         tMin[0] = all(ray.tMin), tMax[0] = surface[0] = all(ray.tMax), length[0] = all(size);
         active[0] = I8{-1};  // one lane of eight
         findEnd();
@@ -433,19 +469,20 @@ struct StrokeView::Rays {
     /// Takes hits out that the filter leaves out; false: all of them.
     bool keep(const RayFilter& filter, std::uint32_t slot, int h, const F8& t, I8& hit) const {
         for (int k = 0; k < 8; ++k)
-            if (hit[k] &&
-                filter.leavesOutAlong(slot, {o[h].x[k], o[h].y[k], o[h].z[k]}, {d[h].x[k], d[h].y[k], d[h].z[k]}, t[k]))
+            if (hit[k] && filter.leavesOutAlong(slot, {givenO[h].x[k], givenO[h].y[k], givenO[h].z[k]},
+                                                {givenD[h].x[k], givenD[h].y[k], givenD[h].z[k]}, t[k]))
                 hit[k] = 0;
         return any(hit);
     }
     /// Of those that meet a stroke behind a surface, the ones that meet one which lies in it: at a slant half of its
     /// width is behind, which belongs to the picture as the half before does.
-    void findLying(const StrokeSurface& met, int h, const Vec3f& a, const Vec3f& b, const Met& m, I8 behind, F8& t,
-                   I8& hit) const {
+    void findLying(const StrokeSurface& met, const Square& square, int h, const Vec3f& a, const Vec3f& b, const Met& m,
+                   I8 behind, F8& t, I8& hit) const {
         for (int k = 0; k < 8; ++k) {
             if (!behind[k] || tMax[h][k] < surface[h][k]) continue;
-            const std::optional<Vec3f> normal = met.normal(lane + 8 * h + k);
+            std::optional<Vec3f> normal = met.normal(lane + 8 * h + k);
             if (!normal) continue;
+            if (!square.isRaySpace) normal = glm::normalize(square.normalFromRay * *normal);
             const Vec3f from(o[h].x[k], o[h].y[k], o[h].z[k]), along(d[h].x[k], d[h].y[k], d[h].z[k]);
             const Vec3f place = a + m.u[k] * (b - a), at = from + surface[h][k] * along;
             const float tie = kTie * (glm::length(from) + glm::length(place));
@@ -469,7 +506,8 @@ struct StrokeView::Rays {
 template <bool kAny>
 void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
     const PixelLens& lens = query.lens;
-    const float away = glm::length(rays.origin - lens.eye) + rays.originSpread;
+    const Square square(lens);
+    const float away = glm::length(rays.origin - square.fromRay * lens.eye) + rays.originSpread;
     if (query.surface) rays.makeRoom(roomBehind(lens, widest_, away + rays.end));
     const float rounding = kTie * kRoom * 2 * (glm::length(rays.origin) + rays.originSpread);
     const auto coneOf = [&](float halfWidth) {
@@ -484,13 +522,15 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
     const auto inObject = [&](std::uint32_t index) {
         const StrokeObject& o = object(index & ~TreeView::kLeaf);
         if (!(o.kinds & static_cast<std::uint32_t>(query.kind)) || !o.bvh || o.bvh->nodes().empty()) return rays.end;
-        Cone cone = coneOf(o.halfWidth);
-        cone.origin = o.localFromRay * (cone.origin - o.rayFromLocal[3]);
-        cone.direction = o.localFromRay * cone.direction;
-        cone.reach *= o.rowLengths, cone.growth *= o.rowLengths;
-        cone.end = rays.end;
         const Cone around = coneOf(o.halfWidth);
-        const Width width(lens, o);
+        const glm::mat4x3 placed = square.isRaySpace ? o.rayFromLocal : square.fromRay * o.rayFromLocal;
+        const glm::mat3 toLocal = square.isRaySpace ? o.localFromRay : o.localFromRay * square.toRay;
+        const Vec3f rows = square.isRaySpace ? o.rowLengths : rowLengths(toLocal);
+        Cone cone = around;
+        cone.origin = toLocal * (cone.origin - placed[3]);
+        cone.direction = toLocal * cone.direction;
+        cone.reach *= rows, cone.growth *= rows;
+        const Width width(lens, square, o);
         const std::int32_t type = o.style && !o.isPoints ? o.style->lineType : 1;
         const RayFilter* filter = query.filter && query.filter->concerns(o.slot) ? query.filter : nullptr;
         const TreeView::Node* nodes = o.bvh->nodes().data();
@@ -502,7 +542,7 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
                 bool found = false;
                 LeafEnds ends;
                 for (std::uint32_t k = 0; k < StrokeBvh::kMostInLeaf; ++k)
-                    ends.set(static_cast<int>(k), o.rayFromLocal, strokes[first + std::min(k, count - 1)]);
+                    ends.set(static_cast<int>(k), placed, strokes[first + std::min(k, count - 1)]);
                 std::uint32_t near = (1u << count) - 1;
                 if (rays.halves > 1) near &= ends.near(around);
                 for (; near; near &= near - 1) {
@@ -515,7 +555,7 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
                         const I8 behind = m.hit & (m.t > rays.tMax[h]);
                         m.hit &= m.t <= rays.tMax[h];
                         if (query.surface && any(behind))
-                            rays.findLying(*query.surface, h, a, b, m, behind, m.t, m.hit);
+                            rays.findLying(*query.surface, square, h, a, b, m, behind, m.t, m.hit);
                         if (!any(m.hit)) continue;
                         if (type > 1) {
                             const float size = glm::length(b - a);
@@ -543,11 +583,16 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
     const auto node = [&](std::uint32_t i) -> const TreeView::Node& {
         return tree_.nodePages()[i >> TreeView::kPageBits][i & (TreeView::kPerPage - 1)];
     };
-    traverseCone(coneOf(widest_), node, inObject);
+    Cone all = coneOf(widest_);
+    if (!square.isRaySpace) {
+        all.origin = square.toRay * all.origin, all.direction = square.toRay * all.direction;
+        all.reach *= square.rows, all.growth *= square.rows;
+    }
+    traverseCone(all, node, inObject);
 }
 
 bool StrokeView::intersect(const Ray& ray, const StrokeQuery& query, StrokeHit& hit) const {
-    Rays rays(ray);
+    Rays rays(ray, Square(query.lens));
     traverse<false>(rays, query);
     if (rays.hitSlot[0][0] == Rays::kNoSlot) return false;
     hit = {rays.tMax[0][0], rays.u[0][0], static_cast<std::uint32_t>(rays.hitSlot[0][0]),
@@ -556,7 +601,7 @@ bool StrokeView::intersect(const Ray& ray, const StrokeQuery& query, StrokeHit& 
 }
 
 bool StrokeView::occluded(const Ray& ray, const StrokeQuery& query) const {
-    Rays rays(ray);
+    Rays rays(ray, Square(query.lens));
     traverse<true>(rays, query);
     return rays.hitSlot[0][0] != Rays::kNoSlot;
 }
@@ -564,7 +609,7 @@ bool StrokeView::occluded(const Ray& ray, const StrokeQuery& query) const {
 Bounds StrokeView::reach(const PixelLens& lens) const {
     Bounds result;
     if (empty() || !lens) return result;
-    const Reach reach(box_, lens, widest_);
+    const Reach reach(box_, lens, Square(lens), widest_);
     result.extend(reach.lower), result.extend(reach.upper);
     return result;
 }
@@ -573,9 +618,10 @@ Bounds StrokeView::reach(const PixelLens& lens) const {
 bool StrokeView::comesNear(const RayPacket16& packet, const std::int32_t* valid, const StrokeQuery& query,
                            I8* near) const {
     const PixelLens& lens = query.lens;
-    const Reach reach(box_, lens, widest_);
-    const Vec3f far = glm::max(glm::abs(reach.lower - lens.eye), glm::abs(reach.upper - lens.eye));
-    const float room = query.surface ? roomBehind(lens, widest_, glm::length(far)) : 0;
+    const Square square(lens);
+    const Reach reach(box_, lens, square, widest_);
+    const float far = square.farthest(reach.lower, reach.upper, lens.eye);
+    const float room = query.surface ? square.longest * roomBehind(lens, widest_, far) : 0;
     for (int h = 0; h < 2; ++h) {
         const int at = 8 * h;
         const F8 tMin = load(packet.tMin + at), tMax = load(packet.tMax + at);
@@ -594,14 +640,21 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
     I8 near[2];
     if (!comesNear(packet, valid, query, near)) return 0;
     Rays rays;
+    const Square square(query.lens);
     Vec3f low(HUGE_VALF), high(-HUGE_VALF), sum(0);
     int count = 0;
     rays.start = HUGE_VALF;
     Vec3f units[16];
+    const auto given = [&packet](int i) {
+        return Ray{{packet.originX[i], packet.originY[i], packet.originZ[i]},
+                   packet.tMin[i],
+                   {packet.directionX[i], packet.directionY[i], packet.directionZ[i]},
+                   packet.tMax[i]};
+    };
     for (int i = 0; i < 16; ++i) {
         if (!near[i / 8][i % 8]) continue;
-        const Vec3f o(packet.originX[i], packet.originY[i], packet.originZ[i]);
-        const Vec3f d(packet.directionX[i], packet.directionY[i], packet.directionZ[i]);
+        const Ray ray = given(i);
+        const Vec3f o = square.fromRay * ray.origin, d = square.fromRay * ray.direction;
         const float length = glm::length(d);
         units[i] = d / length;
         low = glm::min(low, o), high = glm::max(high, o);
@@ -612,8 +665,9 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
     if (count == 0) return 0;
     for (int h = 0; h < 2; ++h) {
         const int at = 8 * h;
-        rays.o[h] = {load(packet.originX + at), load(packet.originY + at), load(packet.originZ + at)};
-        rays.d[h] = {load(packet.directionX + at), load(packet.directionY + at), load(packet.directionZ + at)};
+        rays.givenO[h] = {load(packet.originX + at), load(packet.originY + at), load(packet.originZ + at)};
+        rays.givenD[h] = {load(packet.directionX + at), load(packet.directionY + at), load(packet.directionZ + at)};
+        rays.o[h] = square.of(rays.givenO[h]), rays.d[h] = square.of(rays.givenD[h]);
         rays.length[h] = sqrt(dot(rays.d[h], rays.d[h]));
         rays.tMin[h] = load(packet.tMin + at), rays.tMax[h] = rays.surface[h] = load(packet.tMax + at);
         rays.active[h] = near[h];
@@ -635,10 +689,7 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
         const I8 active[2] = {rays.active[0], rays.active[1]};
         for (int i = 0; i < 16; ++i) {
             if (!active[i / 8][i % 8]) continue;
-            Rays one(Ray{{packet.originX[i], packet.originY[i], packet.originZ[i]},
-                         packet.tMin[i],
-                         {packet.directionX[i], packet.directionY[i], packet.directionZ[i]},
-                         packet.tMax[i]});
+            Rays one(given(i), square);
             one.lane = i;
             traverse<kAny>(one, query);
             const int h = i / 8, k = i % 8;
@@ -657,7 +708,8 @@ std::uint32_t StrokeView::packet(RayPacket16& packet, const std::int32_t* valid,
         packet.prim_[i] = static_cast<std::uint32_t>(rays.hitStroke[h][k]);
         packet.geom_[i] = static_cast<std::uint32_t>(rays.hitSlot[h][k]);
         packet.inst_[i] = kResolved;
-        packet.normalX_[i] = -units[i].x, packet.normalY_[i] = -units[i].y, packet.normalZ_[i] = -units[i].z;
+        const Vec3f back = square.isRaySpace ? -units[i] : -glm::normalize(given(i).direction);
+        packet.normalX_[i] = back.x, packet.normalY_[i] = back.y, packet.normalZ_[i] = back.z;
     }
     return hits;
 }

@@ -113,9 +113,8 @@ Camera Camera::parallel(const WorldFromLocal& worldFromLocal, const Vec3d& posit
     Camera camera = placed(worldFromLocal, position, orientation);
     camera.orthographic = true;
     const glm::dmat3 linearPart(worldFromLocal[0], worldFromLocal[1], worldFromLocal[2]);
-    double scale = areEven(camera.axes(), camera.right, camera.up)
-                       ? std::cbrt(std::abs(glm::determinant(linearPart)))
-                       : glm::length(linear(worldFromLocal, rotate(orientation, {0, 0, 1})));
+    double scale = camera.isEven() ? std::cbrt(std::abs(glm::determinant(linearPart)))
+                                   : glm::length(linear(worldFromLocal, rotate(orientation, {0, 0, 1})));
     if (!(scale > 0) || !std::isfinite(scale)) scale = 1;
     const double centerX = scale * (extent[0] + extent[2]) / 2, centerY = scale * (extent[1] + extent[3]) / 2;
     double halfX = scale * std::abs(extent[2] - extent[0]) / 2, halfY = scale * std::abs(extent[3] - extent[1]) / 2;
@@ -240,14 +239,18 @@ glm::dmat3 Camera::axes() const {
     return turningOf({right, up, -forward, Vec3d(0)});
 }
 
+bool Camera::isEven() const {
+    return areEven(axes(), right, up);
+}
+
 glm::dmat3 Camera::steps() const {
     const glm::dmat3 along(right, up, forward);
-    return areEven(axes(), right, up) ? glm::transpose(along) : glm::inverse(along);
+    return isEven() ? glm::transpose(along) : glm::inverse(along);
 }
 
 double Camera::pixel(int rows) const {
     const double high = (top - bottom) / rows;
-    return areEven(axes(), right, up) ? high : high * std::min(glm::length(right), glm::length(up));
+    return isEven() ? high : high * std::min(glm::length(right), glm::length(up));
 }
 
 Camera::WorldRay Camera::ray(double x, double y) const {

@@ -24,12 +24,6 @@ bool areSame(const Camera& a, const Camera& b) {
            a.left == b.left && a.rightEdge == b.rightEdge && a.bottom == b.bottom && a.top == b.top;
 }
 
-PixelLens lensOf(const RayView& world, const Camera& camera, int height) {
-    const auto pixel = static_cast<float>(camera.pixel(height));
-    return {world.fromWorld(camera.position), Vec3f(camera.forward), camera.orthographic ? 0 : pixel,
-            camera.orthographic ? pixel : 0};
-}
-
 }  // namespace
 
 std::size_t Shutter::countFor(const Motions& motions, const RenderSettings& settings) {
@@ -66,10 +60,7 @@ void Shutter::Instant::showTo(TraceScene& scene, int height) const {
     scene.lensed = world;
     scene.world = world.get();
     scene.large = nullptr;  // of another instant
-    const PixelLens lens = lensOf(*world, camera, height);
-    scene.eye = lens.eye, scene.forward = lens.forward;
-    scene.placeInPicture(camera);
-    scene.pixelSpread = lens.spread, scene.pixelSize = lens.size;
+    scene.placeInPicture(*world, camera, height);
 }
 
 void Shutter::trace(const TraceScene& scene, const RenderSettings& settings, int x0, int y0,

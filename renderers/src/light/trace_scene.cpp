@@ -157,7 +157,21 @@ void limitShadows(const LightState& state, const RayView& world, const RenderSet
 
 }  // namespace
 
-void TraceScene::placeInPicture(const Camera& camera) {
+PixelLens lensOf(const RayView& world, const Camera& camera, int rows) {
+    const auto pixel = static_cast<float>((camera.top - camera.bottom) / rows);
+    PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), camera.orthographic ? 0 : pixel,
+                   camera.orthographic ? pixel : 0};
+    if (!camera.isEven()) {
+        const glm::dmat3 axes = camera.axes();
+        lens.toSquare = glm::mat3(glm::dmat3(axes[0], axes[1], -axes[2]) * camera.steps());
+    }
+    return lens;
+}
+
+void TraceScene::placeInPicture(const RayView& world, const Camera& camera, int height) {
+    eye = world.fromWorld(camera.position), forward = Vec3f(camera.forward);
+    const auto pixel = static_cast<float>(camera.pixel(height));
+    pixelSpread = camera.orthographic ? 0 : pixel, pixelSize = camera.orthographic ? pixel : 0;
     const glm::dmat3 rows = glm::transpose(camera.steps()) * (camera.pixel(1) / (camera.top - camera.bottom));
     right = Vec3f(rows[0]), up = Vec3f(rows[1]);
 }
@@ -172,11 +186,9 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     const std::uint16_t layer = camera.layer;
     TraceScene scene;
     scene.coincident = std::make_shared<CoincidentFaces>();
-    const auto height = static_cast<float>(camera.pixel(settings.height));
-    (camera.orthographic ? scene.pixelSize : scene.pixelSpread) = height;
+    scene.placeInPicture(world, camera, settings.height);
     constexpr int kMostSharing = 64;  // more samples than these see no more of a texture: an eighth of a pixel is all
     scene.sampleShare = 1 / std::sqrt(static_cast<float>(std::clamp(settings.samplesPerPixel, 1, kMostSharing)));
-    const PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), scene.pixelSpread, scene.pixelSize};
     scene.filter = clipFilter(state, world, settings, part.windows ? &camera : nullptr);
     if (state.volumeSlots) {
         findVolumes(state, world, part.hidden, scene.filter, scene);
@@ -186,9 +198,8 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
         }
     }
     if (!part.hidden.empty()) scene.filter = hidingFilter(std::move(part.hidden), scene.filter, world, settings);
-    scene.lensed = std::make_shared<const LensedView>(world, lens, scene.filter.get(), RayKind::eye);
-    scene.eye = lens.eye, scene.forward = lens.forward;
-    scene.placeInPicture(camera);
+    scene.lensed = std::make_shared<const LensedView>(world, lensOf(world, camera, settings.height), scene.filter.get(),
+                                                      RayKind::eye);
     scene.world = scene.lensed.get();
     scene.materials = MaterialList(state.materials);
     scene.slots = SlotPages(state.slots);

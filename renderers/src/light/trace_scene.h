@@ -186,6 +186,9 @@ class SkyLight;
 class SkyTable;
 class Shutter;
 
+/// How lines and points are seen in a picture of that many rows.
+PixelLens lensOf(const RayView& world, const Camera& camera, int rows);
+
 struct TraceScene {
     const RayView* world = nullptr;  // through the lens
     std::shared_ptr<const LensedView> lensed;
@@ -195,7 +198,8 @@ struct TraceScene {
     std::shared_ptr<const RayFilter> volumeFilter;
     Vec3f eye{0}, forward{0, 0, -1};
     Vec3f right{1, 0, 0}, up{0, 1, 0};  // times an offset from the eye: pixels' heights for 1 ahead
-    void placeInPicture(const Camera& camera);
+    /// All that says where in the picture something is, and how wide a pixel is there.
+    void placeInPicture(const RayView& world, const Camera& camera, int height);
     EmitterTable* emitterTable = nullptr;         // that of the scene's last picture
     SkyTable* skyTable = nullptr;                 // the same
     const Emitters* emitters = nullptr;           // of paths, where anything shines

@@ -145,6 +145,57 @@ TEST(Script, ChangesInPlaceAreSentAndReadingAloneIsNot) {
     for (const Change& change : set->changes) EXPECT_EQ(change.kind, ChangeKind::event) << "reading wrote something";
 }
 
+TEST(Script, OutputsThatAreAssignedInPlaceWhatTheyAreAlreadyAreSent) {
+    // Each statement leaves the value as it is; those that only read send nothing.
+    const struct {
+        const char* field;
+        const char* statement;
+        int events;
+    } cases[] = {
+        {"outputOnly SFVec3f out", "out.x = out.x;", 1},
+        {"outputOnly SFVec3f out", "out[2] = 0; out.y = 0;", 1},  // once a call
+        {"outputOnly SFRotation out", "out.angle = 0;", 1},
+        {"outputOnly SFColor out", "out.setHSV(0, 0, 0);", 1},
+        {"inputOutput SFImage out 2 1 1 3 4", "out.width = 2;", 1},
+        {"inputOutput SFImage out 2 1 1 3 4", "out.array[1] = 4;", 1},
+        {"inputOutput SFVec3f out 1 2 3", "out.z = 3;", 1},
+        {"inputOutput MFFloat out [ 1 2 ]", "out[1] = 2;", 1},
+        {"inputOutput MFFloat out [ 1 2 ]", "out.push(3); out.length = 2;", 1},
+        {"inputOutput MFVec3f out [ 1 2 3, 4 5 6 ]", "out[1].y = 5;", 1},
+        {"inputOutput MFVec3f out [ 1 2 3, 4 5 6 ]", "for (const p of out) p.x = p.x;", 1},
+        {"inputOutput MFVec3f out [ 1 2 3, 1 2 3 ]",
+         "for (var i = 0; i < 100001; ++i) { var p = out[0]; out[0] = out[1]; out[1] = p; }", 1},
+        {"inputOutput MFString out [ \"a\" ]", "out[0] = 'a';", 1},
+        {"outputOnly MFNode out", "out.length = 0;", 1},
+        {"outputOnly SFVec3f out",
+         "Browser.currentScene.getNamedNode('S'); out.x = 0; Browser.currentScene.createNode('Group'); out.x = 0;", 2},
+        {"inputOutput MFVec3f out [ 1 2 3, 4 5 6 ]",
+         "var sum = out[1].y + out.length + out.map(function (v) { return v.x; })[0];", 0},
+        {"inputOutput SFVec3f out 1 2 3",
+         "var far = out.add(out).length() + out[1]; var copy = new SFVec3f(out); copy.x = 1;", 0},
+        {"inputOutput SFVec3f out 1 2 3", "if (kept) kept.x = 9; else kept = out;", 0},  // of a call that is over
+    };
+    for (const auto& c : cases) {
+        SCOPED_TRACE(c.statement);
+        const std::string field = c.field,
+                          type = field.substr(field.find(' ') + 1, field.find(" out") - field.find(' ') - 1);
+        ScriptScene s(field + " inputOnly SFBool go",
+                      std::string("var kept = null; function go(v) { ") + c.statement + " }",
+                      "DEF Heard Script { inputOnly " + type +
+                          " out outputOnly SFInt32 times url \"ecmascript: function out() { ++times; }\" }");
+        ASSERT_TRUE(
+            s.scene.addRoute(s.script(), s.field("S", "out"), s.scene.findName("Heard"), s.field("Heard", "out")));
+        const Value before = s.scene.node(s.script()).value(s.field("S", "out"));
+        for (int call = 1; call <= 3; ++call) {
+            s.send("go", true);
+            s.frame();
+            EXPECT_EQ(s.get<std::int32_t>("times", "Heard"), call * c.events);
+        }
+        EXPECT_TRUE(s.scene.node(s.script()).value(s.field("S", "out")) == before);
+        EXPECT_EQ(s.problems(), "");
+    }
+}
+
 TEST(Script, FieldsOfOneNumberAreReadAsTheSceneHasThemUntilTheyAreAssigned) {
     std::string fields =
         "inputOnly SFInt32 go inputOutput SFFloat x 0.1 inputOutput SFBool b TRUE initializeOnly SFDouble d 0.1 "

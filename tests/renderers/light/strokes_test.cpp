@@ -82,6 +82,36 @@ TEST(StrokesInPictures, WidthIsTheSameEverywhereInThePicture) {
     }
 }
 
+// However the space is scaled that they stand in, and that they are seen from.
+TEST(StrokesInPictures, WidthIsThatOfItsPixelsBelowUnevenScales) {
+    const double disc = kPi * 100;
+    const std::string eye = "Viewpoint { } ", parallel = kParallel;
+    for (const std::string scale : {"scale .25 4 2", "scale 1 30 1", "scale 3 .2 5 scaleOrientation 0 .6 .8 .6",
+                                    "translation 50 3 -2 rotation .6 0 .8 .8 scale -1 6 .5"})
+        for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+            SCOPED_TRACE(scale);
+            const auto seen = [&](const std::string& view, const std::string& things) {
+                return covered(
+                    Fine("Transform { " + scale + " children [ " + view + things + " ] }", integrator).picture());
+            };
+            // 2 m are 100 pixels; for the perspective at 10 m, 200 / (2 tan 22.5 degrees) / 10 of them a metre.
+            const double width = 6, ends = kPi * width * width / 4, perspective = 20 / (2 * std::tan(kPi / 8));
+            for (const char* places : {"-1 0 0, 1 0 0", "0 -1 0, 0 1 0", "-.6 -.8 0, .6 .8 0"}) {
+                EXPECT_NEAR(seen(parallel, lines(places, width)), 100 * width + ends, 8) << places;
+                EXPECT_NEAR(seen(eye, lines(places, width)), 2 * perspective * width + ends, 8) << places;
+            }
+            for (const char* place : {"0 0 0", "2 -1.5 1"}) EXPECT_NEAR(seen(eye, points(place, 20)), disc, 6) << place;
+            EXPECT_NEAR(seen(parallel, points(".5 1 -3", 20)), disc, 6);
+        }
+    // Seen from outside.
+    for (const char* scale : {"scale 1 30 1", "scale .01 2 1"})
+        EXPECT_NEAR(
+            covered(Fine(fmt::format("{} Transform {{ {} children {} }}", kParallel, scale, points("0 0 0", 20)))
+                        .picture()),
+            disc, 3)
+            << scale;
+}
+
 TEST(StrokesInPictures, ALineIsARectangleWithRoundEnds) {
     for (const Integrator integrator : {Integrator::whitted, Integrator::path})
         for (const double width : {1.0, 7.0}) {

@@ -142,7 +142,11 @@ WorldFromLocal randomPlace(std::mt19937& random) {
 
 /// Every query of rays from and beside the eye, against the list. Returns how many hit something.
 int expectAsListed(const Strokes& strokes, const PixelLens& lens, std::mt19937& random, const char* what) {
-    const std::vector<Exact> all = strokes.exact();
+    std::vector<Exact> all = strokes.exact();
+    const glm::dmat3 toSquare = lens.toSquare ? glm::dmat3(*lens.toSquare) : glm::dmat3(1.0);
+    for (Exact& s : all) s.a = toSquare * s.a, s.b = toSquare * s.b;
+    PixelLens square = lens;
+    square.eye = Vec3f(toSquare * Vec3d(lens.eye)), square.toSquare.reset();
     const LensedView view(strokes.world, lens);
     std::normal_distribution<float> normal;
     int hits = 0;
@@ -172,11 +176,12 @@ int expectAsListed(const Strokes& strokes, const PixelLens& lens, std::mt19937& 
             ray.origin = {rays.originX[lane], rays.originY[lane], rays.originZ[lane]};
             ray.direction = {rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]};
             ray.tMax = rays.tMax[lane];
-            const double length = glm::length(Vec3d(ray.direction)), end = double{ray.tMax} * length;
+            const Vec3d o = toSquare * Vec3d(ray.origin), d = toSquare * Vec3d(ray.direction);
+            const double length = glm::length(d), end = double{ray.tMax} * length;
             ExactHit best;
             bool doubtful = false;
             for (const Exact& s : all) {
-                const ExactHit hit = meet(s, Vec3d(ray.origin), Vec3d(ray.direction) / length, lens);
+                const ExactHit hit = meet(s, o, d / length, square);
                 // At its edge a float may say otherwise; also where it begins at the ray's own ends.
                 doubtful |= std::abs(hit.margin) < 2e-3;
                 if (hit.stroke) doubtful |= std::abs(hit.t) < 1e-4 || std::abs(hit.t - end) < 1e-4;
@@ -202,7 +207,7 @@ int expectAsListed(const Strokes& strokes, const PixelLens& lens, std::mt19937& 
                                                                           s.number == single.triangle;
                                                                }) -
                                                   all.begin())],
-                     Vec3d(ray.origin), Vec3d(ray.direction) / length, lens);
+                     o, d / length, square);
             EXPECT_NEAR(named.t, best.t, 1e-3 + 2e-3 * best.t);
             EXPECT_NEAR(glm::dot(single.normal, glm::normalize(ray.direction)), -1, 1e-5);
         }
@@ -213,7 +218,9 @@ int expectAsListed(const Strokes& strokes, const PixelLens& lens, std::mt19937& 
 const PixelLens kLenses[] = {{{0, 0, 5}, {0, 0, -1}, .02f, 0},
                              {{.5f, 3, -9}, {0, -.31622777f, .9486833f}, .004f, 0},
                              {{0, 0, 5}, {0, 0, -1}, 0, .05f},
-                             {{0, 0, 0}, {1, 0, 0}, .05f, 0}};
+                             {{0, 0, 0}, {1, 0, 0}, .05f, 0},
+                             {{0, 0, 5}, {0, 0, -1}, .02f, 0, glm::mat3(4, 0, 0, .3f, .5f, 0, 0, 0, 1)},
+                             {{0, 1, 5}, {0, 0, -1}, 0, .05f, glm::mat3(.2f, 0, 0, 0, 3, .6f, 0, 0, 1)}};
 
 TEST(Strokes, AsAListOfThemAllSays) {
     std::mt19937 random(7);

@@ -70,6 +70,8 @@ struct Camera {
     glm::dmat3 axes() const;
     /// Takes a vector of the world to how many of `right`, `up` and `forward` it is made of.
     glm::dmat3 steps() const;
+    /// Whether its pixels are square in the world: not those of a viewpoint below an uneven scale.
+    bool isEven() const;
     /// How high a pixel of a picture of that many rows is in its middle: for 1 ahead, of a parallel one in metres. Of
     /// scaled axes, the lesser: what is some pixels wide is no wider than that in any direction.
     double pixel(int rows) const;
