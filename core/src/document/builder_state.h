@@ -74,7 +74,7 @@ struct OpenNode {
     std::vector<ChildList> children;
     std::vector<bool> given;  // by field
     std::vector<IsRequest> connections;
-    // A Script's (or shader's) own fields, and the values that wait for it to exist.
+    // A Script's (or shader's) own fields, and the values that wait for it to exist; of a CADLayer, for its children.
     std::vector<FieldDef> own;
     std::vector<std::pair<FieldIndex, Value>> values;
 
@@ -182,6 +182,7 @@ struct SceneBuilder::State {
     /// In a detached piece a name that the scene has already stays where it is.
     void giveName(NodeId id, const std::string& name, SourceLocation where);
     void attach(OpenNode& parent, FieldIndex field, NodeId child);
+    void hideChildren(OpenNode& node);
     void storeChildren(OpenNode& node);
     void endScript(OpenNode& node);
     /// Names a type that holds its fields and does nothing, once a file.

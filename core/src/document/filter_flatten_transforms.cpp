@@ -65,7 +65,7 @@ class FlattenTransforms final : public TreeFilter {
             waiting.pop_back();
             std::vector<Index> now;
             for (const Index index : std::vector<Index>((*this)[parent].items))
-                if (isStill(index))
+                if (isStill(index) && !countsItsChildren(parent))
                     flatten(index, Matrix(1), now, waiting);
                 else
                     keep(index, now, waiting);
@@ -81,6 +81,13 @@ class FlattenTransforms final : public TreeFilter {
     bool isReferred(const Item& item) const { return !item.def.empty() && uses_.contains(item.def); }
     bool isShared(Index index) const { return isReferred((*this)[index]); }
 
+    /// A CADLayer of before X3D 4.0 says of each child whether it is visible.
+    bool countsItsChildren(Index index) const {
+        return std::ranges::any_of((*this)[index].items, [&](Index in) {
+            const Item& one = (*this)[in];
+            return one.kind == Kind::value && one.field == "visible" && one.value->holds<Array<bool>>();
+        });
+    }
     /// A Transform that nothing refers to, whose nodes would mean the same without it.
     bool isStill(Index index) const {
         const Item& item = (*this)[index];

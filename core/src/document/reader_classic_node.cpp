@@ -269,7 +269,7 @@ void ClassicReader::listItem() {
 
 void ClassicReader::fieldItem(std::string_view name, const char* where) {
     const NodeShape& shape = frames_.back().shape;  // until something is pushed
-    const FieldRef field = findField(shape, name);
+    const FieldRef field = types_.findField(shape, name);
     if (!field) return unknownField(name, where);
     if (peekWord() == "IS") {
         word();

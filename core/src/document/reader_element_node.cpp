@@ -191,7 +191,7 @@ void ElementReader::nodeAttributes(Attributes attributes) {
 void ElementReader::setAttribute(const char* name, const char* text) {
     Frame& frame = frames_.back();
     const std::string node(frame.shape.name());
-    const FieldRef field = findField(frame.shape, name);
+    const FieldRef field = types_.findField(frame.shape, name);
     if (!frame.shape.known()) {
         const std::string spelled = mayBeSpelled(name) ? readName(name, Spelling::attribute) : std::string(name);
         handler_->setField(spelled, Value(String(text)), where());  // its type is not known, so it is kept as text

@@ -144,6 +144,13 @@ bool GivenFields::add(const FieldRef& field) {
     return many_->insert(field.name.data()).second;
 }
 
+FieldRef ReaderTypes::findField(const NodeShape& shape, std::string_view name) const {
+    FieldRef found = detail::findField(shape, name);
+    if (found.name == "visible" && shape.type && shape.type->name == "CADLayer" && versionNumber(version_) < 40)
+        found.type = FieldType::MFBool, found.definition = nullptr;
+    return found;
+}
+
 void ReaderTypes::popScope() {
     for (const std::string& name : scopes_.back().protos) {
         const auto found = protos_.find(name);

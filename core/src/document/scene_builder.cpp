@@ -190,6 +190,7 @@ void SceneBuilder::endNode(SourceLocation where) {
     const std::size_t position = s.openCount - 1;
     if (node.kind == OpenNode::Kind::instance) s.expand(node);  // may reallocate `open`
     OpenNode& done = s.open[position];
+    if (done.typeIndex == x3d::CADLayer::type) s.hideChildren(done);
     if (done.kind != OpenNode::Kind::instance) s.storeChildren(done);
     if (done.typeIndex == x3d::Inline::type || done.typeIndex == x3d::InlineGeometry::type)
         s.scope().inlines.emplace_back(done.id, done.where);
@@ -252,12 +253,14 @@ void SceneBuilder::setField(std::string_view name, Value value, SourceLocation w
         return;
     }
     const FieldDef& def = node->field(field);
+    const bool isOfChildren = node->typeIndex == x3d::CADLayer::type && field == x3d::CADLayer::visible.index &&
+                              value.type() == FieldType::MFBool;  // as before X3D 4.0
     if (def.access == Access::inputOnly || def.access == Access::outputOnly) {
         s.error(where, fmt::format("{}.{} is {} and cannot be given a value", node->describe(), def.name,
                                    accessName(def.access)));
         return;
     }
-    if (def.type != value.type()) {
+    if (def.type != value.type() && !isOfChildren) {
         s.error(where, fmt::format("{}.{} is {}, not {}", node->describe(), def.name, info(def.type).name,
                                    info(value.type()).name));
         return;
@@ -270,6 +273,7 @@ void SceneBuilder::setField(std::string_view name, Value value, SourceLocation w
         node->list(field).clear();
         return;
     }
+    if (isOfChildren) return void(node->values.emplace_back(field, std::move(value)));
     s.normalise(value);
     s.store(*node, field, std::move(value), where);
 }

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/x3d.h>
+
 #include "builder_state.h"
 #include "reader_types.h"
 #include "suggestion.h"
@@ -240,6 +242,23 @@ void SceneBuilder::State::giveName(NodeId id, const std::string& name, SourceLoc
 void SceneBuilder::State::attach(OpenNode& parent, FieldIndex field, NodeId child) {
     parent.list(field).push_back(child);
     if (parent.kind != OpenNode::Kind::body) parent.markGiven(field);
+}
+
+/// Which children of a CADLayer show (X3D 3.1 to 3.3): those that do not are put below a Group that is not visible.
+void SceneBuilder::State::hideChildren(OpenNode& node) {
+    if (node.values.empty()) return;
+    const auto shown = node.values.back().second.as<Array<bool>>();  // of what is given twice, the last counts
+    node.values.clear();
+    std::vector<NodeId>& children = node.list(x3d::CADLayer::children.index);
+    for (std::size_t i = 0; i < std::min(shown.size(), children.size()); ++i) {
+        if (shown[i] || !hasRoomFor(scope(), node.where)) continue;
+        const NodeId hidden = scene.createNode(x3d::Group::type, scope().owner);
+        if (!hidden) return error(node.where, "no node could be created here");
+        setHidden(scene, hidden, x3d::Group::visible.index, Value(false));
+        const auto put = scene.set(hidden, x3d::Group::children, Array<NodeId>{children[i]});
+        if (!put) return error(node.where, fmt::format("{}.children: {}", node.describe(), put.error().text));
+        children[i] = hidden;
+    }
 }
 
 void SceneBuilder::State::storeChildren(OpenNode& node) {

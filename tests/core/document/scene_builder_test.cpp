@@ -35,6 +35,53 @@ TEST(SceneBuilder, UseSharesOneNode) {
     EXPECT_EQ(l.scene.parents(l.named("S")).size(), 3u);
 }
 
+// ISO/IEC 19775-1 V3.3, 32.4.3: one value a child; children without one show. In V4.0 it is one for all.
+TEST(SceneBuilder, ACadLayersListOfWhatIsVisibleHidesItsChildren) {
+    const auto shown = [](const Scene& scene, const char* layer) {
+        std::string flags;
+        const Node& node = scene.node(scene.findName(layer));
+        EXPECT_TRUE(node.get(x3d::CADLayer::visible));
+        for (const NodeId child : node.get(x3d::CADLayer::children)) {
+            const Node& one = scene.node(child);
+            const bool isHidden = one.is(x3d::Group::type) && !one.get(x3d::Group::visible);
+            EXPECT_EQ(isHidden, scene.name(child).empty());
+            const NodeId inside = isHidden ? one.get(x3d::Group::children)[0] : child;
+            flags += std::string(scene.name(inside)) + (isHidden ? "- " : "+ ");
+        }
+        return flags;
+    };
+    const std::string children = "children [ DEF A Shape { } DEF B CADPart { } DEF C Transform { } ]";
+    const std::pair<std::string, const char*> cases[] = {{"[ TRUE FALSE TRUE ]", "A+ B- C+ "},
+                                                         {"[ FALSE ]", "A- B+ C+ "},
+                                                         {"FALSE", "A- B+ C+ "},
+                                                         {"[ ]", "A+ B+ C+ "},
+                                                         {"[ FALSE TRUE FALSE FALSE FALSE ]", "A- B+ C- "}};
+    for (const auto& [visible, expected] : cases)
+        for (const bool before : {false, true}) {
+            Scene scene;
+            Diagnostics diagnostics{"test"};
+            const std::string flags = " visible " + visible + " ";
+            EXPECT_TRUE(loadText(
+                scene,
+                "#X3D V3.3 utf8\nPROFILE Full\nDEF L CADLayer {" + (before ? flags + children : children + flags) + "}",
+                diagnostics));
+            EXPECT_EQ(test::allText(diagnostics), "") << visible;
+            EXPECT_EQ(shown(scene, "L"), expected) << visible;
+        }
+    Scene xml;
+    Diagnostics diagnostics{"test"};
+    const std::string text =
+        "<X3D version='3.3' profile='Full'><Scene><CADLayer DEF='L' visible='true false'><Shape DEF='A'/>"
+        "<CADPart DEF='B'/></CADLayer></Scene></X3D>";
+    EXPECT_TRUE(loadText(xml, text, diagnostics));
+    EXPECT_EQ(test::allText(diagnostics), "");
+    EXPECT_EQ(shown(xml, "L"), "A+ B- ");
+    Loaded now("DEF L CADLayer { visible FALSE " + children + " }");
+    EXPECT_EQ(now.problems(), "");
+    EXPECT_EQ(now.get("L", "visible"), "FALSE");
+    EXPECT_EQ(now.nodes(now.named("L"), "children"), (Array<NodeId>{now.named("A"), now.named("B"), now.named("C")}));
+}
+
 TEST(SceneBuilder, UseBeforeDefIsRefusedWithItsPosition) {
     Loaded l("Group { children [ USE S ] }\nDEF S Shape { }");
     EXPECT_THAT(l.problems(), HasSubstr("test.x3dv:2:20: error: USE 'S': no node has that name"));

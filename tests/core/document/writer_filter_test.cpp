@@ -9,12 +9,12 @@
 namespace rtsg {
 namespace {
 
-std::string filtered(std::string_view name, const std::string& body) {
+std::string filtered(std::string_view name, const std::string& body, const std::string& version = "4.0") {
     test::RecordingHandler handler;
     Diagnostics diagnostics;
     const auto filter = makeFilter(name, handler, {diagnostics});
     if (!filter) return filter.error().text;
-    readDocument("#X3D V4.0 utf8\nPROFILE Full META \"a\" \"b\"\n" + body, **filter, diagnostics);
+    readDocument("#X3D V" + version + " utf8\nPROFILE Full META \"a\" \"b\"\n" + body, **filter, diagnostics);
     EXPECT_TRUE(handler.complete()) << handler.violation;
     EXPECT_EQ(diagnostics.all().size(), 0u);
     std::string text = handler.text();
@@ -203,6 +203,16 @@ TEST(Filter, FlattenTransformsPutsStillOnesIntoTheCoordinates) {
                                         "P.value_changed TO T.translation",
                                     "Transform { translation 1 0 0 children [ DirectionalLight { } " + faces + "] }"})
         EXPECT_THAT(filtered("flatten-transforms", text), testing::HasSubstr("set translation SFVec3f 1 0 0"));
+}
+
+// Of X3D 3.1 to 3.3: one value a child, so that each has to stay one.
+TEST(Filter, FlattenTransformsKeepsTheChildrenThatACadLayerCounts) {
+    const std::string layer = "CADLayer { children [ Transform { children [ Shape { } Shape { } ] } Shape { } ] ";
+    const std::string listed = filtered("flatten-transforms", layer + "visible [ TRUE FALSE ] }", "3.3");
+    EXPECT_THAT(listed, testing::HasSubstr("begin Transform"));
+    EXPECT_THAT(listed, testing::HasSubstr("set visible MFBool [TRUE FALSE]"));
+    EXPECT_THAT(filtered("flatten-transforms", layer + "}", "3.3"),
+                testing::Not(testing::HasSubstr("begin Transform")));
 }
 
 TEST(Filter, UnitsOfTheDocumentAreReplaced) {
