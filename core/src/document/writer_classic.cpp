@@ -75,7 +75,10 @@ class ClassicWriter final : public DocumentHandler {
     }
     void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
         if (value) units_.fromStandard(nullptr, *value);
-        if (field.about) documentation(*field.about, where);
+        // On lines of its own: a comment would go into the list of the field before.
+        if (field.about && !field.about->appinfo.empty()) commentLines(line(), "appinfo: " + field.about->appinfo);
+        if (field.about && !field.about->documentation.empty())
+            commentLines(line(), "documentation: " + field.about->documentation);
         const Place place = line();
         Frame& frame = frames_.back();
         if (frame.shape.own) frame.shape.own->add(field);

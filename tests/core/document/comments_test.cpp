@@ -188,6 +188,15 @@ TEST(Comments, WhatAuthorsSayAboutDeclarationsIsKeptInXmlAndJson) {
     EXPECT_THAT(replayed.abouts, said);
 }
 
+TEST(Comments, WhatIsSaidOfADeclarationStandsBeforeItInClassicVrml) {
+    const std::string xml =
+        "<X3D profile='Full' version='4.0'><Scene><Script><field name='n' type='MFNode' accessType='initializeOnly'>"
+        "<Group/></field><field name='o' type='SFTime' accessType='outputOnly' appinfo='of o' documentation='more'/>"
+        "</Script></Scene></X3D>";
+    EXPECT_THAT(written(xml, Encoding::classicVrml),
+                HasSubstr("  ]\n  # appinfo: of o\n  \n  # documentation: more\n  outputOnly SFTime o\n"));
+}
+
 TEST(Comments, DoNotChangeTheScene) {
     Scene with, without;
     Diagnostics problems("test");
