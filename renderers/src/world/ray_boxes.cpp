@@ -11,10 +11,14 @@ namespace rtsg {
 using namespace simd;
 
 std::uint32_t meetBox(const RayPacket16& rays, const Bounds& box) {
+    return meetBox(rays, rays.tMax, box);
+}
+
+std::uint32_t meetBox(const RayPacket16& rays, const float* tMax, const Bounds& box) {
     if (box.empty()) return 0;
     std::uint32_t met = 0;
     for (int at = 0; at < 16; at += 8) {
-        F8 near = all(0), far = load(rays.tMax + at);
+        F8 near = all(0), far = load(tMax + at);
         const float* origins[] = {rays.originX, rays.originY, rays.originZ};
         const float* directions[] = {rays.directionX, rays.directionY, rays.directionZ};
         for (int k = 0; k < 3; ++k) {

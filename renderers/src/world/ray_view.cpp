@@ -505,19 +505,20 @@ std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) 
     alignas(64) std::int32_t valid[16];
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
-    std::uint32_t asked = lanesToAsk(filter_, rays, valid);
-    if (!asked) return occludedByAll(rays, valid, coherent, kind);
+    if (!filter_ || filter_->bounds().empty()) return occludedByAll(rays, valid, coherent, kind);
     // What blocks a ray may be left out where it does: of those that something blocks the nearest is looked for, and
-    // what is beyond it if need be. Where there are caps something may be in the way that no ray meets by itself.
+    // what is beyond it if need be. Where there are caps something may be in the way that no ray meets by itself; else
+    // rays that nothing blocks are not asked about.
+    const bool makesCaps = filter_->makesCaps();
+    std::uint32_t asked = makesCaps ? lanesToAsk(filter_, rays, valid) : 0;
+    if (asked)
+        for (int i = 0; i < 16; ++i) valid[i] = asked >> i & 1u ? 0 : valid[i];
     float tMax[16];
     std::memcpy(tMax, rays.tMax, sizeof tMax);
-    std::uint32_t blocked = 0;
-    if (filter_->makesCaps())
-        for (int i = 0; i < 16; ++i) valid[i] = asked >> i & 1u ? 0 : valid[i];
-    blocked = occludedByAll(rays, valid, coherent, kind);
-    if (!filter_->makesCaps()) asked &= blocked;
-    blocked &= ~asked;
+    std::uint32_t blocked = occludedByAll(rays, valid, coherent, kind);
+    if (!makesCaps && blocked) asked = meetBox(rays, tMax, filter_->bounds()) & blocked;
     if (!asked) return blocked;
+    blocked &= ~asked;
     for (int i = 0; i < 16; ++i) {
         valid[i] = -static_cast<std::int32_t>(asked >> i & 1u);
         if (valid[i]) rays.tMax[i] = tMax[i];
