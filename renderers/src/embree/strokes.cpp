@@ -115,6 +115,11 @@ struct Cone {
     Vec3f origin, direction;  // in a tree's frame
     Vec3f reach, growth;      // by axis
     float start, end;
+
+    /// In the frame that has its origin there; `lengths`: of the rows of the matrix that leads to it.
+    Cone in(const Vec3f& there, const glm::mat3& toFrame, const Vec3f& lengths) const {
+        return {toFrame * (origin - there), toFrame * direction, reach * lengths, growth * lengths, start, end};
+    }
 };
 
 constexpr float kSmallDirection = 1e-18f;
@@ -256,10 +261,45 @@ struct Width {
     }
 };
 
+/// Whether a line of this type is there after so many pixels from its start. Each stroke begins its pattern anew.
+bool isDrawn(std::int32_t type, float pixels, float width) {
+    const float unit = std::max(width, 1.0f);
+    const auto within = [&](std::initializer_list<float> pattern) {
+        float length = 0;
+        for (const float part : pattern) length += part;
+        float at = std::fmod(pixels / unit, length);
+        bool on = true;
+        for (const float part : pattern) {
+            if (at < part) return on;
+            at -= part, on = !on;
+        }
+        return on;
+    };
+    switch (type) {
+        case 2:
+            return within({8, 4});
+        case 3:
+            return within({2, 4});
+        case 4:
+            return within({8, 4, 2, 4});
+        case 5:
+            return within({8, 4, 2, 4, 2, 4});
+        default:
+            return true;
+    }
+}
+
 struct Met {
     I8 hit;
     F8 t, u;
     F8 pixel;  // metres, where it was met
+
+    /// Takes out what lies in the gaps of a line of that length, width and type; false: all of it.
+    bool keepDrawn(std::int32_t type, float length, float width) {
+        for (int k = 0; k < 8; ++k)
+            if (hit[k] && !isDrawn(type, u[k] * length / pixel[k], width)) hit[k] = 0;
+        return any(hit);
+    }
 };
 
 /// The place on an axis that is fewest pixels away from a ray: that is, what it is apart over its depth. Both grow
@@ -325,34 +365,6 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
     const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(place, place)));
     const F8 t = axis + step - tie * sqrt(dd);
     return {offset <= reach, t, u, sqrt(pixelSquared)};
-}
-
-/// Whether a line of this type is there after so many pixels from its start. Each stroke begins its pattern anew.
-bool isDrawn(std::int32_t type, float pixels, float width) {
-    const float unit = std::max(width, 1.0f);
-    const auto within = [&](std::initializer_list<float> pattern) {
-        float length = 0;
-        for (const float part : pattern) length += part;
-        float at = std::fmod(pixels / unit, length);
-        bool on = true;
-        for (const float part : pattern) {
-            if (at < part) return on;
-            at -= part, on = !on;
-        }
-        return on;
-    };
-    switch (type) {
-        case 2:
-            return within({8, 4});
-        case 3:
-            return within({2, 4});
-        case 4:
-            return within({8, 4, 2, 4});
-        case 5:
-            return within({8, 4, 2, 4, 2, 4});
-        default:
-            return true;
-    }
 }
 
 /// The ends of a leaf's strokes, placed.
@@ -526,10 +538,7 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
         const glm::mat4x3 placed = square.isRaySpace ? o.rayFromLocal : square.fromRay * o.rayFromLocal;
         const glm::mat3 toLocal = square.isRaySpace ? o.localFromRay : o.localFromRay * square.toRay;
         const Vec3f rows = square.isRaySpace ? o.rowLengths : rowLengths(toLocal);
-        Cone cone = around;
-        cone.origin = toLocal * (cone.origin - placed[3]);
-        cone.direction = toLocal * cone.direction;
-        cone.reach *= rows, cone.growth *= rows;
+        const Cone cone = around.in(placed[3], toLocal, rows);
         const Width width(lens, square, o);
         const std::int32_t type = o.style && !o.isPoints ? o.style->lineType : 1;
         const RayFilter* filter = query.filter && query.filter->concerns(o.slot) ? query.filter : nullptr;
@@ -557,13 +566,7 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
                         if (query.surface && any(behind))
                             rays.findLying(*query.surface, square, h, a, b, m, behind, m.t, m.hit);
                         if (!any(m.hit)) continue;
-                        if (type > 1) {
-                            const float size = glm::length(b - a);
-                            for (int k = 0; k < 8; ++k)
-                                if (m.hit[k] && !isDrawn(type, m.u[k] * size / m.pixel[k], 2 * o.halfWidth))
-                                    m.hit[k] = 0;
-                            if (!any(m.hit)) continue;
-                        }
+                        if (type > 1 && !m.keepDrawn(type, glm::length(b - a), 2 * o.halfWidth)) continue;
                         // Here and not afterwards: rays may start within many, and have to pass all of them.
                         if (filter && !rays.keep(*filter, o.slot, h, m.t, m.hit)) continue;
                         found = true;
@@ -583,12 +586,8 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
     const auto node = [&](std::uint32_t i) -> const TreeView::Node& {
         return tree_.nodePages()[i >> TreeView::kPageBits][i & (TreeView::kPerPage - 1)];
     };
-    Cone all = coneOf(widest_);
-    if (!square.isRaySpace) {
-        all.origin = square.toRay * all.origin, all.direction = square.toRay * all.direction;
-        all.reach *= square.rows, all.growth *= square.rows;
-    }
-    traverseCone(all, node, inObject);
+    const Cone whole = coneOf(widest_);
+    traverseCone(square.isRaySpace ? whole : whole.in(Vec3f(0), square.toRay, square.rows), node, inObject);
 }
 
 bool StrokeView::intersect(const Ray& ray, const StrokeQuery& query, StrokeHit& hit) const {
