@@ -8,6 +8,7 @@
 #include <rtsg/core/command_list.h>
 #include <rtsg/core/filter.h>
 #include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
 
 #include "core/scene_check.h"
 

@@ -207,7 +207,10 @@ TEST(Filter, FlattenTransformsPutsStillOnesIntoTheCoordinates) {
 
 // Of X3D 3.1 to 3.3: one value a child, so that each has to stay one.
 TEST(Filter, FlattenTransformsKeepsTheChildrenThatACadLayerCounts) {
-    const std::string layer = "CADLayer { children [ Transform { children [ Shape { } Shape { } ] } Shape { } ] ";
+    const std::string face =
+        "Shape { geometry IndexedFaceSet { coordIndex [ 0 1 2 ] coord Coordinate { point [ 0 0 0 1 0 0 0 1 0 ] } } } ";
+    const std::string layer =
+        "CADLayer { children [ Transform { translation 1 0 0 children [ " + face + face + "] } " + face + "] ";
     const std::string listed = filtered("flatten-transforms", layer + "visible [ TRUE FALSE ] }", "3.3");
     EXPECT_THAT(listed, testing::HasSubstr("begin Transform"));
     EXPECT_THAT(listed, testing::HasSubstr("set visible MFBool [TRUE FALSE]"));
