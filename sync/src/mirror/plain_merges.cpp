@@ -21,27 +21,30 @@ bool isPlainFrame(const RecordHeader& header) {
 
 SharedRecord PlainMerges::merge(std::uint32_t part, std::span<const SharedRecord> frames) {
     if (frames.empty()) return nullptr;
-    const RecordHeader &first = frames.front()->header, &last = frames.back()->header;
-    for (const Made& known : made_) {
-        const RecordHeader& header = known.record->header;
-        if (known.part == part && header.from == first.from && header.to == last.to && header.hash == last.hash)
+    const std::uint64_t from = frames.front()->header.from;
+    const RecordHeader& last = frames.back()->header;
+    for (const Made& known : made_)
+        if (known.part == part && known.from == from && known.to == last.to && known.hash == last.hash)
             return known.record;
-    }
+    made_.push_front({part, from, last.to, last.hash, make(frames)});
+    if (made_.size() > kKept) made_.pop_back();
+    return made_.front().record;
+}
+
+SharedRecord PlainMerges::make(std::span<const SharedRecord> frames) const {
     std::uint64_t bytes = 0;
     for (const SharedRecord& frame : frames)
         if (!isPlainFrame(frame->header) || (bytes += frame->bytes.size()) > kMostBytes) return nullptr;
     for (std::size_t i = 1; i < frames.size(); ++i)
         if (!mirror::isSuperseded(frames[i - 1]->bytes.bytes(), frames[i]->bytes.bytes())) return nullptr;
     const std::shared_ptr<EncodedRecord> merged = pool_->take();
-    merged->header = last;
-    merged->header.from = first.from;
+    merged->header = frames.back()->header;
+    merged->header.from = frames.front()->header.from;
     merged->published = frames.back()->published;
     merged->bytes.clear();
     merged->bytes.append(frames.back()->bytes.bytes());
     sealRecord(merged->bytes, merged->header);
     merged->header = *parseRecordHeader(merged->bytes.bytes());
-    made_.push_front({part, merged});
-    if (made_.size() > kKept) made_.pop_back();
     return merged;
 }
 

@@ -18,15 +18,19 @@ class PlainMerges {
     explicit PlainMerges(std::shared_ptr<RecordPool> pool) : pool_(std::move(pool)) {}
 
     /// Frames of one stream that follow one another, merged; null if it is not so easy, or if they are so many that it
-    /// takes long. `part`: the number of the stream.
+    /// takes long, which is remembered as well. `part`: the number of the stream.
     SharedRecord merge(std::uint32_t part, std::span<const SharedRecord> frames);
     void clear() { made_.clear(); }
 
   private:
     struct Made {
         std::uint32_t part = 0;
-        SharedRecord record;
+        std::uint64_t from = 0, to = 0;
+        Hash128 hash;         // of the state `to`
+        SharedRecord record;  // null: it is not so easy
     };
+    SharedRecord make(std::span<const SharedRecord> frames) const;
+
     std::shared_ptr<RecordPool> pool_;
     std::deque<Made> made_;  // the newest first
 };

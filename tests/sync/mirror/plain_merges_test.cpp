@@ -100,5 +100,20 @@ TEST_F(FramesMergedPlainly, ThatReferToEachOtherAreLeftToOthers) {
     EXPECT_FALSE(merges.merge(0, frames));
 }
 
+/// Each peer that is late by the same frames would have them compared again, to be told the same.
+TEST_F(FramesMergedPlainly, ThatAreNotSoEasyAreTriedOnce) {
+    const std::vector<SharedRecord> hard = {frame(29), frame(30)};
+    EXPECT_FALSE(merges.merge(0, hard));
+    // From the same state to the same state, by frames that would do: not looked at.
+    const auto easier = std::make_shared<EncodedRecord>();
+    easier->bytes.append(hard[1]->bytes.bytes());
+    easier->header = hard[0]->header;
+    const std::vector<SharedRecord> easy = {easier, hard[1]};
+    EXPECT_FALSE(merges.merge(0, easy));
+    EXPECT_TRUE(merges.merge(1, easy)) << "of another stream";
+    merges.clear();
+    EXPECT_TRUE(merges.merge(0, easy));
+}
+
 }  // namespace
 }  // namespace rtsg
