@@ -63,6 +63,7 @@ struct Column {
     std::uint64_t count = 0;
     bool predicted = false;  // then `numbers` holds the nodes, else `nodes`
     bool packed = false;     // arrays
+    std::size_t lead = 0;    // bytes of its block before the values, when it was last written in place
     std::vector<std::uint32_t> numbers;
     ByteBuffer nodes, values;
 
@@ -219,39 +220,81 @@ struct ChangeEncoder::Parts {
         c.values.advance(c.elementSize);
     }
 
+    /// The column of the plain values that come first; null if there are none.
+    Column* columnOfRun(const Change& first) {
+        const FieldType type = first.value.type();
+        if (first.kind != ChangeKind::setField || !wire::fixedSize(type) || type == FieldType::SFNode) return nullptr;
+        Column& c = column(keyOf(first, false), type);
+        return c.predicted ? nullptr : &c;
+    }
     /// Of the plain values of one column that come first; returns how many, 0 if there are none.
     std::size_t addValuesRun(std::span<const Change> changes) {
-        const Change& first = changes.front();
-        const FieldType type = first.value.type();
-        if (first.kind != ChangeKind::setField || !wire::fixedSize(type) || type == FieldType::SFNode) return 0;
-        Column& c = column(keyOf(first, false), type);
-        if (c.predicted) return 0;
+        Column* const c = columnOfRun(changes.front());
+        return c ? fillColumn(*c, changes, c->values) : 0;
+    }
+    static constexpr std::size_t kAtOnce = 256;  // values between looks at the room there is
+    /// Where its first and its last change are of one column, those between them mostly are, too.
+    bool mayBeOneRun(const ChangeSet& set) const {
+        if (set.isSnapshot() || makesSmall || set.authors || set.changes.empty()) return false;
+        const Change &first = set.changes.front(), &last = set.changes.back();
+        return first.kind == last.kind && keyOf(first, false) == keyOf(last, false);
+    }
+    /// In place: a frame of nothing but values of one column. They go to where they are in the record at once, which is
+    /// where they were in the last one; if what comes before them turns out to be of another length, they are moved.
+    /// Returns how many changes have been taken: all of them, or those that are in the column as by addValuesRun().
+    std::size_t writeRun(std::span<const Change> changes, ByteBuffer& record) {
+        Column* const c = columnOfRun(changes.front());
+        if (!c) return 0;
+        const std::size_t guess = kRecordHeaderSize + c->lead;
+        record.clear();
+        record.room(guess + (changes.size() + kAtOnce) * c->elementSize);
+        record.advance(guess);
+        const std::size_t taken = fillColumn(*c, changes, record);
+        const std::size_t size = taken * c->elementSize;
+        if (taken < changes.size()) {
+            c->values.append(record.data() + guess, size);
+            return taken;
+        }
+        c->lead = leadOf(*c, size);
+        const std::size_t begin = kRecordHeaderSize + c->lead;
+        if (begin != guess) {
+            record.room(c->lead);
+            std::memmove(record.data() + begin, record.data() + guess, size);
+        }
+        record.setEnd(record.data() + kRecordHeaderSize);
+        putLead(*c, size, record);
+        record.advance(size);
+        return taken;
+    }
+
+    /// Returns how many values of the column come first; they go to the end of `to`.
+    static std::size_t fillColumn(Column& c, std::span<const Change> changes, ByteBuffer& to) {
         switch (c.elementSize) {
             case 1:
-                return fillColumn<1>(c, changes);
+                return fillColumn<1>(c, changes, to);
             case 4:
-                return fillColumn<4>(c, changes);
+                return fillColumn<4>(c, changes, to);
             case 8:
-                return fillColumn<8>(c, changes);
+                return fillColumn<8>(c, changes, to);
             case 12:
-                return fillColumn<12>(c, changes);
+                return fillColumn<12>(c, changes, to);
             case 16:
-                return fillColumn<16>(c, changes);
+                return fillColumn<16>(c, changes, to);
             default:
                 return 0;
         }
     }
     /// All in locals: the bytes written might be anything, for all a compiler knows.
     template <std::size_t size>
-    static std::size_t fillColumn(Column& c, std::span<const Change> changes) {
-        constexpr std::size_t kAtOnce = 256, kLongestStep = 5;
+    static std::size_t fillColumn(Column& c, std::span<const Change> changes, ByteBuffer& to) {
+        constexpr std::size_t kLongestStep = 5, kAhead = 1024;
         const Change& like = changes.front();
         const FieldType type = like.value.type();
         std::uint32_t last = c.lastNode;
         std::size_t i = 0;
         for (bool more = true; more && i < changes.size();) {
             std::byte* nodes = c.nodes.room(kAtOnce * kLongestStep);
-            std::byte* values = c.values.room(kAtOnce * size);
+            std::byte* values = to.room(kAtOnce * size);
             const std::size_t end = std::min(i + kAtOnce, changes.size());
             for (; i < end; ++i) {
                 const Change& change = changes[i];
@@ -260,11 +303,12 @@ struct ChangeEncoder::Parts {
                 if (!more) break;
                 nodes = writeVarint(nodes, zigzag(change.node.value, last));
                 last = change.node.value;
+                __builtin_prefetch(values + kAhead, 1);
                 std::memcpy(values, change.value.storage(), size);
                 values += size;
             }
             c.nodes.setEnd(nodes);
-            c.values.setEnd(values);
+            to.setEnd(values);
         }
         c.lastNode = last;
         c.count += i;
@@ -350,13 +394,24 @@ struct ChangeEncoder::Parts {
                          reinterpret_cast<const float*>(c.values.data()), out);
             return;
         }
-        putBlock(wire::kValues, c.count, 3 + wire::varintSize(field) + c.nodes.size() + c.values.size(), out);
+        putLead(c, c.values.size(), out);
+        out.append(c.values.bytes());
+    }
+    /// Of a block that is no predicted column's, in bytes: all but the values, and all of it from behind its length on.
+    static std::size_t lengthOf(const Column& c, std::size_t values) {
+        return 3 + wire::varintSize(c.key >> 16) + c.nodes.size() + values;
+    }
+    static std::size_t leadOf(const Column& c, std::size_t values) {
+        const std::size_t length = lengthOf(c, values);
+        return 1 + wire::varintSize(c.count) + wire::varintSize(length) + length - values;
+    }
+    static void putLead(const Column& c, std::size_t values, ByteBuffer& out) {
+        putBlock(wire::kValues, c.count, lengthOf(c, values), out);
         out.put(static_cast<std::uint8_t>(c.packed ? wire::kCodingArrays : wire::kCodingRaw));
         out.put(static_cast<std::uint8_t>(c.key & wire::kValueExternal));
         out.put(static_cast<std::uint8_t>(c.type));
-        out.putVarint(field);
+        out.putVarint(c.key >> 16);
         out.append(c.nodes.bytes());
-        out.append(c.values.bytes());
     }
     std::uint64_t put(ByteBuffer& out) {
         for (unsigned block = wire::kDescriptions; block < wire::kBlockEnd; ++block) {
@@ -383,6 +438,21 @@ struct ChangeEncoder::Parts {
         for (std::size_t i = 0; i < used; ++i)
             if (columns[i].packed) putColumn(columns[i], out);
         return inflated + wire::putDeflated(after.bytes(), out, words);
+    }
+
+    /// Once all blocks are there.
+    void seal(const ChangeSet& set, std::uint8_t flags, std::uint64_t inflated, ByteBuffer& record) const {
+        wire::fillUp(record, cost(set, record.size(), inflated));
+        RecordHeader header;
+        header.kind = !catalogued.empty() ? RecordKind::scene
+                      : set.isSnapshot()  ? RecordKind::keyframe
+                                          : RecordKind::frame;
+        header.flags = flags;
+        header.from = set.from;
+        header.to = set.to;
+        header.time = set.time;
+        header.hash = set.hash;
+        sealRecord(record, header);
     }
 
     void add(const ChangeSet& set, const Change& change) {
@@ -499,7 +569,10 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
     parts.predicted = 0;
     if (set.isSnapshot()) parts.describe(parts.rootType);
     const std::span<const Change> changes(set.changes);
-    for (std::size_t i = 0; i < changes.size();) {
+    const bool inPlace = parts.mayBeOneRun(set);
+    std::size_t i = inPlace ? parts.writeRun(changes, record) : 0;
+    if (inPlace && i == changes.size()) return parts.seal(set, flags, 0, record);
+    while (i < changes.size()) {
         if (const std::size_t run = parts.addValuesRun(changes.subspan(i)); run > 0) {
             i += run;
             continue;
@@ -522,15 +595,7 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
         record.put(parts.catalogued[parts.rootType]);
     }
     const std::uint64_t inflated = parts.makesSmall ? parts.putSmall(record) : parts.put(record);
-    wire::fillUp(record, parts.cost(set, record.size(), inflated));
-    RecordHeader header;
-    header.kind = isScene ? RecordKind::scene : set.isSnapshot() ? RecordKind::keyframe : RecordKind::frame;
-    header.flags = flags;
-    header.from = set.from;
-    header.to = set.to;
-    header.time = set.time;
-    header.hash = set.hash;
-    sealRecord(record, header);
+    parts.seal(set, flags, inflated, record);
 }
 
 }  // namespace rtsg

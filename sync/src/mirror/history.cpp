@@ -2,6 +2,7 @@
 #include "history.h"
 
 #include <algorithm>
+#include <new>
 
 namespace rtsg {
 
@@ -9,6 +10,9 @@ namespace {
 
 constexpr std::size_t kPooled = 32;
 constexpr std::size_t kLargestPooled = std::size_t{16} << 20;
+constexpr std::size_t kLeastReady = std::size_t{32} << 10, kMostReady = std::size_t{4} << 20;  // bytes: of one, of all
+constexpr std::size_t kReady = 4;
+constexpr std::size_t kPage = 4096;
 constexpr std::uint64_t kRecordCost = sizeof(EncodedRecord) + 128;  // its places in lists and the allocator's own
 
 std::uint64_t memoryOf(const EncodedRecord& record) {
@@ -41,6 +45,26 @@ std::shared_ptr<EncodedRecord> RecordPool::take() {
                 std::unique_ptr<EncodedRecord> owned(r);
                 if (const auto alive = pool.lock()) alive->giveBack(std::move(owned));
             }};
+}
+
+void RecordPool::keepReady(std::size_t bytes) {
+    if (bytes < kLeastReady) return;
+    const auto enough = [&] {
+        const std::scoped_lock lock(mutex_);
+        return free_.size() >= std::min(kReady, kMostReady / bytes);
+    };
+    while (!enough()) {
+        std::unique_ptr<EncodedRecord> record;
+        try {
+            record = std::make_unique<EncodedRecord>();
+            record->bytes.room(bytes);
+        } catch (const std::bad_alloc&) {
+            return;  // whoever wants one finds out
+        }
+        for (std::size_t at = 0; at < bytes; at += kPage)
+            static_cast<volatile std::byte*>(record->bytes.data())[at] = std::byte{};
+        giveBack(std::move(record));
+    }
 }
 
 void RecordPool::giveBack(std::unique_ptr<EncodedRecord> record) {

@@ -30,6 +30,9 @@ class RecordPool : public std::enable_shared_from_this<RecordPool> {
   public:
     RecordPool();
     std::shared_ptr<EncodedRecord> take();
+    /// Sees to it that the next records so long find memory that the system has given out: that takes longer than
+    /// filling it, and whoever takes one is the scene's thread. Called by another. Short ones do without.
+    void keepReady(std::size_t bytes);
 
   private:
     void giveBack(std::unique_ptr<EncodedRecord> record);

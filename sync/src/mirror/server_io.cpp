@@ -204,6 +204,7 @@ void MirrorServer::Io::turn() {
     else
         pumpHeard(now);
     heard_.clear();
+    shared_->pool->keepReady(std::exchange(wantedNext_, 0));
     // Statistics go through all peers: of what single ones say seldom, unless the scene waits for one of them.
     unsettled_ = !everybody && !heldUp_ && peers_.size() > kFew && now - settled_ < settling();
     if (unsettled_) return;
@@ -328,6 +329,7 @@ void MirrorServer::Io::takeInbox() {
         }
         ++statistics_.frames;
         const SharedRecord record = item.record;
+        wantedNext_ = record->bytes.capacity();
         if (!history_.add(std::move(item.record)))
             shared_->report(Severity::error, "a change set that does not follow the one before was not sent");
         else if (!shadow_.post(record))

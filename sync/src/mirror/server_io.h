@@ -250,6 +250,7 @@ class MirrorServer::Io {
     MirrorServerStatistics statistics_;
     std::uint64_t crowded_ = 0, strangers_ = 0;  // refused for want of room, or of a key
     ByteBuffer message_, head_;
+    std::size_t wantedNext_ = 0;  // bytes: a frame came in such a buffer, and others will
     std::optional<ZmqMessage> body_;
     SharedRecord bodyRecord_;  // which `body_` is all of
     std::uint64_t dictionaryHash_ = 0;

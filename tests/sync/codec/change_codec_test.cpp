@@ -3,6 +3,9 @@
 
 #include <algorithm>
 #include <map>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -473,6 +476,82 @@ TEST(Dictionary, TypesAreDescribedOnceAndAgainAfterAKeyframeOrARestart) {
     ASSERT_TRUE(decoder.decode(first.bytes(), found));
     EXPECT_EQ(found.changes.at(0).index, 0u);
     EXPECT_TRUE(decoder.decode(second.bytes(), found));
+}
+
+/// A raw column as PROTOCOL.md says it, byte by byte; its values are 3 f32 each.
+std::vector<std::byte> columnOf(std::span<const Change> changes) {
+    const auto put = [](std::vector<std::byte>& out, std::uint64_t number) {
+        for (; number >= 0x80; number >>= 7) out.push_back(static_cast<std::byte>(number | 0x80));
+        out.push_back(static_cast<std::byte>(number));
+    };
+    std::vector<std::byte> body = {std::byte{0}, std::byte{changes[0].external}, std::byte{24}};
+    put(body, changes[0].field);
+    std::int64_t last = 0;
+    for (const Change& c : changes) {
+        const std::int64_t step = c.node.value - std::exchange(last, c.node.value);
+        put(body, static_cast<std::uint64_t>(step >= 0 ? 2 * step : -2 * step - 1));
+    }
+    for (const Change& c : changes) {
+        const auto bytes = std::as_bytes(std::span(&c.value.as<Vec3f>(), 1));
+        body.insert(body.end(), bytes.begin(), bytes.end());
+    }
+    std::vector<std::byte> block = {std::byte{4}};
+    put(block, changes.size());
+    put(block, body.size());
+    block.insert(block.end(), body.begin(), body.end());
+    return block;
+}
+
+/// What comes before the values is longer or shorter than in the frame before, as they are more or fewer, or of nodes
+/// farther apart.
+TEST(ChangeCodec, AFrameOfOneColumnIsWrittenInPlace) {
+    static_assert(static_cast<int>(FieldType::SFVec3f) == 24);
+    ChangeEncoder encoder;
+    ByteBuffer record;
+    const FieldIndex field = x3d::Transform::translation.index;
+    for (const std::size_t count : {1, 1000, 1000, 999, 1, 127, 128, 255, 256, 257, 5000, 3, 5000})
+        for (const std::uint32_t step : {1u, 100u, 1u, 70000u}) {
+            ChangeSet set;
+            set.from = 1;
+            set.to = 2;
+            for (std::size_t i = 0; i < count; ++i)
+                set.changes.push_back(valueChange(2 + static_cast<std::uint32_t>(i) * step, field,
+                                                  Vec3f(float(i), float(step), -1), count % 2 == 0));
+            encoder.encode(set, record);
+            ASSERT_TRUE(checkRecord(record.bytes()));
+            const auto expected = columnOf(set.changes);
+            ASSERT_TRUE(std::ranges::equal(record.bytes().subspan(kRecordHeaderSize), expected))
+                << count << " values, nodes " << step << " apart";
+        }
+}
+
+/// Others between the first and the last of one column.
+TEST(ChangeCodec, AFrameThatOnlyBeginsAndEndsWithOneColumnIsWhole) {
+    ChangeEncoder encoder;
+    ChangeDecoder decoder(builtinTypes());
+    const auto at = [](std::uint32_t node) {
+        return valueChange(node, x3d::Transform::translation.index, Vec3f(float(node), 0, 1));
+    };
+    for (const std::uint32_t before : {1u, 255u, 300u}) {
+        ChangeSet set;
+        set.from = 1;
+        set.to = 2;
+        for (std::uint32_t i = 0; i < before; ++i) set.changes.push_back(at(10 + i));
+        set.changes.push_back(valueChange(5, x3d::Transform::scale.index, Vec3f(2, 2, 2)));
+        set.changes.push_back(valueChange(5, x3d::Transform::rotation.index, Rotation{0, 1, 0, 1}));
+        for (std::uint32_t i = 0; i < before; ++i) set.changes.push_back(at(1000 + i));
+        ByteBuffer record;
+        encoder.encode(set, record);
+        ChangeSet found;
+        ASSERT_TRUE(decoder.decode(record.bytes(), found));
+        const std::vector<Change> expected = canonical(set.changes);
+        ASSERT_EQ(found.changes.size(), expected.size());
+        for (std::size_t i = 0; i < expected.size(); ++i) {
+            EXPECT_EQ(found.changes[i].node, expected[i].node);
+            EXPECT_EQ(found.changes[i].field, expected[i].field);
+            EXPECT_EQ(found.changes[i].value, expected[i].value);
+        }
+    }
 }
 
 }  // namespace

@@ -1,6 +1,10 @@
 // What a mirror server keeps: contiguous frames within a limit of memory, and no keyframe that a repair made wrong.
 #include "mirror/history.h"
 
+#include <algorithm>
+#include <memory>
+#include <vector>
+
 #include <gtest/gtest.h>
 
 namespace rtsg {
@@ -131,6 +135,25 @@ TEST(MirrorHistory, ARepairMakesEverythingBeforeItVoid) {
     EXPECT_EQ(history.keyframe(), nullptr);
     history.setKeyframe(keyframe(5));
     EXPECT_EQ(history.keyframe()->header.to, 5u);
+}
+
+TEST(RecordPool, HasMemoryReadyForRecordsAsLongAsTheLast) {
+    constexpr std::size_t kLong = 100000;
+    const auto pool = std::make_shared<RecordPool>();
+    EXPECT_EQ(pool->take()->bytes.capacity(), 0u);
+    pool->keepReady(kLong);
+    std::vector<std::shared_ptr<EncodedRecord>> taken;
+    for (int i = 0; i < 4; ++i) {
+        taken.push_back(pool->take());
+        EXPECT_TRUE(taken.back()->bytes.empty());
+    }
+    // The first one that was there had been given back without any.
+    EXPECT_EQ(std::ranges::count_if(taken, [](const auto& r) { return r->bytes.capacity() >= kLong; }), 3);
+    pool->keepReady(1000);
+    EXPECT_EQ(pool->take()->bytes.capacity(), 0u) << "short ones do without";
+    const auto other = std::make_shared<RecordPool>();
+    other->keepReady(std::size_t{5} << 20);
+    EXPECT_EQ(other->take()->bytes.capacity(), 0u) << "so do those that would take much";
 }
 
 }  // namespace
