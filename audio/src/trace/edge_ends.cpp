@@ -16,7 +16,9 @@ constexpr double kTonesAStep = 2.5;
 constexpr double kBentWaveNumber = 2.3;
 constexpr std::size_t kSteps = static_cast<std::size_t>(kEdgeTones / kTonesAStep) + 3;
 
-void setSpectrum(const WedgePath& path, double speedOfSound, EdgeEnd& end) {
+}  // namespace
+
+void setBeyond(const WedgePath& path, double speedOfSound, EdgeEnd& end) {
     const auto waveNumberAt = [&](double tone) { return 2 * std::numbers::pi * edgeToneHz(tone) / speedOfSound; };
     std::array<WedgeEnd, kSteps> known;
     wedgeBeyond(path, waveNumberAt(-kTonesAStep), end.way, known);
@@ -43,8 +45,6 @@ void setSpectrum(const WedgePath& path, double speedOfSound, EdgeEnd& end) {
     }
 }
 
-}  // namespace
-
 std::array<EdgeEnd, 2> endsOf(const WallEdge& edge, const RoundEdge& round, double speedOfSound) {
     const WedgePath& path = round.path;
     std::array<EdgeEnd, 2> ends;
@@ -56,7 +56,7 @@ std::array<EdgeEnd, 2> endsOf(const WallEdge& edge, const RoundEdge& round, doub
     if (path.from > 0) ends[0].share = 1;
     if (path.to < 0) ends[1].share = 1;
     if (ends[1].way < ends[0].way) std::swap(ends[0], ends[1]);
-    for (EdgeEnd& end : ends) setSpectrum(path, speedOfSound, end);
+    for (EdgeEnd& end : ends) setBeyond(path, speedOfSound, end);
     return ends;
 }
 

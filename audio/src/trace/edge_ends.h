@@ -23,6 +23,9 @@ struct EdgeEnd {
     std::array<std::complex<double>, kEdgeTones> besideDirect{}, besideMirrored{};
 };
 
+/// What `path` would bring beyond a place by which the way is `end.way`.
+void setBeyond(const WedgePath& path, double speedOfSound, EdgeEnd& end);
+
 /// Both ends, the one with the shorter way first.
 std::array<EdgeEnd, 2> endsOf(const WallEdge& edge, const RoundEdge& round, double speedOfSound);
 

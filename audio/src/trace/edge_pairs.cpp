@@ -5,11 +5,14 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <initializer_list>
 #include <numbers>
 #include <utility>
 
 #include "edge_overlaps.h"
+#include "edge_pair_way.h"
 #include "edge_tones.h"
+#include "edge_triples.h"
 #include "edge_waves.h"
 
 namespace rtsg {
@@ -20,219 +23,6 @@ constexpr std::size_t kPairs = 48;
 
 /// Nearer to a boundary than this, in radians, one is on it.
 constexpr double kGrazing = 1e-5;
-
-/// A way round two edges.
-struct PairWay {
-    const WallEdge* first = nullptr;
-    const WallEdge* second = nullptr;
-    glm::dvec3 byFirst{0}, bySecond{0};
-    EdgeTurn atFirst, atSecond;
-    TwoWedgePath path;
-    /// Of each edge: how far within it both ends are from the place, metres, negative beyond an end; and half of the
-    /// second derivative of the way's length by the place, that of the other edge being the best.
-    std::array<double, 2> fromLow{}, fromHigh{}, bend{};
-    bool sharesLow[2]{}, sharesHigh[2]{};  // the end is one of the other edge, too
-    /// How much longer the way is by the ends that it leads past, metres.
-    double past = 0;
-};
-
-/// Ways past an end count as far as this share of the edge, at most a metre.
-double reachPast(const WallEdge& edge) {
-    return std::min(1.0, 0.5 * edge.length);
-}
-
-bool isOnePlace(const glm::dvec3& a, const glm::dvec3& b) {
-    return glm::distance(a, b) <= 1e-6 * (1 + glm::length(a));
-}
-
-void setShared(PairWay& way) {
-    const WallEdge* const edges[] = {way.first, way.second};
-    for (std::size_t e = 0; e < 2; ++e) {
-        const WallEdge &edge = *edges[e], &other = *edges[1 - e];
-        const auto shared = [&](const glm::dvec3& end) {
-            return isOnePlace(end, other.from) || isOnePlace(end, other.from + other.axis * other.length);
-        };
-        way.sharesLow[e] = shared(edge.from);
-        way.sharesHigh[e] = shared(edge.from + edge.axis * edge.length);
-    }
-}
-
-/// The complementary error function of sqrt(i x), x >= 0.
-std::complex<double> diagonalErfc(double x) {
-    if (!(x > 1e-12)) return 1;
-    // diffractionTransition() is this times i sqrt(pi x) exp(i x) exp(-i pi / 4).
-    return diffractionTransition(x) / std::polar(std::sqrt(std::numbers::pi * x), x + 0.25 * std::numbers::pi);
-}
-
-/// By the shortest way from a source round a first edge to a place on a second one.
-class WayToPlace {
-  public:
-    WayToPlace(const glm::dvec3& source, const glm::dvec3& listener, const WallEdge& first, const WallEdge& second)
-        : listener_(listener), first_(first), second_(second) {
-        along_ = glm::dot(source - first.from, first.axis);
-        radius_ = glm::length(source - first.from - first.axis * along_);
-    }
-
-    /// How the way's length grows with the place on the second edge, at most 2.
-    double growthAt(double y) {
-        bySecond = second_.from + second_.axis * y;
-        const double along = glm::dot(bySecond - first_.from, first_.axis);
-        const double radius = glm::length(bySecond - first_.from - first_.axis * along);
-        if (!(radius_ + radius > 0)) return 0;
-        x = along_ + (along - along_) * radius_ / (radius_ + radius);
-        byFirst = first_.from + first_.axis * x;
-        across = glm::distance(byFirst, bySecond);
-        out = glm::distance(bySecond, listener_);
-        if (!(across > 0 && out > 0)) return 0;
-        return glm::dot(bySecond - byFirst, second_.axis) / across + glm::dot(bySecond - listener_, second_.axis) / out;
-    }
-
-    glm::dvec3 byFirst{0}, bySecond{0};
-    double x = 0, across = 0, out = 0;
-
-  private:
-    glm::dvec3 listener_;
-    const WallEdge &first_, &second_;
-    double along_ = 0, radius_ = 0;
-};
-
-/// The places on both edges by which the way is shortest. Its length is convex in both places, so that with the best
-/// one on the first edge for each on the second it is so, too, and its growth has one zero, however near the edges come
-/// to each other. False if that lies far beyond the edges' ends, or beyond a corner of both.
-bool shortest(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way) {
-    const WallEdge &a = *way.first, &b = *way.second;
-    WayToPlace to(source, listener, a, b);
-    setShared(way);
-    // A little off the ends: at a corner that both share there is no direction from one to the other.
-    constexpr double kOff = 1e-9;
-    double low = way.sharesLow[1] ? kOff * b.length : -reachPast(b);
-    double high = b.length + (way.sharesHigh[1] ? -kOff * b.length : reachPast(b));
-    double atLow = to.growthAt(low), atHigh = to.growthAt(high);
-    if (!(atLow < 0 && atHigh > 0)) return false;
-    // Regula falsi; an end that stays counts half, as in the Illinois method.
-    for (int step = 0, stayed = 0; step < 100 && high - low > 1e-10 * b.length; ++step) {
-        const double y = (low * atHigh - high * atLow) / (atHigh - atLow);
-        const double growth = to.growthAt(y);
-        if (std::abs(growth) < 1e-13) break;
-        if (growth < 0) {
-            low = y;
-            atLow = growth;
-            if (stayed == 1) atHigh *= 0.5;
-            stayed = 1;
-        } else {
-            high = y;
-            atHigh = growth;
-            if (stayed == -1) atLow *= 0.5;
-            stayed = -1;
-        }
-    }
-    const double toFirst = glm::distance(source, to.byFirst);
-    if (!(toFirst > 0 && to.across > 1e-9 * (toFirst + to.out))) return false;
-    if (!(to.x >= (way.sharesLow[0] ? 0 : -reachPast(a)) && a.length - to.x >= (way.sharesHigh[0] ? 0 : -reachPast(a))))
-        return false;
-    way.byFirst = to.byFirst;
-    way.bySecond = to.bySecond;
-    const glm::dvec3 in = (to.byFirst - source) / toFirst, out = (listener - to.bySecond) / to.out;
-    const glm::dvec3 across = (to.bySecond - to.byFirst) / to.across;
-    way.path.first.sine = glm::length(glm::cross(in, a.axis));
-    way.path.second.sine = glm::length(glm::cross(out, b.axis));
-    if (!(way.path.first.sine > 0 && way.path.second.sine > 0)) return false;
-    const double between = glm::dot(a.axis, b.axis) - glm::dot(across, a.axis) * glm::dot(across, b.axis);
-    setDistances(way.path, toFirst, to.across, to.out, between);
-    const auto square = [](double x) { return x * x; };
-    const auto squareSine = [&](const glm::dvec3& axis) { return 1 - square(glm::dot(across, axis)); };
-    const double xx = square(way.path.first.sine) / toFirst + squareSine(a.axis) / to.across;
-    const double yy = square(way.path.second.sine) / to.out + squareSine(b.axis) / to.across;
-    const double xy = between / to.across;
-    way.bend = {0.5 * std::max(0.0, xx - xy * xy / yy), 0.5 * std::max(0.0, yy - xy * xy / xx)};
-    const double y = glm::dot(to.bySecond - b.from, b.axis);
-    way.fromLow = {to.x, y};
-    way.fromHigh = {a.length - to.x, b.length - y};
-    way.past = 0;
-    for (std::size_t e = 0; e < 2; ++e)
-        way.past += way.bend[e] * square(std::min(0.0, std::min(way.fromLow[e], way.fromHigh[e])));
-    return true;
-}
-
-/// Of the whole wave that is bent by edges without ends: its share, less the phase of PairWay::past.
-std::complex<double> endsShare(const PairWay& way, double waveNumber) {
-    using Complex = std::complex<double>;
-    Complex share = std::polar(1.0, waveNumber * way.past);
-    for (std::size_t e = 0; e < 2; ++e) {
-        Complex one = 1;
-        for (const auto& [within, shared] :
-             {std::pair(way.fromLow[e], way.sharesLow[e]), std::pair(way.fromHigh[e], way.sharesHigh[e])}) {
-            const double x = waveNumber * way.bend[e] * within * within;
-            if (within >= 0 && x > 60) continue;
-            Complex beyond = 0.5 * diagonalErfc(x);
-            if (within < 0)
-                // It fades towards where ways are not looked for any more.
-                one *= beyond * (1 + within / reachPast(e == 0 ? *way.first : *way.second));
-            else
-                // What comes by the end is another wave, later: where that can be told it is not part of this one.
-                one -= beyond * std::exp(-x / 8) * (shared ? 2.0 : 1.0);
-        }
-        share *= one;
-    }
-    return share;
-}
-
-/// Whether the second edge lies in a face of the first.
-bool onFaceOf(const WallEdge& a, const WallEdge& b) {
-    const glm::dvec3 way = b.from - a.from;
-    const double place = placeRounding(a.from), rounding = 1e-5 * (glm::length(way) + b.length) + 2 * place;
-    for (const glm::dvec3& face : {a.faceA, a.faceB}) {
-        const glm::dvec3 normal = glm::cross(a.axis, face);
-        if (std::abs(glm::dot(way, normal)) < rounding &&
-            std::abs(glm::dot(b.axis, normal)) < 1e-5 + 2 * place / b.length)
-            return true;
-    }
-    return false;
-}
-
-bool bends(const glm::dvec3& source, const glm::dvec3& listener, bool heardStraight, PairWay& way) {
-    const glm::dvec3 across = way.bySecond - way.byFirst;
-    if (!turnAt(*way.first, source - way.byFirst, across, way.atFirst) ||
-        !turnAt(*way.second, -across, listener - way.bySecond, way.atSecond))
-        return false;
-    way.path.onOneFace = way.atFirst.outOnFace && way.atSecond.inOnFace;
-    // Sound that neither hides is bent by both where it goes along a face; not that which is thrown back.
-    constexpr double kBack = -0.5 * std::numbers::pi;
-    const bool hidden = way.atFirst.shadow() > 0 || way.atSecond.shadow() > 0;
-    if ((heardStraight || !hidden) && !way.path.onOneFace) return false;
-    if (way.atFirst.shadow() < kBack || way.atSecond.shadow() < kBack) return false;
-    way.path.first.opening = way.atFirst.opening;
-    way.path.first.in = way.atFirst.in;
-    way.path.first.out = way.atFirst.out;
-    way.path.second.opening = way.atSecond.opening;
-    way.path.second.in = way.atSecond.in;
-    way.path.second.out = way.atSecond.out;
-    return true;
-}
-
-/// Whether there is air on the whole way. What lies on a face is looked for a little off it.
-bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-            const PairWay& way) {
-    const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
-    if (!seen(geometry, source, aimAt(*way.first, first, source)) ||
-        !seen(geometry, listener, aimAt(*way.second, second, listener)))
-        return false;
-    glm::dvec3 off(0);
-    if (way.atFirst.outOnFace)
-        off = way.atFirst.offFace(*way.first, true);
-    else if (way.atSecond.inOnFace)
-        off = way.atSecond.offFace(*way.second, false);
-    const glm::dvec3 size = glm::max(glm::abs(first), glm::abs(second));
-    off *= std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
-    const glm::dvec3 across = second - first;
-    const double length = glm::length(across), rounding = std::min(0.25 * length, 1e-5 * (1 + length));
-    AcousticHit hit;
-    if (geometry.closest(first + off + across * (rounding / length), across / length, length - 2 * rounding, kNoPlane,
-                         hit))
-        return false;
-    return isOpen(geometry, *way.first, first, way.atFirst.opening, way.atFirst.turn) &&
-           isOpen(geometry, *way.second, second, way.atSecond.opening, way.atSecond.turn);
-}
 
 bool isSame(const WallEdge& a, const WallEdge& b) {
     WallEdge both;
@@ -267,13 +57,12 @@ std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, con
 
 /// What is there by itself, with what goes on round both edges: a factor of its energy. `parts`: of the edges by which
 /// alone it comes, each in its shadow by itself, or both, or one, with direct sound.
-void goOn(const PairWay& way, const std::vector<const BentArrival*>& parts, const EdgeTones& tones, Arrival& arrival) {
+void goOn(const PairWay& way, const PairField& field, const std::vector<const BentArrival*>& parts,
+          const EdgeTones& tones, Arrival& arrival) {
     for (std::size_t b = 0; b < kBandCount; ++b) {
         double with = 0, without = 0;
-        tones.each(b, [&](std::size_t, double waveNumber) {
-            const double first = tones.mirrors(way.first->material, b), second = tones.mirrors(way.second->material, b);
-            std::complex<double> sum = twoWedgeField(way.path, waveNumber, first, second) *
-                                       std::polar(1.0, -waveNumber * way.past) * endsShare(way, waveNumber);
+        tones.each(b, [&](std::size_t tone, double waveNumber) {
+            std::complex<double> sum = field.sum(tone, waveNumber, way.path.way + way.past);
             // Each edge has been a factor by itself.
             double product = 1, direct = 0;
             for (const BentArrival* part : parts) {
@@ -294,14 +83,35 @@ void goOn(const PairWay& way, const std::vector<const BentArrival*>& parts, cons
     }
 }
 
-/// The wave that both edges bend, and for an arrival of its own its energies.
+std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
+                               const TraceOptions& options, const std::array<float, kEdgeTones>& left,
+                               std::uint32_t order) {
+    const Bands attenuation = airAttenuation(options.air);
+    std::vector<EdgeWave> waves;
+    for (const FacePair::End& end : field.ends) {
+        if (end.second == listener || end.first == source) continue;
+        EdgeWave wave;
+        wave.order = order;
+        wave.seconds = end.way / options.air.speedOfSound;
+        wave.direction = glm::normalize(end.second - listener);
+        wave.route = {end.first, end.second, glm::dvec3(0), glm::dvec3(0)};
+        for (std::size_t t = 0; t < kEdgeTones; ++t)
+            wave.pressure[t] = std::complex<float>(static_cast<double>(left[t]) * end.pressure[t]);
+        weaken(wave, options.pattern ? options.pattern(glm::normalize(end.first - source)) : 1, attenuation, end.way);
+        waves.push_back(wave);
+    }
+    return waves;
+}
+
+/// The waves that both edges bend, and for an arrival of its own its energies.
 struct Bent {
     EdgeWave wave;
+    std::vector<EdgeWave> ends;
     Arrival arrival;
 };
 
-Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
-            const EdgeTones& tones, const std::array<float, kEdgeTones>& left) {
+Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
+            const TraceOptions& options, const EdgeTones& tones, const std::array<float, kEdgeTones>& left) {
     const Bands attenuation = airAttenuation(options.air);
     const double length = way.path.way + way.past;
     const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
@@ -316,29 +126,203 @@ Bent bentBy(const PairWay& way, const glm::dvec3& source, const glm::dvec3& list
     bent.wave.route = {axisIf(0, *way.first) == glm::dvec3(0) ? first : way.byFirst,
                        axisIf(1, *way.second) == glm::dvec3(0) ? second : way.bySecond, axisIf(0, *way.first),
                        axisIf(1, *way.second)};
-    const double sent = options.pattern ? options.pattern(glm::normalize(first - source)) : 1;
+    const auto sentTo = [&](const glm::dvec3& by) {
+        return options.pattern ? options.pattern(glm::normalize(by - source)) : 1.0;
+    };
+    const double sent = sentTo(first);
     for (std::size_t b = 0; b < kBandCount; ++b) {
         double energy = 0;
         tones.each(b, [&](std::size_t tone, double waveNumber) {
-            const std::complex<double> field =
-                static_cast<double>(left[tone]) * endsShare(way, waveNumber) *
-                twoWedgeField(way.path, waveNumber, tones.mirrors(way.first->material, b),
-                              tones.mirrors(way.second->material, b));
-            bent.wave.pressure[tone] = std::complex<float>(field * std::polar(1.0, waveNumber * way.path.way));
-            energy += std::norm(field) / EdgeTones::kTones;
+            const double part = static_cast<double>(left[tone]);
+            bent.wave.pressure[tone] = std::complex<float>(part * field.wave[tone]);
+            energy += part * part * std::norm(field.sum(tone, waveNumber, length)) / EdgeTones::kTones;
         });
         bent.arrival.energy[b] = sent * energy / (4 * std::numbers::pi) * std::exp(-attenuation[b] * length);
     }
     weaken(bent.wave, sent, attenuation, length);
+    bent.ends = endWaves(field, source, listener, options, left, 2);
     return bent;
 }
+
+/// Ends of pairs by the places on both edges: where two pairs meet at a corner, nothing is left.
+class EndWaves {
+  public:
+    void add(const EdgeWave& wave) {
+        const double rounding = 1e-6 + 2 * placeRounding(wave.route.first);
+        const auto known = std::ranges::find_if(waves_, [&](const EdgeWave& one) {
+            return glm::distance(one.route.first, wave.route.first) <= rounding &&
+                   glm::distance(one.route.last, wave.route.last) <= rounding && one.order == wave.order &&
+                   std::abs(one.seconds - wave.seconds) <= 1e-8 + 1e-7 * wave.seconds;
+        });
+        if (known == waves_.end()) {
+            waves_.push_back(wave);
+            return;
+        }
+        for (std::size_t t = 0; t < kEdgeTones; ++t) known->pressure[t] += wave.pressure[t];
+    }
+    const std::vector<EdgeWave>& waves() const { return waves_; }
+
+  private:
+    std::vector<EdgeWave> waves_;
+};
+
+/// The pairs of a source and a listener, one after the other, and what goes on round a third edge.
+class EdgePairs {
+  public:
+    EdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+              const TraceOptions& options, const EdgesAlone& known, std::vector<Arrival>& arrivals, EdgeField& field)
+        : geometry_(geometry),
+          source_(source),
+          listener_(listener),
+          options_(options),
+          tones_(geometry, options.air.speedOfSound),
+          known_(known),
+          arrivals_(arrivals),
+          field_(field) {}
+
+    /// Whether it is heard.
+    bool add(const PairWay& way) {
+        if (!isFree(geometry_, source_, listener_, way)) return false;
+        const bool firstHides = way.atFirst.shadow() > 0, secondHides = way.atSecond.shadow() > 0;
+        const std::vector<const BentArrival*> parts = partsOf(way, firstHides, secondHides);
+        // It is chance whether a ray along the boundary finds its way: half of it is left on either side.
+        const bool grazes = (firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing;
+        const bool byItself = (firstHides && secondHides) || (parts.empty() && grazes);
+        if (parts.empty() && !byItself && !way.onFace) return false;
+        const PairField pressure = fieldOf(way, tones_, c());
+        const auto left = leftOf({way.first, way.second});
+        Bent both = bentBy(way, pressure, source_, listener_, options_, tones_, left);
+        addWave(both.wave, way.path.way);
+        for (const EdgeWave& end : both.ends) ends_.add(end);
+        if (byItself) {
+            heard_.push_back({way.first, way.second, arrivals_.size(), way.path.way + way.past, pressure});
+            addArrival(both.arrival);
+        }
+        if (!byItself && parts.size() == 1)
+            // Where both edges are heard by themselves as well, levels of octaves have what each does to direct sound.
+            goOn(way, pressure, parts, tones_, arrivals_[parts.front()->arrival]);
+        return true;
+    }
+    /// What a third edge does to them.
+    void add(const TripleField& triple) {
+        const auto left = leftOf({triple.first, triple.second, triple.third});
+        const Bands attenuation = airAttenuation(options_.air);
+        const glm::dvec3 last = offEnds(*triple.third, triple.byThird);
+        EdgeWave wave;
+        wave.order = 3;
+        wave.seconds = triple.way / c();
+        wave.direction = glm::normalize(last - listener_);
+        wave.route = {triple.byFirst, triple.byThird, glm::dvec3(0), glm::dvec3(0)};
+        for (std::size_t t = 0; t < kEdgeTones; ++t)
+            wave.pressure[t] = std::complex<float>(static_cast<double>(left[t]) * triple.field.wave[t]);
+        const double sent = options_.pattern ? options_.pattern(glm::normalize(triple.byFirst - source_)) : 1;
+        weaken(wave, sent, attenuation, triple.way);
+        addWave(wave, triple.way);
+        for (const EdgeWave& end : endWaves(triple.field, source_, listener_, options_, left, 3)) ends_.add(end);
+        if (triple.firstHides != triple.thirdHides) return goOnThird(triple);
+        if (!triple.firstHides) return;
+        Arrival arrival;
+        arrival.seconds = wave.seconds;
+        arrival.order = 3;
+        arrival.direction = wave.direction;
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            double energy = 0;
+            tones_.each(b, [&](std::size_t tone, double waveNumber) {
+                energy += std::norm(static_cast<double>(left[tone]) * triple.field.sum(tone, waveNumber, triple.way)) /
+                          EdgeTones::kTones;
+            });
+            arrival.energy[b] = sent * energy / (4 * std::numbers::pi) * std::exp(-attenuation[b] * triple.way);
+        }
+        addArrival(arrival);
+    }
+    /// Of ends those above -54 dB: there are many.
+    void addEnds() {
+        constexpr double kFaint = 20;
+        for (const EdgeWave& end : ends_.waves()) addWave(end, end.seconds * c() / kFaint);
+    }
+
+  private:
+    /// A pair with an arrival of its own, and all that goes on into that.
+    struct Heard {
+        const WallEdge *first, *second;
+        std::size_t arrival;
+        double way;
+        PairField field;
+    };
+
+    double c() const { return options_.air.speedOfSound; }
+
+    /// Into the arrival of the pair of which the third edge takes a part, or which it lets go on.
+    void goOnThird(const TripleField& triple) {
+        const WallEdge* const first = triple.firstHides ? triple.first : triple.second;
+        const WallEdge* const second = triple.firstHides ? triple.second : triple.third;
+        const auto heard =
+            std::ranges::find_if(heard_, [&](const Heard& one) { return one.first == first && one.second == second; });
+        if (heard == heard_.end()) return;
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            double with = 0, without = 0;
+            tones_.each(b, [&](std::size_t tone, double waveNumber) {
+                const std::complex<double> before = heard->field.sum(tone, waveNumber, heard->way);
+                const std::complex<double> more = triple.field.sum(tone, waveNumber, triple.way);
+                without += std::norm(before);
+                with += std::norm(before + more);
+                heard->field.wave[tone] += more * std::polar(1.0, waveNumber * heard->way);
+            });
+            if (without > 0) arrivals_[heard->arrival].energy[b] *= with / without;
+        }
+    }
+
+    const BentArrival* alone(const WallEdge& edge) const {
+        const auto found =
+            std::ranges::find_if(known_.bent, [&](const BentArrival& one) { return isSame(one.edge, edge); });
+        return found == known_.bent.end() ? nullptr : &*found;
+    }
+    /// The arrivals that it goes on into.
+    std::vector<const BentArrival*> partsOf(const PairWay& way, bool firstHides, bool secondHides) const {
+        if (firstHides && secondHides) return {};
+        if (firstHides != secondHides) {
+            const BentArrival* const parent = alone(firstHides ? *way.first : *way.second);
+            if (parent && !parent->lit) return {parent};
+        }
+        std::vector<const BentArrival*> parts;
+        for (const WallEdge* edge : {way.first, way.second})
+            if (const BentArrival* const one = alone(*edge); one && one->lit) parts.push_back(one);
+        return parts;
+    }
+    /// What edges that are seen in part leave to it.
+    std::array<float, kEdgeTones> leftOf(std::initializer_list<const WallEdge*> edges) const {
+        std::array<float, kEdgeTones> left;
+        left.fill(1);
+        for (const PartlySeen& one : known_.partly)
+            if (std::ranges::any_of(edges, [&](const WallEdge* edge) { return isSame(one.edge, *edge); }))
+                for (std::size_t t = 0; t < kEdgeTones; ++t) left[t] *= one.left[t];
+        return left;
+    }
+    void addWave(const EdgeWave& wave, double length) {
+        if (!isFaint(wave, length)) field_.waves.push_back(wave);
+    }
+    void addArrival(Arrival arrival) {
+        arrival.straight = static_cast<std::int32_t>(field_.straight.size());
+        field_.straight.push_back({});
+        arrivals_.push_back(arrival);
+    }
+
+    const AcousticGeometry& geometry_;
+    const glm::dvec3 &source_, &listener_;
+    const TraceOptions& options_;
+    const EdgeTones tones_;
+    const EdgesAlone& known_;
+    std::vector<Arrival>& arrivals_;
+    EdgeField& field_;
+    EndWaves ends_;
+    std::vector<Heard> heard_;
+};
 
 }  // namespace
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const std::vector<BentArrival>& bent,
-                           const std::vector<PartlySeen>& partly, bool heardStraight, std::vector<Arrival>& arrivals,
+                           std::size_t edgeCount, const EdgesAlone& known, std::vector<Arrival>& arrivals,
                            EdgeField& field) {
     EdgePairCount count;
     std::size_t looked = 0;
@@ -350,13 +334,11 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
     std::vector<PairWay> ways;
     for (const EdgeCandidate& first : edges)
         for (const EdgeCandidate& second : edges) {
-            if (&first == &second || (heardStraight && !onFaceOf(first.edge, second.edge))) continue;
+            if (&first == &second) continue;
             PairWay way;
             way.first = &first.edge;
             way.second = &second.edge;
-            if (shortest(source, listener, way) && way.path.way < longest &&
-                bends(source, listener, heardStraight, way))
-                ways.push_back(way);
+            if (findWay(source, listener, known.heardStraight, way) && way.path.way < longest) ways.push_back(way);
         }
     std::stable_sort(ways.begin(), ways.end(),
                      [](const PairWay& a, const PairWay& b) { return a.path.way < b.path.way; });
@@ -364,46 +346,15 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
         count.leftOut += ways.size() - kPairs;
         ways.resize(kPairs);
     }
+    EdgePairs pairs(geometry, source, listener, options, known, arrivals, field);
+    for (const PairWay& way : ways) count.heard += pairs.add(way);
+    std::vector<const WallEdge*> all;
+    for (const EdgeCandidate& one : edges) all.push_back(&one.edge);
     const EdgeTones tones(geometry, options.air.speedOfSound);
-    const auto addWave = [&](const EdgeWave& wave, double length) {
-        if (!isFaint(wave, length)) field.waves.push_back(wave);
-    };
-    const auto alone = [&](const WallEdge& edge) {
-        const auto found = std::ranges::find_if(bent, [&](const BentArrival& one) { return isSame(one.edge, edge); });
-        return found == bent.end() ? nullptr : &*found;
-    };
-    for (const PairWay& way : ways) {
-        if (!isFree(geometry, source, listener, way)) continue;
-        const bool firstHides = way.atFirst.shadow() > 0, secondHides = way.atSecond.shadow() > 0;
-        std::vector<const BentArrival*> parts;
-        if (firstHides != secondHides) {
-            const BentArrival* const parent = alone(firstHides ? *way.first : *way.second);
-            if (parent && !parent->lit) parts = {parent};
-        }
-        if (parts.empty() && !(firstHides && secondHides))
-            for (const WallEdge* edge : {way.first, way.second})
-                if (const BentArrival* const one = alone(*edge); one && one->lit) parts.push_back(one);
-        // It is chance whether a ray along the boundary finds its way: half of it is left on either side.
-        const bool grazes = (firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing;
-        const bool byItself = (firstHides && secondHides) || (parts.empty() && grazes);
-        if (parts.empty() && !byItself) continue;
-        std::array<float, kEdgeTones> left;
-        left.fill(1);
-        for (const PartlySeen& one : partly)
-            if (isSame(one.edge, *way.first) || isSame(one.edge, *way.second))
-                for (std::size_t t = 0; t < kEdgeTones; ++t) left[t] *= one.left[t];
-        Bent both = bentBy(way, source, listener, options, tones, left);
-        addWave(both.wave, way.path.way);
-        ++count.heard;
-        if (!byItself) {
-            // Where both edges are heard by themselves as well, levels of octaves have what each does to direct sound.
-            if (parts.size() == 1) goOn(way, parts, tones, arrivals[parts.front()->arrival]);
-            continue;
-        }
-        both.arrival.straight = static_cast<std::int32_t>(field.straight.size());
-        field.straight.push_back({});
-        arrivals.push_back(both.arrival);
-    }
+    for (const TripleField& triple :
+         triplesOf(geometry, source, listener, known.heardStraight, all, longest, tones, options.air.speedOfSound))
+        pairs.add(triple);
+    pairs.addEnds();
     return count;
 }
 

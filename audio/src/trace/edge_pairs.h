@@ -3,8 +3,9 @@
 // Behind both edges it is an arrival of its own. Where one of them alone hides the source (or the listener), it goes on
 // into what that one bends, so that at the boundary of the other edge's shadow half of the pressure is left on both
 // sides. Where direct sound is heard, or neither edge hides anything, it counts along a face of both, which sound
-// leaves at its far edge: over what is broad. So all is continuous but where both boundaries meet. Of all pairs the
-// shortest count, see EdgePairCount. Source: see wedge.h. Threading: pure functions over const geometry.
+// leaves at its far edge: over what is broad. So all is continuous but where both boundaries meet. Where edges end:
+// edge_face_pairs.h; what goes on round a third one: edge_triples.h. Of all pairs the shortest count, see
+// EdgePairCount. Source: see wedge.h. Threading: pure functions over const geometry.
 #pragma once
 
 #include <array>
@@ -43,12 +44,17 @@ constexpr std::size_t kPairedEdges = 32;
 /// They are chosen from so many: seams between bodies are among them, and edges that are one.
 constexpr std::size_t kLookedAtEdges = 256;
 
+/// What is known of edges by themselves, and whether direct sound is heard.
+struct EdgesAlone {
+    std::vector<BentArrival> bent;
+    std::vector<PartlySeen> partly;
+    bool heardStraight = false;
+};
+
 /// `candidates`: the shortest of `edgeCount`, kLookedAtEdges if there are so many.
-/// `heardStraight`: whether direct sound is.
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const std::vector<BentArrival>& bent,
-                           const std::vector<PartlySeen>& partly, bool heardStraight, std::vector<Arrival>& arrivals,
+                           std::size_t edgeCount, const EdgesAlone& known, std::vector<Arrival>& arrivals,
                            EdgeField& field);
 
 }  // namespace rtsg

@@ -105,7 +105,7 @@ class Diffraction {
           arrivals_(arrivals),
           known_(arrivals.size()),
           field_(field) {
-        heardStraight_ = arrivalOf(arrivals_, known_, 0, glm::distance(source, listener) / c()) != nullptr;
+        alone_.heardStraight = arrivalOf(arrivals_, known_, 0, glm::distance(source, listener) / c()) != nullptr;
     }
 
     EdgePairCount run() {
@@ -134,8 +134,8 @@ class Diffraction {
         }
         for (const auto& [place, wave] : byPlace_)
             if (!isFaint(wave, wave.seconds * c())) field_.waves.push_back(wave);
-        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(), edges.told(), bent_,
-                            partly_, heardStraight_, arrivals_, field_);
+        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(), edges.told(), alone_,
+                            arrivals_, field_);
     }
 
   private:
@@ -208,7 +208,7 @@ class Diffraction {
         // What is left for those who go round what hides it: nothing if half of the edge is there, as at the boundary
         // of a shadow half of what sends straight.
         const std::array<EdgeEnd, 2> ends = endsOf(one.edge, one.round, c());
-        const EdgeShares all = edgeSharesOf(one.round, ends, one.edge.material, tones_, {heardStraight_, false});
+        const EdgeShares all = edgeSharesOf(one.round, ends, one.edge.material, tones_, {alone_.heardStraight, false});
         Pressures unhidden{};
         addPressures(all, ends, one.round.path.shortestWay(), unhidden);
         PartlySeen partly{one.edge, {}};
@@ -216,7 +216,7 @@ class Diffraction {
             const double of = std::abs(unhidden[t]);
             partly.left[t] = static_cast<float>(of > 0 ? std::max(0.0, 1 - 2 * std::abs(sum[t]) / of) : 0);
         }
-        partly_.push_back(partly);
+        alone_.partly.push_back(partly);
         return true;
     }
 
@@ -246,13 +246,14 @@ class Diffraction {
         Arrival* const direct =
             isLit(path) ? arrivalOf(arrivals_, known_, 0, glm::distance(source_, listener_) / c()) : nullptr;
         const std::array<EdgeEnd, 2> ends = endsOf(edge, round, c());
-        const EdgeShares shares = edgeSharesOf(round, ends, edge.material, tones_, {heardStraight_, mirror != nullptr});
+        const EdgeShares shares =
+            edgeSharesOf(round, ends, edge.material, tones_, {alone_.heardStraight, mirror != nullptr});
         if (sum) addPressures(shares, ends, path.shortestWay(), *sum);
         if (!round.past()) {
             if (mirror) scale(*mirror, shares.mirrored);
             if (direct) {
                 scale(*direct, shares.direct);
-                bent_.push_back({edge, round, static_cast<std::size_t>(direct - arrivals_.data()), true});
+                alone_.bent.push_back({edge, round, static_cast<std::size_t>(direct - arrivals_.data()), true});
             }
             addWave(shares.wave, edge, round, way);
         }
@@ -308,7 +309,7 @@ class Diffraction {
         }
         arrival.straight = static_cast<std::int32_t>(field_.straight.size());
         field_.straight.push_back({});
-        if (!isLit(round.path)) bent_.push_back({edge, round, arrivals_.size(), false});
+        if (!isLit(round.path)) alone_.bent.push_back({edge, round, arrivals_.size(), false});
         arrivals_.push_back(arrival);
     }
 
@@ -321,10 +322,8 @@ class Diffraction {
     std::vector<Arrival>& arrivals_;
     const std::size_t known_;  // of the arrivals: without edges
     EdgeField& field_;
-    std::vector<BentArrival> bent_;
-    std::vector<PartlySeen> partly_;
+    EdgesAlone alone_;
     std::vector<EndWave> byPlace_;
-    bool heardStraight_ = false;
 };
 
 }  // namespace

@@ -265,15 +265,25 @@ void setDistances(TwoWedgePath& path, double toFirst, double across, double from
     path.spreading = path.first.sine * path.second.sine / (a * w * b * std::sqrt(determinant));
 }
 
+double nearerToSecond(const TwoWedgePath& path) {
+    const double first = path.first.whole * fromBoundary(path.first);
+    const double second = path.second.whole * fromBoundary(path.second);
+    return first + second > 0 ? first / (first + second) : 0.5;
+}
+
 Complex twoWedgeField(const TwoWedgePath& path, double waveNumber, double mirrorsFirst, double mirrorsSecond) {
-    const bool bendsMore = path.first.whole * fromBoundary(path.first) >= path.second.whole * fromBoundary(path.second);
-    const Complex first =
-        coefficient(path.first, bendsMore ? path.first.whole : path.first.part, waveNumber, mirrorsFirst);
-    const Complex second =
-        coefficient(path.second, bendsMore ? path.second.part : path.second.whole, waveNumber, mirrorsSecond);
+    // The one nearer to its boundary has the shorter distance; from the one to the other all is smooth.
+    const double near = nearerToSecond(path), far = 1 - near, first = near * near / (near * near + far * far);
+    const auto both = [&](double firstLength, double secondLength) {
+        return coefficient(path.first, firstLength, waveNumber, mirrorsFirst) *
+               coefficient(path.second, secondLength, waveNumber, mirrorsSecond);
+    };
+    Complex bent = 0;
+    if (first > 1e-4) bent += first * both(path.first.whole, path.second.part);
+    if (first < 1 - 1e-4) bent += (1 - first) * both(path.first.part, path.second.whole);
     // On a face sound and its mirror image are one: both edges have counted it twice.
     const double once = path.onOneFace ? 1 / (1 + (mirrorsFirst + mirrorsSecond) / 2) : 1;
-    return once * path.spreading * std::polar(1.0, -waveNumber * path.way) * first * second;
+    return once * path.spreading * std::polar(1.0, -waveNumber * path.way) * bent;
 }
 
 }  // namespace rtsg

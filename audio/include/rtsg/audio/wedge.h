@@ -4,11 +4,10 @@
 // The edge is the z axis, the wedge's faces are at the angles 0 and `opening` of the air beside it (2 pi: a half
 // plane). The field is relative to that of the source in the open at 1 m, time as exp(i w t). It is continuous
 // everywhere; near enough to the edge for a wave length to matter the theory is not exact any more (some tenths of a
-// decibel at a third of one). Two edges in a row: the product of their coefficients, of which the one that sound bends
-// less about has the shorter distances, and half of it where the way between them lies on a face of both. Source:
-// Kouyoumjian and Pathak, Proc. IEEE 62 (1974), 1448-1461, hard boundaries; Pierce, JASA 55 (1974), 941-955; of ends
-// Svensson, Fred and Vanderkooy, JASA 106 (1999), 2331-2344.
-// Threading: pure functions.
+// decibel at a third of one). Two edges in a row: the product of their coefficients, of which the one that is
+// nearer to its boundary has the shorter distances, and half of it where the way between them lies on a face of both.
+// Source: Kouyoumjian and Pathak, Proc. IEEE 62 (1974), 1448-1461, hard boundaries; Pierce, JASA 55 (1974), 941-955; of
+// ends Svensson, Fred and Vanderkooy, JASA 106 (1999), 2331-2344. Threading: pure functions.
 #pragma once
 
 #include <complex>
@@ -71,6 +70,9 @@ struct TwoWedgePath {
 /// From the lengths of its three parts, the sines, and `between`: the cosine of the angle between both edges as seen
 /// along the way, that is of their parts square to it, times both sines. Sets whole, part, way and spreading.
 void setDistances(TwoWedgePath& path, double toFirst, double across, double fromSecond, double between);
+
+/// How much nearer one is to a boundary of the second edge than to one of the first: 1 on the former, 0 on the latter.
+double nearerToSecond(const TwoWedgePath& path);
 
 /// The part of the field that both edges bend, relative to that of the source in the open at 1 m. Faces mirror these
 /// shares of the pressure.
