@@ -1,6 +1,7 @@
 // A thread that makes the head that was asked for last.
 #include "head_maker.h"
 
+#include <exception>
 #include <utility>
 
 #include "signal/thread_priority.h"
@@ -41,7 +42,11 @@ void HeadMaker::run() {
             if (stop_) return;
             size = *std::exchange(asked_, std::nullopt);
         }
-        Made made{size, Hrtf::sphere(sampleRate_, size.radius, size.speedOfSound)};
+        Made made{size, nullptr};
+        try {
+            made.head = Hrtf::sphere(sampleRate_, size.radius, size.speedOfSound);
+        } catch (const std::exception&) {  // no memory: the head that there is goes on
+        }
         const std::lock_guard lock(mutex_);
         made_ = std::move(made);
     }

@@ -31,7 +31,7 @@ class HeadMaker {
     };
     /// Of what was asked for before and is not begun yet nothing comes.
     void ask(const Size& size);
-    /// What was made last since the last call.
+    /// What was made last since the last call; without a head where there was no memory for one.
     std::optional<Made> take();
 
   private:

@@ -95,12 +95,16 @@ void AcousticEngine::Impl::makeHead(const ListenerPose& listener) {
 /// Where sound does not wait, the one that there is hears until another is ready.
 void AcousticEngine::Impl::findHead(const ListenerPose& listener) {
     if (!options.background || !head) return makeHead(listener);
-    if (headMaker)
-        if (auto made = headMaker->take()) {
-            head = std::move(made->head);
-            headSize = made->size;
-        }
-    if (hearsAs(listener)) return;
+    auto made = headMaker ? headMaker->take() : std::nullopt;
+    if (hearsAs(listener)) {
+        if (made) headAsked = {};  // what was asked for meanwhile is not wanted any more
+        return;
+    }
+    if (made && made->head) {
+        head = std::move(made->head);
+        headSize = made->size;
+        if (hearsAs(listener)) return;
+    }
     const HeadMaker::Size size{listener.headRadius(), air.speedOfSound};
     if (!headMaker)
         headMaker = std::make_unique<HeadMaker>(options.sampleRate);

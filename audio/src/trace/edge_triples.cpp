@@ -50,8 +50,9 @@ bool chain(const WallEdge& first, const WallEdge& second, const WallEdge& third,
     PairWay& pair = result.pair;
     pair.first = &first;
     pair.second = &part;
-    if (!findWay(source, result.flat, true, pair) || !pair.atSecond.outOnFace) return false;
+    const bool found = findWay(source, result.flat, true, pair);
     pair.second = &second;
+    if (!found || !pair.atSecond.outOnFace) return false;
     result.third = &third;
     result.byThird = FacePair::crossing(pair.bySecond, result.flat, third);
     const glm::dvec3 across = result.byThird - pair.bySecond, out = listener - result.byThird;

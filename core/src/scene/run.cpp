@@ -571,10 +571,13 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     }
     if (!s.playing) {
         // The application has no part in it: it comes by itself where the frames are run again.
-        s.writingExternally = false;
+        struct Derived {
+            State& s;
+            explicit Derived(State& state) : s(state) { s.writingExternally = false; }
+            ~Derived() { s.writingExternally = true; }
+        } const derived(s);
         s.serveRequests();
         s.destroyDropped();
-        s.writingExternally = true;
     }
     s.prepareInput(t);
     if (s.recording) s.captureInput(true);

@@ -38,16 +38,19 @@ struct LogRecorder::Impl {
         /// An error here has the bus report to the application that the log has ended.
         Result<> apply(const Scene&, const ChangeSet& changes) override {
             if (impl.ended) return impl.outcome();
-            if (changes.isSnapshot() && impl.thread.joinable()) ++told.start;
+            const bool startsOver = changes.isSnapshot() && impl.thread.joinable() && told.state != 0;
+            told.start += startsOver;
             told.state = changes.to;
             ring();
-            if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait)
+            // Where others count starts, too, the recorder must see each.
+            if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || (startsOver && impl.tells)))
                 impl.waitForRoom(told, changes.isSnapshot() ? 0 : kMostAhead);
             return impl.ended ? impl.outcome() : Result<>();
         }
         /// States of before that are not in the file yet would be dropped by the bus.
         void beforeRestart() override {
-            if (impl.thread.joinable() && impl.whenBehind == WhenBehind::wait) impl.waitForRoom(told, 0);
+            if (impl.thread.joinable() && (impl.whenBehind == WhenBehind::wait || impl.tells))
+                impl.waitForRoom(told, 0);
         }
         void ring() {
             rung.fetch_add(1, std::memory_order_release);
@@ -74,6 +77,7 @@ struct LogRecorder::Impl {
     Acknowledger acknowledger{*this};
     Attachment bellAttachment, logAttachment, acknowledgerAttachment;
     std::atomic<bool> stopping{false}, ended{false};
+    std::atomic<bool> tells{false};  // somebody hears what is in the file
     std::atomic<std::uint64_t> acknowledged{0}, merged{0}, bytes{0};
     mutable std::mutex mutex;
     mutable std::condition_variable progress;
@@ -98,7 +102,7 @@ struct LogRecorder::Impl {
                                     scene.hash().hex(), changes.hash.hex()));
         if (!changes.isSnapshot() && changes.to > changes.from + 1) merged += changes.to - changes.from - 1;
         const std::scoped_lock lock(mutex);
-        if (changes.isSnapshot() && begun) ++starts;
+        if (changes.isSnapshot() && begun && acknowledged != 0) ++starts;
         begun = true;
         acknowledged = changes.to;
         bytes = log->bytes();
@@ -211,6 +215,7 @@ std::uint64_t LogRecorder::bytes() const {
 void LogRecorder::onAcknowledged(std::function<void(std::uint64_t start, std::uint64_t state)> heard) {
     const std::scoped_lock lock(impl_->mutex);
     impl_->heard = std::move(heard);
+    impl_->tells = impl_->heard != nullptr;
     if (impl_->ended)
         impl_->tellEnd();
     else if (impl_->begun && impl_->heard)

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <deque>
 #include <iterator>
 #include <random>
 #include <thread>
@@ -16,6 +15,7 @@
 #include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/mirror_client.h>
 
+#include "request_order.h"
 #include "server_io.h"
 
 namespace rtsg {
@@ -23,7 +23,7 @@ namespace rtsg {
 namespace {
 
 constexpr std::size_t kMostForwarded = 64;  // commands that wait for an answer from the origin
-constexpr auto kLongestWaitForEvents = std::chrono::milliseconds(250);
+constexpr auto kLongestWaitForLog = std::chrono::hours(24);
 
 }  // namespace
 
@@ -42,6 +42,7 @@ void MirrorServer::Shared::post(Item item) {
 
 /// A frame that has waited for long is let go, and what follows with its own time.
 std::vector<MirrorServer::Shared::Item> MirrorServer::Shared::takeItems(bool all) {
+    heldBack = false;
     if (all || longestWaitForLog.count() == 0) return std::exchange(inbox, {});
     const std::uint64_t now = mirror::clockNow();
     const auto longest = static_cast<std::uint64_t>(std::chrono::nanoseconds(longestWaitForLog).count());
@@ -53,6 +54,7 @@ std::vector<MirrorServer::Shared::Item> MirrorServer::Shared::takeItems(bool all
     const auto first = std::ranges::find_if(inbox, waits);
     std::vector<Item> items(std::move_iterator(inbox.begin()), std::move_iterator(first));
     inbox.erase(inbox.begin(), first);
+    heldBack = !inbox.empty();
     return items;
 }
 
@@ -87,24 +89,12 @@ struct MirrorServer::Encoder {
     bool started = false, predicts = false;
 };
 
-/// What the scene's thread has taken of peers, and has not carried out or told yet.
-struct MirrorServer::Order {
-    using Clock = std::chrono::steady_clock;
-    struct Waiting {
-        mirror::Submission submission;
-        Clock::time_point since;
-    };
-    std::deque<Waiting> requests;
-    std::vector<mirror::Verdict> events;  // verdicts on those that are queued for the next frame
-    double queuedAt = 0;                  // the scene's time then
-};
-
 MirrorServer::MirrorServer(Scene& scene, std::shared_ptr<Shared> shared)
     : scene_(scene),
       shared_(std::move(shared)),
       encoder_(std::make_unique<Encoder>(shared_->options.mode)),
       writers_(std::make_unique<mirror::Writers>()),
-      order_(std::make_unique<Order>()) {}
+      order_(std::make_unique<mirror::RequestOrder>(scene, *writers_)) {}
 
 Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const std::string& endpoint,
                                                           MirrorServerOptions options) {
@@ -232,7 +222,7 @@ void MirrorServer::waitForThoseWhoBlock() {
 Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = shared_->result(); !ok) return ok;
     encodeAndPost(changes, false);
-    tellOfEvents(changes);
+    tell(order_->happened(changes));
     const bool inThisState = scene.sequence() == changes.to && !scene.hasUnsealedEdits();
     if (inThisState && shared_->wantSnapshot.exchange(false)) encodeAndPost(scene.snapshot(), true);
     if (shared_->options.blockFor.count() > 0) waitForThoseWhoBlock();
@@ -248,7 +238,7 @@ void MirrorServer::service() {
         submissions.swap(shared_->submissions);
         controls.swap(shared_->controls);
         left.swap(shared_->left);
-        shared_->submittedBytes = 0;
+        shared_->submittedBytes = order_->bytes();
     }
     const bool any = !submissions.empty() || !controls.empty();
     for (Shared::Control& control : controls) {
@@ -275,43 +265,20 @@ void MirrorServer::service() {
                              {},
                              {}});
     } else {
-        carryOutInOrder(std::move(submissions));
+        order_->add(std::move(submissions));
+        tell(order_->carryOut());
     }
-    for (const std::uint64_t client : left) letGo(client);
+    leaving_.insert(leaving_.end(), left.begin(), left.end());
+    std::erase_if(leaving_, [&](std::uint64_t client) { return !order_->holds(client) && (letGo(client), true); });
     if (any) shared_->awaken();
     if (!shared_->wantSnapshot) return;
     scene_.seal();  // publishes what is pending, and with it the snapshot
     if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);
 }
 
-/// Edits take effect at once, events with the next frame: what was asked after an event waits for that.
-void MirrorServer::carryOutInOrder(std::vector<mirror::Submission> submissions) {
-    const auto now = Order::Clock::now();
-    for (mirror::Submission& submission : submissions) order_->requests.push_back({std::move(submission), now});
-    while (!order_->requests.empty()) {
-        const auto& [submission, since] = order_->requests.front();
-        if (!order_->events.empty() && now - since < kLongestWaitForEvents && !mirror::asksForEventsAlone(submission))
-            return;
-        mirror::Verdict verdict = mirror::carryOut(scene_, submission, *writers_);
-        order_->requests.pop_front();
-        if (verdict.state > scene_.sequence()) {
-            order_->events.push_back(std::move(verdict));
-            order_->queuedAt = scene_.now();
-        } else {
-            shared_->answer(std::move(verdict));
-        }
-    }
-}
-
-/// `changes` may be of the frame in which they happened; a set of edits alone has the scene's time of before.
-void MirrorServer::tellOfEvents(const ChangeSet& changes) {
-    if (order_->events.empty()) return;
-    const auto isEvent = [](const Change& change) { return change.kind == ChangeKind::event; };
-    if (changes.time == order_->queuedAt && std::ranges::none_of(changes.changes, isEvent)) return;
-    for (mirror::Verdict& verdict : std::exchange(order_->events, {})) {
-        verdict.state = changes.to;
-        shared_->answer(std::move(verdict));
-    }
+void MirrorServer::tell(std::vector<mirror::Verdict> verdicts) {
+    if (verdicts.empty()) return;
+    for (mirror::Verdict& verdict : verdicts) shared_->answer(std::move(verdict));
     shared_->awaken();
 }
 
@@ -382,7 +349,7 @@ std::function<void(std::uint64_t start, std::uint64_t state)> MirrorServer::send
     std::chrono::milliseconds atMost) {
     encoder_->starts = 0;
     const std::scoped_lock lock(shared_->mutex);
-    shared_->longestWaitForLog = atMost;
+    shared_->longestWaitForLog = std::min<std::chrono::milliseconds>(atMost, kLongestWaitForLog);
     return [shared = shared_](std::uint64_t start, std::uint64_t state) {
         {
             const std::scoped_lock guard(shared->mutex);

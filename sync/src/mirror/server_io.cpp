@@ -247,6 +247,7 @@ std::chrono::milliseconds MirrorServer::Io::patience() const {
     if (gate_.connections().any())
         result = std::min(result, gate_.connections().suspicious() ? kLookAgain : kLookAround);
     if (news_) return 0ms;
+    if (shared_->heldBack) result = std::min(result, kLookAround);  // a log that hangs does not call
     const Clock::time_point due = unsettled_ ? std::min(allDue_, settled_ + settling()) : allDue_;
     return std::clamp(std::chrono::ceil<std::chrono::milliseconds>(due - now), 1ms, result);
 }

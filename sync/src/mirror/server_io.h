@@ -62,6 +62,7 @@ struct MirrorServer::Shared {
     std::vector<Item> inbox;
     std::chrono::milliseconds longestWaitForLog{0};  // 0: nothing waits
     std::uint64_t loggedStart = 0, loggedState = 0;  // what is in the log
+    std::atomic<bool> heldBack{false};               // something waits for the log
     std::vector<mirror::Submission> submissions;
     std::vector<std::uint64_t> left;  // clients that sent some, and are gone
     std::uint64_t submittedBytes = 0;

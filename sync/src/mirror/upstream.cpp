@@ -278,11 +278,18 @@ Result<MirrorRequest> examine(Scene& scene, const Submission& submission) {
     return examine(scene, submission, request);
 }
 
-bool asksForEventsAlone(const Submission& submission) {
+RequestTouch touchOf(const Submission& submission) {
+    RequestTouch touch;
     const auto asked = readRequest(submission.record, submission.noTypes);
-    if (!asked) return true;
-    const auto isEvent = [](const Change& change) { return change.kind == ChangeKind::event; };
-    return asked->kind == MirrorRequest::Kind::changes && std::ranges::all_of(asked->changes, isEvent);
+    if (!asked) return touch;
+    touch.eventsAlone = asked->kind == MirrorRequest::Kind::changes;
+    touch.nodes = asked->nodes;
+    for (const Change& change : asked->changes) {
+        touch.eventsAlone &= change.kind == ChangeKind::event;
+        touch.nodes.push_back(change.node);
+        if (change.other) touch.nodes.push_back(change.other);
+    }
+    return touch;
 }
 
 Verdict carryOut(Scene& scene, const Submission& submission, Writers& writers) {

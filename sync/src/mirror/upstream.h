@@ -60,8 +60,12 @@ struct Writers {
 Result<MirrorRequest> examine(Scene& scene, const Submission& submission);
 /// On the scene's thread, between frames.
 Verdict carryOut(Scene& scene, const Submission& submission, Writers& writers);
-/// Also true of what is malformed, and will be refused.
-bool asksForEventsAlone(const Submission& submission);
+/// What a request is about. One that is malformed, and will be refused, touches nothing.
+struct RequestTouch {
+    bool eventsAlone = true;
+    std::vector<NodeId> nodes;
+};
+RequestTouch touchOf(const Submission& submission);
 
 /// A submission that comes in parts.
 struct Assembly {

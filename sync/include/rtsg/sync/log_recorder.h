@@ -39,7 +39,8 @@ class LogRecorder {
     std::uint64_t acknowledged() const;
     /// Calls `heard` with every state that is in the file from then on, and with how often the scene had started over
     /// since the recorder's start: on the recorder's thread, and with the state that is there now at once. When nothing
-    /// will be written any more, both are the largest number. It must not call this recorder.
+    /// will be written any more, both are the largest number. It must not call this recorder. Where the scene starts
+    /// over it then waits until all before is in the file.
     void onAcknowledged(std::function<void(std::uint64_t start, std::uint64_t state)> heard);
     /// False when that state was not acknowledged in time, or will not be: see failure().
     bool waitFor(std::uint64_t state, std::chrono::milliseconds timeout) const;

@@ -37,7 +37,9 @@
 namespace rtsg {
 
 namespace mirror {
+class RequestOrder;
 struct Submission;
+struct Verdict;
 struct Writers;
 }  // namespace mirror
 
@@ -122,8 +124,8 @@ class MirrorServer : public Subscriber {
 
     /// Carries out what peers have sent, between frames. Call it once a frame, and now and then while the scene stands
     /// still. Pointers of peers that are gone let go of what they held. Takes a snapshot if the server's replica could
-    /// not keep up and was given up (statistics: stalls). Events wait for the next frame, and what was asked after them
-    /// waits with them (250 ms at most), so that of two requests the later one counts.
+    /// not keep up and was given up (statistics: stalls). Events wait for the next frame, and with them what was asked
+    /// after them by the same peer or of the same nodes (250 ms at most), so that the later one counts.
     void service();
 
     /// service() asks it what peers that may send events have asked a player of a log for, as LogPlayer::command(); its
@@ -162,15 +164,13 @@ class MirrorServer : public Subscriber {
   private:
     struct Shared;
     struct Encoder;
-    struct Order;
     class Io;
     MirrorServer(Scene& scene, std::shared_ptr<Shared> shared);
     void encodeAndPost(const ChangeSet& changes, bool requested);
     void encodePredicted(const ChangeSet& changes, EncodedRecord& record);
     void encodeInput(const ChangeSet& changes, EncodedRecord& record);
     void waitForThoseWhoBlock();
-    void carryOutInOrder(std::vector<mirror::Submission> submissions);
-    void tellOfEvents(const ChangeSet& changes);
+    void tell(std::vector<mirror::Verdict> verdicts);
     void pass(const std::vector<mirror::Submission>& submissions);
     void letGo(std::uint64_t client);
 
@@ -184,7 +184,8 @@ class MirrorServer : public Subscriber {
     std::map<std::uint64_t, std::pair<std::uint64_t, std::uint64_t>> forwarded_;  // to client and request
     std::deque<std::pair<std::string, std::uint64_t>> forwardedCommands_;         // of which peer and session
     std::unique_ptr<mirror::Writers> writers_;
-    std::unique_ptr<Order> order_;
+    std::unique_ptr<mirror::RequestOrder> order_;
+    std::vector<std::uint64_t> leaving_;  // clients that are gone, while something that they asked for waits
     Attachment attachment_;
 };
 
