@@ -15,14 +15,13 @@ namespace {
 using namespace std::chrono_literals;
 using mirror::Submission;
 using mirror::Verdict;
-using T = x3d::Transform;
 
 /// Of a scene with two boxes, whose time goes on by 1 a frame.
 struct RequestOrder : testing::Test {
     Scene scene;
     mirror::Writers writers;
     mirror::RequestOrder order{scene, writers};
-    NodeId a = scene.createNode(T::type), b = scene.createNode(T::type);
+    NodeId a = scene.createNode(x3d::Transform::type), b = scene.createNode(x3d::Transform::type);
     ChangeEncoder encoder;
     std::uint64_t requests = 0;
     double time = 0;
@@ -45,7 +44,7 @@ struct RequestOrder : testing::Test {
         Change& change = request.changes.emplace_back();
         change.kind = kind;
         change.node = node;
-        change.field = T::translation.index;
+        change.field = x3d::Transform::translation.index;
         change.value = Vec3f(x, 0, 0);
         return submission(client, std::move(request));
     }
@@ -67,7 +66,7 @@ struct RequestOrder : testing::Test {
         note(order.happened(*scene.newFrame(++time)));
         return answered;
     }
-    float place(NodeId node) { return scene.node(node).get(T::translation).x; }
+    float place(NodeId node) { return scene.node(node).get(x3d::Transform::translation).x; }
 };
 
 using Requests = std::vector<std::uint64_t>;
@@ -104,7 +103,7 @@ TEST_F(RequestOrder, AnEventBehindAnEditThatWaitsWaitsToo) {
 }
 
 TEST_F(RequestOrder, ThreeWhoDragAndEditWaitOneFrameEach) {
-    const NodeId c = scene.createNode(T::type);
+    const NodeId c = scene.createNode(x3d::Transform::type);
     scene.newFrame(++time);
     const NodeId nodes[] = {a, b, c};
     for (int frame = 0; frame < 50; ++frame) {
