@@ -163,7 +163,8 @@ void WorldGeometry::settleDoubts(std::span<const std::uint32_t> open, const Acou
                                  std::uint32_t& blocked) const {
     std::uint32_t doubtful = blocked;
     if (open.empty())
-        for (int i = 0; i < kLanes; ++i) doubtful &= ~(std::uint32_t{rays.clear[i] > 0} << i);
+        for (int i = 0; i < kLanes; ++i)
+            if (rays.clear[i] > 0) doubtful &= ~(1u << i);  // as one expression GCC 12 gets it wrong under UBSan
     if (doubtful == 0) return;
     for (int i = 0; i < kLanes; ++i) {
         if (!(doubtful >> i & 1)) {

@@ -157,6 +157,7 @@ TEST_F(MirrorOfARecordedScene, IsNeverAheadOfTheLog) {
     auto server = *MirrorServer::start(scene, test::kAnyPort);
     auto recorder = *LogRecorder::start(scene, file());
     recorder->onAcknowledged(server->sendWhatIsLogged(kForEver));
+    ASSERT_TRUE(recorder->waitFor(scene.sequence(), 60s)) << "what was sent before that";
     Scene replica;
     const auto client = *MirrorClient::connect(replica, server->endpoint());
     ASSERT_TRUE(pollUntilAt(*client, scene));
