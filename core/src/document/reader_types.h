@@ -109,7 +109,8 @@ class ReaderTypes {
 
     /// Of the document; decides which names of nodes are taken.
     void setVersion(std::string_view version) { version_ = version; }
-    /// findField() as the document's version has it: a CADLayer's `visible` was a list before X3D 4.0, one value a child.
+    /// findField() as the document's version has it: a CADLayer's `visible` was a list before X3D 4.0, one value a
+    /// child.
     FieldRef findField(const NodeShape& shape, std::string_view name) const;
     /// The name that a PROTO gets which the file calls `name`: another where that is one of a later version's nodes.
     /// Empty if the file's own version has a node of that name.
