@@ -1,7 +1,7 @@
 // A thread that makes the head that was asked for last.
 #include "head_maker.h"
 
-#include <exception>
+#include <new>
 #include <utility>
 
 #include "signal/thread_priority.h"
@@ -45,7 +45,8 @@ void HeadMaker::run() {
         Made made{size, nullptr};
         try {
             made.head = Hrtf::sphere(sampleRate_, size.radius, size.speedOfSound);
-        } catch (const std::exception&) {  // no memory: the head that there is goes on
+        } catch (const std::bad_alloc&) {
+            made.head = nullptr;  // the one that there is goes on
         }
         const std::lock_guard lock(mutex_);
         made_ = std::move(made);

@@ -254,8 +254,8 @@ void Scene::State::deliverInput(Cascade& cascade, Node& node, FieldIndex field, 
     const NodeId id = node.id_;
     if (const RouteGroup* group = groupOf(node, field)) {
         const auto items = group->targets.items();
-        const std::vector<OutgoingRoute> targets(items.begin(), items.end());
-        for (const OutgoingRoute& r : targets)
+        const std::vector<OutgoingRoute> routes(items.begin(), items.end());
+        for (const OutgoingRoute& r : routes)
             if (Node* target = find(r.to.node)) deliver(cascade, *target, r.to.field, value);
         if (find(id) != &node) return;
     }
@@ -369,9 +369,9 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
     const std::size_t count = std::min(last, group->targets.items().size());
     if (count > first) cascade.lane_.work += count - first;
     for (std::size_t i = first; group && i < count; ++i) {
-        const std::span<const OutgoingRoute> targets = group->targets.items();
-        if (i >= targets.size()) break;
-        follow(cascade, targets[i].to, *from, field);
+        const std::span<const OutgoingRoute> routes = group->targets.items();
+        if (i >= routes.size()) break;
+        follow(cascade, routes[i].to, *from, field);
         if (edits != linkEdits) lookUpAgain();
     }
 }

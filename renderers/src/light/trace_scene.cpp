@@ -168,8 +168,8 @@ PixelLens lensOf(const RayView& world, const Camera& camera, int rows) {
     return lens;
 }
 
-void TraceScene::placeInPicture(const RayView& world, const Camera& camera, int height) {
-    eye = world.fromWorld(camera.position), forward = Vec3f(camera.forward);
+void TraceScene::placeInPicture(const RayView& view, const Camera& camera, int height) {
+    eye = view.fromWorld(camera.position), forward = Vec3f(camera.forward);
     const auto pixel = static_cast<float>(camera.pixel(height));
     pixelSpread = camera.orthographic ? 0 : pixel, pixelSize = camera.orthographic ? pixel : 0;
     const glm::dmat3 rows = glm::transpose(camera.steps()) * (camera.pixel(1) / (camera.top - camera.bottom));

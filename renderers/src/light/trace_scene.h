@@ -199,7 +199,7 @@ struct TraceScene {
     Vec3f eye{0}, forward{0, 0, -1};
     Vec3f right{1, 0, 0}, up{0, 1, 0};  // times an offset from the eye: pixels' heights for 1 ahead
     /// All that says where in the picture something is, and how wide a pixel is there.
-    void placeInPicture(const RayView& world, const Camera& camera, int height);
+    void placeInPicture(const RayView& view, const Camera& camera, int height);
     EmitterTable* emitterTable = nullptr;         // that of the scene's last picture
     SkyTable* skyTable = nullptr;                 // the same
     const Emitters* emitters = nullptr;           // of paths, where anything shines

@@ -127,7 +127,7 @@ struct LogRecorder::Impl {
 
     /// Until it is told to stop, or something goes wrong.
     Result<> follow() {
-        std::uint64_t heard = 0;
+        std::uint64_t rung = 0;
         // As one set: an empty replica is no state of the scene's, and the log shall begin with one.
         replica->poll();
         if (const std::uint64_t first = replica->scene().sequence(); first > start) merged = first - start - 1;
@@ -135,8 +135,8 @@ struct LogRecorder::Impl {
         logAttachment = bus.attach(*log);
         acknowledgerAttachment = bus.attach(acknowledger);
         for (bool last = false; !last && acknowledgerAttachment.attached() && replica->attached();) {
-            bell.rung.wait(heard, std::memory_order_acquire);
-            heard = bell.rung.load(std::memory_order_acquire);
+            bell.rung.wait(rung, std::memory_order_acquire);
+            rung = bell.rung.load(std::memory_order_acquire);
             last = stopping;
             replica->drain();
         }

@@ -33,8 +33,10 @@ SharedRecord PlainMerges::merge(std::uint32_t part, std::span<const SharedRecord
 
 SharedRecord PlainMerges::make(std::span<const SharedRecord> frames) const {
     std::uint64_t bytes = 0;
-    for (const SharedRecord& frame : frames)
-        if (!isPlainFrame(frame->header) || (bytes += frame->bytes.size()) > kMostBytes) return nullptr;
+    for (const SharedRecord& frame : frames) {
+        bytes += frame->bytes.size();
+        if (!isPlainFrame(frame->header) || bytes > kMostBytes) return nullptr;
+    }
     for (std::size_t i = 1; i < frames.size(); ++i)
         if (!mirror::isSuperseded(frames[i - 1]->bytes.bytes(), frames[i]->bytes.bytes())) return nullptr;
     const std::shared_ptr<EncodedRecord> merged = pool_->take();
