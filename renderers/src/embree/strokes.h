@@ -20,6 +20,12 @@
 
 namespace rtsg::bvh {
 
+/// How far a step of 1 leads along each axis, at most.
+inline Vec3f rowLengths(const glm::mat3& m) {
+    const glm::mat3 rows = glm::transpose(m);
+    return {glm::length(rows[0]), glm::length(rows[1]), glm::length(rows[2])};
+}
+
 /// The strokes of one instance.
 struct StrokeObject {
     std::shared_ptr<const StrokeBvh> bvh;

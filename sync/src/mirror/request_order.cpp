@@ -18,22 +18,26 @@ bool anyOf(const std::vector<NodeId>& nodes, const std::set<NodeId>& among) {
 
 void RequestOrder::add(std::vector<Submission> submissions) {
     const auto now = Clock::now();
-    for (Submission& submission : submissions) {
-        RequestTouch touch = touchOf(submission);
-        waiting_.push_back({std::move(submission), now, std::move(touch)});
-    }
+    for (Submission& submission : submissions) waiting_.push_back({std::move(submission), now, {}});
 }
 
-bool RequestOrder::mustWait(const Waiting& request, Clock::time_point now) const {
-    if (now - request.since >= kLongestWait) return false;
-    if (heldClients_.contains(request.submission.client) || anyOf(request.touch.nodes, heldNodes_)) return true;
-    if (request.touch.eventsAlone) return false;
-    return eventClients_.contains(request.submission.client) || anyOf(request.touch.nodes, eventNodes_);
+/// Looked for where somebody else's wish depends on it: mostly nothing waits.
+const RequestTouch& RequestOrder::touch(Waiting& request) {
+    if (!request.touch) request.touch = touchOf(request.submission);
+    return *request.touch;
 }
 
-void RequestOrder::note(const Waiting& held) {
+bool RequestOrder::mustWait(Waiting& request, Clock::time_point now) {
+    if ((events_.empty() && heldClients_.empty()) || now - request.since >= kLongestWait) return false;
+    const auto& [eventsAlone, nodes] = touch(request);
+    if (heldClients_.contains(request.submission.client) || anyOf(nodes, heldNodes_)) return true;
+    return !eventsAlone && (eventClients_.contains(request.submission.client) || anyOf(nodes, eventNodes_));
+}
+
+void RequestOrder::note(Waiting& held) {
+    const std::vector<NodeId>& nodes = touch(held).nodes;
     heldClients_.insert(held.submission.client);
-    heldNodes_.insert(held.touch.nodes.begin(), held.touch.nodes.end());
+    heldNodes_.insert(nodes.begin(), nodes.end());
 }
 
 std::vector<Verdict> RequestOrder::carryOut() {
@@ -57,7 +61,8 @@ std::vector<Verdict> RequestOrder::carryOut() {
         events_.push_back(std::move(verdict));
         queuedAt_ = scene_.now();
         eventClients_.insert(request.submission.client);
-        eventNodes_.insert(request.touch.nodes.begin(), request.touch.nodes.end());
+        const std::vector<NodeId>& nodes = touch(request).nodes;
+        eventNodes_.insert(nodes.begin(), nodes.end());
     }
     return verdicts;
 }

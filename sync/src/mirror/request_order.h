@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <set>
 #include <vector>
 
@@ -37,10 +38,11 @@ class RequestOrder {
     struct Waiting {
         Submission submission;
         Clock::time_point since;
-        RequestTouch touch;
+        std::optional<RequestTouch> touch;
     };
-    bool mustWait(const Waiting& request, Clock::time_point now) const;
-    void note(const Waiting& held);
+    static const RequestTouch& touch(Waiting& request);
+    bool mustWait(Waiting& request, Clock::time_point now);
+    void note(Waiting& held);
 
     Scene& scene_;
     Writers& writers_;
