@@ -93,6 +93,13 @@ TEST_F(RequestOrder, OthersAreNotHeldUp) {
     EXPECT_EQ(place(b), 7);
 }
 
+TEST_F(RequestOrder, EventsDoNotWaitForEvents) {
+    add({event(1, a, 1), event(1, b, 2), event(2, a, 3)});
+    EXPECT_EQ(turn(), (Requests{1, 2, 3}));
+    EXPECT_EQ(place(a), 3);
+    EXPECT_EQ(place(b), 2);
+}
+
 TEST_F(RequestOrder, AnEventBehindAnEditThatWaitsWaitsToo) {
     add({event(1, a, 1), edit(2, a, 2), event(3, a, 3), event(2, b, 9)});
     EXPECT_EQ(turn(), Requests{1});
