@@ -5,8 +5,27 @@
 #include <cstring>
 
 #include <fmt/format.h>
+#include <pthread.h>
+#include <sched.h>
 
 namespace rtsg {
+
+namespace {
+
+/// Whether ZeroMQ may be asked to change its threads' kind: it stops the process where the system does not let it (a
+/// container's filter, say). That the calling thread may be given the kind it has shows that it does.
+bool mayChangeKind() {
+    int kind = 0;
+    sched_param parameters{};
+    return pthread_getschedparam(pthread_self(), &kind, &parameters) == 0 && kind == SCHED_OTHER &&
+           pthread_setschedparam(pthread_self(), kind, &parameters) == 0;
+}
+
+}  // namespace
+
+ZmqContext::ZmqContext() : context_(zmq_ctx_new()) {
+    if (mayChangeKind()) zmq_ctx_set(context_, ZMQ_THREAD_SCHED_POLICY, SCHED_BATCH);
+}
 
 ZmqMessage::ZmqMessage(std::span<const std::byte> bytes) {
     if (zmq_msg_init_size(&message_, bytes.size()) != 0) {

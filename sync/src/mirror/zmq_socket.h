@@ -18,9 +18,12 @@
 
 namespace rtsg {
 
+/// Its threads are of the kind SCHED_BATCH, where they would be of the ordinary kind: sched(7). One that gets something
+/// to do while every core is busy does not interrupt who works there, but takes its turn. So who sends to many sends
+/// on, and what has gone to one of them in two writes wakes it once.
 class ZmqContext {
   public:
-    ZmqContext() : context_(zmq_ctx_new()) {}
+    ZmqContext();
     ~ZmqContext() { zmq_ctx_term(context_); }  // sockets with bounded LINGER: this cannot hang
     ZmqContext(const ZmqContext&) = delete;
     ZmqContext& operator=(const ZmqContext&) = delete;
