@@ -1,4 +1,6 @@
 // Pointers of peers that leave: what they held is let go of, what others hold is not.
+#include <thread>
+
 #include <gtest/gtest.h>
 
 #include <rtsg/core/device_input.h>
@@ -19,7 +21,7 @@ struct TouchedOrigin {
     std::unique_ptr<MirrorServer> server;
     double time = 0;
 
-    TouchedOrigin() {
+    explicit TouchedOrigin(MirrorUpstream upstream = MirrorUpstream::events) {
         group = scene.createNode(x3d::Group::type);
         sensor = scene.createNode(x3d::TouchSensor::type);
         shape = scene.createNode(x3d::Shape::type);
@@ -27,7 +29,7 @@ struct TouchedOrigin {
         EXPECT_TRUE(scene.setField(scene.root(), x3d::RtsgScene::children.index, Array<NodeId>{group}));
         scene.newFrame(time);
         MirrorServerOptions options;
-        options.upstream = MirrorUpstream::events;
+        options.upstream = upstream;
         options.heartbeat = 20ms;
         options.peerTimeout = 500ms;
         server = *MirrorServer::start(scene, test::kAnyPort, options);
@@ -81,6 +83,31 @@ TEST(HeldPointers, OfAPeerThatLeavesLetGo) {
         turn();
         return !origin.isActive() && !origin.isOver();
     }));
+}
+
+TEST(HeldPointers, ArePressedByWhatStillWaitsAndThenLetGo) {
+    TouchedOrigin origin(MirrorUpstream::edits);
+    auto peer = std::make_unique<PointingPeer>(origin.server->endpoint());
+    peer->send(origin.pointer(7, 0), [&] { origin.turn(); });
+    // An event, an edit that waits for the frame with it, a press that waits for the edit, and the peer is gone.
+    const auto point = [&](std::uint32_t buttons) {
+        return peer->client->submitEvent(peer->scene.root(), x3d::RtsgScene::pointer.index, origin.pointer(7, buttons));
+    };
+    ASSERT_TRUE(point(0));
+    ASSERT_TRUE(peer->client->submitEdit(origin.group, x3d::Group::bboxDisplay.index, true));
+    ASSERT_TRUE(point(PointerInput::kPrimary));
+    const auto until = std::chrono::steady_clock::now() + 30ms;
+    while (std::chrono::steady_clock::now() < until) peer->client->poll(2ms);
+    peer.reset();
+    ASSERT_TRUE(test::eventually([&] { return origin.server->statistics().peers == 0; }));
+    std::this_thread::sleep_for(100ms);  // the server has noticed, and its scene has not looked
+    bool pressed = false;
+    EXPECT_TRUE(test::eventually([&] {
+        origin.turn();
+        pressed |= origin.isActive();
+        return pressed && !origin.isActive() && !origin.isOver();
+    }));
+    EXPECT_TRUE(origin.scene.node(origin.group).get(x3d::Group::bboxDisplay));
 }
 
 TEST(HeldPointers, OfAPeerThatLeavesArePointersWithoutAButton) {
