@@ -1,5 +1,7 @@
 // Passes a document on as it is, and reports what fits together badly.
 #include <algorithm>
+#include <initializer_list>
+#include <map>
 #include <unordered_map>
 
 #include <rtsg/core/nurbs.h>
@@ -7,6 +9,7 @@
 #include "document_check.h"
 #include "filter_parts.h"
 #include "script/syntax.h"
+#include "validated_node.h"
 
 namespace rtsg::detail {
 
@@ -23,6 +26,14 @@ std::size_t sizeOf(const Value& value) {
         default:
             return 1;
     }
+}
+
+/// How many values the last of these fields that was given has.
+std::size_t valuesOf(const ValidatedNode& node, std::initializer_list<const char*> fields) {
+    std::size_t result = ValidatedNode::kNone;
+    for (const char* field : fields)
+        if (const auto found = node.given.find(field); found != node.given.end()) result = sizeOf(found->second.value);
+    return result;
 }
 
 struct Indices {
@@ -57,12 +68,16 @@ class Validate final : public Filter {
     void endNode(SourceLocation where) override {
         if (!open_.empty()) {
             check(open_.back(), where);
-            Open done = std::move(open_.back());
+            const ValidatedNode done = std::move(open_.back());
             open_.pop_back();
-            const std::size_t count = done.values("point", "vector", "color");
-            if (done.type && count != kNone && !done.type->isA("X3DGeometryNode")) {
-                if (!open_.empty()) open_.back().children[done.field] = count;
-                if (!done.def.empty()) scopes_.back()[done.def] = count;
+            if (done.type) {
+                const bool counts = !done.type->isA("X3DGeometryNode");
+                const ValidatedNode::Child child{done.type->name,
+                                                 counts ? valuesOf(done, {"point", "vector", "color"}) : kNone};
+                if (!open_.empty()) open_.back().children[done.field] = child;
+                if (!done.def.empty()) scopes_.back()[done.def] = child;
+            } else if (!open_.empty()) {
+                open_.back().children[done.field] = {};
             }
         }
         Filter::endNode(where);
@@ -70,11 +85,13 @@ class Validate final : public Filter {
     void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
         if (const auto found = scopes_.back().find(std::string(def)); found != scopes_.back().end() && !open_.empty())
             open_.back().children[std::string(field)] = found->second;
+        else if (!open_.empty())
+            open_.back().children[std::string(field)] = {};
         Filter::useNode(def, field, where);
     }
     void setField(std::string_view name, Value value, SourceLocation where) override {
         if (!open_.empty() && open_.back().type && sf(value.type()) != FieldType::SFNode)
-            open_.back().given.insert_or_assign(std::string(name), Given{value, where});
+            open_.back().given.insert_or_assign(std::string(name), ValidatedNode::Given{value, where});
         Filter::setField(name, std::move(value), where);
     }
     void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) override {
@@ -100,50 +117,26 @@ class Validate final : public Filter {
     }
 
   private:
-    static constexpr std::size_t kNone = SIZE_MAX;
-    struct Given {
-        Value value;
-        SourceLocation where;
-    };
-    struct Open {
-        const NodeType* type;
-        std::string def, field;
-        std::unordered_map<std::string, Given> given;
-        std::unordered_map<std::string, std::size_t> children;  // by field: how many points or the like
-        bool isConnected = false;                               // so that instances may have other values
+    static constexpr std::size_t kNone = ValidatedNode::kNone;
 
-        std::int32_t number(const char* name, std::int32_t otherwise) const {
-            const auto found = given.find(name);
-            const bool isOne = found != given.end() && found->second.value.holds<std::int32_t>();
-            return isOne ? found->second.value.as<std::int32_t>() : otherwise;
-        }
-        template <class... Names>
-        std::size_t values(Names... names) const {
-            std::size_t result = kNone;
-            for (const char* name : {names...})
-                if (const auto found = given.find(name); found != given.end()) result = sizeOf(found->second.value);
-            return result;
-        }
-    };
-
-    void check(const Open& node, SourceLocation where) {
+    void check(const ValidatedNode& node, SourceLocation where) {
         if (!node.type) return;
+        checkCounts(node, where, diagnostics_);
         for (const Indices& one : kIndices) checkIndices(node, one);
         if (node.type->isA("X3DInterpolatorNode") || node.type->isA("X3DSequencerNode")) checkKeys(node, where);
         checkTangents(node, where);
         if (node.type->name == "ElevationGrid" || node.type->name == "GeoElevationGrid") checkHeights(node);
         if (node.type->name == "Script") checkScript(node);
         if (node.type->name == "NurbsPositionInterpolator" || node.type->name == "NurbsOrientationInterpolator") {
-            const auto points = node.children.find("controlPoint");
-            if (points != node.children.end())
-                checkKnots(node, "knot", node.number("order", 3), static_cast<std::int64_t>(points->second), "");
+            if (const std::size_t points = node.countIn("controlPoint"); points != kNone)
+                checkKnots(node, "knot", node.number("order", 3), static_cast<std::int64_t>(points), "");
         } else if (node.type->name == "NurbsSurfaceInterpolator") {
             checkKnots(node, "uKnot", node.number("uOrder", 3), node.number("uDimension", 0), " along u");
             checkKnots(node, "vKnot", node.number("vOrder", 3), node.number("vDimension", 0), " along v");
         }
     }
     /// What an interpolator says of them when it runs.
-    void checkKnots(const Open& node, const char* field, int order, std::int64_t points, const char* name) {
+    void checkKnots(const ValidatedNode& node, const char* field, int order, std::int64_t points, const char* name) {
         const auto given = node.given.find(field);
         if (given == node.given.end() || !given->second.value.holds<Array<double>>()) return;
         const Array<double>& knots = given->second.value.as<Array<double>>();
@@ -158,39 +151,37 @@ class Validate final : public Filter {
                                      ": taken as even",
                                  DiagnosticCode("behaviour"));
     }
-    void checkIndices(const Open& node, const Indices& names) {
+    void checkIndices(const ValidatedNode& node, const Indices& names) {
         const auto given = node.given.find(names.indices);
-        const auto count = node.children.find(names.node);
-        if (given == node.given.end() || count == node.children.end() || count->second == 0) return;
+        const std::size_t count = node.countIn(names.node);
+        if (given == node.given.end() || count == kNone || count == 0) return;
         if (!given->second.value.holds<Array<std::int32_t>>()) return;
         const Array<std::int32_t>& all = given->second.value.as<Array<std::int32_t>>();
-        const auto bad = std::ranges::find_if(all.span(), [&](std::int32_t i) {
-            return i < -1 || (i >= 0 && static_cast<std::size_t>(i) >= count->second);
-        });
+        const auto bad = std::ranges::find_if(
+            all.span(), [&](std::int32_t i) { return i < -1 || (i >= 0 && static_cast<std::size_t>(i) >= count); });
         if (bad == all.span().end()) return;
         diagnostics_.warning(given->second.where,
                              std::string(names.indices) + "[" + std::to_string(bad - all.span().begin()) + "] of " +
                                  node.type->name + " is " + std::to_string(*bad) + ", but " + names.node + " has " +
-                                 std::to_string(count->second) + " elements, counted from 0",
+                                 std::to_string(count) + " elements, counted from 0",
                              DiagnosticCode("geometry"));
     }
     /// Those of vertices without an index of their own: as many as there are points.
-    void checkTangents(const Open& node, SourceLocation where) {
-        const auto tangents = node.children.find("tangent"), points = node.children.find("coord");
-        if (tangents == node.children.end() || points == node.children.end() || node.given.contains("normalIndex"))
-            return;
+    void checkTangents(const ValidatedNode& node, SourceLocation where) {
+        const std::size_t tangents = node.countIn("tangent"), points = node.countIn("coord");
+        if (tangents == kNone || points == kNone || node.given.contains("normalIndex")) return;
         const auto perVertex = node.given.find("normalPerVertex");
         const bool ofFaces = node.type->name == "IndexedFaceSet" && perVertex != node.given.end() &&
                              perVertex->second.value.holds<bool>() && !perVertex->second.value.as<bool>();
-        if (ofFaces || tangents->second == 0 || tangents->second >= points->second) return;
+        if (ofFaces || tangents == 0 || tangents >= points) return;
         const auto index = node.given.find("coordIndex");
         diagnostics_.warning(index == node.given.end() ? where : index->second.where,
-                             node.type->name + " has " + std::to_string(tangents->second) + " tangents for " +
-                                 std::to_string(points->second) + " points",
+                             node.type->name + " has " + std::to_string(tangents) + " tangents for " +
+                                 std::to_string(points) + " points",
                              DiagnosticCode("geometry"));
     }
-    void checkKeys(const Open& node, SourceLocation where) {
-        const std::size_t keys = node.values("key"), values = node.values("keyValue", "easeInEaseOut");
+    void checkKeys(const ValidatedNode& node, SourceLocation where) {
+        const std::size_t keys = valuesOf(node, {"key"}), values = valuesOf(node, {"keyValue", "easeInEaseOut"});
         if (keys == kNone && values == kNone) return;
         const std::size_t key = keys == kNone ? 0 : keys, value = values == kNone ? 0 : values;
         const auto given = node.given.find(keys == kNone ? "keyValue" : "key");
@@ -210,7 +201,7 @@ class Validate final : public Filter {
             diagnostics_.warning(k->second.where, "the keys of " + node.type->name + " do not ascend",
                                  DiagnosticCode("behaviour"));
     }
-    void checkHeights(const Open& node) {
+    void checkHeights(const ValidatedNode& node) {
         const auto x = node.given.find("xDimension"), z = node.given.find("zDimension"), h = node.given.find("height");
         if (x == node.given.end() || z == node.given.end() || h == node.given.end()) return;
         const std::int64_t wanted =
@@ -222,7 +213,7 @@ class Validate final : public Filter {
                                      std::to_string(wanted) + " points (xDimension times zDimension)",
                                  DiagnosticCode("geometry"));
     }
-    void checkScript(const Open& node) {
+    void checkScript(const ValidatedNode& node) {
         const auto url = node.given.find("url");
         if (url == node.given.end() || !url->second.value.holds<Array<String>>()) return;
         for (const String& one : url->second.value.as<Array<String>>()) {
@@ -246,8 +237,8 @@ class Validate final : public Filter {
 
     Diagnostics& diagnostics_;
     ProfileCheck profile_;
-    std::vector<Open> open_;
-    std::vector<std::unordered_map<std::string, std::size_t>> scopes_{1};  // DEF: how many points or the like
+    std::vector<ValidatedNode> open_;
+    std::vector<std::unordered_map<std::string, ValidatedNode::Child>> scopes_{1};  // by DEF
     std::map<std::string, bool, std::less<>> protos_;
 };
 

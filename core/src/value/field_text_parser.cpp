@@ -259,7 +259,9 @@ bool FieldTextParser::parseImage(Image& out, bool last) {
     std::size_t count = 0;
     // `0 0 0` is the empty image, the default: it has one representation.
     if (head[0] != 0 || head[1] != 0 || head[2] != 0) out.words.append(head);
-    bool reported = false;
+    // What a pixel of so many components cannot hold; of four it is a whole word.
+    const std::uint32_t beyond = head[2] >= 1 && head[2] <= 3 ? ~((1u << 8 * head[2]) - 1) : 0;
+    bool reported = false, toldBeyond = false;
     for (std::uint64_t i = 0; i < pixels; ++i) {
         skipSpace();
         const char* at = p;
@@ -275,6 +277,12 @@ bool FieldTextParser::parseImage(Image& out, bool last) {
         if (status == NumberStatus::notFinite && !reported) {
             report_.report(Severity::error, at, "the pixel does not fit 32 bits; 0 is taken instead");
             reported = true;
+        }
+        if ((static_cast<std::uint32_t>(block[count]) & beyond) != 0 && !toldBeyond) {
+            report_.report(Severity::warning, at,
+                           "the pixel has more bits than " + std::to_string(head[2]) +
+                               (head[2] == 1 ? " component takes" : " components take") + "; the others do not count");
+            toldBeyond = true;
         }
         if (++count == kBlock) {
             out.words.append({block, count});

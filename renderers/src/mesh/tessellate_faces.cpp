@@ -121,7 +121,11 @@ Mesh tessellate(const IndexedFaceSetParams& params) {
 Mesh detail::tessellateFaces(const IndexedFaceSetParams& params, FacePlan* plan) {
     Mesh mesh;
     mesh.solid = params.solid;
-    if (params.coordIndex.empty() || params.coord.empty()) return mesh;
+    if (params.coordIndex.empty()) return mesh;
+    if (params.coord.empty()) {
+        warn(mesh, "coordIndex refers to points, and there are none");
+        return mesh;
+    }
     mesh.positions = params.coord;
 
     Topology topology;

@@ -63,6 +63,9 @@ Mesh tessellate(const ElevationGridParams& params) {
         if (params.xDimension < 0 || params.zDimension < 0)
             warn(mesh, fmt::format("xDimension {} and zDimension {} may not be negative", params.xDimension,
                                    params.zDimension));
+        else if (params.xDimension > 0 && params.zDimension > 0)
+            warn(mesh, fmt::format("xDimension {} and zDimension {} make no faces: nothing is drawn", params.xDimension,
+                                   params.zDimension));
         return mesh;
     }
     if (!(params.xSpacing > 0) || !(params.zSpacing > 0) || !detail::usable(params.xSpacing) ||

@@ -397,6 +397,11 @@ class NurbsReader {
             warn(mesh_, fmt::format("the knots{} do not fit {} control points of order {}: taken as even", name, count,
                                     order));
     }
+    /// As many as there are control points, or none, which are then 1 each.
+    void tellOfWeights(std::size_t weights, std::size_t points) {
+        if (weights != 0 && weights != points)
+            warn(mesh_, fmt::format("{} weights for {} control points: those that are missing are 1", weights, points));
+    }
     /// `even`: in place of the knots; `around`: the first points come again in the end.
     bool basis(int order, std::size_t count, std::span<const double> knots, const char* name, bool even, bool around,
                NurbsBasis& out) {
@@ -421,6 +426,7 @@ class NurbsReader {
     bool make(std::vector<Vec3d> list, const Array<double>& weight, const Array<double>& knot, int order, bool closed,
               NurbsCurve& out) {
         std::vector<double> weights(weight.begin(), weight.end());
+        tellOfWeights(weights.size(), list.size());
         const bool even = takesEvenKnots(order, list.size(), spanOf(knot));
         if (even) tellOfKnots(order, list.size(), knot, "");
         const bool around = closed && even && closeEvenly(order, list, weights);
@@ -506,6 +512,7 @@ class NurbsReader {
         }
         list.resize(nu * nv);
         std::vector<double> weights(node_.get(T::weight).begin(), node_.get(T::weight).end());
+        tellOfWeights(weights.size(), list.size());
         weights.resize(list.size(), 1);
         const int orderU = node_.get(T::uOrder), orderV = node_.get(T::vOrder);
         const std::size_t plainU = nu, plainV = nv;

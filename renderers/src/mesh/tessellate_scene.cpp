@@ -413,6 +413,8 @@ class SceneTessellator {
         }
         Mesh mesh = tessellate(p);
         mesh.anchor = properties_.anchor();
+        if (node_.is(x3d::LineSet::type) && p.vertexCount.empty() && !p.coord.empty())
+            warn(mesh, fmt::format("vertexCount is empty: of {} points no line is drawn", p.coord.size()));
         return mesh;
     }
 

@@ -140,13 +140,19 @@ Mesh tessellate(const PrimitiveSetParams& params) {
 Mesh detail::tessellateSet(const PrimitiveSetParams& params, FacePlan* plan) {
     Mesh mesh;
     mesh.solid = params.solid;
-    if (params.coord.empty()) return mesh;
+    if (params.coord.empty()) {
+        if (isIndexed(params.kind) && !params.index.empty()) warn(mesh, "index refers to points, and there are none");
+        return mesh;
+    }
     mesh.positions = params.coord;
     const bool plainTriangles = params.kind == Kind::triangleSet || params.kind == Kind::indexedTriangleSet;
     const std::size_t points = params.coord.size();
     const Array<std::int32_t> index =
         isIndexed(params.kind) ? params.index : countingUp(plainTriangles ? points / 3 * 3 : points);
-    if (index.empty()) return mesh;
+    if (index.empty()) {
+        if (!isIndexed(params.kind)) warn(mesh, "points left over, too few for a triangle");
+        return mesh;
+    }
 
     Topology topology;
     if (plainTriangles && params.ccw && index.size() >= 3 &&
@@ -164,6 +170,7 @@ Mesh detail::tessellateSet(const PrimitiveSetParams& params, FacePlan* plan) {
         cutter.report();
         if (plan) plan->dependsOnPoints = cutter.leftOutForPoints();
         topology = builder.finish(mesh);
+        if (mesh.empty() && mesh.diagnostics.warnings() == 0) warn(mesh, "none of its faces has an area");
     }
     if (mesh.empty()) return mesh;
     // Clauses 11.4 and 32.4: all values belong to vertices; colorPerVertex is ignored and normalPerVertex only

@@ -158,5 +158,60 @@ TEST(ValidateFilter, TangentsAreAsManyAsThePoints) {
                 HasSubstr("normalIndex[1] of IndexedFaceSet is 1, but tangent has 1 elements"));
 }
 
+TEST(ValidateFilter, ListsThatDoNotFitEachOther) {
+    EXPECT_THAT(problems("OrthoViewpoint { fieldOfView [-1 -1 1] }"),
+                HasSubstr("test:3:18: warning: fieldOfView of OrthoViewpoint has 3 values; it takes 4 [behaviour]"));
+    EXPECT_THAT(problems("NavigationInfo { avatarSize [1] }"), HasSubstr("avatarSize of NavigationInfo has 1 value;"));
+    EXPECT_THAT(problems("NavigationInfo { type [\"WALK\" \"FOO\"] }"), HasSubstr("'FOO' is no type of navigation"));
+    EXPECT_THAT(problems("Background { skyColor [1 0 0 0 1 0 0 0 1] skyAngle [1.5 1] }"),
+                HasSubstr("skyAngle of Background does not ascend"));
+    EXPECT_THAT(problems("Background { groundAngle [1] groundColor [1 0 0] }"),
+                HasSubstr("Background has 1 groundColor for 1 groundAngle; it takes one more than these"));
+    EXPECT_THAT(problems("LOD { range [20 5] }"), HasSubstr("range of LOD does not ascend"));
+    EXPECT_THAT(problems("HAnimJoint { skinCoordIndex [0 1 2] skinCoordWeight [1] }"),
+                HasSubstr("HAnimJoint has 1 skinCoordWeight for 3 skinCoordIndexes"));
+    EXPECT_THAT(problems("ParticleSystem { colorKey [0] color Color { color [1 0 0, 0 1 0] } }"),
+                HasSubstr("colorKey of ParticleSystem has 1 key for 2 colours"));
+    EXPECT_THAT(problems("NurbsCurve { controlPoint Coordinate { point [0 0 0, 1 0 0, 1 1 0] } weight [1 2] }"),
+                HasSubstr("NurbsCurve has 2 weights for 3 control points"));
+    EXPECT_THAT(problems("NurbsCurve2D { controlPoint [0 0, 1 0, 1 1] weight [1 2] }"), Not(HasSubstr("weights")));
+}
+
+TEST(ValidateFilter, FieldsInWhichTheOthersLeaveNoSense) {
+    const auto shape = [](const std::string& appearance) {
+        return "Shape { appearance Appearance { " + appearance + " } }";
+    };
+    EXPECT_THAT(problems(shape("texture PixelTexture3D { image [3 1 1] }")),
+                HasSubstr("image of PixelTexture3D has 3 numbers"));
+    EXPECT_THAT(problems(shape("texture PixelTexture3D { image [1 1 2 1 7] }")),
+                HasSubstr("image of PixelTexture3D has 1 texel for a block of 2"));
+    EXPECT_THAT(problems(shape("material UnlitMaterial { } backMaterial Material { }")),
+                HasSubstr("backMaterial is of type Material and material of type UnlitMaterial"));
+    EXPECT_THAT(problems("GeoLocation { geoCoords 100 0 0 }"),
+                HasSubstr("geoCoords of GeoLocation has a latitude beyond"));
+    EXPECT_THAT(problems("ClipPlane { plane 0 0 0 -1 }"), HasSubstr("plane of ClipPlane has no direction"));
+    EXPECT_THAT(problems("TextureProjector { }"), HasSubstr("TextureProjector has no texture: it throws nothing"));
+    EXPECT_THAT(problems("Shape { geometry Box { } appearance Appearance { textureTransform TextureTransform { } } }"),
+                "");
+    EXPECT_THAT(problems("Shape { geometry IndexedFaceSet { texCoord TextureCoordinateGenerator { mode \"NOISE\" "
+                         "parameter [1] } } }"),
+                HasSubstr("parameter of TextureCoordinateGenerator has 1 value; NOISE takes 6"));
+}
+
+TEST(ValidateFilter, ListsThatFitAreLeftAlone) {
+    EXPECT_EQ(
+        problems("OrthoViewpoint { fieldOfView [-1 -1 1 1] } NavigationInfo { avatarSize [.25 1.6 .75] type \"ANY\" }"
+                 "Background { skyColor [1 0 0, 0 1 0, 0 0 1] skyAngle [1, 1.5] } Background { groundColor [ ] }"
+                 "LOD { range [5 20] } HAnimJoint { skinCoordIndex [0 1] skinCoordWeight [1 .5] }"
+                 "GeoLocation { geoCoords 90 100 0 } GeoLocation { geoSystem [\"GD\" \"longitude_first\"] geoCoords "
+                 "100 9 0 }"
+                 "GeoLocation { geoSystem \"GC\" geoCoords 1e6 1e6 1e6 } TextureProjector { texture ImageTexture { } }"
+                 "Shape { appearance Appearance { material Material { } backMaterial Material { }"
+                 "texture PixelTexture3D { image [1 1 2 1 7 8] } } }"),
+        "");
+    const std::string instance = "PROTO P [ inputOutput SFNode t NULL ] { TextureProjector { texture IS t } } P { }";
+    EXPECT_EQ(problems(instance), "");
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -1,4 +1,6 @@
 // Geometry nodes of a scene: fields, bindings, what is reported.
+#include <gmock/gmock.h>
+
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -39,6 +41,52 @@ TEST(TessellateScene, DefaultsOfEveryGeometryNode) {
         EXPECT_NEAR(surfaceArea(*mesh), c.area, 0.02 * c.area);
         EXPECT_EQ(mesh->diagnostics.warnings(), 0u);
     }
+}
+
+TEST(TessellateScene, WhatShowsNothingThoughSomethingIsGivenSaysWhy) {
+    Scene scene;
+    const NodeId points = scene.createNode(x3d::Coordinate::type);
+    const auto told = [&](NodeId id) {
+        const auto mesh = meshOf(scene, id);
+        EXPECT_TRUE(mesh->empty());
+        return mesh->diagnostics.all().empty() ? std::string() : mesh->diagnostics.all()[0].text;
+    };
+    const NodeId faces = scene.createNode(x3d::IndexedFaceSet::type);
+    ASSERT_TRUE(scene.set(faces, x3d::IndexedFaceSet::coordIndex, Array<std::int32_t>{0, 1, 2, -1}));
+    EXPECT_THAT(told(faces), testing::HasSubstr("coordIndex refers to points, and there are none"));
+    const NodeId set = scene.createNode(x3d::IndexedTriangleSet::type);
+    ASSERT_TRUE(scene.set(set, x3d::IndexedTriangleSet::index, Array<std::int32_t>{0, 1, 2}));
+    EXPECT_THAT(told(set), testing::HasSubstr("index refers to points, and there are none"));
+    ASSERT_TRUE(scene.set(points, x3d::Coordinate::point, Array<Vec3f>{{0, 0, 0}, {1, 0, 0}}));
+    const NodeId triangles = scene.createNode(x3d::TriangleSet::type);
+    ASSERT_TRUE(scene.set(triangles, x3d::TriangleSet::coord, points));
+    EXPECT_THAT(told(triangles), testing::HasSubstr("points left over, too few for a triangle"));
+    const NodeId lines = scene.createNode(x3d::LineSet::type);
+    ASSERT_TRUE(scene.set(lines, x3d::LineSet::coord, points));
+    EXPECT_THAT(told(lines), testing::HasSubstr("vertexCount is empty: of 2 points no line is drawn"));
+    const NodeId grid = scene.createNode(x3d::ElevationGrid::type);
+    ASSERT_TRUE(scene.set(grid, x3d::ElevationGrid::xDimension, 1));
+    EXPECT_EQ(told(grid), "");
+    ASSERT_TRUE(scene.set(grid, x3d::ElevationGrid::zDimension, 3));
+    EXPECT_THAT(told(grid), testing::HasSubstr("xDimension 1 and zDimension 3 make no faces"));
+}
+
+TEST(TessellateScene, WeightsOfNurbsThatDoNotFitAreTold) {
+    Scene scene;
+    const NodeId points = scene.createNode(x3d::Coordinate::type);
+    ASSERT_TRUE(scene.set(points, x3d::Coordinate::point, Array<Vec3f>{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}}));
+    const NodeId patch = scene.createNode(x3d::NurbsPatchSurface::type);
+    using T = x3d::NurbsPatchSurface;
+    ASSERT_TRUE(scene.set(patch, T::controlPoint, points));
+    for (const auto& field : {T::uDimension, T::vDimension, T::uOrder, T::vOrder})
+        ASSERT_TRUE(scene.set(patch, field, 2));
+    EXPECT_EQ(meshOf(scene, patch)->diagnostics.warnings(), 0u);
+    ASSERT_TRUE(scene.set(patch, T::weight, Array<double>{1, 1, 1, 1}));
+    EXPECT_EQ(meshOf(scene, patch)->diagnostics.warnings(), 0u);
+    ASSERT_TRUE(scene.set(patch, T::weight, Array<double>{1, 1}));
+    const auto mesh = meshOf(scene, patch);
+    ASSERT_EQ(mesh->diagnostics.warnings(), 1u);
+    EXPECT_THAT(mesh->diagnostics.all()[0].text, testing::HasSubstr("2 weights for 4 control points"));
 }
 
 TEST(TessellateScene, FacesShareTheArraysOfTheScene) {

@@ -119,7 +119,9 @@ TEST(TessellateSets, BadInput) {
         return mesh.diagnostics.warnings();
     };
     EXPECT_EQ(warnings(set(Kind::triangleSet, {}), 0), 0u);
-    EXPECT_EQ(warnings(set(Kind::triangleSet, {{0, 0, 0}, {1, 0, 0}}), 0), 0u);
+    EXPECT_EQ(warnings(set(Kind::triangleSet, {{0, 0, 0}, {1, 0, 0}}), 0), 1u);
+    EXPECT_EQ(warnings(set(Kind::indexedTriangleSet, {}, {0, 1, 2}), 0), 1u);
+    EXPECT_EQ(warnings(set(Kind::indexedTriangleStripSet, {}, {}), 0), 0u);
     EXPECT_EQ(warnings(set(Kind::triangleSet, {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {5, 5, 5}}), 1), 1u);
     EXPECT_EQ(warnings(set(Kind::indexedTriangleSet, ladder(), {0, 1, 2, 0, 1, 6, 0}), 1), 2u);
     EXPECT_EQ(warnings(set(Kind::indexedTriangleSet, ladder(), {0, 1, -1, 2, 0, 1}), 1), 1u);
