@@ -48,6 +48,10 @@ def shortened(arguments):
     for argument in arguments:
         out.append(SHORTER.get(previous) or argument)
         previous = argument
+    # So do pictures and sounds of the size and length that they have by themselves.
+    for verb, option in (("run", "--size"), ("listen", "--for")):
+        if arguments[0] == verb and option not in out and (verb == "listen" or "--render" in out):
+            out += [option, SHORTER[option]]
     return out
 
 
