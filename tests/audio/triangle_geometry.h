@@ -87,7 +87,7 @@ class TriangleGeometry : public AcousticGeometry {
         for (const Triangle& t : triangles_) {
             if (distanceTo(t, point) > radius) continue;
             const glm::dvec3 normal = glm::normalize(glm::cross(t.u, t.v));
-            visit(normal, glm::dot(point - t.a, normal));
+            visit({normal, glm::dot(point - t.a, normal)});
         }
     }
 

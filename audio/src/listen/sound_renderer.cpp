@@ -43,7 +43,7 @@ double meanOf(const Bands& bands) {
 /// 2000 sqrt(T / V), with the volume that the listener sees; NaN in the open.
 double schroederFrequency(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                           double reverberationTime) {
-    const Surroundings around = surroundings(geometry, offWalls(geometry, listener, source), 1, 2048);
+    const Surroundings around = surroundings(geometry, offSolids(geometry, listener, source), 1, 2048);
     return around.closed ? 2000 * std::sqrt(reverberationTime / around.volume)
                          : std::numeric_limits<double>::quiet_NaN();
 }

@@ -406,7 +406,7 @@ void findCandidates(const AcousticGeometry& geometry, const ImageSourceOptions& 
 
 Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to) {
     Bands share = allBands(1);
-    const glm::dvec3 source = offWalls(geometry, from, to), listener = offWalls(geometry, to, from);
+    const glm::dvec3 source = offSolids(geometry, from, to), listener = offSolids(geometry, to, from);
     const glm::dvec3 toSource = source - listener;
     const double distance = glm::length(toSource);
     if (!(distance > 0)) return share;

@@ -12,13 +12,8 @@
 namespace rtsg {
 namespace {
 
-struct Touched {
-    glm::dvec3 normal;
-    double distance;
-};
-
 /// Which side of a wall that both places touch is meant: the one that has something in front of it.
-double innerSide(const AcousticGeometry& geometry, const glm::dvec3& point, const Touched& wall, double off) {
+double innerSide(const AcousticGeometry& geometry, const glm::dvec3& point, const NearSurface& wall, double off) {
     const auto shut = [&](double side) {
         AcousticHit hit;
         // Not straight away from the wall: symmetric rooms have edges there.
@@ -36,23 +31,49 @@ double roundingOf(const glm::dvec3& point) {
 
 /// The walls that a place touches, and on which side of each it is meant to be.
 struct TouchedWalls {
-    std::vector<Touched> walls;
+    std::vector<NearSurface> walls;
     std::vector<double> sides;
+    /// Of solids, each with the wall that it is part of, and on which side of that its face is.
+    struct Face {
+        std::uint32_t solid;
+        std::size_t wall;
+        double side;
+    };
+    std::vector<Face> faces;
 };
 
 void findTouched(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards, double off,
                  TouchedWalls& touched) {
     touched.walls.clear();
     touched.sides.clear();
-    geometry.surfacesNear(point, off, [&](const glm::dvec3& normal, double distance) {
-        for (const Touched& known : touched.walls)
-            if (std::abs(glm::dot(known.normal, normal)) > 1 - 1e-9) return;
-        touched.walls.push_back({normal, distance});
+    touched.faces.clear();
+    geometry.surfacesNear(point, off, [&](const NearSurface& surface) {
+        std::size_t at = 0;
+        while (at < touched.walls.size() && !(std::abs(glm::dot(touched.walls[at].normal, surface.normal)) > 1 - 1e-9))
+            ++at;
+        if (at == touched.walls.size()) touched.walls.push_back(surface);
+        if (surface.solid != kNoSolid)
+            touched.faces.push_back(
+                {surface.solid, at, glm::dot(touched.walls[at].normal, surface.normal) < 0 ? -1.0 : 1.0});
     });
-    for (const Touched& wall : touched.walls) {
+    for (const NearSurface& wall : touched.walls) {
         const double across = glm::dot(towards - point, wall.normal) + wall.distance;
         touched.sides.push_back(across > off ? 1 : across < -off ? -1 : innerSide(geometry, point, wall, off));
     }
+}
+
+/// Of a solid that the other place touches as well, both are there where its faces face. Whether there is one.
+bool turnOutOfSolids(const AcousticGeometry& geometry, const glm::dvec3& other, TouchedWalls& touched) {
+    if (touched.faces.empty()) return false;
+    bool any = false;
+    geometry.surfacesNear(other, roundingOf(other), [&](const NearSurface& surface) {
+        for (const TouchedWalls::Face& face : touched.faces) {
+            if (face.solid != surface.solid) continue;
+            touched.sides[face.wall] = face.side;
+            any = true;
+        }
+    });
+    return any;
 }
 
 glm::dvec3 movedOff(const TouchedWalls& touched, const glm::dvec3& point, double off) {
@@ -63,9 +84,9 @@ glm::dvec3 movedOff(const TouchedWalls& touched, const glm::dvec3& point, double
     for (int round = 0; round < 128 && !settled; ++round) {
         settled = true;
         for (std::size_t i = 0; i < touched.walls.size(); ++i) {
-            const auto& [normal, distance] = touched.walls[i];
-            const double now = touched.sides[i] * (distance + glm::dot(moved - point, normal));
-            if (now < off) moved += normal * (touched.sides[i] * (off - now));
+            const NearSurface& wall = touched.walls[i];
+            const double now = touched.sides[i] * (wall.distance + glm::dot(moved - point, wall.normal));
+            if (now < off) moved += wall.normal * (touched.sides[i] * (off - now));
             settled = settled && now > 0.99 * off;
         }
     }
@@ -81,11 +102,22 @@ glm::dvec3 offWalls(const AcousticGeometry& geometry, const glm::dvec3& point, c
     return touched.walls.empty() ? point : movedOff(touched, point, off);
 }
 
+glm::dvec3 offSolids(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& other) {
+    const double off = roundingOf(point);
+    thread_local TouchedWalls touched;
+    findTouched(geometry, point, other, off, touched);
+    if (touched.walls.empty()) return point;
+    turnOutOfSolids(geometry, other, touched);
+    return movedOff(touched, point, off);
+}
+
 glm::dvec3 outsideBodies(const AcousticGeometry& geometry, const glm::dvec3& point, const glm::dvec3& towards) {
     const double off = roundingOf(point);
     TouchedWalls touched;
     findTouched(geometry, point, towards, off, touched);
     if (touched.walls.empty()) return point;
+    // So far that it touches the wall no more, where that is asked again with a place that does not either.
+    if (turnOutOfSolids(geometry, towards, touched)) return movedOff(touched, point, 2 * off);
     const glm::dvec3 near = movedOff(touched, point, off);
     const double distance = glm::distance(near, towards);
     AcousticHit hit;

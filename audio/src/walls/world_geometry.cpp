@@ -238,23 +238,27 @@ void WorldGeometry::surfacesNear(const glm::dvec3& point, double radius, const S
     const auto searched = static_cast<float>(reach + rounding);
     // By reference: a function of its own would take its room from the heap, and direct sound asks in every block.
     const auto look = [&](std::uint32_t slot, std::uint32_t triangle) {
+        const Wall& wall = walls_.walls[slot];
         glm::dvec3 corners[3];
-        cornersOf(walls_.walls[slot], triangle, corners);
+        cornersOf(wall, triangle, corners);
         if (distanceToTriangle(point, corners) > reach) return searched;
         const std::uint32_t plane = planes_->usable() ? planes_->planeOf(slot, triangle) : kNoPlane;
         glm::dvec3 normal = glm::cross(corners[1] - corners[0], corners[2] - corners[0]);
+        // A mirror turns a triangle over, not the side that it faces.
+        const WorldFromLocal& m = wall.worldFromLocal;
+        if (glm::dot(glm::cross(m[0], m[1]), m[2]) < 0) normal = -normal;
         const double length = glm::length(normal);
         if (!(length > 0)) return searched;
         normal /= length;
         double distance = glm::dot(point - corners[0], normal);
         if (plane != kNoPlane) {
-            // Seen from the side the triangle faces.
             const ReflectingPlane& on = planes_->planes()[plane];
             const double side = glm::dot(on.normal, normal) < 0 ? -1 : 1;
             normal = side * on.normal;
             distance = side * on.signedDistance(point);
         }
-        if (std::abs(distance) <= radius) visit(normal, distance);
+        if (std::abs(distance) <= radius)
+            visit({normal, distance, wall.mesh->solid && wall.mesh->isClosed() ? slot : kNoSolid});
         return searched;
     };
     rays_->visitNear(rays_->fromWorld(point), searched, std::cref(look), RayKind::sound);

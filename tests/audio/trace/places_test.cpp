@@ -1,7 +1,14 @@
 // Places on walls are moved off them: in corners of every angle to where they are before both walls.
+#include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <random>
+#include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
+
+#include <rtsg/audio/image_sources.h>
 
 #include "audio/triangle_geometry.h"
 #include "trace/places.h"
@@ -68,6 +75,102 @@ TEST(Places, WhatBendsRoundABodyIsHeardOnItsFarFace) {
     for (const double x : {.5, .500001, .499999}) {
         EXPECT_NEAR(level(source, {x, .1, .05}), before, .2) << x;
         EXPECT_NEAR(level({x, .1, .05}, source), before, .2) << x;
+    }
+}
+
+/// A box, turned and moved, with places on its faces.
+class RandomBox {
+  public:
+    explicit RandomBox(std::uint32_t seed) : random_(seed) {
+        size_ = {in(.5, 3), in(.5, 3), in(.5, 3)};
+        const glm::dvec3 z = glm::normalize(glm::dvec3(in(-1, 1), in(-1, 1), in(.1, 1)));
+        const glm::dvec3 x = glm::normalize(glm::cross(glm::dvec3(in(-1, 1), 1.2, 0), z));
+        turn_ = glm::dmat3(x, glm::cross(z, x), z);
+        middle_ = {in(-5, 5), in(-5, 5), in(-5, 5)};
+    }
+    /// Its faces face outwards, or inwards; mirrored by its transform or not.
+    test::Walled walls(bool outwards, bool solid, bool mirrored) const {
+        std::vector<glm::dvec3> corners;
+        for (int i = 0; i < 8; ++i)
+            corners.push_back(size_ * glm::dvec3(i & 1 ? .5 : -.5, i & 2 ? .5 : -.5, i & 4 ? .5 : -.5));
+        std::vector<std::uint32_t> triangles = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                                                2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
+        if (!outwards) std::ranges::reverse(triangles);
+        const glm::dvec3 x = turn_[0] * (mirrored ? -1.0 : 1.0);
+        return {corners, triangles, 0, {WorldFromLocal(x, turn_[1], turn_[2], middle_)}, solid};
+    }
+    /// Off a face by so much, outside or inside.
+    glm::dvec3 at(int face, const glm::dvec3& place, double off) const {
+        const int axis = face / 2;
+        glm::dvec3 local = size_ * place;
+        local[axis] = (face % 2 ? 1 : -1) * (.5 * size_[axis] + off);
+        return middle_ + turn_ * local;
+    }
+    double in(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
+    int face() { return std::uniform_int_distribution<int>(0, 5)(random_); }
+
+  private:
+    std::mt19937 random_;
+    glm::dvec3 size_{1}, middle_{0};
+    glm::dmat3 turn_{1};
+};
+
+double levelOf(const std::vector<Arrival>& arrivals) {
+    return 10 * std::log10(test::total(arrivals)[kBand1k]);
+}
+bool isHeardStraight(const std::vector<Arrival>& arrivals) {
+    return std::ranges::any_of(arrivals, [](const Arrival& one) { return one.order == 0; });
+}
+
+TEST(Places, BothOnTheFacesOfABodyAreOutsideOfIt) {
+    for (std::uint32_t seed = 1; seed <= 40; ++seed) {
+        SCOPED_TRACE("seed " + std::to_string(seed));
+        RandomBox box(seed);
+        const test::Walled body = box.walls(true, true, seed % 2 == 0);
+        const int a = box.face(), b = box.face();
+        const glm::dvec3 source(box.in(-.4, .4), box.in(-.4, .4), box.in(-.4, .4)),
+            listener(box.in(-.4, .4), box.in(-.4, .4), box.in(-.4, .4));
+        const auto off = [&](double metres) {
+            return body.arrivals(box.at(a, source, metres), box.at(b, listener, metres));
+        };
+        const std::vector<Arrival> on = off(0), before = off(2e-4);
+        EXPECT_EQ(isHeardStraight(on), a == b);
+        EXPECT_EQ(isHeardStraight(before), a == b);
+        EXPECT_NEAR(levelOf(on), levelOf(before), .1);
+        // What is played asks for direct sound by itself.
+        const glm::dvec3 from = box.at(a, source, 0), to = box.at(b, listener, 0);
+        EXPECT_EQ(directShare(body.geometry, from, to)[kBand1k], a == b ? 1 : 0);
+    }
+}
+
+TEST(Places, BothOnTheWallsOfARoomAreInsideOfIt) {
+    for (std::uint32_t seed = 1; seed <= 40; ++seed) {
+        SCOPED_TRACE("seed " + std::to_string(seed));
+        RandomBox box(seed);
+        // Walls that face inwards; or that have two sides, whichever way they are wound.
+        const test::Walled room = box.walls(seed % 3 == 0, seed % 3 == 1, seed % 2 == 0);
+        const int a = box.face(), b = box.face();
+        const glm::dvec3 source(box.in(-.4, .4), box.in(-.4, .4), box.in(-.4, .4)),
+            listener(box.in(-.4, .4), box.in(-.4, .4), box.in(-.4, .4));
+        const auto off = [&](double metres) {
+            return room.arrivals(box.at(a, source, metres), box.at(b, listener, metres));
+        };
+        const std::vector<Arrival> on = off(0), before = off(-2e-4);
+        EXPECT_TRUE(isHeardStraight(on));
+        EXPECT_NEAR(levelOf(on), levelOf(before), .02);
+        EXPECT_EQ(directShare(room.geometry, box.at(a, source, 0), box.at(b, listener, 0))[kBand1k], 1);
+    }
+}
+
+TEST(Places, OnAFaceOfABodyAndInsideOfItIsInside) {
+    for (std::uint32_t seed = 1; seed <= 20; ++seed) {
+        SCOPED_TRACE("seed " + std::to_string(seed));
+        RandomBox box(seed);
+        const test::Walled body = box.walls(true, true, false);
+        const glm::dvec3 place(box.in(-.4, .4), box.in(-.4, .4), box.in(-.4, .4));
+        const glm::dvec3 on = box.at(box.face(), place, 0), inside = box.at(box.face(), place, -.1);
+        EXPECT_EQ(directShare(body.geometry, on, inside)[kBand1k], 1);
+        EXPECT_TRUE(isHeardStraight(body.arrivals(on, inside)));
     }
 }
 

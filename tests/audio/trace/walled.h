@@ -17,11 +17,12 @@ namespace rtsg::test {
 
 /// Walls of one mesh, in the world at once.
 struct Walled {
-    /// As often as there are transforms.
+    /// As often as there are transforms. `solid`: faces have one side.
     Walled(const std::vector<glm::dvec3>& corners, const std::vector<std::uint32_t>& triangles, double absorption = 0,
-           const std::vector<WorldFromLocal>& transforms = {WorldFromLocal(1.0)})
+           const std::vector<WorldFromLocal>& transforms = {WorldFromLocal(1.0)}, bool solid = true)
         : walls(world, {allBands(absorption), allBands(0), allBands(0)}) {
         auto mesh = std::make_shared<Mesh>();
+        mesh->solid = solid;
         for (const glm::dvec3& p : corners) mesh->positions.push_back(Vec3f(p));
         const std::vector<int> numbers(triangles.begin(), triangles.end());
         mesh->triangles = Array<int>(std::span<const int>(numbers));

@@ -24,6 +24,7 @@ using test::TriangleGeometry;
 /// Box of unit edge from the origin, fronts inwards or outwards: no matter.
 std::shared_ptr<Mesh> unitBox() {
     auto mesh = std::make_shared<Mesh>();
+    mesh->solid = false;  // as of rooms
     for (int i = 0; i < 8; ++i) mesh->positions.push_back({i & 1 ? 1.f : 0.f, i & 2 ? 1.f : 0.f, i & 4 ? 1.f : 0.f});
     mesh->triangles = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
                        2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
@@ -450,7 +451,7 @@ TEST(WorldGeometry, WhatIsSeenAndNotHeardIsNoSurface) {
         }
         room.commit();
         int near = 0;
-        room.geometry.surfacesNear({2, 2, 3.75}, .5, [&](const glm::dvec3&, double) { ++near; });
+        room.geometry.surfacesNear({2, 2, 3.75}, .5, [&](const NearSurface&) { ++near; });
         EXPECT_EQ(near > 0, wall);
         EXPECT_NEAR(room.geometry.distanceToSurface({2, 2, 3.75}), wall ? .25 : 28.0, 1e-5);
     }

@@ -78,6 +78,17 @@ struct WallEdge {
     std::uint32_t material = 0;
 };
 
+constexpr std::uint32_t kNoSolid = std::numeric_limits<std::uint32_t>::max();
+
+/// A surface beside a place.
+struct NearSurface {
+    glm::dvec3 normal{0, 0, 1};  // unit, on the side that it faces
+    double distance = 0;         // of the place from its plane, on that side
+    /// Which closed mesh it is of whose faces have one side (X3D `solid`): the air is there where they face. Else
+    /// kNoSolid, and the air may be on both.
+    std::uint32_t solid = kNoSolid;
+};
+
 /// Up to sixteen rays that are asked about together.
 struct AcousticRays {
     static constexpr int kMost = 16;
@@ -147,8 +158,7 @@ class AcousticGeometry {
     }
     /// Distance from a point to the nearest surface, metres; infinity in the void.
     virtual double distanceToSurface(const glm::dvec3& point) const = 0;
-    /// Called with the unit normal of a surface and the point's distance from its plane on that side.
-    using SurfaceVisitor = std::function<void(const glm::dvec3& normal, double signedDistance)>;
+    using SurfaceVisitor = std::function<void(const NearSurface&)>;
     /// Visits the surfaces that come within `radius` of a point and whose planes do; one may be visited several times.
     virtual void surfacesNear(const glm::dvec3& point, double radius, const SurfaceVisitor& visit) const = 0;
     /// All triangles that come within `radius` of a point. False: they are not known, or too many to be worth it.
