@@ -80,10 +80,10 @@ bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, 
         return first ? 0 : face ? between : angle;
     };
     double in = about(back, result.inOnFace), out = about(on, result.outOnFace);
-    // Of a rim it is not told on which side of the surface the way lies; and along a face nothing bends.
+    // Of a rim it is not told on which side of the surface the way lies.
     const bool onFaces = result.inOnFace && result.outOnFace;
-    if ((result.inOnFace || result.outOnFace) && (rim || (onFaces && in == out))) return false;
-    // From one face to the other it bends in the air of more than half a turn, if at all.
+    if ((result.inOnFace || result.outOnFace) && rim) return false;
+    // From face to face, or back along one, it bends in the air of more than half a turn, if at all.
     const bool other = onFaces ? between < std::numbers::pi : !result.inOnFace ? in > between : out > between;
     result.turn = other ? -1 : 1;
     result.opening = other ? 2 * std::numbers::pi - between : between;
@@ -98,15 +98,16 @@ bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, 
 }
 
 glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3& from) {
-    // Radians above the face; in its plane one may as well be beyond its far end, where that hides the edge or not.
+    // Radians above the face, or as far as what touches it is moved off; in its plane one may as well be beyond its far
+    // end, where that hides the edge or not.
     constexpr double kLeast = 1e-6, kMost = 1e-2;
     const double between = glm::dot(edge.faceA, edge.faceB);
     if (between > 1 - 1e-9) return place;
     const glm::dvec3 way = from - place, across = way - edge.axis * glm::dot(way, edge.axis);
-    const double size = glm::length(across);
+    const double size = glm::length(across), least = std::min(kLeast * size, 1e-7 + 4 * placeRounding(from));
     const auto isAlong = [&](const glm::dvec3& face, const glm::dvec3& other) {
         const double above = -glm::dot(across, glm::normalize(other - face * between));
-        return glm::dot(across, face) > 0 && above > kLeast * size && above < kMost * size;
+        return glm::dot(across, face) > 0 && above > least && above < kMost * size;
     };
     if (!isAlong(edge.faceA, edge.faceB) && !isAlong(edge.faceB, edge.faceA)) return place;
     const glm::dvec3 away = -(edge.faceA + edge.faceB);

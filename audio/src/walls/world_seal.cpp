@@ -69,7 +69,8 @@ bool WorldGeometry::meets(std::span<const std::uint32_t> open, const glm::dvec3&
 WorldGeometry::Flood WorldGeometry::floodFrom(std::span<const std::uint32_t> open, const glm::dvec3& from,
                                               const glm::dvec3& to) const {
     constexpr int kWalks = 64, kSteps = 64;
-    // Each ray starts a little before the end of the one that came there, and so never behind a wall.
+    // Each ray starts a little before the end of the one that came there, by more than rounding is, and so never behind
+    // a wall.
     constexpr double kBack = 1e-3;
     Flood flood;
     Random random(0x5EA1);
@@ -88,9 +89,10 @@ WorldGeometry::Flood WorldGeometry::floodFrom(std::span<const std::uint32_t> ope
                 break;
             }
             ++flood.met[hit.instance];
-            origin += direction * (static_cast<double>(hit.t) * (1 - kBack));
-            const glm::dvec3 normal = glm::normalize(glm::dvec3(hit.normal)),
-                             even = onUnitSphere(2 * random.uniform() - 1, random.uniform());
+            const glm::dvec3 normal = glm::normalize(glm::dvec3(hit.normal));
+            const double way = static_cast<double>(hit.t), across = std::abs(glm::dot(normal, direction));
+            origin += direction * std::max(0.0, std::min(way * (1 - kBack), way - roundingAt(origin) / across));
+            const glm::dvec3 even = onUnitSphere(2 * random.uniform() - 1, random.uniform());
             // Lambert's law: an even place on a sphere that touches the surface.
             direction = glm::normalize((glm::dot(normal, direction) > 0 ? -normal : normal) * (1 + 1e-9) + even);
             flood.arrived = seen(origin);
