@@ -286,7 +286,7 @@ void addExits(const std::vector<Batch<N>>& batches, const BandClasses& classes, 
 /// Finds the images of listeners with which walls that scatter are connected: few, as each of these walls chooses from
 /// all. Ways through walls that let sound pass have no end of their own, so that none are looked for there.
 void connect(const AcousticGeometry& geometry, const TraceOptions& options, std::vector<Ear>& ears) {
-    constexpr std::size_t kMostOfOne = 64, kMostOfAll = 128;
+    constexpr std::size_t kMostOfOne = 64, kMostOfAll = 96;
     const auto materials = geometry.materials();
     if (options.connectedOrder <= 0 || std::any_of(materials.begin(), materials.end(), [](const AcousticMaterial& m) {
             return std::any_of(m.transmission.begin(), m.transmission.end(), [](double share) { return share > 0; });

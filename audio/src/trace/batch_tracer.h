@@ -228,13 +228,24 @@ class BatchTracer {
         const std::uint32_t mirrored =
             lanesWhere([&](int i) { return (lanes_.last[i] == RayLanes<N>::Event::mirror) & !lanes_.again[i]; });
         if (mirrored == 0 || std::ranges::find(wasTried_, 0) != wasTried_.end()) return mirrored;
-        alignas(64) double most[RayLanes<N>::kMost] = {};  // squares of half the ways through balls
+        // In single precision, twice as many at a time: what may come by by rounding is looked at in double.
+        constexpr int kMost = RayLanes<N>::kMost;
+        constexpr float kRounding = 1e-5f;
+        const glm::dvec3 center = ears_[0].position;
+        alignas(64) float ox[kMost], oy[kMost], oz[kMost], dx[kMost], dy[kMost], dz[kMost];
+        alignas(64) float most[kMost] = {};  // squares of half the ways through balls
+        for (int i = 0; i < kMost; ++i) {
+            ox[i] = static_cast<float>(center.x - o.x[i]), dx[i] = static_cast<float>(d.x[i]);
+            oy[i] = static_cast<float>(center.y - o.y[i]), dy[i] = static_cast<float>(d.y[i]);
+            oz[i] = static_cast<float>(center.z - o.z[i]), dz[i] = static_cast<float>(d.z[i]);
+        }
         for (const Ear& ear : ears_) {
-            const double square = ear.radius * ear.radius;
-            for (int i = 0; i < RayLanes<N>::kMost; ++i) {
-                const double x = ear.position.x - o.x[i], y = ear.position.y - o.y[i], z = ear.position.z - o.z[i];
-                const double nearest = x * d.x[i] + y * d.y[i] + z * d.z[i];
-                const double half2 = square - ((x * x + y * y + z * z) - nearest * nearest);
+            const glm::vec3 off(ear.position - center);
+            const auto square = static_cast<float>(ear.radius * ear.radius);
+            for (int i = 0; i < kMost; ++i) {
+                const float x = off.x + ox[i], y = off.y + oy[i], z = off.z + oz[i];
+                const float nearest = x * dx[i] + y * dy[i] + z * dz[i];
+                const float half2 = square - ((x * x + y * y + z * z) * (1 - kRounding) - nearest * nearest);
                 most[i] = half2 > most[i] ? half2 : most[i];
             }
         }
