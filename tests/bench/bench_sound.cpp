@@ -68,6 +68,7 @@ class RayList final : public AcousticGeometry {
 
     Passage passage(const glm::dvec3& a, const glm::dvec3& b) const override { return geometry_->passage(a, b); }
     void visitEdges(const EdgeVisitor& visit) const override { geometry_->visitEdges(visit); }
+    void visitRoundBodies(const RoundVisitor& visit) const override { geometry_->visitRoundBodies(visit); }
 
   private:
     void note(const glm::dvec3& origin, const glm::dvec3& direction, double most, bool any) const {

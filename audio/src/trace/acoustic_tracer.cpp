@@ -12,6 +12,7 @@
 #include "batch_tracer.h"
 #include "edge_sources.h"
 #include "probe_ray.h"
+#include "round_bodies.h"
 #include "walls/even_direction.h"
 
 namespace rtsg {
@@ -353,8 +354,10 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
     ImageSources images = findImageSources(geometry, worth.candidates, listener, worth.options,
                                            options.air.speedOfSound, airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
-    if (options.diffractionOrder > 0)
+    if (options.diffractionOrder > 0) {
+        addRoundBodies(geometry, source, listener, options, seconds, result.arrivals, result.edges);
         result.edgePairs = addDiffraction(geometry, source, listener, options, seconds, result.arrivals, result.edges);
+    }
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;
     chooseReceiver(geometry, source, listener, options, result);

@@ -63,6 +63,7 @@ class ReachRecorder final : public AcousticGeometry {
     Passage passage(const glm::dvec3& a, const glm::dvec3& b) const override { return geometry_->passage(a, b); }
     const AcousticGeometry& unnoted() const override { return geometry_->unnoted(); }
     void visitEdges(const EdgeVisitor& visit) const override { geometry_->visitEdges(visit); }
+    void visitRoundBodies(const RoundVisitor& visit) const override { geometry_->visitRoundBodies(visit); }
 
     AcousticBox reached() const {
         AcousticBox all;

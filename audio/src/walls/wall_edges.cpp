@@ -5,13 +5,11 @@
 #include <bit>
 #include <cmath>
 
+#include "round_shapes.h"
 #include "straight_edges.h"
 
 namespace rtsg {
 namespace {
-
-/// From the middle of surfaces that lie in one plane but for this (radians) nothing bends.
-constexpr double kFlat = 0.1;
 
 struct Edge {
     Vec3f from, to;  // from before to by x, y and z
@@ -60,15 +58,19 @@ glm::dvec3 acrossTo(const glm::dvec3& place, const glm::dvec3& from, const glm::
     return length > 0 ? across / length : glm::dvec3(0);
 }
 
-bool flat(const Edge& edge) {
-    const glm::dvec3 axis = glm::normalize(glm::dvec3(edge.to) - glm::dvec3(edge.from));
-    const glm::dvec3 a = acrossTo(edge.besideA, edge.from, axis), b = acrossTo(edge.besideB, edge.from, axis);
-    return glm::dot(a, b) < -std::cos(kFlat);
+/// Of both surfaces the direction away from the edge.
+double facesDot(const Vec3f& from, const Vec3f& to, const Vec3f& besideA, const Vec3f& besideB) {
+    const glm::dvec3 axis = glm::normalize(glm::dvec3(to) - glm::dvec3(from));
+    return glm::dot(acrossTo(besideA, from, axis), acrossTo(besideB, from, axis));
 }
 
 }  // namespace
 
-std::vector<MeshEdge> edgesOf(const Mesh& mesh) {
+double turnOf(const MeshEdge& edge) {
+    return std::acos(std::clamp(-facesDot(edge.from, edge.to, edge.besideA, edge.besideB), -1.0, 1.0));
+}
+
+std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat) {
     std::vector<MeshEdge> result;
     if (mesh.triangleCount > kMostTrianglesWithEdges) return result;
     EdgesByEnds found(std::size_t{3} * mesh.triangleCount);
@@ -82,9 +84,11 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh) {
             isBefore(b, a) ? found.add(b, a, beside) : found.add(a, b, beside);
         }
     }
+    const double most = -std::cos(flat);
     for (const Edge& edge : found.edges())
         // Where more than two meet there is no wedge.
-        if (edge.sides == 1 || (edge.sides == 2 && !flat(edge)))
+        if (edge.sides == 1 ||
+            (edge.sides == 2 && !(facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < most)))
             result.push_back({edge.from, edge.to, edge.besideA, edge.besideB});
     // By their ends, however the triangles are numbered.
     std::sort(result.begin(), result.end(), [](const MeshEdge& a, const MeshEdge& b) {
@@ -218,20 +222,41 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
     if (slot >= edges_.size()) {
         if (!wall.mesh) return;
         edges_.resize(slot + 1);
+        rounds_.resize(slot + 1);
     }
     removeAll(slot);
+    roundCount_ -= rounds_[slot].size();
+    rounds_[slot].clear();
     if (!wall.mesh) return;
     CachedMesh& cached = meshes_[wall.mesh.get()];
     // The address may be another mesh's by now.
     if (cached.mesh.lock() != wall.mesh) {
-        std::vector<MeshEdge> edges = edgesOf(*wall.mesh);
-        joinStraight(edges);
-        cached = {wall.mesh, std::make_shared<const std::vector<MeshEdge>>(std::move(edges))};
+        Found found;
+        found.edges = edgesOf(*wall.mesh, kFlatFacet);
+        joinStraight(found.edges);
+        found.rounds = roundsOf(found.edges);
+        std::erase_if(found.edges, [](const MeshEdge& edge) {
+            return edge.round == MeshEdge::kNotRound && turnOf(edge) < kFlatEdge;
+        });
+        cached = {wall.mesh, std::make_shared<const Found>(std::move(found))};
     }
-    for (const MeshEdge& edge : *cached.edges) {
+    // What a transform has made oval is no round body any more: its edges are edges.
+    std::vector<bool> isRound;
+    for (const MeshRound& round : cached.found->rounds) {
+        RoundBody body;
+        isRound.push_back(placedRound(round, wall.worldFromLocal, body));
+        if (!isRound.back()) continue;
+        body.material = wall.material;
+        rounds_[slot].push_back(body);
+    }
+    roundCount_ += rounds_[slot].size();
+    for (const MeshEdge& edge : cached.found->edges) {
+        const bool ofRound = edge.round != MeshEdge::kNotRound;
         WallEdge placed;
         if (!placedEdge(edge, wall.worldFromLocal, placed)) continue;
         placed.material = wall.material;
+        placed.onRound = ofRound && isRound[edge.round];
+        if (ofRound && !placed.onRound && turnOf(edge) < kFlatEdge) continue;
         add(slot, placed);
     }
     if (meshes_.size() > 2 * meshesAtPurge_ + 64) {
@@ -254,11 +279,17 @@ void EdgeTable::visitGroup(const std::vector<Place>& group, std::span<const std:
                 faces.push_back(face);
     }
     // Where more than two surfaces meet there is no wedge, and where one goes on in the other none either.
-    if (!first || faces.size() > 2 || (faces.size() == 2 && glm::dot(faces[0], faces[1]) < -std::cos(kFlat))) return;
+    if (!first || faces.size() > 2 || (faces.size() == 2 && glm::dot(faces[0], faces[1]) < -std::cos(kFlatEdge))) return;
     WallEdge one = *first;
     one.faceA = faces.front();
     one.faceB = faces.back();
     visit(one);
+}
+
+void EdgeTable::visitRoundBut(std::span<const std::uint32_t> open, const AcousticGeometry::RoundVisitor& visit) const {
+    if (roundCount_ == 0) return;
+    for (std::uint32_t slot = 0; slot < rounds_.size(); ++slot)
+        if (std::ranges::find(open, slot) == open.end()) std::ranges::for_each(rounds_[slot], visit);
 }
 
 void EdgeTable::visitBut(std::span<const std::uint32_t> open, const AcousticGeometry::EdgeVisitor& visit) const {

@@ -18,16 +18,26 @@
 
 namespace rtsg {
 
+struct MeshRound;
+
 /// One edge by its corners in a mesh, and a corner of each surface beside it; twice the same at a rim.
 struct MeshEdge {
     Vec3f from{0}, to{0}, besideA{0}, besideB{0};
+    std::uint32_t round = kNotRound;  // the MeshRound that it is a part of
+
+    static constexpr std::uint32_t kNotRound = 0xFFFFFFFF;
 };
+
+/// From the middle of surfaces that lie in one plane but for this (radians) nothing bends.
+constexpr double kFlatEdge = 0.1;
 
 /// Meshes of more triangles have none: they stand for what is curved, or too much to look at.
 constexpr std::uint32_t kMostTrianglesWithEdges = 20'000;
 
-/// Edges that two surfaces share at an angle, and those of one surface alone.
-std::vector<MeshEdge> edgesOf(const Mesh& mesh);
+/// Edges that two surfaces share at an angle of `flat` radians at least, and those of one surface alone.
+std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat = kFlatEdge);
+/// Radians that the surface turns by there; half a turn at a rim.
+double turnOf(const MeshEdge& edge);
 
 /// In the world; nothing for one that a transform has made a point.
 bool placedEdge(const MeshEdge& edge, const WorldFromLocal& worldFromLocal, WallEdge& result);
@@ -37,11 +47,16 @@ class EdgeTable {
   public:
     void change(std::uint32_t slot, const Wall& wall);
     void visitBut(std::span<const std::uint32_t> open, const AcousticGeometry::EdgeVisitor& visit) const;
+    void visitRoundBut(std::span<const std::uint32_t> open, const AcousticGeometry::RoundVisitor& visit) const;
 
   private:
+    struct Found {
+        std::vector<MeshEdge> edges;
+        std::vector<MeshRound> rounds;
+    };
     struct CachedMesh {
         std::weak_ptr<const Mesh> mesh;
-        std::shared_ptr<const std::vector<MeshEdge>> edges;
+        std::shared_ptr<const Found> found;
     };
     static constexpr std::uint32_t kAlone = 0xFFFFFFFF;
     struct Placed {
@@ -61,6 +76,8 @@ class EdgeTable {
                     const AcousticGeometry::EdgeVisitor& visit) const;
 
     std::vector<std::vector<Placed>> edges_;
+    std::vector<std::vector<RoundBody>> rounds_;
+    std::size_t roundCount_ = 0;
     std::vector<std::vector<Place>> groups_;  // edges at one place, in order
     std::vector<std::uint32_t> unused_;       // of the groups
     std::unordered_map<std::uint64_t, std::vector<Place>> byMiddle_;

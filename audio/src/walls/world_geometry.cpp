@@ -69,6 +69,10 @@ void WorldGeometry::visitEdgesBut(std::span<const std::uint32_t> open, const Edg
     if (edges_) edges_->visitBut(open, visit);
 }
 
+void WorldGeometry::visitRoundBodiesBut(std::span<const std::uint32_t> open, const RoundVisitor& visit) const {
+    if (edges_) edges_->visitRoundBut(open, visit);
+}
+
 void WorldGeometry::followMaterials(const PagedArray<AcousticMaterial>& materials) {
     materials_.resize(materials.size());
     PagedArray<AcousticMaterial>::differences(

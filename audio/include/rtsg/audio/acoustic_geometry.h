@@ -76,6 +76,22 @@ struct WallEdge {
     /// Unit, in the surfaces and away from the edge; of a rim both are the same.
     glm::dvec3 faceA{0}, faceB{0};
     std::uint32_t material = 0;
+    bool onRound = false;  // one of many that a RoundBody stands for, which bends sound in their place
+};
+
+/// A cylinder, a part of one, or a sphere, that facets stand for whose edges turn a little each. Their corners are on
+/// it.
+struct RoundBody {
+    bool sphere = false;
+    glm::dvec3 center{0};
+    double radius = 0;
+    double facet = 0;  // radians that it turns from a facet to the next, at most
+    std::uint32_t material = 0;
+    /// Of a cylinder: unit axis, half of the length along it, and the arc: all within `halfArc` radians of `middle`.
+    glm::dvec3 axis{0, 0, 1};
+    double halfLength = 0;
+    glm::dvec3 middle{1, 0, 0};
+    double halfArc = 0;
 };
 
 constexpr std::uint32_t kNoSolid = std::numeric_limits<std::uint32_t>::max();
@@ -175,6 +191,8 @@ class AcousticGeometry {
     virtual const AcousticGeometry& unnoted() const { return *this; }
     using EdgeVisitor = std::function<void(const WallEdge&)>;
     virtual void visitEdges(const EdgeVisitor& visit) const { static_cast<void>(visit); }
+    using RoundVisitor = std::function<void(const RoundBody&)>;
+    virtual void visitRoundBodies(const RoundVisitor& visit) const { static_cast<void>(visit); }
 };
 
 }  // namespace rtsg

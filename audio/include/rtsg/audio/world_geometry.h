@@ -110,6 +110,8 @@ class WorldGeometry final : public AcousticGeometry {
     void visitEdges(const EdgeVisitor& visit) const override { visitEdgesBut({}, visit); }
     /// Those of all instances but the ones in `open` (slots).
     void visitEdgesBut(std::span<const std::uint32_t> open, const EdgeVisitor& visit) const;
+    void visitRoundBodies(const RoundVisitor& visit) const override { visitRoundBodiesBut({}, visit); }
+    void visitRoundBodiesBut(std::span<const std::uint32_t> open, const RoundVisitor& visit) const;
 
   private:
     /// What was found along a ray, in double precision, if it counts.
@@ -185,6 +187,7 @@ class OpenedGeometry final : public AcousticGeometry {
     }
     Passage passage(const glm::dvec3& a, const glm::dvec3& b) const override { return whole_->passageBut(open_, a, b); }
     void visitEdges(const EdgeVisitor& visit) const override { whole_->visitEdgesBut(open_, visit); }
+    void visitRoundBodies(const RoundVisitor& visit) const override { whole_->visitRoundBodiesBut(open_, visit); }
     /// As WorldGeometry's.
     std::optional<Seal> sealBetween(const glm::dvec3& source, const glm::dvec3& listener) const {
         return whole_->sealBetween(open_, source, listener);

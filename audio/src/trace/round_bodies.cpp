@@ -1,0 +1,430 @@
+// Finds the ways round each body, looks whether there is air on them, and sums up what comes.
+#include "round_bodies.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <cstddef>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+#include <rtsg/audio/wedge.h>
+
+#include "edge_paths.h"
+#include "edge_tones.h"
+#include "edge_waves.h"
+#include "round_way.h"
+
+namespace rtsg {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double kBodyPi = std::numbers::pi;
+/// Of bodies, those nearest to the straight way count.
+constexpr std::size_t kMostBodies = 16;
+
+/// A body between a source and a listener: both in its frame.
+class PlacedBody {
+  public:
+    PlacedBody(const RoundBody& body, const glm::dvec3& source, const glm::dvec3& listener) : body_(body) {
+        glm::dvec3 s = source - body.center, r = listener - body.center;
+        if (body.sphere) {
+            const glm::dvec3 across = glm::cross(s, r);
+            const double size = glm::length(across);
+            axis_ = size > 1e-12 * glm::dot(s, s) ? across / size : squareTo(s);
+        } else {
+            axis_ = body.axis;
+            fromAlong_ = glm::dot(s, axis_);
+            path_.along = glm::dot(r, axis_) - fromAlong_;
+            s -= axis_ * fromAlong_;
+            r -= axis_ * glm::dot(r, axis_);
+        }
+        path_.sphere = body.sphere;
+        path_.radius = body.radius;
+        path_.sourceRadius = glm::length(s);
+        path_.receiverRadius = glm::length(r);
+        within_ = !(std::min(path_.sourceRadius, path_.receiverRadius) > (body.radius - depth()) * (1 - 1e-9));
+        // Between the facets and the circle it is as on the circle.
+        path_.sourceRadius = std::max(path_.sourceRadius, body.radius);
+        path_.receiverRadius = std::max(path_.receiverRadius, body.radius);
+        if (within_) return;
+        toSource_ = glm::normalize(s);
+        double angle = std::atan2(glm::dot(glm::cross(toSource_, r), axis_), glm::dot(toSource_, r));
+        if (angle < 0) {
+            axis_ = -axis_;
+            fromAlong_ = -fromAlong_;
+            path_.along = -path_.along;
+            angle = -angle;
+        }
+        path_.angle = angle;
+    }
+
+    const RoundBody& body() const { return body_; }
+    const RoundPath& path() const { return path_; }
+    /// One of both is in the body, as in a round room.
+    bool within() const { return within_; }
+    /// How far facets are within the circle at most.
+    double depth() const { return body_.radius * (1 - std::cos(0.5 * body_.facet)); }
+    /// How much longer than the straight way it is round the body, square to the axis; below 0 behind it.
+    double detour() const {
+        const double a = path_.radius, s = path_.sourceRadius, r = path_.receiverRadius;
+        return std::sqrt(s * s - a * a) + std::sqrt(r * r - a * a) -
+               std::sqrt(s * s + r * r - 2 * s * r * std::cos(path_.angle));
+    }
+    /// How deep the straight way goes into it.
+    double covered() const {
+        const double s = path_.sourceRadius, r = path_.receiverRadius;
+        const double straight = std::sqrt(s * s + r * r - 2 * s * r * std::cos(path_.angle));
+        return straight > 0 ? path_.radius - s * r * std::sin(path_.angle) / straight : 0;
+    }
+    RoundPath pathBy(bool far) const {
+        RoundPath path = path_;
+        if (far) path.angle = 2 * kBodyPi - path.angle;
+        return path;
+    }
+    /// A place on its surface, or `off` times as far from its middle; `along` from the source on.
+    glm::dvec3 at(double angle, bool far, double along, double off = 1) const {
+        const glm::dvec3 side = glm::cross(axis_, toSource_) * (far ? -1.0 : 1.0);
+        const glm::dvec3 out = std::cos(angle) * toSource_ + std::sin(angle) * side;
+        return body_.center + body_.radius * off * out + axis_ * (fromAlong_ + along);
+    }
+    /// Along the axis, from the source on, to both ends.
+    std::array<double, 2> ends() const { return {-body_.halfLength - fromAlong_, body_.halfLength - fromAlong_}; }
+    /// Whether the surface is there, of a part of a cylinder.
+    bool has(const glm::dvec3& place) const {
+        if (body_.sphere || body_.halfArc >= kBodyPi) return true;
+        const glm::dvec3 way = place - body_.center, across = way - body_.axis * glm::dot(way, body_.axis);
+        constexpr double kRounding = 1e-4;
+        return glm::dot(across, body_.middle) >= glm::length(across) * std::cos(body_.halfArc + kRounding);
+    }
+    glm::dvec3 axis() const { return axis_; }
+
+  private:
+    static glm::dvec3 squareTo(const glm::dvec3& way) {
+        const glm::dvec3 size = glm::abs(way);
+        const glm::dvec3 other = size.x <= size.y && size.x <= size.z ? glm::dvec3(1, 0, 0)
+                                 : size.y <= size.z                   ? glm::dvec3(0, 1, 0)
+                                                                      : glm::dvec3(0, 0, 1);
+        return glm::normalize(glm::cross(way, other));
+    }
+
+    RoundBody body_;
+    glm::dvec3 axis_{0}, toSource_{0};
+    RoundPath path_;
+    double fromAlong_ = 0;  // of the source
+    bool within_ = false;
+};
+
+/// What comes by one side, or by an end.
+struct SideWave {
+    double way = 0;
+    glm::dvec3 first{0}, last{0};
+    std::array<Complex, kEdgeTones> pressure{};  // re the phase of its way
+};
+
+/// exp(i x) erfc(sqrt(i x)).
+Complex fresnel(double x) {
+    if (!(x > 1e-12)) return 1;
+    return diffractionTransition(x) * std::polar(1 / std::sqrt(kBodyPi * x), -kBodyPi / 4);
+}
+
+class RoundBodies {
+  public:
+    RoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field)
+        : geometry_(geometry),
+          source_(source),
+          listener_(listener),
+          options_(options),
+          longest_(seconds * options.air.speedOfSound),
+          attenuation_(airAttenuation(options.air)),
+          tones_(geometry, options.air.speedOfSound),
+          arrivals_(arrivals),
+          field_(field) {}
+
+    void run() {
+        std::vector<std::pair<double, PlacedBody>> bodies;
+        geometry_.visitRoundBodies([&](const RoundBody& body) {
+            const PlacedBody placed(body, source_, listener_);
+            if (!placed.within()) bodies.emplace_back(placed.detour(), placed);
+        });
+        if (bodies.empty()) return;
+        std::ranges::stable_sort(bodies, {}, [](const auto& one) { return one.first; });
+        for (std::size_t i = 0; i < std::min(kMostBodies, bodies.size()); ++i) add(bodies[i].second);
+        std::ranges::stable_sort(arrivals_, {}, &Arrival::seconds);
+    }
+
+  private:
+    double c() const { return options_.air.speedOfSound; }
+    Arrival* direct() {
+        const double seconds = glm::distance(source_, listener_) / c();
+        const auto found = std::ranges::find_if(arrivals_, [&](const Arrival& one) {
+            return one.order == 0 && std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds;
+        });
+        return found == arrivals_.end() ? nullptr : &*found;
+    }
+
+    void add(const PlacedBody& placed) {
+        const RoundWay near(placed.pathBy(false)), far(placed.pathBy(true));
+        const bool heard = direct() != nullptr;
+        // What else hides direct sound, that bends it.
+        if (near.lit() && !heard) return;
+        // Facets are within the circle: beside them direct sound may be heard a little into its shadow.
+        const bool grazes = !near.lit() && heard && placed.covered() < 2 * placed.depth() + 1e-6 * placed.body().radius;
+        std::vector<SideWave> waves;
+        const bool byNear = addSide(placed, near, false, near.lit() || grazes, waves);
+        if (near.lit() && !byNear) return;
+        addSide(placed, far, true, heard, waves);
+        std::erase_if(waves, [&](const SideWave& wave) { return !(wave.way < longest_); });
+        if (waves.empty()) return;
+        if (heard) removeImages(placed);
+        addWaves(waves, heard);
+    }
+
+    /// Whether there is air on the way by one side; adds what comes by it. `beside`: direct sound is there, too.
+    bool addSide(const PlacedBody& placed, const RoundWay& way, bool far, bool beside, std::vector<SideWave>& waves) const {
+        SideWave main;
+        main.way = way.length();
+        main.first = placed.at(way.firstAngle(), far, way.firstAlong());
+        main.last = placed.at(way.lastAngle(), far, way.lastAlong());
+        if (!placed.has(main.first) || !placed.has(main.last)) return false;
+        const Bands mirrors = mirrorsOf(placed);
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            tones_.each(b, [&](std::size_t tone, double k) {
+                main.pressure[tone] = pressureOf(placed, way, far, beside, k, mirrors[b]);
+            });
+        if (!placed.body().sphere) {
+            const std::array<double, 2> ends = placed.ends();
+            const double middle = way.middleAlong();
+            const bool past = middle < ends[0] || middle > ends[1];
+            if (!past && !isFree(placed, way, far, 0)) return false;
+            // Where it leads past one end it comes by that alone.
+            bool any = false;
+            for (std::size_t e = 0; e < 2; ++e) {
+                const bool pastThis = e == 0 ? middle < ends[0] : middle > ends[1];
+                if (past && !pastThis) continue;
+                any = addEnd(placed, way, far, ends[e], past, main, waves) || any;
+            }
+            if (past) return any;
+        } else if (!isFree(placed, way, far, 0)) {
+            return false;
+        }
+        waves.push_back(main);
+        return true;
+    }
+
+    Bands mirrorsOf(const PlacedBody& placed) const {
+        Bands mirrors;
+        for (std::size_t b = 0; b < kBandCount; ++b) mirrors[b] = tones_.mirrors(placed.body().material, b);
+        return mirrors;
+    }
+
+    Complex pressureOf(const PlacedBody& placed, const RoundWay& way, bool far, bool beside, double k,
+                       double mirrors) const {
+        const RoundPath& path = placed.path();
+        const double distance = path.distance();
+        const Complex direct = std::polar(1 / distance, -k * (distance - way.length()));
+        Complex sum = 0;
+        // Where both sides of a sphere are about one way, they are no waves by themselves, but the series is short.
+        const double apart = k * path.radius * (kBodyPi - path.angle), low = 2.5, high = 4;
+        const double bySeries = path.sphere ? std::clamp((high - apart) / (high - low), 0.0, 1.0) : 0.0;
+        if (bySeries < 1) sum += (1 - bySeries) * way.pressure(k, mirrors);
+        if (far) return sum;
+        if (bySeries > 0) {
+            const double share = 1 - (1 - mirrors) * way.light(k);
+            const Complex added = share * rigidSphereField(path, k) * std::polar(1.0, k * way.length());
+            sum += bySeries * (way.lit() ? added : direct + added);
+        }
+        return way.lit() || !beside ? sum : sum - direct;
+    }
+
+    /// What is missing beyond an end of a cylinder that is in the air, or what comes by it; whether it is.
+    bool addEnd(const PlacedBody& placed, const RoundWay& way, bool far, double end, bool past, const SideWave& main,
+                std::vector<SideWave>& waves) const {
+        const double offset = end - way.middleAlong();
+        SideWave wave;
+        wave.way = way.lengthBy(offset);
+        wave.first = placed.at(way.firstAngle(), far, end);
+        wave.last = placed.at(way.lastAngle(), far, end);
+        if (!isEnd(placed, 0.5 * (way.firstAngle() + way.lastAngle()), far, end)) return false;
+        if (past && !isFree(placed, way, far, offset)) return false;
+        bool any = false;
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            tones_.each(b, [&](std::size_t tone, double k) {
+                const Complex share = (past ? 0.5 : -0.5) * fresnel(k * (wave.way - way.length()));
+                wave.pressure[tone] = share * main.pressure[tone];
+                any = any || std::abs(wave.pressure[tone]) * wave.way > 1e-3;
+            });
+        if (any) waves.push_back(wave);
+        return any;
+    }
+
+    /// Whether the body ends in the air: nothing goes on beside its surface.
+    bool isEnd(const PlacedBody& placed, double angle, bool far, double end) const {
+        const double reach = std::min(0.05, 0.2 * placed.body().halfLength), side = end < placed.ends()[1] ? -1 : 1;
+        const glm::dvec3 from = placed.at(angle, far, end - side * reach, 1.002);
+        AcousticHit hit;
+        return !geometry_.closest(from, side * placed.axis(), 2 * reach, kNoPlane, hit);
+    }
+
+    /// Whether there is air on the way, moved along the axis to an end.
+    bool isFree(const PlacedBody& placed, const RoundWay& way, bool far, double offset) const {
+        constexpr double kOff = 1 + 1e-4, kStep = kBodyPi / 12;
+        const double first = way.firstAngle(), last = way.lastAngle();
+        const double from = way.firstAlong() + offset, to = way.lastAlong() + offset;
+        const glm::dvec3 begin = placed.at(first, far, from, kOff), end = placed.at(last, far, to, kOff);
+        if (!seen(geometry_, source_, begin) || !seen(geometry_, listener_, end)) return false;
+        const int steps = static_cast<int>(std::ceil((last - first) / kStep));
+        if (steps == 0) return true;
+        // By the corners of what is laid round it.
+        const double each = (last - first) / steps, out = kOff / std::cos(0.5 * each);
+        glm::dvec3 at = begin;
+        for (int i = 0; i <= steps; ++i) {
+            const double part = std::min(1.0, (i + 0.5) / steps);
+            const glm::dvec3 next = i == steps ? end : placed.at(first + (last - first) * part, far,
+                                                                 from + (to - from) * part, out);
+            const double length = glm::distance(at, next);
+            AcousticHit hit;
+            if (length > 0 && geometry_.closest(at, (next - at) / length, length, kNoPlane, hit)) return false;
+            at = next;
+        }
+        return true;
+    }
+
+    /// The mirror images by its facets.
+    void removeImages(const PlacedBody& placed) {
+        std::erase_if(arrivals_, [&](const Arrival& arrival) {
+            if (arrival.order != 1) return false;
+            const glm::dvec3 image = listener_ + arrival.direction * (arrival.seconds * c()), way = source_ - image;
+            const double apart = glm::length(way);
+            if (!(apart > 0)) return false;
+            const glm::dvec3 normal = way / apart, middle = 0.5 * (source_ + image);
+            const double towards = glm::dot(arrival.direction, normal);
+            if (!(std::abs(towards) > 1e-12)) return false;
+            const glm::dvec3 by = listener_ + arrival.direction * (glm::dot(middle - listener_, normal) / towards);
+            return liesOn(placed, by, normal);
+        });
+    }
+    static bool liesOn(const PlacedBody& placed, const glm::dvec3& place, const glm::dvec3& normal) {
+        const RoundBody& body = placed.body();
+        glm::dvec3 way = place - body.center;
+        if (!body.sphere) {
+            const double along = glm::dot(way, body.axis);
+            if (std::abs(along) > body.halfLength * (1 + 1e-6) + 1e-6) return false;
+            way -= body.axis * along;
+        }
+        const double radius = glm::length(way), rounding = 1e-3 * body.radius + 1e-5;
+        return radius < body.radius + rounding && radius > body.radius - 2 * placed.depth() - rounding &&
+               std::abs(glm::dot(way, normal)) > radius * std::cos(body.facet + 0.01) && placed.has(place);
+    }
+
+    double sentTo(const glm::dvec3& by) const {
+        return options_.pattern ? options_.pattern(glm::normalize(by - source_)) : 1;
+    }
+
+    /// How much of what two waves do to each other counts in levels of octaves: all where they come together, nothing
+    /// where they come so far apart that it is another one at each tone.
+    static double together(double waveNumber, double apart) {
+        const double turns = waveNumber * apart / 10;
+        return 1 / (1 + turns * turns);
+    }
+
+    void addWaves(const std::vector<SideWave>& waves, bool heard) {
+        std::vector<Arrival> own(waves.size());
+        Bands factor = allBands(1);
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            double with = 0, without = 0;
+            std::vector<double> apart(waves.size());
+            tones_.each(b, [&](std::size_t tone, double k) {
+                sumTone(waves, heard, b, tone, k, with, without, apart);
+            });
+            if (heard && without > 0) factor[b] = with / without;
+            if (!heard) apart[shortest(waves)] += with;
+            for (std::size_t i = 0; i < waves.size(); ++i)
+                own[i].energy[b] = apart[i] / EdgeTones::kTones / (4 * kBodyPi);
+        }
+        for (std::size_t i = 0; i < waves.size(); ++i) {
+            addWave(waves[i]);
+            addArrival(waves[i], own[i], heard);
+        }
+        if (heard) scale(*direct(), factor);
+    }
+
+    static std::size_t shortest(const std::vector<SideWave>& waves) {
+        return static_cast<std::size_t>(std::ranges::min_element(waves, {}, &SideWave::way) - waves.begin());
+    }
+
+    /// `with`: energies of what comes together with direct sound, or with the shortest way; `without`: of direct sound.
+    void sumTone(const std::vector<SideWave>& waves, bool heard, std::size_t b, std::size_t tone, double k,
+                 double& with, double& without, std::vector<double>& apart) {
+        const double distance = glm::distance(source_, listener_);
+        const double begin = heard ? distance : waves[shortest(waves)].way;
+        Complex sum = 0;
+        if (heard) {
+            const Arrival& straight = *direct();
+            const double energy =
+                (straight.straight < 0 ? straight.energy : field_.straight[static_cast<std::size_t>(straight.straight)])[b];
+            sum = std::polar(std::sqrt(4 * kBodyPi * energy), -k * distance);
+            without += std::norm(sum);
+        }
+        for (std::size_t i = 0; i < waves.size(); ++i) {
+            const SideWave& wave = waves[i];
+            const double sent = sentTo(wave.first) * std::exp(-attenuation_[b] * wave.way);
+            const double part = together(k, wave.way - begin);
+            const Complex pressure = std::sqrt(sent) * wave.pressure[tone] * std::polar(1.0, -k * wave.way);
+            sum += part * pressure;
+            apart[i] += (1 - part * part) * std::norm(pressure);
+        }
+        with += std::norm(sum);
+    }
+
+    void addWave(const SideWave& side) {
+        EdgeWave wave;
+        wave.seconds = side.way / c();
+        wave.direction = glm::normalize(side.last - listener_);
+        wave.route = {side.first, side.last, glm::dvec3(0), glm::dvec3(0)};
+        for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(side.pressure[t]);
+        weaken(wave, sentTo(side.first), attenuation_, side.way);
+        if (!isFaint(wave, side.way)) field_.waves.push_back(wave);
+    }
+
+    void addArrival(const SideWave& side, Arrival arrival, bool heard) {
+        constexpr double kFaint = 1e-6;
+        const double most = *std::ranges::max_element(arrival.energy);
+        if (!(most * 4 * kBodyPi * side.way * side.way > (heard ? 1e-3 : kFaint))) return;
+        arrival.seconds = side.way / c();
+        arrival.order = 1;
+        arrival.direction = glm::normalize(side.last - listener_);
+        arrival.straight = static_cast<std::int32_t>(field_.straight.size());
+        field_.straight.push_back({});
+        arrivals_.push_back(arrival);
+    }
+
+    void scale(Arrival& arrival, const Bands& factor) {
+        if (arrival.straight < 0) {
+            arrival.straight = static_cast<std::int32_t>(field_.straight.size());
+            field_.straight.push_back(arrival.energy);
+        }
+        for (std::size_t b = 0; b < kBandCount; ++b) arrival.energy[b] *= factor[b];
+    }
+
+    const AcousticGeometry& geometry_;
+    const glm::dvec3 source_, listener_;
+    const TraceOptions& options_;
+    const double longest_;
+    const Bands attenuation_;
+    const EdgeTones tones_;
+    std::vector<Arrival>& arrivals_;
+    EdgeField& field_;
+};
+
+}  // namespace
+
+void addRoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                    const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field) {
+    RoundBodies(geometry, source, listener, options, seconds, arrivals, field).run();
+}
+
+}  // namespace rtsg

@@ -1,0 +1,330 @@
+// Looks for spheres, and in what is left follows parallel edges from facet to facet as long as they lie on one circle.
+#include "round_shapes.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <numbers>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+namespace rtsg {
+namespace {
+
+constexpr std::uint32_t kNoRound = MeshEdge::kNotRound;
+constexpr double kShapePi = std::numbers::pi;
+/// Of the radius, that corners may be off the circle or the sphere.
+constexpr double kOff = 4e-3;
+/// A circle has so many edges at least; any three lie on one.
+constexpr std::size_t kFewest = 4;
+/// Of parallel edges in one mesh each is tried with each other.
+constexpr std::size_t kMostParallel = 4096;
+/// A sphere has so many corners at least.
+constexpr std::size_t kFewestCorners = 40;
+
+/// An edge that may be one of many.
+struct Gentle {
+    std::uint32_t number = 0;  // of the MeshEdge
+    glm::dvec3 from{0}, to{0}, axis{0}, faceA{0}, faceB{0}, outward{0};
+    double turn = 0;
+    bool used = false;
+};
+
+glm::dvec3 faceFrom(const Vec3f& place, const Gentle& edge) {
+    const glm::dvec3 way = glm::dvec3(place) - edge.from, across = way - edge.axis * glm::dot(way, edge.axis);
+    const double length = glm::length(across);
+    return length > 0 ? across / length : glm::dvec3(0);
+}
+
+std::vector<Gentle> gentleOf(const std::vector<MeshEdge>& edges) {
+    std::vector<Gentle> result;
+    for (std::uint32_t i = 0; i < edges.size(); ++i) {
+        Gentle one;
+        one.turn = turnOf(edges[i]);
+        if (one.turn > kMostRoundTurn) continue;
+        one.number = i;
+        one.from = edges[i].from;
+        one.to = edges[i].to;
+        one.axis = glm::normalize(one.to - one.from);
+        one.faceA = faceFrom(edges[i].besideA, one);
+        one.faceB = faceFrom(edges[i].besideB, one);
+        one.outward = glm::normalize(-one.faceA - one.faceB);
+        result.push_back(one);
+    }
+    return result;
+}
+
+/// Edges of one direction, and places square to it.
+class Parallel {
+  public:
+    Parallel(std::vector<Gentle*> edges, const glm::dvec3& axis) : edges_(std::move(edges)), axis_(axis) {}
+
+    void find(std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
+        for (auto& next : next_) next.assign(edges_.size(), kNoRound);
+        for (std::uint32_t i = 0; i < edges_.size(); ++i) link(i);
+        for (std::uint32_t i = 0; i < edges_.size(); ++i) {
+            if (edges_[i]->used) continue;
+            const std::vector<std::uint32_t> row = rowFrom(i);
+            if (row.size() < kFewest) continue;
+            if (const std::optional<MeshRound> round = cylinderOf(row)) {
+                for (const std::uint32_t one : row) {
+                    edges_[one]->used = true;
+                    roundOf[edges_[one]->number] = static_cast<std::uint32_t>(rounds.size());
+                }
+                rounds.push_back(*round);
+            }
+        }
+    }
+
+  private:
+    glm::dvec3 square(const glm::dvec3& place) const { return place - axis_ * glm::dot(place, axis_); }
+
+    /// Looks for the edge at the far end of both facets.
+    void link(std::uint32_t i) {
+        const Gentle& edge = *edges_[i];
+        const glm::dvec3 at = square(edge.from);
+        std::array<double, 2> nearest{1e300, 1e300};
+        for (std::uint32_t k = 0; k < edges_.size(); ++k) {
+            const Gentle& other = *edges_[k];
+            if (k == i || !together(edge, other)) continue;
+            const glm::dvec3 way = square(other.from) - at;
+            const double distance = glm::length(way);
+            for (std::size_t side = 0; side < 2; ++side) {
+                const glm::dvec3& face = side == 0 ? edge.faceA : edge.faceB;
+                if (!(distance > 0) || distance >= nearest[side] || glm::dot(way, face) < (1 - 1e-5) * distance) continue;
+                if (std::min(glm::dot(other.faceA, face), glm::dot(other.faceB, face)) > -1 + 1e-5) continue;
+                nearest[side] = distance;
+                next_[side][i] = k;
+            }
+        }
+    }
+    /// Along the axis, from where to where.
+    std::pair<double, double> along(const Gentle& edge) const {
+        return std::minmax({glm::dot(edge.from, axis_), glm::dot(edge.to, axis_)});
+    }
+    /// Whether both begin and end together: of the strips of a sphere neighbours do not.
+    bool together(const Gentle& a, const Gentle& b) const {
+        const auto [aLow, aHigh] = along(a);
+        const auto [bLow, bHigh] = along(b);
+        const double most = 2e-3 * (aHigh - aLow);
+        return std::abs(aLow - bLow) < most && std::abs(aHigh - bHigh) < most;
+    }
+
+    /// Through three places square to the axis; none if they are on a line.
+    struct Circle {
+        glm::dvec3 center{0};
+        double radius = 0;
+    };
+    Circle circle(std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
+        const glm::dvec3 p = square(edges_[a]->from), u = square(edges_[b]->from) - p, v = square(edges_[c]->from) - p;
+        const glm::dvec3 n = glm::cross(u, v);
+        const double twice = 2 * glm::dot(n, n);
+        if (!(twice > 0)) return {};
+        const glm::dvec3 off = (glm::dot(u, u) * glm::cross(v, n) + glm::dot(v, v) * glm::cross(n, u)) / twice;
+        return {p + off, glm::length(off)};
+    }
+    bool isOn(const Circle& circle, std::uint32_t i) const {
+        const glm::dvec3 way = square(edges_[i]->from) - circle.center;
+        return std::abs(glm::length(way) - circle.radius) < kOff * circle.radius &&
+               glm::dot(way, edges_[i]->outward) > 0.95 * circle.radius;
+    }
+
+    /// In order round the circle on which an edge lies with both that are next to it; of a whole one, each once.
+    std::vector<std::uint32_t> rowFrom(std::uint32_t i) const {
+        const std::uint32_t before = next_[0][i], after = next_[1][i];
+        if (before == kNoRound || after == kNoRound || before == after) return {};
+        const Circle on = circle(before, i, after);
+        std::vector<std::uint32_t> row{i};
+        if (!(on.radius > 0)) return {};
+        for (const std::uint32_t first : {after, before}) {
+            std::uint32_t last = i, at = first;
+            while (at != kNoRound && !edges_[at]->used && isOn(on, at) && std::ranges::find(row, at) == row.end()) {
+                row.push_back(at);
+                const std::uint32_t on0 = next_[0][at], on1 = next_[1][at];
+                const std::uint32_t next = on0 == last ? on1 : on1 == last ? on0 : kNoRound;
+                last = at;
+                at = next;
+            }
+            if (first == after) std::ranges::reverse(row);
+        }
+        return row;
+    }
+
+    std::optional<MeshRound> cylinderOf(const std::vector<std::uint32_t>& row) const {
+        const auto n = static_cast<std::uint32_t>(row.size());
+        const bool whole = next_[0][row.front()] == row.back() || next_[1][row.front()] == row.back();
+        const Circle on = circle(row[0], row[n / 3], row[whole ? 2 * n / 3 : n - 1]);
+        MeshRound round;
+        RoundBody& body = round.body;
+        double low = -1e300, high = 1e300;
+        glm::dvec3 sum(0);
+        for (const std::uint32_t i : row) {
+            if (!isOn(on, i)) return {};
+            const Gentle& edge = *edges_[i];
+            const auto [from, to] = along(edge);
+            low = std::max(low, from);
+            high = std::min(high, to);
+            sum += edge.outward;
+        }
+        for (std::size_t k = 1; k < row.size(); ++k)
+            body.facet = std::max(body.facet, std::acos(std::clamp(glm::dot(outward(row[k - 1], on),
+                                                                            outward(row[k], on)), -1.0, 1.0)));
+        if (!(high > low) || body.facet > 1.2 * kMostRoundTurn) return {};
+        body.center = on.center + axis_ * (0.5 * (low + high));
+        body.radius = on.radius;
+        body.axis = axis_;
+        body.halfLength = 0.5 * (high - low);
+        body.halfArc = kShapePi;
+        body.middle = outward(row[0], on);
+        if (!whole) {
+            double arc = 0;
+            for (std::size_t k = 1; k < row.size(); ++k)
+                arc += std::acos(std::clamp(glm::dot(outward(row[k - 1], on), outward(row[k], on)), -1.0, 1.0));
+            body.halfArc = 0.5 * arc;
+            const glm::dvec3 first = outward(row.front(), on);
+            glm::dvec3 side = glm::cross(axis_, first);
+            if (glm::dot(side, outward(row[1], on)) < 0) side = -side;
+            body.middle = std::cos(0.5 * arc) * first + std::sin(0.5 * arc) * side;
+        }
+        return round;
+    }
+    glm::dvec3 outward(std::uint32_t i, const Circle& on) const {
+        return glm::normalize(square(edges_[i]->from) - on.center);
+    }
+
+    std::vector<Gentle*> edges_;
+    glm::dvec3 axis_;
+    std::array<std::vector<std::uint32_t>, 2> next_;
+};
+
+/// Of a line the direction, in steps; the same for both ways along it.
+std::array<std::int64_t, 3> directionOf(const glm::dvec3& axis) {
+    std::array<std::int64_t, 3> steps{};
+    int sign = 0;
+    for (int i = 0; i < 3; ++i) {
+        steps[static_cast<std::size_t>(i)] = std::llround(axis[i] * 1024);
+        if (sign == 0 && steps[static_cast<std::size_t>(i)] != 0) sign = steps[static_cast<std::size_t>(i)] < 0 ? -1 : 1;
+    }
+    if (sign < 0)
+        for (std::int64_t& step : steps) step = -step;
+    return steps;
+}
+
+void findCylinders(std::vector<Gentle>& gentle, std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
+    std::map<std::array<std::int64_t, 3>, std::vector<Gentle*>> byDirection;
+    for (Gentle& edge : gentle)
+        if (!edge.used) byDirection[directionOf(edge.axis)].push_back(&edge);
+    for (auto& [direction, edges] : byDirection) {
+        if (edges.size() < kFewest || edges.size() > kMostParallel) continue;
+        glm::dvec3 axis(0);
+        for (const Gentle* edge : edges) axis += glm::dot(edge->axis, edges.front()->axis) < 0 ? -edge->axis : edge->axis;
+        Parallel(std::move(edges), glm::normalize(axis)).find(rounds, roundOf);
+    }
+}
+
+/// Edges that hang together by their corners, and what sphere all of them are on.
+class Spheres {
+  public:
+    explicit Spheres(std::vector<Gentle>& gentle) : gentle_(gentle), parent_(gentle.size()) {
+        std::iota(parent_.begin(), parent_.end(), 0u);
+        std::map<std::array<double, 3>, std::uint32_t> byCorner;
+        for (std::uint32_t i = 0; i < gentle.size(); ++i) {
+            for (const glm::dvec3& p : {gentle[i].from, gentle[i].to}) {
+                const auto [at, added] = byCorner.try_emplace({p.x, p.y, p.z}, i);
+                if (!added) parent_[root(i)] = root(at->second);
+            }
+        }
+    }
+
+    void find(std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
+        std::map<std::uint32_t, std::vector<std::uint32_t>> parts;
+        for (std::uint32_t i = 0; i < gentle_.size(); ++i)
+            parts[root(i)].push_back(i);
+        for (const auto& [first, part] : parts)
+            if (const std::optional<MeshRound> round = sphereOf(part)) {
+                for (const std::uint32_t i : part) {
+                    gentle_[i].used = true;
+                    roundOf[gentle_[i].number] = static_cast<std::uint32_t>(rounds.size());
+                }
+                rounds.push_back(*round);
+            }
+    }
+
+  private:
+    std::uint32_t root(std::uint32_t i) {
+        while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+        return i;
+    }
+    /// The middle of the box about it, if it reaches as far on all sides.
+    std::optional<MeshRound> sphereOf(const std::vector<std::uint32_t>& part) const {
+        if (part.size() < kFewestCorners) return {};
+        glm::dvec3 low(1e300), high(-1e300);
+        for (const std::uint32_t i : part)
+            for (const glm::dvec3& p : {gentle_[i].from, gentle_[i].to}) low = glm::min(low, p), high = glm::max(high, p);
+        MeshRound round;
+        RoundBody& body = round.body;
+        body.sphere = true;
+        body.center = 0.5 * (low + high);
+        double sum = 0;
+        for (const std::uint32_t i : part)
+            sum += glm::distance(gentle_[i].from, body.center) + glm::distance(gentle_[i].to, body.center);
+        body.radius = sum / (2.0 * static_cast<double>(part.size()));
+        for (const std::uint32_t i : part) {
+            const Gentle& edge = gentle_[i];
+            for (const glm::dvec3& p : {edge.from, edge.to})
+                if (std::abs(glm::distance(p, body.center) - body.radius) > kOff * body.radius) return {};
+            if (glm::dot(edge.outward, edge.from - body.center) < 0.8 * body.radius) return {};
+            body.facet = std::max(body.facet, edge.turn);
+        }
+        return round;
+    }
+
+    std::vector<Gentle>& gentle_;
+    std::vector<std::uint32_t> parent_;
+};
+
+}  // namespace
+
+std::vector<MeshRound> roundsOf(std::vector<MeshEdge>& edges) {
+    std::vector<MeshRound> rounds;
+    std::vector<Gentle> gentle = gentleOf(edges);
+    if (gentle.size() < kFewest) return rounds;
+    std::vector<std::uint32_t> roundOf(edges.size(), kNoRound);
+    Spheres(gentle).find(rounds, roundOf);
+    findCylinders(gentle, rounds, roundOf);
+    for (std::size_t i = 0; i < edges.size(); ++i) edges[i].round = roundOf[i];
+    return rounds;
+}
+
+bool placedRound(const MeshRound& round, const WorldFromLocal& m, RoundBody& result) {
+    constexpr double kOval = 1e-3;
+    result = round.body;
+    result.center = m * glm::dvec4(round.body.center, 1);
+    const glm::dmat3 linear(m[0], m[1], m[2]);
+    const auto sameSize = [&](double a, double b) { return std::abs(a - b) <= kOval * std::max(a, b); };
+    if (round.body.sphere) {
+        const double scale = glm::length(linear[0]);
+        result.radius *= scale;
+        const double most = kOval * scale * scale;
+        return scale > 0 && sameSize(scale, glm::length(linear[1])) && sameSize(scale, glm::length(linear[2])) &&
+               std::abs(glm::dot(linear[0], linear[1])) < most && std::abs(glm::dot(linear[1], linear[2])) < most &&
+               std::abs(glm::dot(linear[2], linear[0])) < most;
+    }
+    const glm::dvec3 side = glm::cross(round.body.axis, round.body.middle);
+    const glm::dvec3 along = linear * round.body.axis, u = linear * round.body.middle, v = linear * side;
+    const double length = glm::length(along), scale = glm::length(u);
+    if (!(length > 0) || !(scale > 0) || !sameSize(scale, glm::length(v))) return false;
+    if (std::abs(glm::dot(u, v)) > kOval * scale * scale || std::abs(glm::dot(u, along)) > kOval * scale * length ||
+        std::abs(glm::dot(v, along)) > kOval * scale * length)
+        return false;
+    result.axis = along / length;
+    result.middle = u / scale;
+    result.radius *= scale;
+    result.halfLength *= length;
+    return true;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,30 @@
+// Cylinders, parts of them, and spheres among the edges of a mesh: many in a row, each of which turns a little.
+//
+// Threading: pure functions.
+#pragma once
+
+#include <vector>
+
+#include <rtsg/audio/acoustic_geometry.h>
+
+#include "wall_edges.h"
+
+namespace rtsg {
+
+/// Radians; what turns less is a plane to them.
+constexpr double kFlatFacet = 0.01;
+/// What turns more is an edge by itself: a prism of eleven sides has edges, one of twelve is round.
+constexpr double kMostRoundTurn = 0.55;
+
+/// In the mesh's frame.
+struct MeshRound {
+    RoundBody body;
+};
+
+/// `edges` of one mesh, straight ones joined; those between the facets of what is found are told by its number.
+std::vector<MeshRound> roundsOf(std::vector<MeshEdge>& edges);
+
+/// In the world; false where a transform has made it oval.
+bool placedRound(const MeshRound& round, const WorldFromLocal& worldFromLocal, RoundBody& result);
+
+}  // namespace rtsg
