@@ -152,7 +152,11 @@ class RoundBodies {
         });
         if (bodies.empty()) return;
         std::ranges::stable_sort(bodies, {}, [](const auto& one) { return one.first; });
-        for (std::size_t i = 0; i < std::min(kMostBodies, bodies.size()); ++i) add(bodies[i].second);
+        const bool heard = direct() != nullptr;
+        std::vector<SideWave> waves;
+        for (std::size_t i = 0; i < std::min(kMostBodies, bodies.size()); ++i) add(bodies[i].second, heard, waves);
+        if (waves.empty()) return;
+        addWaves(waves, heard);
         std::ranges::stable_sort(arrivals_, {}, &Arrival::seconds);
     }
 
@@ -166,29 +170,26 @@ class RoundBodies {
         return found == arrivals_.end() ? nullptr : &*found;
     }
 
-    void add(const PlacedBody& placed) {
+    void add(const PlacedBody& placed, bool heard, std::vector<SideWave>& waves) {
         const RoundWay near(placed.pathBy(false)), far(placed.pathBy(true));
-        const bool heard = direct() != nullptr;
         // What else hides direct sound, that bends it.
         if (near.lit() && !heard) return;
         // Facets are within the circle: beside them direct sound may be heard a little into its shadow.
         const bool grazes = !near.lit() && heard && placed.covered() < 2 * placed.depth() + 1e-6 * placed.body().radius;
-        std::vector<SideWave> waves;
         const bool byNear = addSide(placed, near, false, near.lit() || grazes, waves);
         if (near.lit() && !byNear) return;
-        addSide(placed, far, true, heard, waves);
-        std::erase_if(waves, [&](const SideWave& wave) { return !(wave.way < longest_); });
-        if (waves.empty()) return;
-        if (heard) removeImages(placed);
-        addWaves(waves, heard);
+        const bool byFar = addSide(placed, far, true, heard, waves);
+        if (heard && (byNear || byFar)) removeImages(placed);
     }
 
     /// Whether there is air on the way by one side; adds what comes by it. `beside`: direct sound is there, too.
-    bool addSide(const PlacedBody& placed, const RoundWay& way, bool far, bool beside, std::vector<SideWave>& waves) const {
+    bool addSide(const PlacedBody& placed, const RoundWay& way, bool far, bool beside,
+                 std::vector<SideWave>& waves) const {
         SideWave main;
         main.way = way.length();
         main.first = placed.at(way.firstAngle(), far, way.firstAlong());
         main.last = placed.at(way.lastAngle(), far, way.lastAlong());
+        if (!(main.way < longest_)) return false;
         if (!placed.has(main.first) || !placed.has(main.last)) return false;
         const Bands mirrors = mirrorsOf(placed);
         for (std::size_t b = 0; b < kBandCount; ++b)
@@ -226,18 +227,19 @@ class RoundBodies {
         const RoundPath& path = placed.path();
         const double distance = path.distance();
         const Complex direct = std::polar(1 / distance, -k * (distance - way.length()));
-        Complex sum = 0;
         // Where both sides of a sphere are about one way, they are no waves by themselves, but the series is short.
-        const double apart = k * path.radius * (kBodyPi - path.angle), low = 2.5, high = 4;
-        const double bySeries = path.sphere ? std::clamp((high - apart) / (high - low), 0.0, 1.0) : 0.0;
-        if (bySeries < 1) sum += (1 - bySeries) * way.pressure(k, mirrors);
+        constexpr double kSeries = 2.5, kSides = 4;
+        const double apart = k * path.radius * (kBodyPi - path.angle);
+        const double bySeries = path.sphere ? std::clamp((kSides - apart) / (kSides - kSeries), 0.0, 1.0) : 0.0;
+        // Round a rod that is thin beside a wave sound goes as if it were not there.
+        const double size = std::pow(k * path.radius / 0.15, 4), bends = path.sphere ? 1 : size / (1 + size);
+        Complex sum = bySeries < 1 ? (1 - bySeries) * bends * way.pressure(k, mirrors) : 0;
         if (far) return sum;
-        if (bySeries > 0) {
-            const double share = 1 - (1 - mirrors) * way.light(k);
-            const Complex added = share * rigidSphereField(path, k) * std::polar(1.0, k * way.length());
-            sum += bySeries * (way.lit() ? added : direct + added);
-        }
-        return way.lit() || !beside ? sum : sum - direct;
+        if (bySeries > 0)
+            sum += bySeries * (1 - (1 - mirrors) * way.light(k)) * rigidSphereField(path, k) *
+                   std::polar(1.0, k * way.length());
+        const double straight = way.lit() ? 0 : bySeries + 1 - bends;
+        return sum + (beside && !way.lit() ? straight - 1 : straight) * direct;
     }
 
     /// What is missing beyond an end of a cylinder that is in the air, or what comes by it; whether it is.
@@ -283,8 +285,8 @@ class RoundBodies {
         glm::dvec3 at = begin;
         for (int i = 0; i <= steps; ++i) {
             const double part = std::min(1.0, (i + 0.5) / steps);
-            const glm::dvec3 next = i == steps ? end : placed.at(first + (last - first) * part, far,
-                                                                 from + (to - from) * part, out);
+            const glm::dvec3 next =
+                i == steps ? end : placed.at(first + (last - first) * part, far, from + (to - from) * part, out);
             const double length = glm::distance(at, next);
             AcousticHit hit;
             if (length > 0 && geometry_.closest(at, (next - at) / length, length, kNoPlane, hit)) return false;
@@ -337,9 +339,8 @@ class RoundBodies {
         for (std::size_t b = 0; b < kBandCount; ++b) {
             double with = 0, without = 0;
             std::vector<double> apart(waves.size());
-            tones_.each(b, [&](std::size_t tone, double k) {
-                sumTone(waves, heard, b, tone, k, with, without, apart);
-            });
+            tones_.each(b,
+                        [&](std::size_t tone, double k) { sumTone(waves, heard, b, tone, k, with, without, apart); });
             if (heard && without > 0) factor[b] = with / without;
             if (!heard) apart[shortest(waves)] += with;
             for (std::size_t i = 0; i < waves.size(); ++i)
@@ -365,7 +366,8 @@ class RoundBodies {
         if (heard) {
             const Arrival& straight = *direct();
             const double energy =
-                (straight.straight < 0 ? straight.energy : field_.straight[static_cast<std::size_t>(straight.straight)])[b];
+                (straight.straight < 0 ? straight.energy
+                                       : field_.straight[static_cast<std::size_t>(straight.straight)])[b];
             sum = std::polar(std::sqrt(4 * kBodyPi * energy), -k * distance);
             without += std::norm(sum);
         }

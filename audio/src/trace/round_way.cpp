@@ -133,8 +133,7 @@ namespace {
 /// Spherical Hankel functions of the second kind, of orders up to `last`, as far as they are numbers.
 std::vector<Complex> hankels(double x, std::size_t last) {
     std::vector<Complex> h{kRoundI * std::polar(1 / x, -x), Complex(-x, 1) * std::polar(1 / (x * x), -x)};
-    for (std::size_t n = 1; n < last; ++n)
-        h.push_back((2.0 * static_cast<double>(n) + 1) / x * h[n] - h[n - 1]);
+    for (std::size_t n = 1; n < last; ++n) h.push_back((2.0 * static_cast<double>(n) + 1) / x * h[n] - h[n - 1]);
     return h;
 }
 

@@ -59,8 +59,12 @@ class Quadrature {
             }
             const double share = 0.5 * (1 + x), weight = 1 / ((1 - x * x) * slope * slope);
             const Airy right(kRight * share), left(kLeft * share);
-            nodes_[2 * i] = {kRight * share, kRight * weight, right.aiSlope, right.ai,
-                             Complex(right.biSlope, -right.aiSlope), Complex(right.bi, -right.ai)};
+            nodes_[2 * i] = {kRight * share,
+                             kRight * weight,
+                             right.aiSlope,
+                             right.ai,
+                             Complex(right.biSlope, -right.aiSlope),
+                             Complex(right.bi, -right.ai)};
             // There W2 is of Ai at exp(2 i pi / 3) times the length, and V + W2 / (2 i) is W1 / (2 i).
             const Complex w1 = std::polar(2.0, kSurfacePi / 6) * left.ai / (2.0 * kSurfaceI);
             const Complex w1Slope = std::polar(2.0, kSurfacePi / 6) / down * left.aiSlope / (2.0 * kSurfaceI);
@@ -125,8 +129,8 @@ Complex surfaceFunction(double xi, double q) {
     if (xi > kLight) return quadrature.at(xi, q);
     // The asymptotic series, of which q turns the phase a little.
     const double cube = xi * xi * xi;
-    return -0.5 * std::sqrt(-xi) * std::polar(1.0, cube / 12 + kSurfacePi / 4) * (1.0 - 2.0 * kSurfaceI / cube - 20 / (cube * cube)) *
-               std::polar(1.0, 2 * std::atan(2 * q / xi)) +
+    return -0.5 * std::sqrt(-xi) * std::polar(1.0, cube / 12 + kSurfacePi / 4) *
+               (1.0 - 2.0 * kSurfaceI / cube - 20 / (cube * cube)) * std::polar(1.0, 2 * std::atan(2 * q / xi)) +
            0.5 / (std::sqrt(kSurfacePi) * xi);
 }
 

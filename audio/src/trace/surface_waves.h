@@ -1,8 +1,8 @@
 // The field that goes along a rigid convex surface: Pekeris's function, from the light through the shadow's boundary
 // into the dark.
 //
-// Source: Pathak, Radio Science 14 (1979), 419-435; of what curves and how sound-hard surfaces differ from each other to
-// the next order Franz and Klante, IRE Trans. AP-7 (1959), S68. Threading: pure functions.
+// Source: Pathak, Radio Science 14 (1979), 419-435; of what curves and how sound-hard surfaces differ from each other
+// to the next order Franz and Klante, IRE Trans. AP-7 (1959), S68. Threading: pure functions.
 #pragma once
 
 #include <complex>

@@ -20,6 +20,8 @@ constexpr double kShapePi = std::numbers::pi;
 constexpr double kOff = 4e-3;
 /// A circle has so many edges at least; any three lie on one.
 constexpr std::size_t kFewest = 4;
+/// A facet beside a round part that is so many times as wide is flat.
+constexpr double kFlatBeside = 1.5;
 /// Of parallel edges in one mesh each is tried with each other.
 constexpr std::size_t kMostParallel = 4096;
 /// A sphere has so many corners at least.
@@ -94,7 +96,8 @@ class Parallel {
             const double distance = glm::length(way);
             for (std::size_t side = 0; side < 2; ++side) {
                 const glm::dvec3& face = side == 0 ? edge.faceA : edge.faceB;
-                if (!(distance > 0) || distance >= nearest[side] || glm::dot(way, face) < (1 - 1e-5) * distance) continue;
+                if (!(distance > 0) || distance >= nearest[side] || glm::dot(way, face) < (1 - 1e-5) * distance)
+                    continue;
                 if (std::min(glm::dot(other.faceA, face), glm::dot(other.faceB, face)) > -1 + 1e-5) continue;
                 nearest[side] = distance;
                 next_[side][i] = k;
@@ -132,21 +135,29 @@ class Parallel {
                glm::dot(way, edges_[i]->outward) > 0.95 * circle.radius;
     }
 
+    double facet(std::uint32_t a, std::uint32_t b) const {
+        return glm::distance(square(edges_[a]->from), square(edges_[b]->from));
+    }
+    static bool isAsWide(double a, double b) { return std::abs(a - b) < 0.05 * std::max(a, b); }
+
     /// In order round the circle on which an edge lies with both that are next to it; of a whole one, each once.
     std::vector<std::uint32_t> rowFrom(std::uint32_t i) const {
         const std::uint32_t before = next_[0][i], after = next_[1][i];
         if (before == kNoRound || after == kNoRound || before == after) return {};
         const Circle on = circle(before, i, after);
+        const double wide = facet(i, after);
         std::vector<std::uint32_t> row{i};
-        if (!(on.radius > 0)) return {};
+        if (!(on.radius > 0) || !isAsWide(wide, facet(i, before))) return {};
         for (const std::uint32_t first : {after, before}) {
             std::uint32_t last = i, at = first;
-            while (at != kNoRound && !edges_[at]->used && isOn(on, at) && std::ranges::find(row, at) == row.end()) {
+            while (at != kNoRound && !edges_[at]->used && std::ranges::find(row, at) == row.end()) {
+                // What goes on as an oval is none; what ends in something flat, or at an edge, is.
+                const double next = facet(last, at);
+                if (next > kFlatBeside * wide) break;
+                if (!isAsWide(wide, next) || !isOn(on, at)) return {};
                 row.push_back(at);
                 const std::uint32_t on0 = next_[0][at], on1 = next_[1][at];
-                const std::uint32_t next = on0 == last ? on1 : on1 == last ? on0 : kNoRound;
-                last = at;
-                at = next;
+                last = std::exchange(at, on0 == last ? on1 : on1 == last ? on0 : kNoRound);
             }
             if (first == after) std::ranges::reverse(row);
         }
@@ -170,8 +181,8 @@ class Parallel {
             sum += edge.outward;
         }
         for (std::size_t k = 1; k < row.size(); ++k)
-            body.facet = std::max(body.facet, std::acos(std::clamp(glm::dot(outward(row[k - 1], on),
-                                                                            outward(row[k], on)), -1.0, 1.0)));
+            body.facet = std::max(
+                body.facet, std::acos(std::clamp(glm::dot(outward(row[k - 1], on), outward(row[k], on)), -1.0, 1.0)));
         if (!(high > low) || body.facet > 1.2 * kMostRoundTurn) return {};
         body.center = on.center + axis_ * (0.5 * (low + high));
         body.radius = on.radius;
@@ -206,7 +217,8 @@ std::array<std::int64_t, 3> directionOf(const glm::dvec3& axis) {
     int sign = 0;
     for (int i = 0; i < 3; ++i) {
         steps[static_cast<std::size_t>(i)] = std::llround(axis[i] * 1024);
-        if (sign == 0 && steps[static_cast<std::size_t>(i)] != 0) sign = steps[static_cast<std::size_t>(i)] < 0 ? -1 : 1;
+        if (sign == 0 && steps[static_cast<std::size_t>(i)] != 0)
+            sign = steps[static_cast<std::size_t>(i)] < 0 ? -1 : 1;
     }
     if (sign < 0)
         for (std::int64_t& step : steps) step = -step;
@@ -220,7 +232,8 @@ void findCylinders(std::vector<Gentle>& gentle, std::vector<MeshRound>& rounds, 
     for (auto& [direction, edges] : byDirection) {
         if (edges.size() < kFewest || edges.size() > kMostParallel) continue;
         glm::dvec3 axis(0);
-        for (const Gentle* edge : edges) axis += glm::dot(edge->axis, edges.front()->axis) < 0 ? -edge->axis : edge->axis;
+        for (const Gentle* edge : edges)
+            axis += glm::dot(edge->axis, edges.front()->axis) < 0 ? -edge->axis : edge->axis;
         Parallel(std::move(edges), glm::normalize(axis)).find(rounds, roundOf);
     }
 }
@@ -241,8 +254,7 @@ class Spheres {
 
     void find(std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
         std::map<std::uint32_t, std::vector<std::uint32_t>> parts;
-        for (std::uint32_t i = 0; i < gentle_.size(); ++i)
-            parts[root(i)].push_back(i);
+        for (std::uint32_t i = 0; i < gentle_.size(); ++i) parts[root(i)].push_back(i);
         for (const auto& [first, part] : parts)
             if (const std::optional<MeshRound> round = sphereOf(part)) {
                 for (const std::uint32_t i : part) {
@@ -263,7 +275,8 @@ class Spheres {
         if (part.size() < kFewestCorners) return {};
         glm::dvec3 low(1e300), high(-1e300);
         for (const std::uint32_t i : part)
-            for (const glm::dvec3& p : {gentle_[i].from, gentle_[i].to}) low = glm::min(low, p), high = glm::max(high, p);
+            for (const glm::dvec3& p : {gentle_[i].from, gentle_[i].to})
+                low = glm::min(low, p), high = glm::max(high, p);
         MeshRound round;
         RoundBody& body = round.body;
         body.sphere = true;

@@ -87,8 +87,7 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat) {
     const double most = -std::cos(flat);
     for (const Edge& edge : found.edges())
         // Where more than two meet there is no wedge.
-        if (edge.sides == 1 ||
-            (edge.sides == 2 && !(facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < most)))
+        if (edge.sides == 1 || (edge.sides == 2 && !(facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < most)))
             result.push_back({edge.from, edge.to, edge.besideA, edge.besideB});
     // By their ends, however the triangles are numbered.
     std::sort(result.begin(), result.end(), [](const MeshEdge& a, const MeshEdge& b) {
@@ -279,7 +278,8 @@ void EdgeTable::visitGroup(const std::vector<Place>& group, std::span<const std:
                 faces.push_back(face);
     }
     // Where more than two surfaces meet there is no wedge, and where one goes on in the other none either.
-    if (!first || faces.size() > 2 || (faces.size() == 2 && glm::dot(faces[0], faces[1]) < -std::cos(kFlatEdge))) return;
+    if (!first || faces.size() > 2 || (faces.size() == 2 && glm::dot(faces[0], faces[1]) < -std::cos(kFlatEdge)))
+        return;
     WallEdge one = *first;
     one.faceA = faces.front();
     one.faceB = faces.back();
