@@ -65,7 +65,9 @@ EdgeWay byTwoEdges(const EdgeRoute& route, const glm::dvec3& source, const glm::
 
 }  // namespace
 
-EdgeWay edgeWay(const EdgeRoute& route, const glm::dvec3& source, const glm::dvec3& listener) {
+namespace {
+
+EdgeWay straightWay(const EdgeRoute& route, const glm::dvec3& source, const glm::dvec3& listener) {
     if (route.first != route.last || route.firstAxis != route.lastAxis) return byTwoEdges(route, source, listener);
     if (route.firstAxis == glm::dvec3(0)) return wayThrough(source, route.first, route.first, listener);
     const AlongEdge s = besideEdge(source, route.first, route.firstAxis);
@@ -74,6 +76,14 @@ EdgeWay edgeWay(const EdgeRoute& route, const glm::dvec3& source, const glm::dve
     const double z = radii > 0 ? s.along + (r.along - s.along) * s.radius / radii : s.along;
     const glm::dvec3 by = route.first + route.firstAxis * z;
     return {std::hypot(radii, r.along - s.along), unitFrom(by, source), unitFrom(by, listener), by};
+}
+
+}  // namespace
+
+EdgeWay edgeWay(const EdgeRoute& route, const glm::dvec3& source, const glm::dvec3& listener) {
+    EdgeWay way = straightWay(route, source, listener);
+    way.length += route.over;
+    return way;
 }
 
 WedgePath pathAbout(const EdgeRoute& route, const BendingEdge& edge, const glm::dvec3& source,

@@ -120,7 +120,7 @@ class PlacedBody {
 /// What comes by one side, or by an end.
 struct SideWave {
     double way = 0;
-    glm::dvec3 first{0}, last{0};
+    glm::dvec3 first{0}, last{0}, direction{0};  // as of an arrival
     std::array<Complex, kEdgeTones> pressure{};  // re the phase of its way
 };
 
@@ -154,13 +154,26 @@ class RoundBodies {
         std::ranges::stable_sort(bodies, {}, [](const auto& one) { return one.first; });
         const bool heard = direct() != nullptr;
         std::vector<SideWave> waves;
-        for (std::size_t i = 0; i < std::min(kMostBodies, bodies.size()); ++i) add(bodies[i].second, heard, waves);
+        for (std::size_t i = 0; i < std::min(kMostBodies, bodies.size()); ++i)
+            // What is there twice is next to itself.
+            if (i == 0 || !isSame(bodies[i].second.body(), bodies[i - 1].second.body()))
+                add(bodies[i].second, heard, waves);
         if (waves.empty()) return;
         addWaves(waves, heard);
         std::ranges::stable_sort(arrivals_, {}, &Arrival::seconds);
     }
 
   private:
+    static bool isSame(const RoundBody& a, const RoundBody& b) {
+        constexpr double kSame = 1e-4;
+        return a.sphere == b.sphere && glm::distance(a.center, b.center) < kSame * a.radius &&
+               std::abs(a.radius - b.radius) < kSame * a.radius &&
+               (a.sphere ||
+                (std::abs(glm::dot(a.axis, b.axis)) > 1 - kSame * kSame &&
+                 std::abs(a.halfLength - b.halfLength) < kSame * a.radius && std::abs(a.halfArc - b.halfArc) < kSame &&
+                 (a.halfArc >= kBodyPi || glm::distance(a.middle, b.middle) < kSame)));
+    }
+
     double c() const { return options_.air.speedOfSound; }
     Arrival* direct() {
         const double seconds = glm::distance(source_, listener_) / c();
@@ -189,6 +202,7 @@ class RoundBodies {
         main.way = way.length();
         main.first = placed.at(way.firstAngle(), far, way.firstAlong());
         main.last = placed.at(way.lastAngle(), far, way.lastAlong());
+        main.direction = arriving(placed, way, far, main.last);
         if (!(main.way < longest_)) return false;
         if (!placed.has(main.first) || !placed.has(main.last)) return false;
         const Bands mirrors = mirrorsOf(placed);
@@ -214,6 +228,16 @@ class RoundBodies {
         }
         waves.push_back(main);
         return true;
+    }
+
+    /// Next to the surface it comes along that.
+    glm::dvec3 arriving(const PlacedBody& placed, const RoundWay& way, bool far, const glm::dvec3& last) const {
+        constexpr double kBack = 0.01;
+        const bool touches = glm::distance(last, listener_) < 0.05 * placed.body().radius;
+        const glm::dvec3 back = touches
+                                    ? placed.at(way.lastAngle() - kBack, far, 0) - placed.at(way.lastAngle(), far, 0)
+                                    : last - listener_;
+        return glm::normalize(back);
     }
 
     Bands mirrorsOf(const PlacedBody& placed) const {
@@ -250,6 +274,7 @@ class RoundBodies {
         wave.way = way.lengthBy(offset);
         wave.first = placed.at(way.firstAngle(), far, end);
         wave.last = placed.at(way.lastAngle(), far, end);
+        wave.direction = arriving(placed, way, far, wave.last);
         if (!isEnd(placed, 0.5 * (way.firstAngle() + way.lastAngle()), far, end)) return false;
         if (past && !isFree(placed, way, far, offset)) return false;
         bool any = false;
@@ -323,7 +348,7 @@ class RoundBodies {
     }
 
     double sentTo(const glm::dvec3& by) const {
-        return options_.pattern ? options_.pattern(glm::normalize(by - source_)) : 1;
+        return options_.pattern && by != source_ ? options_.pattern(glm::normalize(by - source_)) : 1;
     }
 
     /// How much of what two waves do to each other counts in levels of octaves: all where they come together, nothing
@@ -341,8 +366,10 @@ class RoundBodies {
             std::vector<double> apart(waves.size());
             tones_.each(b,
                         [&](std::size_t tone, double k) { sumTone(waves, heard, b, tone, k, with, without, apart); });
-            if (heard && without > 0) factor[b] = with / without;
-            if (!heard) apart[shortest(waves)] += with;
+            if (without > 0)
+                factor[b] = with / without;
+            else
+                apart[shortest(waves)] += with;
             for (std::size_t i = 0; i < waves.size(); ++i)
                 own[i].energy[b] = apart[i] / EdgeTones::kTones / (4 * kBodyPi);
         }
@@ -385,8 +412,11 @@ class RoundBodies {
     void addWave(const SideWave& side) {
         EdgeWave wave;
         wave.seconds = side.way / c();
-        wave.direction = glm::normalize(side.last - listener_);
+        wave.direction = side.direction;
+        // Where source and listener move a little it touches the body elsewhere, at the same length but for its square.
         wave.route = {side.first, side.last, glm::dvec3(0), glm::dvec3(0)};
+        wave.route.over = side.way - glm::distance(source_, side.first) - glm::distance(side.first, side.last) -
+                          glm::distance(side.last, listener_);
         for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(side.pressure[t]);
         weaken(wave, sentTo(side.first), attenuation_, side.way);
         if (!isFaint(wave, side.way)) field_.waves.push_back(wave);
@@ -398,7 +428,7 @@ class RoundBodies {
         if (!(most * 4 * kBodyPi * side.way * side.way > (heard ? 1e-3 : kFaint))) return;
         arrival.seconds = side.way / c();
         arrival.order = 1;
-        arrival.direction = glm::normalize(side.last - listener_);
+        arrival.direction = side.direction;
         arrival.straight = static_cast<std::int32_t>(field_.straight.size());
         field_.straight.push_back({});
         arrivals_.push_back(arrival);

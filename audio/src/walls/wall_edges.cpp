@@ -288,8 +288,10 @@ void EdgeTable::visitGroup(const std::vector<Place>& group, std::span<const std:
 
 void EdgeTable::visitRoundBut(std::span<const std::uint32_t> open, const AcousticGeometry::RoundVisitor& visit) const {
     if (roundCount_ == 0) return;
-    for (std::uint32_t slot = 0; slot < rounds_.size(); ++slot)
-        if (std::ranges::find(open, slot) == open.end()) std::ranges::for_each(rounds_[slot], visit);
+    for (std::uint32_t slot = 0; slot < rounds_.size(); ++slot) {
+        if (std::ranges::find(open, slot) != open.end()) continue;
+        for (const RoundBody& body : rounds_[slot]) visit(body);
+    }
 }
 
 void EdgeTable::visitBut(std::span<const std::uint32_t> open, const AcousticGeometry::EdgeVisitor& visit) const {

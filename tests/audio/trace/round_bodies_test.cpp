@@ -11,6 +11,8 @@
 
 #include "rigid_round.h"
 #include "round_shapes.h"
+#include "trace/edge_route.h"
+#include "trace/followed_edges.h"
 #include "walled.h"
 
 namespace rtsg {
@@ -165,6 +167,34 @@ TEST(RoundBodies, ImpulseResponsesHaveThem) {
             EXPECT_NEAR(heardAt(traced, hz, at.distance()), levelOf(exactBeside(ball, at, hz), at.distance()), 1.5)
                 << ball << " at " << hz;
     }
+}
+
+TEST(RoundBodies, WhatMovesBehindItIsFollowed) {
+    const BesideRound at{.5, 2, 1.5, 165 * M_PI / 180, .4};
+    const glm::dvec3 source = about(at.source, 0, 0), listener = about(at.listener, 165, at.along);
+    const TraceResult traced = bodyOf(false, .5, 48).traced(source, listener);
+    TraceOptions options;
+    options.air.absorbs = false;
+    std::vector<FollowedImage> followed;
+    addFollowedEdges(traced.echogram(), source, listener, options, 48000, 256, 16, followed);
+    int sides = 0;
+    for (const FollowedImage& one : followed) {
+        const double way = traced.edges.waves[one.arrival].seconds * 343;
+        if (way > 6) continue;  // by the far ends of the cylinder
+        ++sides;
+        // The shortest way, of two centimetres on.
+        const glm::dvec3 moved = source + glm::dvec3(-.01, .02, .01);
+        const auto shortest = [&](const glm::dvec3& place) {
+            const double radius = std::hypot(place.x, place.y), turn = std::atan2(place.y, place.x);
+            const double by = way < 3.6 ? 165 * M_PI / 180 - turn : 195 * M_PI / 180 + turn;
+            return std::hypot(std::sqrt(radius * radius - .25) + std::sqrt(1.5 * 1.5 - .25) +
+                                  .5 * (by - std::acos(.5 / radius) - std::acos(.5 / 1.5)),
+                              at.along - place.z);
+        };
+        EXPECT_NEAR(edgeWay(one.edge->route, source, listener).length, shortest(source), 1e-5);
+        EXPECT_NEAR(edgeWay(one.edge->route, moved, listener).length, shortest(moved), 2e-4);
+    }
+    EXPECT_EQ(sides, 2);
 }
 
 TEST(RoundBodies, TwoCylindersOnEachOtherAreOne) {

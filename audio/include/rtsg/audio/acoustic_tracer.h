@@ -3,7 +3,7 @@
 // Every path is counted once, by exactly one of these estimators, so the expectation does not depend on the options:
 //   mirror reflections only, up to the image order and down to the image share (and direct sound), through walls or
 //   not:                                                    image sources, exact
-//   straight, but round one edge or two:                    the uniform theory of diffraction
+//   straight, but round one edge or two, or a round body:   the uniform theory of diffraction
 //   the last reflection is diffuse, or some mirrors after it lead to a known image of the listener:
 //                                                           next-event estimation to the listener or its image, points
 //   all others (more mirrors, or ways to images that are not known):   track length in a ball around the listener
@@ -48,7 +48,7 @@ struct TraceOptions {
     std::uint64_t seed = 1;
     Air air;
     /// Sound bends round edges (see trace/edge_sources.h), 0 to 2 of them in a row; with 2 also round a third one of
-    /// the same body, along its faces.
+    /// the same body, along its faces; and, but with 0, round cylinders and spheres (see trace/round_bodies.h).
     int diffractionOrder = 2;
     /// Of the rays that escape, so many at most are told of each batch and run: TraceResult::exits.
     int exits = 0;

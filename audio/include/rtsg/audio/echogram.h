@@ -39,6 +39,7 @@ double edgeToneHz(double tone);
 struct EdgeRoute {
     glm::dvec3 first{0}, last{0};          // the places; of one edge both are the same
     glm::dvec3 firstAxis{0}, lastAxis{0};  // unit; 0: it stays where it is, as an edge's end does
+    double over = 0;                       // m that it is longer than straight between them, over a round body
 };
 
 /// An edge of which wedgeField() knows what it bends, wherever source and listener are.
