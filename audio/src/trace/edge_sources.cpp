@@ -115,7 +115,6 @@ class Diffraction {
         FirstOf<Bending, decltype(stronger)> pastAll(8 * kPast, stronger);
         std::vector<Bending> found;
         geometry_.visitEdges([&](const WallEdge& edge) {
-            if (edge.onRound) return;
             if (options_.diffractionOrder > 1) edges.add(candidateBy(edge, source_, listener_));
             // Of most edges of a furnished room no angle need be known.
             if (!(bentPastAtMost(edge, source_, listener_) > pastAll.last().bent)) return;

@@ -148,13 +148,17 @@ class RoundBodies {
         std::vector<std::pair<double, PlacedBody>> bodies;
         geometry_.visitRoundBodies([&](const RoundBody& body) {
             const PlacedBody placed(body, source_, listener_);
-            if (!placed.within()) bodies.emplace_back(placed.detour(), placed);
+            if (placed.within()) return;
+            const double detour = placed.detour();
+            if (bodies.size() == kMostBodies && !(detour < bodies.back().first)) return;
+            if (bodies.size() == kMostBodies) bodies.pop_back();
+            bodies.emplace(std::ranges::upper_bound(bodies, detour, {}, [](const auto& one) { return one.first; }),
+                           detour, placed);
         });
         if (bodies.empty()) return;
-        std::ranges::stable_sort(bodies, {}, [](const auto& one) { return one.first; });
         const bool heard = direct() != nullptr;
         std::vector<SideWave> waves;
-        for (std::size_t i = 0; i < std::min(kMostBodies, bodies.size()); ++i)
+        for (std::size_t i = 0; i < bodies.size(); ++i)
             // What is there twice is next to itself.
             if (i == 0 || !isSame(bodies[i].second.body(), bodies[i - 1].second.body()))
                 add(bodies[i].second, heard, waves);
@@ -205,29 +209,23 @@ class RoundBodies {
         main.direction = arriving(placed, way, far, main.last);
         if (!(main.way < longest_)) return false;
         if (!placed.has(main.first) || !placed.has(main.last)) return false;
+        const bool endless = placed.body().sphere;
+        const std::array<double, 2> ends = placed.ends();
+        const std::array<bool, 2> past{!endless && way.middleAlong() < ends[0],
+                                       !endless && way.middleAlong() > ends[1]};
+        const bool within = !past[0] && !past[1];
+        if (within && !isFree(placed, way, far, 0)) return false;
         const Bands mirrors = mirrorsOf(placed);
         for (std::size_t b = 0; b < kBandCount; ++b)
             tones_.each(b, [&](std::size_t tone, double k) {
                 main.pressure[tone] = pressureOf(placed, way, far, beside, k, mirrors[b]);
             });
-        if (!placed.body().sphere) {
-            const std::array<double, 2> ends = placed.ends();
-            const double middle = way.middleAlong();
-            const bool past = middle < ends[0] || middle > ends[1];
-            if (!past && !isFree(placed, way, far, 0)) return false;
-            // Where it leads past one end it comes by that alone.
-            bool any = false;
-            for (std::size_t e = 0; e < 2; ++e) {
-                const bool pastThis = e == 0 ? middle < ends[0] : middle > ends[1];
-                if (past && !pastThis) continue;
-                any = addEnd(placed, way, far, ends[e], past, main, waves) || any;
-            }
-            if (past) return any;
-        } else if (!isFree(placed, way, far, 0)) {
-            return false;
-        }
-        waves.push_back(main);
-        return true;
+        // Where it leads past one end it comes by that alone.
+        bool any = within;
+        for (std::size_t e = 0; e < 2; ++e)
+            if (!endless && (within || past[e])) any = addEnd(placed, way, far, ends[e], past[e], main, waves) || any;
+        if (within) waves.push_back(main);
+        return any;
     }
 
     /// Next to the surface it comes along that.

@@ -250,12 +250,10 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
     }
     roundCount_ += rounds_[slot].size();
     for (const MeshEdge& edge : cached.found->edges) {
-        const bool ofRound = edge.round != MeshEdge::kNotRound;
+        if (edge.round != MeshEdge::kNotRound && (isRound[edge.round] || turnOf(edge) < kFlatEdge)) continue;
         WallEdge placed;
         if (!placedEdge(edge, wall.worldFromLocal, placed)) continue;
         placed.material = wall.material;
-        placed.onRound = ofRound && isRound[edge.round];
-        if (ofRound && !placed.onRound && turnOf(edge) < kFlatEdge) continue;
         add(slot, placed);
     }
     if (meshes_.size() > 2 * meshesAtPurge_ + 64) {

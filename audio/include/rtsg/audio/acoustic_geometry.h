@@ -76,11 +76,10 @@ struct WallEdge {
     /// Unit, in the surfaces and away from the edge; of a rim both are the same.
     glm::dvec3 faceA{0}, faceB{0};
     std::uint32_t material = 0;
-    bool onRound = false;  // one of many that a RoundBody stands for, which bends sound in their place
 };
 
 /// A cylinder, a part of one, or a sphere, that facets stand for whose edges turn a little each. Their corners are on
-/// it.
+/// it, and their edges are no WallEdges.
 struct RoundBody {
     bool sphere = false;
     glm::dvec3 center{0};
