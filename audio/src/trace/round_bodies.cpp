@@ -7,7 +7,6 @@
 #include <complex>
 #include <cstddef>
 #include <numbers>
-#include <optional>
 #include <utility>
 
 #include <rtsg/audio/wedge.h>
@@ -15,6 +14,7 @@
 #include "edge_paths.h"
 #include "edge_tones.h"
 #include "edge_waves.h"
+#include "placed_body.h"
 #include "round_way.h"
 
 namespace rtsg {
@@ -24,98 +24,6 @@ using Complex = std::complex<double>;
 constexpr double kBodyPi = std::numbers::pi;
 /// Of bodies, those nearest to the straight way count.
 constexpr std::size_t kMostBodies = 16;
-
-/// A body between a source and a listener: both in its frame.
-class PlacedBody {
-  public:
-    PlacedBody(const RoundBody& body, const glm::dvec3& source, const glm::dvec3& listener) : body_(body) {
-        glm::dvec3 s = source - body.center, r = listener - body.center;
-        if (body.sphere) {
-            const glm::dvec3 across = glm::cross(s, r);
-            const double size = glm::length(across);
-            axis_ = size > 1e-12 * glm::dot(s, s) ? across / size : squareTo(s);
-        } else {
-            axis_ = body.axis;
-            fromAlong_ = glm::dot(s, axis_);
-            path_.along = glm::dot(r, axis_) - fromAlong_;
-            s -= axis_ * fromAlong_;
-            r -= axis_ * glm::dot(r, axis_);
-        }
-        path_.sphere = body.sphere;
-        path_.radius = body.radius;
-        path_.sourceRadius = glm::length(s);
-        path_.receiverRadius = glm::length(r);
-        within_ = !(std::min(path_.sourceRadius, path_.receiverRadius) > (body.radius - depth()) * (1 - 1e-9));
-        // Between the facets and the circle it is as on the circle.
-        path_.sourceRadius = std::max(path_.sourceRadius, body.radius);
-        path_.receiverRadius = std::max(path_.receiverRadius, body.radius);
-        if (within_) return;
-        toSource_ = glm::normalize(s);
-        double angle = std::atan2(glm::dot(glm::cross(toSource_, r), axis_), glm::dot(toSource_, r));
-        if (angle < 0) {
-            axis_ = -axis_;
-            fromAlong_ = -fromAlong_;
-            path_.along = -path_.along;
-            angle = -angle;
-        }
-        path_.angle = angle;
-    }
-
-    const RoundBody& body() const { return body_; }
-    const RoundPath& path() const { return path_; }
-    /// One of both is in the body, as in a round room.
-    bool within() const { return within_; }
-    /// How far facets are within the circle at most.
-    double depth() const { return body_.radius * (1 - std::cos(0.5 * body_.facet)); }
-    /// How much longer than the straight way it is round the body, square to the axis; below 0 behind it.
-    double detour() const {
-        const double a = path_.radius, s = path_.sourceRadius, r = path_.receiverRadius;
-        return std::sqrt(s * s - a * a) + std::sqrt(r * r - a * a) -
-               std::sqrt(s * s + r * r - 2 * s * r * std::cos(path_.angle));
-    }
-    /// How deep the straight way goes into it.
-    double covered() const {
-        const double s = path_.sourceRadius, r = path_.receiverRadius;
-        const double straight = std::sqrt(s * s + r * r - 2 * s * r * std::cos(path_.angle));
-        return straight > 0 ? path_.radius - s * r * std::sin(path_.angle) / straight : 0;
-    }
-    RoundPath pathBy(bool far) const {
-        RoundPath path = path_;
-        if (far) path.angle = 2 * kBodyPi - path.angle;
-        return path;
-    }
-    /// A place on its surface, or `off` times as far from its middle; `along` from the source on.
-    glm::dvec3 at(double angle, bool far, double along, double off = 1) const {
-        const glm::dvec3 side = glm::cross(axis_, toSource_) * (far ? -1.0 : 1.0);
-        const glm::dvec3 out = std::cos(angle) * toSource_ + std::sin(angle) * side;
-        return body_.center + body_.radius * off * out + axis_ * (fromAlong_ + along);
-    }
-    /// Along the axis, from the source on, to both ends.
-    std::array<double, 2> ends() const { return {-body_.halfLength - fromAlong_, body_.halfLength - fromAlong_}; }
-    /// Whether the surface is there, of a part of a cylinder.
-    bool has(const glm::dvec3& place) const {
-        if (body_.sphere || body_.halfArc >= kBodyPi) return true;
-        const glm::dvec3 way = place - body_.center, across = way - body_.axis * glm::dot(way, body_.axis);
-        constexpr double kRounding = 1e-4;
-        return glm::dot(across, body_.middle) >= glm::length(across) * std::cos(body_.halfArc + kRounding);
-    }
-    glm::dvec3 axis() const { return axis_; }
-
-  private:
-    static glm::dvec3 squareTo(const glm::dvec3& way) {
-        const glm::dvec3 size = glm::abs(way);
-        const glm::dvec3 other = size.x <= size.y && size.x <= size.z ? glm::dvec3(1, 0, 0)
-                                 : size.y <= size.z                   ? glm::dvec3(0, 1, 0)
-                                                                      : glm::dvec3(0, 0, 1);
-        return glm::normalize(glm::cross(way, other));
-    }
-
-    RoundBody body_;
-    glm::dvec3 axis_{0}, toSource_{0};
-    RoundPath path_;
-    double fromAlong_ = 0;  // of the source
-    bool within_ = false;
-};
 
 /// What comes by one side, or by an end.
 struct SideWave {
