@@ -62,7 +62,12 @@ std::vector<Gentle> gentleOf(const std::vector<MeshEdge>& edges) {
 /// Edges of one direction, and places square to it.
 class Parallel {
   public:
-    Parallel(std::vector<Gentle*> edges, const glm::dvec3& axis) : edges_(std::move(edges)), axis_(axis) {}
+    Parallel(std::vector<Gentle*> edges, const glm::dvec3& axis) : edges_(std::move(edges)), axis_(axis) {
+        for (const Gentle* edge : edges_) {
+            const auto [low, high] = std::minmax({glm::dot(edge->from, axis), glm::dot(edge->to, axis)});
+            places_.push_back({edge->from - axis * glm::dot(edge->from, axis), low, high});
+        }
+    }
 
     void find(std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
         for (auto& next : next_) next.assign(edges_.size(), kNoRound);
@@ -82,17 +87,21 @@ class Parallel {
     }
 
   private:
-    glm::dvec3 square(const glm::dvec3& place) const { return place - axis_ * glm::dot(place, axis_); }
+    /// Of an edge the place square to the axis, and along that from where to where.
+    struct Place {
+        glm::dvec3 across{0};
+        double low = 0, high = 0;
+    };
 
     /// Looks for the edge at the far end of both facets.
     void link(std::uint32_t i) {
         const Gentle& edge = *edges_[i];
-        const glm::dvec3 at = square(edge.from);
+        const Place& at = places_[i];
         std::array<double, 2> nearest{1e300, 1e300};
         for (std::uint32_t k = 0; k < edges_.size(); ++k) {
             const Gentle& other = *edges_[k];
-            if (k == i || !together(edge, other)) continue;
-            const glm::dvec3 way = square(other.from) - at;
+            if (k == i || !together(at, places_[k])) continue;
+            const glm::dvec3 way = places_[k].across - at.across;
             const double distance = glm::length(way);
             for (std::size_t side = 0; side < 2; ++side) {
                 const glm::dvec3& face = side == 0 ? edge.faceA : edge.faceB;
@@ -104,16 +113,10 @@ class Parallel {
             }
         }
     }
-    /// Along the axis, from where to where.
-    std::pair<double, double> along(const Gentle& edge) const {
-        return std::minmax({glm::dot(edge.from, axis_), glm::dot(edge.to, axis_)});
-    }
     /// Whether both begin and end together: of the strips of a sphere neighbours do not.
-    bool together(const Gentle& a, const Gentle& b) const {
-        const auto [aLow, aHigh] = along(a);
-        const auto [bLow, bHigh] = along(b);
-        const double most = 2e-3 * (aHigh - aLow);
-        return std::abs(aLow - bLow) < most && std::abs(aHigh - bHigh) < most;
+    static bool together(const Place& a, const Place& b) {
+        const double most = 2e-3 * (a.high - a.low);
+        return std::abs(a.low - b.low) < most && std::abs(a.high - b.high) < most;
     }
 
     /// Through three places square to the axis; none if they are on a line.
@@ -122,7 +125,7 @@ class Parallel {
         double radius = 0;
     };
     Circle circle(std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
-        const glm::dvec3 p = square(edges_[a]->from), u = square(edges_[b]->from) - p, v = square(edges_[c]->from) - p;
+        const glm::dvec3 p = places_[a].across, u = places_[b].across - p, v = places_[c].across - p;
         const glm::dvec3 n = glm::cross(u, v);
         const double twice = 2 * glm::dot(n, n);
         if (!(twice > 0)) return {};
@@ -130,14 +133,12 @@ class Parallel {
         return {p + off, glm::length(off)};
     }
     bool isOn(const Circle& circle, std::uint32_t i) const {
-        const glm::dvec3 way = square(edges_[i]->from) - circle.center;
+        const glm::dvec3 way = places_[i].across - circle.center;
         return std::abs(glm::length(way) - circle.radius) < kOff * circle.radius &&
                glm::dot(way, edges_[i]->outward) > 0.95 * circle.radius;
     }
 
-    double facet(std::uint32_t a, std::uint32_t b) const {
-        return glm::distance(square(edges_[a]->from), square(edges_[b]->from));
-    }
+    double facet(std::uint32_t a, std::uint32_t b) const { return glm::distance(places_[a].across, places_[b].across); }
     static bool isAsWide(double a, double b) { return std::abs(a - b) < 0.05 * std::max(a, b); }
 
     /// In order round the circle on which an edge lies with both that are next to it; of a whole one, each once.
@@ -170,43 +171,42 @@ class Parallel {
         const Circle on = circle(row[0], row[n / 3], row[whole ? 2 * n / 3 : n - 1]);
         MeshRound round;
         RoundBody& body = round.body;
-        double low = -1e300, high = 1e300;
-        glm::dvec3 sum(0);
-        for (const std::uint32_t i : row) {
-            if (!isOn(on, i)) return {};
-            const Gentle& edge = *edges_[i];
-            const auto [from, to] = along(edge);
-            low = std::max(low, from);
-            high = std::min(high, to);
-            sum += edge.outward;
+        double low = -1e300, high = 1e300, arc = 0;
+        for (std::size_t k = 0; k < row.size(); ++k) {
+            if (!isOn(on, row[k])) return {};
+            low = std::max(low, places_[row[k]].low);
+            high = std::min(high, places_[row[k]].high);
+            if (k == 0) continue;
+            const double facet =
+                std::acos(std::clamp(glm::dot(outward(row[k - 1], on), outward(row[k], on)), -1.0, 1.0));
+            arc += facet;
+            body.facet = std::max(body.facet, facet);
         }
-        for (std::size_t k = 1; k < row.size(); ++k)
-            body.facet = std::max(
-                body.facet, std::acos(std::clamp(glm::dot(outward(row[k - 1], on), outward(row[k], on)), -1.0, 1.0)));
-        if (!(high > low) || body.facet > 1.2 * kMostRoundTurn) return {};
+        if (!(high > low) || body.facet > 1.2 * kMostRoundTurn || !turnsEvenly(row, whole, body.facet)) return {};
         body.center = on.center + axis_ * (0.5 * (low + high));
         body.radius = on.radius;
         body.axis = axis_;
         body.halfLength = 0.5 * (high - low);
-        body.halfArc = kShapePi;
-        body.middle = outward(row[0], on);
-        if (!whole) {
-            double arc = 0;
-            for (std::size_t k = 1; k < row.size(); ++k)
-                arc += std::acos(std::clamp(glm::dot(outward(row[k - 1], on), outward(row[k], on)), -1.0, 1.0));
-            body.halfArc = 0.5 * arc;
-            const glm::dvec3 first = outward(row.front(), on);
-            glm::dvec3 side = glm::cross(axis_, first);
-            if (glm::dot(side, outward(row[1], on)) < 0) side = -side;
-            body.middle = std::cos(0.5 * arc) * first + std::sin(0.5 * arc) * side;
-        }
+        body.halfArc = whole ? kShapePi : 0.5 * arc;
+        const glm::dvec3 first = outward(row.front(), on);
+        glm::dvec3 side = glm::cross(axis_, first);
+        if (glm::dot(side, outward(row[1], on)) < 0) side = -side;
+        body.middle = std::cos(body.halfArc) * first + std::sin(body.halfArc) * side;
         return round;
     }
+    /// By as much as from a facet to the next at each edge, but for the ends of a part.
+    bool turnsEvenly(const std::vector<std::uint32_t>& row, bool whole, double facet) const {
+        const std::size_t ends = whole ? 0 : 1;
+        return std::all_of(row.begin() + static_cast<std::ptrdiff_t>(ends),
+                           row.end() - static_cast<std::ptrdiff_t>(ends),
+                           [&](std::uint32_t i) { return std::abs(edges_[i]->turn - facet) < 0.15 * facet; });
+    }
     glm::dvec3 outward(std::uint32_t i, const Circle& on) const {
-        return glm::normalize(square(edges_[i]->from) - on.center);
+        return glm::normalize(places_[i].across - on.center);
     }
 
     std::vector<Gentle*> edges_;
+    std::vector<Place> places_;
     glm::dvec3 axis_;
     std::array<std::vector<std::uint32_t>, 2> next_;
 };

@@ -84,6 +84,14 @@ TEST(RoundShapes, OvalsAndConesAreNotRound) {
     EXPECT_TRUE(bodiesOf(turned({{.5, -1}, {.2, 1}}, 24).walled()).empty());
 }
 
+TEST(RoundShapes, AWaveInALandscapeIsNone) {
+    std::vector<glm::dvec3> outline;
+    for (int i = 0; i <= 63; ++i) outline.emplace_back(i, 3 * std::sin(.1 * i), 0);
+    outline.emplace_back(63, -9, 0);
+    outline.emplace_back(0, -9, 0);
+    EXPECT_TRUE(bodiesOf(drawn(outline, 60).walled()).empty());
+}
+
 TEST(RoundShapes, ATransformThatMakesAnOvalLeavesEdges) {
     WorldFromLocal oval(1.0), tall(1.0);
     oval[0][0] = 2;
