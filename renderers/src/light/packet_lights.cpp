@@ -3,6 +3,8 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "bsdf.h"
 #include "coincident.h"
@@ -228,6 +230,42 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     }
 }
 
+V8 turned(const glm::mat3& m, const V8& v) {
+    const V8 to{m[0].x * v.x + m[1].x * v.y + m[2].x * v.z, m[0].y * v.x + m[1].y * v.y + m[2].y * v.z,
+                m[0].z * v.x + m[1].z * v.y + m[2].z * v.z};
+    return to * (1.0f / max(sqrt(dot(to, to)), all(1e-30f)));
+}
+
+/// What a packet's surfaces reflect, as an eye below an uneven scale sees it: by the angles of its own space, so that
+/// what stands below the same scale is lit as if that were not there. Which side of a surface something is on is the
+/// same there.
+class InEyeSpace {
+  public:
+    InEyeSpace(const UnevenEye& eye, SurfacePacket& surfaces) : eye_(eye), s_(surfaces) {
+        for (int at = 0; at < 16; at += 8) {
+            storeV(normal_, at, turned(eye.normalToSquare, loadV(s_.normal, at)));
+            storeV(view_, at, turned(eye.toSquare, loadV(s_.view, at)));
+        }
+    }
+    /// Calls `reflect` while the packet and what comes from a light are in that space.
+    template <class Reflect>
+    void with(Incoming& in, const Reflect& reflect) {
+        std::swap(s_.normal, normal_), std::swap(s_.view, view_);
+        for (int at = 0; at < 16; at += 8) {
+            const V8 towards = turned(eye_.toSquare, loadV(in.direction, at));
+            storeV(in.direction, at, towards);
+            store(in.cosine + at, max(dot(loadV(s_.normal, at), towards), all(0)));
+        }
+        reflect();
+        std::swap(s_.normal, normal_), std::swap(s_.view, view_);
+    }
+
+  private:
+    const UnevenEye& eye_;
+    SurfacePacket& s_;
+    Lanes3 normal_, view_;
+};
+
 }  // namespace
 
 Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind) {
@@ -248,6 +286,8 @@ void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowR
     const PacketKernels& kernels = packetKernels();
     kernels.addOwn(s);
     const LightGroups& all = scene.lightGroups;
+    std::optional<InEyeSpace> uneven;
+    if (scene.uneven) uneven.emplace(*scene.uneven, s);
     // Lanes that share their lights go together; nearly always all of them.
     for (std::uint32_t lit = s.mask & ~s.unlit; lit;) {
         const std::uint32_t start = all.start(s.lights[std::countr_zero(lit)]);
@@ -264,7 +304,7 @@ void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowR
         const bool shiny = (phong & s.shiny) != 0;
         for (std::uint32_t at = start; at != LightGroups::kEnd; at = all.next(at))
             for (const TraceLight& light : all.lightsOf(at)) {
-                if (!light.shadows && !light.picture && !physical) {
+                if (!light.shadows && !light.picture && !physical && !uneven) {
                     kernels.shinePhong(light, phong, shiny, s);
                     continue;
                 }
@@ -272,13 +312,19 @@ void addLights(const TraceScene& scene, SurfacePacket& s, std::uint64_t& shadowR
                 if (!(light.picture ? gatherProjected(light, s, in) : kernels.gather(light, s, in))) continue;
                 if (light.shadows) {
                     std::uint32_t shadowed = group;
-                    if (shares && !light.picture)
+                    if (shares && !light.picture && !uneven)
                         shadowed &= ~(phong & kernels.faint(light, in, shares->of, shares->least, shiny, s));
                     if (shadowed) castShadows(scene, light, s, shadowed, in, shadowRays);
                 }
                 if (light.picture) tint(scene, light, s, in);
-                if (phong) kernels.addPhong(light, in, phong, shiny, s);
-                if (physical) kernels.addPhysical(light, in, physical, s);
+                const auto reflect = [&] {
+                    if (phong) kernels.addPhong(light, in, phong, shiny, s);
+                    if (physical) kernels.addPhysical(light, in, physical, s);
+                };
+                if (uneven)
+                    uneven->with(in, reflect);
+                else
+                    reflect();
             }
     }
 }

@@ -157,14 +157,20 @@ void limitShadows(const LightState& state, const RayView& world, const RenderSet
 
 }  // namespace
 
+namespace {
+
+glm::dmat3 toSquare(const Camera& camera) {
+    const glm::dmat3 axes = camera.axes();
+    return glm::dmat3(axes[0], axes[1], -axes[2]) * camera.steps();
+}
+
+}  // namespace
+
 PixelLens lensOf(const RayView& world, const Camera& camera, int rows) {
     const auto pixel = static_cast<float>((camera.top - camera.bottom) / rows);
     PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), camera.orthographic ? 0 : pixel,
                    camera.orthographic ? pixel : 0};
-    if (!camera.isEven()) {
-        const glm::dmat3 axes = camera.axes();
-        lens.toSquare = glm::mat3(glm::dmat3(axes[0], axes[1], -axes[2]) * camera.steps());
-    }
+    if (!camera.isEven()) lens.toSquare = glm::mat3(toSquare(camera));
     return lens;
 }
 
@@ -187,6 +193,10 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     TraceScene scene;
     scene.coincident = std::make_shared<CoincidentFaces>();
     scene.placeInPicture(world, camera, settings.height);
+    if (settings.integrator == Integrator::whitted && !camera.isEven()) {
+        const glm::dmat3 square = toSquare(camera);
+        scene.uneven = UnevenEye{glm::mat3(square), glm::mat3(glm::transpose(glm::inverse(square)))};
+    }
     constexpr int kMostSharing = 64;  // more samples than these see no more of a texture: an eighth of a pixel is all
     scene.sampleShare = 1 / std::sqrt(static_cast<float>(std::clamp(settings.samplesPerPixel, 1, kMostSharing)));
     scene.filter = clipFilter(state, world, settings, part.windows ? &camera : nullptr);

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -186,6 +187,12 @@ class SkyLight;
 class SkyTable;
 class Shutter;
 
+/// From the world to the space of an eye that is scaled unevenly, in which its pixels are square; directions only, to
+/// be normalised.
+struct UnevenEye {
+    glm::mat3 toSquare{1.0f}, normalToSquare{1.0f};
+};
+
 /// How lines and points are seen in a picture of that many rows.
 PixelLens lensOf(const RayView& world, const Camera& camera, int rows);
 
@@ -198,6 +205,7 @@ struct TraceScene {
     std::shared_ptr<const RayFilter> volumeFilter;
     Vec3f eye{0}, forward{0, 0, -1};
     Vec3f right{1, 0, 0}, up{0, 1, 0};  // times an offset from the eye: pixels' heights for 1 ahead
+    std::optional<UnevenEye> uneven;    // lights fall on surfaces as in that space; nothing of paths
     /// All that says where in the picture something is, and how wide a pixel is there.
     void placeInPicture(const RayView& view, const Camera& camera, int height);
     EmitterTable* emitterTable = nullptr;         // that of the scene's last picture

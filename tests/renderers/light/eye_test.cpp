@@ -66,6 +66,48 @@ TEST(Eye, ViewpointsBelowUnevenScalesSeeTheirOwnSpace) {
         }
 }
 
+// 17.2.2 does not say in which space its angles are; they are those of the eye's, as in browsers: what stands below the
+// same transform as viewpoint and lights is lit as if the transform were not there.
+TEST(Eye, ViewpointsBelowUnevenScalesSeeThingsLitAsInTheirOwnSpace) {
+    const std::string things =
+        "Shape { appearance Appearance { material Material { diffuseColor .6 .3 .2 specularColor .4 .4 .4 shininess .1 "
+        "} } geometry Sphere { } } "
+        "Transform { translation 1.5 .5 -1 rotation .6 .8 0 .7 children Shape { appearance Appearance { material "
+        "PhysicalMaterial { baseColor .2 .7 .4 metallic .3 roughness .4 } } geometry Box { size 1 1 1 } } } ";
+    const std::string eye = "Viewpoint { position .4 1 5 orientation 1 0 0 -.2 } ";
+    for (const std::string lights :
+         {"NavigationInfo { headlight TRUE } ",
+          "NavigationInfo { headlight FALSE } DirectionalLight { direction 1 -2 -1 ambientIntensity .3 } ",
+          "NavigationInfo { headlight FALSE } PointLight { location -2 3 4 radius 1000 global TRUE shadows TRUE } "})
+        for (const std::string transform :
+             {"translation 7 3 -2 scale .25 4 2", "rotation .6 0 .8 .8 scale 3 1 .2 scaleOrientation 0 .6 .8 .6",
+              "scale .234 234 12.23"}) {
+            SCOPED_TRACE(lights + transform);
+            LightScene plain(eye + lights + things, 48, 36),
+                below("Transform { " + transform + " children [ " + eye + lights + things + " ] }", 48, 36);
+            const Picture a = plain.picture(), b = below.picture();
+            int other = 0, lit = 0;
+            for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+                const Vec3f apart = glm::abs(Vec3f(a.pixels[i] - b.pixels[i]));
+                other += std::max({apart.r, apart.g, apart.b}) > .005f;
+                lit += a.pixels[i].r + a.pixels[i].g > .05f;
+            }
+            EXPECT_GT(lit, 100);
+            EXPECT_LE(other, 20) << "more than rays that graze an edge";
+        }
+}
+
+// In numbers: a plane that leans by 60 degrees reflects half of the headlight, whatever squashes both.
+TEST(Eye, APlaneBelowAnUnevenScaleReflectsByItsOwnAngle) {
+    for (const char* scale : {"1 1 1", "1 20 1", "5 .1 1"}) {
+        LightScene s(
+            fmt::format("NavigationInfo {{ }} Transform {{ scale {} children [ Viewpoint {{ }} Transform {{ "
+                        "rotation 1 0 0 1.0471975512 children {} }} ] }}",
+                        scale, square(3, matte(".8 .4 .2"))));
+        expectColor(s.center(), {.4, .2, .1}, 1e-4);
+    }
+}
+
 // 23.3.1: planes across the view, not balls around the eye; and what lies behind clear surfaces has the same end.
 TEST(Eye, NothingIsSeenBeforeTheNearPlaneOrBehindTheFarOne) {
     const std::string red = "material UnlitMaterial { emissiveColor 1 0 0 }", blue = unlit("0 0 1");
