@@ -121,7 +121,9 @@ class Flatten final : private SceneOfDocument, public Filter {
             keepInlineLights(scene, inlines_, diagnostics_);
         }
         WithVersion last(next_, version_);
-        SceneExporter(scene, diagnostics_, options_).write(last);
+        ExportOptions options = options_;
+        options.listsVisible = version_.starts_with('3');
+        SceneExporter(scene, diagnostics_, options).write(last);
     }
 
   private:

@@ -10,6 +10,7 @@
 #include <rtsg/core/command_list.h>
 #include <rtsg/core/filter.h>
 #include <rtsg/core/loader.h>
+#include <rtsg/core/x3d.h>
 
 #include "builder_state.h"
 
@@ -173,7 +174,10 @@ void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, Docume
         return;
     }
     if (!isOwnField(def)) return;
-    if (!holdsNodes) {
+    if (options.listsVisible && node.is(x3d::CADLayer::type) && field == x3d::CADLayer::visible.index) {
+        if (node.get(x3d::CADLayer::visible)) return;
+        handler.setField(def.name, Value(Array<bool>::ofSize(node.get(x3d::CADLayer::children).size())), {});
+    } else if (!holdsNodes) {
         if (!node.isDefault(field)) handler.setField(def.name, node.value(field), {});
     } else if (node.isDefault(field) && isInstance(type) &&
                declarations.nodeDefaults.contains(fmt::format("{}.{}", type.name, def.name))) {

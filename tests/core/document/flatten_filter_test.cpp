@@ -195,6 +195,22 @@ TEST_F(InlinedLights, WhatIsBoundByItselfNowIsTold) {
     }
 }
 
+// In X3D 3.1 to 3.3 CADLayer.visible has a value for each child, and those without one show.
+TEST_F(InlinedLights, ACadLayerThatIsNotVisibleStaysSoInADocumentOfBefore) {
+    const std::string parts = "children [ CADPart { } CADPart { } CADPart { } ] }";
+    const std::string text =
+        flat("CADLayer { visible FALSE " + parts + " CADLayer { " + parts, "Inline { url \"part.x3dv\" }");
+    const std::size_t first = text.find("visible");
+    EXPECT_EQ(text.substr(first, text.find(']', first) - first), "visible [FALSE, FALSE, FALSE") << text;
+    EXPECT_EQ(text.find("visible", first + 1), std::string::npos) << text;
+    Scene scene;
+    Diagnostics diagnostics("test");
+    ASSERT_TRUE(loadText(scene, text, diagnostics)) << test::allText(diagnostics);
+    std::size_t hidden = 0;
+    scene.forEachNode([&](const Node& node) { hidden += node.is(x3d::Group::type) && !node.get(x3d::Group::visible); });
+    EXPECT_EQ(hidden, 3u) << text;
+}
+
 TEST_F(InlinedLights, AGroupKeepsWhatItHasOfAnInline) {
     const std::string text =
         flat("Shape { }",

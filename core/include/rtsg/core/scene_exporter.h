@@ -19,6 +19,8 @@ struct ExportOptions {
     bool expandPrototypes = false;
     /// An Inline that has its content becomes a Group.
     bool expandInlines = false;
+    /// CADLayer.visible is a list with a value for each child, as in X3D 3.1 to 3.3.
+    bool listsVisible = false;
 };
 
 class SceneExporter {
