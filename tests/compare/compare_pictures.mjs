@@ -5,8 +5,8 @@
 // Both get the same document: the scene as `rtsg convert` writes it, with its TimeSensors switched off, so that nothing
 // moves between the pictures, with the standard's default Viewpoint where it has none but those of a humanoid (rtsg would
 // frame it, and binds a humanoid's), with the descriptions of Scripts declared in them, and without textures whose files are not there. rtsg draws no reflections, which a
-// browser has not; X_ITE draws at its highest quality. A silhouette is where a picture differs from that of the same scene with all its Shapes made
-// invisible. Writes DIR/index.html with the pictures, DIR/results.json and a line a scene.
+// browser has not; X_ITE draws at its highest quality. Each scene is drawn three times: as it is, before a black and before
+// a white background; a silhouette is what covers both. Writes DIR/index.html with the pictures, DIR/results.json and a line a scene.
 // Exit status 0: compared, whatever came out; 77: skipped, with the reason, where Chromium or the packages of `./dev web`
 // are not there. Usage: compare_pictures.mjs --program build/rtsg [-o DIR] [--size 960x720] [--only TEXT] FOLDER|FILE...
 import {execFileSync} from 'node:child_process';
@@ -81,7 +81,19 @@ function eachNode(value, edit) {
     eachNode(content, edit);
   }
 }
-const kShapes = new Set(['Shape', 'ParticleSystem', 'VolumeData', 'SegmentedVolumeData', 'IsoSurfaceVolumeData', 'CADFace']);
+const kKinds = ['whole', 'black', 'white'];
+/** Makes all backgrounds of a document of one colour, and gives it one if it has none. */
+function setBackground(document, color) {
+  let any = false;
+  eachNode(document, (type, fields) => {
+    if (!/^(Texture)?Background$/.test(type)) return;
+    any = true;
+    if (fields['@USE']) return;
+    for (const key of Object.keys(fields)) if (/^@(sky|ground)|Url$/.test(key) || /^-\w+Texture$/.test(key)) delete fields[key];
+    Object.assign(fields, {'@skyColor': color, '@transparency': 0});
+  });
+  if (!any) (document.X3D.Scene['-children'] ??= []).unshift({Background: {'@skyColor': color}});
+}
 
 /** Whether a texture's files are all missing. */
 function isGone(type, fields, folder) {
@@ -117,18 +129,18 @@ function declareDescriptions(file) {
   writeFileSync(file, text);
 }
 
-/** The scene as it stands, and without its shapes, as XML in `scratch`; what went wrong. */
+/** The scene as it stands, and before its two backgrounds, as XML in `scratch`; what went wrong. */
 function prepare(scene, name) {
   const json = path.join(scratch, `${name}.json`);
   const said = rtsg('convert', scene, json, '--force');
   if (!existsSync(json)) return said || 'it was not converted';
-  for (const kind of ['whole', 'empty']) {
+  for (const kind of kKinds) {
     const document = JSON.parse(readFileSync(json, 'utf8'));
     eachNode(document, (type, fields) => {
       if (fields['@USE']) return;
       if (type === 'TimeSensor') fields['@enabled'] = false;
-      if (kind === 'empty' && kShapes.has(type)) fields['@visible'] = false;
     });
+    if (kind !== 'whole') setBackground(document, kind === 'black' ? [0, 0, 0] : [1, 1, 1]);
     dropMissing(document, path.dirname(scene));
     let seen = false;
     const own = structuredClone(document);
@@ -156,7 +168,7 @@ function fontInPlaceOf(asked) {
 /** A page in which X3DOM, which takes its nodes from the page, finds those of a document. It shall not encode colours of classic
  * Materials, as it does by default; its TimeSensors run even if they are switched off, and lead nowhere without routes. */
 function pageOfX3dom(document) {
-  const scene = document.replaceAll(/visible=(['"])false\1/g, 'visible="false" render="false"').replace(/^\s*<\?xml[^>]*>\s*/, '').replace(/^<!DOCTYPE[^>]*>\s*/, '').replace(/<head>.*?<\/head>/s, '')
+  const scene = document.replace(/^\s*<\?xml[^>]*>\s*/, '').replace(/^<!DOCTYPE[^>]*>\s*/, '').replace(/<head>.*?<\/head>/s, '')
     .replace(/^<X3D[^>]*>/, `<X3D width="${width}px" height="${height}px" showLog="false" showStat="false" showProgress="false">`)
     .replaceAll(/<ROUTE [^>]*>/g, '').replace(/<Scene>|<Scene [^>]*>/, '$&<Environment gammaCorrectionDefault="none"/>');
   return `<html xmlns="http://www.w3.org/1999/xhtml"><head><title>X3DOM</title><script src="/packages/x3dom/x3dom.js"></script>
@@ -176,8 +188,8 @@ function startServer() {
       return;
     }
     let file = null;
-    const still = /\/STILL-(\d+-(whole|empty)\.x3d)$/.exec(at);
-    const page = /\/STILL-(\d+-(whole|empty))\.xhtml$/.exec(at);
+    const still = /\/STILL-(\d+-(whole|black|white)\.x3d)$/.exec(at);
+    const page = /\/STILL-(\d+-(whole|black|white))\.xhtml$/.exec(at);
     if (page && existsSync(path.join(scratch, `${page[1]}.x3d`))) {
       response.writeHead(200, {'content-type': 'application/xhtml+xml'});
       response.end(pageOfX3dom(readFileSync(path.join(scratch, `${page[1]}.x3d`), 'utf8')));
@@ -262,7 +274,7 @@ for (let i = 0; i < scenes.length; ++i) {
     page.on('console', (message) => { if (message.type() === 'error') result.said += `browser: ${message.text()}\n`; });
     result.said += prepare(scenes[i], `${i}`);
     const pictures = {rtsg: {}, xIte: {}, x3dom: {}};
-    for (const kind of ['whole', 'empty']) {
+    for (const kind of kKinds) {
       const still = `http://127.0.0.1:${server.address().port}/files${path.dirname(scenes[i])}/STILL-${i}-${kind}`;
       const pngs = {rtsg: readFileSync(path.join(given.out, `${i}-${kind}-rtsg.png`)), xIte: await drawInXIte(page, `${still}.x3d`),
         x3dom: await drawInX3dom(page, `${still}.xhtml`)};

@@ -1,7 +1,9 @@
 // How alike two pictures of a scene are. Runs in a browser, which decodes the pictures; so it stands for itself alone.
 
 /**
- * Pictures as PNG in base64: by two programs, `whole` and `empty`, without shapes. Gives `iou`, the share of both
+ * Pictures as PNG in base64, by two programs: `whole`, and of the same things before a `black` and a `white` background. A pixel is in the
+ * silhouette if things cover at least 3/8 of it: as many of sixteen samples as of four, where that is from two on. How bright they are does
+ * not count. Gives `iou`, the share of both
  * silhouettes together that lies in both (1 where neither has any); `near`, the share of both silhouettes' pixels that lie in the
  * other one or beside one of its pixels, which is fair to lines a pixel wide; `ssim`, the mean structural similarity of luminance (Wang
  * et al. 2004: Gaussian windows of 11 pixels, sigma 1.5); `difference`, the mean of colours, of 255.
@@ -18,11 +20,13 @@ export async function measure({a: one, b: other}) {
     context.drawImage(image, 0, 0);
     return {width: image.width, height: image.height, data: context.getImageData(0, 0, image.width, image.height).data};
   }
-  const differs = (a, b, i) => Math.max(...[0, 1, 2].map((c) => Math.abs(a.data[4 * i + c] - b.data[4 * i + c]))) > 24;
-  const [a, aEmpty, b, bEmpty] = await Promise.all([one.whole, one.empty, other.whole, other.empty].map(pixels));
+  const through = (black, white, i) => Math.max(...[0, 1, 2].map((c) => white.data[4 * i + c] - black.data[4 * i + c])) / 255;
+  const [a, aBlack, aWhite, b, bBlack, bWhite] =
+    await Promise.all([one.whole, one.black, one.white, other.whole, other.black, other.white].map(pixels));
   if (a.width !== b.width || a.height !== b.height) throw new Error('the pictures have different sizes');
   const count = a.width * a.height;
-  const inA = Uint8Array.from({length: count}, (_, i) => differs(a, aEmpty, i)), inB = Uint8Array.from({length: count}, (_, i) => differs(b, bEmpty, i));
+  const covered = (black, white) => Uint8Array.from({length: count}, (_, i) => through(black, white, i) <= 5 / 8);
+  const inA = covered(aBlack, aWhite), inB = covered(bBlack, bWhite);
   /** Whether the pixel or one of its eight neighbours is set. */
   function beside(mask, i) {
     const x = i % a.width, y = Math.floor(i / a.width);
