@@ -149,6 +149,8 @@ void Flattener::Impl::sortOut(const Change& change) {
 bool Flattener::Impl::turnsClear(const Node& node, FieldIndex field) {
     if (node.is(x3d::Appearance::type))
         return field == x3d::Appearance::alphaMode.index || field == x3d::Appearance::alphaCutoff.index;
+    if (node.is(x3d::FillProperties::type))
+        return field == x3d::FillProperties::filled.index || field == x3d::FillProperties::hatched.index;
     const bool isTransparency = (node.is(x3d::Material::type) && field == x3d::Material::transparency.index) ||
                                 (node.is(x3d::UnlitMaterial::type) && field == x3d::UnlitMaterial::transparency.index);
     if (!isTransparency) return false;

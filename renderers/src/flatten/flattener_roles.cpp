@@ -304,12 +304,28 @@ bool isClear(const Node& material) {
            (material.is(x3d::UnlitMaterial::type) && material.get(x3d::UnlitMaterial::transparency) >= 1);
 }
 
+namespace {
+
+/// Whether it is made of lines or points, which have no inside.
+bool hasNoInside(const Node& geometry) {
+    return geometry.is(x3d::IndexedLineSet::type) || geometry.is(x3d::LineSet::type) ||
+           geometry.is(x3d::PointSet::type) || geometry.is(x3d::Polyline2D::type) ||
+           geometry.is(x3d::Polypoint2D::type) || geometry.is(x3d::Arc2D::type) || geometry.is(x3d::Circle2D::type) ||
+           geometry.is(x3d::NurbsCurve::type);
+}
+
+}  // namespace
+
 bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance) {
     using A = x3d::Appearance;
     const Node *look = scene.find(appearance), *form = scene.find(geometry);
     if (!look || !form || !look->is(A::type)) return false;
     if (form->typeIndex().value >= builtinTypes().size()) return false;  // whatever a user's own type makes of it
-    if (look->get(A::backMaterial) || look->get(A::fillProperties)) return false;
+    if (const Node* fill = scene.effectiveNode(look->get(A::fillProperties))) {
+        using F = x3d::FillProperties;
+        return fill->is(F::type) && !fill->get(F::filled) && !fill->get(F::hatched) && !hasNoInside(*form);
+    }
+    if (look->get(A::backMaterial)) return false;
     // Opaque whatever the transparency (12.2.3).
     const std::string mode = look->get(A::alphaMode).str();
     if (mode == "OPAQUE" || (mode == "MASK" && !(look->get(A::alphaCutoff) > 0))) return false;

@@ -113,8 +113,9 @@ bool isOfStrokeStyle(const Node& node);
 
 /// Whether a node is a material whose transparency says that it shows nothing.
 bool isClear(const Node& material);
-/// Whether nothing of a shape with them is to be seen: its material isClear(), and nothing stands in for that: colours
-/// with an alpha of their own, several textures, another back, hatches, an alphaMode, what a MetadataSet says.
+/// Whether nothing of a shape with them is to be seen: its inside is neither filled nor hatched, or its material
+/// isClear(), and nothing stands in for that: colours with an alpha of their own, several textures, another back,
+/// hatches, an alphaMode, what a MetadataSet says.
 /// Of geometry by a user's own type, which may colour it as it likes: never.
 bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance);
 

@@ -237,7 +237,8 @@ bool Flattener::Impl::bind(Instance& instance, const Node& shape, const TypeRole
     const bool clear = !role.ownsGeometry() && flatten::showsNothing(*scene, geometry, appearance);
     changed |= std::exchange(instance.clear, clear) != clear;
     if (clear)
-        clearMaterials.insert(scene->effectiveNode(scene->node(appearance).get(x3d::Appearance::material))->id().value);
+        if (const Node* material = scene->effectiveNode(scene->node(appearance).get(x3d::Appearance::material)))
+            if (flatten::isClear(*material)) clearMaterials.insert(material->id().value);
     std::shared_ptr<const StrokeStyle> strokes = flatten::strokeStyle(*scene, appearance);
     if (strokes || instance.strokes) {
         changed |= !strokes || !instance.strokes || *strokes != *instance.strokes;

@@ -284,6 +284,25 @@ TEST(FillProperties, HatchesInPixels) {
     EXPECT_NEAR(litShare("filled FALSE hatched FALSE", true), 1, 1e-6);
 }
 
+// 12.4.2: nothing is drawn of it, so that it hides nothing that lies in its own place; lines have no inside.
+TEST(FillProperties, WhatIsNeitherFilledNorHatchedHidesNothingInItsPlace) {
+    const std::string none = "fillProperties FillProperties { filled FALSE hatched FALSE }";
+    for (const bool first : {false, true}) {
+        const std::string green = square(1, unlit("0 1 0")), hollow = square(1, matte("1 0 0") + none);
+        const Picture p =
+            LightScene("OrthoViewpoint { fieldOfView [ -2 -2 2 2 ] } " + (first ? hollow + green : green + hollow), 40,
+                       40)
+                .picture();
+        for (int y = 11; y < 29; ++y)
+            for (int x = 11; x < 29; ++x) ASSERT_EQ(Vec3f(p.at(x, y)), Vec3f(0, 1, 0)) << x << ", " << y;
+    }
+    LightScene line(
+        "Shape { appearance Appearance { material Material { emissiveColor 0 1 0 } lineProperties LineProperties { "
+        "linewidthScaleFactor 9 } " +
+        none + " } geometry LineSet { vertexCount 2 coord Coordinate { point [ -1 0 0, 1 0 0 ] } } }");
+    EXPECT_EQ(line.center(), Vec3f(0, 1, 0));
+}
+
 // ---- shadows of what is clear -------------------------------------------------------------------------------------
 
 // Rays look for clear things only where these are; what that finds is what looking everywhere finds.
