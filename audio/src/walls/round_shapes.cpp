@@ -226,10 +226,16 @@ std::array<std::int64_t, 3> directionOf(const glm::dvec3& axis) {
 }
 
 void findCylinders(std::vector<Gentle>& gentle, std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
-    std::map<std::array<std::int64_t, 3>, std::vector<Gentle*>> byDirection;
+    using Direction = std::pair<std::array<std::int64_t, 3>, Gentle*>;
+    std::vector<Direction> byDirection;  // and of one direction as they come
     for (Gentle& edge : gentle)
-        if (!edge.used) byDirection[directionOf(edge.axis)].push_back(&edge);
-    for (auto& [direction, edges] : byDirection) {
+        if (!edge.used) byDirection.emplace_back(directionOf(edge.axis), &edge);
+    std::ranges::sort(byDirection);
+    for (auto first = byDirection.begin(); first != byDirection.end();) {
+        const auto last =
+            std::find_if(first, byDirection.end(), [&](const Direction& d) { return d.first != first->first; });
+        std::vector<Gentle*> edges;
+        for (; first != last; ++first) edges.push_back(first->second);
         if (edges.size() < kFewest || edges.size() > kMostParallel) continue;
         glm::dvec3 axis(0);
         for (const Gentle* edge : edges)
@@ -243,13 +249,14 @@ class Spheres {
   public:
     explicit Spheres(std::vector<Gentle>& gentle) : gentle_(gentle), parent_(gentle.size()) {
         std::iota(parent_.begin(), parent_.end(), 0u);
-        std::map<std::array<double, 3>, std::uint32_t> byCorner;
-        for (std::uint32_t i = 0; i < gentle.size(); ++i) {
-            for (const glm::dvec3& p : {gentle[i].from, gentle[i].to}) {
-                const auto [at, added] = byCorner.try_emplace({p.x, p.y, p.z}, i);
-                if (!added) parent_[root(i)] = root(at->second);
-            }
-        }
+        std::vector<std::pair<std::array<double, 3>, std::uint32_t>> byCorner;
+        byCorner.reserve(2 * gentle.size());
+        for (std::uint32_t i = 0; i < gentle.size(); ++i)
+            for (const glm::dvec3& p : {gentle[i].from, gentle[i].to}) byCorner.push_back({{p.x, p.y, p.z}, i});
+        std::ranges::sort(byCorner);
+        for (std::size_t k = 1; k < byCorner.size(); ++k)
+            if (byCorner[k].first == byCorner[k - 1].first)
+                parent_[root(byCorner[k].second)] = root(byCorner[k - 1].second);
     }
 
     void find(std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
