@@ -1,9 +1,12 @@
 // Colours, textures and maps: lane by lane, or for all lanes of a material where only textures are looked up.
 #include "surface_detail.h"
 
+#include <array>
 #include <bit>
+#include <cmath>
 
 #include "lanes.h"
+#include "mesh/texture_tangents.h"
 #include "texture_lanes.h"
 
 namespace rtsg::trace {
@@ -49,44 +52,92 @@ Vec2f pixelOf(const TraceScene& scene, const Vec3f& place) {
 
 namespace {
 
-/// Where (s, t) of a normal texture run, in ray space and across `normal`, by the mesh's Tangent. False where that has
-/// no direction.
-bool tangentFrame(const TextureLookup& look, const Vec3f& normal, bool isBack, Vec3f& s, Vec3f& t) {
+/// Two directions in a surface and how (s, t) before the texture's transform (r and q too) change along them.
+struct Ways {
+    std::array<Vec3f, 2> along;  // ray space
+    std::array<Vec4f, 2> change;
+};
+
+/// As the mesh's Tangent says, whose directions are those of its own coordinates: across `normal`. False where that
+/// has no direction.
+bool givenWays(const TextureLookup& look, const Vec3f& normal, bool isBack, Ways& ways) {
     const Vec4f given = look.instance.mesh->tangents.interpolate(look.hit.triangle, look.hit.u, look.hit.v);
-    s = glm::mat3(look.instance.rayFromLocal) * Vec3f(given);
+    Vec3f s = glm::mat3(look.instance.rayFromLocal) * Vec3f(given);
     s -= glm::dot(s, normal) * normal;
     const float length = glm::length(s);
     if (!(length > 0) || !std::isfinite(length)) return false;
     s /= length;
     // Their cross product belongs to the front and to the mesh's own frame: what mirrors the mesh mirrors it, and seen
     // from behind, where the normal is turned about, it lies where it did.
-    t = glm::cross(normal, s);
+    Vec3f t = glm::cross(normal, s);
     if ((given.w < 0) != ((look.instance.sign < 0) != isBack)) t = -t;
+    ways = {{s, t}, {Vec4f(1, 0, 0, 0), Vec4f(0, 1, 0, 0)}};
     return true;
 }
 
-/// `texel`: of the normal texture.
+/// Along the edges of the triangle that was hit.
+Ways triangleWays(const TextureLookup& look, std::size_t channel, const TextureUse& use) {
+    const Mesh& mesh = *look.instance.mesh;
+    const glm::mat3 rayFromLocal(look.instance.rayFromLocal);
+    const Vec3f from = mesh.vertex(look.hit.triangle, 0);
+    Ways ways;
+    for (std::uint32_t i = 0; i < 2; ++i) ways.along[i] = rayFromLocal * (mesh.vertex(look.hit.triangle, i + 1) - from);
+    const TexCoords* own = look.coordsOf(channel);
+    if (own && own->generator != TexCoords::Generator::none) {
+        // What is made from normals and views is not linear: by differences, of a part of the triangle. Roundings of
+        // what does not change are no direction.
+        constexpr float kPart = 1 / 32.0f, kRounding = 1e-6f;
+        const float u = look.hit.u, v = look.hit.v;
+        const auto across = [&](float du, float dv) {
+            const Vec4f difference = look.at(u + du, v + dv).untransformed(channel, use) -
+                                     look.at(u - du, v - dv).untransformed(channel, use);
+            return glm::length(difference) > kRounding ? difference / (2 * kPart) : Vec4f(0);
+        };
+        ways.change = {across(kPart, 0), across(0, kPart)};
+        return ways;
+    }
+    TextureLookup corner = look;
+    const auto there = [&](float u, float v) {
+        corner.hit.u = u, corner.hit.v = v;
+        return corner.untransformed(channel, use);
+    };
+    const Vec4f first = there(0, 0);
+    ways.change = {there(1, 0) - first, there(0, 1) - first};
+    return ways;
+}
+
+/// How the (s, t) that look a texture up change where its coordinates change by `change`, from `here` on.
+Vec2f transformedChange(const TextureUse& use, const Vec4f& here, const Vec4f& change) {
+    const Vec4f by = use.matrix3 ? *use.matrix3 * change
+                                 : Vec4f(use.matrix.s.x * change.x + use.matrix.s.y * change.y,
+                                         use.matrix.t.x * change.x + use.matrix.t.y * change.y, change.z, change.w);
+    const Vec4f to = TextureLookup::transformed(use, here);
+    if (to.w == 0) return Vec2f(by);
+    return (Vec2f(by) - Vec2f(to) * (by.w / to.w)) / to.w;
+}
+
+/// What the texel of the normal texture makes of a unit normal on the viewer's side, of which `isBack` says whether it
+/// is the back: in the tangent space of the (s, t) that look the texture up. Where these have no direction it stays.
 Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Vec4f& texel, const Vec3f& normal,
                    bool isBack) {
-    const Vec3f local((2 * texel.r - 1) * material.normalScale, (2 * texel.g - 1) * material.normalScale,
-                      2 * texel.b - 1);
-    const auto mapped = [&](const Vec3f& s, const Vec3f& t) {
-        const Vec3f to = s * local.x + t * local.y + normal * local.z;
-        const float length = glm::length(to);
-        return length > 0 ? to / length : normal;
-    };
-    Vec3f dPds, dPdt;
-    if (look.instance.mesh->tangents.present() && tangentFrame(look, normal, isBack, dPds, dPdt))
-        return mapped(dPds, dPdt);
-    const std::uint8_t channel = look.slot.channels[static_cast<std::size_t>(TextureRole::normal)];
-    if (!textureTangents(*look.instance.mesh, look.hit.triangle, channel, dPds, dPdt)) return normal;
-    Vec3f t = glm::mat3(look.instance.rayFromLocal) * dPds;
-    Vec3f b = glm::mat3(look.instance.rayFromLocal) * dPdt;
+    const TextureUse& use = material.texture(TextureRole::normal);
+    const std::size_t channel = look.channelOf(TextureRole::normal);
+    Ways ways;
+    if (!look.instance.mesh->tangents.present() || !givenWays(look, normal, isBack, ways))
+        ways = triangleWays(look, channel, use);
+    const Vec4f here = look.untransformed(channel, use);
+    std::array<Vec2f, 2> st;
+    for (std::size_t i = 0; i < 2; ++i) st[i] = transformedChange(use, here, ways.change[i]);
+    Vec3f s, t;
+    if (!textureTangents(ways.along, st, s, t)) return normal;
+    s -= glm::dot(s, normal) * normal;
     t -= glm::dot(t, normal) * normal;
-    b -= glm::dot(b, normal) * normal;
-    const float tl = glm::length(t), bl = glm::length(b);
-    if (!(tl > 0) || !(bl > 0)) return normal;
-    return mapped(t / tl, b / bl);
+    const float sLength = glm::length(s), tLength = glm::length(t);
+    if (!(sLength > 0) || !(tLength > 0)) return normal;
+    const Vec3f to = s * ((2 * texel.r - 1) * material.normalScale / sLength) +
+                     t * ((2 * texel.g - 1) * material.normalScale / tLength) + normal * (2 * texel.b - 1);
+    const float length = glm::length(to);
+    return length > 0 ? to / length : normal;
 }
 
 void hatch(const TextureLookup& look, const Material& material, SurfacePacket& out, int lane) {

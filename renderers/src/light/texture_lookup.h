@@ -77,7 +77,8 @@ struct TextureLookup {
     }
     /// A RenderedTexture lies on a surface as other pictures do.
     static bool isFlat(const TextureUse& use) { return use.generated && use.generated->isFlat(); }
-    Vec3f coordinates(std::size_t channel, const TextureUse& use) const {
+    /// (s, t, r, q) before the texture's transform.
+    Vec4f untransformed(std::size_t channel, const TextureUse& use) const {
         const TexCoords* own = coordsOf(channel);
         Vec4f str;
         if (own && own->generator != TexCoords::Generator::none)
@@ -87,11 +88,28 @@ struct TextureLookup {
         else
             str = instance.mesh->texCoord(hit.triangle, hit.u, hit.v, channel);
         if (use.generated && !isFlat(use)) str = {inWorld(own, Vec3f(str)), str.w};
+        return str;
+    }
+    /// Before they are divided by q.
+    static Vec4f transformed(const TextureUse& use, const Vec4f& str) {
         if (use.matrix3) [[unlikely]]
-            str = *use.matrix3 * str;
-        else
-            str = {use.matrix.apply({str.x, str.y}), str.z, str.w};
+            return *use.matrix3 * str;
+        return {use.matrix.apply({str.x, str.y}), str.z, str.w};
+    }
+    Vec3f coordinates(std::size_t channel, const TextureUse& use) const {
+        const Vec4f str = transformed(use, untransformed(channel, use));
         return str.w == 1 || str.w == 0 ? Vec3f(str) : Vec3f(str) / str.w;
+    }
+    /// At another place in the plane of the triangle that was hit.
+    TextureLookup at(float u, float v) const {
+        TextureLookup there = *this;
+        const Mesh& mesh = *instance.mesh;
+        there.hit.u = u, there.hit.v = v;
+        there.position += glm::mat3(instance.rayFromLocal) *
+                          (mesh.position(hit.triangle, u, v) - mesh.position(hit.triangle, hit.u, hit.v));
+        const Vec3f turned = glm::normalize(instance.normalFromLocal * mesh.shadingNormal(hit.triangle, u, v));
+        there.normal = glm::dot(turned, normal) < 0 ? -turned : turned;
+        return there;
     }
     /// Side of the pixel on the texture, as a share of the texture's side.
     float spread(std::size_t channel, const TextureUse& use) const {

@@ -9,6 +9,8 @@
 #include <utility>
 #include <vector>
 
+#include "texture_tangents.h"
+
 namespace rtsg {
 
 SurfacePoint interpolate(const Mesh& mesh, std::uint32_t triangle, float u, float v) {
@@ -30,12 +32,7 @@ bool textureTangents(const Mesh& mesh, std::uint32_t triangle, std::size_t chann
     const Vec2f st0(mesh.texCoord(triangle, 0, 0, channel));
     const Vec2f d1 = Vec2f(mesh.texCoord(triangle, 1, 0, channel)) - st0;
     const Vec2f d2 = Vec2f(mesh.texCoord(triangle, 0, 1, channel)) - st0;
-    const float determinant = d1.x * d2.y - d1.y * d2.x;
-    if (!(std::abs(determinant) > 1e-20f)) return false;
-    const float inverse = 1.0f / determinant;
-    dPds = (d2.y * e1 - d1.y * e2) * inverse;
-    dPdt = (d1.x * e2 - d2.x * e1) * inverse;
-    return true;
+    return textureTangents({e1, e2}, {d1, d2}, dPds, dPdt);
 }
 
 namespace {
