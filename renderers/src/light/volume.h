@@ -40,7 +40,7 @@ struct Cartoon {
 };
 struct EdgeEnhancement {
     Vec3f color{0};
-    float cosine = 1;  // of the angle to the view from which on the colour is this one
+    float cosine = 1;  // of the angle to the view from which on the colour is mixed with this one
 };
 struct SilhouetteEnhancement {
     float retained = 1, boundary = 0, sharpness = .5f;

@@ -167,9 +167,11 @@ void StyledPlace::apply(const Cartoon& step, const Vec3f& normal, Vec4f& color) 
     color.a *= step.orthogonal.a + share * (step.parallel.a - step.orthogonal.a);
 }
 
+/// 41.4.5: across the view in the edge's colour, along it as they are, and a mix between, beyond the threshold alone.
 void StyledPlace::apply(const EdgeEnhancement& step, const Vec3f& normal, Vec4f& color) const {
     if (!colors_ || normal == Vec3f(0)) return;
-    if (std::abs(glm::dot(normal, view_)) < step.cosine) color = Vec4f(paint(step.color), color.a);
+    const float along = std::min(std::abs(glm::dot(normal, view_)), 1.0f);
+    if (along < step.cosine) color = Vec4f(glm::mix(paint(step.color), Vec3f(color), along), color.a);
 }
 
 void StyledPlace::apply(const SilhouetteEnhancement& step, const Vec3f& normal, Vec4f& color) const {

@@ -76,6 +76,27 @@ TEST(VolumeStyles, EdgesHaveTheirColour) {
     EXPECT_GT(along.g, .7);
 }
 
+// Between across and along the view: a mix by |n V|, of the edge's colour and the voxel's, on either side.
+TEST(VolumeStyles, EdgesFadeIntoWhatTheyLieOn) {
+    const auto byte = [](double x) { return int(std::lround((x + 1) / 2 * 255)); };
+    const auto of = [&](double angle, double threshold, Integrator integrator) {
+        return styled(
+            volume("PixelTexture3D { image [ 1 1 1 1 255 ] }",
+                   fmt::format("EdgeEnhancementVolumeStyle {{ edgeColor 1 0 0 1 gradientThreshold {} "
+                               "surfaceNormals PixelTexture3D {{ image [ 3 1 1 1 {} ] }} }}",
+                               threshold, byte(std::sin(angle)) << 16 | byte(0) << 8 | byte(std::cos(angle)))),
+            integrator);
+    };
+    for (const double angle : {.3, .6435, 1.2, 1.5, kPi - .6435}) {
+        const Vec3d n = glm::normalize(Vec3d(byte(std::sin(angle)), byte(0), byte(std::cos(angle))) / 127.5 - 1.);
+        const double along = std::abs(n.z);
+        for (const Integrator integrator : {Integrator::whitted, Integrator::path}) {
+            expectColor(of(angle, .2, integrator), {1, along, along}, 1e-4);
+            expectColor(of(angle, std::acos(along) + .05, integrator), {1, 1, 1}, 1e-4);
+        }
+    }
+}
+
 // 41.4.3: bands of equal angle, in HSV between the two.
 TEST(VolumeStyles, CartoonsHaveBands) {
     const auto of = [](double angle, int steps) {
