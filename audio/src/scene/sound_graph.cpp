@@ -37,11 +37,12 @@ std::shared_ptr<const PeriodicWave> waveOf(const Scene& scene, const Node& oscil
     using P = x3d::PeriodicWave;
     const String typeText = fieldOr(*node, "type", String());
     const std::string_view type = typeText.view();
+    const bool isKnown = type == "SINE" || type == "SAWTOOTH" || type == "TRIANGLE";  // else the default
     const auto& real = node->get(P::optionsReal);
     const auto& imag = node->get(P::optionsImag);
     return std::make_shared<const PeriodicWave>(
         type == "CUSTOM" ? PeriodicWave::custom({real.data(), real.size()}, {imag.data(), imag.size()})
-                         : PeriodicWave::named(type));
+                         : PeriodicWave::named(isKnown ? type : "SQUARE"));
 }
 
 Biquad::Type filterType(std::string_view name) {

@@ -58,8 +58,12 @@ std::string wordComplaint(const FieldDef& field, const String* words, std::size_
             isKnownBesides(field, words[i].view()))
             continue;
         std::string known;
-        for (const std::string& word : field.allowed) known += (known.empty() ? "" : ", ") + word;
-        return "'" + words[i].str() + "' is none of the values of " + field.name + " (" + known + ")";
+        for (const std::string& word : field.allowed)
+            if (!word.empty()) known += (known.empty() ? "" : ", ") + word;
+        // What reads a single word takes one that it does not know as the default.
+        const std::string taken =
+            field.type == FieldType::SFString ? ": taken as " + field.defaultValue.as<String>().str() : std::string();
+        return "'" + words[i].str() + "' is none of the values of " + field.name + " (" + known + ")" + taken;
     }
     return {};
 }

@@ -101,7 +101,7 @@ struct Reader {
     static TextureWrap wrapOf(std::string_view mode) {
         if (mode == "MIRRORED_REPEAT") return TextureWrap::mirror;
         if (mode == "CLAMP_TO_BOUNDARY") return TextureWrap::border;
-        return mode == "REPEAT" ? TextureWrap::repeat : TextureWrap::clamp;
+        return mode == "CLAMP" || mode == "CLAMP_TO_EDGE" ? TextureWrap::clamp : TextureWrap::repeat;
     }
 
     /// 18.4.10, and TextureTransform3D's in 33.4: Tc' = -C * S * R * C * T * Tc.

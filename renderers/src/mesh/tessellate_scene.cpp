@@ -144,10 +144,11 @@ class PropertyReader {
             for (const auto& [name, generator] : kModes)
                 if (mode.view() == name) channel.generator = generator;
             for (const float p : node->get(x3d::TextureCoordinateGenerator::parameter)) channel.parameter.push_back(p);
-            if (!channel.fromPosition && channel.generator == G::none)
-                warn(problems_, fmt::format("TextureCoordinateGenerator mode {} is not supported: the default texture "
-                                            "coordinates are used",
-                                            mode.view()));
+            if (!channel.fromPosition && channel.generator == G::none) {
+                warn(problems_,
+                     fmt::format("TextureCoordinateGenerator mode {} is not known: taken as SPHERE", mode.view()));
+                channel.generator = G::sphere;
+            }
         } else {
             notUsed("texCoord", *node);
             return;

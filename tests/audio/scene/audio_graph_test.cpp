@@ -110,6 +110,17 @@ TEST(AudioGraph, AWaveThatIsNotEnabledLeavesASine) {
     EXPECT_LT(lineOf(tone("FALSE"), 2000), 1e-5);
 }
 
+TEST(AudioGraph, AWaveOfNoKnownTypeIsASquare) {
+    const auto tone = [](const char* type) {
+        std::string told;
+        return hear(
+            fmt::format("OscillatorSource {{ frequency 1000 periodicWave PeriodicWave {{ type \"{}\" }} }}", type), .1,
+            &told)[0];
+    };
+    EXPECT_EQ(tone("FOO"), tone("SQUARE"));
+    EXPECT_NE(tone("SINE"), tone("SQUARE"));
+}
+
 TEST(AudioGraph, ABranchThatMakesNoNumbersIsSilentAloneAndNamed) {
     for (const std::string& bad :
          {"DEF BAD DynamicsCompressor { threshold -1e30 children " + kGraphTone + " }",

@@ -10,6 +10,7 @@
 namespace rtsg {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -46,6 +47,17 @@ TEST(Teaching, NamesWhatWasMeantInEveryEncoding) {
     EXPECT_THAT(xml, HasSubstr("unknown node type Trasnform (did you mean Transform?)"));
     EXPECT_THAT(xml, HasSubstr("has no field 'translaton' (did you mean translation?)"));
     EXPECT_EQ(xml.find("unknown node type"), xml.rfind("unknown node type")) << "reader and builder say it once";
+}
+
+TEST(Teaching, SaysWhatAWordThatIsNoneOfAFieldsIsTakenFor) {
+    EXPECT_THAT(
+        problemsOf(
+            "#X3D V4.0 utf8\nTextureProperties { boundaryModeS \"FOO\" }\nFontStyle { style \"FAT\" }\nFontStyle { "
+            "justify [ \"LEFT\" ] }\n"),
+        AllOf(HasSubstr("warning: 'FOO' is none of the values of boundaryModeS (CLAMP, CLAMP_TO_EDGE, "
+                        "CLAMP_TO_BOUNDARY, MIRRORED_REPEAT, REPEAT): taken as REPEAT"),
+              HasSubstr("'FAT' is none of the values of style (PLAIN, BOLD, ITALIC, BOLDITALIC): taken as PLAIN"),
+              HasSubstr("'LEFT' is none of the values of justify (MIDDLE, BEGIN, END, FIRST)")));
 }
 
 TEST(Teaching, NamesTheFieldThatNodesWereMeantFor) {

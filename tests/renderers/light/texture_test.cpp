@@ -8,8 +8,10 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/x3d.h>
 #include <rtsg/renderers/picture.h>
 
+#include "light_scene.h"
 #include "support/temp_folder.h"
 
 namespace rtsg {
@@ -210,6 +212,48 @@ TEST(Texture, ColoursOfClearPixelsAreTheirOwn) {
     ASSERT_TRUE(read);
     const Vec4f straight = read->sample(.5f, .5f, 0, kNearest, ColorSpace::linear);
     for (int c = 0; c < 4; ++c) EXPECT_NEAR(straight[c], Vec4d(.5, .2, .1, .5)[c], 2e-3) << c;
+}
+
+/// A square in the picture's left half and its right one, of whose texture the left pixel is red, the right one green.
+constexpr const char* kTwoPixels =
+    "OrthoViewpoint {{ fieldOfView [ -1 -1 1 1 ] }} Shape {{ appearance Appearance {{ material UnlitMaterial {{ }} "
+    "texture PixelTexture {{ image 2 1 3 0xff0000 0x00ff00 textureProperties DEF P TextureProperties {{ }} }} }} "
+    "geometry IndexedFaceSet {{ coordIndex [ 0 1 2 3 ] coord Coordinate {{ point [ -1 -1 0 1 -1 0 1 1 0 -1 1 0 ] }} "
+    "{} }} }}";
+
+// What is no word of the field is its default, whoever sets it.
+TEST(Texture, BoundaryModesThatAreNotKnownRepeat) {
+    test::LightScene s(fmt::format(kTwoPixels, "texCoord TextureCoordinate { point [ 1 0 2 0 2 1 1 1 ] }"));
+    const auto quarters = [&](const char* mode) {
+        EXPECT_TRUE(s.scene.set(s.node("P"), x3d::TextureProperties::boundaryModeS, String(mode)));
+        s.scene.newFrame(s.scene.now() + 1);
+        const Picture p = s.picture();
+        return std::pair(Vec3f(p.at(p.width / 4, 16)), Vec3f(p.at(p.width * 3 / 4, 16)));
+    };
+    const Vec3f red(1, 0, 0), green(0, 1, 0);
+    for (const char* repeated : {"REPEAT", "FOO", "", "clamp"}) {
+        const auto [left, right] = quarters(repeated);
+        EXPECT_GT(left.r, .9) << repeated;
+        EXPECT_GT(right.g, .9) << repeated;
+    }
+    for (const char* clamped : {"CLAMP", "CLAMP_TO_EDGE"}) EXPECT_EQ(quarters(clamped), std::pair(green, green));
+    const auto [left, right] = quarters("MIRRORED_REPEAT");
+    EXPECT_GT(left.g, .9);
+    EXPECT_GT(right.r, .9);
+}
+
+TEST(Texture, CoordinateGeneratorsOfNoKnownModeAreSpheres) {
+    test::LightScene s(fmt::format(kTwoPixels,
+                                   "texCoord DEF G TextureCoordinateGenerator { mode \"COORD\" } normal Normal { "
+                                   "vector [ -.6 0 .8 .6 0 .8 .6 0 .8 -.6 0 .8 ] }"));
+    const auto seen = [&](const char* mode) {
+        EXPECT_TRUE(s.scene.set(s.node("G"), x3d::TextureCoordinateGenerator::mode, String(mode)));
+        s.scene.newFrame(s.scene.now() + 1);
+        return s.picture().pixels;
+    };
+    const auto spheres = seen("SPHERE");
+    EXPECT_NE(seen("COORD"), spheres);
+    EXPECT_EQ(seen("FOO"), spheres);
 }
 
 }  // namespace
