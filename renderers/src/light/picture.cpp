@@ -181,7 +181,9 @@ Result<> writePicture(const Picture& picture, const std::filesystem::path& file,
     } else {
         encoded = toSrgb8(picture, toneMap);
         sheet.bytes = encoded.data();
-        sheet.opaque = std::ranges::all_of(picture.pixels, [](const Vec4f& p) { return p.a >= 1; });
+        sheet.opaque = true;  // as the file would say, whatever was lost to roundings
+        for (std::size_t alpha = 3; alpha < encoded.size() && sheet.opaque; alpha += 4)
+            sheet.opaque = encoded[alpha] == 255;
     }
     Bytes made;
     if (auto ok = encodeSheet(sheet, extension, file, made); !ok) return ok;

@@ -346,8 +346,7 @@ std::shared_ptr<const Texture> TextureStore::ofNode(const Scene& scene, const No
         if (texture)
             entry.texture = std::make_shared<const Texture>(std::move(*texture));
         else
-            diagnostics.warningAt(scene.placeOf(node.id()), fmt::format("PixelTexture {} shows no picture: {}",
-                                                                        scene.name(node.id()), texture.error().text));
+            tellOfNone(scene, node, texture.error().text, diagnostics);
         return entry.texture;
     }
     if (node.is(x3d::MultiTexture::type)) return ofMulti(scene, node, content, diagnostics);

@@ -86,6 +86,18 @@ TEST(Picture, PngIsSrgbEncodedTopRowFirst) {
     std::filesystem::remove(file);
     EXPECT_EQ(bytes[0], 0);
     EXPECT_EQ(bytes[5], 255) << "brighter than white stays white";
+    // Nor where what is missing of an alpha is lost in the file.
+    picture.at(0, 1).a = 1 - 1e-6f;
+    ASSERT_TRUE(writePicture(picture, file));
+    input = OIIO::ImageInput::open(file.string());
+    ASSERT_TRUE(input);
+    EXPECT_EQ(input->spec().nchannels, 3);
+    picture.at(0, 1).a = 1 - 1 / 200.0f;
+    ASSERT_TRUE(writePicture(picture, file));
+    input = OIIO::ImageInput::open(file.string());
+    ASSERT_TRUE(input);
+    EXPECT_EQ(input->spec().nchannels, 4);
+    std::filesystem::remove(file);
     Picture half(1, 1, Vec4f(0.5f, 0.2f, 0.04f, 1));
     const auto encoded = toSrgb8(half);
     EXPECT_EQ(encoded[0], 188);
