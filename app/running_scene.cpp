@@ -46,7 +46,7 @@ class LateQueries final : public SpaceQueries {
 
   private:
     WorldQueries& queries() {
-        if (!queries_) queries_.emplace(running_.world().get());
+        if (!queries_) queries_.emplace(running_.world().get(), running_.resources());
         return *queries_;
     }
     RunningScene& running_;

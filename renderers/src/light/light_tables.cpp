@@ -276,21 +276,25 @@ void LightTables::setMapped(std::uint32_t at, bool mapped) {
     if (all.empty()) mappedSlotsOf_.erase(found);
 }
 
-/// Which of the mesh's texture coordinates each texture uses.
-void LightTables::findChannels(std::uint32_t slot) {
-    lookedUp_.push_back(slot);
+std::array<std::uint8_t, kTextureRoles> trace::channelsOf(const Material& material, const Mesh* mesh) {
     std::array<std::uint8_t, kTextureRoles> channels{};
-    const auto mesh = namedMeshes_.find(slots_[slot].geometry.value);
-    const Material& material = materials_[shading_[slot].material]->material;
-    for (std::size_t role = 0; role < kTextureRoles && mesh != namedMeshes_.end(); ++role) {
+    for (std::size_t role = 0; role < kTextureRoles && mesh; ++role) {
         const String& mapping = material.textures[role].mapping;
         if (mapping.empty()) continue;
-        for (std::size_t c = 0; c < mesh->second->texCoords.size() && c < 256; ++c)
-            if (mesh->second->texCoords[c].mapping == mapping) {
+        for (std::size_t c = 0; c < mesh->texCoords.size() && c < 256; ++c)
+            if (mesh->texCoords[c].mapping == mapping) {
                 channels[role] = static_cast<std::uint8_t>(c);
                 break;
             }
     }
+    return channels;
+}
+
+void LightTables::findChannels(std::uint32_t slot) {
+    lookedUp_.push_back(slot);
+    const auto mesh = namedMeshes_.find(slots_[slot].geometry.value);
+    const auto channels = channelsOf(materials_[shading_[slot].material]->material,
+                                     mesh != namedMeshes_.end() ? mesh->second.get() : nullptr);
     if (shading_[slot].channels != channels) shading_.change(slot).channels = channels;
 }
 

@@ -91,6 +91,9 @@ struct LightScope {
     std::shared_ptr<const std::vector<std::uint32_t>> lights;  // that are on, as placed slots, in order; null: none
 };
 
+/// Which of a mesh's texture coordinates each texture of a material uses, by their names; without a mesh the first.
+std::array<std::uint8_t, kTextureRoles> channelsOf(const Material& material, const Mesh* mesh);
+
 /// A LayerSet (35.4.2): what is drawn over what.
 struct LayerList {
     struct Layer {

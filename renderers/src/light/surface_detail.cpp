@@ -43,6 +43,14 @@ void splitAlpha(const Material& material, float made, float& coverage, float& op
     }
 }
 
+void findAlpha(const TextureLookup& look, const Material& material, float& alpha, float& opacity) {
+    if (material.texture(TextureRole::base)) alpha = look.sample(material, TextureRole::base).a;
+    if (material.stages.empty()) return;
+    opacity = share(opacity);
+    const float made = applyStages(look, material, material.linear.base, material.linear.specular, opacity).a;
+    splitAlpha(material, made, alpha, opacity);
+}
+
 Vec2f pixelOf(const TraceScene& scene, const Vec3f& place) {
     const Vec3f from = place - scene.eye;
     const float depth = glm::dot(from, scene.forward);

@@ -45,6 +45,9 @@ Vec4f applyStages(const TextureLookup& look, const Material& material, const Vec
 /// none, as browsers have it: SUBTRACT of two opaque textures would be clear.
 void splitAlpha(const Material& material, float made, float& coverage, float& opacity);
 
+/// Of a surface whose opacity, before textures, is this: the alpha of its textures, and its opacity with them.
+void findAlpha(const TextureLookup& look, const Material& material, float& alpha, float& opacity);
+
 /// Where in the picture a place is seen, in pixels from its middle.
 Vec2f pixelOf(const TraceScene& scene, const Vec3f& place);
 

@@ -335,18 +335,9 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f
         if (material.hatching.isLine(pixelOf(scene, scene.world->point(hit).position))) return Vec3f(0);
         if (!material.hatching.filled) return Vec3f(1);
     }
-    if (material.texture(TextureRole::base))
-        alpha = TextureLookup{instance,  slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position,
-                              hit.normal}
-                    .sample(material, TextureRole::base)
-                    .a;
-    if (!material.stages.empty()) {
-        opacity = share(opacity);
-        const TextureLookup look{instance,  slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position,
-                                 hit.normal};
-        const float made = applyStages(look, material, material.linear.base, material.linear.specular, opacity).a;
-        splitAlpha(material, made, alpha, opacity);
-    }
+    if (material.texture(TextureRole::base) || !material.stages.empty())
+        findAlpha({instance, slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position, hit.normal},
+                  material, alpha, opacity);
     return throughPlain(material, alpha, opacity);
 }
 

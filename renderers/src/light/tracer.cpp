@@ -13,6 +13,7 @@
 #include "draw.h"
 #include "left_out.h"
 #include "light_tables.h"
+#include "seen_surfaces.h"
 
 namespace rtsg {
 
@@ -111,38 +112,65 @@ Result<Picture> LightTracer::render(const RayView& world, const Camera& camera, 
 
 namespace {
 
-/// `cutFor`: what is left out of what an eye sees.
-template <class CutFor>
-Result<Pick> pickIn(const Picker& picker, const std::vector<LayerView>& views, double x, double y,
-                    const CutFor& cutFor) {
+/// `cutFor`: what is left out of what a view's eye sees; `seenBy`: which surfaces that sees.
+template <class CutFor, class SeenBy>
+Result<Pick> pickIn(const Picker& picker, const std::vector<LayerView>& views, double x, double y, const CutFor& cutFor,
+                    const SeenBy& seenBy) {
     for (auto view = views.rbegin(); view != views.rend(); ++view) {
         const double across = (x - view->left) / view->width, down = (y - view->top) / view->height;
         if (!(across >= 0 && across <= 1 && down >= 0 && down <= 1)) continue;
         const Camera& camera = view->camera;
         const Camera::WorldRay ray = camera.ray(across, down);
-        const double height = camera.pixel(view->height);
         const auto [from, to] = camera.reach(ray.direction);
         if (!(to > from)) continue;
         const std::shared_ptr<const RayFilter> cut = cutFor(camera);
+        const std::shared_ptr<const SeenSurfaces> seen = seenBy(*view);
         auto found = picker.ray(ray.origin + from * ray.direction, ray.direction, camera.layer, to - from,
-                                camera.orthographic ? PickPixel{0, height} : PickPixel{height, 0}, cut.get());
+                                lensOf(picker.world(), camera, view->height), cut.get(), seen.get());
         if (found && *found) found->distance += from;
         if (!found || *found) return found;
     }
     return Pick();
 }
 
+/// By the tables.
+class SeenInView final : public SurfacesInPicture {
+  public:
+    SeenInView(const LightState& state, const LayerView& view) : state_(state), view_(view) {}
+
+  protected:
+    Drawn drawn(const RayInstance& instance) const override {
+        const std::uint32_t at = instance.info.id.slot;
+        const SlotShading slot = at < state_.slots.size() ? state_.slots[at] : SlotShading();
+        const std::shared_ptr<const MaterialEntry>& entry = state_.materials[slot.material];
+        return {std::shared_ptr<const Material>(entry, &entry->material), slot};
+    }
+    bool mayBeClear(const RayInstance& instance) const override { return drawn(instance).material->transmits(); }
+    TraceScene place(const RayView& view, const Ray&) const override {
+        TraceScene scene;
+        scene.placeInPicture(view, view_.camera, view_.height);
+        return scene;
+    }
+
+  private:
+    const LightState& state_;
+    const LayerView& view_;
+};
+
 }  // namespace
 
 Result<Pick> LightTracer::pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y) {
-    return pickIn(picker, views, x, y, [](const Camera&) { return std::shared_ptr<const RayFilter>(); });
+    return pickIn(
+        picker, views, x, y, [](const Camera&) { return std::shared_ptr<const RayFilter>(); },
+        [](const LayerView&) { return std::shared_ptr<const SeenSurfaces>(); });
 }
 
 Result<Pick> LightTracer::pick(const Picker& picker, const RayView& world, const std::vector<LayerView>& views,
                                double x, double y) const {
     const LightState state = impl_->tables.now();
-    return pickIn(picker, views, x, y,
-                  [&](const Camera& camera) { return clipFilter(state, world, RenderSettings(), &camera); });
+    return pickIn(
+        picker, views, x, y, [&](const Camera& camera) { return clipFilter(state, world, RenderSettings(), &camera); },
+        [&](const LayerView& view) { return std::make_shared<const SeenInView>(state, view); });
 }
 
 std::vector<LayerView> LightTracer::layers(const RayView& world, const Camera& camera, int width, int height) const {

@@ -158,29 +158,61 @@ class UnmetByRays final : public RayView {
 
 }  // namespace
 
+namespace {
+
+/// Of an eye that looks along the ray. What cannot be a ray is told of elsewhere.
+PixelLens lensAt(const RayWorld& world, const Vec3d& origin, const Vec3d& direction, double pixel) {
+    const double length = glm::length(direction);
+    return {world.fromWorld(origin), length > 0 && std::isfinite(length) ? Vec3f(direction / length) : Vec3f(0, 0, -1),
+            static_cast<float>(pixel)};
+}
+
+}  // namespace
+
 Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, double maximum, double pixel) const {
-    return pick(origin, direction, maximum, {pixel, 0}, nullptr);
+    return pick(origin, direction, maximum, lensAt(*world_, origin, direction, pixel), nullptr, nullptr);
+}
+
+Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, const SeenSurfaces& seen) const {
+    return pick(origin, direction, std::numeric_limits<double>::infinity(), lensAt(*world_, origin, direction, kPixel),
+                nullptr, &seen);
 }
 
 Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
-                         const PickPixel& pixel, const RayFilter* cut) const {
+                         const PixelLens& lens, const RayFilter* cut, const SeenSurfaces* seen) const {
     const LayerFilter filter(*world_, layer, cut);
-    return pick(origin, direction, maximum, pixel, &filter);
+    return pick(origin, direction, maximum, lens, &filter, seen);
 }
 
-Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double maximum, const PickPixel& pixel,
-                          const RayFilter* filter) const {
+namespace {
+
+/// What a ray meets first, or sees first.
+Hit firstOf(const RayView& view, Ray ray, const SeenSurfaces* seen) {
+    constexpr int kMost = 10'000;  // clear surfaces one behind the other
+    for (int i = 0; i < kMost; ++i) {
+        const Hit met = view.intersect(ray);
+        if (!met || !seen) return met;
+        if (const Hit shown = seen->seen(view, ray, met)) return shown;
+        ray.origin = RayView::leave(view.point(met, ray), ray.direction);
+        ray.tMin = 1e-30f;  // what it leaves may be met at exactly 0
+    }
+    return {};
+}
+
+}  // namespace
+
+Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double maximum, const PixelLens& lens,
+                          const RayFilter* filter, const SeenSurfaces* seen) const {
     if (auto ok = checkPoint(*world_, origin, "the ray's origin"); !ok) return std::unexpected(ok.error());
     const double largest = std::max({std::abs(direction.x), std::abs(direction.y), std::abs(direction.z)});
     if (!isFinite(direction) || !(largest > 0)) return fail("the ray's direction is zero or not finite");
     if (std::isnan(maximum)) return fail("the largest distance is not a number");
     const Vec3d unit = glm::normalize(direction / largest);
-    if (!(pixel.radians >= 0 && pixel.metres >= 0) || !std::isfinite(pixel.radians + pixel.metres))
+    if (!(lens.spread >= 0 && lens.size >= 0) || !std::isfinite(lens.spread + lens.size))
         return fail("the pixel's width is negative or not finite");
     const Vec3f eye = world_->fromWorld(origin), forward(unit);
-    const LensedView view(*world_, {eye, forward, static_cast<float>(pixel.radians), static_cast<float>(pixel.metres)},
-                          filter);
-    const Hit hit = view.intersect({eye, 0, forward, std::numeric_limits<float>::infinity()});
+    const LensedView view(*world_, lens, filter);
+    const Hit hit = firstOf(view, {eye, 0, forward, std::numeric_limits<float>::infinity()}, seen);
     Candidate candidate;
     if (hit) {
         const exact::Triangle t = triangleOf(world_->instance(hit.instance), hit.triangle);

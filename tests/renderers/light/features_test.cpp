@@ -109,7 +109,7 @@ std::vector<Feature> strokesAndSurfaces() {
         {"hatches",
          unlitShape("Rectangle2D { size 4 4 solid FALSE }",
                     "fillProperties DEF E FillProperties { filled FALSE hatched FALSE }"),
-         {{kSeesBlack, "S"}},
+         {{kSeesBlack, ""}},
          "E",
          "filled",
          "TRUE",

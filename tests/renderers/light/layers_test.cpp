@@ -260,7 +260,7 @@ TEST(Layers, ArePickedWhereTheyCoincide) {
         for (const std::uint16_t layer : {0, 1})
             for (int i = 0; i < 500; ++i) {
                 const Vec3d from(-.6 + .0024 * i, .5 - .0021 * i, 10);
-                const auto pick = picker.ray(from, {0, 0, -1}, layer, 100, PickPixel());
+                const auto pick = picker.ray(from, {0, 0, -1}, layer, 100, PixelLens());
                 ASSERT_TRUE(pick && *pick) << turn << " " << i;
                 EXPECT_EQ(s.world->rays().instance(pick->instance.slot).info.layer, layer);
             }

@@ -340,11 +340,11 @@ TEST(StrokesInPictures, ArePicked) {
     // Of a parallel projection they are as wide at any distance.
     for (const double height : {1., 5., 50.})
         for (const auto& [y, meets] : {std::pair{.045, true}, {.055, false}}) {
-            const auto wide = picker.ray({.5, y, height}, {0, 0, -1}, 0, 100, PickPixel{0, .01});
+            const auto wide = picker.ray({.5, y, height}, {0, 0, -1}, 0, 100, PixelLens{Vec3f(0), {0, 0, -1}, 0, .01f});
             ASSERT_TRUE(wide && *wide);
             EXPECT_EQ(wide->geometry == s.node("G"), meets) << height << " " << y;
         }
-    EXPECT_FALSE(picker.ray({0, 0, 5}, {0, 0, -1}, 0, 100, PickPixel{0, -1}));
+    EXPECT_FALSE(picker.ray({0, 0, 5}, {0, 0, -1}, 0, 100, PixelLens{Vec3f(0), {0, 0, -1}, 0, -1}));
 }
 
 }  // namespace

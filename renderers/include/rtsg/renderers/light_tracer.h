@@ -154,10 +154,11 @@ class LightTracer final : public InstanceSubscriber {
     /// What the world must know of such a picture for what has its size from pixels: SharedWorld::setViewer().
     static std::vector<LayerSight> sights(const std::vector<LayerView>& views, int width, int height);
 
-    /// What is seen at a place of such a picture, in pixels from the left and the top: the first surface of the
+    /// What is met at a place of such a picture, in pixels from the left and the top: the first surface of the
     /// frontmost layer that has one there. Error: as Picker::ray().
     static Result<Pick> pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y);
-    /// The same without what ClipPlanes and Viewports cut off. `world`: the picker's.
+    /// What is seen there: without what ClipPlanes and Viewports cut off, backs of solids, and what hatches, masks and
+    /// alpha leave clear; but with what a Material's `transparency` hides. `world`: the picker's.
     Result<Pick> pick(const Picker& picker, const RayView& world, const std::vector<LayerView>& views, double x,
                       double y) const;
 

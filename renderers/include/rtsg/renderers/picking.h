@@ -41,16 +41,19 @@ struct Pick {
 /// (Instance::felt).
 enum class Surfaces : std::uint8_t { seen, felt };
 
-/// How wide a pixel is for which lines and points are some pixels wide: of a perspective, or else the same everywhere.
-struct PickPixel {
-    double radians = 0;
-    double metres = 0;
+/// What of surfaces an eye sees: rays of pointers go on through the rest of what they meet.
+class SeenSurfaces {
+  public:
+    virtual ~SeenSurfaces() = default;
+    /// What is seen where `ray`, a unit direction, has met something; no instance if nothing is.
+    virtual Hit seen(const RayView& view, const Ray& ray, const Hit& met) const = 0;
 };
 
 class Picker {
   public:
     /// Both must outlive the picker and have applied the same states.
     Picker(const RayWorld& world, const Flattener& flattener) : world_(&world), flattener_(&flattener) {}
+    const RayWorld& world() const { return *world_; }
 
     /// The first surface within `maximum` metres; the direction need not be a unit vector.
     /// Lines and points are as wide as in a picture seen from `origin` whose pixels are `pixel` radians wide; the other
@@ -58,10 +61,13 @@ class Picker {
     /// Error: origin or direction not finite, direction zero, origin farther than RayWorld::kMaxCoordinate.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction,
                      double maximum = std::numeric_limits<double>::infinity(), double pixel = kPixel) const;
-    /// The first surface of one layer of a LayerSet; 0: of what is in none. `cut`: what is left out besides; may be
-    /// null.
+    /// The first surface of which something is seen, however far.
+    Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, const SeenSurfaces& seen) const;
+    /// The first surface of one layer of a LayerSet; 0: of what is in none. `lens`: by which lines and points are as
+    /// wide as in a picture. `cut`: what is left out besides; `seen`: of which something is seen; either may be null.
+    /// Error: as above, or the lens' pixels are negative or not finite.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
-                     const PickPixel& pixel, const RayFilter* cut = nullptr) const;
+                     const PixelLens& lens, const RayFilter* cut = nullptr, const SeenSurfaces* seen = nullptr) const;
     static constexpr double kPixel = .001;
     /// Every surface within `maximum` metres, from either side, nearest first; 10,000 at most. Two that are nearer to
     /// each other than a millionth of the way there count as one: the triangles beside an edge, but also faces of two
@@ -85,8 +91,8 @@ class Picker {
 
   private:
     struct Candidate;
-    Result<Pick> pick(const Vec3d& origin, const Vec3d& direction, double maximum, const PickPixel& pixel,
-                      const RayFilter* filter) const;
+    Result<Pick> pick(const Vec3d& origin, const Vec3d& direction, double maximum, const PixelLens& lens,
+                      const RayFilter* filter, const SeenSurfaces* seen) const;
     Pick finish(const Candidate& candidate) const;
     const RayWorld* world_;
     const Flattener* flattener_;

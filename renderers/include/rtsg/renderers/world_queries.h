@@ -1,7 +1,8 @@
 // WorldQueries: the rays of pointers, what an avatar touches and what pick sensors meet, by the shared world's BVH.
 //
 // Made for Scene::setSpaceQueries(). The world is brought up to date before each answer; one that follows no longer
-// meets nothing, and says so once. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 20.2.3, 23.4.2, 38.
+// meets nothing, and says so once. Pointers meet what a picture shows (LightTracer::pick()); all else goes by geometry.
+// Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 20.2.3, 23.4.2, 38.
 
 // Example:
 //     #include <rtsg/core/device_input.h>
@@ -21,7 +22,12 @@
 //     scene.newFrame(0);  // a TouchSensor there is active now
 #pragma once
 
+#include <memory>
+#include <optional>
+#include <vector>
+
 #include <rtsg/core/device_input.h>
+#include <rtsg/core/resource.h>
 #include <rtsg/renderers/shared_world.h>
 
 namespace rtsg {
@@ -31,8 +37,11 @@ enum class Surfaces : std::uint8_t;
 
 class WorldQueries final : public SpaceQueries {
   public:
-    /// The world must outlive this.
-    explicit WorldQueries(SharedWorld& world) : world_(world) {}
+    /// The world must outlive this. `resources`: what urls of textures may open; one is read when a pointer meets it.
+    explicit WorldQueries(SharedWorld& world, Resources resources = {});
+    ~WorldQueries() override;
+    WorldQueries(const WorldQueries&) = delete;
+    WorldQueries& operator=(const WorldQueries&) = delete;
     std::optional<PointerHit> firstHit(const Vec3d& origin, const Vec3d& direction) override;
     std::optional<PictureHit> throughPicture(double x, double y, std::optional<NodeId> layer) override;
     std::vector<std::vector<NodeId>> within(const Vec3d& center, double radius) override;
@@ -47,7 +56,9 @@ class WorldQueries final : public SpaceQueries {
     bool follow();
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length, Surfaces surfaces);
     std::optional<PointerHit> hitOf(const Pick& pick) const;
+    class Seen;
     SharedWorld& world_;
+    std::unique_ptr<Seen> seen_;
     bool told_ = false;
 };
 

@@ -1,12 +1,109 @@
 // Asks the picker for what pointers and avatars meet.
 #include <rtsg/renderers/world_queries.h>
 
+#include <string_view>
+#include <tuple>
+#include <utility>
+
+#include <rtsg/core/navigation.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
 
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/tessellate.h>
 
+#include "light_tables.h"
+#include "seen_surfaces.h"
+#include "texture_store.h"
+
 namespace rtsg {
+
+namespace {
+
+/// Whether something in the fields of an Appearance can leave a part of a front clear. Of films nothing does.
+bool mayBeClear(const Scene& scene, NodeId appearance) {
+    using A = x3d::Appearance;
+    const Node* node = scene.effectiveNode(appearance);
+    if (!node || !node->is(A::type)) return false;
+    // Most have none of what would have to be looked up.
+    const auto find = [&](NodeId id) { return id ? scene.effectiveNode(id) : nullptr; };
+    if (const Node* fill = find(node->get(A::fillProperties));
+        fill && fill->is(x3d::FillProperties::type) && !fill->get(x3d::FillProperties::filled))
+        return true;
+    const std::string_view mode = node->get(A::alphaMode).view();
+    if (mode == "OPAQUE") return false;
+    if (mode == "MASK") return true;
+    const auto isPicture = [&](NodeId texture) {
+        const Node* shown = find(texture);
+        return shown && !shown->is(x3d::MovieTexture::type);
+    };
+    const auto has = [&](NodeId id) {
+        const Node* material = find(id);
+        if (!material) return false;
+        if (material->is(x3d::Material::type)) return isPicture(material->get(x3d::Material::diffuseTexture));
+        if (material->is(x3d::PhysicalMaterial::type))
+            return isPicture(material->get(x3d::PhysicalMaterial::baseTexture));
+        return material->is(x3d::UnlitMaterial::type) && isPicture(material->get(x3d::UnlitMaterial::emissiveTexture));
+    };
+    return isPicture(node->get(A::texture)) || has(node->get(A::material)) || has(node->get(A::backMaterial));
+}
+
+/// By which that layer of the picture is seen.
+Camera cameraOf(const LayerSight& sight) {
+    Camera camera;
+    camera.position = sight.eye, camera.right = sight.right, camera.up = sight.up, camera.forward = sight.forward;
+    std::tie(camera.left, camera.rightEdge, camera.bottom, camera.top) = std::tuple_cat(sight.edges);
+    camera.orthographic = sight.kind == LayerSight::Kind::parallel;
+    camera.panorama = sight.kind == LayerSight::Kind::around;
+    return camera;
+}
+
+}  // namespace
+
+/// By the nodes as they are. What a picture tells of textures that cannot be read is not told again.
+class WorldQueries::Seen final : public trace::SurfacesInPicture {
+  public:
+    Seen(SharedWorld& world, Resources resources) : world_(world), resources_(std::move(resources)) {}
+    /// Of rays of the picture whose layer this is; null: of others.
+    void useSight(const LayerSight* sight) { sight_ = sight; }
+
+  protected:
+    Drawn drawn(const RayInstance& instance) const override {
+        if (!textures_)
+            textures_ = std::static_pointer_cast<TextureStore>(world_.shared(
+                TextureStore::nameOf(resources_), [&] { return std::make_shared<TextureStore>(resources_); }));
+        Diagnostics unheard;
+        auto material = std::make_shared<const Material>(
+            readMaterial(world_.scene(), instance.info.appearance, *textures_, unheard));
+        trace::SlotShading slot;
+        slot.channels = trace::channelsOf(*material, instance.mesh.get());
+        return {std::move(material), slot};
+    }
+    bool mayBeClear(const RayInstance& instance) const override {
+        return rtsg::mayBeClear(world_.scene(), instance.info.appearance);
+    }
+    trace::TraceScene place(const RayView& view, const Ray& ray) const override {
+        trace::TraceScene scene;
+        if (sight_) {
+            scene.placeInPicture(view, cameraOf(*sight_), sight_->height);
+            return scene;
+        }
+        const glm::dquat turn = viewerPose(world_.scene()).orientation;
+        scene.eye = ray.origin, scene.forward = Vec3f(turn * Vec3d(0, 0, -1));
+        scene.right = Vec3f(turn * Vec3d(1, 0, 0)), scene.up = Vec3f(turn * Vec3d(0, 1, 0));
+        return scene;
+    }
+
+  private:
+    SharedWorld& world_;
+    Resources resources_;
+    mutable std::shared_ptr<TextureStore> textures_;  // from when one is asked for
+    const LayerSight* sight_ = nullptr;
+};
+
+WorldQueries::WorldQueries(SharedWorld& world, Resources resources)
+    : world_(world), seen_(std::make_unique<Seen>(world, std::move(resources))) {}
+WorldQueries::~WorldQueries() = default;
 
 bool WorldQueries::follow() {
     const auto updated = world_.update();
@@ -17,7 +114,8 @@ bool WorldQueries::follow() {
 
 std::optional<PointerHit> WorldQueries::firstHit(const Vec3d& origin, const Vec3d& direction) {
     if (!follow()) return std::nullopt;
-    const auto pick = Picker(world_.rays(), world_.flattener()).ray(origin, direction);
+    seen_->useSight(nullptr);
+    const auto pick = Picker(world_.rays(), world_.flattener()).ray(origin, direction, *seen_);
     if (!pick) return std::nullopt;
     return hitOf(*pick);
 }
@@ -42,9 +140,10 @@ std::optional<PictureHit> WorldQueries::throughPicture(double x, double y, std::
         const double across = (x - left) / (right - left), down = (y - top) / (bottom - top);
         if (!layer && !(across >= 0 && across <= 1 && down >= 0 && down <= 1)) continue;
         const auto [origin, direction] = sight->ray(across, down);
-        const bool isParallel = sight->kind == LayerSight::Kind::parallel;
-        const PickPixel pixel = isParallel ? PickPixel{0, sight->pixel()} : PickPixel{sight->pixel(), 0};
-        const auto pick = Picker(world_.rays(), flattener).ray(origin, direction, sight->layer, sight->limit, pixel);
+        seen_->useSight(&*sight);
+        const PixelLens lens = trace::lensOf(world_.rays(), cameraOf(*sight), sight->height);
+        const auto pick = Picker(world_.rays(), flattener)
+                              .ray(origin, direction, sight->layer, sight->limit, lens, nullptr, seen_.get());
         if (!pick) continue;
         PictureHit seen{origin, direction, hitOf(*pick)};
         if (seen.hit) return seen;
