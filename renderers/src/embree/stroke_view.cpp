@@ -114,7 +114,7 @@ V8 broadcast(const Vec3f& v) {
     return {all(v.x), all(v.y), all(v.z)};
 }
 
-/// The space in which a lens' pixels are square: ray space, but for an eye whose own space is scaled unevenly.
+/// The space in which a lens' pixels are square: the eye's own, if the lens knows it, else ray space.
 struct Square {
     bool isRaySpace = true;
     glm::mat3 fromRay{1.0f}, toRay{1.0f}, normalFromRay{1.0f};
@@ -148,13 +148,18 @@ struct Width {
     float spreadSquared, sizeSquared;
     const StrokeStyle* attenuated = nullptr;
     float halfWidth;
+    float spread, size;
+    bool isSquare;  // points, in the eye's own space
 
     Width(const PixelLens& lens, const Square& square, const StrokeObject& o)
         : eye(broadcast(square.fromRay * lens.eye)),
-          forward(broadcast(lens.forward)),
+          forward(broadcast(square.isRaySpace ? lens.forward : Vec3f(0, 0, -1))),
           spreadSquared(lens.spread * lens.spread),
           sizeSquared(lens.size * lens.size),
-          halfWidth(o.halfWidth) {
+          halfWidth(o.halfWidth),
+          spread(lens.spread),
+          size(lens.size),
+          isSquare(o.isPoints && !square.isRaySpace) {
         if (o.isPoints && o.style && o.style->attenuated()) attenuated = o.style.get();
     }
     /// Half, in pixels, squared; `distance` from the eye.
@@ -229,9 +234,36 @@ F8 nearestInPicture(const V8& apartA, const V8& apartB, F8 depthA, F8 depthB) {
 /// seen. Also in what lies so far away, or is seen from there.
 constexpr float kTie = 0x1p-19f;
 
+/// Whether eight rays meet the squares around eight points, in the eye's own space, and where. A ray along an edge
+/// meets the square to its left, or below. `isOwn`: of which rays this is true, as they are the picture's own.
+Met meetSquares(const V8& o, const V8& d, const V8& points, const Width& width, I8& isOwn) {
+    constexpr float kBeside = .02f;       // pixels: rays may have gone straight through something
+    constexpr float kEdge = 1.0f / 2048;  // pixels: more than roundings, so that what lies between two is in one
+    const V8 from = points - width.eye, start = o - width.eye;
+    const I8 isAhead = d.z < 0.0f;
+    const F8 inverse = -1.0f / select(isAhead, d.z, all(-1));
+    const F8 depth = -from.z, t = (depth + start.z) * inverse;
+    F8 pixel = all(width.size), besideX = d.x * inverse, besideY = d.y * inverse, most = all(1e-4f);
+    if (width.spread > 0) {
+        pixel = width.spread * depth, most = kBeside * pixel;
+        besideX = start.x + besideX * start.z, besideY = start.y + besideY * start.z;
+    }
+    isOwn = isAhead & (depth > 0.0f) & (besideX * besideX + besideY * besideY <= most * most);
+    const F8 half = sqrt(width.halfSquared(sqrt(dot(from, from)))) * pixel, edge = kEdge * pixel;
+    const F8 x = start.x + d.x * t - from.x - edge, y = start.y + d.y * t - from.y - edge;
+    const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(points, points)));
+    return {(x >= -half) & (x < half) & (y >= -half) & (y < half), t - tie / sqrt(dot(d, d)), all(0), pixel};
+}
+
 /// Eight rays and eight strokes, pair by pair. Where the rays lead forwards or backwards a stroke is met at its axis'
 /// depth, as if it were a ribbon that faces the eye; elsewhere at the place of the ray that is nearest to its axis.
 Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width) {
+    Met square{};
+    I8 isOwn{};
+    if (width.isSquare) {
+        square = meetSquares(o, d, a, width, isOwn);
+        if (!any(~isOwn)) return square;
+    }
     const V8 toA = a - o, along = b - a;
     const F8 dd = 1.0f / dot(d, d), da = dot(d, toA), dw = dot(d, along), ww = dot(along, along);
     // The place on the axis that the ray's line comes nearest to.
@@ -249,8 +281,8 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
     }
     const F8 axis = (da + u * dw) * dd;
     const V8 apart = toA + along * u - d * axis, place = a + along * u, from = place - width.eye;
-    const F8 square = dot(apart, apart), lean = dot(apart, width.forward);
-    F8 offset = square, reach, pixelSquared;
+    const F8 beside = dot(apart, apart), lean = dot(apart, width.forward);
+    F8 offset = beside, reach, pixelSquared;
     if (width.spreadSquared > 0) {
         // A pixel is as wide as its depth says. Beside the picture's middle, what is seen at an angle f looks longer
         // by 1 / cos f away from the middle: there the tube is narrower by as much. Beyond 60 degrees it is left as
@@ -265,12 +297,15 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
         reach = width.halfSquared(sqrt(dot(from, from))) * pixelSquared;
     }
     // No farther from the axis than the stroke is wide, so that the boxes around it hold the place.
-    const F8 ahead = dot(d, width.forward), most = sqrt(max(reach - square, all(0)) * dd);
+    const F8 ahead = dot(d, width.forward), most = sqrt(max(reach - beside, all(0)) * dd);
     const I8 faces = ahead * ahead * dd >= .25f;
     const F8 step = min(max(select(faces, lean / select(faces, ahead, all(1)), all(0)), -most), most);
     const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(place, place)));
-    const F8 t = axis + step - tie * sqrt(dd);
-    return {offset <= reach, t, u, sqrt(pixelSquared)};
+    Met met{offset <= reach, axis + step - tie * sqrt(dd), u, sqrt(pixelSquared)};
+    if (!width.isSquare) return met;
+    met.hit = (isOwn & square.hit) | (~isOwn & met.hit);
+    met.t = select(isOwn, square.t, met.t);
+    return met;
 }
 
 /// The ends of a leaf's strokes, placed.
@@ -440,7 +475,7 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
     const auto inObject = [&](std::uint32_t index) {
         const StrokeObject& o = object(index & ~TreeView::kLeaf);
         if (!(o.kinds & static_cast<std::uint32_t>(query.kind)) || !o.bvh || o.bvh->nodes().empty()) return rays.end;
-        const Cone around = coneOf(o.halfWidth);
+        const Cone around = coneOf(o.reach());
         const glm::mat4x3 placed = square.isRaySpace ? o.rayFromLocal : square.fromRay * o.rayFromLocal;
         const glm::mat3 toLocal = square.isRaySpace ? o.localFromRay : o.localFromRay * square.toRay;
         const Vec3f rows = square.isRaySpace ? o.rowLengths : rowLengths(toLocal);

@@ -36,7 +36,7 @@ std::uint32_t Strokes::add(std::uint32_t slot, std::shared_ptr<const StrokeBvh> 
         o.halfWidth = .5f * (isPoints ? points : style->lineWidth);
     }
     o.style = std::move(style);
-    widest_ = std::max(widest_, o.halfWidth);
+    widest_ = std::max(widest_, o.reach());
     tree_.set(object, box);
     changed_ = true;
     return object;

@@ -2,7 +2,9 @@
 //
 // Invariant: as of TopView: a frozen StrokeView answers as the Strokes did at that moment. Rays that reach it have been
 // checked. A stroke is as wide at each point of its axis as the style's pixels are there, squeezed towards the middle
-// of the picture as perspective stretches away from it, so that its width is the same everywhere in the picture. It has
+// of the picture as perspective stretches away from it, so that its width is the same everywhere in the picture. For
+// rays of the picture's own a point is a square of as many pixels, half open, so that one of a pixel is met by one ray
+// of a picture that takes one a pixel; for others, and where the lens has no picture, a disk. A stroke has
 // no thickness: rays meet it at the depth of its axis, so what is nearer hides it, however close before it. Threading:
 // changes on one thread; tracing from any, in between; frozen views from any at any time.
 #pragma once
@@ -36,6 +38,8 @@ struct StrokeObject {
     std::uint32_t kinds = 0, slot = kNoInstance;
     float halfWidth = .5f;  // pixels, at most
     bool isPoints = false;
+    /// Pixels from the axis to where rays may meet it: to the corners of points, which are squares in the picture.
+    float reach() const { return isPoints ? 1.4143f * halfWidth : halfWidth; }
 };
 
 struct StrokeHit {
@@ -93,7 +97,7 @@ class StrokeView {
     TreeView tree_;
     TreeView::Box box_;  // around all axes
     const StrokeObject* const* objects_ = nullptr;
-    float widest_ = 0;  // half, pixels
+    float widest_ = 0;  // StrokeObject::reach(), of all at most
 };
 
 class Strokes {

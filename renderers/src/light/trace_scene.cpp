@@ -155,10 +155,6 @@ void limitShadows(const LightState& state, const RayView& world, const RenderSet
         for (TraceLight& light : lightsOf(scopes[i])) light.scope = scene.scopeFilters[i].get();
 }
 
-}  // namespace
-
-namespace {
-
 glm::dmat3 toSquare(const Camera& camera) {
     const glm::dmat3 axes = camera.axes();
     return glm::dmat3(axes[0], axes[1], -axes[2]) * camera.steps();
@@ -170,7 +166,8 @@ PixelLens lensOf(const RayView& world, const Camera& camera, int rows) {
     const auto pixel = static_cast<float>((camera.top - camera.bottom) / rows);
     PixelLens lens{world.fromWorld(camera.position), Vec3f(camera.forward), camera.orthographic ? 0 : pixel,
                    camera.orthographic ? pixel : 0};
-    if (!camera.isEven()) lens.toSquare = glm::mat3(toSquare(camera));
+    if (!camera.panorama)
+        lens.toSquare = glm::mat3(glm::dmat3(Vec3d(1, 0, 0), Vec3d(0, 1, 0), Vec3d(0, 0, -1)) * camera.steps());
     return lens;
 }
 

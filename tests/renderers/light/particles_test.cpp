@@ -44,7 +44,7 @@ TEST(ParticlesInPictures, CoverTheirSizeInBothIntegrators) {
         EXPECT_NEAR(area("SPRITE"), 2, .02);
         EXPECT_NEAR(area("TRIANGLE"), 1, .02);
         EXPECT_NEAR(area("GEOMETRY", "geometry Box { size 1 .5 9 }"), .5, .02);
-        EXPECT_NEAR(area("POINT"), kPi * 100 * pixel * pixel, .02);
+        EXPECT_NEAR(area("POINT"), 400 * pixel * pixel, .001);
         EXPECT_NEAR(area("LINE"), 1 * 10 * pixel + kPi * 25 * pixel * pixel, .03) << "with round ends";
     }
 }

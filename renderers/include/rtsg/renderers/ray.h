@@ -34,8 +34,8 @@ struct PixelLens {
     Vec3f eye{0}, forward{0, 0, -1};  // ray space; unit
     float spread = 0;                 // of a perspective: metres at a depth of 1 m
     float size = 0;                   // of a parallel projection: metres everywhere
-    /// Of an eye whose space is scaled unevenly: from ray space to one in which its pixels are square, where `spread`
-    /// and `size` count; `forward` is the same there.
+    /// To the eye's own space, in which its pixels are square and `spread` and `size` count: x to the right of the
+    /// picture, y up, -z ahead. None: its edges are not known.
     std::optional<glm::mat3> toSquare = std::nullopt;
     explicit operator bool() const { return spread > 0 || size > 0; }
 };
