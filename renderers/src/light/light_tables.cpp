@@ -28,6 +28,24 @@ bool concernsLight(const InstanceDelta& d) {
            !d.placedAdded.empty() || !d.placedMoved.empty() || !d.placedRebound.empty() || !d.placedChanged.empty();
 }
 
+/// Whether it is made of lines or points.
+bool isStrokes(const Node& geometry) {
+    return geometry.is(x3d::PointSet::type) || geometry.is(x3d::LineSet::type) ||
+           geometry.is(x3d::IndexedLineSet::type) || geometry.is(x3d::Polypoint2D::type) ||
+           geometry.is(x3d::Polyline2D::type) || geometry.is(x3d::Arc2D::type) || geometry.is(x3d::Circle2D::type);
+}
+
+void tellOfTextures(const Scene& scene, NodeId geometry, const Material& material, Diagnostics& diagnostics) {
+    if (!material.textured()) return;
+    const Node* node = scene.effectiveNode(geometry);
+    if (!node || !isStrokes(*node)) return;
+    const std::string_view name = scene.name(node->id());
+    diagnostics.warningAt(scene.placeOf(node->id()),
+                          fmt::format("{}{}{}: lines and points have no textures, so those of its Appearance change "
+                                      "nothing",
+                                      node->type().name, name.empty() ? "" : " ", name));
+}
+
 }  // namespace
 
 void LightTables::tellOfDamage() {
@@ -240,6 +258,7 @@ void LightTables::bind(const Scene& scene, const Instance& instance) {
     shading.material = material;
     shading.lights = lights;
     shading.channels = {};
+    tellOfTextures(scene, slot.geometry, materials_[material]->material, diagnostics_);
     if (!uses_[material].isMapped) return;
     setMapped(at, true);
     findChannels(at);
@@ -350,8 +369,11 @@ void LightTables::followMaterials(const Scene& scene, const InstanceDelta& delta
         const auto found = materialOf_.find(appearance.value);
         if (found == materialOf_.end()) continue;
         const Use& use = uses_[found->second];
-        const bool was = use.isMapped;
+        const bool was = use.isMapped, wasTextured = materials_[found->second]->material.textured();
         loadMaterial(scene, found->second);
+        if (const Material& now = materials_[found->second]->material; !wasTextured && now.textured())
+            for (std::uint32_t slot = use.first; slot != kNone; slot = slots_[slot].next)
+                tellOfTextures(scene, slots_[slot].geometry, now, diagnostics_);
         if (!was && !use.isMapped) continue;
         for (std::uint32_t slot = use.first; slot != kNone; slot = slots_[slot].next) {
             setMapped(slot, use.isMapped);

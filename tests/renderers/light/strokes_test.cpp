@@ -91,6 +91,34 @@ TEST(StrokesInPictures, APointOnAPixelsMiddleFillsIt) {
         }
 }
 
+TEST(StrokesInPictures, TexturesAreTold) {
+    for (const std::string& shape :
+         {std::string("PointSet { coord Coordinate { point 0 0 0 } }"),
+          std::string("LineSet { vertexCount 2 coord Coordinate { point [ 0 0 0, 1 0 0 ] } }"),
+          std::string("Circle2D { }")}) {
+        SCOPED_TRACE(shape);
+        const auto told = [](const LightScene& s) {
+            int count = 0;
+            for (const Diagnostic& d : s.light->tracer().diagnostics().all())
+                if (d.text.find("lines and points have no textures") != std::string::npos) {
+                    ++count;
+                    EXPECT_GT(d.where.line, 0) << d.format();
+                }
+            return count;
+        };
+        const std::string texture = "texture PixelTexture { image 1 1 3 0xff0000 } ";
+        const std::string use = "Shape { appearance DEF A Appearance { material UnlitMaterial { } ";
+        LightScene with(use + texture + "} geometry DEF G " + shape + " } Shape { appearance USE A geometry USE G }");
+        EXPECT_EQ(told(with), 1);
+        LightScene later(use + "} geometry DEF G " + shape + " } Group { children Shape { appearance Appearance { " +
+                         "texture DEF T PixelTexture { image 1 1 3 0xff0000 } } geometry Box { } } }");
+        EXPECT_EQ(told(later), 0);
+        ASSERT_TRUE(later.scene.set(later.node("A"), x3d::Appearance::texture, later.node("T")));
+        later.scene.newFrame(1);
+        EXPECT_EQ(told(later), 1);
+    }
+}
+
 // A point of 100 pixels is a square of 1 m here: 10 m, .3 m and .01 m before the eye, and behind it.
 TEST(StrokesInPictures, BeforeAParallelEyeTheyAreAsWideHoweverNear) {
     for (const Integrator integrator : {Integrator::whitted, Integrator::path})
