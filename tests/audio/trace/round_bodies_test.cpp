@@ -32,7 +32,7 @@ TraceResult tracedAt(const Walled& body, const BesideRound& at, double turned = 
 }
 
 /// The level at a tone re the source in the open, with the phases of all that comes, dB.
-double levelOf(const TraceResult& traced, std::size_t tone, double distance) {
+double decibelsOf(const TraceResult& traced, std::size_t tone, double distance) {
     const double turns = 2 * M_PI * edgeToneHz(static_cast<double>(tone));
     std::complex<double> sum;
     const Echogram echogram = traced.echogram();
@@ -42,7 +42,7 @@ double levelOf(const TraceResult& traced, std::size_t tone, double distance) {
         sum += std::complex<double>(wave.pressure[tone]) * std::polar(1.0, -turns * wave.seconds);
     return 20 * std::log10(std::abs(sum) * distance);
 }
-double levelOf(RoundValue pressure, double distance) {
+double decibelsOf(RoundValue pressure, double distance) {
     return 20 * std::log10(std::abs(pressure) * distance);
 }
 
@@ -75,7 +75,8 @@ struct Compared {
             const TraceResult traced = tracedAt(bodyOf(ball, at.radius, 48), at, 360 * uniform(random));
             for (std::size_t tone = 7; tone < 40; tone += 4) {
                 const RoundValue exact = exactBeside(ball, at, edgeToneHz(static_cast<double>(tone)));
-                (at.isLit() ? lit : dark).add(levelOf(traced, tone, at.distance()) - levelOf(exact, at.distance()));
+                (at.isLit() ? lit : dark)
+                    .add(decibelsOf(traced, tone, at.distance()) - decibelsOf(exact, at.distance()));
             }
         }
     }
@@ -144,7 +145,7 @@ TEST(RoundBodies, NothingJumpsWhereTheShadowBegins) {
                 const TraceResult traced = tracedAt(body, at, 1.3);
                 const Bands octaves = total(traced.arrivals);
                 for (std::size_t band = 1; band < 8; ++band) {
-                    const double level = levelOf(traced, 5 * band + 2, at.distance());
+                    const double level = decibelsOf(traced, 5 * band + 2, at.distance());
                     const double octave = 10 * std::log10(octaves[band]);
                     if (degrees > begins - 5) {
                         jump = std::max(jump, std::abs(level - before[band]));
@@ -164,7 +165,7 @@ TEST(RoundBodies, ImpulseResponsesHaveThem) {
         const BesideRound at{.3, 2, 1.2, 165 * M_PI / 180, 0};
         const TraceResult traced = tracedAt(bodyOf(ball, .3, 48), at);
         for (const double hz : {100.0, 300.0, 1000.0, 3000.0})
-            EXPECT_NEAR(heardAt(traced, hz, at.distance()), levelOf(exactBeside(ball, at, hz), at.distance()), 1.5)
+            EXPECT_NEAR(heardAt(traced, hz, at.distance()), decibelsOf(exactBeside(ball, at, hz), at.distance()), 1.5)
                 << ball << " at " << hz;
     }
 }
@@ -206,7 +207,7 @@ TEST(RoundBodies, TwoCylindersOnEachOtherAreOne) {
         const BesideRound at{.5, 2, 1.5, degrees * M_PI / 180, .9};
         const TraceResult both = tracedAt(two, at), whole = tracedAt(one, at);
         for (std::size_t tone = 7; tone < 40; tone += 4)
-            EXPECT_NEAR(levelOf(both, tone, 1), levelOf(whole, tone, 1), .6) << degrees << " tone " << tone;
+            EXPECT_NEAR(decibelsOf(both, tone, 1), decibelsOf(whole, tone, 1), .6) << degrees << " tone " << tone;
         for (std::size_t band = 1; band < 8; ++band)
             EXPECT_NEAR(10 * std::log10(total(both.arrivals)[band] / total(whole.arrivals)[band]), 0, .2);
     }
@@ -225,8 +226,8 @@ TEST(RoundBodies, OnAFloorAColumnDoesNotEnd) {
         // What the floor mirrors is not heard there. One tone may be where both sides cancel each other.
         Errors errors;
         for (std::size_t tone = 7; tone < 40; tone += 4)
-            errors.add(levelOf(traced, tone, at.distance()) -
-                       levelOf(exactBeside(false, at, edgeToneHz(static_cast<double>(tone))), at.distance()));
+            errors.add(decibelsOf(traced, tone, at.distance()) -
+                       decibelsOf(exactBeside(false, at, edgeToneHz(static_cast<double>(tone))), at.distance()));
         EXPECT_LT(errors.rms(), .5) << degrees;
     }
 }
@@ -237,8 +238,8 @@ TEST(RoundBodies, ThinRodsAreNotThereForLongWaves) {
             const BesideRound at{radius, 1.5, .4, degrees * M_PI / 180, 0};
             const TraceResult traced = tracedAt(bodyOf(false, radius, 24), at);
             for (std::size_t tone = 7; tone < 40; tone += 4)
-                EXPECT_NEAR(levelOf(traced, tone, at.distance()),
-                            levelOf(exactBeside(false, at, edgeToneHz(static_cast<double>(tone))), at.distance()), 1)
+                EXPECT_NEAR(decibelsOf(traced, tone, at.distance()),
+                            decibelsOf(exactBeside(false, at, edgeToneHz(static_cast<double>(tone))), at.distance()), 1)
                     << radius << " at " << degrees << " tone " << tone;
         }
 }
