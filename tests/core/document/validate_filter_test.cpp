@@ -213,5 +213,13 @@ TEST(ValidateFilter, ListsThatFitAreLeftAlone) {
     EXPECT_EQ(problems(instance), "");
 }
 
+TEST(ValidateFilter, PixelsOfMoreBitsThanTheirComponentsTake) {
+    const auto image = [](const std::string& pixels) { return problems("PixelTexture { image " + pixels + " }"); };
+    EXPECT_THAT(image("1 2 1 0 300"), HasSubstr("test:3:30: warning: the pixel has more bits than 1 component takes"));
+    EXPECT_THAT(image("1 1 3 0x1000000"), HasSubstr("the pixel has more bits than 3 components take"));
+    for (const char* good : {"1 2 1 0 255", "1 1 2 0xffff", "1 1 3 0xffffff", "1 1 4 0xffffffff", "1 1 4 -1"})
+        EXPECT_THAT(image(good), Not(HasSubstr("more bits"))) << good;
+}
+
 }  // namespace
 }  // namespace rtsg
