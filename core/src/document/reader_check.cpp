@@ -59,7 +59,7 @@ std::string wordComplaint(const FieldDef& field, const String* words, std::size_
             continue;
         std::string known;
         for (const std::string& word : field.allowed)
-            if (!word.empty()) known += (known.empty() ? "" : ", ") + word;
+            if (!word.empty()) known.append(known.empty() ? "" : ", ").append(word);
         // What reads a single word takes one that it does not know as the default.
         const std::string taken =
             field.type == FieldType::SFString ? ": taken as " + field.defaultValue.as<String>().str() : std::string();

@@ -48,9 +48,9 @@ struct ValidatedNode {
         const auto found = given.find(name);
         return found == given.end() ? otherwise : found->second.where;
     }
-    /// How many points, vectors or colours the node in this field has; kNone if that cannot be told.
-    std::size_t countIn(const char* field) const {
-        const auto found = children.find(field);
+    /// How many points, vectors or colours the node in the field of this name has; kNone if that cannot be told.
+    std::size_t countIn(const char* name) const {
+        const auto found = children.find(name);
         return found == children.end() ? kNone : found->second.count;
     }
 };
