@@ -61,9 +61,12 @@ std::string wordComplaint(const FieldDef& field, const String* words, std::size_
         for (const std::string& word : field.allowed)
             if (!word.empty()) known.append(known.empty() ? "" : ", ").append(word);
         // What reads a single word takes one that it does not know as the default.
-        const std::string taken =
-            field.type == FieldType::SFString ? ": taken as " + field.defaultValue.as<String>().str() : std::string();
-        return "'" + words[i].str() + "' is none of the values of " + field.name + " (" + known + ")" + taken;
+        std::string text = "'";
+        text.append(words[i].view()).append("' is none of the values of ").append(field.name);
+        text.append(" (").append(known).append(")");
+        if (field.type == FieldType::SFString)
+            text.append(": taken as ").append(field.defaultValue.as<String>().view());
+        return text;
     }
     return {};
 }
