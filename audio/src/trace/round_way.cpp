@@ -17,6 +17,8 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double kRoundPi = std::numbers::pi;
 constexpr Complex kRoundI(0, 1);
+/// Of the height of that layer, and of the radius, that places are lifted to; and m, as direct sound is bounded.
+constexpr double kLift = 0.15, kMostLift = 0.5, kNearest = 0.01;
 /// exp(-i pi / 4)
 const Complex kRoundEighth(std::numbers::sqrt2 / 2, -std::numbers::sqrt2 / 2);
 
@@ -124,7 +126,25 @@ Complex RoundWay::lightBy(double waveNumber, double mirrors) const {
     return -kRoundEighth * std::sqrt(-4 / xi) * std::polar(1.0, -xi * xi * xi / 12) * along / std::sqrt(wide * width);
 }
 
+/// A place within a small part of the layer that waves along a rigid surface are in hears what one at that height
+/// does, as the field does not change across the surface; the theory is not made for places on it.
 Complex RoundWay::pressure(double waveNumber, double mirrors) const {
+    const double a = path_.radius,
+                 lowest = a * (1 + std::min(kMostLift, kLift / std::cbrt(2 * std::pow(waveNumber * a, 2))));
+    if (std::min(path_.sourceRadius, path_.receiverRadius) >= lowest) return by(waveNumber, mirrors);
+    RoundPath up = path_;
+    up.sourceRadius = std::max(up.sourceRadius, lowest);
+    up.receiverRadius = std::max(up.receiverRadius, lowest);
+    const RoundWay above(up);
+    const auto straight = [&](const RoundPath& path, double length) {
+        const double distance = path.distance();
+        return std::polar(1 / std::max(distance, kNearest), -waveNumber * (distance - length));
+    };
+    const Complex share = above.by(waveNumber, mirrors) / straight(up, above.length_);
+    return (share + (above.lit_ && !lit_ ? 1.0 : 0.0)) * straight(path_, length_);
+}
+
+Complex RoundWay::by(double waveNumber, double mirrors) const {
     return lit_ ? lightBy(waveNumber, mirrors) : dark(waveNumber);
 }
 

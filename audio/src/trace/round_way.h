@@ -43,6 +43,7 @@ class RoundWay {
     double light(double waveNumber) const;
 
   private:
+    std::complex<double> by(double waveNumber, double mirrors) const;
     std::complex<double> dark(double waveNumber) const;
     std::complex<double> lightBy(double waveNumber, double mirrors) const;
     /// Of wave lengths the third root that counts, and what is left of the curvature, see surfaceFunction().
