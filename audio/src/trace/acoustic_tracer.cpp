@@ -345,6 +345,14 @@ void refineGroup(const AcousticGeometry& geometry, const Group& group, const Tra
     refine(geometry, classes, group, options, each);
 }
 
+/// Whether direct sound has the level of a centimetre, to which nothing that bends adds: of the interference with it
+/// only roundings would be left.
+bool isAtTheListener(const glm::dvec3& source, const glm::dvec3& listener, const std::vector<Arrival>& arrivals) {
+    constexpr double kBounded = 0.01;
+    return glm::distance(source, listener) < kBounded &&
+           std::ranges::any_of(arrivals, [](const Arrival& one) { return one.order == 0; });
+}
+
 /// All of a result but for what rays bring.
 void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                  const TraceOptions& options, const WorthyImages& worth, double seconds, TraceResult& result) {
@@ -354,7 +362,7 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
     ImageSources images = findImageSources(geometry, worth.candidates, listener, worth.options,
                                            options.air.speedOfSound, airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
-    if (options.diffractionOrder > 0) {
+    if (options.diffractionOrder > 0 && !isAtTheListener(source, listener, result.arrivals)) {
         addRoundBodies(geometry, source, listener, options, seconds, result.arrivals, result.edges);
         result.edgePairs = addDiffraction(geometry, source, listener, options, seconds, result.arrivals, result.edges);
     }

@@ -111,6 +111,42 @@ TEST(RoundBodies, NextToTheSurfaceToo) {
     }
 }
 
+TEST(RoundBodies, OnTheSurfaceToo) {
+    for (const bool ball : {false, true}) {
+        const Compared all(ball, 13, ball ? 16 : 6, 1e-6, .002);
+        EXPECT_GT(all.dark.count, 12);
+        EXPECT_LT(all.dark.rms(), 1.5) << ball;
+        EXPECT_LT(all.dark.worst, 4) << ball;
+        EXPECT_LT(all.lit.rms(), 1.5) << ball;
+        EXPECT_LT(all.lit.worst, 4) << ball;
+    }
+}
+
+/// Beside a centimetre off, where the series ends soon: the field does not change across the surface.
+TEST(RoundBodies, WithBothOnTheSurface) {
+    const Walled column = bodyOf(false, .5, 48);
+    for (const double degrees : {120.0, 180.0})
+        for (const std::size_t tone : {7u, 15u, 23u}) {
+            BesideRound at{.5, .51, .51, degrees * M_PI / 180, 0};
+            const double exact = decibelsOf(exactBeside(false, at, edgeToneHz(static_cast<double>(tone))), 1);
+            for (const double height : {0.0, 1e-5, 2e-4, 1e-3, 5e-3}) {
+                at.source = at.listener = .5 + height;
+                EXPECT_NEAR(decibelsOf(tracedAt(column, at), tone, 1), exact, 4)
+                    << degrees << " degrees, " << height << " m, tone " << tone;
+            }
+        }
+}
+
+TEST(RoundBodies, AtTheListenersPlaceDirectSoundStays) {
+    const Walled column = bodyOf(false, .5, 48);
+    for (const double apart : {0.0, 1e-6, 1e-4, 9e-3}) {
+        const TraceResult traced = column.traced({-1.5, 0, 0}, {-1.5 + apart, 0, 0});
+        double energy = 0;
+        for (const Arrival& arrival : traced.arrivals) energy += 4 * M_PI * arrival.energy[3];
+        EXPECT_NEAR(energy, 1e4, 10) << apart;
+    }
+}
+
 TEST(RoundBodies, OctavesOnAWayRoundTheBodyAreTheirMeans) {
     for (const bool ball : {false, true}) {
         const Walled body = bodyOf(ball, .5, 48);
