@@ -204,7 +204,7 @@ class RoundBodies {
 
     /// Whether there is air on the way, moved along the axis to an end.
     bool isFree(const PlacedBody& placed, const RoundWay& way, bool far, double offset) const {
-        constexpr double kOff = 1 + 1e-4, kStep = kBodyPi / 12;
+        constexpr double kOff = 1 + 1e-2, kStep = kBodyPi / 12;
         const double first = way.firstAngle(), last = way.lastAngle();
         const double from = way.firstAlong() + offset, to = way.lastAlong() + offset;
         const glm::dvec3 begin = placed.at(first, far, from, kOff), end = placed.at(last, far, to, kOff);

@@ -139,23 +139,22 @@ class Parallel {
     }
 
     double facet(std::uint32_t a, std::uint32_t b) const { return glm::distance(places_[a].across, places_[b].across); }
-    static bool isAsWide(double a, double b) { return std::abs(a - b) < 0.05 * std::max(a, b); }
+    static bool isAsWide(double a, double b) { return std::abs(a - b) < 0.1 * std::max(a, b); }
 
-    /// In order round the circle on which an edge lies with both that are next to it; of a whole one, each once.
+    /// In order round what may be a circle, from an edge to both sides; of a whole one, each once.
     std::vector<std::uint32_t> rowFrom(std::uint32_t i) const {
         const std::uint32_t before = next_[0][i], after = next_[1][i];
         if (before == kNoRound || after == kNoRound || before == after) return {};
-        const Circle on = circle(before, i, after);
         const double wide = facet(i, after);
         std::vector<std::uint32_t> row{i};
-        if (!(on.radius > 0) || !isAsWide(wide, facet(i, before))) return {};
+        if (!isAsWide(wide, facet(i, before))) return {};
         for (const std::uint32_t first : {after, before}) {
             std::uint32_t last = i, at = first;
             while (at != kNoRound && !edges_[at]->used && std::ranges::find(row, at) == row.end()) {
                 // What goes on as an oval is none; what ends in something flat, or at an edge, is.
                 const double next = facet(last, at);
                 if (next > kFlatBeside * wide) break;
-                if (!isAsWide(wide, next) || !isOn(on, at)) return {};
+                if (!isAsWide(wide, next)) return {};
                 row.push_back(at);
                 const std::uint32_t on0 = next_[0][at], on1 = next_[1][at];
                 last = std::exchange(at, on0 == last ? on1 : on1 == last ? on0 : kNoRound);
@@ -199,7 +198,7 @@ class Parallel {
         const std::size_t ends = whole ? 0 : 1;
         return std::all_of(row.begin() + static_cast<std::ptrdiff_t>(ends),
                            row.end() - static_cast<std::ptrdiff_t>(ends),
-                           [&](std::uint32_t i) { return std::abs(edges_[i]->turn - facet) < 0.15 * facet; });
+                           [&](std::uint32_t i) { return std::abs(edges_[i]->turn - facet) < 0.35 * facet; });
     }
     glm::dvec3 outward(std::uint32_t i, const Circle& on) const {
         return glm::normalize(places_[i].across - on.center);
@@ -320,7 +319,7 @@ std::vector<MeshRound> roundsOf(std::vector<MeshEdge>& edges) {
 }
 
 bool placedRound(const MeshRound& round, const WorldFromLocal& m, RoundBody& result) {
-    constexpr double kOval = 1e-3;
+    constexpr double kOval = 4e-3;
     result = round.body;
     result.center = m * glm::dvec4(round.body.center, 1);
     const glm::dmat3 linear(m[0], m[1], m[2]);

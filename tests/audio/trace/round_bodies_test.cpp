@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <random>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -145,6 +146,33 @@ TEST(RoundBodies, AtTheListenersPlaceDirectSoundStays) {
         for (const Arrival& arrival : traced.arrivals) energy += 4 * M_PI * arrival.energy[3];
         EXPECT_NEAR(energy, 1e4, 10) << apart;
     }
+}
+
+/// Exporters round coordinates to a millimetre, and scales are seldom quite even.
+TEST(RoundBodies, NearlyRoundOnesBendAsRoundOnes) {
+    const BesideRound at{.3, 1.5, 1.5, 179 * M_PI / 180, 0};
+    const auto levels = [&](const Walled& body) {
+        const TraceResult traced = tracedAt(body, at, 5);
+        std::vector<double> result;
+        for (std::size_t tone = 7; tone < 28; tone += 4) result.push_back(decibelsOf(traced, tone, at.distance()));
+        return result;
+    };
+    const auto expectAlike = [](const std::vector<double>& a, const std::vector<double>& b, const std::string& what) {
+        for (std::size_t i = 0; i < a.size(); ++i) EXPECT_NEAR(a[i], b[i], .4) << what << ", tone " << 7 + 4 * i;
+    };
+    const std::vector<double> column = levels(bodyOf(false, .3, 48)), ball = levels(bodyOf(true, .3, 48));
+    for (const int sides : {16, 24, 32, 64}) {
+        RoundMesh mesh = cylinderMesh(.3, -60, 60, sides);
+        for (glm::dvec3& corner : mesh.corners) corner = glm::round(corner * 1000.0) / 1000.0;
+        expectAlike(levels(mesh.walled()), column, std::to_string(sides) + " sides in millimetres");
+    }
+    for (const double scale : {1.0003, 1.003}) {
+        WorldFromLocal uneven(1.0);
+        uneven[0][0] = scale;
+        expectAlike(levels(cylinderMesh(.3, -60, 60, 48).walled(0, {uneven})), column, std::to_string(scale));
+        expectAlike(levels(sphereMesh(.3, 48).walled(0, {uneven})), ball, std::to_string(scale));
+    }
+    for (const int sides : {16, 24, 32}) expectAlike(levels(bodyOf(true, .3, sides)), ball, std::to_string(sides));
 }
 
 TEST(RoundBodies, OctavesOnAWayRoundTheBodyAreTheirMeans) {
