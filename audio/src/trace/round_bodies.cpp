@@ -97,8 +97,8 @@ class RoundBodies {
 
     void add(const PlacedBody& placed, bool heard, std::vector<SideWave>& waves) {
         const RoundWay near(placed.pathBy(false)), far(placed.pathBy(true));
-        // What else hides direct sound, that bends it.
-        if (near.lit() && !heard) return;
+        // Where something else hides direct sound, a wall whose end is round, say, it comes by the other side.
+        if (near.lit() && !heard) return static_cast<void>(addSide(placed, far, true, false, waves));
         // Facets are within the circle: beside them direct sound may be heard a little into its shadow.
         const bool grazes = !near.lit() && heard && placed.covered() < 2 * placed.depth() + 1e-6 * placed.body().radius;
         const bool byNear = addSide(placed, near, false, near.lit() || grazes, waves);

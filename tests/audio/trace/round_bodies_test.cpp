@@ -175,6 +175,24 @@ TEST(RoundBodies, NearlyRoundOnesBendAsRoundOnes) {
     for (const int sides : {16, 24, 32}) expectAlike(levels(bodyOf(true, .3, sides)), ball, std::to_string(sides));
 }
 
+TEST(RoundBodies, RoundTheEndOfAWallNothingJumps) {
+    std::vector<glm::dvec3> outline;
+    for (int i = 0; i <= 12; ++i) outline.push_back(about(.2, 15 * i, 0));
+    outline.emplace_back(-.2, -4, 0);
+    outline.emplace_back(.2, -4, 0);
+    const Walled wall = drawn(outline, 60).walled();
+    const glm::dvec3 source(1.5, -.5, 30);
+    std::vector<double> before;
+    for (int step = 0; step <= 14; ++step) {  // the straight way comes into the circle after .07 m
+        const glm::dvec3 listener(-1.5, -.3 + .05 * step, 30);
+        const TraceResult traced = wall.traced(source, listener);
+        std::vector<double> levels;
+        for (std::size_t tone = 7; tone < 28; tone += 4) levels.push_back(decibelsOf(traced, tone, 1));
+        for (std::size_t i = 0; i < before.size(); ++i) EXPECT_NEAR(levels[i], before[i], 1.5) << step << ", " << i;
+        before = levels;
+    }
+}
+
 TEST(RoundBodies, OctavesOnAWayRoundTheBodyAreTheirMeans) {
     for (const bool ball : {false, true}) {
         const Walled body = bodyOf(ball, .5, 48);
