@@ -11,27 +11,34 @@
 namespace rtsg {
 
 void NodeArena::Release::operator()(std::byte* chunk) const {
-    std::free(chunk);
+    if (ofPool > 0)
+        ChunkPool::ofProcess().giveBack(chunk, ofPool);
+    else
+        std::free(chunk);
 }
 
-std::byte* NodeArena::takeChunk(std::size_t size, bool huge) {
-    auto* chunk = static_cast<std::byte*>(std::aligned_alloc(huge ? kHugePage : std::size_t{64}, size));
-    if (!chunk) throw std::bad_alloc();
-    chunks_.emplace_back(chunk);
+/// `size`: below that of a huge page, or a multiple of it.
+std::byte* NodeArena::takeChunk(std::size_t size) {
+    auto& owner = chunks_.emplace_back();
+    if (size < kHugePage) {
+        owner = {ChunkPool::ofProcess().take(size), Release{size}};
+    } else {
+        owner.reset(static_cast<std::byte*>(std::aligned_alloc(kHugePage, size)));
+        if (!owner) throw std::bad_alloc();
 #ifdef MADV_HUGEPAGE
-    if (huge) (void)madvise(chunk, size, MADV_HUGEPAGE);  // advice: without it all is well, only slower
+        (void)madvise(owner.get(), size, MADV_HUGEPAGE);  // advice: without it all is well, only slower
 #endif
-    next_ = chunk;
+    }
+    next_ = owner.get();
     left_ = size;
-    return chunk;
+    return next_;
 }
 
 void NodeArena::grow(std::size_t bytes) {
-    const std::size_t wanted = std::max({bytes, kSmallest, std::min(2 * lastChunk_, kHugePage)});
-    const bool huge = wanted >= kHugePage;
-    const std::size_t alignment = huge ? kHugePage : std::size_t{64};
-    lastChunk_ = (wanted + alignment - 1) / alignment * alignment;
-    takeChunk(lastChunk_, huge);
+    const std::size_t wanted = std::max({bytes, ChunkPool::kSmallest, std::min(2 * lastChunk_, kHugePage)});
+    const std::size_t unit = wanted < kHugePage ? ChunkPool::kSmallest : kHugePage;
+    lastChunk_ = (wanted + unit - 1) / unit * unit;
+    takeChunk(lastChunk_);
 }
 
 bool NodeArena::Expected::makeReady() {
@@ -56,7 +63,7 @@ void NodeArena::expect(std::size_t bytes) {
     auto fresh = std::make_unique<Expected>();
     fresh->pages = pages;
     fresh->ready = std::make_unique<std::atomic<bool>[]>(pages);
-    fresh->chunk = takeChunk(pages * kHugePage, true);
+    fresh->chunk = takeChunk(pages * kHugePage);
     left_ = 0;     // page by page
     filler_ = {};  // of what was expected before
     expected_ = std::move(fresh);

@@ -1,7 +1,8 @@
 // NodeArena: memory for nodes, cut from chunks that grow with the scene; freed blocks are used again by their size.
 //
 // Chunks of 2 MiB and more ask for huge pages: a scene of a million nodes then needs hundreds of address translations
-// instead of ten thousands, which is most of what a write at random costs. Blocks are 16-byte aligned. Threading: one.
+// instead of ten thousands, which is most of what a write at random costs. Smaller chunks are parts of such pages that
+// the process's scenes share (chunk_pool.h). Blocks are 16-byte aligned. Threading: one.
 // Beside it the arena has a thread of its own while it gets much memory at once, which the system fills with zeros: for
 // a million nodes as much work as all else. Both take pages in turn: whoever comes to one that the other is at makes
 // the next one ready meanwhile, as two that ask for the same page both fill one.
@@ -12,6 +13,8 @@
 #include <memory>
 #include <thread>
 #include <vector>
+
+#include "chunk_pool.h"
 
 namespace rtsg {
 
@@ -31,11 +34,12 @@ class NodeArena {
     void expect(std::size_t bytes);
 
   private:
-    static constexpr std::size_t kGrain = 16, kSmallest = std::size_t{1} << 14, kHugePage = std::size_t{1} << 21;
+    static constexpr std::size_t kGrain = 16, kHugePage = ChunkPool::kPage;
     struct Free {
         Free* next;
     };
     struct Release {
+        std::size_t ofPool = 0;  // bytes; 0: of the system
         void operator()(std::byte* chunk) const;
     };
     /// A chunk of which pages are made ready as they are needed, and before.
@@ -50,7 +54,7 @@ class NodeArena {
     };
     void* allocateElsewhere(std::size_t grains);
     void grow(std::size_t bytes);
-    std::byte* takeChunk(std::size_t size, bool huge);
+    std::byte* takeChunk(std::size_t size);
     bool enterPage();
 
     std::vector<std::unique_ptr<std::byte, Release>> chunks_;

@@ -1,0 +1,47 @@
+// ChunkPool: memory for the chunks of scenes that fill no huge page (2 MiB) by themselves, cut from pages that all
+// scenes of the process share.
+//
+// What a frame writes lies in many small pages where a scene is small and was not used a moment ago, and to find each
+// of them takes the processor longer than the write: of a thousand replicas in turn, most of what a write costs.
+// Threading: any.
+#pragma once
+
+#include <bitset>
+#include <cstddef>
+#include <map>
+#include <mutex>
+
+namespace rtsg {
+
+class ChunkPool {
+  public:
+    static constexpr std::size_t kPage = std::size_t{1} << 21;  // bytes
+    static constexpr std::size_t kSmallest = std::size_t{1} << 14;
+
+    /// The one of all scenes. It is never destroyed: scenes of static storage may end after anything else.
+    static ChunkPool& ofProcess();
+
+    ChunkPool() = default;
+    ~ChunkPool();
+    ChunkPool(const ChunkPool&) = delete;
+    ChunkPool& operator=(const ChunkPool&) = delete;
+
+    /// Aligned to 64 bytes; what it holds may be anything. `bytes`: 1 to kPage. Throws std::bad_alloc.
+    std::byte* take(std::size_t bytes);
+    /// `bytes` as given to take.
+    void giveBack(std::byte* chunk, std::size_t bytes);
+    /// That it holds, in use or not.
+    std::size_t pages() const;
+
+  private:
+    static constexpr std::size_t kSlots = kPage / kSmallest;
+    using Slots = std::bitset<kSlots>;
+    using Pages = std::map<std::byte*, Slots>;  // where each begins, and which of its slots are in use
+
+    std::byte* takeFrom(Pages::iterator page, std::size_t slots);
+
+    mutable std::mutex mutex_;
+    Pages open_, full_;  // with a free slot, and without
+};
+
+}  // namespace rtsg
