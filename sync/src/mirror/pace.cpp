@@ -12,6 +12,7 @@ constexpr double kFirst = 8 << 10, kLeast = 2 << 10;  // bytes under way: before
 constexpr double kFew = 256;                          // but that a slow link takes longer for them than it has time
 constexpr double kSmallRecord = 16 << 10;             // may be under way as a whole in any case,
 constexpr double kLargeRecord = 64 << 10;             // and one so long if the link takes it within the lag
+constexpr double kMostSpared = 128 << 10;             // goes without being acknowledged at once, where that is little
 constexpr double kShortest = 1e-4;                    // s: measures of less are noise
 constexpr MirrorPace::Seconds kRateSpan{1}, kDelaySpan{5};
 constexpr double kSpanDelays = 8;  // or as many delays, if that is longer
@@ -67,7 +68,7 @@ double MirrorPace::onTheWay(Clock::time_point now) const {
 
 /// Frames that come one by one seldom show all that a way could carry: of small ones a few more may go.
 double MirrorPace::mostSpared() const {
-    return rate() * std::max(lag_ / 2, std::min(2 * lag_, kLargeRecord / rate()));
+    return rate() * std::max(lag_ / 2, std::min(2 * lag_, kMostSpared / rate()));
 }
 
 bool MirrorPace::spare(std::uint64_t size, Clock::time_point now) const {

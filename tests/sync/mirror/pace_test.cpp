@@ -208,6 +208,34 @@ TEST(MirrorPace, ALinkThatCollapsesIsNotedThoughAcknowledgementsWait) {
         << "half of the lag without acknowledgement, and what may be under way in any case";
 }
 
+/// One of a thousand receivers on one machine: its frame is there after 35 ms, and the next one comes in 70 ms.
+TEST(MirrorPace, InACrowdWhereFramesTakeLongTwoAcknowledgementsASecondDo) {
+    MirrorPace pace(.25, 0);
+    auto now = Clock::time_point(std::chrono::seconds(1));
+    std::uint64_t sent = 0, asked = 0;
+    for (int i = 0; i < 170; ++i) {
+        bool awaited = false;
+        for (std::uint64_t left = 13000; left > 0;) {
+            if (!pace.open(13000, now)) {  // while the way is not known, after each part
+                now += std::chrono::milliseconds(35);
+                pace.acknowledged(sent, now);
+                ASSERT_TRUE(pace.open(13000, now)) << "frame " << i;
+            }
+            const std::uint64_t part = std::min(left, pace.chunk(1 << 18, now));
+            const bool later = i >= 20 && part == 13000 && pace.spare(part, now);
+            awaited = awaited || !later;
+            pace.sent(sent += part, now, !later);
+            left -= part;
+        }
+        now += std::chrono::milliseconds(35);
+        if (awaited) pace.acknowledged(sent, now);
+        if (i >= 70) asked += awaited;
+        now += std::chrono::milliseconds(35);
+    }
+    EXPECT_LE(asked, 14u) << "of 100 frames, seven seconds";
+    EXPECT_GE(asked, 12u) << "none waits for longer than half a second";
+}
+
 TEST(MirrorPace, AReceiverThatSeldomLooksGetsAllThatFitsEachTime) {
     const Link link{.rate = 500e6, .delay = 1e-4, .poll = .3, .seconds = 40};
     const Seen seen = followLink(link);
