@@ -479,9 +479,16 @@ ${far.map((i) => `ROUTE WAY.value_changed TO FAR${i}.set_translation`).join('\n'
     await playing.evaluate(() => { const line = document.getElementById('line'); line.value = 0.1; line.onchange(); });
     await until(playing, () => rtsg.mirror.connected && Math.abs(Number(document.getElementById('line').value) - 0.1) < 0.06);
     allEqual(await counts(playing));
+    // A scene in its place has none.
+    const place = new URL(player.web).port;
+    await stop(player);
+    const scene = await serve(door, '--web', place);
+    await playing.waitForSelector('#player', {state: 'hidden'});
+    await until(playing, () => document.getElementById('connection').dataset.state === 'following');
+    allEqual(await counts(playing));
     assert.deepEqual(playing.errors, []);
     await playing.close();
-    await stop(player);
+    await stop(scene);
   },
   async 'beyond this machine only who knows the token'() {
     const server = await serve(door, '--web', '0.0.0.0:0');

@@ -156,7 +156,8 @@ const follower = followWebSocket(url, {
     sound.pace = 1;
     connection('following');
     if (!mirror.hasState) notice('');
-    mirror.control('status');
+    commands = [];  // what was asked before may have got no answer
+    command('status');
   },
   onBye() {
     left = true;  // until there is another
@@ -207,8 +208,17 @@ setInterval(() => sound.update(), 50);
 // ---- a log that is played ------------------------------------------------------------------------------------------------
 
 let paused = false, dragging = false;
+let commands = [];  // that have no answer yet: answers come in their order
+function command(words) {
+  commands.push(words);
+  mirror.control(words);
+}
 function playerSays(reply) {
-  if (reply.startsWith('refused')) return;
+  const asked = commands.shift();
+  if (reply.startsWith('refused')) {
+    if (asked === 'status') $('player').hidden = true;  // it was a log's before: now the server has a scene
+    return;
+  }
   const status = JSON.parse(reply);
   $('player').hidden = false;
   paused = status.paused;
@@ -218,13 +228,13 @@ function playerSays(reply) {
   if (!dragging) $('line').value = status.t;
   text('clock', `${status.t.toFixed(1)} / ${status.length.toFixed(1)} s`);
 }
-$('play').onclick = () => mirror.control(paused ? 'play' : 'pause');
+$('play').onclick = () => command(paused ? 'play' : 'pause');
 $('line').oninput = () => { dragging = true; };
 $('line').onchange = () => {
   dragging = false;
-  mirror.control(`seek ${$('line').value}`);
+  command(`seek ${$('line').value}`);
 };
-setInterval(() => { if (!$('player').hidden && mirror.connected) mirror.control('status'); }, 500);
+setInterval(() => { if (!$('player').hidden && mirror.connected) command('status'); }, 500);
 
 /** States a second that came, and if some of them were merged on the way, of how many that the origin went through: over the last
  * two seconds or so, from when each came. */
