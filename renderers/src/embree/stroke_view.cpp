@@ -230,10 +230,6 @@ F8 nearestInPicture(const V8& apartA, const V8& apartB, F8 depthA, F8 depthB) {
     return first + (last - first) * (v * z1) / max(z0 * (1.0f - v) + z1 * v, all(1e-30f));
 }
 
-/// How much nearer a stroke counts than it is, in metres: what lies in a surface, to within the roundings of both, is
-/// seen. Also in what lies so far away, or is seen from there.
-constexpr float kTie = 0x1p-19f;
-
 /// Whether eight rays meet the squares around eight points, in the eye's own space, and where. A ray along an edge
 /// meets the square to its left, or below. `isOwn`: of which rays this is true, as they are the picture's own.
 Met meetSquares(const V8& o, const V8& d, const V8& points, const Width& width, I8& isOwn) {
@@ -249,9 +245,9 @@ Met meetSquares(const V8& o, const V8& d, const V8& points, const Width& width, 
         besideX = start.x + besideX * start.z, besideY = start.y + besideY * start.z;
     }
     isOwn = isAhead & (depth > 0.0f) & (besideX * besideX + besideY * besideY <= most * most);
-    const F8 half = sqrt(width.halfSquared(sqrt(dot(from, from)))) * pixel, edge = kEdge * pixel;
+    const F8 far = sqrt(dot(from, from)), half = sqrt(width.halfSquared(far)) * pixel, edge = kEdge * pixel;
     const F8 x = start.x + d.x * t - from.x - edge, y = start.y + d.y * t - from.y - edge;
-    const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(points, points)));
+    const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(points, points)) + far);
     return {(x >= -half) & (x < half) & (y >= -half) & (y < half), t - tie / sqrt(dot(d, d)), all(0), pixel};
 }
 
@@ -283,24 +279,25 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
     const V8 apart = toA + along * u - d * axis, place = a + along * u, from = place - width.eye;
     const F8 beside = dot(apart, apart), lean = dot(apart, width.forward);
     F8 offset = beside, reach, pixelSquared;
+    const F8 far = dot(from, from), distance = sqrt(far);
     if (width.spreadSquared > 0) {
         // A pixel is as wide as its depth says. Beside the picture's middle, what is seen at an angle f looks longer
         // by 1 / cos f away from the middle: there the tube is narrower by as much. Beyond 60 degrees it is left as
         // it is there.
-        const F8 far = dot(from, from), depth = dot(from, width.forward);
+        const F8 depth = dot(from, width.forward);
         const F8 squared = max(max(depth * depth, .25f * far), all(1e-30f));
         offset += lean * lean * (far / squared);
         pixelSquared = width.spreadSquared * squared;
-        reach = width.halfSquared(sqrt(far)) * pixelSquared;
+        reach = width.halfSquared(distance) * pixelSquared;
     } else {
         pixelSquared = all(width.sizeSquared);
-        reach = width.halfSquared(sqrt(dot(from, from))) * pixelSquared;
+        reach = width.halfSquared(distance) * pixelSquared;
     }
     // No farther from the axis than the stroke is wide, so that the boxes around it hold the place.
     const F8 ahead = dot(d, width.forward), most = sqrt(max(reach - beside, all(0)) * dd);
     const I8 faces = ahead * ahead * dd >= .25f;
     const F8 step = min(max(select(faces, lean / select(faces, ahead, all(1)), all(0)), -most), most);
-    const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(place, place)));
+    const F8 tie = kTie * (sqrt(dot(o, o)) + sqrt(dot(place, place)) + distance);
     Met met{offset <= reach, axis + step - tie * sqrt(dd), u, sqrt(pixelSquared)};
     if (!width.isSquare) return met;
     met.hit = (isOwn & square.hit) | (~isOwn & met.hit);
@@ -429,8 +426,8 @@ struct StrokeView::Rays {
     }
     /// Of those that meet a stroke behind a surface, the ones that meet one which lies in it: at a slant half of its
     /// width is behind, which belongs to the picture as the half before does.
-    void findLying(const StrokeSurface& met, const Square& square, int h, const Vec3f& a, const Vec3f& b, const Met& m,
-                   I8 behind, F8& t, I8& hit) const {
+    void findLying(const StrokeSurface& met, const Square& square, const Vec3f& eye, int h, const Vec3f& a,
+                   const Vec3f& b, const Met& m, I8 behind, F8& t, I8& hit) const {
         for (int k = 0; k < 8; ++k) {
             if (!behind[k] || tMax[h][k] < surface[h][k]) continue;
             std::optional<Vec3f> normal = met.normal(lane + 8 * h + k);
@@ -438,7 +435,7 @@ struct StrokeView::Rays {
             if (!square.isRaySpace) normal = glm::normalize(square.normalFromRay * *normal);
             const Vec3f from(o[h].x[k], o[h].y[k], o[h].z[k]), along(d[h].x[k], d[h].y[k], d[h].z[k]);
             const Vec3f place = a + m.u[k] * (b - a), at = from + surface[h][k] * along;
-            const float tie = kTie * (glm::length(from) + glm::length(place));
+            const float tie = kTie * (glm::length(from) + glm::length(place) + glm::length(place - eye));
             if (!(std::abs(glm::dot(place - at, *normal)) <= tie)) continue;
             t[k] = surface[h][k] - tie / length[h][k];
             hit[k] = -static_cast<std::int32_t>(t[k] >= tMin[h][k]);
@@ -460,11 +457,12 @@ template <bool kAny>
 void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
     const PixelLens& lens = query.lens;
     const Square square(lens);
-    const float away = glm::length(rays.origin - square.fromRay * lens.eye) + rays.originSpread;
+    const Vec3f eye = square.fromRay * lens.eye;
+    const float away = glm::length(rays.origin - eye) + rays.originSpread;
     if (query.surface) rays.makeRoom(roomBehind(lens, widest_, away + rays.end));
-    const float rounding = kTie * kRoom * 2 * (glm::length(rays.origin) + rays.originSpread);
+    const float rounding = kTie * kRoom * (2 * (glm::length(rays.origin) + rays.originSpread) + away);
     const auto coneOf = [&](float halfWidth) {
-        const float growth = growthOf(lens, halfWidth) + kTie * kRoom;
+        const float growth = growthOf(lens, halfWidth) + 2 * kTie * kRoom;
         Cone cone;
         cone.origin = rays.origin, cone.direction = rays.direction;
         cone.reach = Vec3f(rays.originSpread + growth * away + kRoom * halfWidth * lens.size + rounding);
@@ -505,7 +503,7 @@ void StrokeView::traverse(Rays& rays, const StrokeQuery& query) const {
                         const I8 behind = m.hit & (m.t > rays.tMax[h]);
                         m.hit &= m.t <= rays.tMax[h];
                         if (query.surface && any(behind))
-                            rays.findLying(*query.surface, square, h, a, b, m, behind, m.t, m.hit);
+                            rays.findLying(*query.surface, square, eye, h, a, b, m, behind, m.t, m.hit);
                         if (!any(m.hit)) continue;
                         if (type > 1 && !m.keepDrawn(type, glm::length(b - a), 2 * o.halfWidth)) continue;
                         // Here and not afterwards: rays may start within many, and have to pass all of them.

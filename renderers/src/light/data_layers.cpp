@@ -209,7 +209,7 @@ class LayerTiles {
                 tasks[lane].travelled += s.distance[lane];
                 tasks[lane].line = tasks[lane].travelled, tasks[lane].direction = direction;
                 const float left = endOfSight(camera_, tasks[lane]);
-                rays.set(lane, {RayWorld::leave(s.point(lane), direction), kLeave, direction, left});
+                rays.set(lane, {RayWorld::leave(pointBehind(scene_, s, lane), direction), kLeave, direction, left});
                 going |= 1u << lane;
             }
             for (int lane = 0; lane < 16; ++lane)

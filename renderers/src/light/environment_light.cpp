@@ -28,7 +28,8 @@ Vec3f shown(const TraceEnvironment& light, const SurfacePacket& s, int lane) {
         const float cosine = std::clamp(glm::dot(normal, view), 0.0f, 1.0f), roughness = s.roughness[lane];
         const EvenlyLit even = evenlyLit(base, s.metallic[lane], roughness, cosine);
         // What a ray of its own brings is not for here.
-        const Vec3f spread = glm::max(even.specular - s.gloss(lane, cosine), Vec3f(0));
+        const Vec3f rays = s.thin >> lane & 1u ? Vec3f(0) : s.gloss(lane, cosine);
+        const Vec3f spread = glm::max(even.specular - rays, Vec3f(0));
         return ambient + even.diffuse * matte + spread * inSpace(light.from->blurred(mirrored, roughness));
     }
     Vec3f result = ambient + base * matte;

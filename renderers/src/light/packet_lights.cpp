@@ -203,6 +203,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     findPoints(scene, s);
     const bool directional = light.kind == Light::Kind::directional;
     const std::uint32_t tested = packetKernels().shadowRays(light, s, in, mask, rays, behind);
+    behind &= ~s.thin;
     if (!tested) return;
     const float tMax = directional ? std::numeric_limits<float>::infinity() : 1;
     Vec3f through[16], leftBehind[16];

@@ -170,7 +170,7 @@ class Paths {
         const HitPoint point = probe.point();
         SurfacePacket& s = surfaces_;
         s.mask = s.linear = 0xFFFF;
-        s.back = s.special = s.unlit = s.physical = s.shiny = 0;
+        s.back = s.special = s.unlit = s.physical = s.shiny = s.thin = 0;
         s.oneInstance = s.pointsFound = true, s.filled = nullptr;
         for (int lane = 0; lane < 16; ++lane) {
             s.hits.normalX[lane] = probe.normal.x, s.hits.normalY[lane] = probe.normal.y;
@@ -201,7 +201,7 @@ class Paths {
     float backgroundBehind(const Vec3f& direction, int lane) const {
         const float clear = 1 - scene_.skyColor(direction, true).a;
         if (!(clear > 0)) return 0;
-        const Ray ray{RayWorld::leave(surfaces_.point(lane), direction), kLeave, direction,
+        const Ray ray{RayWorld::leave(pointBehind(scene_, surfaces_, lane), direction), kLeave, direction,
                       std::numeric_limits<float>::infinity()};
         const float left = clear * largest(leftOnTheWay(scene_, *scene_.world, ray, RayKind::eye));
         return left > 0 && !scene_.volumes.empty() ? left * volumesLeft(scene_, ray) : left;
@@ -566,7 +566,7 @@ class Paths {
             ++task.depth, task.line = 0, task.lights = surfaces_.lights[lane];
         task.travelled += t;
         task.direction = out;
-        task.origin = RayWorld::leave(surfaces_.point(lane), out);
+        task.origin = RayWorld::leave(straightOn ? pointBehind(scene_, surfaces_, lane) : surfaces_.point(lane), out);
         task.random = draws_.next[lane];
         push() = task;
     }

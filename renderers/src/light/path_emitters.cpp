@@ -83,8 +83,10 @@ std::uint32_t litLanes(const SurfacePacket& s) {
 
 /// Above both horizons: the true surface's and the shading normal's.
 bool isAbove(const SurfacePacket& s, int lane, const Vec3f& direction) {
+    if (!(glm::dot(direction, s.normal.get(lane)) > 0)) return false;
+    if (s.thin >> lane & 1u) return true;
     const Vec3f facing = s.back >> lane & 1u ? -s.outside(lane) : s.outside(lane);
-    return glm::dot(direction, facing) > 0 && glm::dot(direction, s.normal.get(lane)) > 0;
+    return glm::dot(direction, facing) > 0;
 }
 
 }  // namespace

@@ -96,10 +96,10 @@ void SurfaceBranches::find(const SurfacePacket& s, std::uint32_t lanes) {
             storeV(bent, at, select(leaves, select(again, other, direction), out));
             glass |= (laneBits(isGlass) & now) << at, refracts |= (laneBits(possible & isGlass) & now) << at;
         }
-        if (s.physical >> at & now) {
+        if ((s.physical & ~s.thin) >> at & now) {
             // The diffuse part already is what Fresnel leaves, so `body` stays whole. Of a clear one the gloss is as
             // clear as the rest (glTF 2.0, 3.9.4: alpha is coverage).
-            const I8 glossy = lanesFrom(s.physical, at) & ~isGlass;
+            const I8 glossy = lanesFrom(s.physical & ~s.thin, at) & ~isGlass;
             const V8 gloss = glossOf(s, at, cosine);
             ofMirror = select(glossy, ofMirror + rest * gloss * opacity, ofMirror);
             hides = select(glossy, rest * (one - gloss), hides);

@@ -114,9 +114,9 @@ void fillAll(const Material& material, ColorSpace space, SurfacePacket& out) {
     addLanes(material, linear, out.mask, out);
 }
 
-/// Lines and points have the colour that their material shines with, or their own, and nothing else of it (12.2.4,
-/// 17.2.2.3). `lanes` are all of one instance.
-void fetchStrokes(const TraceScene& scene, const Common& common, std::uint32_t lanes, SurfacePacket& out) {
+/// Without normals, lines and points have the colour that their material shines with, or their own, and nothing else of
+/// it (12.2.4, 17.2.2.3). `lanes` are all of one instance.
+void fetchUnlitStrokes(const TraceScene& scene, const Common& common, std::uint32_t lanes, SurfacePacket& out) {
     static const Material plain = defaultMaterial();
     const Material& material = common.entry->material;
     const bool linear = isLinear(scene.space, material);
@@ -190,6 +190,58 @@ void fillLanes(const Material& material, ColorSpace space, std::uint32_t lanes, 
     addLanes(material, linear, lanes, out);
 }
 
+bool isLitStroke(const Common& common) {
+    return common.mesh->normals.present() && common.entry->material.model != ShadingModel::unlit;
+}
+
+/// A material with nothing but the numbers of a packet.
+const Material& plainMaterial(ShadingModel model) {
+    const auto make = [](ShadingModel which) {
+        Material material = defaultMaterial();
+        material.model = which;
+        return material;
+    };
+    static const Material phong = make(ShadingModel::phong), physical = make(ShadingModel::physical);
+    return model == ShadingModel::physical ? physical : phong;
+}
+
+/// What of a unit normal is square to a line, as a unit vector; all of a point's, and of one along the line.
+Vec3f squareTo(const Common& common, std::uint32_t stroke, const Vec3f& normal) {
+    if (common.mesh->strokes == Mesh::Strokes::points) return normal;
+    const Vec3f local = common.mesh->vertex(stroke, 1) - common.mesh->vertex(stroke, 0);
+    const Vec3f along = glm::mat3(common.instance->rayFromLocal) * local;
+    const float squared = glm::dot(along, along);
+    if (!(squared > 0)) return normal;
+    const Vec3f across = normal - along * (glm::dot(along, normal) / squared);
+    const float length = glm::length(across);
+    return length > 1e-3f ? across / length : normal;
+}
+
+/// With normals they are lit (11.4.5, 11.4.11, 11.4.13), without what rays find: they mirror and bend nothing.
+void fetchLitStrokes(const TraceScene& scene, const Common& common, std::uint32_t lanes, SurfacePacket& out) {
+    const Material& material = common.entry->material;
+    fillLanes(material, scene.space, lanes, out);
+    out.thin |= lanes;
+    const bool light = isLinear(scene.space, material) && material.model != ShadingModel::physical;
+    for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
+        const int lane = std::countr_zero(rest);
+        if (common.colored) {
+            const ColorRGBA color = common.mesh->color(out.hits.triangle[lane], out.hits.u[lane], 0);
+            const Vec3f own(color.r, color.g, color.b), base = light ? linearFromSrgb(own) : own;
+            out.base.set(lane, base), out.ambient.set(lane, base * material.ambient);
+            if (common.alphaColored) {
+                out.coverage[lane] = coverageOf(material, 1, color.a);
+                out.opacity[lane] = opacityOf(material, color.a);
+            }
+        }
+        const Vec3f normal = squareTo(common, out.hits.triangle[lane], out.normal.get(lane));
+        out.hits.normalX[lane] = normal.x, out.hits.normalY[lane] = normal.y, out.hits.normalZ[lane] = normal.z;
+        out.material[lane] = &plainMaterial(material.model);
+        out.lights[lane] = common.slot->lights;
+        if (out.opacity[lane] < 1 || out.coverage[lane] < 1) out.special |= 1u << lane;
+    }
+}
+
 /// `lanes` are all of one instance.
 void fetchMaterial(const TraceScene& scene, const Common& common, std::uint32_t lanes, const PathTask* tasks,
                    SurfacePacket& out) {
@@ -224,7 +276,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
     out.oneInstance = scene.world->hits(rays, mask, out.hits);
     out.mask = mask;
     out.fromEye = !tasks;
-    out.special = out.unlit = out.physical = out.shiny = out.linear = out.caps = 0;
+    out.special = out.unlit = out.physical = out.shiny = out.linear = out.caps = out.thin = 0;
     if (scene.filter && scene.filter->makesCaps()) [[unlikely]]
         for (int lane = 0; lane < 16; ++lane)
             if ((mask >> lane & 1u) && out.hits.triangle[lane] == kCap) out.caps |= 1u << lane;
@@ -245,7 +297,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
         const std::uint32_t lanes = sameInstance(out, rest);
         common.find(scene, out.hits.instance[std::countr_zero(rest)]);
         if (common.mesh->strokeCount > 0) [[unlikely]]
-            fetchStrokes(scene, common, lanes, out);
+            (isLitStroke(common) ? fetchLitStrokes : fetchUnlitStrokes)(scene, common, lanes, out);
         else
             fetchMaterial(scene, common, lanes, tasks, out);
         rest &= ~lanes;
@@ -269,6 +321,16 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
     }
 }
 
+namespace {
+
+/// The one that met what a lane shows.
+Ray rayTo(const SurfacePacket& s, int lane) {
+    const Vec3f back = s.view.get(lane);
+    return {s.position.get(lane) + s.distance[lane] * back, 0, -back};
+}
+
+}  // namespace
+
 void findPoints(const TraceScene& scene, SurfacePacket& s) {
     if (s.pointsFound) return;
     s.pointsFound = true;
@@ -289,12 +351,19 @@ void findPoints(const TraceScene& scene, SurfacePacket& s) {
     }
     for (std::uint32_t rest = alone; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        const Vec3f back = s.view.get(lane);
-        const Ray ray{s.position.get(lane) + s.distance[lane] * back, 0, -back};
-        const HitPoint point = scene.world->point(s.hit(lane), ray);
+        const Ray ray = rayTo(s, lane);
+        const HitPoint point = s.thin >> lane & 1u ? scene.world->strokePoint(s.hit(lane), s.outside(lane))
+                                                   : scene.world->point(s.hit(lane), ray);
         s.exact.set(lane, point.position);
         s.error.set(lane, point.error);
     }
+}
+
+HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& s, int lane) {
+    if (!(s.thin >> lane & 1u)) return s.point(lane);
+    Hit hit = s.hit(lane);
+    hit.normal = s.view.get(lane);
+    return scene.world->point(hit, rayTo(s, lane));
 }
 
 bool letsThrough(const TraceScene& scene, std::uint32_t instance) {

@@ -1,8 +1,9 @@
 // SurfacePacket: sixteen hits made ready for shading: places, normals and the material's numbers, lane by lane.
 //
 // Threading: a packet belongs to one tile. Conventions: `view` points back along the ray; both normals are on the
-// viewer's side; lanes not in `mask` hold rubbish. Sets of lanes are bit masks. Whoever changes a packet's colours
-// outside of fetchSurfaces() sets `filled` to null.
+// viewer's side; lanes not in `mask` hold rubbish. Lines and points have one side: the normals of `thin`
+// lanes are theirs, whichever side the viewer is on, and the true surface's is square to the line. Sets of lanes are
+// bit masks. Whoever changes a packet's colours outside of fetchSurfaces() sets `filled` to null.
 #pragma once
 
 #include <cstdint>
@@ -29,6 +30,7 @@ struct alignas(64) SurfacePacket {
     std::uint32_t shiny = 0;           // of the lit ones, phong with a specular part
     std::uint32_t linear = 0;          // colours and radiance are light; of the others display values
     std::uint32_t caps = 0;            // on a cap
+    std::uint32_t thin = 0;            // on a line or point that is lit: it has no other side
     bool oneInstance = false;          // all lanes
     bool fromEye = false;              // met by rays from an eye, of pixels next to each other
     const Material* filled = nullptr;  // all lanes have this one's numbers, unchanged, as light or (not) display values
@@ -62,6 +64,7 @@ struct alignas(64) SurfacePacket {
         const float smooth = 1 - roughness[lane];
         return fresnelSchlick(f0, cosView) * (smooth * smooth);
     }
+    /// Where rays that a surface turns leave it.
     HitPoint point(int lane) const { return {exact.get(lane), error.get(lane), outside(lane)}; }
 };
 
@@ -71,6 +74,9 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
 
 /// Fills `exact` and `error`, once.
 void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
+
+/// Where rays go straight on from what they met. Precondition: findPoints().
+HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& surfaces, int lane);
 
 /// Whether light may pass straight through an instance.
 bool letsThrough(const TraceScene& scene, std::uint32_t instance);

@@ -155,6 +155,10 @@ class Tile {
             return;
         }
         if (surfaces.special) branches_.find(surfaces, hits & surfaces.special);
+        for (std::uint32_t rest = hits & surfaces.special & surfaces.thin; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            branches_.behind.set(lane, RayView::leave(pointBehind(scene_, surfaces, lane), -surfaces.view.get(lane)));
+        }
         for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(packet, surfaces, std::countr_zero(rest));
     }
 

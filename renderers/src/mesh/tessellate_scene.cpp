@@ -67,17 +67,21 @@ class PropertyReader {
         params.colorPerVertex = node.get(T::colorPerVertex);
         params.normalPerVertex = node.get(T::normalPerVertex);
         colors(node.get(T::color), params);
-        if (const Node* normal = scene_.effectiveNode(node.get(T::normal))) {
-            if (const Array<Vec3f>* moved = movedOf(*normal))
-                params.normal = *moved;
-            else if (normal->is(x3d::Normal::type))
-                params.normal = normal->get(x3d::Normal::vector);
-            else
-                notUsed("normal", *normal);
-        }
+        normals(node.get(T::normal), params.normal);
         texCoord(node.get(T::texCoord), params.texCoord, true);
         if constexpr (requires { T::fogCoord; }) fogCoord(node.get(T::fogCoord), params.fogDepth);
         if constexpr (requires { T::tangent; }) tangent(node.get(T::tangent), params.tangent);
+    }
+
+    void normals(NodeId id, Array<Vec3f>& vectors) {
+        const Node* normal = scene_.effectiveNode(id);
+        if (!normal) return;
+        if (const Array<Vec3f>* moved = movedOf(*normal))
+            vectors = *moved;
+        else if (normal->is(x3d::Normal::type))
+            vectors = normal->get(x3d::Normal::vector);
+        else
+            notUsed("normal", *normal);
     }
 
     void fogCoord(NodeId id, Array<float>& depths) {
@@ -388,8 +392,7 @@ class SceneTessellator {
         p.coord = properties_.points(get(T::coord));
         properties_.colors(get(T::color), p);
         properties_.fogCoord(get(T::fogCoord), p.fogDepth);
-        if (scene_.effectiveNode(get(T::normal)))
-            warn(problems_, "normal: lines and points are not lit, so it changes nothing");
+        properties_.normals(get(T::normal), p.normal);
     }
     Mesh strokes() {
         StrokeParams p;

@@ -43,6 +43,7 @@ class StrokeBuilder {
                                     bad_));
         if (ends_.empty()) return;
         bindFog();
+        bindNormals();
         if (!p_.colorRGBA.empty())
             bind(p_.colorRGBA);
         else if (!p_.color.empty())
@@ -63,15 +64,22 @@ class StrokeBuilder {
 
     void bindFog() {
         if (p_.fogDepth.empty()) return;
+        mesh_.fogDepths = MeshAttribute(detail::inPairs(p_.fogDepth), MeshAttribute::Binding::vertex,
+                                        byVertex(p_.fogDepth.size(), "fogCoord has {} depths"), 3);
+    }
+    void bindNormals() {
+        if (p_.normal.empty()) return;
+        mesh_.normals = MeshAttribute(p_.normal, MeshAttribute::Binding::vertex,
+                                      byVertex(p_.normal.size(), "normal has {} vectors"), 3);
+    }
+    /// Which of so many values each end has; `has`: what is said of too few.
+    Array<std::int32_t> byVertex(std::size_t values, fmt::format_string<std::size_t&> has) {
         Array<std::int32_t> index = mesh_.triangles;
-        if (p_.fogDepth.size() < p_.coord.size()) {
-            warn(mesh_, fmt::format("fogCoord has {} depths for {} points: the last one goes on", p_.fogDepth.size(),
-                                    p_.coord.size()));
-            std::int32_t* i = index.mutableData();
-            for (std::size_t k = 0; k < index.size(); ++k)
-                i[k] = std::min(i[k], static_cast<std::int32_t>(p_.fogDepth.size()) - 1);
-        }
-        mesh_.fogDepths = MeshAttribute(detail::inPairs(p_.fogDepth), MeshAttribute::Binding::vertex, index, 3);
+        if (values >= p_.coord.size()) return index;
+        warn(mesh_, fmt::format("{} for {} points: the last one goes on", fmt::format(has, values), p_.coord.size()));
+        std::int32_t* i = index.mutableData();
+        for (std::size_t k = 0; k < index.size(); ++k) i[k] = std::min(i[k], static_cast<std::int32_t>(values) - 1);
+        return index;
     }
 
     template <class T>

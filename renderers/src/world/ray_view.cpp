@@ -646,10 +646,47 @@ HitPoint RayView::point(const Hit& hit) const {
 HitPoint RayView::point(const Hit& hit, const Ray& ray) const {
     const bool stroke = hit && !hit.isCap() && instances_[hit.instance].mesh->strokeCount > 0;
     if (hit && !hit.isCap() && !stroke) return point(hit);
+    const Vec3f way = hit.t * ray.direction, place = ray.origin + way;
+    // Far enough towards the axis not to meet it again, and not as far as to what it lies in.
+    if (stroke)
+        return {place, glm::abs(hit.normal) * (bvh::kTie * (glm::length(ray.origin) + glm::length(place))), hit.normal};
     // The place is as exact as the ray's start and the way from there are; a cap's plane is not known better.
     constexpr float eps = 0x1p-24f;
-    const Vec3f way = hit.t * ray.direction, sizes = glm::abs(ray.origin) + glm::abs(way);
-    return {ray.origin + way, Vec3f(16 * eps * std::max({sizes.x, sizes.y, sizes.z})), hit.normal};
+    const Vec3f sizes = glm::abs(ray.origin) + glm::abs(way);
+    return {place, Vec3f(16 * eps * std::max({sizes.x, sizes.y, sizes.z})), hit.normal};
+}
+
+namespace {
+
+/// Half, in pixels, at a place so far from the eye.
+float halfWidthOf(const StrokeStyle& style, bool isPoint, float distance) {
+    if (!isPoint) return .5f * style.lineWidth;
+    if (!style.attenuated()) return .5f * style.pointSize;
+    const Vec3f& a = style.attenuation;
+    const float fall = a.x + distance * (a.y + distance * a.z);
+    return .5f * std::min(std::max(style.pointSize / std::max(fall, 1e-6f), style.least), style.most);
+}
+
+}  // namespace
+
+HitPoint RayView::strokePoint(const Hit& hit, const Vec3f& normal) const {
+    const RayInstance& instance = instances_[hit.instance];
+    HitPoint result = point(hit);
+    result.normal = normal;
+    Vec3f from = result.position - lens_.eye, ahead = lens_.forward;
+    float stretch = 1;  // how far a step of 1 in the eye's space leads along the normal in this one
+    if (lens_.toSquare) {
+        from = *lens_.toSquare * from, ahead = Vec3f(0, 0, -1);
+        stretch = glm::length(glm::transpose(glm::inverse(*lens_.toSquare)) * normal);
+    }
+    const float far = glm::length(from), depth = glm::dot(from, ahead);
+    const float pixel = lens_.spread * std::max(std::abs(depth), .5f * far) + lens_.size;
+    static const StrokeStyle plain;
+    const bool isPoint = instance.mesh->strokes == Mesh::Strokes::points;
+    const float half = halfWidthOf(instance.info.strokes ? *instance.info.strokes : plain, isPoint, far);
+    constexpr float kBeyond = 1.05f;
+    result.error += glm::abs(normal) * (kBeyond * half * pixel * stretch);
+    return result;
 }
 
 namespace {

@@ -154,7 +154,7 @@ struct Mesh {
     enum class Strokes : std::uint8_t { none, points, lines };
     Strokes strokes = Strokes::none;
     std::uint32_t strokeCount = 0;
-    /// Absent: faceted, shade with the geometric normal.
+    /// Absent: faceted, shade with the geometric normal; lines and points are lit where they are there, and else not.
     MeshAttribute normals;
     MeshAttribute colors;
     /// FogCoordinate (24.4.3): how much of the colour is a fog's, from 0 to 1, in the first of two components.

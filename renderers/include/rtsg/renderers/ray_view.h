@@ -114,6 +114,9 @@ class RayView {
     HitPoint point(const Hit& hit) const;
     /// The same of any hit, of which `ray` met it: on lines and points where it did, and on caps, which it alone tells.
     HitPoint point(const Hit& hit, const Ray& ray) const;
+    /// Of a line or point, on its axis, as that of a surface with this normal: rays that leave it towards either side
+    /// start beyond its width. Unit, in ray space; square to the line.
+    HitPoint strokePoint(const Hit& hit, const Vec3f& normal) const;
     /// Where `ray` met the back of a solid, which is not there: what else lies in its place, up to roundings, and is no
     /// such back; no instance if there is nothing. Which of surfaces that coincide a ray tells is chance.
     Hit frontInPlace(const Ray& ray, const Hit& back, RayKind kind = RayKind::view) const;

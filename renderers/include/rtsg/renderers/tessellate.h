@@ -173,6 +173,7 @@ struct StrokeParams {
     Array<Color> color;
     Array<ColorRGBA> colorRGBA;  // preferred when both are given
     Array<float> fogDepth;       // per vertex
+    Array<Vec3f> normal;         // per vertex
     Mesh::Strokes kind = Mesh::Strokes::lines;
     /// Lines: the points of each, as in IndexedLineSet; or how many each takes of `coord` in its order.
     bool indexed = false;
