@@ -61,8 +61,8 @@ class Validate final : public Filter {
         if (known && open_.empty() && scopes_.size() == 1)
             if (const std::string why = notAtTheTop(*known); !why.empty())
                 diagnostics_.warning(where, why, DiagnosticCode("build"));
-        open_.push_back(
-            {.type = known, .def = std::string(def), .field = std::string(field), .given = {}, .children = {}});
+        open_.emplace_back();
+        open_.back().type = known, open_.back().def = def, open_.back().field = field;
         Filter::beginNode(type, def, field, where);
     }
     void endNode(SourceLocation where) override {
@@ -72,8 +72,10 @@ class Validate final : public Filter {
             open_.pop_back();
             if (done.type) {
                 const bool counts = !done.type->isA("X3DGeometryNode");
-                const ValidatedNode::Child child{done.type->name,
-                                                 counts ? valuesOf(done, {"point", "vector", "color"}) : kNone};
+                ValidatedNode::Child child{
+                    done.type->name, counts ? valuesOf(done, {"point", "vector", "color"}) : kNone, {}};
+                if (done.array<Vec3f>("point")) child.points = done.given.at("point").value;
+                noteReach(done);
                 if (!open_.empty()) open_.back().children[done.field] = child;
                 if (!done.def.empty()) scopes_.back()[done.def] = child;
             } else if (!open_.empty()) {
@@ -122,6 +124,8 @@ class Validate final : public Filter {
     void check(const ValidatedNode& node, SourceLocation where) {
         if (!node.type) return;
         checkCounts(node, where, diagnostics_);
+        checkAreas(node, where, diagnostics_);
+        checkReach(node);
         for (const Indices& one : kIndices) checkIndices(node, one);
         if (node.type->isA("X3DInterpolatorNode") || node.type->isA("X3DSequencerNode")) checkKeys(node, where);
         checkTangents(node, where);
@@ -165,6 +169,38 @@ class Validate final : public Filter {
                                  node.type->name + " is " + std::to_string(*bad) + ", but " + names.node + " has " +
                                  std::to_string(count) + " elements, counted from 0",
                              DiagnosticCode("geometry"));
+    }
+    /// Has the figure that a joint or displacer belongs to know of its largest index.
+    void noteReach(const ValidatedNode& done) {
+        const bool isJoint = done.type->name == "HAnimJoint", isDisplacer = done.type->name == "HAnimDisplacer";
+        if (!isJoint && !isDisplacer) return;
+        const char* const field = isJoint ? "skinCoordIndex" : "coordIndex";
+        const Array<std::int32_t>* all = done.array<std::int32_t>(field);
+        if (!all || all->empty()) return;
+        const auto largest = std::ranges::max_element(all->span());
+        for (auto above = open_.rbegin(); above != open_.rend() && above->type; ++above) {
+            const bool isSegment = above->type->name == "HAnimSegment";
+            if (isSegment && isJoint) return;
+            if (!isSegment && above->type->name != "HAnimHumanoid") continue;
+            above->reaches.push_back({*largest,
+                                      std::string(field) + "[" + std::to_string(largest - all->span().begin()) +
+                                          "] of " + done.type->name + (done.def.empty() ? "" : " " + done.def),
+                                      done.given.at(field).where});
+            return;
+        }
+    }
+    void checkReach(const ValidatedNode& node) {
+        if (node.reaches.empty()) return;
+        const char* points = node.type->name == "HAnimSegment" ? "coord" : "skinCoord";
+        if (node.children.contains("skinBindingCoords")) points = "skinBindingCoords";
+        const std::size_t count = node.countIn(points);
+        if (count == kNone) return;
+        for (const ValidatedNode::Reach& reach : node.reaches)
+            if (reach.index >= 0 && static_cast<std::size_t>(reach.index) >= count)
+                diagnostics_.warning(reach.where,
+                                     reach.what + " is " + std::to_string(reach.index) + ", but " + points + " has " +
+                                         std::to_string(count) + " points, counted from 0",
+                                     DiagnosticCode("geometry"));
     }
     /// Those of vertices without an index of their own: as many as there are points.
     void checkTangents(const ValidatedNode& node, SourceLocation where) {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <string>
 #include <unordered_map>
+#include <vector>
 
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/node_type.h>
@@ -23,12 +24,20 @@ struct ValidatedNode {
     struct Child {
         std::string type;
         std::size_t count = kNone;  // of its points, vectors, colours; kNone: it has none
+        Value points;               // of a Coordinate, where they are given
+    };
+    /// An index into the points of a figure that a node below it has.
+    struct Reach {
+        std::int32_t index;
+        std::string what;  // "skinCoordIndex[3] of HAnimJoint"
+        SourceLocation where;
     };
 
     const NodeType* type = nullptr;  // null: of a PROTO, or unknown
     std::string def, field;
     std::unordered_map<std::string, Given> given;     // no nodes, and no fields that IS connects
     std::unordered_map<std::string, Child> children;  // by field, the last one
+    std::vector<Reach> reaches;                       // of a humanoid or segment: the largest of each node below it
     bool isConnected = false;                         // so that instances may have other values
 
     std::int32_t number(const char* name, std::int32_t otherwise) const {
@@ -57,5 +66,7 @@ struct ValidatedNode {
 
 /// Warns of lists that have too few or too many values beside others, do not ascend, or say nothing.
 void checkCounts(const ValidatedNode& node, SourceLocation where, Diagnostics& diagnostics);
+/// Warns of triangles and faces without an area.
+void checkAreas(const ValidatedNode& node, SourceLocation where, Diagnostics& diagnostics);
 
 }  // namespace rtsg::detail

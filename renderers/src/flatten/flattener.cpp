@@ -75,7 +75,9 @@ void Flattener::Impl::follow(const ChangeSet& changes) {
 
 void Flattener::Impl::followSkins() {
     std::vector<NodeId> moved;
-    skins.update(*scene, roles, moved);
+    Diagnostics problems;
+    skins.update(*scene, roles, moved, problems);
+    if (!problems.all().empty()) told.append(problems, diagnostics);
     for (const NodeId coordinate : moved) walkUp(coordinate, false, false);
 }
 

@@ -1,7 +1,11 @@
 // Moves the points and normals of skinned humanoids with their joints.
 #include "skin.h"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
+
+#include <fmt/format.h>
 
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
@@ -38,9 +42,14 @@ glm::dmat3 posedFromRestNormal(const WorldFromLocal& m) {
 /// Sums what joints and displacers do to each point, and joints to each normal.
 class Blend {
   public:
-    /// `normals` is as long as `rest`, or empty.
-    Blend(const Array<Vec3f>& rest, const Array<Vec3f>& normals)
-        : rest_(rest), normals_(normals), offset_(rest.size(), Vec3d(0)), turned_(normals.size(), Vec3d(0)) {}
+    /// `normals` is as long as `rest`, or empty; `points`: the field that `rest` is of.
+    Blend(const Array<Vec3f>& rest, const Array<Vec3f>& normals, const char* points, Diagnostics& problems)
+        : rest_(rest),
+          normals_(normals),
+          points_(points),
+          problems_(problems),
+          offset_(rest.size(), Vec3d(0)),
+          turned_(normals.size(), Vec3d(0)) {}
 
     void add(const Scene& scene, const Node& joint, const WorldFromLocal& m) {
         const Array<std::int32_t>& index = joint.get(x3d::HAnimJoint::skinCoordIndex);
@@ -49,11 +58,13 @@ class Blend {
         for (std::size_t i = 0; i < index.size(); ++i) {
             const auto at = static_cast<std::uint32_t>(index[i]);
             const double w = i < weight.size() ? double{weight[i]} : 1.0;
+            if (at >= rest_.size()) tellOnce(scene, joint, "skinCoordIndex", i, index[i]);
             if (at >= rest_.size() || !std::isfinite(w)) continue;
             const Vec3d p(rest_[at]);
             offset_[at] += w * (m[0] * p.x + m[1] * p.y + m[2] * p.z + m[3] - p);
             if (at < normals_.size()) turned_[at] += w * (turn * Vec3d(normals_[at]) - Vec3d(normals_[at]));
         }
+        told_ = false;
         displace(scene, joint.get(x3d::HAnimJoint::displacers), m);
     }
     void displace(const Scene& scene, const Array<NodeId>& displacers, const WorldFromLocal& m) {
@@ -67,6 +78,9 @@ class Blend {
             for (std::size_t i = 0; i < std::min(points.size(), by.size()); ++i)
                 if (const auto at = static_cast<std::uint32_t>(points[i]); at < rest_.size())
                     offset_[at] += w * (m[0] * double{by[i].x} + m[1] * double{by[i].y} + m[2] * double{by[i].z});
+                else
+                    tellOnce(scene, *displacer, "coordIndex", i, points[i]);
+            told_ = false;
         }
     }
     Array<Vec3f> points() const { return sum(rest_, offset_); }
@@ -80,7 +94,20 @@ class Blend {
         return result;
     }
 
+    /// Of the first index of a node beyond the points.
+    void tellOnce(const Scene& scene, const Node& node, const char* field, std::size_t i, std::int32_t index) {
+        if (std::exchange(told_, true)) return;
+        const std::string_view name = scene.name(node.id());
+        problems_.warningAt(scene.placeOf(node.id()),
+                            fmt::format("{}{}{}: {}[{}] is {}, but {} has {} points, counted from 0", node.type().name,
+                                        name.empty() ? "" : " ", name, field, i, index, points_, rest_.size()),
+                            DiagnosticCode("geometry"));
+    }
+
     const Array<Vec3f>&rest_, &normals_;
+    const char* points_;
+    Diagnostics& problems_;
+    bool told_ = false;
     std::vector<Vec3d> offset_, turned_;
 };
 
@@ -149,25 +176,26 @@ void Skins::put(NodeId& moved, NodeId node, Array<Vec3f> values, std::vector<Nod
     changed.push_back(node);
 }
 
-void Skins::update(const Scene& scene, RoleTable& roles, std::vector<NodeId>& changed) {
+void Skins::update(const Scene& scene, RoleTable& roles, std::vector<NodeId>& changed, Diagnostics& problems) {
     if (marked_.empty()) return;
     for (const std::uint32_t value : marked_) {
         const auto found = bodies_.find(value);
         if (found == bodies_.end()) continue;
         found->second.marked = false;
-        compute(scene, roles, NodeId{value}, found->second, changed);
+        compute(scene, roles, NodeId{value}, found->second, changed, problems);
         if (!found->second.coordinate) bodies_.erase(found);
     }
     marked_.clear();
 }
 
-void Skins::compute(const Scene& scene, RoleTable& roles, NodeId id, Body& body, std::vector<NodeId>& changed) {
+void Skins::compute(const Scene& scene, RoleTable& roles, NodeId id, Body& body, std::vector<NodeId>& changed,
+                    Diagnostics& problems) {
     const Node* node = scene.find(id);
     if (node && node->is(x3d::HAnimSegment::type)) {
         const Array<NodeId>& displacers = node->get(x3d::HAnimSegment::displacers);
         const NodeId coordinate = displacers.empty() ? NodeId{} : node->get(x3d::HAnimSegment::coord);
         const Array<Vec3f> rest = pointsOf(scene, coordinate), none;
-        Blend blend(rest, none);
+        Blend blend(rest, none, "coord", problems);
         blend.displace(scene, displacers, identityTransform());
         return put(body.coordinate, coordinate, blend.points(), changed);
     }
@@ -179,7 +207,7 @@ void Skins::compute(const Scene& scene, RoleTable& roles, NodeId id, Body& body,
     const NodeId boundNormals = node ? node->get(H::skinBindingNormals) : NodeId{};
     Array<Vec3f> normals = normal ? vectorsOf(scene, boundNormals ? boundNormals : normal) : Array<Vec3f>();
     if (normals.size() != rest.size()) normals = {};
-    Blend blend(rest, normals);
+    Blend blend(rest, normals, binding ? "skinBindingCoords" : "skinCoord", problems);
     if (!rest.empty()) addSkeleton(scene, roles, *node, blend);
     put(body.coordinate, coordinate, blend.points(), changed);
     put(body.normal, normal, blend.normals(), changed);

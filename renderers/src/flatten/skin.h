@@ -18,6 +18,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include <rtsg/core/diagnostic.h>
 #include <rtsg/core/value.h>
 
 #include "flattener_roles.h"
@@ -35,8 +36,9 @@ class Skins {
   public:
     /// A joint, a segment, a displacer, a humanoid or something it refers to has changed. Finds what it moves.
     void mark(const Scene& scene, NodeId node);
-    /// Computes anew what is marked; appends the coordinate and normal nodes whose values are others now.
-    void update(const Scene& scene, RoleTable& roles, std::vector<NodeId>& changed);
+    /// Computes anew what is marked; appends the coordinate and normal nodes whose values are others now, and to
+    /// `problems` what refers to points that there are not.
+    void update(const Scene& scene, RoleTable& roles, std::vector<NodeId>& changed, Diagnostics& problems);
     /// Forgets everything and marks every humanoid and segment of the scene.
     void startOver(const Scene& scene);
     const PointsOf& points() const { return points_; }
@@ -47,7 +49,8 @@ class Skins {
         NodeId coordinate, normal;  // whose points and vectors it moves; none: of none
         bool marked = false;
     };
-    void compute(const Scene& scene, RoleTable& roles, NodeId id, Body& body, std::vector<NodeId>& changed);
+    void compute(const Scene& scene, RoleTable& roles, NodeId id, Body& body, std::vector<NodeId>& changed,
+                 Diagnostics& problems);
     void letGo(NodeId& moved, std::vector<NodeId>& changed);
     void put(NodeId& moved, NodeId node, Array<Vec3f> values, std::vector<NodeId>& changed);
 

@@ -86,6 +86,16 @@ class TopologyBuilder {
 bool scanTriangles(const Array<Vec3f>& positions, const std::int32_t* index, std::size_t stride, std::size_t count,
                    Bounds& bounds);
 
+/// Whether a triangle has no area at all, as its rounded corners lie: in double precision, where floats leave doubts.
+inline bool isFlat(const Vec3f& a, const Vec3f& b, const Vec3f& c) {
+    const Vec3f ab = b - a, ac = c - a, n = glm::cross(ab, ac);
+    if (glm::dot(n, n) > 1e-10f * glm::dot(ab, ab) * glm::dot(ac, ac)) return false;
+    const Vec3d exactly(a);
+    return glm::cross(Vec3d(b) - exactly, Vec3d(c) - exactly) == Vec3d(0);
+}
+/// Says how many triangles of a mesh have none; they show nothing.
+void tellOfFlatTriangles(Mesh& mesh);
+
 /// Binds values by the corners' own index (per vertex when `index` is empty) or by faces (`index` maybe empty).
 /// What is missing or out of range is repaired with a warning that names the field.
 template <class T>

@@ -69,6 +69,7 @@ class FaceCutter {
             return;
         }
         if (corners_.size() == 3) {
+            flat_ += detail::isFlat(points_[0], points_[1], points_[2]);
             builder_.add(corners_[0], corners_[1], corners_[2], face);
             return;
         }
@@ -91,6 +92,7 @@ class FaceCutter {
         if (notFinite_) warn(mesh_, fmt::format("coord: {} faces left out: their points are not finite", notFinite_));
         if (degenerate_ + cutAway_)
             warn(mesh_, fmt::format("coordIndex: {} faces left out: they have no area", degenerate_ + cutAway_));
+        if (flat_) warn(mesh_, fmt::format("{} triangles have no area and show nothing", flat_));
         if (crossing_) warn(mesh_, fmt::format("coordIndex: {} faces cross themselves", crossing_));
         if (tooLong_)
             warn(mesh_, fmt::format("coordIndex: {} faces left out: they cross or touch themselves and have too many "
@@ -108,7 +110,7 @@ class FaceCutter {
     std::vector<Vec3f> points_;
     std::vector<std::array<int, 3>> triangles_;
     std::size_t outOfRange_ = 0, notFinite_ = 0, degenerate_ = 0, cutAway_ = 0, crossing_ = 0, tooLong_ = 0,
-                oddEnds_ = 0;
+                oddEnds_ = 0, flat_ = 0;
     std::pair<std::size_t, std::size_t> firstOutOfRange_;
 };
 
@@ -135,6 +137,7 @@ Mesh detail::tessellateFaces(const IndexedFaceSetParams& params, FacePlan* plan)
         mesh.triangles = params.coordIndex;
         mesh.triangleStride = 4;
         mesh.triangleCount = static_cast<std::uint32_t>(count);
+        detail::tellOfFlatTriangles(mesh);
     } else {
         TopologyBuilder builder(params.coordIndex, params.ccw);
         const bool faceColors = !params.colorPerVertex && (!params.color.empty() || !params.colorRGBA.empty());

@@ -25,14 +25,15 @@ class RunCutter {
         : mesh_(mesh), index_(index), builder_(builder) {}
 
     void triangles(std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i + 3 <= end; i += 3) add(i, i + 1, i + 2, face_++);
+        for (std::size_t i = begin; i + 3 <= end; i += 3)
+            if (add(i, i + 1, i + 2, face_++)) flat_ += isFlat(i, i + 1, i + 2);
         leftOver_ += (end - begin) % 3;
     }
     void quads(std::size_t begin, std::size_t end) {
         for (std::size_t i = begin; i + 4 <= end; i += 4) {
             const std::size_t face = face_++;
-            add(i, i + 1, i + 2, face);
-            add(i, i + 2, i + 3, face);
+            const bool first = add(i, i + 1, i + 2, face), second = add(i, i + 2, i + 3, face);
+            if (first && second && isFlat(i, i + 1, i + 2) && isFlat(i, i + 2, i + 3)) flat_ += 2;
         }
         leftOver_ += (end - begin) % 4;
     }
@@ -54,33 +55,39 @@ class RunCutter {
                                     outOfRange_, mesh_.positions.size()));
         if (notFinite_)
             warn(mesh_, fmt::format("coord: {} triangles left out: their points are not finite", notFinite_));
+        if (flat_) warn(mesh_, fmt::format("{} triangles have no area and show nothing", flat_));
         if (leftOver_) warn(mesh_, fmt::format("{} points left over, too few for a triangle or quad", leftOver_));
     }
 
     bool leftOutForPoints() const { return notFinite_ > 0; }
 
   private:
-    void add(std::size_t a, std::size_t b, std::size_t c, std::size_t face) {
+    /// False: what is wrong with its points is counted already.
+    bool add(std::size_t a, std::size_t b, std::size_t c, std::size_t face) {
         const std::int32_t v[3] = {index_[a], index_[b], index_[c]};
         for (const std::int32_t i : v) {
             if (static_cast<std::uint32_t>(i) >= mesh_.positions.size()) {
                 ++outOfRange_;
-                return;
+                return false;
             }
             if (!detail::usable(mesh_.positions[static_cast<std::size_t>(i)])) {
                 ++notFinite_;
-                return;
+                return false;
             }
         }
         // Strips are joined by triangles that repeat a point: common, and nothing to report.
-        if (v[0] == v[1] || v[1] == v[2] || v[2] == v[0]) return;
-        builder_.add(a, b, c, face);
+        if (v[0] != v[1] && v[1] != v[2] && v[2] != v[0]) builder_.add(a, b, c, face);
+        return true;
+    }
+    bool isFlat(std::size_t a, std::size_t b, std::size_t c) const {
+        const auto point = [&](std::size_t i) { return mesh_.positions[static_cast<std::size_t>(index_[i])]; };
+        return detail::isFlat(point(a), point(b), point(c));
     }
 
     Mesh& mesh_;
     const Array<std::int32_t>& index_;
     TopologyBuilder& builder_;
-    std::size_t face_ = 0, outOfRange_ = 0, notFinite_ = 0, leftOver_ = 0;
+    std::size_t face_ = 0, outOfRange_ = 0, notFinite_ = 0, leftOver_ = 0, flat_ = 0;
 };
 
 Array<std::int32_t> countingUp(std::size_t count) {
@@ -162,6 +169,7 @@ Mesh detail::tessellateSet(const PrimitiveSetParams& params, FacePlan* plan) {
         mesh.triangleCount = static_cast<std::uint32_t>(index.size() / 3);
         if (index.size() % 3 || (!isIndexed(params.kind) && points % 3))
             warn(mesh, "points left over, too few for a triangle");
+        detail::tellOfFlatTriangles(mesh);
     } else {
         TopologyBuilder builder(index, params.ccw);
         builder.reserve(index.size() / (plainTriangles ? 3 : 1), false);

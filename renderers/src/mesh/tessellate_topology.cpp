@@ -55,6 +55,13 @@ bool scanTriangles(const Array<Vec3f>& positions, const std::int32_t* index, std
     return true;
 }
 
+void tellOfFlatTriangles(Mesh& mesh) {
+    std::size_t flat = 0;
+    for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
+        flat += isFlat(mesh.vertex(t, 0), mesh.vertex(t, 1), mesh.vertex(t, 2));
+    if (flat) warn(mesh, fmt::format("{} triangles have no area and show nothing", flat));
+}
+
 void TopologyBuilder::reserve(std::size_t triangles, bool wantFaces) {
     corners_.reserve(triangles * 3);
     wantFaces_ = wantFaces;

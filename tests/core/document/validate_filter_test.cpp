@@ -221,5 +221,39 @@ TEST(ValidateFilter, PixelsOfMoreBitsThanTheirComponentsTake) {
         EXPECT_THAT(image(good), Not(HasSubstr("more bits"))) << good;
 }
 
+TEST(ValidateFilter, FacesWithoutArea) {
+    const std::string line = "coord Coordinate { point [ 0 0 0, 1 2 3, 2 4 6, 0 1 0, 0 0 0 ] } ";
+    EXPECT_THAT(problems("Shape { geometry IndexedFaceSet { " + line + "coordIndex [ 0 1 3 -1 0 1 2 4 -1 2 1 3 ] } }"),
+                HasSubstr("test:3:100: warning: face 1 (from 0) of IndexedFaceSet has no area and shows nothing "
+                          "[geometry]"));
+    EXPECT_THAT(problems("Shape { geometry IndexedTriangleSet { " + line + "index [ 0 1 3 0 1 2 4 4 0 ] } }"),
+                HasSubstr("2 triangles of IndexedTriangleSet have no area and show nothing, the first of them number 1 "
+                          "(from 0)"));
+    EXPECT_THAT(problems("Shape { geometry TriangleSet2D { vertices [ 0 0, 1 1, 3 3 ] } }"),
+                HasSubstr("triangle 0 (from 0) of TriangleSet2D"));
+    EXPECT_EQ(problems("Shape { geometry QuadSet { coord Coordinate { point [ 0 0 0, 1 0 0, 1 1 0, 1 1 0 ] } } }"), "");
+    // Strips are joined by such.
+    EXPECT_EQ(problems("Shape { geometry TriangleStripSet { stripCount 5 " + line + "} }"), "");
+}
+
+TEST(ValidateFilter, FiguresReachPointsThatAreThere) {
+    const auto figure = [](const char* joint, const char* displacer, const char* more = "") {
+        return std::string("HAnimHumanoid { skeleton HAnimJoint { children HAnimJoint { skinCoordIndex [ ") + joint +
+               " ] displacers HAnimDisplacer { coordIndex [ " + displacer +
+               " ] } } } skinCoord Coordinate { point [ 0 0 0, 1 1 1 ] } " + more + "}";
+    };
+    EXPECT_EQ(problems(figure("0 1", "1")), "");
+    EXPECT_THAT(
+        problems(figure("0 2 1", "1")),
+        HasSubstr("test:3:61: warning: skinCoordIndex[1] of HAnimJoint is 2, but skinCoord has 2 points, counted "
+                  "from 0 [geometry]"));
+    EXPECT_THAT(problems(figure("0", "5")), HasSubstr("coordIndex[0] of HAnimDisplacer is 5, but skinCoord has 2"));
+    EXPECT_EQ(problems(figure("2", "2", "skinBindingCoords Coordinate { point [ 0 0 0, 1 1 1, 2 2 2 ] } ")), "");
+    EXPECT_THAT(
+        problems("HAnimSegment { coord Coordinate { point [ 0 0 0 ] } displacers HAnimDisplacer { coordIndex [ 0 "
+                 "1 ] } }"),
+        HasSubstr("coordIndex[1] of HAnimDisplacer is 1, but coord has 1 points"));
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -362,5 +362,21 @@ TEST(Skin, LinesAndPointsGoWhereFacesGo) {
     }
 }
 
+TEST(Skin, IndicesBeyondThePointsAreTold) {
+    Arm arm;
+    EXPECT_TRUE(arm.flattener.diagnostics().all().empty());
+    Array<std::int32_t> index = arm.scene.node(arm.fore).get(x3d::HAnimJoint::skinCoordIndex);
+    const std::size_t last = index.size();
+    index.push_back(168);  // 21 rings of 8
+    for (int frame = 1; frame < 4; ++frame) {
+        ASSERT_TRUE(arm.scene.set(arm.fore, x3d::HAnimJoint::skinCoordIndex, index));
+        arm.scene.newFrame(frame);
+    }
+    ASSERT_EQ(arm.flattener.diagnostics().all().size(), 1u);
+    EXPECT_EQ(arm.flattener.diagnostics().all()[0].text, "HAnimJoint: skinCoordIndex[" + std::to_string(last) +
+                                                             "] is 168, but skinCoord has 168 points, counted "
+                                                             "from 0");
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -182,5 +182,30 @@ TEST(TessellateScene, WhatHasNoTrianglesSaysSo) {
     EXPECT_FALSE(tessellate(scene, scene.createNode(x3d::Transform::type)));
 }
 
+TEST(TessellateScene, TrianglesWithoutAreaAreTold) {
+    const Array<Vec3f> line{{0, 0, 0}, {1, 2, 3}, {2, 4, 6}, {0, 1, 0}};
+    const auto told = [](const Mesh& mesh) {
+        return mesh.diagnostics.all().empty() ? std::string() : mesh.diagnostics.all()[0].text;
+    };
+    for (const bool ccw : {true, false}) {
+        PrimitiveSetParams set;
+        set.coord = line, set.ccw = ccw, set.kind = PrimitiveSetParams::Kind::indexedTriangleSet;
+        set.index = {0, 1, 3, 0, 1, 2, 3, 3, 0};
+        EXPECT_EQ(told(tessellate(set)), "2 triangles have no area and show nothing");
+        set.kind = PrimitiveSetParams::Kind::indexedQuadSet, set.index = {0, 1, 3, 3, 0, 1, 2, 2};
+        EXPECT_EQ(told(tessellate(set)), "2 triangles have no area and show nothing");
+        set.kind = PrimitiveSetParams::Kind::indexedTriangleStripSet, set.index = {0, 1, 2, 3, 3, 1};
+        EXPECT_EQ(told(tessellate(set)), "") << "strips are joined by such";
+        IndexedFaceSetParams faces;
+        faces.coord = line, faces.ccw = ccw, faces.coordIndex = {0, 1, 3, -1, 2, 1, 0, -1};
+        EXPECT_EQ(told(tessellate(faces)), "1 triangles have no area and show nothing");
+    }
+    // Very thin, very small and far from the origin: it has one.
+    PrimitiveSetParams thin;
+    thin.coord = {{1000, 0, 0},   {1000, 1, 0},   {std::nextafter(1000.f, 2000.f), .5f, 0},
+                  {1e-20f, 0, 0}, {0, 1e-20f, 0}, {0, 0, 0}};
+    EXPECT_EQ(told(tessellate(thin)), "");
+}
+
 }  // namespace
 }  // namespace rtsg
