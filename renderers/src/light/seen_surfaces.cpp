@@ -35,10 +35,10 @@ Hit SurfacesInPicture::seen(const RayView& view, const Ray& ray, const Hit& met)
     if (met.isCap()) return met;
     Hit hit = met;
     const auto isBehind = [&] {
-        return view.instance(hit.instance).mesh->strokeCount == 0 && glm::dot(ray.direction, hit.normal) > 0;
+        return glm::dot(ray.direction, hit.normal) > 0 && view.instance(hit.instance).mesh->strokeCount == 0;
     };
     bool behind = isBehind();
-    if (behind) {
+    if (behind) [[unlikely]] {
         const RayInstance& instance = view.instance(hit.instance);
         // The backs of glass are there, so that light finds its way out.
         if (instance.mesh->solid && drawn(instance).material->refractiveIndex == 0) {

@@ -115,17 +115,19 @@ bool WorldQueries::follow() {
 std::optional<PointerHit> WorldQueries::firstHit(const Vec3d& origin, const Vec3d& direction) {
     if (!follow()) return std::nullopt;
     seen_->useSight(nullptr);
-    const auto pick = Picker(world_.rays(), world_.flattener()).ray(origin, direction, *seen_);
+    auto pick = Picker(world_.rays(), world_.flattener()).ray(origin, direction, *seen_);
     if (!pick) return std::nullopt;
-    return hitOf(*pick);
+    return hitOf(std::move(*pick));
 }
 
-std::optional<PointerHit> WorldQueries::hitOf(const Pick& pick) const {
+std::optional<PointerHit> WorldQueries::hitOf(Pick&& pick) const {
     if (!pick) return std::nullopt;
-    PointerHit hit{pick.point, pick.normal, {pick.texCoord.x, pick.texCoord.y}, pick.path};
+    std::optional<PointerHit> result(std::in_place, pick.point, pick.normal, Vec2d(pick.texCoord),
+                                     std::move(pick.path));
+    PointerHit& hit = *result;
     for (auto& [at, parentFromLocal] : world_.flattener().byPicture(pick.instance))
         hit.byPicture.push_back({at, parentFromLocal});
-    return hit;
+    return result;
 }
 
 std::optional<PictureHit> WorldQueries::throughPicture(double x, double y, std::optional<NodeId> layer) {
@@ -142,10 +144,10 @@ std::optional<PictureHit> WorldQueries::throughPicture(double x, double y, std::
         const auto [origin, direction] = sight->ray(across, down);
         seen_->useSight(&*sight);
         const PixelLens lens = trace::lensOf(world_.rays(), cameraOf(*sight), sight->height);
-        const auto pick = Picker(world_.rays(), flattener)
-                              .ray(origin, direction, sight->layer, sight->limit, lens, nullptr, seen_.get());
+        auto pick = Picker(world_.rays(), flattener)
+                        .ray(origin, direction, sight->layer, sight->limit, lens, nullptr, seen_.get());
         if (!pick) continue;
-        PictureHit seen{origin, direction, hitOf(*pick)};
+        PictureHit seen{origin, direction, hitOf(std::move(*pick))};
         if (seen.hit) return seen;
         if (!behind || sight->layer == 0) behind = std::move(seen);
     }

@@ -40,6 +40,12 @@ exact::Triangle triangleOf(const RayInstance& instance, std::uint32_t triangle) 
     return {corner(0), corner(1), corner(2)};
 }
 
+/// Of any length, towards the front.
+Vec3d normalOf(const RayInstance& instance, const exact::Triangle& t) {
+    const Vec3d normal = glm::cross(t.b - t.a, t.c - t.a);
+    return instance.sign < 0 ? -normal : normal;
+}
+
 /// How far from `center` the BVH must look so that no triangle within `radius` is missed: it holds floats.
 float searchRadius(const RayWorld& world, const Vec3d& center, double radius) {
     constexpr double relative = 0x1p-20;
@@ -68,9 +74,7 @@ Pick Picker::finish(const Candidate& candidate) const {
         pick.normal = candidate.normal / length;
         return pick;
     }
-    const exact::Triangle t = triangleOf(instance, candidate.triangle);
-    Vec3d normal = glm::cross(t.b - t.a, t.c - t.a);
-    if (instance.sign < 0) normal = -normal;
+    const Vec3d normal = normalOf(instance, triangleOf(instance, candidate.triangle));
     const double size = glm::length(normal);
     pick.normal = size > 0 ? normal / size : Vec3d(0, 0, 1);
     return pick;
@@ -217,8 +221,8 @@ Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double ma
     if (hit) {
         const exact::Triangle t = triangleOf(world_->instance(hit.instance), hit.triangle);
         const bool stroke = world_->instance(hit.instance).mesh->strokeCount > 0;
-        candidate = {hit.instance, hit.triangle, {hit.u, hit.v}, 0, t.at(hit.u, hit.v), {}, !stroke};
-        if (stroke) candidate.normal = -unit;
+        candidate = {hit.instance, hit.triangle, {hit.u, hit.v}, 0, t.at(hit.u, hit.v), -unit, false};
+        if (!stroke) candidate.normal = normalOf(world_->instance(hit.instance), t);
         // The BVH's answer is one of floats: it says which triangle. Of one that the ray grazes it has to do.
         constexpr double kNear = 1e-4;
         if (const auto exactly = exact::meet(t, origin, unit); !stroke && exactly && exactly->isInside(kNear)) {

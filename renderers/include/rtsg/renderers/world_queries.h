@@ -55,7 +55,7 @@ class WorldQueries final : public SpaceQueries {
   private:
     bool follow();
     std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length, Surfaces surfaces);
-    std::optional<PointerHit> hitOf(const Pick& pick) const;
+    std::optional<PointerHit> hitOf(Pick&& pick) const;
     class Seen;
     SharedWorld& world_;
     std::unique_ptr<Seen> seen_;
