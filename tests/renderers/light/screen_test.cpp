@@ -3,6 +3,7 @@
 #include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/tessellate.h>
 
+#include <array>
 #include <random>
 
 #include "light_scene.h"
@@ -148,6 +149,63 @@ TEST(ScreenFontStyle, IsInPoints) {
         const double sum = coverage(s.picture());
         EXPECT_NEAR(sum, ink(24), .03 * ink(24)) << body;
     }
+}
+
+/// How a point lies to a triangle: -1 outside, 1 inside, 0 too near to an edge to tell.
+int sideOf(const Vec2d& p, const std::array<Vec2d, 3>& t, double margin) {
+    double least = 1e9;
+    const auto across = [](const Vec2d& a, const Vec2d& b) { return a.x * b.y - a.y * b.x; };
+    const double turn = across(t[1] - t[0], t[2] - t[0]) < 0 ? -1 : 1;
+    for (std::size_t i = 0; i < 3; ++i) {
+        const Vec2d edge = t[(i + 1) % 3] - t[i];
+        if (const double length = glm::length(edge); length > 0)
+            least = std::min(least, turn * across(edge, p - t[i]) / length);
+    }
+    return least > margin ? 1 : least < -margin ? -1 : 0;
+}
+
+// Each pixel is what its middle meets of the letters' triangles where their place and size in pixels put them, at whole
+// and at fractional positions.
+TEST(ScreenFontStyle, LettersCoverThePixelsWhoseMiddlesTheyCover) {
+    TextParams text;
+    text.strings = {"Hxlg"}, text.size = 20, text.family = {"SANS"};
+    const Mesh letters = tessellate(text);
+    ASSERT_GT(letters.triangleCount, 0u);
+    for (const char* eye : {"OrthoViewpoint { position 0 0 10 fieldOfView [ -40 -30 40 30 ] } ",
+                            "Viewpoint { position 0 0 10 fieldOfView 1.2870022176 } "})  // 2 atan .75
+        for (const Vec2d& at : {Vec2d(0, 0), Vec2d(-7, 3), Vec2d(2.25, -4.5), Vec2d(-11.4, 5.8)})
+            for (const bool isGroup : {true, false}) {
+                SCOPED_TRACE(fmt::format("{}{} {} {}", eye, at.x, at.y, isGroup));
+                const bool parallel = eye[0] == 'O';
+                const double pixel = parallel ? 1 : 10 * .75 / 30;
+                const std::string shape = fmt::format(
+                    "Shape {{ appearance Appearance {{ {} }} geometry Text {{ string \"Hxlg\" fontStyle {} }} "
+                    "}}",
+                    unlit("1 0 0"),
+                    isGroup ? "FontStyle { size 20 family \"SANS\" }"
+                            : "ScreenFontStyle { pointSize 15 family \"SANS\" }");
+                LightScene s(kGreen + eye +
+                                 fmt::format("Transform {{ translation {} {} 0 children {} }}", at.x * pixel,
+                                             at.y * pixel, isGroup ? "ScreenGroup { children " + shape + " }" : shape),
+                             80, 60);
+                s.options.settings.samplesPerPixel = 1;
+                const Picture p = s.picture();
+                int covered = 0;
+                for (int y = 0; y < 60; ++y)
+                    for (int x = 0; x < 80; ++x) {
+                        const Vec2d middle(x + .5 - 40 - at.x, 30 - y - .5 - at.y);
+                        int side = -1;
+                        for (std::uint32_t t = 0; t < letters.triangleCount; ++t)
+                            side = std::max(side, sideOf(middle,
+                                                         {Vec2d(letters.vertex(t, 0)), Vec2d(letters.vertex(t, 1)),
+                                                          Vec2d(letters.vertex(t, 2))},
+                                                         2e-3));
+                        if (side == 0) continue;
+                        covered += side > 0;
+                        EXPECT_EQ(p.at(x, y).r > .5f, side > 0) << x << " " << y;
+                    }
+                EXPECT_GT(covered, 150);
+            }
 }
 
 TEST(ScreenFontStyle, ComesAndGoesWithItsNode) {
