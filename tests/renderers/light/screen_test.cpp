@@ -152,7 +152,7 @@ TEST(ScreenFontStyle, IsInPoints) {
 }
 
 /// How a point lies to a triangle: -1 outside, 1 inside, 0 too near to an edge to tell.
-int sideOf(const Vec2d& p, const std::array<Vec2d, 3>& t, double margin) {
+int sideOfTriangle(const Vec2d& p, const std::array<Vec2d, 3>& t, double margin) {
     double least = 1e9;
     const auto across = [](const Vec2d& a, const Vec2d& b) { return a.x * b.y - a.y * b.x; };
     const double turn = across(t[1] - t[0], t[2] - t[0]) < 0 ? -1 : 1;
@@ -196,10 +196,11 @@ TEST(ScreenFontStyle, LettersCoverThePixelsWhoseMiddlesTheyCover) {
                         const Vec2d middle(x + .5 - 40 - at.x, 30 - y - .5 - at.y);
                         int side = -1;
                         for (std::uint32_t t = 0; t < letters.triangleCount; ++t)
-                            side = std::max(side, sideOf(middle,
-                                                         {Vec2d(letters.vertex(t, 0)), Vec2d(letters.vertex(t, 1)),
-                                                          Vec2d(letters.vertex(t, 2))},
-                                                         2e-3));
+                            side =
+                                std::max(side, sideOfTriangle(middle,
+                                                              {Vec2d(letters.vertex(t, 0)), Vec2d(letters.vertex(t, 1)),
+                                                               Vec2d(letters.vertex(t, 2))},
+                                                              2e-3));
                         if (side == 0) continue;
                         covered += side > 0;
                         EXPECT_EQ(p.at(x, y).r > .5f, side > 0) << x << " " << y;
