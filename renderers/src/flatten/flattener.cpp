@@ -339,7 +339,7 @@ void Flattener::Impl::runLevels() {
         if (tree[index].role != Role::level) continue;  // pruned with the one around it
         const Node& node = scene->node(tree[index].node);
         const std::uint32_t level =
-            flatten::chooseLevel(node, roles.of(node), frames[tree[index].frame], viewer ? &viewer->position : nullptr);
+            flatten::chooseLevel(node, roles.of(node), frames[tree[index].frame], eyeIn(tree[index].layer));
         if (level != tree[index].level) reconcile(index);
     }
     movedLevels.clear();
@@ -529,7 +529,7 @@ std::size_t Flattener::instanceCount() const {
     return impl_->instances.live;
 }
 bool Flattener::usesPixels() const {
-    return !impl_->regions.empty() || !impl_->screenGroups.empty() || !impl_->screened.empty() ||
+    return !impl_->regions.empty() || !impl_->screenGroups.empty() || !impl_->screened.empty() || impl_->layered > 0 ||
            (impl_->options.error.pixels > 0 && !impl_->details.empty());
 }
 const std::vector<LayerSight>& Flattener::sights() const {

@@ -222,6 +222,8 @@ struct Flattener::Impl {
     /// Where the viewer is for a ParticleSystem, in its own space: of several places that it stands in, for the one
     /// with the lowest path.
     std::optional<Vec3d> eyeOf(NodeId system);
+    /// Of a layer: its own, if sights tell of one; none without a viewer.
+    std::optional<EyePlace> eyeIn(std::uint16_t layer) const;
     /// Marks those that the viewer has moved for, or that have moved.
     void followSprites();
 
@@ -365,6 +367,7 @@ struct Flattener::Impl {
     std::unordered_map<std::uint32_t, std::shared_ptr<const Mesh>> meshes;
     std::vector<std::uint32_t> levels;                                // occurrences of LODs
     std::vector<std::uint32_t> billboards;                            // occurrences of what turns
+    std::size_t layered = 0;                                          // of both, those in a layer of a LayerSet
     std::unordered_map<std::uint32_t, flatten::Region> regions;       // of occurrences that lay out
     bool regionChanged = false;                                       // of the last that localForEye() laid out
     std::unordered_set<std::uint32_t> clearMaterials;                 // of shapes that show nothing, maybe gone by now

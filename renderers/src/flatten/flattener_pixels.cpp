@@ -12,8 +12,11 @@ namespace rtsg {
 
 bool Flattener::Impl::localForEye(std::uint32_t index, const Node& node, const TypeRole& role,
                                   const WorldFromLocal& worldFromParent, WorldFromLocal& m) {
-    if (role.axis != kNoField) return flatten::turnTowards(node, role, worldFromParent, viewer ? &*viewer : nullptr, m);
     const Occurrence& o = tree[index];
+    if (role.axis != kNoField) {
+        const std::optional<EyePlace> eye = eyeIn(o.layer);
+        return flatten::turnTowards(node, role, worldFromParent, eye ? &*eye : nullptr, m);
+    }
     const LayerSight* sight = flatten::sightOf(sights, o.layer);
     const flatten::Region* around = regionAround(o.parent);
     if (role.layout == kNoField)
@@ -155,7 +158,12 @@ std::optional<Vec3d> Flattener::Impl::eyeOf(NodeId system) {
         if (path(o) < path(place)) place = o;
     const WorldFromLocal& m = frames[tree[place].frame];
     if (determinantSign(m) == 0 || !isFinite(m)) return std::nullopt;
-    return glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (viewer->position - m[3]);
+    return glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (eyeIn(tree[place].layer)->position - m[3]);
+}
+
+std::optional<EyePlace> Flattener::Impl::eyeIn(std::uint16_t layer) const {
+    const LayerSight* sight = viewer && layer != 0 ? flatten::sightOf(sights, layer) : nullptr;
+    return sight ? EyePlace(sight->eye, sight->up) : viewer;
 }
 
 std::shared_ptr<const Mesh> Flattener::Impl::particleMesh(NodeId geometry) {

@@ -227,9 +227,10 @@ NodeId appearanceOf(const Scene& scene, RoleTable& roles, const Node& shape) {
     return role.isVolume ? shape.id() : resolve(scene, roles, read<NodeId>(shape, role.appearance));
 }
 
-std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& m, const Vec3d* viewer) {
+std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& m,
+                          const std::optional<EyePlace>& viewer) {
     if (!viewer || determinantSign(m) == 0) return 0;
-    const Vec3d p = glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (*viewer - m[3]);
+    const Vec3d p = glm::inverse(glm::dmat3(m[0], m[1], m[2])) * (viewer->position - m[3]);
     const double distance = glm::length(p - Vec3d(read<Vec3f>(node, role.center)));
     std::uint32_t level = 0;
     for (const float range : read<Array<float>>(node, role.range)) {

@@ -121,6 +121,6 @@ bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance);
 
 /// LOD: the level for a viewer at `viewer` (world); 0 without one.
 std::uint32_t chooseLevel(const Node& node, const TypeRole& role, const WorldFromLocal& worldFromLocal,
-                          const Vec3d* viewer);
+                          const std::optional<EyePlace>& viewer);
 
 }  // namespace rtsg::flatten

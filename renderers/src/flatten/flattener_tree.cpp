@@ -60,6 +60,7 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     if (role.turns) {
         o.slot = static_cast<std::uint32_t>(billboards.size());
         billboards.push_back(index);
+        layered += o.layer != 0;
         if (role.axis == kNoField && role.layout == kNoField) screenGroups.insert(index);
         o.turned = true;
     }
@@ -79,7 +80,8 @@ std::uint32_t Flattener::Impl::newOccurrence(const Node& node, const TypeRole& r
     } else if (role.role == Role::level) {
         o.slot = static_cast<std::uint32_t>(levels.size());
         levels.push_back(index);
-        o.level = flatten::chooseLevel(node, role, frames[o.frame], viewer ? &viewer->position : nullptr);
+        layered += o.layer != 0;
+        o.level = flatten::chooseLevel(node, role, frames[o.frame], eyeIn(o.layer));
     }
     o.isMover = isMover(node, role);
     setMotion(index);
@@ -358,12 +360,14 @@ void Flattener::Impl::release(std::uint32_t index) {
         levels[o.slot] = levels.back();
         tree[levels.back()].slot = o.slot;
         levels.pop_back();
+        layered -= o.layer != 0;
     } else if (o.slot != kNone) {
         screenGroups.erase(index);
         regions.erase(index);
         billboards[o.slot] = billboards.back();
         tree[billboards.back()].slot = o.slot;
         billboards.pop_back();
+        layered -= o.layer != 0;
     }
     if (o.previousOfNode != kNone)
         tree[o.previousOfNode].nextOfNode = o.nextOfNode;
@@ -423,8 +427,7 @@ void Flattener::Impl::reconcileChildren(std::uint32_t index) {
         return;
     }
     if (role.role == Role::level)
-        tree[index].level =
-            flatten::chooseLevel(node, role, frames[tree[index].frame], viewer ? &viewer->position : nullptr);
+        tree[index].level = flatten::chooseLevel(node, role, frames[tree[index].frame], eyeIn(tree[index].layer));
     chooseChildren(index, node, role);
     std::sort(wanted.begin(), wanted.end());
     // Both sides sorted: what is only here goes, what is only there comes.

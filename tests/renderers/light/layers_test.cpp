@@ -349,5 +349,35 @@ TEST(Layers, AViewpointThatViewsAllViewsAllOfItsLayer) {
     EXPECT_LT(alone.z, 10);
 }
 
+// 23.4.1, 23.4.3, 35.4.3: each layer has a viewpoint of its own, which is the viewer of what is in it.
+TEST(Layers, BillboardsAndLevelsAreForTheirOwnEyes) {
+    const std::string things =
+        "Billboard { axisOfRotation 0 1 0 children Transform { translation -.5 0 0 children " +
+        square(.25, unlit("1 0 0")) +
+        " } } LOD { range 20 children [ Transform { translation 0 .5 .5 children Transform { rotation 0 1 0 1.5707963 "
+        "children " +
+        square(.25, unlit("0 1 0")) + " } } Group { } ] } ";
+    // The layer's eye is on the x axis, 10 m away; that of the scene on the z axis, 50 m away.
+    const std::string eye = "OrthoViewpoint { position 10 0 0 orientation 0 1 0 1.5707963 fieldOfView [ -1 -1 1 1 ] } ";
+    LightScene s(
+        "Viewpoint { position 0 0 50 } LayerSet { order [ 0 1 ] layers DEF L Layer { children [ NavigationInfo "
+        "{ headlight FALSE } " +
+            eye + things + "] } }",
+        40, 40);
+    LightScene alone(eye + things, 40, 40);
+    for (int i = 0; i < 2; ++i) {
+        const Picture p = s.picture(), expected = alone.picture();
+        double red = 0, green = 0;
+        for (int y = 0; y < 40; ++y)
+            for (int x = 0; x < 40; ++x) {
+                EXPECT_EQ(Vec3f(p.at(x, y)), Vec3f(expected.at(x, y))) << x << " " << y;
+                red += p.at(x, y).r, green += p.at(x, y).g;
+            }
+        EXPECT_NEAR(red, 100, 1);
+        EXPECT_NEAR(green, 100, 1);
+        s.scene.newFrame(1), alone.scene.newFrame(1);
+    }
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -120,7 +120,8 @@ class Flattener {
     const std::vector<Instance>& instances() const;
     const std::vector<Placed>& placed() const;
     std::size_t instanceCount() const;
-    /// Whether anything has its place or size from a picture's pixels; if not, no sights are needed.
+    /// Whether anything has its place or size from a picture's pixels, or turns to the eye of a layer; if not, no
+    /// sights are needed.
     bool usesPixels() const;
     /// As setViewer() had them.
     const std::vector<LayerSight>& sights() const;
