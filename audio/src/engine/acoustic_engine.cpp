@@ -94,6 +94,15 @@ std::vector<std::uint32_t> AcousticEngine::Impl::bodyOf(std::vector<std::uint32_
     return around;
 }
 
+/// The walls in the straight way that moved; of what is its body nothing is in its way.
+void AcousticEngine::Impl::noteMoved(const WorldGeometry::Changes& changes, EmitterState& emitter) const {
+    constexpr double kNear = 0.5;  // metres from where it will be: what moves is heard from where it was
+    for (std::size_t i = 0; i < changes.boxes.size(); ++i)
+        if (changes.boxes[i].meetsWay(emitter.to, now.position, kNear) &&
+            std::ranges::find(emitter.body, changes.slots[i]) == emitter.body.end())
+            emitter.movedWalls.add(changes.slots[i], seconds());
+}
+
 /// Takes over the walls and marks the emitters that what changed may concern.
 void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& rays) {
     const WorldGeometry::Changes& changes = geometry.follow(state.walls, rays);
@@ -113,6 +122,7 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
             inBody = inBody || !(box.distance(emitter.to) > 1.01 * options.bodySize);
         }
         if (concerned) noteWallsChanged(emitter);
+        if (!changes.everything && changes.boxes.size() <= kManyChanges) noteMoved(changes, emitter);
         if (inBody && !emitter.gone) emitter.around = geometry.instancesAround(emitter.to, options.bodySize);
     }
 }
@@ -221,6 +231,8 @@ void AcousticEngine::Impl::goBack(double seconds) {
         state.jumped = true;
         state.tracedAt = -std::numeric_limits<double>::infinity();
         state.wallsChanged.reset();
+        state.movedWalls.clear();
+        state.images.setOpen(1);
     }
 }
 

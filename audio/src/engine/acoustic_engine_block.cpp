@@ -106,59 +106,6 @@ void AcousticEngine::Impl::delaysOf(const EmitterState& state, HeardLevel& to, B
     to.slope = fromSlope;
 }
 
-glm::dvec3 AcousticEngine::Impl::apparentPosition(const EmitterState& state, double delay) const {
-    return state.motion.at(static_cast<double>(samples) + static_cast<double>(options.blockSize) - delay).position;
-}
-
-/// The walls are those of now, and what is heard left before: what has gone over that place since, as the body of a
-/// source that moves does, is its body too, and no wall.
-void AcousticEngine::Impl::findBodyAt(const EmitterState& state, const glm::dvec3& apparent,
-                                      const ListenerPose& listener, std::vector<std::uint32_t>& body) const {
-    body.clear();
-    const double distance = glm::distance(apparent, listener.position);
-    if (apparent != state.to && distance > 0) {
-        geometry.addBodies(apparent, (listener.position - apparent) / distance, options.bodySize, body);
-        leaveOutRooms(body, listener.position);
-    }
-    body.insert(body.end(), state.body.begin(), state.body.end());
-}
-
-void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
-                                   Block& block, HeardLevel& to, bool& audible) const {
-    const SoundNode& sound = *emitter.sound;
-    const ListenerPose& listener = block.listener;
-    // What went out before a gain became that large is still on its way.
-    const auto bounded = [](double gain) { return std::isnan(gain) ? 0 : std::clamp(gain, -kLoudest, kLoudest); };
-    if (sound.law == SoundNode::Law::none) {
-        audible = true;
-        to.directGain = to.lateGain = bounded(sound.intensity * listener.gain);
-        return;
-    }
-    double distance = glm::distance(apparent, listener.position);
-    const bool near = distance < kHorizon;
-    if (!near) distance = kHorizon;
-    // The listener in the node's frame as if the node were where it was heard.
-    const glm::dvec3 local = emitter.localFrom(listener.position - apparent);
-    const double level =
-        !near ? 0
-              : sound.intensity * listener.gain *
-                    (options.levels == AcousticOptions::Levels::x3d ? sound.level(local) : 1 / std::max(distance, 0.1));
-    double open = 0;
-    if (level != 0) {
-        findBodyAt(state, apparent, listener, block.bodies);
-        OpenedGeometry room(geometry, std::move(block.bodies));
-        const Bands share = directShare(room, apparent, listener.position);
-        block.bodies = room.takeOpen();
-        for (std::size_t b = 2; b < 7; ++b) open += share[b] / 5;
-        open *= std::exp(-airAttenuation(air)[kBand1k] * distance);
-    }
-    audible = level != 0;
-    to.heard = open > 0;
-    // In a response direct sound is 1 / d: times d, reflections keep their ratio to it.
-    to.directGain = bounded(level * sound.coneGain(local) * std::sqrt(open));
-    to.lateGain = bounded(level * std::max(distance, 0.1));
-}
-
 /// What is heard of each input straight from the emitter, into its state.
 void AcousticEngine::Impl::renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block) {
     block.before = state.level;
@@ -275,6 +222,7 @@ void AcousticEngine::Impl::renderEmitter(const SoundEmitter& emitter, EmitterSta
     if (sound.law == SoundNode::Law::none) to.delay = to.slope = 0;
     if (!doppler) std::fill(block.delays.begin(), block.delays.end(), to.delay);
     bool audible = false;
+    measureWay(sound, state, apparent, block);
     levelOf(emitter, state, apparent, block, to, audible);
     if (!anyHeard) {
         const bool inReach =

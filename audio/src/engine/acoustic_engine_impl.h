@@ -59,7 +59,7 @@ struct AcousticEngine::Impl {
         // Room for steps of it.
         std::vector<double> gains;  // by channel
         std::vector<float> part;    // of the emitter, by sample
-        std::vector<std::uint32_t> bodies;
+        std::vector<std::uint32_t> bodies, open;
     };
     /// What comes or goes in a block.
     struct Ramp {
@@ -102,7 +102,10 @@ struct AcousticEngine::Impl {
     glm::dvec3 apparentPosition(const EmitterState& state, double delay) const;
     void findBodyAt(const EmitterState& state, const glm::dvec3& apparent, const ListenerPose& listener,
                     std::vector<std::uint32_t>& body) const;
-    void levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent, Block& block,
+    double straightShare(std::vector<std::uint32_t>& open, const glm::dvec3& apparent,
+                         const glm::dvec3& listener) const;
+    void measureWay(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent, Block& block) const;
+    void levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent, const Block& block,
                  HeardLevel& to, bool& audible) const;
     void renderDirect(EmitterState& state, const HeardLevel& to, bool crossfade, Block& block);
     void findTurns(const EmitterState& state, const glm::dvec3& apparent, bool even, Block& block) const;
@@ -145,6 +148,7 @@ struct AcousticEngine::Impl {
     void endSeal(InstanceId emitter, double seconds);
     double seconds() const { return static_cast<double>(samples) / options.sampleRate; }
     void noteWallsChanged(EmitterState& state) const;
+    void noteMoved(const WorldGeometry::Changes& changes, EmitterState& emitter) const;
     bool shallSeekLeaks(const EmitterState& state) const;
     bool leaksKnownFrom(const glm::dvec3& source) const;
     void noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds, const RoomOpenings& openings);

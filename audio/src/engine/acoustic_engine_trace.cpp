@@ -17,6 +17,9 @@ constexpr double kTurned = 0.998;
 constexpr int kLeakSearches = 8, kLeakExits = 32;
 /// Seconds in which what begins to move is followed, and metres that it has moved by then.
 constexpr double kSetOff = 0.01, kSetOffMoved = 1e-4;
+/// Seconds after a trace the next one at the earliest, and in which it fades over, where a wall has moved into the
+/// straight way or out of it.
+constexpr double kSoon = 0.05;
 /// Images of a source that follow, and waves by way of edges, at most.
 constexpr std::size_t kMostImages = 8, kMostEdges = 16;
 
@@ -33,7 +36,10 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
     if (worker && !worker->idle()) return Renewal::none;
     if (!state.hasResponse) return Renewal::trace;
     if (setsOff(emitter, state, source, listener)) return Renewal::setOff;
-    if (seconds() < state.tracedAt + options.retraceSeconds) return Renewal::none;
+    const bool outdated = state.movedWalls.outdated();
+    if (seconds() < state.tracedAt + std::min(outdated ? kSoon : options.retraceSeconds, options.retraceSeconds))
+        return Renewal::none;
+    if (outdated) return Renewal::trace;
     const bool aimed = emitter.sound->directional(options.levels == AcousticOptions::Levels::x3d);
     const bool moved = state.stale || glm::distance(state.tracedSource, source) > options.moveTolerance ||
                        glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
@@ -50,7 +56,9 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
 /// first, or those who come first would be heard by new ones and the others never.
 void AcousticEngine::Impl::renew(const SoundEmitter& emitter, EmitterState& state) {
     const Renewal renewal = renewalOf(emitter, state, state.to, now);
-    if (renewal == Renewal::none || (worker && due.state && due.state->tracedAt <= state.tracedAt)) return;
+    // Where direct sound waits for it that counts as a second.
+    const auto since = [](const EmitterState& one) { return one.tracedAt - (one.movedWalls.outdated() ? 1 : 0); };
+    if (renewal == Renewal::none || (worker && due.state && since(*due.state) <= since(state))) return;
     due = {&emitter, &state, renewal};
     if (!worker) renewLongestDue();
 }
@@ -139,6 +147,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     state.tracedSource = source;
     state.tracedListener = listener.position;
     state.tracedAim = emitter.aim();
+    state.movedWalls.asked = {state.movedWalls.open(), seconds()};
     state.stale = false;
     state.tracing = worker != nullptr;
     submit(state, std::move(job), listener);
@@ -215,17 +224,21 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     EmitterState& state = found->second;
     for (std::size_t c = 0; c < channels; ++c) state.late[c].setResponse(std::move(traced.channels[c]));
     state.tracedImages = traced.images;
+    if (!traced.turned) state.movedWalls.traced = state.movedWalls.asked;
+    const StraightWay& straight = state.movedWalls.traced;
+    const bool takesOver = isLate(state.images.straight().open, straight.open);
     // What is followed is heard as it was, as long as it has hardly moved: the sooner it takes over the better.
-    const auto fade = static_cast<std::size_t>(traced.setsOff ? kSetOff * options.sampleRate : 0);
+    const double seconds = traced.setsOff ? kSetOff : takesOver ? kSoon : 0;
+    const auto fade = static_cast<std::size_t>(seconds * options.sampleRate);
     for (Convolver& late : state.late) late.fadeOnceIn(fade);
-    state.images.set(std::move(traced.images), fade);
+    state.images.set(std::move(traced.images), fade, straight);
     state.responseFrames = std::max(state.responseFrames, traced.frames);
     if (traced.turned) return;
     state.traced = std::move(traced.traced);
     state.reached = traced.reached;
     state.tracing = false;
     state.seal = std::move(traced.seal);
-    if (!state.seal) endSeal(traced.emitter, seconds());
+    if (!state.seal) endSeal(traced.emitter, this->seconds());
     // In the open, or where nothing is lost, looking costs nothing, and walls may come yet.
     if (traced.openings.outdoors || !(traced.openings.escaped > 0)) return;
     state.leaksSought = true;

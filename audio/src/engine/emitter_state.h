@@ -18,6 +18,7 @@
 #include <rtsg/audio/world_geometry.h>
 
 #include "image_player.h"
+#include "moved_walls.h"
 #include "scene/process_player.h"
 #include "signal/delay_line.h"
 #include "signal/head_filter.h"
@@ -88,6 +89,7 @@ struct EmitterState {
     std::size_t responseFrames = 0;
     std::optional<Seal> seal;  // nothing arrived, and why; until it was told
     RoomOpenings openings;     // of the room, until they were told
+    MovedWalls movedWalls;     // in the straight way, since what is heard was traced
     bool leaksSought = false;  // and some found, since walls changed,
     glm::dvec3 leaksSoughtFrom{0};
     bool countsAsSearch = false;

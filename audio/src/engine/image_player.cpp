@@ -25,10 +25,30 @@ void ImagePlayer::Voice::restart() {
     share = 0;
 }
 
-void ImagePlayer::Set::start(Images what) {
+void ImagePlayer::Set::start(Images what, const StraightWay& known) {
     images = std::move(what);
+    straight = known;
     if (voices.size() < count()) voices.resize(count());
     for (std::size_t k = 0; k < count(); ++k) voices[k].restart();
+}
+
+double ImagePlayer::openNext() const {
+    const double is = current_.straight.open;
+    if (!fading_ && !waits_) return is;
+    if (!started_) return waitingStraight_.open;
+    const std::size_t length = fading_ ? fadeSamples_ : onceIn_ > 0 ? onceIn_ : fade_;
+    const double done = static_cast<double>((fading_ ? faded_ : 0) + block_) / static_cast<double>(length);
+    const double comes = fading_ ? next_.straight.open : waitingStraight_.open;
+    return is + (comes - is) * static_cast<double>(fadeIn(done));
+}
+
+void ImagePlayer::scaleOpen(double factor) {
+    for (StraightWay* straight : {&current_.straight, &next_.straight, &waitingStraight_})
+        straight->open = std::min(1.0, straight->open * factor);
+}
+
+void ImagePlayer::setOpen(double open) {
+    for (StraightWay* straight : {&current_.straight, &next_.straight, &waitingStraight_}) straight->open = open;
 }
 
 void ImagePlayer::render(const Block& block) {
@@ -43,7 +63,7 @@ void ImagePlayer::render(const Block& block) {
     reflected_.push_back(block.reflects);
     // As Convolver::process() has it.
     if (!fading_ && waits_) {
-        next_.start(std::exchange(waiting_, nullptr));
+        next_.start(std::exchange(waiting_, nullptr), waitingStraight_);
         waits_ = false;
         if (!started_) std::swap(current_, next_);
         fading_ = started_;

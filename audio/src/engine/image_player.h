@@ -8,6 +8,7 @@
 
 #include <array>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -24,6 +25,13 @@
 
 namespace rtsg {
 
+/// What was known of the straight way when a set of images was traced: the amplitude that walls which move leave of
+/// direct sound, and when that was, seconds.
+struct StraightWay {
+    double open = 1;
+    double at = -std::numeric_limits<double>::infinity();
+};
+
 class ImagePlayer {
   public:
     using Images = std::shared_ptr<const std::vector<FollowedImage>>;
@@ -31,11 +39,20 @@ class ImagePlayer {
     ImagePlayer(std::size_t block, std::size_t fade) : block_(block), fade_(std::max<std::size_t>(1, fade)) {}
 
     /// Null or empty: none. `fadeOnce`: samples in which these fade over, 0: as usual.
-    void set(Images images, std::size_t fadeOnce = 0) {
+    void set(Images images, std::size_t fadeOnce = 0, const StraightWay& straight = {}) {
         waiting_ = std::move(images);
+        waitingStraight_ = straight;
         waits_ = true;
         onceIn_ = fadeOnce;
     }
+    bool fades() const { return fading_ || waits_; }
+    /// Of the set that is heard.
+    const StraightWay& straight() const { return current_.straight; }
+    /// StraightWay::open at the end of the next block, as sets fade over.
+    double openNext() const;
+    /// Of all sets.
+    void scaleOpen(double factor);
+    void setOpen(double open);
 
     struct EdgeEnds {
         glm::dvec3 source, listener;
@@ -82,9 +99,10 @@ class ImagePlayer {
     struct Set {
         Images images;
         std::vector<Voice> voices;  // at least as many
+        StraightWay straight;
 
         std::size_t count() const { return images ? images->size() : 0; }
-        void start(Images what);
+        void start(Images what, const StraightWay& known);
     };
     void render(Set& set, const Block& block, bool arrives);
     void render(const FollowedImage& image, Voice& voice, const Block& block);
@@ -103,6 +121,7 @@ class ImagePlayer {
     Ring<double> reflected_;  // Block::reflects, of as many blocks as the lines hold
     Set current_, next_;
     Images waiting_;
+    StraightWay waitingStraight_;
     bool fading_ = false, waits_ = false, started_ = false;
     std::size_t faded_ = 0;
     // Of what is rendered at present, by sample.

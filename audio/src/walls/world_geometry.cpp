@@ -92,6 +92,7 @@ void WorldGeometry::followMaterials(const PagedArray<AcousticMaterial>& material
 const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version, const RayView& rays) {
     rays_ = &rays;
     changes_.boxes.clear();
+    changes_.slots.clear();
     changes_.everything = !followed_;
     followed_ = true;
     followMaterials(version.materials);
@@ -105,7 +106,10 @@ const WorldGeometry::Changes& WorldGeometry::follow(const WallsVersion& version,
                                       planes_->change(static_cast<std::uint32_t>(at), now);
                                       if (edges_) edges_->change(static_cast<std::uint32_t>(at), now);
                                       for (const AcousticBox& box : {worldBox(before), worldBox(now)})
-                                          if (!box.empty()) changes_.boxes.push_back(box);
+                                          if (!box.empty()) {
+                                              changes_.boxes.push_back(box);
+                                              changes_.slots.push_back(static_cast<std::uint32_t>(at));
+                                          }
                                   });
     planes_->settle(version.walls, materials_);
     if (changed) few_->build(version.walls, *planes_, rays);

@@ -3,6 +3,7 @@
 // Threading: a plain value.
 #pragma once
 
+#include <algorithm>
 #include <limits>
 
 #include <glm/glm.hpp>
@@ -30,6 +31,20 @@ struct AcousticBox {
     /// From a point to the nearest in the box; 0 inside.
     double distance(const glm::dvec3& point) const {
         return glm::length(glm::max(glm::max(low - point, point - high), glm::dvec3(0)));
+    }
+    /// Whether any place between two, both included, is nearer to it than `margin` along every axis.
+    bool meetsWay(const glm::dvec3& from, const glm::dvec3& to, double margin) const {
+        double first = 0, last = 1;
+        for (int i = 0; i < 3; ++i) {
+            const double way = to[i] - from[i], below = low[i] - margin - from[i], above = high[i] + margin - from[i];
+            if (way == 0) {
+                if (below > 0 || above < 0) return false;
+                continue;
+            }
+            first = std::max(first, std::min(below / way, above / way));
+            last = std::min(last, std::max(below / way, above / way));
+        }
+        return first <= last;
     }
 };
 

@@ -54,6 +54,7 @@ class WorldGeometry final : public AcousticGeometry {
     struct Changes {
         /// Around each instance that came, went, moved or is made of something else; where it was and where it is.
         std::vector<AcousticBox> boxes;
+        std::vector<std::uint32_t> slots;  // of each box
         /// A material changed, or there was no version before: all of it.
         bool everything = false;
     };

@@ -1,0 +1,117 @@
+// How much of direct sound walls leave, those that rest and those that move, and how loud it is.
+#include <algorithm>
+#include <cmath>
+
+#include <rtsg/audio/image_sources.h>
+
+#include "acoustic_engine_impl.h"
+
+namespace rtsg {
+namespace {
+
+/// Seconds for which direct sound waits for what bends, where tracing takes longer than that.
+constexpr double kLongestWait = 0.5;
+
+}  // namespace
+
+glm::dvec3 AcousticEngine::Impl::apparentPosition(const EmitterState& state, double delay) const {
+    return state.motion.at(static_cast<double>(samples) + static_cast<double>(options.blockSize) - delay).position;
+}
+
+/// The walls are those of now, and what is heard left before: what has gone over that place since, as the body of a
+/// source that moves does, is its body too, and no wall.
+void AcousticEngine::Impl::findBodyAt(const EmitterState& state, const glm::dvec3& apparent,
+                                      const ListenerPose& listener, std::vector<std::uint32_t>& body) const {
+    body.clear();
+    const double distance = glm::distance(apparent, listener.position);
+    if (apparent != state.to && distance > 0) {
+        geometry.addBodies(apparent, (listener.position - apparent) / distance, options.bodySize, body);
+        leaveOutRooms(body, listener.position);
+    }
+    body.insert(body.end(), state.body.begin(), state.body.end());
+}
+
+/// Share of the energy of the bands of speech and music; `open`: slots that are not there.
+double AcousticEngine::Impl::straightShare(std::vector<std::uint32_t>& open, const glm::dvec3& apparent,
+                                           const glm::dvec3& listener) const {
+    OpenedGeometry room(geometry, std::move(open));
+    const Bands share = directShare(room, apparent, listener);
+    open = room.takeOpen();
+    double sum = 0;
+    for (std::size_t b = 2; b < 7; ++b) sum += share[b] / 5;
+    return sum;
+}
+
+/// What walls leave of direct sound at the end of the block: those that moved since what is heard was traced leave what
+/// they left then.
+void AcousticEngine::Impl::measureWay(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent,
+                                      Block& block) const {
+    MovedWalls& moved = state.movedWalls;
+    const auto forget = [&] {
+        moved.clear();
+        state.images.setOpen(1);
+        moved.resting = moved.heard = moved.all;
+        moved.lateSince = seconds();
+    };
+    moved.all = 0;
+    if (!(glm::distance(apparent, block.listener.position) < kHorizon) || sound.law == SoundNode::Law::none)
+        return forget();
+    findBodyAt(state, apparent, block.listener, block.bodies);
+    moved.all = straightShare(block.bodies, apparent, block.listener.position);
+    if (!moved.any() || !options.reflections || !sound.reflected || !state.traced || state.jumped) return forget();
+    const auto resting = [&] {
+        block.open = block.bodies;
+        block.open.insert(block.open.end(), moved.slots().begin(), moved.slots().end());
+        return straightShare(block.open, apparent, block.listener.position);
+    };
+    const auto scale = [&](double factor) {
+        state.images.scaleOpen(factor);
+        for (StraightWay* known : {&moved.traced, &moved.asked}) known->open = std::min(1.0, known->open * factor);
+    };
+    double now = resting();
+    // Nothing is heard of a wall's setting off, or coming to rest.
+    if (moved.takeGrown() && now > 0) scale(std::sqrt(moved.resting / now));
+    if (!state.images.fades() && moved.settle(state.images.straight().at)) {
+        if (!moved.any()) return forget();
+        const double fewer = resting();
+        if (fewer > 0) scale(std::sqrt(now / fewer));
+        now = fewer;
+    }
+    moved.resting = now;
+    const double open = state.images.openNext();
+    moved.heard = now * open * open;
+    if (state.images.fades() || !isLate(moved.heard, moved.all)) moved.lateSince = seconds();
+    if (seconds() < moved.lateSince + kLongestWait) return;
+    state.images.setOpen(moved.open());
+    moved.heard = moved.all;
+}
+
+void AcousticEngine::Impl::levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent,
+                                   const Block& block, HeardLevel& to, bool& audible) const {
+    const SoundNode& sound = *emitter.sound;
+    const ListenerPose& listener = block.listener;
+    // What went out before a gain became that large is still on its way.
+    const auto bounded = [](double gain) { return std::isnan(gain) ? 0 : std::clamp(gain, -kLoudest, kLoudest); };
+    if (sound.law == SoundNode::Law::none) {
+        audible = true;
+        to.directGain = to.lateGain = bounded(sound.intensity * listener.gain);
+        return;
+    }
+    double distance = glm::distance(apparent, listener.position);
+    const bool near = distance < kHorizon;
+    if (!near) distance = kHorizon;
+    // The listener in the node's frame as if the node were where it was heard.
+    const glm::dvec3 local = emitter.localFrom(listener.position - apparent);
+    const double level =
+        !near ? 0
+              : sound.intensity * listener.gain *
+                    (options.levels == AcousticOptions::Levels::x3d ? sound.level(local) : 1 / std::max(distance, 0.1));
+    audible = level != 0;
+    const double open = state.movedWalls.heard * std::exp(-airAttenuation(air)[kBand1k] * distance);
+    to.heard = state.movedWalls.resting > 0;
+    // In a response direct sound is 1 / d: times d, reflections keep their ratio to it.
+    to.directGain = bounded(level * sound.coneGain(local) * std::sqrt(open));
+    to.lateGain = bounded(level * std::max(distance, 0.1));
+}
+
+}  // namespace rtsg

@@ -1,0 +1,83 @@
+// MovedWalls: the walls in the straight way of an emitter that have moved since what is heard of it was traced.
+//
+// What moves into that way takes direct sound away, and brings sound that bends round it: both at once, or a gap is
+// heard. What bends is known when the room is traced anew. So walls that moved leave of direct sound what they left
+// when that was traced which is heard, and fade with it (StraightWay); those that rest count in every block,
+// as edges that rest are followed in every block. Threading: the engine's thread.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "image_player.h"
+
+namespace rtsg {
+
+/// Whether shares of the energy differ by what is heard.
+inline bool isLate(double heard, double there) {
+    return std::abs(heard - there) > 0.1;
+}
+
+class MovedWalls {
+  public:
+    /// More are not looked at one by one: what they leave counts at once.
+    static constexpr std::size_t kMost = 64;
+
+    void add(std::uint32_t slot, double seconds) {
+        const auto found = std::ranges::find(slots_, slot);
+        if (found != slots_.end()) {
+            times_[static_cast<std::size_t>(found - slots_.begin())] = seconds;
+        } else if (slots_.size() < kMost) {
+            slots_.push_back(slot);
+            times_.push_back(seconds);
+            grown_ = true;
+        }
+    }
+    bool any() const { return !slots_.empty(); }
+    std::span<const std::uint32_t> slots() const { return slots_; }
+    /// Whether there are more since the last call.
+    bool takeGrown() { return std::exchange(grown_, false); }
+    /// Without those that rest since something was traced at that time; whether these were any.
+    bool settle(double traced) {
+        std::size_t left = 0;
+        for (std::size_t i = 0; i < slots_.size(); ++i) {
+            if (times_[i] <= traced) continue;
+            slots_[left] = slots_[i];
+            times_[left++] = times_[i];
+        }
+        const bool less = left < slots_.size();
+        slots_.resize(left);
+        times_.resize(left);
+        return less;
+    }
+    void clear() {
+        slots_.clear();
+        times_.clear();
+        grown_ = false;
+    }
+
+    /// Shares of the energy that are left straight, at the end of the last block: by all walls, by those that rest, and
+    /// of what is heard.
+    double all = 0, resting = 0, heard = 0;
+    /// Of what was traced last, and of what was asked for since.
+    StraightWay traced, asked;
+    /// Since when what is heard is not what there is, seconds.
+    double lateSince = 0;
+
+    /// Whether what was asked for will be heard as something else than there is.
+    bool outdated() const { return any() && isLate(resting * asked.open * asked.open, all); }
+    /// The amplitude that those that moved leave of what the others do.
+    double open() const { return resting > 0 ? std::sqrt(std::min(1.0, all / resting)) : 1; }
+
+  private:
+    std::vector<std::uint32_t> slots_;
+    std::vector<double> times_;  // when each moved, seconds
+    bool grown_ = false;
+};
+
+}  // namespace rtsg
