@@ -91,6 +91,8 @@ class BatchTracer {
     static constexpr double kLaterLooks = 0.3;
     /// Metres; a little more than places on walls are moved off them.
     static constexpr double kBesideWall = 1e-3;
+    /// Of 1 / m: nearer than a centimetre has the level of one, as direct sound and images.
+    static double bounded(double inverse) { return inverse < 100 ? inverse : 100; }
     /// Walls that parts of rays meet at most, for each that those meet which were sent.
     static constexpr std::int64_t kWallsOfParts = 3;
 
@@ -397,7 +399,7 @@ class BatchTracer {
             distance[i] = std::sqrt(x * x + y * y + z * z);
             const double inverse = 1 / distance[i];
             direction.x[i] = x * inverse, direction.y[i] = y * inverse, direction.z[i] = z * inverse;
-            factor[i] = towards * (inverse * inverse * inverse) * std::numbers::inv_pi;
+            factor[i] = towards * (inverse * bounded(inverse) * bounded(inverse)) * std::numbers::inv_pi;
         }
         const double beside = ears_[0].near.reach();  // from there on it is heard with what arrives
         const std::uint32_t wanted = lanesWhere([&](int i) {
@@ -442,7 +444,7 @@ class BatchTracer {
         add<N>(batch_.heard[who].tried, energy, weight);
         const double inverse = 1 / distance;
         const glm::dvec3 direction = toListener * inverse;
-        const double factor = weight * towards * (inverse * inverse * inverse) * std::numbers::inv_pi;
+        const double factor = weight * towards * (inverse * bounded(inverse) * bounded(inverse)) * std::numbers::inv_pi;
         if (!task_.transmits) {
             ask(who, energy, factor, travelled + distance, point, normal, direction, distance, wall);
             return;
@@ -501,12 +503,13 @@ class BatchTracer {
         const int at = connections_.rays.count;
         const double inverse = 1 / distance;
         connections_.rays.add(point, normal, toImage * inverse, distance, wall.plane, wall.clear);
-        connections_.of[at] = {energy,
-                               weight * towards * (inverse * inverse * inverse) * std::numbers::inv_pi,
-                               travelled + distance,
-                               target.ear,
-                               target.image,
-                               {}};
+        connections_.of[at] = {
+            energy,
+            weight * towards * (inverse * bounded(inverse) * bounded(inverse)) * std::numbers::inv_pi,
+            travelled + distance,
+            target.ear,
+            target.image,
+            {}};
         while (connections_.rays.count == AcousticRays::kMost) followConnections();
     }
 

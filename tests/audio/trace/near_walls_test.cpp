@@ -49,6 +49,24 @@ TEST(NearWalls, ADiffusePlaneSendsWhatTheIntegralSaysFromAnyHeight) {
     }
 }
 
+/// As direct sound, and as mirror images of any order: where both are on the wall it was 118 dB.
+TEST(NearWalls, NearerThanACentimetreWhatWallsScatterHasTheLevelOfOne) {
+    const TriangleGeometry plane = planeOf(.1, .5);
+    for (const double height : {0., 1e-6, 1e-4, 1e-3})
+        for (const double apart : {0., 1e-5, 1e-3}) {
+            const TraceResult traced =
+                AcousticTracer(plane).trace({0, 0, height}, {apart, 0, height}, shortTrace(4000, 1, 2));
+            const double direct = 1 / (4 * M_PI * 1e-4);
+            EXPECT_LT(scatteredEnergy(traced), direct) << height << ' ' << apart;
+            ASSERT_EQ(traced.arrivals.size(), 2u);
+            for (const Arrival& arrival : traced.arrivals) EXPECT_LE(arrival.energy[kBand1k], direct * (1 + 1e-9));
+        }
+    // From there on it is the integral's.
+    const double exact = fromPlaneBelow(.1, .02, .02) * .5;
+    EXPECT_NEAR(scatteredEnergy(AcousticTracer(plane).trace({0, 0, .02}, {0, 0, .02}, shortTrace(40'000, 1, 2))), exact,
+                .03 * exact);
+}
+
 /// A listener on a wall sees it in half of all directions, however the wall lies.
 TEST(NearWalls, OfAWallThatIsTouchedHalfOfAllDirectionsCount) {
     for (int i = -3; i < 40; ++i) {
