@@ -37,6 +37,7 @@ bool joinedEdge(const WallEdge& a, const WallEdge& b, WallEdge& both) {
     low = std::min(low, 0.0);
     both.from += a.axis * low;
     both.length = std::max(high, a.length) - low;
+    if (a.body != b.body) both.body = nullptr;
     return true;
 }
 

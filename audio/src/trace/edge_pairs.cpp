@@ -58,7 +58,7 @@ std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, con
 /// What is there by itself, with what goes on round both edges: a factor of its energy. `parts`: of the edges by which
 /// alone it comes, each in its shadow by itself, or both, or one, with direct sound.
 void goOn(const PairWay& way, const PairField& field, const std::vector<const BentArrival*>& parts,
-          const EdgeTones& tones, Arrival& arrival) {
+          const EdgeTones& tones, BodyWeights& bodies, Arrival& arrival) {
     for (std::size_t b = 0; b < kBandCount; ++b) {
         double with = 0, without = 0;
         tones.each(b, [&](std::size_t tone, double waveNumber) {
@@ -68,7 +68,8 @@ void goOn(const PairWay& way, const PairField& field, const std::vector<const Be
             for (const BentArrival* part : parts) {
                 const WedgeField f = wedgeField(part->round.path, waveNumber);
                 const std::complex<double> by =
-                    f.besideDirect + tones.mirrors(part->edge.material, b) * f.besideMirrored;
+                    bodies.of(part->edge.body)[tone] *
+                    (f.besideDirect + tones.mirrors(part->edge.material, b) * f.besideMirrored);
                 if (part->lit && direct == 0) {
                     sum += f.direct;
                     direct = std::norm(f.direct);
@@ -166,17 +167,26 @@ class EndWaves {
     std::vector<EdgeWave> waves_;
 };
 
+void weigh(PairField& field, const BodyWeights::Tones& weights) {
+    for (std::size_t t = 0; t < kEdgeTones; ++t) {
+        field.wave[t] *= weights[t];
+        for (FacePair::End& end : field.ends) end.pressure[t] *= weights[t];
+    }
+}
+
 /// The pairs of a source and a listener, one after the other, and what goes on round a third edge.
 class EdgePairs {
   public:
     EdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-              const TraceOptions& options, const EdgesAlone& known, std::vector<Arrival>& arrivals, EdgeField& field)
+              const TraceOptions& options, const EdgesAlone& known, BodyWeights& bodies, std::vector<Arrival>& arrivals,
+              EdgeField& field)
         : geometry_(geometry),
           source_(source),
           listener_(listener),
           options_(options),
           tones_(geometry, options.air.speedOfSound),
           known_(known),
+          bodies_(bodies),
           arrivals_(arrivals),
           field_(field) {}
 
@@ -189,7 +199,8 @@ class EdgePairs {
         const bool grazes = (firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing;
         const bool byItself = (firstHides && secondHides) || (parts.empty() && grazes);
         if (parts.empty() && !byItself && !way.onFace) return false;
-        const PairField pressure = fieldOf(way, tones_, c());
+        PairField pressure = fieldOf(way, tones_, c());
+        weigh(pressure, bodies_.of(way.first->body, way.second->body));
         const auto left = leftOf({way.first, way.second});
         Bent both = bentBy(way, pressure, source_, listener_, options_, tones_, left);
         addWave(both.wave, way.path.way);
@@ -200,11 +211,12 @@ class EdgePairs {
         }
         if (!byItself && parts.size() == 1)
             // Where both edges are heard by themselves as well, levels of octaves have what each does to direct sound.
-            goOn(way, pressure, parts, tones_, arrivals_[parts.front()->arrival]);
+            goOn(way, pressure, parts, tones_, bodies_, arrivals_[parts.front()->arrival]);
         return true;
     }
     /// What a third edge does to them.
-    void add(const TripleField& triple) {
+    void add(TripleField triple) {
+        weigh(triple.field, bodies_.of(triple.first->body, triple.third->body));
         const auto left = leftOf({triple.first, triple.second, triple.third});
         const Bands attenuation = airAttenuation(options_.air);
         const glm::dvec3 last = offEnds(*triple.third, triple.byThird);
@@ -312,6 +324,7 @@ class EdgePairs {
     const TraceOptions& options_;
     const EdgeTones tones_;
     const EdgesAlone& known_;
+    BodyWeights& bodies_;
     std::vector<Arrival>& arrivals_;
     EdgeField& field_;
     EndWaves ends_;
@@ -322,8 +335,8 @@ class EdgePairs {
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const EdgesAlone& known, std::vector<Arrival>& arrivals,
-                           EdgeField& field) {
+                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies,
+                           std::vector<Arrival>& arrivals, EdgeField& field) {
     EdgePairCount count;
     std::size_t looked = 0;
     std::vector<EdgeCandidate> edges = withoutOverlaps(geometry, candidates, looked);
@@ -346,7 +359,7 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
         count.leftOut += ways.size() - kPairs;
         ways.resize(kPairs);
     }
-    EdgePairs pairs(geometry, source, listener, options, known, arrivals, field);
+    EdgePairs pairs(geometry, source, listener, options, known, bodies, arrivals, field);
     for (const PairWay& way : ways) count.heard += pairs.add(way);
     std::vector<const WallEdge*> all;
     for (const EdgeCandidate& one : edges) all.push_back(&one.edge);

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "body_weights.h"
 #include "edge_paths.h"
 
 #include <rtsg/audio/acoustic_tracer.h>
@@ -54,7 +55,7 @@ struct EdgesAlone {
 /// `candidates`: the shortest of `edgeCount`, kLookedAtEdges if there are so many.
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const EdgesAlone& known, std::vector<Arrival>& arrivals,
-                           EdgeField& field);
+                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies,
+                           std::vector<Arrival>& arrivals, EdgeField& field);
 
 }  // namespace rtsg

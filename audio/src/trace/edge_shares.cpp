@@ -61,14 +61,14 @@ class EnergySum {
         withImage_ = besideEnds(path_, ends[0].way, path_.distanceAt(imageAngle(path_)));
     }
 
-    void add(const Parts& parts, double mirrors, std::size_t band, EdgeShares& shares) const {
+    void add(const Parts& parts, double mirrors, double weight, std::size_t band, EdgeShares& shares) const {
         const WedgeField& f = parts.field;
-        const Complex d = parts.besideDirect, m = mirrors * parts.besideMirrored;
+        const Complex d = weight * parts.besideDirect, m = weight * mirrors * parts.besideMirrored;
         const auto add = [&](Bands& to, double energy) { to[band] += energy / EdgeTones::kTones; };
         const auto interference = [](const Complex& a, const Complex& b) { return 2 * std::real(a * std::conj(b)); };
         if (!lit_ || !found_.direct) {
             // At the boundary itself direct sound may not have been found.
-            const Complex missed = !past_ && grazesShadow(path_) ? f.direct : 0.0;
+            const Complex missed = !past_ && grazesShadow(path_) ? weight * f.direct : 0.0;
             add(shares.own, std::norm(missed + d + (mirrored_ && found_.mirrored && !past_ ? 0.0 : m)));
         } else if (past_) {
             add(shares.own, std::norm(d) + std::norm(m) + one_ * interference(d, m));
@@ -118,7 +118,7 @@ bool grazesImage(const WedgePath& path) {
 }
 
 EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& ends, std::uint32_t material,
-                        const EdgeTones& tones, Found found) {
+                        const EdgeTones& tones, Found found, const BodyWeights::Tones& weights) {
     const WedgePath& path = round.path;
     const double way = path.shortestWay();
     const EnergySum energies(round, ends, found);
@@ -132,7 +132,7 @@ EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& en
                 parts.besideDirect = parts.field.besideDirect;
                 parts.besideMirrored = parts.field.besideMirrored;
                 shares.wave.pressure[tone] = std::complex<float>(waveBy(path, parts.field, mirrors, found, waveNumber) *
-                                                                 std::polar(1.0, waveNumber * way));
+                                                                 std::polar(weights[tone], waveNumber * way));
             }
             for (std::size_t e = 0; e < 2; ++e) {
                 const Complex direct = ends[e].share * ends[e].besideDirect[tone];
@@ -140,9 +140,9 @@ EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& en
                 const Complex turned = std::polar(1.0, -waveNumber * ends[e].way);
                 parts.besideDirect += direct * turned;
                 parts.besideMirrored += mirrored * turned;
-                shares.ends[e].pressure[tone] = std::complex<float>(direct + mirrors * mirrored);
+                shares.ends[e].pressure[tone] = std::complex<float>(weights[tone] * (direct + mirrors * mirrored));
             }
-            energies.add(parts, mirrors, b, shares);
+            energies.add(parts, mirrors, weights[tone], b, shares);
         });
     }
     return shares;

@@ -8,6 +8,7 @@
 
 #include <rtsg/audio/echogram.h>
 
+#include "body_weights.h"
 #include "edge_ends.h"
 #include "edge_tones.h"
 
@@ -27,8 +28,9 @@ struct EdgeShares {
     std::array<EdgeWave, 2> ends;  // by the ends
 };
 
+/// `weights`: how much of it counts, by tone; a body's own mirror image is as much weaker.
 EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& ends, std::uint32_t material,
-                        const EdgeTones& tones, Found found);
+                        const EdgeTones& tones, Found found, const BodyWeights::Tones& weights);
 
 /// Grazing an edge it is chance whether direct sound is found.
 bool grazesShadow(const WedgePath& path);

@@ -6,11 +6,13 @@
 #include <cmath>
 #include <complex>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <utility>
 
 #include <rtsg/audio/wedge.h>
 
+#include "body_weights.h"
 #include "edge_ends.h"
 #include "edge_overlaps.h"
 #include "edge_pairs.h"
@@ -102,6 +104,7 @@ class Diffraction {
           seconds_(seconds),
           attenuation_(airAttenuation(options.air)),
           tones_(geometry, options.air.speedOfSound),
+          bodies_(geometry, source, listener, options.air.speedOfSound),
           arrivals_(arrivals),
           known_(arrivals.size()),
           field_(field) {
@@ -115,6 +118,7 @@ class Diffraction {
         FirstOf<Bending, decltype(stronger)> pastAll(8 * kPast, stronger);
         std::vector<Bending> found;
         geometry_.visitEdges([&](const WallEdge& edge) {
+            bodies_.note(edge.body);
             if (options_.diffractionOrder > 1) edges.add(candidateBy(edge, source_, listener_));
             // Of most edges of a furnished room no angle need be known.
             if (!(bentPastAtMost(edge, source_, listener_) > pastAll.last().bent)) return;
@@ -134,8 +138,11 @@ class Diffraction {
         }
         for (const auto& [place, wave] : byPlace_)
             if (!isFaint(wave, wave.seconds * c())) field_.waves.push_back(wave);
-        return addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(), edges.told(), alone_,
-                            arrivals_, field_);
+        weakenMirrors();
+        const EdgePairCount pairs = addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(),
+                                                 edges.told(), alone_, bodies_, arrivals_, field_);
+        if (!alone_.heardStraight) addStraightOn();
+        return pairs;
     }
 
   private:
@@ -194,21 +201,40 @@ class Diffraction {
         if (!(way < seconds_ * c())) return false;
         const std::vector<EdgePart> parts = partsSeen(geometry_, source_, listener_, one.edge, one.round.by);
         const bool whole = parts.size() == 1 && parts[0].from == 0 && parts[0].to == one.edge.length;
-        if (whole || parts.empty()) return whole && bend(one.edge, one.round, nullptr);
+        const BodyWeights::Tones& weights = bodies_.of(one.edge.body);
+        if (whole) return bend(one.edge, one.round, weights, nullptr);
         Pressures sum{};
         bool heard = false;
-        for (const EdgePart& seen : parts) {
+        const auto bendPart = [&](double from, double to, const BodyWeights::Tones& counts) {
             WallEdge part = one.edge;
-            part.from += part.axis * seen.from;
-            part.length = seen.to - seen.from;
+            part.from += part.axis * from;
+            part.length = to - from;
             RoundEdge round;
-            if (part.length > 0 && pathRound(part, source_, listener_, round)) heard = bend(part, round, &sum) || heard;
+            if (part.length > 0 && pathRound(part, source_, listener_, round))
+                heard = bend(part, round, counts, &sum) || heard;
+        };
+        // What small bodies alone hide is there as far as they are not.
+        const auto bendHidden = [&](double from, double to) {
+            const double at = glm::dot(one.round.by - one.edge.from, one.edge.axis);
+            const glm::dvec3 by = one.edge.from + one.edge.axis * (at >= from && at <= to ? at : 0.5 * (from + to));
+            BodyWeights::Tones through;
+            if (!(to - from > 0) || !passesSmall(by, through)) return;
+            for (std::size_t t = 0; t < kEdgeTones; ++t) through[t] *= weights[t];
+            bendPart(from, to, through);
+        };
+        double end = 0;
+        for (const EdgePart& seen : parts) {
+            bendHidden(end, seen.from);
+            bendPart(seen.from, seen.to, weights);
+            end = seen.to;
         }
+        bendHidden(end, one.edge.length);
         if (!heard) return false;
         // What is left for those who go round what hides it: nothing if half of the edge is there, as at the boundary
         // of a shadow half of what sends straight.
         const std::array<EdgeEnd, 2> ends = endsOf(one.edge, one.round, c());
-        const EdgeShares all = edgeSharesOf(one.round, ends, one.edge.material, tones_, {alone_.heardStraight, false});
+        const EdgeShares all = edgeSharesOf(one.round, ends, one.edge.material, tones_, {alone_.heardStraight, false},
+                                            bodies_.of(one.edge.body));
         Pressures unhidden{};
         addPressures(all, ends, one.round.path.shortestWay(), unhidden);
         PartlySeen partly{one.edge, {}};
@@ -218,6 +244,81 @@ class Diffraction {
         }
         alone_.partly.push_back(partly);
         return true;
+    }
+
+    /// What the faces of small bodies mirror.
+    void weakenMirrors() {
+        for (const auto& [arrival, body] : mirrors_) {
+            const BodyWeights::Tones& weights = bodies_.of(body);
+            if (!(weights.front() < 1)) continue;
+            Bands factor{};
+            for (std::size_t t = 0; t < kEdgeTones; ++t)
+                factor[t * kBandCount / kEdgeTones] += weights[t] * weights[t] / EdgeTones::kTones;
+            Arrival& mirror = arrivals_[arrival];
+            scale(mirror, factor);
+            for (std::size_t b = 0; b < kBandCount; ++b)
+                field_.straight[static_cast<std::size_t>(mirror.straight)][b] *= factor[b];
+        }
+    }
+
+    /// Through small bodies, where nothing else hides direct sound. With what bends round them levels of octaves sum
+    /// pressures, as waves that long come as one.
+    void addStraightOn() {
+        BodyWeights::Tones share;
+        if (!bodies_.straightOn(listener_, source_, share) || !(share.front() < 1)) return;
+        const glm::dvec3 middle = 0.5 * (source_ + listener_);
+        const double way = glm::distance(source_, listener_);
+        EdgeWave wave;
+        wave.seconds = way / c();
+        wave.direction = (source_ - listener_) / way;
+        wave.route = {middle, middle, glm::dvec3(0), glm::dvec3(0)};
+        for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = static_cast<float>(share[t] / way);
+        weaken(wave, sentTo(middle), attenuation_, way);
+        if (isFaint(wave, way)) return;
+        field_.waves.push_back(wave);
+        Bands energy;
+        for (std::size_t b = 0; b < kBandCount; ++b) energy[b] = energyBeside(b, share);
+        // What bends comes first where it is not the lowest tones alone.
+        const auto bent = arrivals_.begin() + static_cast<std::ptrdiff_t>(known_);
+        if (const auto first = std::ranges::min_element(bent, arrivals_.end(), {}, &Arrival::seconds);
+            first != arrivals_.end()) {
+            for (std::size_t b = 0; b < kBandCount; ++b) first->energy[b] += energy[b];
+            return;
+        }
+        Arrival arrival;
+        arrival.seconds = wave.seconds;
+        arrival.order = 1;
+        arrival.direction = wave.direction;
+        arrival.energy = energy;
+        arrival.straight = static_cast<std::int32_t>(field_.straight.size());
+        field_.straight.push_back({});
+        arrivals_.push_back(arrival);
+    }
+
+    /// What goes straight on has of the energy of a band, so that with the other arrivals there is what all waves have
+    /// as one as far as bodies are small, `share` being what they let through.
+    double energyBeside(std::size_t band, const BodyWeights::Tones& share) const {
+        double one = 0, alone = 0, small = 0, others = 0;
+        tones_.each(band, [&](std::size_t tone, double waveNumber) {
+            std::complex<double> sum;
+            for (const EdgeWave& wave : field_.waves)
+                sum += std::complex<double>(wave.pressure[tone]) * std::polar(1.0, -waveNumber * wave.seconds * c());
+            one += std::norm(sum);
+            alone += std::norm(std::complex<double>(field_.waves.back().pressure[tone]));
+            small += 1 - std::pow(1 - share[tone], 4);
+        });
+        for (std::size_t i = known_; i < arrivals_.size(); ++i) others += arrivals_[i].energy[band];
+        small /= EdgeTones::kTones;
+        const double scale = 1 / (4 * std::numbers::pi * EdgeTones::kTones);
+        return std::max(0.0, (1 - small) * alone * scale + small * (one * scale - others));
+    }
+
+    /// Whether small bodies, and nothing else, are in the way by a place; and what they let through.
+    bool passesSmall(const glm::dvec3& by, BodyWeights::Tones& share) {
+        BodyWeights::Tones after;
+        if (!bodies_.straightOn(source_, by, share) || !bodies_.straightOn(listener_, by, after)) return false;
+        for (std::size_t t = 0; t < kEdgeTones; ++t) share[t] *= after[t];
+        return share.front() < 1;
     }
 
     using Pressures = std::array<std::complex<double>, kEdgeTones>;
@@ -235,7 +336,7 @@ class Diffraction {
     }
 
     /// Whether it is heard; its pressures are added to `sum` if there is one.
-    bool bend(const WallEdge& edge, const RoundEdge& round, Pressures* sum) {
+    bool bend(const WallEdge& edge, const RoundEdge& round, const BodyWeights::Tones& weights, Pressures* sum) {
         const WedgePath& path = round.path;
         const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
         const glm::dvec3 about = offEnds(edge, round.by);
@@ -247,10 +348,13 @@ class Diffraction {
             isLit(path) ? arrivalOf(arrivals_, known_, 0, glm::distance(source_, listener_) / c()) : nullptr;
         const std::array<EdgeEnd, 2> ends = endsOf(edge, round, c());
         const EdgeShares shares =
-            edgeSharesOf(round, ends, edge.material, tones_, {alone_.heardStraight, mirror != nullptr});
+            edgeSharesOf(round, ends, edge.material, tones_, {alone_.heardStraight, mirror != nullptr}, weights);
         if (sum) addPressures(shares, ends, path.shortestWay(), *sum);
         if (!round.past()) {
-            if (mirror) scale(*mirror, shares.mirrored);
+            if (mirror) {
+                scale(*mirror, shares.mirrored);
+                mirrors_.try_emplace(static_cast<std::size_t>(mirror - arrivals_.data()), edge.body);
+            }
             if (direct) {
                 scale(*direct, shares.direct);
                 alone_.bent.push_back({edge, round, static_cast<std::size_t>(direct - arrivals_.data()), true});
@@ -319,11 +423,13 @@ class Diffraction {
     const double seconds_;
     const Bands attenuation_;
     const EdgeTones tones_;
+    BodyWeights bodies_;
     std::vector<Arrival>& arrivals_;
     const std::size_t known_;  // of the arrivals: without edges
     EdgeField& field_;
     EdgesAlone alone_;
     std::vector<EndWave> byPlace_;
+    std::map<std::size_t, const WallBody*> mirrors_;  // by their arrivals, whose faces
 };
 
 }  // namespace

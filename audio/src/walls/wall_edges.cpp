@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 
+#include "mesh_bodies.h"
 #include "round_shapes.h"
 #include "straight_edges.h"
 
@@ -222,10 +223,12 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
         if (!wall.mesh) return;
         edges_.resize(slot + 1);
         rounds_.resize(slot + 1);
+        bodies_.resize(slot + 1);
     }
     removeAll(slot);
     roundCount_ -= rounds_[slot].size();
     rounds_[slot].clear();
+    bodies_[slot].clear();
     if (!wall.mesh) return;
     CachedMesh& cached = meshes_[wall.mesh.get()];
     // The address may be another mesh's by now.
@@ -237,6 +240,11 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
         std::erase_if(found.edges, [](const MeshEdge& edge) {
             return edge.round == MeshEdge::kNotRound && turnOf(edge) < kFlatEdge;
         });
+        if (!found.edges.empty()) {
+            MeshBodies bodies(*wall.mesh);
+            for (MeshEdge& edge : found.edges) edge.body = bodies.at(edge.from);
+            found.bodies = bodies.all();
+        }
         cached = {wall.mesh, std::make_shared<const Found>(std::move(found))};
     }
     // What a transform has made oval is no round body any more: its edges are edges.
@@ -249,11 +257,21 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
         rounds_[slot].push_back(body);
     }
     roundCount_ += rounds_[slot].size();
+    bodies_[slot].resize(cached.found->bodies.size());
+    std::vector<const WallBody*> bodyOf;
+    for (std::size_t i = 0; i < bodies_[slot].size(); ++i)
+        bodyOf.push_back(placedBody(cached.found->bodies[i], wall.worldFromLocal, bodies_[slot][i]) ? &bodies_[slot][i]
+                                                                                                    : nullptr);
+    // Of what is round in part more is known.
+    for (const MeshEdge& edge : cached.found->edges)
+        if (edge.round != MeshEdge::kNotRound && isRound[edge.round] && edge.body != MeshEdge::kNoBody)
+            bodyOf[edge.body] = nullptr;
     for (const MeshEdge& edge : cached.found->edges) {
         if (edge.round != MeshEdge::kNotRound && (isRound[edge.round] || turnOf(edge) < kFlatEdge)) continue;
         WallEdge placed;
         if (!placedEdge(edge, wall.worldFromLocal, placed)) continue;
         placed.material = wall.material;
+        if (edge.body != MeshEdge::kNoBody) placed.body = bodyOf[edge.body];
         add(slot, placed);
     }
     if (meshes_.size() > 2 * meshesAtPurge_ + 64) {
@@ -267,10 +285,12 @@ void EdgeTable::visitGroup(const std::vector<Place>& group, std::span<const std:
     constexpr double kOneFace = 1 - 1e-6;
     std::vector<glm::dvec3> faces;
     const WallEdge* first = nullptr;
+    bool alone = true;
     for (const Place& place : group) {
         if (std::ranges::find(open, place.slot) != open.end()) continue;
         const WallEdge& edge = at(place).edge;
         if (!first) first = &edge;
+        alone = alone && edge.body == first->body;
         for (const glm::dvec3& face : {edge.faceA, edge.faceB})
             if (std::ranges::none_of(faces, [&](const glm::dvec3& one) { return glm::dot(one, face) > kOneFace; }))
                 faces.push_back(face);
@@ -281,6 +301,7 @@ void EdgeTable::visitGroup(const std::vector<Place>& group, std::span<const std:
     WallEdge one = *first;
     one.faceA = faces.front();
     one.faceB = faces.back();
+    if (!alone) one.body = nullptr;
     visit(one);
 }
 

@@ -18,14 +18,16 @@
 
 namespace rtsg {
 
+struct MeshBody;
 struct MeshRound;
 
 /// One edge by its corners in a mesh, and a corner of each surface beside it; twice the same at a rim.
 struct MeshEdge {
     Vec3f from{0}, to{0}, besideA{0}, besideB{0};
     std::uint32_t round = kNotRound;  // the MeshRound that it is a part of
+    std::uint32_t body = kNoBody;     // the MeshBody
 
-    static constexpr std::uint32_t kNotRound = 0xFFFFFFFF;
+    static constexpr std::uint32_t kNotRound = 0xFFFFFFFF, kNoBody = 0xFFFFFFFF;
 };
 
 /// From the middle of surfaces that lie in one plane but for this (radians) nothing bends.
@@ -53,6 +55,7 @@ class EdgeTable {
     struct Found {
         std::vector<MeshEdge> edges;
         std::vector<MeshRound> rounds;
+        std::vector<MeshBody> bodies;
     };
     struct CachedMesh {
         std::weak_ptr<const Mesh> mesh;
@@ -77,6 +80,7 @@ class EdgeTable {
 
     std::vector<std::vector<Placed>> edges_;
     std::vector<std::vector<RoundBody>> rounds_;
+    std::vector<std::vector<WallBody>> bodies_;  // what edges point to: of a slot all at once
     std::size_t roundCount_ = 0;
     std::vector<std::vector<Place>> groups_;  // edges at one place, in order
     std::vector<std::uint32_t> unused_;       // of the groups

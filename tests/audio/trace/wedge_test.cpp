@@ -253,7 +253,9 @@ TEST(Edges, AreThoseRoundWhichSoundBends) {
     for (std::size_t i = 0; i < round.size(); ++i) EXPECT_EQ(round[i].order > 1, i > 0);
     EXPECT_EQ(room.arrivals({-3, 0, 0}, {0, 3, 0}, 1).size(), 1u);
     // Opposite sides: no single edge is seen from both.
-    EXPECT_TRUE(room.arrivals({-5, .1, 0}, {5, 0, 0}, 1).empty());
+    for (const Arrival& low : room.arrivals({-5, .1, 0}, {5, 0, 0}, 1)) {
+        EXPECT_LT(low.energy[kBand1k], 1e-9) << "but of waves as long as it";
+    }
     // The mirror image by a wall that absorbs half: so does what goes round the edge.
     const Walled dull({{0, 0, -200}, {200, 0, -200}, {200, 0, 200}, {0, 0, 200}}, {0, 1, 2, 0, 2, 3}, 1);
     const auto dark = dull.arrivals(about(3, 60, 0), about(2, 300, 1));

@@ -69,6 +69,14 @@ struct WallTriangle {
     std::uint32_t plane = kNoPlane, material = 0;
 };
 
+/// A closed body of walls, as a box of the same volume and moments.
+struct WallBody {
+    glm::dvec3 center{0};
+    glm::dmat3 axes{1.0};  // unit, square to each other
+    glm::dvec3 size{0};    // m along them
+    double volume = 0;     // m^3
+};
+
 /// An edge round which sound bends: where two surfaces meet, or the rim of one.
 struct WallEdge {
     glm::dvec3 from{0}, axis{0};  // unit axis
@@ -76,6 +84,8 @@ struct WallEdge {
     /// Unit, in the surfaces and away from the edge; of a rim both are the same.
     glm::dvec3 faceA{0}, faceB{0};
     std::uint32_t material = 0;
+    /// Whose it is, and nobody else's; null of what is open. Good until walls change.
+    const WallBody* body = nullptr;
 };
 
 /// A cylinder, a part of one, or a sphere, that facets stand for whose edges turn a little each. Their corners are on
