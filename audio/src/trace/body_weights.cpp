@@ -80,19 +80,27 @@ glm::dvec3 BodyWeights::sizeWith(const WallBody& body) const {
     return size;
 }
 
-/// Whether a surface is there that goes on beyond the body: just beside the middles of a side's four edges.
+/// Whether a surface is there that goes on beyond the body: just beside the middles of a side's longer edges.
 bool BodyWeights::touches(const WallBody& body, int axis, double side) const {
     constexpr double kBeside = 1.05, kNear = 0.05;
     const double reach = 1e-3 + kNear * body.size[axis];
     const glm::dvec3 out = side * body.axes[axis];
-    for (const int across : {(axis + 1) % 3, (axis + 2) % 3})
-        for (const double to : {-1.0, 1.0}) {
-            const glm::dvec3 at = body.center + 0.5 * body.size[axis] * out +
-                                  to * (0.5 * kBeside * body.size[across] + 1e-3) * body.axes[across];
-            AcousticHit hit;
-            if (geometry_.closest(at - reach * out, out, 2 * reach, kNoPlane, hit)) return true;
-        }
-    return false;
+    int across = (axis + 1) % 3;
+    if (body.size[(axis + 2) % 3] < body.size[across]) across = (axis + 2) % 3;
+    return std::ranges::any_of(std::array{-1.0, 1.0}, [&](double to) {
+        const glm::dvec3 at = body.center + 0.5 * body.size[axis] * out +
+                              to * (0.5 * kBeside * body.size[across] + 1e-3) * body.axes[across];
+        AcousticHit hit;
+        return geometry_.closest(at - reach * out, out, 2 * reach, kNoPlane, hit);
+    });
+}
+
+const WallBody* BodyWeights::bodyAt(const glm::dvec3& place, double margin) const {
+    for (const Noted& one : noted_) {
+        const glm::dvec3 off = place - one.center;
+        if (glm::dot(off, off) <= 1.01 * one.squared + margin && isIn(*one.body, place, margin)) return one.body;
+    }
+    return nullptr;
 }
 
 bool BodyWeights::straightOn(const glm::dvec3& a, const glm::dvec3& b, Tones& share) {
@@ -109,12 +117,12 @@ bool BodyWeights::straightOn(const glm::dvec3& a, const glm::dvec3& b, Tones& sh
         from += direction * hit.distance;
         left -= hit.distance;
         plane = hit.plane;
-        const auto found = std::ranges::find_if(noted_, [&](const WallBody* one) { return isIn(*one, from, margin); });
-        if (found == noted_.end()) return false;
-        if (std::ranges::find(passed, *found) != passed.end()) continue;
-        const Tones& weights = of(*found);
+        const WallBody* const met = bodyAt(from, margin);
+        if (!met) return false;
+        if (std::ranges::find(passed, met) != passed.end()) continue;
+        const Tones& weights = of(met);
         if (!(weights.front() < 1)) return false;
-        passed.push_back(*found);
+        passed.push_back(met);
         for (std::size_t t = 0; t < kEdgeTones; ++t) share[t] *= 1 - weights[t];
     }
     return true;

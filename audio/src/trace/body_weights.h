@@ -35,7 +35,8 @@ class BodyWeights {
     /// Of all that are told of, and nothing else, it is known that they are in a way. One and the same in a row is no
     /// more work.
     void note(const WallBody* body) {
-        if (body && (noted_.empty() || noted_.back() != body)) noted_.push_back(body);
+        if (body && (noted_.empty() || noted_.back().body != body))
+            noted_.push_back({body->center, 0.25 * glm::dot(body->size, body->size), body});
     }
     /// The share of the pressure that goes straight from one place to another, or nearly there, as if bodies were not
     /// in its way; false where something is that is not small.
@@ -53,7 +54,14 @@ class BodyWeights {
     const double speedOfSound_;
     Tones one_;
     std::map<const WallBody*, Tones> known_;
-    std::vector<const WallBody*> noted_;
+    struct Noted {
+        glm::dvec3 center;
+        double squared = 0;  // of the radius about it
+        const WallBody* body = nullptr;
+    };
+    const WallBody* bodyAt(const glm::dvec3& place, double margin) const;
+
+    std::vector<Noted> noted_;
 };
 
 }  // namespace rtsg

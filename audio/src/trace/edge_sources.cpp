@@ -201,31 +201,28 @@ class Diffraction {
         if (!(way < seconds_ * c())) return false;
         const std::vector<EdgePart> parts = partsSeen(geometry_, source_, listener_, one.edge, one.round.by);
         const bool whole = parts.size() == 1 && parts[0].from == 0 && parts[0].to == one.edge.length;
-        const BodyWeights::Tones& weights = bodies_.of(one.edge.body);
-        if (whole) return bend(one.edge, one.round, weights, nullptr);
+        if (whole) return bend(one.edge, one.round, nullptr, nullptr);
         Pressures sum{};
         bool heard = false;
-        const auto bendPart = [&](double from, double to, const BodyWeights::Tones& counts) {
+        const auto bendPart = [&](double from, double to, const BodyWeights::Tones* through) {
             WallEdge part = one.edge;
             part.from += part.axis * from;
             part.length = to - from;
             RoundEdge round;
             if (part.length > 0 && pathRound(part, source_, listener_, round))
-                heard = bend(part, round, counts, &sum) || heard;
+                heard = bend(part, round, through, &sum) || heard;
         };
         // What small bodies alone hide is there as far as they are not.
         const auto bendHidden = [&](double from, double to) {
             const double at = glm::dot(one.round.by - one.edge.from, one.edge.axis);
             const glm::dvec3 by = one.edge.from + one.edge.axis * (at >= from && at <= to ? at : 0.5 * (from + to));
             BodyWeights::Tones through;
-            if (!(to - from > 0) || !passesSmall(by, through)) return;
-            for (std::size_t t = 0; t < kEdgeTones; ++t) through[t] *= weights[t];
-            bendPart(from, to, through);
+            if (to - from > 0 && passesSmall(by, through)) bendPart(from, to, &through);
         };
         double end = 0;
         for (const EdgePart& seen : parts) {
             bendHidden(end, seen.from);
-            bendPart(seen.from, seen.to, weights);
+            bendPart(seen.from, seen.to, nullptr);
             end = seen.to;
         }
         bendHidden(end, one.edge.length);
@@ -335,8 +332,9 @@ class Diffraction {
         }
     }
 
-    /// Whether it is heard; its pressures are added to `sum` if there is one.
-    bool bend(const WallEdge& edge, const RoundEdge& round, const BodyWeights::Tones& weights, Pressures* sum) {
+    /// Whether it is heard, what small bodies let `through` of it if they hide it; its pressures are added to `sum` if
+    /// there is one.
+    bool bend(const WallEdge& edge, const RoundEdge& round, const BodyWeights::Tones* through, Pressures* sum) {
         const WedgePath& path = round.path;
         const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
         const glm::dvec3 about = offEnds(edge, round.by);
@@ -347,6 +345,9 @@ class Diffraction {
         Arrival* const direct =
             isLit(path) ? arrivalOf(arrivals_, known_, 0, glm::distance(source_, listener_) / c()) : nullptr;
         const std::array<EdgeEnd, 2> ends = endsOf(edge, round, c());
+        BodyWeights::Tones weights = bodies_.of(edge.body);
+        if (through)
+            for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= (*through)[t];
         const EdgeShares shares =
             edgeSharesOf(round, ends, edge.material, tones_, {alone_.heardStraight, mirror != nullptr}, weights);
         if (sum) addPressures(shares, ends, path.shortestWay(), *sum);
