@@ -2,8 +2,9 @@
 #include "mesh_bodies.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <numeric>
+#include <unordered_map>
 #include <utility>
 
 namespace rtsg {
@@ -101,6 +102,7 @@ MeshBody MeshBodies::Part::body() const {
 
 MeshBodies::MeshBodies(const Mesh& mesh) {
     Groups groups;
+    corners_.reserve(mesh.triangleCount);
     std::vector<glm::dvec3> places;
     std::vector<std::uint32_t> numbers;  // of the corners of triangles
     for (std::uint32_t t = 0; t < mesh.triangleCount; ++t)
@@ -115,12 +117,13 @@ MeshBodies::MeshBodies(const Mesh& mesh) {
             if (c > 0) groups.join(numbers[numbers.size() - 1], numbers[numbers.size() - 2]);
         }
     // By their ends, the lower number first: how often more that way than the other.
-    std::map<std::pair<std::uint32_t, std::uint32_t>, int> turns;
+    std::unordered_map<std::uint64_t, int> turns;
+    turns.reserve(2 * numbers.size());
     std::vector<MeshBody> sums(groups.size());
     for (std::size_t i = 0; i < numbers.size(); i += 3) {
         for (std::size_t c = 0; c < 3; ++c) {
             const std::uint32_t a = numbers[i + c], b = numbers[i + (c + 1) % 3];
-            if (a != b) turns[std::minmax(a, b)] += a < b ? 1 : -1;
+            if (a != b) turns[std::uint64_t{std::min(a, b)} << 32 | std::max(a, b)] += a < b ? 1 : -1;
         }
         // About a corner of it, so that nothing is lost to rounding far from the origin.
         const std::uint32_t group = groups.of(numbers[i]);
@@ -130,7 +133,7 @@ MeshBodies::MeshBodies(const Mesh& mesh) {
     }
     std::vector<char> closed(groups.size(), 1);
     for (const auto& [ends, turn] : turns)
-        if (turn != 0) closed[groups.of(ends.first)] = 0;
+        if (turn != 0) closed[groups.of(static_cast<std::uint32_t>(ends >> 32))] = 0;
     std::vector<Part> parts;
     std::vector<std::uint32_t> partOf(groups.size(), kNone);
     for (std::uint32_t g = 0; g < groups.size(); ++g) {
@@ -168,8 +171,17 @@ std::vector<std::uint32_t> MeshBodies::join(const std::vector<Part>& parts) {
     return bodyOf;
 }
 
+std::size_t MeshBodies::Hash::operator()(const Vec3f& corner) const {
+    std::uint64_t sum = 0;
+    for (const float x : {corner.x, corner.y, corner.z}) {
+        sum = (sum ^ std::bit_cast<std::uint32_t>(x)) * 0x9E3779B97F4A7C15ull;
+        sum ^= sum >> 32;
+    }
+    return static_cast<std::size_t>(sum);
+}
+
 std::uint32_t MeshBodies::at(const Vec3f& corner) const {
-    const auto found = corners_.find(corner);
+    const auto found = corners_.find(corner + Vec3f(0));
     return found == corners_.end() ? kNone : found->second;
 }
 

@@ -5,10 +5,10 @@
 // Threading: pure functions.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <map>
-#include <tuple>
+#include <unordered_map>
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
@@ -49,13 +49,11 @@ class MeshBodies {
     };
     std::vector<std::uint32_t> join(const std::vector<Part>& parts);
 
-    struct IsBefore {
-        bool operator()(const Vec3f& a, const Vec3f& b) const {
-            return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
-        }
+    struct Hash {
+        std::size_t operator()(const Vec3f& corner) const;
     };
     std::vector<MeshBody> bodies_;
-    std::map<Vec3f, std::uint32_t, IsBefore> corners_;  // which body
+    std::unordered_map<Vec3f, std::uint32_t, Hash> corners_;  // which body
 };
 
 /// In the world, as the box of the same volume and moments; nothing where that is none.
