@@ -363,8 +363,12 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
                                            options.air.speedOfSound, airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
     if (options.diffractionOrder > 0 && !isAtTheListener(source, listener, result.arrivals)) {
-        addRoundBodies(geometry, source, listener, options, seconds, result.arrivals, result.edges);
-        result.edgePairs = addDiffraction(geometry, source, listener, options, seconds, result.arrivals, result.edges);
+        RoundBodies bodies(geometry, source, listener, options, seconds, result.arrivals, result.edges);
+        std::vector<PartlySeen> partly;
+        bodies.addAlone();
+        result.edgePairs =
+            addDiffraction(geometry, source, listener, options, seconds, result.arrivals, result.edges, partly);
+        bodies.addRows(partly);
     }
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;

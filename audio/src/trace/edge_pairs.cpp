@@ -333,6 +333,15 @@ class EdgePairs {
 
 }  // namespace
 
+EdgeCandidate candidateBy(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener) {
+    const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
+    const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
+    const double rs = glm::length(toSource - edge.axis * zs), rr = glm::length(toListener - edge.axis * zr);
+    const double z = std::clamp(rs + rr > 0 ? zs + (zr - zs) * rs / (rs + rr) : zs, 0.0, edge.length);
+    const glm::dvec3 by = edge.from + edge.axis * z;
+    return {edge, glm::distance(source, by) + glm::distance(by, listener), by};
+}
+
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
                            std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies,

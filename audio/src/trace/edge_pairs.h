@@ -40,6 +40,9 @@ struct EdgeCandidate {
     glm::dvec3 by{0};  // the place by which it goes
 };
 
+/// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
+EdgeCandidate candidateBy(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener);
+
 /// Of edges, those by which the way is shortest are tried with each other.
 constexpr std::size_t kPairedEdges = 32;
 /// They are chosen from so many: seams between bodies are among them, and edges that are one.

@@ -46,16 +46,6 @@ bool isFaintBeside(const Arrival& arrival, const Arrival& other) {
     return true;
 }
 
-/// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
-EdgeCandidate candidateBy(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener) {
-    const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
-    const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
-    const double rs = glm::length(toSource - edge.axis * zs), rr = glm::length(toListener - edge.axis * zr);
-    const double z = std::clamp(rs + rr > 0 ? zs + (zr - zs) * rs / (rs + rr) : zs, 0.0, edge.length);
-    const glm::dvec3 by = edge.from + edge.axis * z;
-    return {edge, glm::distance(source, by) + glm::distance(by, listener), by};
-}
-
 /// Of many that are told one after the other the first in order, of equals those that were told first.
 template <class Item, class Before>
 class FirstOf {
@@ -111,7 +101,7 @@ class Diffraction {
         alone_.heardStraight = arrivalOf(arrivals_, known_, 0, glm::distance(source, listener) / c()) != nullptr;
     }
 
-    EdgePairCount run() {
+    EdgePairCount run(std::vector<PartlySeen>& partly) {
         const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
         const auto stronger = [](const Bending& a, const Bending& b) { return a.bent > b.bent; };
         FirstOf<EdgeCandidate, decltype(shorter)> edges(kLookedAtEdges, shorter);
@@ -142,6 +132,7 @@ class Diffraction {
         const EdgePairCount pairs = addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(),
                                                  edges.told(), alone_, bodies_, arrivals_, field_);
         if (!alone_.heardStraight) addStraightOn();
+        partly = std::move(alone_.partly);
         return pairs;
     }
 
@@ -437,8 +428,8 @@ class Diffraction {
 
 EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                              const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
-                             EdgeField& field) {
-    const EdgePairCount pairs = Diffraction(geometry, source, listener, options, seconds, arrivals, field).run();
+                             EdgeField& field, std::vector<PartlySeen>& partly) {
+    const EdgePairCount pairs = Diffraction(geometry, source, listener, options, seconds, arrivals, field).run(partly);
     std::stable_sort(arrivals.begin(), arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
     return pairs;

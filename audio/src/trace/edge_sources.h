@@ -13,12 +13,14 @@
 #include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/acoustic_tracer.h>
 
+#include "edge_pairs.h"
+
 namespace rtsg {
 
 /// Places off walls; `arrivals` sorted by time, before and after, `field` empty before. Paths beyond `seconds` do not
-/// count.
+/// count. `partly`: the edges of which something hides a part.
 EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                              const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
-                             EdgeField& field);
+                             EdgeField& field, std::vector<PartlySeen>& partly);
 
 }  // namespace rtsg

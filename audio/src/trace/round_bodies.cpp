@@ -1,4 +1,4 @@
-// Finds the ways round each body, looks whether there is air on them, and sums up what comes.
+// Finds the ways round each body and round two of them, and sums up what comes.
 #include "round_bodies.h"
 
 #include <algorithm>
@@ -6,42 +6,29 @@
 #include <cmath>
 #include <complex>
 #include <cstddef>
+#include <memory>
 #include <numbers>
 #include <utility>
-
-#include <rtsg/audio/wedge.h>
 
 #include "edge_paths.h"
 #include "edge_tones.h"
 #include "edge_waves.h"
-#include "placed_body.h"
-#include "round_way.h"
+#include "round_rows.h"
 
 namespace rtsg {
 namespace {
 
 using Complex = std::complex<double>;
 constexpr double kBodyPi = std::numbers::pi;
-/// Of bodies, those nearest to the straight way count.
-constexpr std::size_t kMostBodies = 16;
+/// Of edges those by which the way is shortest are tried with bodies.
+constexpr std::size_t kRowEdges = 12;
 
-/// What comes by one side, or by an end.
-struct SideWave {
-    double way = 0;
-    glm::dvec3 first{0}, last{0}, direction{0};  // as of an arrival
-    std::array<Complex, kEdgeTones> pressure{};  // re the phase of its way
-};
+}  // namespace
 
-/// exp(i x) erfc(sqrt(i x)).
-Complex fresnel(double x) {
-    if (!(x > 1e-12)) return 1;
-    return diffractionTransition(x) * std::polar(1 / std::sqrt(kBodyPi * x), -kBodyPi / 4);
-}
-
-class RoundBodies {
+class RoundBodies::Impl {
   public:
-    RoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field)
+    Impl(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+         const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field)
         : geometry_(geometry),
           source_(source),
           listener_(listener),
@@ -50,42 +37,35 @@ class RoundBodies {
           attenuation_(airAttenuation(options.air)),
           tones_(geometry, options.air.speedOfSound),
           arrivals_(arrivals),
-          field_(field) {}
+          field_(field),
+          air_(geometry, source, listener),
+          rows_(air_, tones_, source, listener, longest_) {}
 
-    void run() {
-        std::vector<std::pair<double, PlacedBody>> bodies;
-        geometry_.visitRoundBodies([&](const RoundBody& body) {
-            const PlacedBody placed(body, source_, listener_);
-            if (placed.within()) return;
-            const double detour = placed.detour();
-            if (bodies.size() == kMostBodies && !(detour < bodies.back().first)) return;
-            if (bodies.size() == kMostBodies) bodies.pop_back();
-            bodies.emplace(std::ranges::upper_bound(bodies, detour, {}, [](const auto& one) { return one.first; }),
-                           detour, placed);
-        });
-        if (bodies.empty()) return;
-        const bool heard = direct() != nullptr;
-        std::vector<SideWave> waves;
-        for (std::size_t i = 0; i < bodies.size(); ++i)
-            // What is there twice is next to itself.
-            if (i == 0 || !isSame(bodies[i].second.body(), bodies[i - 1].second.body()))
-                add(bodies[i].second, heard, waves);
-        if (waves.empty()) return;
-        addWaves(waves, heard);
-        std::ranges::stable_sort(arrivals_, {}, &Arrival::seconds);
+    void addAlone() {
+        if (air_.bodies().empty()) return;
+        heard_ = direct() != nullptr;
+        open_ = heard_ && std::ranges::none_of(air_.bodies(), [](const PlacedBody& one) {
+                    return grazes(one) && RoundSide(one, false).hides();
+                });
+        std::vector<RoundWave> waves;
+        for (const PlacedBody& one : air_.bodies()) add(one, waves);
+        if (options_.diffractionOrder > 1) rows_.addBodies(open_, waves);
+        sumUp(waves);
+    }
+
+    void addRows(const std::vector<PartlySeen>& partly) {
+        if (air_.bodies().empty() || options_.diffractionOrder < 2) return;
+        std::vector<RoundWave> waves;
+        rows_.addEdges(edges(partly), open_, waves);
+        for (const RoundWave& wave : waves)
+            if (wave.besideWay > 0) goOn(wave);
+        const auto own = std::ranges::stable_partition(waves, [](const RoundWave& one) { return one.besideWay > 0; });
+        for (auto wave = waves.begin(); wave != own.begin(); ++wave) addWave(*wave);
+        waves.erase(waves.begin(), own.begin());
+        sumUp(waves);
     }
 
   private:
-    static bool isSame(const RoundBody& a, const RoundBody& b) {
-        constexpr double kSame = 1e-4;
-        return a.sphere == b.sphere && glm::distance(a.center, b.center) < kSame * a.radius &&
-               std::abs(a.radius - b.radius) < kSame * a.radius &&
-               (a.sphere ||
-                (std::abs(glm::dot(a.axis, b.axis)) > 1 - kSame * kSame &&
-                 std::abs(a.halfLength - b.halfLength) < kSame * a.radius && std::abs(a.halfArc - b.halfArc) < kSame &&
-                 (a.halfArc >= kBodyPi || glm::distance(a.middle, b.middle) < kSame)));
-    }
-
     double c() const { return options_.air.speedOfSound; }
     Arrival* direct() {
         const double seconds = glm::distance(source_, listener_) / c();
@@ -95,55 +75,85 @@ class RoundBodies {
         return found == arrivals_.end() ? nullptr : &*found;
     }
 
-    void add(const PlacedBody& placed, bool heard, std::vector<SideWave>& waves) {
-        const RoundWay near(placed.pathBy(false)), far(placed.pathBy(true));
-        // Where something else hides direct sound, a wall whose end is round, say, it comes by the other side.
-        if (near.lit() && !heard) return static_cast<void>(addSide(placed, far, true, false, waves));
-        // Facets are within the circle: beside them direct sound may be heard a little into its shadow.
-        const bool grazes = !near.lit() && heard && placed.covered() < 2 * placed.depth() + 1e-6 * placed.body().radius;
-        const bool byNear = addSide(placed, near, false, near.lit() || grazes, waves);
-        if (near.lit() && !byNear) return;
-        const bool byFar = addSide(placed, far, true, heard, waves);
-        if (heard && (byNear || byFar)) removeImages(placed);
+    void sumUp(const std::vector<RoundWave>& waves) {
+        if (waves.empty()) return;
+        addWaves(waves, heard_);
+        std::ranges::stable_sort(arrivals_, {}, &Arrival::seconds);
+    }
+
+    /// Those by which the way is shortest.
+    std::vector<PartlySeen> edges(const std::vector<PartlySeen>& partly) const {
+        std::vector<EdgeCandidate> nearest;
+        geometry_.visitEdges([&](const WallEdge& edge) {
+            const EdgeCandidate one = candidateBy(edge, source_, listener_);
+            if (nearest.size() == 2 * kRowEdges && !(one.way < nearest.back().way)) return;
+            if (nearest.size() == 2 * kRowEdges) nearest.pop_back();
+            nearest.insert(std::ranges::upper_bound(nearest, one.way, {}, &EdgeCandidate::way), one);
+        });
+        std::vector<PartlySeen> result;
+        for (const EdgeCandidate& one : nearest) {
+            if (result.size() == kRowEdges) break;
+            if (!isOpen(geometry_.unnoted(), one.edge, offEnds(one.edge, one.by))) continue;
+            PartlySeen edge{one.edge, {}};
+            edge.left.fill(1);
+            for (const PartlySeen& known : partly)
+                if (known.edge.from == one.edge.from && known.edge.axis == one.edge.axis) edge.left = known.left;
+            result.push_back(edge);
+        }
+        return result;
+    }
+
+    /// Facets are within the circle: beside them direct sound may be heard a little into its shadow.
+    static bool grazes(const PlacedBody& placed) {
+        return placed.covered() < 2 * placed.depth() + 1e-6 * placed.body().radius;
+    }
+
+    void add(const PlacedBody& placed, std::vector<RoundWave>& waves) {
+        const RoundSide near(placed, false), far(placed, true);
+        const bool beside = near.lit() ? open_ : heard_ && grazes(placed);
+        const bool byNear = addSide(near, beside, waves);
+        if (near.lit() && open_ && !byNear) return;
+        const bool byFar = addSide(far, heard_, waves);
+        if (byNear || (heard_ && byFar)) removeImages(placed);
     }
 
     /// Whether there is air on the way by one side; adds what comes by it. `beside`: direct sound is there, too.
-    bool addSide(const PlacedBody& placed, const RoundWay& way, bool far, bool beside,
-                 std::vector<SideWave>& waves) const {
-        SideWave main;
-        main.way = way.length();
-        main.first = placed.at(way.firstAngle(), far, way.firstAlong());
-        main.last = placed.at(way.lastAngle(), far, way.lastAlong());
-        main.direction = arriving(placed, way, far, main.last);
-        if (!(main.way < longest_)) return false;
-        if (!placed.has(main.first) || !placed.has(main.last)) return false;
-        const bool endless = placed.body().sphere;
-        const std::array<double, 2> ends = placed.ends();
-        const std::array<bool, 2> past{!endless && way.middleAlong() < ends[0],
-                                       !endless && way.middleAlong() > ends[1]};
+    bool addSide(const RoundSide& side, bool beside, std::vector<RoundWave>& waves) const {
+        constexpr double kRounding = 1e-6;
+        RoundWave main;
+        main.way = side.way().length();
+        main.first = side.first();
+        main.last = side.last();
+        main.direction = side.arriving(side.last(), listener_);
+        if (!(main.way < longest_) || !side.touches()) return false;
+        const std::array<bool, 2> past = side.past();
         const bool within = !past[0] && !past[1];
-        if (within && !isFree(placed, way, far, 0)) return false;
-        const Bands mirrors = mirrorsOf(placed);
+        const bool free = air_.isFree(side, source_, listener_);
+        // What hides the place where it mirrors does not hide what is near to the straight way.
+        const bool opens = side.lit() && beside && air_.isClearButBodies(source_, main.first) &&
+                           air_.isClearButBodies(listener_, main.first);
+        if (within && !free && !opens) return false;
+        const bool missed = side.lit() && !heard_ &&
+                            side.placed().covered() > -kRounding * side.placed().body().radius &&
+                            air_.isClear(source_, listener_, &side.placed().body());
+        const Bands mirrors = free ? mirrorsOf(side.placed()) : allBands(0);
         for (std::size_t b = 0; b < kBandCount; ++b)
             tones_.each(b, [&](std::size_t tone, double k) {
-                main.pressure[tone] = pressureOf(placed, way, far, beside, k, mirrors[b]);
+                main.pressure[tone] = side.pressure(beside, k, mirrors[b]);
+                // Along the boundary itself a ray may have met a facet; where something else hides direct sound it is
+                // the mirror image alone.
+                if (missed)
+                    main.pressure[tone] += std::polar(1 / side.placed().path().distance(),
+                                                      -k * (side.placed().path().distance() - main.way));
+                else if (side.lit() && !beside)
+                    main.pressure[tone] -= side.pressure(beside, k, 0);
             });
         // Where it leads past one end it comes by that alone.
         bool any = within;
         for (std::size_t e = 0; e < 2; ++e)
-            if (!endless && (within || past[e])) any = addEnd(placed, way, far, ends[e], past[e], main, waves) || any;
+            if (!side.placed().body().sphere && (within || past[e])) any = addEnd(side, e, main, waves) || any;
         if (within) waves.push_back(main);
         return any;
-    }
-
-    /// Next to the surface it comes along that.
-    glm::dvec3 arriving(const PlacedBody& placed, const RoundWay& way, bool far, const glm::dvec3& last) const {
-        constexpr double kBack = 0.01;
-        const bool touches = glm::distance(last, listener_) < 0.05 * placed.body().radius;
-        const glm::dvec3 back = touches
-                                    ? placed.at(way.lastAngle() - kBack, far, 0) - placed.at(way.lastAngle(), far, 0)
-                                    : last - listener_;
-        return glm::normalize(back);
     }
 
     Bands mirrorsOf(const PlacedBody& placed) const {
@@ -152,78 +162,44 @@ class RoundBodies {
         return mirrors;
     }
 
-    Complex pressureOf(const PlacedBody& placed, const RoundWay& way, bool far, bool beside, double k,
-                       double mirrors) const {
-        const RoundPath& path = placed.path();
-        const double distance = path.distance();
-        const Complex direct = std::polar(1 / distance, -k * (distance - way.length()));
-        // Where both sides of a sphere are about one way, they are no waves by themselves, but the series is short.
-        constexpr double kSeries = 2.5, kSides = 4;
-        const double apart = k * path.radius * (kBodyPi - path.angle);
-        const double bySeries = path.sphere ? std::clamp((kSides - apart) / (kSides - kSeries), 0.0, 1.0) : 0.0;
-        // Round a rod that is thin beside a wave sound goes as if it were not there.
-        const double size = std::pow(k * path.radius / 0.15, 4), bends = path.sphere ? 1 : size / (1 + size);
-        Complex sum = bySeries < 1 ? (1 - bySeries) * bends * way.pressure(k, mirrors) : 0;
-        if (far) return sum;
-        if (bySeries > 0)
-            sum += bySeries * (1 - (1 - mirrors) * way.light(k)) * rigidSphereField(path, k) *
-                   std::polar(1.0, k * way.length());
-        const double straight = way.lit() ? 0 : bySeries + 1 - bends;
-        return sum + (beside && !way.lit() ? straight - 1 : straight) * direct;
-    }
-
     /// What is missing beyond an end of a cylinder that is in the air, or what comes by it; whether it is.
-    bool addEnd(const PlacedBody& placed, const RoundWay& way, bool far, double end, bool past, const SideWave& main,
-                std::vector<SideWave>& waves) const {
-        const double offset = end - way.middleAlong();
-        SideWave wave;
-        wave.way = way.lengthBy(offset);
-        wave.first = placed.at(way.firstAngle(), far, end);
-        wave.last = placed.at(way.lastAngle(), far, end);
-        wave.direction = arriving(placed, way, far, wave.last);
-        if (!isEnd(placed, 0.5 * (way.firstAngle() + way.lastAngle()), far, end)) return false;
-        if (past && !isFree(placed, way, far, offset)) return false;
+    bool addEnd(const RoundSide& side, std::size_t end, const RoundWave& main, std::vector<RoundWave>& waves) const {
+        const RoundWay& way = side.way();
+        const PlacedBody& placed = side.placed();
+        const double at = placed.ends()[end];
+        RoundWave wave;
+        wave.way = side.lengthByEnd(end);
+        wave.first = placed.at(way.firstAngle(), side.far(), at);
+        wave.last = placed.at(way.lastAngle(), side.far(), at);
+        wave.direction = side.arriving(wave.last, listener_);
+        if (!air_.isEnd(side, end)) return false;
+        if (side.past()[end] && !air_.isFree(side, source_, listener_, at - way.middleAlong())) return false;
         bool any = false;
         for (std::size_t b = 0; b < kBandCount; ++b)
             tones_.each(b, [&](std::size_t tone, double k) {
-                const Complex share = (past ? 0.5 : -0.5) * fresnel(k * (wave.way - way.length()));
-                wave.pressure[tone] = share * main.pressure[tone];
+                wave.pressure[tone] = side.byEnd(end, k) * main.pressure[tone];
                 any = any || std::abs(wave.pressure[tone]) * wave.way > 1e-3;
             });
         if (any) waves.push_back(wave);
         return any;
     }
 
-    /// Whether the body ends in the air: nothing goes on beside its surface.
-    bool isEnd(const PlacedBody& placed, double angle, bool far, double end) const {
-        const double reach = std::min(0.05, 0.2 * placed.body().halfLength), side = end < placed.ends()[1] ? -1 : 1;
-        const glm::dvec3 from = placed.at(angle, far, end - side * reach, 1.002);
-        AcousticHit hit;
-        return !geometry_.closest(from, side * placed.axis(), 2 * reach, kNoPlane, hit);
-    }
-
-    /// Whether there is air on the way, moved along the axis to an end.
-    bool isFree(const PlacedBody& placed, const RoundWay& way, bool far, double offset) const {
-        constexpr double kOff = 1 + 1e-2, kStep = kBodyPi / 12;
-        const double first = way.firstAngle(), last = way.lastAngle();
-        const double from = way.firstAlong() + offset, to = way.lastAlong() + offset;
-        const glm::dvec3 begin = placed.at(first, far, from, kOff), end = placed.at(last, far, to, kOff);
-        if (!seen(geometry_, source_, begin) || !seen(geometry_, listener_, end)) return false;
-        const int steps = static_cast<int>(std::ceil((last - first) / kStep));
-        if (steps == 0) return true;
-        // By the corners of what is laid round it.
-        const double each = (last - first) / steps, out = kOff / std::cos(0.5 * each);
-        glm::dvec3 at = begin;
-        for (int i = 0; i <= steps; ++i) {
-            const double part = std::min(1.0, (i + 0.5) / steps);
-            const glm::dvec3 next =
-                i == steps ? end : placed.at(first + (last - first) * part, far, from + (to - from) * part, out);
-            const double length = glm::distance(at, next);
-            AcousticHit hit;
-            if (length > 0 && geometry_.closest(at, (next - at) / length, length, kNoPlane, hit)) return false;
-            at = next;
+    /// Into what an edge bends by itself: a factor of its energy.
+    void goOn(const RoundWave& wave) {
+        const double seconds = wave.besideWay / c();
+        const auto found = std::ranges::find_if(arrivals_, [&](const Arrival& one) {
+            return one.order == 1 && one.straight >= 0 && std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds;
+        });
+        if (found == arrivals_.end()) return;
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            double with = 0, without = 0;
+            tones_.each(b, [&](std::size_t tone, double k) {
+                without += std::norm(wave.beside[tone]);
+                with += std::norm(wave.beside[tone] +
+                                  wave.pressure[tone] * std::polar(1.0, -k * (wave.way - wave.besideWay)));
+            });
+            if (without > 0) found->energy[b] *= with / without;
         }
-        return true;
     }
 
     /// The mirror images by its facets.
@@ -264,7 +240,7 @@ class RoundBodies {
         return 1 / (1 + turns * turns);
     }
 
-    void addWaves(const std::vector<SideWave>& waves, bool heard) {
+    void addWaves(const std::vector<RoundWave>& waves, bool heard) {
         std::vector<Arrival> own(waves.size());
         Bands factor = allBands(1);
         for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -286,12 +262,12 @@ class RoundBodies {
         if (heard) scale(*direct(), factor);
     }
 
-    static std::size_t shortest(const std::vector<SideWave>& waves) {
-        return static_cast<std::size_t>(std::ranges::min_element(waves, {}, &SideWave::way) - waves.begin());
+    static std::size_t shortest(const std::vector<RoundWave>& waves) {
+        return static_cast<std::size_t>(std::ranges::min_element(waves, {}, &RoundWave::way) - waves.begin());
     }
 
     /// `with`: energies of what comes together with direct sound, or with the shortest way; `without`: of direct sound.
-    void sumTone(const std::vector<SideWave>& waves, bool heard, std::size_t b, std::size_t tone, double k,
+    void sumTone(const std::vector<RoundWave>& waves, bool heard, std::size_t b, std::size_t tone, double k,
                  double& with, double& without, std::vector<double>& apart) {
         const double distance = glm::distance(source_, listener_);
         const double begin = heard ? distance : waves[shortest(waves)].way;
@@ -305,7 +281,7 @@ class RoundBodies {
             without += std::norm(sum);
         }
         for (std::size_t i = 0; i < waves.size(); ++i) {
-            const SideWave& wave = waves[i];
+            const RoundWave& wave = waves[i];
             const double sent = sentTo(wave.first) * std::exp(-attenuation_[b] * wave.way);
             const double part = together(k, wave.way - begin);
             const Complex pressure = std::sqrt(sent) * wave.pressure[tone] * std::polar(1.0, -k * wave.way);
@@ -315,12 +291,13 @@ class RoundBodies {
         with += std::norm(sum);
     }
 
-    void addWave(const SideWave& side) {
+    void addWave(const RoundWave& side) {
         EdgeWave wave;
         wave.seconds = side.way / c();
         wave.direction = side.direction;
         // Where source and listener move a little it touches the body elsewhere, at the same length but for its square.
         wave.route = {side.first, side.last, glm::dvec3(0), glm::dvec3(0)};
+        wave.order = side.order;
         wave.route.over = side.way - glm::distance(source_, side.first) - glm::distance(side.first, side.last) -
                           glm::distance(side.last, listener_);
         for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(side.pressure[t]);
@@ -328,12 +305,12 @@ class RoundBodies {
         if (!isFaint(wave, side.way)) field_.waves.push_back(wave);
     }
 
-    void addArrival(const SideWave& side, Arrival arrival, bool heard) {
+    void addArrival(const RoundWave& side, Arrival arrival, bool heard) {
         constexpr double kFaint = 1e-6;
         const double most = *std::ranges::max_element(arrival.energy);
         if (!(most * 4 * kBodyPi * side.way * side.way > (heard ? 1e-3 : kFaint))) return;
         arrival.seconds = side.way / c();
-        arrival.order = 1;
+        arrival.order = side.order;
         arrival.direction = side.direction;
         arrival.straight = static_cast<std::int32_t>(field_.straight.size());
         field_.straight.push_back({});
@@ -356,13 +333,23 @@ class RoundBodies {
     const EdgeTones tones_;
     std::vector<Arrival>& arrivals_;
     EdgeField& field_;
+    const RoundAir air_;
+    const RoundRows rows_;
+    bool heard_ = false, open_ = false;  // direct sound; and no body's circle is in its way
 };
 
-}  // namespace
+RoundBodies::RoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                         const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field)
+    : impl_(std::make_unique<Impl>(geometry, source, listener, options, seconds, arrivals, field)) {}
 
-void addRoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                    const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field) {
-    RoundBodies(geometry, source, listener, options, seconds, arrivals, field).run();
+RoundBodies::~RoundBodies() = default;
+
+void RoundBodies::addAlone() {
+    impl_->addAlone();
+}
+
+void RoundBodies::addRows(const std::vector<PartlySeen>& partly) {
+    impl_->addRows(partly);
 }
 
 }  // namespace rtsg

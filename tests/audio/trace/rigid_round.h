@@ -139,4 +139,84 @@ inline RoundValue besideRigidSphere(const BesideRound& at, double k) {
     return std::polar(1 / d, -k * d) + i * k * sum;
 }
 
+/// Two rigid cylinders along z, and a source and a listener at one height.
+struct BesideTwo {
+    struct Place {
+        double x = 0, y = 0;
+        double to(const Place& other) const { return std::hypot(other.x - x, other.y - y); }
+        double angle(const Place& other) const { return std::atan2(other.y - y, other.x - x); }
+    };
+    Place centers[2];
+    double radii[2]{};
+    Place source, listener;
+};
+
+/// Re the source in the open at 1 m: what each throws back from the other one, again and again, by Graf's theorem.
+inline RoundValue besideTwoCylinders(const BesideTwo& at, double k) {
+    const RoundValue i(0, 1);
+    const double d = at.source.to(at.listener), apart = at.centers[0].to(at.centers[1]);
+    double least = 1e9, longest = d;
+    for (const int c : {0, 1}) {
+        const double r = at.source.to(at.centers[c]), q = at.listener.to(at.centers[c]);
+        least = std::min(least, r + q - 2 * at.radii[c]);
+        longest = std::max(longest, r + q + 2 * apart);
+    }
+    const double most = std::sqrt(k * k + std::pow(30 / least, 2)), off = .3 * k;
+    const int steps = static_cast<int>(std::ceil(most / std::min(.4 / longest, off / 6)));
+    const double step = most / steps;
+    RoundValue sum = 0;
+    for (int n = 0; n <= steps; ++n) {
+        const double bend = std::tanh(n * step / off);
+        const RoundValue kz(n * step, off * bend), slope(1, 1 - bend * bend);
+        RoundValue across = std::sqrt(k * k - kz * kz);
+        if (across.imag() > 0) across = -across;
+        const double size = std::abs(across) * std::max(at.radii[0], at.radii[1]);
+        const int last = static_cast<int>(size + 6 * std::cbrt(size) + 12);
+        const auto order = [last](int m) { return static_cast<std::size_t>(m + last); };
+        // Of negative orders, too.
+        const auto hankel = [](const std::vector<RoundValue>& h, int m) {
+            return (m < 0 && m % 2 != 0 ? -1.0 : 1.0) * h[static_cast<std::size_t>(std::abs(m))];
+        };
+        std::vector<RoundValue> reflects[2], coming[2], heard[2];
+        const CylinderFunctions between(across * apart, 2 * last);
+        for (const int c : {0, 1}) {
+            const CylinderFunctions on(across * at.radii[c], last + 1);
+            const CylinderFunctions s(across * at.source.to(at.centers[c]), last + 1);
+            const CylinderFunctions l(across * at.listener.to(at.centers[c]), last + 1);
+            const double toS = at.centers[c].angle(at.source), toL = at.centers[c].angle(at.listener);
+            for (int m = -last; m <= last; ++m) {
+                const int sized = std::abs(m);
+                const RoundValue z = across * at.radii[c];
+                reflects[c].push_back(-on.jSlope(sized, z) / on.hSlope(sized, z));
+                coming[c].push_back(hankel(s.h, m) * std::polar(1.0, -m * toS));
+                heard[c].push_back(hankel(l.h, m) * std::polar(1.0, m * toL));
+            }
+        }
+        std::vector<RoundValue> now[2] = {coming[0], coming[1]};
+        RoundValue all = 0;
+        for (int bounce = 0; bounce < 60; ++bounce) {
+            std::vector<RoundValue> next[2];
+            RoundValue more = 0;
+            for (const int c : {0, 1}) {
+                const double turn = at.centers[c].angle(at.centers[1 - c]);
+                for (int m = -last; m <= last; ++m) {
+                    now[c][order(m)] *= reflects[c][order(m)];
+                    more += now[c][order(m)] * heard[c][order(m)];
+                }
+                std::vector<RoundValue>& other = next[1 - c];
+                other.assign(static_cast<std::size_t>(2 * last + 1), 0);
+                for (int m = -last; m <= last; ++m)
+                    for (int o = -last; o <= last; ++o)
+                        other[order(o)] +=
+                            now[c][order(m)] * hankel(between.h, m - o) * std::polar(1.0, (m - o) * turn);
+            }
+            all += more;
+            for (const int c : {0, 1}) now[c] = next[c];
+            if (std::abs(more) < 1e-7 * std::abs(all)) break;
+        }
+        sum += (n > 0 ? 2.0 : 1.0) * step * slope * all;
+    }
+    return std::polar(1 / d, -k * d) - i / 2.0 * sum;
+}
+
 }  // namespace rtsg::test

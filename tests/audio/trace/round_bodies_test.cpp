@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include "rigid_round.h"
+#include "round_levels.h"
 #include "round_shapes.h"
 #include "trace/edge_route.h"
 #include "trace/followed_edges.h"
@@ -31,33 +32,6 @@ RoundValue exactBeside(bool ball, const BesideRound& at, double hz) {
 TraceResult tracedAt(const Walled& body, const BesideRound& at, double turned = 0) {
     return body.traced(about(at.source, turned, 0), about(at.listener, turned + at.angle * 180 / M_PI, at.along));
 }
-
-/// The level at a tone re the source in the open, with the phases of all that comes, dB.
-double decibelsOf(const TraceResult& traced, std::size_t tone, double distance) {
-    const double turns = 2 * M_PI * edgeToneHz(static_cast<double>(tone));
-    std::complex<double> sum;
-    const Echogram echogram = traced.echogram();
-    for (const Arrival& arrival : echogram.arrivals)
-        sum += std::polar(std::sqrt(4 * M_PI * echogram.straightEnergy(arrival)[tone / 5]), -turns * arrival.seconds);
-    for (const EdgeWave& wave : echogram.edges.waves)
-        sum += std::complex<double>(wave.pressure[tone]) * std::polar(1.0, -turns * wave.seconds);
-    return 20 * std::log10(std::abs(sum) * distance);
-}
-double decibelsOf(RoundValue pressure, double distance) {
-    return 20 * std::log10(std::abs(pressure) * distance);
-}
-
-struct Errors {
-    void add(double error) {
-        sum += error * error;
-        worst = std::max(worst, std::abs(error));
-        ++count;
-    }
-    double rms() const { return std::sqrt(sum / std::max(1, count)); }
-
-    double sum = 0, worst = 0;
-    int count = 0;
-};
 
 /// In the dark and in the light, tones from 63 Hz to 4 kHz; `near` and `far`: m off the surface.
 struct Compared {

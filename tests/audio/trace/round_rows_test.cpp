@@ -1,0 +1,152 @@
+// Sound round two things in a row, of which one is round at least, beside exact series and boundary elements.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <cstddef>
+#include <cstdint>
+#include <random>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "rigid_outline.h"
+#include "rigid_round.h"
+#include "round_levels.h"
+#include "round_shapes.h"
+#include "walled.h"
+
+namespace rtsg {
+namespace {
+
+using namespace test;
+
+using Drawn = RigidOutline::Closed;
+
+Drawn circle(const glm::dvec2& center, double radius, int sides) {
+    Drawn result;
+    for (int i = 0; i < sides; ++i) result.push_back(center + glm::dvec2(about(radius, 360.0 * i / sides, 0)));
+    return result;
+}
+/// 120 m high, so that their ends are far off.
+Walled standing(const std::vector<Drawn>& outlines) {
+    RoundMesh all;
+    for (const Drawn& one : outlines) {
+        const auto n = static_cast<std::uint32_t>(one.size()), at = static_cast<std::uint32_t>(all.corners.size());
+        for (const double z : {-60.0, 60.0})
+            for (const glm::dvec2& p : one) all.corners.emplace_back(p, z);
+        for (std::uint32_t i = 0; i < n; ++i) all.addQuad(at + i, at + (i + 1) % n, at + n + (i + 1) % n, at + n + i);
+    }
+    return all.walled();
+}
+
+glm::dvec2 placeOf(const BesideTwo::Place& place) {
+    return {place.x, place.y};
+}
+Walled columns(const BesideTwo& at, int sides) {
+    return standing(
+        {circle(placeOf(at.centers[0]), at.radii[0], sides), circle(placeOf(at.centers[1]), at.radii[1], sides)});
+}
+TraceResult tracedBehind(const Walled& walls, const glm::dvec2& source, const glm::dvec2& listener) {
+    return walls.traced({source, 0}, {listener, 0});
+}
+
+TEST(RoundRows, TonesBehindTwoColumnsAreThoseOfTheSeries) {
+    std::mt19937_64 random(5);
+    std::uniform_real_distribution<double> uniform(0, 1);
+    Errors errors;
+    for (int i = 0; i < 8; ++i) {
+        BesideTwo at{{}, {.15 * std::pow(4, uniform(random)), .15 * std::pow(4, uniform(random))}, {}, {}};
+        at.centers[1].x = at.radii[0] + at.radii[1] + .3 * std::pow(5, uniform(random));
+        at.source = {-at.radii[0] - .5 * std::pow(5, uniform(random)), 1.4 * uniform(random) - .7};
+        at.listener = {at.centers[1].x + at.radii[1] + .5 * std::pow(5, uniform(random)), 1.4 * uniform(random) - .7};
+        const TraceResult traced = tracedBehind(columns(at, 48), placeOf(at.source), placeOf(at.listener));
+        const double distance = at.source.to(at.listener);
+        for (const std::size_t tone : {9u, 14u, 19u, 24u}) {
+            const double k = 2 * M_PI * edgeToneHz(static_cast<double>(tone)) / 343;
+            errors.add(decibelsOf(traced, tone, distance) - decibelsOf(besideTwoCylinders(at, k), distance));
+        }
+    }
+    EXPECT_LT(errors.rms(), 1);
+    EXPECT_LT(errors.worst, 2.5);
+}
+
+/// Of places on a line the errors beside boundary elements, of a source that is a line.
+Errors errorsBehind(const std::vector<Drawn>& outlines, const std::vector<glm::dvec2>& inside, const glm::dvec2& source,
+                    const glm::dvec2& from, const glm::dvec2& to) {
+    const Walled walls = standing(outlines);
+    Errors errors;
+    for (const std::size_t tone : {13u, 18u, 23u}) {
+        const double k = 2 * M_PI * edgeToneHz(static_cast<double>(tone)) / 343;
+        const RigidOutline exact(outlines, inside, k, std::min(.15, .8 / k));
+        for (int i = 0; i <= 8; ++i) {
+            const glm::dvec2 listener = from + (to - from) * (i / 8.0);
+            errors.add(decibelsOf(tracedBehind(walls, source, listener), tone, glm::distance(source, listener), true) -
+                       20 * std::log10(std::abs(exact.beside(source, listener))));
+        }
+    }
+    return errors;
+}
+
+TEST(RoundRows, RoundOneColumnTheyAgreeWithBoundaryElements) {
+    const Errors errors =
+        errorsBehind({circle({0, 0}, .3, 48)}, {{.03, .02}, {-.1, .05}, {.05, -.12}}, {-1.5, .1}, {2, -1}, {2, 1});
+    EXPECT_LT(errors.worst, .3);
+}
+
+TEST(RoundRows, RoundBothCornersOfAWallSoundComesAsThere) {
+    Drawn wall{{-.6, -8}, {.6, -8}};
+    for (int i = 0; i <= 10; ++i) wall.emplace_back(glm::dvec2(.3, -.3) + glm::dvec2(about(.3, 9 * i, 0)));
+    for (int i = 0; i <= 10; ++i) wall.emplace_back(glm::dvec2(-.3, -.3) + glm::dvec2(about(.3, 90 + 9 * i, 0)));
+    const Errors errors = errorsBehind({wall}, {{.03, -.62}, {-.1, -1.5}, {.05, -3.2}, {.04, -5.3}, {-.15, -7}},
+                                       {-2, -1}, {2, -.9}, {2, 1.1});
+    EXPECT_LT(errors.rms(), .8);
+    EXPECT_LT(errors.worst, 1.5);
+}
+
+/// Of a roof of one edge, before and behind a column.
+TEST(RoundRows, AColumnAndAnEdgeInARowBendAsThere) {
+    const Drawn roof{{-2, -7}, {2, -7}, {0, 0}};
+    const std::vector<glm::dvec2> inside{{0, -2}, {.3, -4}, {-.4, -4.6}, {.5, -6}, {-1, -6.5}};
+    for (const bool before : {false, true}) {
+        const double x = before ? -1.2 : 1.2;
+        std::vector<glm::dvec2> all = inside;
+        for (const glm::dvec2& off : {glm::dvec2(.03, .02), glm::dvec2(-.1, .05), glm::dvec2(.05, -.12)})
+            all.push_back(glm::dvec2(x, 0) + off);
+        const Errors errors = errorsBehind({circle({x, 0}, .3, 48), roof}, all, {before ? -2.7 : -1.5, -.3},
+                                           {before ? 1.5 : 2.7, -.4}, {before ? 1.5 : 2.7, 1.2});
+        EXPECT_LT(errors.rms(), 1.7) << before;
+        EXPECT_LT(errors.worst, 2.6) << before;
+    }
+}
+
+/// Levels of tones and of octaves on a way, each beside the one before.
+void expectSmooth(const Walled& walls, const glm::dvec2& source, const glm::dvec2& from, const glm::dvec2& to,
+                  double most) {
+    const int steps = static_cast<int>(std::ceil(glm::distance(from, to) / .02));
+    std::vector<double> before;
+    for (int i = 0; i <= steps; ++i) {
+        const glm::dvec2 listener = from + (to - from) * (static_cast<double>(i) / steps);
+        const TraceResult traced = tracedBehind(walls, source, listener);
+        const Bands octaves = total(traced.arrivals);
+        std::vector<double> levels;
+        for (std::size_t band = 1; band < 5; ++band) {
+            levels.push_back(decibelsOf(traced, 5 * band + 2, 1));
+            levels.push_back(10 * std::log10(octaves[band]));
+        }
+        for (std::size_t k = 0; k < before.size(); ++k)
+            EXPECT_NEAR(levels[k], before[k], most) << source.y << " at " << listener.y << ", " << k;
+        before = levels;
+    }
+}
+
+TEST(RoundRows, NothingJumpsBehindThem) {
+    const Drawn one = circle({0, 0}, .3, 48), other = circle({1.2, 0}, .3, 48), roof{{-2, -7}, {2, -7}, {0, 0}};
+    expectSmooth(standing({one, other}), {-1.5, .1}, {2.7, -2}, {2.7, 2}, 1);
+    expectSmooth(standing({other, roof}), {-1.5, -.3}, {2.7, -.5}, {2.7, 1.4}, 2);
+    // Side by side there is no first and no second one.
+    expectSmooth(standing({one, circle({.1, 1}, .25, 24)}), {-1.5, .3}, {1.5, -1}, {1.5, 2}, 3.5);
+}
+
+}  // namespace
+}  // namespace rtsg
