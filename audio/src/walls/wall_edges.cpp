@@ -89,7 +89,13 @@ std::vector<MeshEdge> edgesOf(const Mesh& mesh, double flat) {
     for (const Edge& edge : found.edges())
         // Where more than two meet there is no wedge.
         if (edge.sides == 1 || (edge.sides == 2 && !(facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < most)))
-            result.push_back({edge.from, edge.to, edge.besideA, edge.besideB});
+            result.push_back({edge.from, edge.to, edge.besideA, edge.besideB, MeshEdge::kNotRound, true});
+    if (flat < kFlatEdge) {
+        markUnlikelyRound(result);
+        std::erase_if(result, [](const MeshEdge& edge) {
+            return !edge.mayBeRound && facesDot(edge.from, edge.to, edge.besideA, edge.besideB) < -std::cos(kFlatEdge);
+        });
+    }
     // By their ends, however the triangles are numbered.
     std::sort(result.begin(), result.end(), [](const MeshEdge& a, const MeshEdge& b) {
         return a.from != b.from ? isBefore(a.from, b.from) : isBefore(a.to, b.to);

@@ -146,6 +146,7 @@ TEST(RoundBodies, NearlyRoundOnesBendAsRoundOnes) {
         expectAlike(levels(cylinderMesh(.3, -60, 60, 48).walled(0, {uneven})), column, std::to_string(scale));
         expectAlike(levels(sphereMesh(.3, 48).walled(0, {uneven})), ball, std::to_string(scale));
     }
+    expectAlike(levels(bodyOf(false, .3, 2000)), column, "2,000 sides");
     for (const int sides : {16, 24, 32}) expectAlike(levels(bodyOf(true, .3, sides)), ball, std::to_string(sides));
 }
 
