@@ -17,7 +17,7 @@ using Complex = std::complex<double>;
 /// So many bodies, nearest to the straight way, are tried with each other and with edges.
 constexpr std::size_t kRowBodies = 8;
 /// Of pressures re the source in the open, less does not count.
-constexpr double kFaintRow = 1e-4;
+constexpr double kFaintRow = 1e-4, kFaintLit = 1e-3;
 
 bool isFaint(const RoundWave& wave) {
     return std::ranges::all_of(wave.pressure, [&](const Complex& one) { return std::abs(one) * wave.way < kFaintRow; });
@@ -267,6 +267,10 @@ void RoundRows::addLit(const BendingLink& first, const BendingLink& second, std:
     const ShadowRow shadows{
         true, true, BendingLink::fromBoundary(*a), BendingLink::fromBoundary(*b),
         correlation(low, high - low, straight - high, first.outward(*a, along), second.outward(*b, along))};
+    // Of lower tones there is more.
+    const double lowest = 2 * std::numbers::pi * edgeToneHz(0) / 343;
+    if (std::abs(first.pressure(*a, lowest, 1) * second.pressure(*b, lowest, 1)) * straight * straight < kFaintLit)
+        return;
     // An edge that the body hides is none by itself.
     const auto isHidden = [&](const BendingLink& edge, const LinkWay& way, const BendingLink& body) {
         if (!edge.edge() || isFree(edge, way, source_, listener_)) return false;

@@ -65,22 +65,38 @@ double RoundWay::fromBoundary() const {
 /// Where both angles at the surface are the same.
 void RoundWay::findMirror() {
     const double a = path_.radius, s = path_.sourceRadius, r = path_.receiverRadius;
-    const auto angleOf = [&](double radius, double off) {
-        return std::atan2(radius * std::sin(off), radius * std::cos(off) - a);
+    /// Below 0 where the angle to the source is larger than the one to the listener.
+    const auto apart = [&](double off) {
+        const double other = path_.angle - off;
+        return r * std::sin(other) * (s * std::cos(off) - a) - (r * std::cos(other) - a) * s * std::sin(off);
     };
-    double low = 0, high = path_.angle;
-    for (int i = 0; i < 50; ++i) {
-        const double middle = 0.5 * (low + high);
-        (angleOf(s, middle) < angleOf(r, path_.angle - middle) ? low : high) = middle;
+    // Regula falsi; an end that stays counts half, as in the Illinois method.
+    double low = 0, high = path_.angle, atLow = apart(low), atHigh = apart(high), middle = 0.5 * path_.angle;
+    for (int i = 0, stayed = 0; i < 60 && high - low > 1e-15 && atLow > 0 && atHigh < 0; ++i) {
+        middle = (low * atHigh - high * atLow) / (atHigh - atLow);
+        const double at = apart(middle);
+        if (std::abs(at) < 1e-16 * s * r) break;
+        if (at > 0) {
+            low = middle;
+            atLow = at;
+            if (stayed == 1) atHigh *= 0.5;
+            stayed = 1;
+        } else {
+            high = middle;
+            atHigh = at;
+            if (stayed == -1) atLow *= 0.5;
+            stayed = -1;
+        }
     }
-    firstAngle_ = lastAngle_ = 0.5 * (low + high);
+    firstAngle_ = lastAngle_ = middle;
     const auto to = [&](double radius, double off) {
         const double half = std::sin(off / 2);
         return std::max(1e-3 * a, std::sqrt((radius - a) * (radius - a) + 4 * radius * a * half * half));
     };
     before_ = to(s, firstAngle_);
     after_ = to(r, path_.angle - firstAngle_);
-    cosine_ = std::max(1e-7, std::cos(angleOf(s, firstAngle_)));
+    const double across = s * std::sin(firstAngle_), off = s * std::cos(firstAngle_) - a, way = std::hypot(across, off);
+    cosine_ = std::max(1e-7, way > 0 ? off / way : 1.0);
 }
 
 double RoundWay::lengthBy(double offset) const {
