@@ -239,7 +239,9 @@ Result<> saveScene(const Scene& scene, const std::string& file, Existing existin
     encodingFromName(file, encoding, gzip);
     SceneExporter(scene, diagnostics).write((*writer)->handler(), encoding);
     print(diagnostics);
-    return (*writer)->close();
+    if (auto ok = (*writer)->close(); !ok) return ok;
+    if (diagnostics.errors() > 0) return fail("not all of the scene could be written", {}, file);
+    return {};
 }
 
 SharedWorld::Options worldOptions(const Resources& resources) {

@@ -162,7 +162,10 @@ class Replaying {
                 cut_ = true;
             }
         app::print(replayer_.scene().diagnostics());
-        if (auto ok = outputs.finish(); !ok) return ok;
+        if (auto ok = outputs.finish(); !ok) {
+            printError(ok.error());
+            cut_ = true;
+        }
         const OutputReport report = outputs.report();
         if (!report.missing.empty()) {
             printError("missing: " + report.missing);

@@ -295,6 +295,32 @@ TEST_F(FullDisk, EndsTheRecordingNotTheSession) {
     EXPECT_LE(summary.at("log_bytes"), 16384);
 }
 
+/// What no document can say is left out of it and named, and the rest can be read.
+TEST_F(NothingIsLost, ASavedSceneWithoutAValueThatIsNotFiniteIsNamedAsPartial) {
+    writeFile(
+        file,
+        "#X3D V4.0 utf8\nPROFILE Immersive\nDEF BOX Transform { scale 2 2 2 }\nDEF CLOCK TimeSensor { loop TRUE }\n"
+        "DEF S Script { inputOnly SFFloat f outputOnly SFVec3f o url \"ecmascript: function f(v){ o = new "
+        "SFVec3f(0/0, 1/0, 1); }\" }\n"
+        "ROUTE CLOCK.fraction_changed TO S.f\nROUTE S.o TO BOX.translation\n");
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.1s", "--force"}).status, 0);
+    for (const char* extension : {".x3d", ".x3dv", ".wrl", ".json"}) {
+        const std::string saved = folder / ("saved" + std::string(extension));
+        for (const auto& arguments : {std::vector<std::string>{"run", file, "--for", "0.1s"}, {"replay", log}}) {
+            std::vector<std::string> saving = arguments;
+            saving.insert(saving.end(), {"--save", saved, "--force"});
+            const Outcome outcome = rtsg(saving);
+            EXPECT_EQ(outcome.status, 1) << outcome.err;
+            EXPECT_THAT(outcome.err, HasSubstr("BOX.translation holds nan"));
+            EXPECT_THAT(outcome.err, HasSubstr("[write]"));
+            EXPECT_THAT(outcome.out, HasSubstr("t = 0.1 s")) << "the report comes all the same";
+            const Outcome read = rtsg({"validate", saved});
+            EXPECT_EQ(read.status, 0) << readFile(saved) << read.err;
+            EXPECT_THAT(readFile(saved), HasSubstr("scale"));
+        }
+    }
+}
+
 class Interrupted : public NothingIsLost {
   protected:
     /// Starts the program, waits until `ready` and interrupts it.

@@ -2,6 +2,7 @@
 #include <rtsg/core/scene_exporter.h>
 
 #include <algorithm>
+#include <optional>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -13,6 +14,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "builder_state.h"
+#include "value/field_text_printer.h"
 
 namespace rtsg {
 
@@ -134,6 +136,7 @@ struct SceneExporter::State {
     void walkFrom(NodeId root, std::string_view field, DocumentHandler* handler,
                   std::unordered_set<std::uint32_t>& begun);
     void fieldStart(const Node& node, FieldIndex field, DocumentHandler& handler) const;
+    bool canBeSaid(const Node& node, FieldIndex field, const Value& value) const;
     void findRoutes();
     void nameNodes();
     void nameApart();
@@ -162,6 +165,17 @@ static bool isDeclared(const NodeType& type, const FieldDef& def) {
     return !base || base->findExact(def.name) == kNoField;
 }
 
+/// Whether a document can hold the value; else that is said, and the field is left out.
+bool SceneExporter::State::canBeSaid(const Node& node, FieldIndex field, const Value& value) const {
+    const std::optional<double> number = detail::firstNotFinite(value);
+    if (!number) return true;
+    const std::string_view name = nameOf(node.id());
+    diagnostics.error({}, fmt::format("{}.{} holds {}, which no document can say: the field is left out",
+                                      name.empty() ? "a " + node.type().name : std::string(name),
+                                      node.type().fields[field].name, *number));
+    return false;
+}
+
 /// The value of one field, or the declaration that its nodes follow.
 void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, DocumentHandler& handler) const {
     const NodeType& type = node.type();
@@ -170,6 +184,7 @@ void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, Docume
     if (!def.hidden && isDeclared(type, def)) {
         std::optional<Value> value;
         if (isOwnField(def) && (!holdsNodes || node.isDefault(field))) value = node.value(field);
+        if (value && !canBeSaid(node, field, *value)) value.reset();
         handler.declareField({def.access, def.type, def.name}, std::move(value), {});
         return;
     }
@@ -178,7 +193,9 @@ void SceneExporter::State::fieldStart(const Node& node, FieldIndex field, Docume
         if (node.get(x3d::CADLayer::visible)) return;
         handler.setField(def.name, Value(Array<bool>::ofSize(node.get(x3d::CADLayer::children).size())), {});
     } else if (!holdsNodes) {
-        if (!node.isDefault(field)) handler.setField(def.name, node.value(field), {});
+        if (node.isDefault(field)) return;
+        if (Value value = node.value(field); canBeSaid(node, field, value))
+            handler.setField(def.name, std::move(value), {});
     } else if (node.isDefault(field) && isInstance(type) &&
                declarations.nodeDefaults.contains(fmt::format("{}.{}", type.name, def.name))) {
         handler.setField(def.name, node.value(field), {});  // overrides the default nodes by none

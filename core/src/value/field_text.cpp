@@ -1,8 +1,11 @@
 // Prints field values in the three text encodings; parsing is in field_text_parser.cpp.
 #include <rtsg/core/field_text.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <optional>
+#include <type_traits>
 
 #include "field_text_parser.h"
 #include "field_text_printer.h"
@@ -198,6 +201,40 @@ void appendFieldText(std::string& out, const Value& value, TextSyntax syntax) {
 }
 
 namespace detail {
+
+namespace {
+
+template <class S>
+std::optional<double> firstNotFinite(const void* numbers, std::size_t count) {
+    const S* first = static_cast<const S*>(numbers);
+    const S* found = std::find_if(first, first + count, [](S number) { return !std::isfinite(number); });
+    return found == first + count ? std::nullopt : std::optional<double>(*found);
+}
+
+template <class T>
+std::optional<double> firstNotFiniteOf(const T* elements, std::size_t size) {
+    if constexpr (std::is_integral_v<T>) return std::nullopt;
+    const FieldTypeInfo& type = info(FieldTypeOf<T>::value);
+    const std::size_t count = size * type.components;  // none of a String, Image or NodeId
+    if (count == 0) return std::nullopt;
+    return type.elementSize / type.components == sizeof(float) ? firstNotFinite<float>(elements, count)
+                                                               : firstNotFinite<double>(elements, count);
+}
+
+}  // namespace
+
+std::optional<double> firstNotFinite(const Value& value) {
+    switch (value.type()) {
+#define RTSG_X(suffix, T)                           \
+    case FieldType::SF##suffix:                     \
+        return firstNotFiniteOf(&value.as<T>(), 1); \
+    case FieldType::MF##suffix:                     \
+        return firstNotFiniteOf(value.as<Array<T>>().data(), value.as<Array<T>>().size());
+        RTSG_FIELD_TYPES(RTSG_X)
+#undef RTSG_X
+    }
+    return std::nullopt;
+}
 
 void appendArrayElement(std::string& out, const Value& array, std::size_t index, TextSyntax syntax) {
     Printer printer(out, syntax);

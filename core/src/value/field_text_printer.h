@@ -5,6 +5,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -54,6 +55,9 @@ bool withNumbers(const Value& value, const Take& take) {
             return false;
     }
 }
+
+/// The first number of a value that is not finite: no reader of documents takes its text.
+std::optional<double> firstNotFinite(const Value& value);
 
 /// Appends one element of an MF value (nothing else), as appendFieldText would.
 void appendArrayElement(std::string& out, const Value& array, std::size_t index, TextSyntax syntax);

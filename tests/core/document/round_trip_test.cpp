@@ -1,5 +1,6 @@
 // Saving and loading again gives the same scene: for texts of our own and for files from elsewhere.
 #include <fstream>
+#include <limits>
 #include <map>
 #include <sstream>
 
@@ -132,6 +133,53 @@ TEST(RoundTrip, DeclaredListsBesideOpenOnesComeBack) {
         EXPECT_TRUE(loadText(again, written, reading));
         EXPECT_EQ(reading.errors(), 0u) << test::allText(reading) << written;
         EXPECT_EQ(canonicalText(again), canonicalText(scene)) << written;
+    }
+}
+
+// What a Script or a peer may set, and what no document can say.
+TEST(RoundTrip, ValuesThatAreNotFiniteAreLeftOutAndNamed) {
+    constexpr double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
+    Scene scene;
+    Diagnostics problems;
+    ASSERT_TRUE(loadText(scene,
+                         "#X3D V4.0 utf8\nPROFILE Full\nDEF T Transform { scale 2 2 2 children Shape { geometry "
+                         "PointSet { coord DEF C Coordinate { point [ 1 2 3, 4 5 6 ] } } } }\n"
+                         "DEF CLOCK TimeSensor { cycleInterval 3 }\n"
+                         "DEF S Script { inputOutput SFDouble own 4 inputOutput MFVec2d pair [ 1 2 ] }\n",
+                         problems))
+        << test::allText(problems);
+    const Scene& constant = scene;
+    const auto set = [&](const char* node, const char* field, const Value& value) {
+        const NodeId id = scene.findName(node);
+        ASSERT_TRUE(scene.setField(id, constant.node(id).type().findExact(field), value)) << node << '.' << field;
+    };
+    set("T", "translation", Value(Vec3f(float(nan), float(infinity), 1)));
+    set("C", "point", Value(Array<Vec3f>{Vec3f(1, 2, 3), Vec3f(4, float(-infinity), 6)}));
+    set("CLOCK", "stopTime", Value(Time{infinity}));
+    set("S", "own", Value(nan));
+    set("S", "pair", Value(Array<Vec2d>{Vec2d(1, infinity)}));
+    for (const Encoding encoding : {Encoding::classicVrml, Encoding::vrml97, Encoding::xml, Encoding::json}) {
+        std::string text;
+        Diagnostics writing, reading;
+        const auto writer = makeWriter(encoding, [&](std::string_view piece) { text += piece; }, writing);
+        SceneExporter(scene, writing).write(*writer, encoding);
+        EXPECT_EQ(writing.errors(), 5u) << test::allText(writing);
+        for (const char* told : {"T.translation holds nan", "C.point holds -inf", "CLOCK.stopTime holds inf",
+                                 "S.own holds nan", "S.pair holds inf"})
+            EXPECT_THAT(test::allText(writing), testing::HasSubstr(told));
+        EXPECT_THAT(test::allText(writing), testing::HasSubstr("[write]"));
+        Scene again;
+        EXPECT_TRUE(loadText(again, text, reading)) << text;
+        EXPECT_EQ(reading.errors(), 0u) << test::allText(reading) << text;
+        const auto value = [&](const char* node, const char* field) {
+            const Node& read = again.node(again.findName(node));
+            return printFieldText(read.value(read.type().findExact(field)));
+        };
+        EXPECT_EQ(value("T", "translation"), "0 0 0");
+        EXPECT_EQ(value("T", "scale"), "2 2 2");
+        EXPECT_EQ(value("C", "point"), "[]");
+        EXPECT_EQ(value("CLOCK", "cycleInterval"), "3");
+        EXPECT_EQ(value("S", "own"), "0");
     }
 }
 
