@@ -177,6 +177,11 @@ TEST_F(Replay, ALogThatHasLostItsBeginningDoesNotVerify) {
     EXPECT_EQ(late.status, 1);
     EXPECT_THAT(late.err, HasSubstr("are missing"));
     EXPECT_THAT(rtsg({"replay", folder / "late.rlog"}).out, HasSubstr("1 gap"));
+    const Outcome compacted = rtsg({"replay", "--json", folder / "late.rlog", "--compact", folder / "short.rlog"});
+    EXPECT_EQ(compacted.status, 1);
+    EXPECT_THAT(compacted.err, HasSubstr("are missing"));
+    EXPECT_EQ(json::parse(compacted.out).at("gaps"), 1);
+    EXPECT_EQ(json::parse(compacted.out).at("complete"), false);
 }
 
 TEST_F(Replay, ComparesLogsAndNamesTheField) {

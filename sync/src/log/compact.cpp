@@ -54,13 +54,13 @@ class Merger {
 
 Result<CompactReport> compact(Replayer& from, LogWriter& to, const CompactOptions& options) {
     Merger merger(to);
-    if (options.from > -std::numeric_limits<double>::infinity()) {
+    const bool seeks = options.from > -std::numeric_limits<double>::infinity();
+    if (seeks)
         if (auto ok = from.seek(options.from); !ok) return std::unexpected(ok.error());
-    } else if (const Result<bool> first = from.step(); !first || !*first) {
-        return first ? fail("no intact state", {}, from.log().file().string()) : std::unexpected(first.error());
-    }
     LogCheck check(from);
-    const std::uint64_t gaps = from.gaps();
+    const std::uint64_t gaps = seeks ? from.gaps() : 0;
+    for (bool more = true; more && from.frames() == 0;) more = check.step().value_or(true);
+    if (from.frames() == 0) return fail("no intact state", {}, from.log().file().string());
     CompactReport report;
     report.bytesRead = from.log().size();
     report.statesRead = 1;

@@ -142,6 +142,29 @@ TEST_F(Compaction, WhatTheOldLogLacksIsNamed) {
     EXPECT_EQ(part->lacks, "");
 }
 
+/// A log whose beginning is gone, and one whose first bytes are: said, whatever is still to be had.
+TEST_F(Compaction, ABeginningThatIsMissingIsNamed) {
+    record(file(), 60, 11, denseKeyframes());
+    const auto records = recordsOf(file());
+    const std::string bytes = readAll(file());
+    const auto frame = std::ranges::find_if(records.begin() + 4, records.end(),
+                                            [](const auto& r) { return r.second.kind == RecordKind::frame; });
+    writeAll(file("late.rlog"), bytes.substr(frame->first));
+    const auto late = compactLog(file("late.rlog"), file("b.rlog"));
+    ASSERT_TRUE(late) << late.error().text;
+    EXPECT_EQ(late->gaps, 1u);
+    EXPECT_TRUE(late->lacks.contains("are missing")) << late->lacks;
+    writeAll(file("head.rlog"), "X" + bytes.substr(1));
+    const auto head = compactLog(file("head.rlog"), file("c.rlog"));
+    ASSERT_TRUE(head) << head.error().text;
+    EXPECT_EQ(head->damaged, 1u);
+    EXPECT_TRUE(head->lacks.contains("damaged")) << head->lacks;
+    // Of a part behind that nothing is missing.
+    CompactOptions part;
+    part.from = 5;
+    EXPECT_EQ(compactLog(file("late.rlog"), file("d.rlog"), part)->lacks, "");
+}
+
 /// What comes after the part that is kept does not matter; nobody knows what came after a log that was not closed.
 TEST_F(Compaction, AnEndThatIsOpenIsNamed) {
     record(file(), 60, 11);
