@@ -28,7 +28,7 @@ class OutputsBehind final : public OutputMaker {
     Result<> frame() override { return {}; }
     bool failed() const override { return failed_; }
     /// No more frames will come: makes what waits, with a progress bar, and writes what is written at the end.
-    /// Interruption ends it early; what was made until then is written.
+    /// Interruption ends it early; what was made until then is written, unless an end was stated.
     Result<> finish() override;
     OutputReport report() const override;
 

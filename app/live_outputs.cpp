@@ -200,6 +200,7 @@ Result<> LiveOutputs::frame() {
 }
 
 Result<> LiveOutputs::finish() {
+    if (arguments_.isCutShort()) abandoned_ = true;
     if (running_ > 0) {
         const auto last = world_.present();
         if (!last) fail(std::unexpected(last.error()));
@@ -226,6 +227,12 @@ Result<> LiveOutputs::finish() {
 }
 
 Result<> LiveOutputs::write() {
+    if (arguments_.isCutShort()) {
+        report_.forget(files_.together());
+        if (light_) print(light_->diagnostics());
+        print(world_.diagnostics());
+        return allOf({[&] { return problem_; }, [&] { return arguments_.leftUnwritten(); }});
+    }
     return allOf({[&] { return problem_; },
                   [&]() -> Result<> {
                       if (!sound_) return {};

@@ -230,6 +230,18 @@ std::vector<OutputName> OutputArguments::names() const {
             {"--save", save, OutputKind::scene}};
 }
 
+Result<> OutputArguments::leftUnwritten() const {
+    const PictureFiles pictures(render, picturesPerSecond);
+    std::string files;
+    for (const OutputName& output : names()) {
+        const bool numbered = output.kind == OutputKind::picture && pictures.takesSeveral() && !pictures.together();
+        if (output.file.empty() || output.kind == OutputKind::log || numbered) continue;
+        files += (files.empty() ? "" : ", ") + output.file;
+    }
+    if (files.empty()) return {};
+    return fail("interrupted before its end: not written", {}, files);
+}
+
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing) {
     Diagnostics diagnostics(file);
     auto writer = DocumentFileWriter::create(file, diagnostics, existing);
@@ -287,6 +299,14 @@ std::string deviceJson(const LiveReport& report) {
 }
 
 }  // namespace
+
+void OutputReport::forget(bool pictures) {
+    soundSeconds = 0;
+    if (!pictures) return;
+    pictureStates.clear();
+    pictureTimes.clear();
+    soundStates.clear();
+}
 
 std::string OutputReport::json() const {
     std::string text = fmt::format(
@@ -485,7 +505,8 @@ Result<> Outputs::frame() {
 }
 
 Result<> Outputs::finish() {
-    Result<> made = ready();             // what was interrupted is not waited for
+    Result<> made = ready();  // what was interrupted is not waited for
+    if (arguments_.isCutShort()) return allOf({[&] { return made; }, [&] { return leaveUnwritten(); }});
     afterInterruption_ = interrupted();  // what ended the run does not end what is made of its end
     return allOf({[&] { return made; }, [&] { return lastPicture(); },
                   [&]() -> Result<> {
@@ -505,6 +526,13 @@ Result<> Outputs::finish() {
                       if (arguments_.save.empty()) return {};
                       return saveScene(scene_, arguments_.save, existing(arguments_.force));
                   }});
+}
+
+Result<> Outputs::leaveUnwritten() {
+    report_.forget(files_.together());
+    if (light_) print(light_->diagnostics());
+    if (world_.built()) print(world_.built()->diagnostics());
+    return arguments_.leftUnwritten();
 }
 
 Result<> Outputs::lastPicture() {

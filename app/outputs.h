@@ -76,6 +76,8 @@ struct OutputArguments {
     /// Scene time to make pictures and sound of; set by the verb.
     double seconds = std::numeric_limits<double>::infinity();
     bool force = false, live = false, denoise = false;
+    /// No end was stated: an interruption is the regular one. Set by the verb.
+    bool endsByInterruption = false;
     PictureArguments picture;
     SoundArguments sound;
 
@@ -90,6 +92,10 @@ struct OutputArguments {
     bool isLive() const { return live || onDevice(); }
     bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
     std::vector<OutputName> names() const;
+    /// Interrupted before the end that was stated: what is one file for all of it, or for its end, is not complete.
+    bool isCutShort() const { return !endsByInterruption && interrupted(); }
+    /// These files, not written: an error that names them, if there are any.
+    Result<> leftUnwritten() const;
     /// Finds out before any work that something cannot be made, or would overwrite one of `inputs` (checkFiles(), to
     /// which `more` outputs of the verb go as well). Throws UsageError.
     Result<> check(const std::vector<std::string>& inputs, std::vector<OutputName> more = {}) const;
@@ -146,6 +152,8 @@ struct OutputReport {
     };
     std::optional<Live> live;
 
+    /// The sound that was made has not come into a file, nor have the pictures, if they are one.
+    void forget(bool pictures);
     double meanKept() const { return pictureStates.empty() ? 0 : kept / static_cast<double>(pictureStates.size()); }
     /// ,"pictures":… of a JSON object.
     std::string json() const;
@@ -209,7 +217,8 @@ class OutputMaker {
     virtual Result<> frame() = 0;
     /// It follows no longer: there is no sense in going on. finish() says why.
     virtual bool failed() const = 0;
-    /// Makes what is still to be made, and writes what is written at the end.
+    /// Makes what is still to be made, and writes what is written at the end, unless all was cut short
+    /// (OutputArguments::isCutShort(), an error then): numbered pictures alone are there.
     virtual Result<> finish() = 0;
     /// After finish().
     virtual OutputReport report() const = 0;
@@ -246,6 +255,7 @@ class Outputs final : public OutputMaker {
     Result<> make(const Job& job);
     Result<> attachLight();
     Result<> lastPicture();
+    Result<> leaveUnwritten();
     bool pictureIsDue(double t) const;
     double elapsed() { return elapsed_.at(scene_.now()); }
     /// Seconds from the start to the next picture.

@@ -241,6 +241,7 @@ bool Mirroring::join() {
     elapsed_ = ElapsedTime(time_);
     OutputArguments arguments = options_.outputs;
     if (!options_.duration.empty()) arguments.seconds = duration_;
+    arguments.endsByInterruption = options_.duration.empty();
     made_ = std::make_unique<Made>(replica_, arguments, resources_);
     if (auto ok = requests_.parse(replica_); !ok) {
         printError(ok.error().text);
@@ -522,7 +523,9 @@ Verb addMirror(Command& program) {
         "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --size 320x180 "
         "--listen out.wav --base examples/demo\n"
         "Exit status 1 unless the replica had the origin's state hash in every frame, and the origin took every "
-        "request.");
+        "request.\n"
+        "Ctrl-C is the end where no --for is given; before the end of --for it leaves films, sounds, a picture of the\n"
+        "last state and the saved scene unwritten.");
     return {command, [options] { return mirror(*options); }};
 }
 

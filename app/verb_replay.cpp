@@ -206,7 +206,9 @@ class Replaying {
         if (progress) progress(1, 1);
         if (!more_ || !interrupted()) return;
         cut_ = true;
-        printError(fmt::format("interrupted: what is written holds {} to t = {} s", options_.log, time()));
+        printError(options_.exported.empty()
+                       ? fmt::format("interrupted: {} was played to t = {} s", options_.log, time())
+                       : fmt::format("interrupted: what is written holds {} to t = {} s", options_.log, time()));
     }
 
     /// Until then nothing comes; who asks for the newest state gets it.
@@ -405,7 +407,8 @@ Verb addReplay(Command& program) {
         "Example: rtsg replay hall.rlog --blame LAMP_SWING.rotation\n"
         "Example: rtsg replay hall.rlog --compact short.rlog --seek 60s --for 10s --every 6\n"
         "Example: rtsg replay door.rlog --rerun door.x3dv --expect-picture door.png --size 160x120\n"
-        "Exit status 1, naming frame, node and field, where a state is not the one recorded.");
+        "Exit status 1, naming frame, node and field, where a state is not the one recorded.\n"
+        "Ctrl-C before the end leaves films, sounds, a picture of the last state and the saved scene unwritten.");
     return {command, [command, options] { return replay(*command, *options); }};
 }
 

@@ -198,7 +198,8 @@ Verb addRun(Command& program) {
     command->addFlag("--json", options->json, "the summary as JSON, after the events if any are watched");
     command->footer(
         "Example: rtsg run door.x3dv --for 2s --fps 60 --watch DOOR.rotation --set PRESSED.set_boolean=TRUE@0.5\n"
-        "Example: rtsg run hall.x3dv --for 2s --fps 25 --render out/%03d.png --size 320x180 --listen out/hall.wav");
+        "Example: rtsg run hall.x3dv --for 2s --fps 25 --render out/%03d.png --size 320x180 --listen out/hall.wav\n"
+        "Ctrl-C before the end leaves films, sounds, a picture of the last state and the saved scene unwritten.");
     return {command, [options] { return runScene(*options); }};
 }
 

@@ -352,6 +352,39 @@ TEST_F(Mirror, SignalsEndBothInOrder) {
     EXPECT_EQ(rtsg({"replay", "--json", folder / "mirrored.rlog", "--verify"}).status, 0);
 }
 
+/// Without --for an interruption is the end that was meant; with it the end is another.
+TEST_F(Mirror, AnInterruptionIsTheEndWhereNoneWasStated) {
+    serve({"--for", "120s"}, "ipc://" + folder / "socket");
+    const std::string film = folder / "m.gif", sound = folder / "m.wav", log = folder / "m.rlog";
+    for (const bool stated : {true, false}) {
+        writeFile(film, "old");
+        writeFile(sound, "old");
+        std::vector<std::string> arguments{"mirror", "--json",   endpoint, "--render", film, "--listen",
+                                           sound,    "--size",   "16x10",  "--rays",   "50", "--wait",
+                                           "60s",    "--record", log,      "--force"};
+        if (stated) arguments.insert(arguments.end(), {"--for", "100s"});
+        std::filesystem::remove(log);
+        Program mirror(arguments, streams());
+        const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+        while (std::chrono::steady_clock::now() < end) {
+            const Outcome info = rtsg({"info", log, "--json"});
+            if (info.status == 0 && json::parse(info.out).at("duration_s") > 1) break;
+            std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        }
+        mirror.signal(SIGINT);
+        const Outcome followed = mirror.wait();
+        EXPECT_EQ(followed.status, stated ? 1 : 0) << followed.err;
+        EXPECT_EQ(readFile(film) == "old", stated);
+        EXPECT_EQ(readFile(sound) == "old", stated);
+        const json report = json::parse(followed.out);
+        EXPECT_EQ(report.at("pictures") == 0, stated) << report;
+        EXPECT_EQ(report.at("sound_seconds") == 0, stated) << report;
+        if (!stated) {
+            EXPECT_EQ(readFile(film).substr(0, 3), "GIF");
+        }
+    }
+}
+
 TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
     const std::string keys = folder / "keys";
     serve({"--for", "3s", "--linger", "0", "--key", keys}, "tcp://127.0.0.1:*");

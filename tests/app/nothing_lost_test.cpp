@@ -392,6 +392,39 @@ TEST_F(Interrupted, PicturesAreWholeOrNotThere) {
     }
 }
 
+/// With an end that was stated: what is one file for all of it, or for its end, is not complete before that.
+TEST_F(Interrupted, AFilmASoundAndALastStateAreWholeOrNotThere) {
+    const std::string big = folder / "big.rlog", film = folder / "a.gif", sound = folder / "a.wav",
+                      saved = folder / "a.x3d", picture = folder / "a.png";
+    ASSERT_EQ(rtsg({"record", file, "-o", big, "--for", "2000s", "--fps", "60"}).status, 0);
+    const std::vector<std::string> made{film, sound, saved, picture};
+    for (const std::string& one : made) writeFile(one, "old");
+    const auto before = files();
+    const auto later = [](int milliseconds) {
+        return [milliseconds, start = std::chrono::steady_clock::now()] {
+            return std::chrono::steady_clock::now() - start > std::chrono::milliseconds(milliseconds);
+        };
+    };
+    for (const auto& verb : {std::vector<std::string>{"run", file, "--for", "2000s"},
+                             {"run", file, "--for", "2000s", "--live"},
+                             {"replay", big},
+                             {"replay", big, "--live"}})
+        for (const std::string& shown : {film, picture}) {
+            std::vector<std::string> arguments = verb;
+            arguments.insert(arguments.end(), {"--render", shown, "--listen", sound, "--save", saved, "--size", "16x10",
+                                               "--rays", "50", "--force"});
+            const Outcome outcome = interrupt(arguments, later(1500));
+            EXPECT_TRUE(outcome.status == 1 || outcome.status == 128 + SIGINT) << outcome.status;
+            if (outcome.status == 1) {
+                EXPECT_THAT(outcome.err, HasSubstr(shown + ", " + sound + ", " + saved +
+                                                   ": error: interrupted before its end: not written [output]"));
+            }
+            for (const std::string& one : made)
+                EXPECT_EQ(readFile(one), "old") << one << testing::PrintToString(arguments);
+            expectOnly(before, {});
+        }
+}
+
 TEST_F(Interrupted, AnExportIsWholeOrNamedAsPartial) {
     const std::string big = folder / "big.rlog", mcap = folder / "a.mcap";
     ASSERT_EQ(rtsg({"record", file, "-o", big, "--for", "2000s", "--fps", "60"}).status, 0);
