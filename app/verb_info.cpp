@@ -96,6 +96,15 @@ int describeScene(const InfoArguments& options) {
     return ok ? kDone : kBad;
 }
 
+/// How much is missing, and what stands in another order.
+std::string gapsText(const LogSummary& log) {
+    std::string text = log.gaps > 0 ? fmt::format(", {} missing", framesText(log.missingFrames)) : "";
+    if (log.framesBehind > 0)
+        text += fmt::format("; {} of earlier states: pieces are in another order than they were written in",
+                            framesText(log.framesBehind));
+    return text;
+}
+
 int describeLog(const InfoArguments& options) {
     const auto log = summariseLog(options.file);
     if (!log) return printError(log.error()), kBad;
@@ -107,12 +116,14 @@ int describeLog(const InfoArguments& options) {
             "\"being_written\":{},\"mode\":{},"
             "\"coding\":{},\"creator\":{},\"nodes\":{},\"types\":{}}}\n",
             log->frames, log->keyframes, log->inputs, log->sessions, log->firstState, log->lastState, log->start,
-            duration, log->bytes, log->damaged, log->damagedBytes, log->closed, log->goesOn, log->beingWritten,
-            jsonString(log->mode), jsonString(log->coding), jsonString(log->creator), log->nodes, asJson(log->types));
+            duration, log->bytes, log->damaged, log->damagedBytes, log->gaps, log->missingFrames, log->framesBehind,
+            log->closed, log->goesOn, log->beingWritten, jsonString(log->mode), jsonString(log->coding),
+            jsonString(log->creator), log->nodes, asJson(log->types));
     } else {
         fmt::print(
             "{}\n  frames     {}, states {} to {}\n  keyframes  {}\n  inputs     {}\n  sessions   {}\n"
             "  time       {} to {} s, {} s long\n  bytes      {}\n  damage     {} places, {} bytes{}\n"
+            "  gaps       {}{}\n"
             "  mode       {}, coding {}, written by {}\n  nodes      {} in the last state\n",
             terminalText(options.file), log->frames, log->firstState, log->lastState, log->keyframes, log->inputs,
             log->sessions, log->start, log->end, duration, log->bytes, log->damaged, log->damagedBytes,
@@ -120,11 +131,12 @@ int describeLog(const InfoArguments& options) {
             : log->closed     ? ""
             : log->goesOn     ? "; the session goes on in a next piece"
                               : "; it was not closed in order",
-            terminalText(log->mode), terminalText(log->coding), terminalText(log->creator), log->nodes);
+            log->gaps, gapsText(*log), terminalText(log->mode), terminalText(log->coding), terminalText(log->creator),
+            log->nodes);
         printCounts(log->types);
         tellOfEarlierPieces(options.file);
     }
-    return log->damaged == 0 ? kDone : kBad;
+    return log->damaged + log->gaps + log->framesBehind == 0 ? kDone : kBad;
 }
 
 }  // namespace

@@ -266,6 +266,15 @@ TEST_F(Replay, WhatALogLacksIsSaidByEveryUseOfIt) {
     EXPECT_THAT(compacted.err, HasSubstr("is not complete"));
     EXPECT_EQ(json::parse(compacted.out).at("complete"), false);
     EXPECT_TRUE(std::filesystem::exists(shorter));
+    const std::string hole = folder / "hole.rlog";
+    writeFile(hole, bytes);
+    const Outcome described = rtsg({"info", hole, "--json"});
+    EXPECT_EQ(described.status, 1);
+    EXPECT_EQ(json::parse(described.out).at("gaps"), 1);
+    EXPECT_GT(json::parse(described.out).at("missing_frames"), 0);
+    EXPECT_EQ(json::parse(described.out).at("damaged"), 0);
+    EXPECT_THAT(rtsg({"info", hole}).out, testing::ContainsRegex("gaps +1, [0-9]+ frames missing"));
+    EXPECT_EQ(rtsg({"info", log}).status, 0);
     const Outcome blamed = rtsg({"replay", gap, "--blame", "BOX.translation", "--json"});
     EXPECT_EQ(blamed.status, 1) << blamed.out;
     EXPECT_EQ(json::parse(blamed.out).at("complete"), false);

@@ -26,6 +26,7 @@ class Counter {
         s_.goesOn = saysGoesOn(header);
         if (header.kind == RecordKind::head) return takeHead(record);
         if (header.kind == RecordKind::index) return;
+        follow(header);
         const bool again = header.kind == RecordKind::keyframe && header.to == lastKeyframe_;
         if (header.kind == RecordKind::keyframe) {
             lastKeyframe_ = header.to;
@@ -46,11 +47,52 @@ class Counter {
         s_.end = header.time + shift_;
     }
 
+    /// No record follows.
+    void end() {
+        if (missing_) s_.missingFrames += seen_ - state_;
+    }
+
   private:
+    /// Goes through the states as a replay does, by their numbers alone.
+    void follow(const RecordHeader& header) {
+        const bool keyframe = header.kind == RecordKind::keyframe;
+        const bool runs = runs_ && header.kind == RecordKind::input && header.from != header.to;
+        if (!keyframe && !runs && header.kind != RecordKind::frame) return;
+        if (!lost_ && header.from == state_ && !keyframe) {
+            state_ = header.to;
+            return;
+        }
+        if (!lost_ && header.to <= state_) {
+            if (!keyframe && header.to < state_) ++s_.framesBehind;
+            return;
+        }
+        if (!lost_ && !(keyframe && header.from == state_)) miss(state_);
+        if (!keyframe) {
+            if (!missing_) miss(header.from);
+            seen_ = std::max(seen_, header.to);
+            return;
+        }
+        if (s_.sessions == 0) return;  // nothing says what is in it
+        if (std::exchange(missing_, false) && header.to > state_) s_.missingFrames += header.to - state_;
+        lost_ = false;
+        state_ = header.to;
+    }
+    /// What comes behind state `last` is missing.
+    void miss(std::uint64_t last) {
+        lost_ = missing_ = true;
+        ++s_.gaps;
+        state_ = seen_ = last;
+    }
     void takeHead(const LogReader::Record& record) {
         const auto head = decodeHead(record.bytes);
         if (!head) return;
+        runs_ = head->mode.mode == Mode::input;
         if (s_.sessions == 0 || head->epoch != epoch_) {
+            if (s_.sessions > 0) {
+                end();
+                lost_ = true;
+                missing_ = false;
+            }
             ++s_.sessions;
             lastStep_ = lastKeyframe_ = std::numeric_limits<std::uint64_t>::max();
         }
@@ -64,6 +106,9 @@ class Counter {
     bool first_ = true;
     double shift_ = 0;  // where a session begins with an earlier time than the one before ended with
     std::uint64_t epoch_ = 0, lastStep_ = 0, lastKeyframe_ = 0;
+    bool runs_ = false;                   // in input mode
+    bool lost_ = true, missing_ = false;  // waiting for a keyframe; because frames are missing
+    std::uint64_t state_ = 0, seen_ = 0;  // that was reached; and the last that a record which is of no use speaks of
 };
 
 }  // namespace
@@ -90,6 +135,7 @@ Result<LogSummary> summariseLog(const std::filesystem::path& file) {
     summary.bytes = log->size();
     Counter counter(summary);
     while (const std::optional<LogReader::Record> record = log->next()) counter.take(*record);
+    counter.end();
     summary.beingWritten = log->beingWritten();
     summary.damaged = log->damage().size();
     for (const LogDamage& damage : log->damage()) summary.damagedBytes += damage.length;

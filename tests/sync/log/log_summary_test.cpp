@@ -50,5 +50,41 @@ TEST_F(Summary, DamageIsCountedAndNoError) {
     EXPECT_FALSE(isLog("/dev/null"));
 }
 
+/// As a replay of it counts them.
+TEST_F(Summary, FramesThatAreMissingAreCounted) {
+    record(file(), 60, 8, denseKeyframes());
+    const auto records = recordsOf(file());
+    const std::string bytes = readAll(file());
+    EXPECT_EQ(summariseLog(file())->gaps, 0u);
+    std::size_t gaps = 0;
+    const auto expectAsReplayed = [&](const std::string& log, std::size_t which) {
+        writeAll(file("b.rlog"), log);
+        const auto summary = summariseLog(file("b.rlog"));
+        ASSERT_TRUE(summary) << summary.error().format();
+        auto replayer = Replayer::open(file("b.rlog"));
+        ASSERT_TRUE(replayer);
+        while ((*replayer)->step().value_or(true)) continue;
+        EXPECT_EQ(summary->gaps, (*replayer)->gaps()) << "record " << which;
+        EXPECT_EQ(summary->missingFrames > 0, summary->gaps > 0) << "record " << which;
+        EXPECT_EQ(summary->framesBehind, (*replayer)->framesBehind()) << "record " << which;
+        gaps += summary->gaps;
+    };
+    for (std::size_t i = 0; i + 1 < records.size(); ++i) {
+        const auto [at, header] = records[i];
+        const std::string rest = bytes.substr(at + header.size());
+        expectAsReplayed(bytes.substr(0, at) + rest, i);                                                // without it
+        expectAsReplayed(bytes.substr(at), i);                                                          // from it on
+        expectAsReplayed(bytes.substr(0, at) + bytes.substr(at, header.size()) + bytes.substr(at), i);  // twice
+        const auto next = records[i + 1].second.size();
+        expectAsReplayed(
+            bytes.substr(0, at) + rest.substr(0, next) + bytes.substr(at, header.size()) + rest.substr(next),
+            i);  // behind the next
+    }
+    EXPECT_GT(gaps, 50u);
+    // Its halves in another order.
+    const std::uint64_t middle = records[records.size() / 2].first;
+    expectAsReplayed(bytes.substr(middle) + bytes.substr(0, middle), records.size());
+}
+
 }  // namespace
 }  // namespace rtsg

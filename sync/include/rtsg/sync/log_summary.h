@@ -22,8 +22,10 @@ struct LogSummary {
     std::uint64_t firstState = 0, lastState = 0;
     double start = 0, end = 0;  // seconds, as Replayer::time()
     std::uint64_t damaged = 0, damagedBytes = 0;
-    bool closed = false;  // it ends with its index: the writer came to its end
-    bool goesOn = false;  // it is a piece that another one follows
+    std::uint64_t gaps = 0, missingFrames = 0;  // times that frames are missing, as Replayer::gaps(); how many
+    std::uint64_t framesBehind = 0;             // as Replayer::framesBehind(): pieces in another order
+    bool closed = false;                        // it ends with its index: the writer came to its end
+    bool goesOn = false;                        // it is a piece that another one follows
     bool beingWritten = false;
     std::string creator, mode, coding;
     std::map<std::string, std::size_t> types;  // nodes of the last state
