@@ -17,6 +17,7 @@
 #include <rtsg/renderers/mesh_file.h>
 #include <rtsg/renderers/picture.h>
 #include <rtsg/sync/log.h>
+#include <rtsg/sync/log_summary.h>
 
 namespace rtsg::app {
 
@@ -132,6 +133,10 @@ void keepResources(const Scene& scene, const Resources& resources, const std::ve
         for (const OutputName& output : outputs)
             if (isFile(output.file) && (sameFile(used, output.file) || isOneOf(used, output.file)))
                 throw UsageError(output.option, fmt::format("the scene uses {}", used.string()));
+}
+
+bool isLogOrNamedSo(const std::string& file) {
+    return isLog(file) || fs::path(file).extension() == ".rlog";
 }
 
 /// A log that says that its session begins with it has none before it, whatever lies beside it.

@@ -32,6 +32,9 @@ inline Existing existing(bool force) {
 /// another output. Fails where a log or scene is there already and is to be kept.
 Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force);
 
+/// A log by how it begins, or by its name: one that is damaged there, or empty, is told as a log.
+bool isLogOrNamedSo(const std::string& file);
+
 /// On standard error, if the log is the last of several files: where the session's earlier states are.
 void tellOfEarlierPieces(const std::string& log);
 

@@ -1,14 +1,13 @@
 // rtsg diff: two logs or two scenes compared, and what differs named.
 #include <cmath>
-#include <filesystem>
 #include <memory>
 
 #include <fmt/format.h>
 
 #include <rtsg/sync/field_comparison.h>
-#include <rtsg/sync/log_summary.h>
 
 #include "cli.h"
+#include "files.h"
 #include "replay_test.h"
 
 namespace rtsg::app {
@@ -96,12 +95,8 @@ int diffScenes(const DiffArguments& options) {
 
 int diffFiles(const DiffArguments& options) {
     check(options.selection);
-    // One that is named so and is none, an empty one say, is told as a log.
-    const auto isOne = [](const std::string& file) {
-        return isLog(file) || std::filesystem::path(file).extension() == ".rlog";
-    };
-    const bool log = isOne(options.a);
-    if (log != isOne(options.b))
+    const bool log = isLogOrNamedSo(options.a);
+    if (log != isLogOrNamedSo(options.b))
         throw UsageError(
             fmt::format("{} is a log, the other a scene: save a state first, rtsg replay {} --seek 2s "
                         "--save state.x3dv",

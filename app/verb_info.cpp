@@ -150,8 +150,9 @@ Verb addInfo(Command& program) {
     command->footer(
         "Example: rtsg info --json hall.x3dv\n"
         "Example: rtsg info hall.rlog\n"
-        "Exit status 1 for a scene with errors, or a log with damage.");
-    return {command, [options] { return isLog(options->file) ? describeLog(*options) : describeScene(*options); }};
+        "Exit status 1 for a scene with errors, or a log with damage or missing frames.");
+    return {command,
+            [options] { return isLogOrNamedSo(options->file) ? describeLog(*options) : describeScene(*options); }};
 }
 
 }  // namespace rtsg::app

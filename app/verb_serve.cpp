@@ -14,7 +14,6 @@
 
 #include <rtsg/core/terminal.h>
 #include <rtsg/sync/log_recorder.h>
-#include <rtsg/sync/log_summary.h>
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/mirror_server.h>
 
@@ -335,9 +334,7 @@ int Session::close() {
 
 int serve(const ServeArguments& options, const std::vector<std::string>& given) {
     options.web.check();
-    // One that is named so and is none, an empty one say, is told as a log.
-    const bool log = isLog(options.scene) || std::filesystem::path(options.scene).extension() == ".rlog";
-    if (options.resume.empty() && log) return play(options, given);
+    if (options.resume.empty() && isLogOrNamedSo(options.scene)) return play(options, given);
     checkResume(options);
     LogOptions ignored;
     options.rotate.setIn(ignored, !options.record.empty() || !options.resume.empty());  // throws before anything runs

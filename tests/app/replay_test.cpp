@@ -184,6 +184,19 @@ TEST_F(Replay, ALogThatHasLostItsBeginningDoesNotVerify) {
     EXPECT_EQ(json::parse(compacted.out).at("complete"), false);
 }
 
+/// Whatever the first bytes are, its name says that it is one.
+TEST_F(Replay, ALogWhoseFirstBytesAreDamagedIsToldAsALog) {
+    record(log, scene());
+    std::string bytes = readFile(log);
+    bytes[1] = 'X';
+    writeFile(log, bytes + bytes);
+    const Outcome outcome = rtsg({"info", log, "--json"});
+    EXPECT_EQ(outcome.status, 1) << outcome.err;
+    const json report = json::parse(outcome.out);
+    EXPECT_EQ(report.at("damaged"), 2) << report;
+    EXPECT_TRUE(report.contains("frames"));
+}
+
 TEST_F(Replay, ComparesLogsAndNamesTheField) {
     record(log, scene());
     const std::string same = folder / "same.rlog", other = folder / "other.rlog";
