@@ -35,7 +35,7 @@ using Root = x3d::RtsgScene;
 }  // namespace
 
 void Injections::add(FieldIndex field, Value value, double time) {
-    all_.push_back({time, {}, {scene_->root(), field}, std::move(value), false});
+    all_.push_back({time, {}, {}, {}, {scene_->root(), field}, std::move(value), false});
 }
 
 Result<> Injections::parsePointer(const std::vector<std::string>& words, double time) {
@@ -116,18 +116,23 @@ Result<> Injections::parseOne(const std::string& text, const std::string& name, 
         if (auto ok = parseDevice(name, given, time); !ok) return fail(fmt::format("{}: {}", text, ok.error().text));
         return {};
     }
+    auto event = toField(text, name, given, time);
+    if (!event) return std::unexpected(event.error());
+    all_.push_back(std::move(*event));
+    return {};
+}
+
+Result<Injections::Injection> Injections::toField(const std::string& text, const std::string& name,
+                                                  const std::string& given, double time) const {
     const auto target = findField(*scene_, name);
     if (!target) return std::unexpected(target.error());
     const FieldDef& def = scene_->node(target->node).type().fields[target->field];
     if (!def.writable()) return fail(fmt::format("{}: {} takes no events", text, def.name));
-    if (def.type == FieldType::SFTime && given == "now") {
-        all_.push_back({time, {}, *target, Value(Time{0}), true});
-        return {};
-    }
+    if (def.type == FieldType::SFTime && given == "now")
+        return Injection{time, text, name, given, *target, Value(Time{0}), true};
     auto value = parseFieldText(def.type, given);
     if (!value) return fail(fmt::format("{}: {}", text, value.error().text));
-    all_.push_back({time, {}, *target, std::move(*value), false});
-    return {};
+    return Injection{time, text, name, given, *target, std::move(*value), false};
 }
 
 Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string>& texts) {
@@ -169,7 +174,11 @@ const Injections::Injection* Injections::findInput() const {
 }
 
 const Injections::Injection* Injections::next(double t) {
-    return next_ < all_.size() && all_[next_].time <= t ? &all_[next_++] : nullptr;
+    if (next_ == all_.size() || all_[next_].time > t) return nullptr;
+    Injection& due = all_[next_++];
+    if (!due.name.empty())
+        if (auto now = toField(due.text, due.name, due.given, due.time)) due = std::move(*now);
+    return &due;
 }
 
 void Injections::sendUntil(double t, double start) {

@@ -22,13 +22,14 @@ class Injections {
     /// The scene must outlive this. Errors name what is wrong with one of `texts`.
     static Result<Injections> parse(Scene& scene, const std::vector<std::string>& texts);
     struct Injection {
-        double time = 0;   // seconds
-        std::string text;  // as it was typed
+        double time = 0;                // seconds
+        std::string text, name, given;  // as it was typed; DEF.field and value of it, of a device none
         FieldRef target;
         Value value;
         bool isNow = false;  // the value is the scene's time when it is sent
     };
-    /// The next one that is due at `t`, each once; null when none is.
+    /// The next one that is due at `t`, each once; null when none is. Its target is what has the name now: another
+    /// world may have come since. Where nothing fit for it has, it is still what had the name when it was parsed.
     const Injection* next(double t);
     /// Error: names the first that is due only after `end`, seconds.
     Result<> checkWithin(double end) const;
@@ -42,6 +43,8 @@ class Injections {
 
   private:
     Result<> parseOne(const std::string& text, const std::string& name, const std::string& given, double time);
+    Result<Injection> toField(const std::string& text, const std::string& name, const std::string& given,
+                              double time) const;
     Result<> parseDevice(const std::string& name, const std::string& given, double time);
     Result<> parsePointer(const std::vector<std::string>& words, double time);
     Result<> parseKey(const std::vector<std::string>& words, double time);

@@ -50,18 +50,30 @@ Result<> Requests::parseLocks(const Scene& replica) {
         lock.request.lease = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * lease));
         for (std::size_t from = 0; from <= equals;) {
             const std::size_t comma = std::min(text.find(',', from), equals);
-            const auto node = findNode(replica, text.substr(from, comma - from));
-            if (!node) return fail(fmt::format("--lock {}: {}", text, node.error().text));
-            lock.request.nodes.push_back(*node);
+            lock.names.push_back(text.substr(from, comma - from));
             from = comma + 1;
         }
+        if (const auto nodes = nodesOf(lock, replica); !nodes)
+            return fail(fmt::format("{}: {}", lock.text, nodes.error().text));
         locks_.push_back(std::move(lock));
     }
     std::ranges::stable_sort(locks_, {}, &Timed::time);
     return {};
 }
 
+/// Those that have the names now.
+Result<std::vector<NodeId>> Requests::nodesOf(const Timed& lock, const Scene& replica) {
+    std::vector<NodeId> nodes;
+    for (const std::string& name : lock.names) {
+        const auto node = findNode(replica, name);
+        if (!node) return std::unexpected(node.error());
+        nodes.push_back(*node);
+    }
+    return nodes;
+}
+
 Result<> Requests::parse(Scene& replica) {
+    replica_ = &replica;
     auto parsed = Injections::parse(replica, arguments_.set);
     if (!parsed) return std::unexpected(parsed.error());
     events_ = std::move(*parsed);
@@ -78,17 +90,24 @@ void Requests::note(const Result<std::uint64_t>& request, std::string text) {
 }
 
 void Requests::sendDue(MirrorClient& client, std::vector<Timed>& requests, std::size_t& next, double since) {
-    for (; next < requests.size() && requests[next].time <= since; ++next)
-        note(client.submit(requests[next].request), requests[next].text);
+    for (; next < requests.size() && requests[next].time <= since; ++next) {
+        Timed& due = requests[next];
+        auto nodes = nodesOf(due, *replica_);
+        if (nodes) due.request.nodes = std::move(*nodes);
+        note(nodes ? client.submit(due.request) : std::unexpected(nodes.error()), due.text);
+    }
 }
 
 void Requests::turn(MirrorClient& client, double since, double now) {
     sendDue(client, locks_, nextLock_, since);
-    const auto valueOf = [now](const Injections::Injection& due) { return due.isNow ? Value(Time{now}) : due.value; };
+    const auto submit = [&](const Injections::Injection& due, auto method) -> Result<std::uint64_t> {
+        if (!replica_->find(due.target.node)) return fail("its node is no longer there");
+        return (client.*method)(due.target.node, due.target.field, due.isNow ? Value(Time{now}) : due.value);
+    };
     while (const Injections::Injection* due = edits_.next(since))
-        note(client.submitEdit(due->target.node, due->target.field, valueOf(*due)), "--edit " + due->text);
+        note(submit(*due, &MirrorClient::submitEdit), "--edit " + due->text);
     while (const Injections::Injection* due = events_.next(since))
-        note(client.submitEvent(due->target.node, due->target.field, valueOf(*due)), "--set " + due->text);
+        note(submit(*due, &MirrorClient::submitEvent), "--set " + due->text);
     sendDue(client, takenBack_, nextTakenBack_, since);
     takeVerdicts(client);
 }

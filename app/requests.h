@@ -37,11 +37,13 @@ class Requests {
   private:
     struct Timed {
         double time = 0;   // seconds
-        std::string text;  // as it was typed
+        std::string text;  // as it was typed, with its option
         MirrorRequest request{};
+        std::vector<std::string> names{};  // of the nodes of a lock
     };
     Result<> parseEdits(Scene& replica);
     Result<> parseLocks(const Scene& replica);
+    static Result<std::vector<NodeId>> nodesOf(const Timed& lock, const Scene& replica);
     void sendDue(MirrorClient& client, std::vector<Timed>& requests, std::size_t& next, double since);
     /// `text`: what was asked, with its option.
     void note(const Result<std::uint64_t>& request, std::string text);
@@ -50,6 +52,7 @@ class Requests {
     Injections events_, edits_;
     std::vector<Timed> locks_, takenBack_;  // by time
     std::size_t nextLock_ = 0, nextTakenBack_ = 0;
+    const Scene* replica_ = nullptr;
     std::map<std::uint64_t, std::string> asked_;  // requests without an answer yet
 };
 

@@ -385,6 +385,27 @@ TEST_F(Mirror, AnInterruptionIsTheEndWhereNoneWasStated) {
     }
 }
 
+/// What is asked at a time is asked of the nodes that have the names then.
+TEST_F(Mirror, RequestsGoToTheWorldOfTheirTime) {
+    const auto world = [](const std::string& first, const std::string& next) {
+        return "#X3D V4.0 utf8\nPROFILE Immersive\n" + first +
+               "DEF GO BooleanFilter { }\nDEF T TimeTrigger { }\nDEF B Transform { }\n"
+               "DEF S Script { inputOnly SFTime go url \"ecmascript: function go(v){ Browser.loadURL(new MFString('" +
+               next +
+               "'), new MFString()); }\" }\nDEF CLOCK TimeSensor { loop TRUE }\n"
+               "ROUTE GO.inputTrue TO T.set_boolean\nROUTE T.triggerTime TO S.go\n";
+    };
+    writeFile(file, world("DEF BEFORE Group { }\n", "b.x3dv"));
+    writeFile(folder / "b.x3dv", world("", "scene.x3dv"));
+    serve({"--for", "120s", "--upstream", "edits"}, "ipc://" + folder / "socket");
+    const Outcome outcome = rtsg({"mirror", endpoint, "--for", "3s", "--set", "GO.set_boolean=TRUE@.3", "--edit",
+                                  "B.translation=4 5 6@2.5", "--lock", "B=1s@2.4", "--save", folder / "m.x3dv"});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_THAT(outcome.out, HasSubstr("3 requests sent, 3 accepted"));
+    EXPECT_THAT(readFile(folder / "m.x3dv"), HasSubstr("translation 4 5 6"));
+    EXPECT_THAT(readFile(folder / "m.x3dv"), testing::Not(HasSubstr("BEFORE")));
+}
+
 TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
     const std::string keys = folder / "keys";
     serve({"--for", "3s", "--linger", "0", "--key", keys}, "tcp://127.0.0.1:*");
