@@ -35,8 +35,8 @@ class Injections {
     Result<> checkWithin(double end) const;
     /// The first whose field takes events only, devices' included; null if none does.
     const Injection* findInput() const;
-    /// Each has been due.
-    bool done() const { return next_ == all_.size(); }
+    /// The first that has not been due; null if each has.
+    const Injection* waiting() const { return next_ == all_.size() ? nullptr : &all_[next_]; }
     /// Queues those that are due for the frame at `t`, which is `start` later on the scene's clock. What the scene
     /// refuses goes to standard error, and the program ends with kBad.
     void sendUntil(double t, double start);

@@ -123,8 +123,11 @@ void Requests::takeVerdicts(MirrorClient& client) {
     }
 }
 
-bool Requests::allSent() const {
-    return events_.done() && edits_.done() && nextLock_ == locks_.size() && nextTakenBack_ == takenBack_.size();
+std::string Requests::firstUnsent() const {
+    if (nextLock_ < locks_.size()) return locks_[nextLock_].text;
+    if (const Injections::Injection* edit = edits_.waiting()) return "--edit " + edit->text;
+    if (const Injections::Injection* event = events_.waiting()) return "--set " + event->text;
+    return nextTakenBack_ < takenBack_.size() ? takenBack_[nextTakenBack_].text : std::string();
 }
 
 }  // namespace rtsg::app

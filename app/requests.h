@@ -31,7 +31,8 @@ class Requests {
     void takeVerdicts(MirrorClient& client);
     /// Verdicts are still to come.
     bool open() const { return accepted + refused < sent; }
-    bool allSent() const;
+    /// The first, as it was typed, whose time has not come; empty: none.
+    std::string firstUnsent() const;
     std::uint64_t sent = 0, accepted = 0, refused = 0, unsent = 0;  // unsent: too large, say
 
   private:

@@ -172,6 +172,12 @@ class Mirroring {
         return !outputs.listen.empty() || !outputs.record.empty() || outputs.animated();
     }
     bool joined() const { return made_ != nullptr; }
+    /// In step with a scene that has stood still for a while.
+    bool standsStill() const { return secondsSince(movedAt_) >= std::min(duration_, 1.0) && client_->inStep(); }
+    /// Since it joined, in scene time; by the clock where the scene stands still and nothing is made that has a length.
+    double reached() const {
+        return !hasLength() && standsStill() ? std::max(since(), secondsSince(joinedAt_)) : since();
+    }
     /// Since it joined.
     double framesPerSecond() const {
         const auto frames = static_cast<double>(client_->statistics().frames - framesBefore_);
@@ -263,11 +269,7 @@ bool Mirroring::isOver(std::size_t applied) {
     if (joined() && !made_->frame()) return true;
     if (client.serverLeft() && applied == 0) return true;
     if (applied > 0 || client.inStep() || client.receiving()) heard_ = Clock::now();
-    // What is made has a length in scene time; who only follows need not wait for a scene that stands still. One that
-    // comes late over a slow link does not.
-    const bool stands = secondsSince(movedAt_) >= std::min(duration_, 1.0) && client.inStep();
-    const bool byClock = !options_.outputs.any() && secondsSince(joinedAt_) >= duration_ && stands;
-    if (joined() && (since() >= duration_ || byClock)) return true;
+    if (joined() && reached() >= duration_) return true;
     // A log that is paused, or at its end, may do so for good; a scene that is held up for a moment goes on.
     stoodStill_ = joined() && client.inStep() && secondsSince(movedAt_) >= std::max(duration_, patience_) + latency_;
     if (stoodStill_) return true;
@@ -315,7 +317,7 @@ void Mirroring::follow() {
         if (joined() && progress)
             progress(static_cast<std::uint64_t>(1e3 * std::clamp(since(), 0., duration_)),
                      static_cast<std::uint64_t>(1e3 * duration_) + 1);
-        if (joined()) requests_.turn(client, since(), replica_.now());
+        if (joined()) requests_.turn(client, reached(), replica_.now());
         if (joined()) control(client);
         if (joined()) sayWhetherHeard();
         if (isOver(applied)) break;
@@ -360,7 +362,8 @@ void Mirroring::awaitAnswers() {
                          requests_.sent - requests_.accepted - requests_.refused, requests_.sent, options_.endpoint));
     if (replies_ < options_.control.size())
         fail(fmt::format("--control {}: no answer from {}", options_.control[replies_], options_.endpoint));
-    if (!requests_.allSent()) fail("the replica ended before the time of a request, which was not sent");
+    if (const std::string request = requests_.firstUnsent(); !request.empty())
+        fail(fmt::format("{}: not sent: the replica ended at {} s", request, since()));
 }
 
 void Mirroring::sayWhatIsMissing() {
@@ -368,7 +371,7 @@ void Mirroring::sayWhatIsMissing() {
     if (interrupted() && !options_.duration.empty())
         fail(fmt::format("interrupted after {} of {} s", since(), duration_));
     else if (client_->serverLeft() && !options_.duration.empty() && since() < duration_ &&
-             (options_.outputs.any() || secondsSince(joinedAt_) < duration_))
+             (hasLength() || secondsSince(joinedAt_) < duration_))
         fail(fmt::format("{} left after {} of {} s", options_.endpoint, since(), duration_));
     if (stoodStill_ && hasLength())
         fail(fmt::format("{} stands still after {} of {} s", options_.endpoint, since(), duration_));
@@ -469,12 +472,13 @@ Verb addMirror(Command& program) {
     Command* command = program.addVerb("mirror", "Follow a served scene; picture, hear, log and save the replica");
     command->addOption("ENDPOINT", options->endpoint, "ZeroMQ endpoint that rtsg serve named")->required();
     command->addOption("--for", options->duration,
-                       "how long, in scene time, or by the clock where the scene stands still; else until the server "
-                       "leaves or Ctrl-C. Where a log is played again, time goes on");
+                       "how long, in scene time; by the clock where the scene stands still, unless a film, numbered "
+                       "pictures, sound or a log are made of its time (an error after --wait then); else until the "
+                       "server leaves or Ctrl-C. Where a log is played again, time goes on");
     command
         ->addOption("--wait", options->patience,
-                    "give up after so long without a server, and not before with --for of a scene that stands "
-                    "still")
+                    "give up after so long without a server, or with a scene that stands still where its time is "
+                    "needed, but not before --for")
         ->preset();
     command->addOption(
         "--name", options->name,

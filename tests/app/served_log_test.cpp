@@ -243,9 +243,15 @@ TEST_F(Mirror, OfASceneThatStandsStillTheClockCounts) {
     const Outcome asked = rtsg({"mirror", endpoint, "--for", "200ms", "--set", "FLAG.set_boolean=TRUE@0"});
     EXPECT_EQ(asked.status, 1);
     EXPECT_THAT(asked.err, HasSubstr("refused: a log is played"));
-    const Outcome one = follow("--render", "still.png");
-    EXPECT_EQ(one.status, 0) << one.err;
-    EXPECT_TRUE(std::filesystem::exists(folder / "still.png"));
+    const Outcome later = rtsg({"mirror", endpoint, "--for", "200ms", "--set", "FLAG.set_boolean=TRUE@.1"});
+    EXPECT_EQ(later.status, 1);
+    EXPECT_THAT(later.err, HasSubstr("refused: a log is played")) << "the clock counts for what is asked, too";
+    for (const auto& [option, made] : {std::pair("--render", "still.png"), std::pair("--save", "still.x3d")}) {
+        const Outcome one =
+            rtsg({"mirror", endpoint, "--for", "200ms", "--wait", "1000s", option, folder / made, "--size", "16x9"});
+        EXPECT_EQ(one.status, 0) << one.err;
+        EXPECT_TRUE(std::filesystem::exists(folder / made));
+    }
     for (const auto& [option, made] : {std::pair("--render", "still%d.png"), std::pair("--record", "other.rlog")}) {
         const Outcome many = follow(option, made);
         EXPECT_EQ(many.status, 1);
