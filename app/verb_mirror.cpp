@@ -68,6 +68,10 @@ double secondsSince(Clock::time_point start) {
 constexpr std::uint64_t kLeastRate = 1000;
 
 Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
+    if (!options.maxLag.empty() && (options.whenSlow == "block" || options.whenSlow == "resync"))
+        throw UsageError("--max-lag", fmt::format("goes with --when-slow merge or near: with {} frames come however "
+                                                  "late, until 8 MiB wait",
+                                                  options.whenSlow));
     if (options.maxRate > 0 && options.maxRate < kLeastRate)
         throw UsageError("--max-rate",
                          fmt::format("{} bytes a second: at least {}, or 0 for any", options.maxRate, kLeastRate));
@@ -518,7 +522,7 @@ Verb addMirror(Command& program) {
         ->addOption("--when-slow", options->whenSlow,
                     "what to get when too slow: merged frames; these with views, sounds and what is near the viewer "
                     "first, the rest waits for at most a second; every frame while the scene waits (if the server lets "
-                    "it); or a new snapshot")
+                    "it); or a new snapshot: these two however late, until 8 MiB wait")
         ->preset()
         ->oneOf({"merge", "near", "block", "resync"});
     options->outputs.addTo(*command, OutputArguments::Options::ofMirror);

@@ -406,6 +406,16 @@ TEST_F(Mirror, RequestsGoToTheWorldOfTheirTime) {
     EXPECT_THAT(readFile(folder / "m.x3dv"), testing::Not(HasSubstr("BEFORE")));
 }
 
+TEST_F(Mirror, WhatHasNoMeaningIsRefused) {
+    for (const char* how : {"block", "resync"}) {
+        const Outcome outcome =
+            rtsg({"mirror", "ipc://" + folder / "none", "--when-slow", how, "--max-lag", "1s", "--wait", "0"});
+        EXPECT_EQ(outcome.status, 2) << outcome.err;
+        EXPECT_THAT(outcome.err, HasSubstr("--max-lag"));
+    }
+    EXPECT_THAT(named.err, HasSubstr("a name of 201 bytes"));
+}
+
 TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
     const std::string keys = folder / "keys";
     serve({"--for", "3s", "--linger", "0", "--key", keys}, "tcp://127.0.0.1:*");
