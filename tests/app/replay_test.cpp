@@ -197,6 +197,21 @@ TEST_F(Replay, ALogWhoseFirstBytesAreDamagedIsToldAsALog) {
     EXPECT_TRUE(report.contains("frames"));
 }
 
+/// A part of a log, or a mirror's that came late.
+TEST_F(Replay, ALogThatBeginsLateIsNotRunAgainFromTheScenesStart) {
+    record(log, scene());
+    const std::string late = folder / "late.rlog";
+    ASSERT_EQ(rtsg({"replay", log, "--compact", late, "--seek", "0.5s"}).status, 0);
+    const Outcome whole = rtsg({"replay", late, "--rerun", file});
+    EXPECT_EQ(whole.status, 1);
+    EXPECT_THAT(whole.err, testing::ContainsRegex(
+                               "the log begins with state 1[0-9] of its session, the scene with state [12]: only"));
+    const Outcome chosen = rtsg({"replay", late, "--rerun", file, "--field", "BOX.translation"});
+    EXPECT_EQ(chosen.status, 1);
+    EXPECT_THAT(chosen.err, HasSubstr("BOX.translation"));
+    EXPECT_THAT(chosen.err, HasSubstr("the log begins with state 1"));
+}
+
 TEST_F(Replay, ComparesLogsAndNamesTheField) {
     record(log, scene());
     const std::string same = folder / "same.rlog", other = folder / "other.rlog";

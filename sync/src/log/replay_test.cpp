@@ -86,6 +86,7 @@ class Run {
             const FieldDifference& d = report_.differences.front();
             report_.divergence = Divergence{d.frame, d.time, d.node, d.field,
                                             d.cause.empty() ? d.text : fmt::format("{}, by {}", d.text, d.cause)};
+            if (const std::string late = lateBegin(); !late.empty()) report_.divergence->text += "; " + late;
         }
         report_.ignoredInVain = fields_->ignoredInVain();
         if (std::string why = fields_->nothingCompared(); !why.empty()) diverge(std::move(why));
@@ -124,6 +125,16 @@ class Run {
                     {}, test_.log.string());
     }
 
+    /// Of a log whose first state is a later one of its session than the one that the scene begins with: a mirror's
+    /// that came late, or the end of one, cut off. Empty: it is not.
+    std::string lateBegin() const {
+        if (!test_.build || first_ <= firstNow_) return {};
+        return fmt::format(
+            "the log begins with state {} of its session, the scene with state {}: only what begins "
+            "with the session can be run again",
+            first_, firstNow_);
+    }
+
     /// The first state, before anything runs.
     Result<> start() {
         const Result<bool> first = check_.step();
@@ -149,6 +160,8 @@ class Run {
             attachment_ = scene_.bus().attach(*log_);
         }
         ++report_.frames;
+        first_ = recorded_.scene().sequence();
+        firstNow_ = scene_.sequence();
         report_.start = recorded_.scene().now();
         if (byFields()) {
             fields_ = std::make_unique<FieldComparison>(test_.compared, recorded_.scene(), scene_,
@@ -196,7 +209,11 @@ class Run {
         } else if (now.hash() == recorded_.scene().hash()) {
             ++report_.verified;
         } else if (auto difference = firstDifference(recorded_.scene(), now, {"recorded", "now"})) {
-            report_.divergence = std::move(difference);
+            const std::string late = lateBegin();
+            if (report_.frames == 1 && !late.empty())
+                diverge(late);
+            else
+                report_.divergence = std::move(difference);
             tellDifference();
         } else {
             diverge("another hash, though no difference is to be seen");
@@ -222,6 +239,7 @@ class Run {
     std::unique_ptr<FieldComparison> fields_;
     std::unique_ptr<Changes> changes_;
     Attachment changesAttachment_;
+    std::uint64_t first_ = 0, firstNow_ = 0;  // numbers of the first states
     bool differed_ = false;
 };
 
