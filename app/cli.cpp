@@ -67,6 +67,12 @@ void printError(const Diagnostic& diagnostic) {
         fmt::print(stderr, "{}\n", terminalText(diagnostic.format()));
 }
 
+Diagnostic namingOptions(Diagnostic why, std::string_view option, const std::string& keys) {
+    if (keys.empty() && why.code == DiagnosticCode("keys"))
+        why.text += fmt::format(" ({} FILE, or --insecure)", option);
+    return why;
+}
+
 namespace {
 /// Written by whichever thread the signal comes to, read by all.
 std::atomic<bool> signalled = false;

@@ -48,6 +48,9 @@ void print(const Diagnostics& diagnostics, std::string_view said = {});
 std::string framesText(std::uint64_t count);
 void printError(const std::string& text);
 void printError(const Diagnostic& diagnostic);
+/// Why nothing can be served: where it is for want of keys, with the options that say what to do; `keys` is what
+/// `option` was given.
+Diagnostic namingOptions(Diagnostic why, std::string_view option, const std::string& keys);
 
 /// From the first call on, SIGINT, SIGTERM and SIGHUP only make this true, so that a verb can end in order; a second
 /// one kills.

@@ -148,7 +148,7 @@ int serveLog(const ServedLog& log, const MirrorServerOptions& options) {
     (*player)->setLoop(log.arguments.loop);
     (*player)->pause(log.arguments.paused);
     auto server = MirrorServer::start((*player)->scene(), log.endpoint, options);
-    if (!server) return printError(server.error()), kBad;
+    if (!server) return printError(namingOptions(server.error(), "--key", options.keys ? "given" : "")), kBad;
     auto web = Web::start(log.web, **server, options.keys);
     if (!web) return printError(web.error()), kBad;
     (void)interrupted();  // from here on an interruption ends in order

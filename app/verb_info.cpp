@@ -1,6 +1,8 @@
 // rtsg info: what is in a scene, or in a log.
+#include <filesystem>
 #include <map>
 #include <memory>
+#include <system_error>
 
 #include <fmt/format.h>
 
@@ -76,6 +78,8 @@ int describeScene(const InfoArguments& options) {
     Diagnostics diagnostics(options.file);
     const Resources resources = options.resources.ofFile(options.file);
     const bool ok = load(scene, options.file, diagnostics, resources);
+    std::error_code error;
+    if (!ok && options.file != "-" && !std::filesystem::exists(options.file, error)) return kBad;  // that was said
     Counts c = count(scene);
     countTriangles(scene, resources, c);
     const std::string profile = scene.node(scene.root()).get(x3d::RtsgScene::profile).str();
@@ -112,7 +116,8 @@ int describeLog(const InfoArguments& options) {
     if (options.json) {
         fmt::print(
             "{{\"frames\":{},\"keyframes\":{},\"inputs\":{},\"sessions\":{},\"first_state\":{},\"last_state\":{},"
-            "\"t\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"closed\":{},\"goes_on\":{},"
+            "\"t\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"gaps\":{},\"missing_"
+            "frames\":{},\"frames_behind\":{},\"closed\":{},\"goes_on\":{},"
             "\"being_written\":{},\"mode\":{},"
             "\"coding\":{},\"creator\":{},\"nodes\":{},\"types\":{}}}\n",
             log->frames, log->keyframes, log->inputs, log->sessions, log->firstState, log->lastState, log->start,

@@ -280,9 +280,13 @@ bool Mirroring::isOver(std::size_t applied) {
     if (bringsOnlyGarbage(applied)) return true;
     if (secondsSince(heard_) < patience_ + latency_) return false;
     // A server that ends in order says goodbye; a relay that has lost its origin says so.
-    const bool heard = joined() || client.statistics().bytes > 0;
+    const MirrorStatistics& statistics = client.statistics();
+    const bool heard = joined() || statistics.messages > 0;
     fail(fmt::format("{}: {} for {} s", options_.endpoint,
-                     heard ? "the server, or the origin that it relays, has been silent" : "no server",
+                     heard && statistics.frames == 0 && statistics.garbage > 0
+                         ? "nothing of what the server sends could be read"
+                     : heard ? "the server, or the origin that it relays, has been silent"
+                             : "no server",
                      patience_ + latency_) +
          (heard                  ? ""
           : options_.key.empty() ? " (one that has keys does not answer without --key)"

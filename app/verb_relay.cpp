@@ -55,7 +55,7 @@ class Relaying {
         else if (good_ && over_ && !options_.duration.empty())
             fail(fmt::format("{} left after {:.1f} of {} s", options_.origin, seconds(start_), duration_));
         if (relay_->server()) relay_->server()->drain(std::chrono::seconds(1));
-        print();
+        if (serves_) print();
         return good_ ? kDone : kBad;
     }
 
@@ -89,8 +89,10 @@ class Relaying {
 
     void turn() {
         const bool before = relay_->server() != nullptr;
-        if (const auto applied = relay_->poll(std::chrono::milliseconds(50)); !applied)
-            return fail(applied.error().text);
+        if (const auto applied = relay_->poll(std::chrono::milliseconds(50)); !applied) {
+            serves_ = relay_->server() != nullptr;
+            return fail(namingOptions(applied.error(), "--serve-key", options_.serveKey));
+        }
         MirrorClient& client = relay_->client();
         printNews(client);
         if (relay_->server()) printNews(*relay_->server());
@@ -110,8 +112,9 @@ class Relaying {
             fmt::print("relaying {} at {}\n", options_.origin, relay_->server()->endpoint());
         std::fflush(stdout);
     }
-    void fail(const std::string& text) {
-        printError(text);
+    template <class Why>
+    void fail(const Why& why) {
+        printError(why);
         good_ = false;
         over_ = true;
     }
@@ -136,6 +139,7 @@ class Relaying {
     std::unique_ptr<MirrorRelay> relay_;
     Clock::time_point start_ = Clock::now(), heard_ = Clock::now();
     bool over_ = false, good_ = true;
+    bool serves_ = true;  // nothing keeps it from that
 };
 
 int relay(const RelayArguments& options) {

@@ -222,7 +222,7 @@ int Session::startServer() {
     }
     const std::optional<MirrorKeys> keys = how.keys;
     auto server = MirrorServer::start(lossy_ ? lossy_->scene() : running_.scene(), options_.endpoint, std::move(how));
-    if (!server) return printError(server.error()), kBad;
+    if (!server) return printError(namingOptions(server.error(), "--key", options_.key)), kBad;
     server_ = std::move(*server);
     auto web = Web::start(options_.web, *server_, keys);
     if (!web) return printError(web.error()), kBad;

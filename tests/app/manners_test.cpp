@@ -242,6 +242,13 @@ TEST_F(Manners, WatchedEventsAndASummary) {
     EXPECT_THAT(both.out, StartsWith("{\"t\":0,\"node\":\"BOX\""));
 }
 
+TEST_F(Manners, InfoOfNothingSaysSoAndNoMore) {
+    const Outcome outcome = rtsg({"info", folder / "none.x3dv"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("No such file"));
+    EXPECT_EQ(outcome.out, "");
+}
+
 TEST_F(Manners, InfoDescribesALog) {
     const std::string log = folder / "a.rlog";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "20"}).status, 0);

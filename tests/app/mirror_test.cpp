@@ -413,6 +413,8 @@ TEST_F(Mirror, WhatHasNoMeaningIsRefused) {
         EXPECT_EQ(outcome.status, 2) << outcome.err;
         EXPECT_THAT(outcome.err, HasSubstr("--max-lag"));
     }
+    const Outcome named = rtsg({"mirror", "ipc://" + folder / "none", "--name", std::string(201, 'x'), "--wait", "0"});
+    EXPECT_EQ(named.status, 2) << named.err;
     EXPECT_THAT(named.err, HasSubstr("a name of 201 bytes"));
 }
 
@@ -444,7 +446,12 @@ TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
 TEST_F(Mirror, ServerRefusesToBeOpenToOthersWithoutKeys) {
     const Outcome outcome = rtsg({"serve", file, "--bind", "tcp://0.0.0.0:*", "--for", "100ms"});
     EXPECT_EQ(outcome.status, 1);
-    EXPECT_THAT(outcome.err, HasSubstr("keys"));
+    EXPECT_THAT(outcome.err, HasSubstr("(--key FILE, or --insecure) [keys]"));
+    serve({"--for", "60s"}, "ipc://" + folder / "socket");
+    const Outcome relayed = rtsg({"relay", endpoint, "--bind", "tcp://0.0.0.0:*", "--for", "20s"});
+    EXPECT_EQ(relayed.status, 1);
+    EXPECT_THAT(relayed.err, HasSubstr("(--serve-key FILE, or --insecure) [keys]"));
+    EXPECT_EQ(relayed.out, "") << "it has relayed nothing";
 }
 
 }  // namespace

@@ -113,6 +113,7 @@ TEST_F(ReplayAsTest, WhatComparesNothingDoesNotPass) {
         const Outcome rerunOfNothing = rerun({"--field", "BOX.*", "--ignore", ignored});
         EXPECT_EQ(rerunOfNothing.status, 1) << ignored;
         EXPECT_NE(rerunOfNothing.out.find("nothing was compared"), std::string::npos) << rerunOfNothing.out;
+        EXPECT_EQ(rerunOfNothing.err.find("frame "), std::string::npos) << "it is of none: " << rerunOfNothing.err;
         for (const std::string& one : {file, log}) {
             const Outcome diff = rtsg({"diff", one, one, "--field", "BOX.*", "--ignore", ignored});
             EXPECT_EQ(diff.status, 1) << one;

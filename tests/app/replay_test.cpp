@@ -212,6 +212,20 @@ TEST_F(Replay, ALogThatBeginsLateIsNotRunAgainFromTheScenesStart) {
     EXPECT_THAT(chosen.err, HasSubstr("the log begins with state 1"));
 }
 
+/// State numbers begin anew in each.
+TEST_F(Replay, DifferencesOfLogsOfSeveralSessionsSayWhichOne) {
+    record(log, scene());
+    const std::string same = folder / "same.rlog", other = folder / "b.rlog", first = folder / "first.rlog",
+                      second = folder / "second.rlog";
+    record(same, scene());
+    record(other, scene("3"));
+    writeFile(first, readFile(log) + readFile(same));
+    writeFile(second, readFile(log) + readFile(other));
+    EXPECT_THAT(rtsg({"diff", first, second}).out, HasSubstr(", in session 2 of both"));
+    EXPECT_THAT(rtsg({"diff", log, second}).out, HasSubstr(", in session 1 of " + log + " and session 2 of " + second));
+    EXPECT_THAT(rtsg({"diff", log, other}).out, testing::Not(HasSubstr("session")));
+}
+
 TEST_F(Replay, ComparesLogsAndNamesTheField) {
     record(log, scene());
     const std::string same = folder / "same.rlog", other = folder / "other.rlog";

@@ -504,9 +504,13 @@ class ComparedLog {
         const Result<bool> more = replayer_.step();
         if (!more) return std::unexpected(more.error());
         more_ = *more;
-        jumped_ = frames > 0 && (replayer_.gaps() > gaps || replayer_.head().epoch != epoch);
+        const bool another = frames > 0 && replayer_.head().epoch != epoch;
+        jumped_ = another || (frames > 0 && replayer_.gaps() > gaps);
+        session_ += another;
         return {};
     }
+    /// Counts from 1.
+    std::uint64_t session() const { return session_; }
     bool more() const { return more_; }
     const Scene& scene() const { return replayer_.scene(); }
     std::uint64_t state() const { return scene().sequence(); }
@@ -519,7 +523,18 @@ class ComparedLog {
   private:
     Replayer& replayer_;
     bool more_ = true, jumped_ = false;
+    std::uint64_t session_ = 1;
 };
+
+/// State numbers begin anew with each session of a log: says which one it is, unless it is the first of both.
+Divergence inSessions(Divergence found, const ComparedLog& x, const ComparedLog& y) {
+    if (x.session() == y.session() && x.session() > 1)
+        found.text += fmt::format(", in session {} of both", x.session());
+    else if (x.session() != y.session())
+        found.text +=
+            fmt::format(", in session {} of {} and session {} of {}", x.session(), x.name(), y.session(), y.name());
+    return found;
+}
 
 std::optional<Divergence> differenceOfStates(const Scene& s, const Scene& t) {
     if (s.hash() != t.hash()) {
@@ -537,7 +552,8 @@ class HolesOfLogs {
     /// `ahead` has gone past the state that `behind` is in.
     void pass(const ComparedLog& behind, const ComparedLog& ahead) {
         if (!first_ && ahead.jumped())
-            first_ = Divergence{behind.state(), behind.scene().now(), {}, {}, ahead.name() + " lacks this state"};
+            first_ = inSessions({behind.state(), behind.scene().now(), {}, {}, ahead.name() + " lacks this state"},
+                                behind, ahead);
     }
     void end(const ComparedLog& log) {
         if (!first_ && log.replayer().framesBehind() > 0)
@@ -567,7 +583,7 @@ Result<std::optional<Divergence>> compareStates(ComparedLog& x, ComparedLog& y,
         ++(both ? states.both : states.one);
         if (both) {
             if (auto difference = differenceOfStates(x.scene(), y.scene()))
-                return holes.first() ? holes.first() : difference;
+                return holes.first() ? holes.first() : inSessions(std::move(*difference), x, y);
         } else {
             x.state() < y.state() ? holes.pass(x, y) : holes.pass(y, x);
         }
@@ -579,11 +595,12 @@ Result<std::optional<Divergence>> compareStates(ComparedLog& x, ComparedLog& y,
     }
     ComparedLog &longer = x.more() ? x : y, &shorter = x.more() ? y : x;
     const bool unequal = longer.more();
-    const Divergence end{longer.state(),
-                         longer.scene().now(),
-                         {},
-                         {},
-                         fmt::format("{} ends before {} does", shorter.name(), longer.name())};
+    const Divergence end = inSessions({longer.state(),
+                                       longer.scene().now(),
+                                       {},
+                                       {},
+                                       fmt::format("{} ends before {} does", shorter.name(), longer.name())},
+                                      x, y);
     for (; longer.more(); ++states.one)
         if (auto ok = longer.step(); !ok) return std::unexpected(ok.error());
     if (states.both == 0) return Divergence{0, 0, {}, {}, "no state is in both logs"};

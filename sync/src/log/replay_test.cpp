@@ -89,7 +89,8 @@ class Run {
             if (const std::string late = lateBegin(); !late.empty()) report_.divergence->text += "; " + late;
         }
         report_.ignoredInVain = fields_->ignoredInVain();
-        if (std::string why = fields_->nothingCompared(); !why.empty()) diverge(std::move(why));
+        if (std::string why = fields_->nothingCompared(); !why.empty() && !done())
+            report_.divergence = Divergence{0, report_.end, {}, {}, std::move(why)};
     }
 
     /// Only by one that is whole: the old one is all there is of the session.

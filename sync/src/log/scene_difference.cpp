@@ -92,9 +92,10 @@ constexpr std::size_t kMostDifferences = 4096;
 
 std::string Divergence::format() const {
     const bool named = !node.empty() || !field.empty();
-    return fmt::format("frame {} (t = {} s){}: {}", frame, time,
-                       named ? fmt::format(", {}.{}", node.empty() ? "?" : node, field.empty() ? "?" : field) : "",
-                       text);
+    const std::string what =
+        named ? fmt::format("{}.{}", node.empty() ? "?" : node, field.empty() ? "?" : field) : std::string();
+    if (frame == 0) return named ? fmt::format("{}: {}", what, text) : text;
+    return fmt::format("frame {} (t = {} s){}{}: {}", frame, time, named ? ", " : "", what, text);
 }
 
 std::optional<Divergence> firstDifference(const Scene& a, const Scene& b, DifferenceWords words) {

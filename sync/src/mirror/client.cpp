@@ -21,6 +21,9 @@ Result<std::unique_ptr<MirrorClient>> MirrorClient::connect(Scene& replica, cons
     if (options.parts.size() > mirror::kMostParts)
         return fail(fmt::format("{} parts: a hello names {} at most", options.parts.size(), mirror::kMostParts), {},
                     endpoint);
+    if (options.name.size() > mirror::kLongestName)
+        return fail(fmt::format("a name of {} bytes, the most is {}", options.name.size(), mirror::kLongestName), {},
+                    endpoint);
     if (!replica.isOwnThread())
         return std::unexpected(Diagnostic{Severity::error, endpoint, {}, "the replica belongs to another thread"});
     replica.setBehavioursEnabled(false);

@@ -157,7 +157,7 @@ void MirrorClient::Impl::hello(bool afresh) {
     greeting.epoch = haveState_ ? epoch_ : 0;
     greeting.sequence = haveState_ ? state_ : 0;
     greeting.window = options_.window;
-    greeting.name = options_.name.substr(0, mirror::kLongestName);
+    greeting.name = options_.name;
     greeting.wishes.client = client_;
     greeting.wishes.whenSlow = static_cast<std::uint8_t>(options_.whenSlow);
     greeting.wishes.milliFrames = static_cast<std::uint32_t>(std::clamp(options_.framesPerSecond, 0.0, 1e6) * 1000);

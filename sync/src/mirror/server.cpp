@@ -102,6 +102,7 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
     if (!local) return std::unexpected(local.error());
     if (!*local && !options.keys && !options.insecure)
         return fail(
+            DiagnosticCode("keys"),
             fmt::format("'{}' can be reached from other machines: give keys, or ask for an insecure server", endpoint));
     if (options.keys)
         if (auto ok = options.keys->checkForServer(); !ok) return std::unexpected(ok.error());

@@ -36,7 +36,7 @@ namespace rtsg {
 
 struct MirrorClientOptions {
     /// The author of what it asks for, in logs and for undo; with keys, the server's key file may say another. Empty:
-    /// "peer-" and a number that is new with each client.
+    /// "peer-" and a number that is new with each client. 200 bytes at most.
     std::string name{};
     std::optional<MirrorKeys> keys;
     /// How much the server may send ahead of what poll() has applied, bytes.
@@ -104,8 +104,8 @@ struct MirrorStatistics {
 class MirrorClient {
   public:
     /// `replica` must be fresh (or only ever fed by a client) and outlive the client; its behaviours are switched off.
-    /// Succeeds whether or not a server is there yet. Errors: of another thread than the replica's; an endpoint or keys
-    /// that cannot be.
+    /// Succeeds whether or not a server is there yet. Errors: of another thread than the replica's; an endpoint, keys
+    /// or a name that cannot be.
     static Result<std::unique_ptr<MirrorClient>> connect(Scene& replica, const std::string& endpoint,
                                                          MirrorClientOptions options = {});
     ~MirrorClient();

@@ -31,7 +31,7 @@ namespace rtsg {
 /// Where two states or two logs part. `node` is a DEF name or, without one, "#" and the node's number; `field` is a
 /// field's name, or what else differs ("type", "name", "routes", "existence"); both may be empty when unknown.
 struct Divergence {
-    std::uint64_t frame = 0;  // state number
+    std::uint64_t frame = 0;  // state number; 0: of no state, but of all
     double time = 0;          // seconds
     std::string node, field, text;
 
