@@ -49,20 +49,31 @@ std::string framesText(std::uint64_t count) {
     return fmt::format("{} frame{}", count, count == 1 ? "" : "s");
 }
 
+namespace {
+
+/// "... [word]", as a diagnostic's text ends.
+bool endsInCode(std::string_view text) {
+    const std::size_t from = text.rfind(" [");
+    if (from == text.npos || !text.ends_with(']')) return false;
+    const std::string_view code = text.substr(from + 2, text.size() - from - 3);
+    return code.size() > 1 && std::ranges::all_of(code, [](char c) { return c == '-' || (c >= 'a' && c <= 'z'); });
+}
+
+}  // namespace
+
 /// A diagnostic's text says already that it is an error, and of which file.
-void printError(const std::string& text) {
+void printError(const std::string& text, DiagnosticCode code) {
     constexpr std::string_view kError = "error: ";
-    if (text.starts_with(kError))
-        fmt::print(stderr, "rtsg: {}\n", terminalText(text));
-    else if (text.contains(": error: "))
-        fmt::print(stderr, "{}\n", terminalText(text));
-    else
-        fmt::print(stderr, "rtsg: error: {}\n", terminalText(text));
+    const std::string_view begin = text.starts_with(kError)     ? "rtsg: "
+                                   : text.contains(": error: ") ? ""
+                                                                : "rtsg: error: ";
+    const std::string end = endsInCode(text) ? "" : fmt::format(" [{}]", code.text());
+    fmt::print(stderr, "{}{}{}\n", begin, terminalText(text), end);
 }
 
 void printError(const Diagnostic& diagnostic) {
     if (diagnostic.file.empty())
-        printError(diagnostic.text);
+        printError(diagnostic.text, diagnostic.code);
     else
         fmt::print(stderr, "{}\n", terminalText(diagnostic.format()));
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <source_location>
 #include <string>
 #include <vector>
 
@@ -46,7 +47,8 @@ Verb addCompletion(Command& program);
 void print(const Diagnostics& diagnostics, std::string_view said = {});
 /// "1 frame", "2 frames".
 std::string framesText(std::uint64_t count);
-void printError(const std::string& text);
+/// `rtsg: error: text [code]` on stderr; a text that is a diagnostic's own, as it is.
+void printError(const std::string& text, DiagnosticCode code = DiagnosticCode::of(std::source_location::current()));
 void printError(const Diagnostic& diagnostic);
 /// Why nothing can be served: where it is for want of keys, with the options that say what to do; `keys` is what
 /// `option` was given.

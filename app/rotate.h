@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include <fmt/format.h>
@@ -30,12 +31,14 @@ struct RotateArguments {
         if (!keep.empty() && rotate.empty()) throw UsageError("--keep", "needs --rotate: whole files are let go");
         if (!keep.empty()) options.keepSeconds = seconds("--keep", keep, "a time, as 1h or 10min");
         if (rotate.empty()) return;
-        for (const auto& [unit, bytes] : {std::pair{"kB", 1e3}, std::pair{"MB", 1e6}, std::pair{"GB", 1e9}})
-            if (rotate.ends_with(unit)) {
-                options.rotateBytes = static_cast<std::uint64_t>(
-                    std::max(1.0, number("--rotate", rotate, 2, "a size or a time, as 1GB or 10min") * bytes));
-                return;
-            }
+        for (const auto& [unit, bytes] :
+             {std::pair{"kB", 1e3}, std::pair{"MB", 1e6}, std::pair{"GB", 1e9}, std::pair{"B", 1.}}) {
+            if (!rotate.ends_with(unit)) continue;
+            const double size =
+                number("--rotate", rotate, std::string_view(unit).size(), "a size or a time, as 1GB or 10min");
+            options.rotateBytes = static_cast<std::uint64_t>(std::max(1.0, size * bytes));
+            return;
+        }
         options.rotateSeconds = seconds("--rotate", rotate, "a size or a time, as 1GB or 10min");
     }
 

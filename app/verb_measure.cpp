@@ -97,7 +97,7 @@ bool isWhole(const MeasureArguments& options, const std::string& place, const Ir
     if (found.missing > kOfError * options.error)
         fmt::print(stderr,
                    "rtsg: warning: {}: ways of light were cut off after 10,000 bounces: up to {:.2g} % of what comes "
-                   "there is missing\n",
+                   "there is missing [picture]\n",
                    place, 100 * found.missing);
     if (found.reached) return true;
     if (found.luminousCut > options.error * found.luminous) {

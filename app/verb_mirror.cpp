@@ -254,7 +254,7 @@ bool Mirroring::join() {
     arguments.endsByInterruption = options_.duration.empty();
     made_ = std::make_unique<Made>(replica_, arguments, resources_);
     if (auto ok = requests_.parse(replica_); !ok) {
-        printError(ok.error().text);
+        printError(ok.error());
         status_ = kUsage;
         return false;
     }

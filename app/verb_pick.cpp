@@ -86,7 +86,7 @@ int runPick(const PickArguments& options) {
                       : !options.point.empty()
                           ? picker.closest(at(options.point, 0))
                           : picker.sweep(at(options.sweep, 0), options.sweep[3], at(options.sweep, 4));
-    if (!pick) return printError(pick.error().text), kUsage;
+    if (!pick) return printError(pick.error()), kUsage;
     printPick(running.scene(), *pick, options.json);
     return kDone;
 }

@@ -89,7 +89,7 @@ int record(const RecordArguments& options) {
     if (!running.load()) return kBad;
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), outputs);
-    if (auto ok = running.inject(options.set, pace.seconds); !ok) return printError(ok.error().text), kUsage;
+    if (auto ok = running.inject(options.set, pace.seconds); !ok) return printError(ok.error()), kUsage;
     const LogOptions wanted = logOptions(options);
     std::unique_ptr<LossyScene> lossy;
     if (wanted.mode.mode == Mode::lossy) {

@@ -112,7 +112,7 @@ int render(const RenderArguments& options) {
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;
     if (auto ok = running.inject(options.set, time + (options.frames - 1) / options.fps); !ok)
-        return printError(ok.error().text), kUsage;
+        return printError(ok.error()), kUsage;
     keepResources(running.scene(), running.resources(), outputs);
     if (auto ok = running.world().cut(options.picture.tessellationError()); !ok) return printError(ok.error()), kBad;
     // The picture before the first one is not made; what things have moved from since must be known all the same.

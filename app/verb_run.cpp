@@ -158,9 +158,9 @@ int runScene(const RunArguments& options) {
     Scene& scene = running.scene();
     keepResources(scene, running.resources(), options.outputs.names());
     if (!checkViewpoint(scene, options.outputs)) return kBad;
-    if (auto ok = running.inject(options.set, pace.seconds); !ok) return printError(ok.error().text), kUsage;
+    if (auto ok = running.inject(options.set, pace.seconds); !ok) return printError(ok.error()), kUsage;
     const auto watches = parseWatches(scene, options.watch);
-    if (!watches) return printError(watches.error().text), kUsage;
+    if (!watches) return printError(watches.error()), kUsage;
     if (!watches->empty()) printEvents(running, *watches);
     RunMade made(running, options);
     const std::uint64_t frames = running.run(pace, "running " + options.scene, [&](std::uint64_t k, const auto& set) {

@@ -249,6 +249,24 @@ TEST_F(Manners, InfoOfNothingSaysSoAndNoMore) {
     EXPECT_EQ(outcome.out, "");
 }
 
+/// docs/diagnostics.md.
+TEST_F(Manners, EveryErrorEndsInACode) {
+    const std::string log = folder / "a.rlog", other = folder / "b.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.2s", "--fps", "20"}).status, 0);
+    writeFile(other, readFile(log).substr(0, 9000));
+    for (const auto& [arguments, code] :
+         {std::pair{std::vector<std::string>{"mirror", "ipc://" + folder / "none", "--wait", "0"}, "mirror"},
+          {{"relay", "ipc://" + folder / "none", "--wait", "0"}, "mirror"},
+          {{"replay", other, "--verify"}, "replay"},
+          {{"run", file, "--for", "0", "--set", "NOBODY.x=1@0"}, "no-such-node"},
+          {{"nonsense"}, "command-line"},
+          {{"run", file, "--fps", "no"}, "command-line"}}) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_NE(outcome.status, 0);
+        EXPECT_THAT(outcome.err, testing::ContainsRegex("rtsg: error: .* \\[" + std::string(code) + "\\]\n"));
+    }
+}
+
 TEST_F(Manners, InfoDescribesALog) {
     const std::string log = folder / "a.rlog";
     ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "1s", "--fps", "20"}).status, 0);

@@ -148,6 +148,8 @@ TEST_F(Mirror, ALogThatIsDamagedIsPlayedAsFarAsItGoes) {
     const Outcome damaged = played({"--rate", "10", "--loop"});
     EXPECT_EQ(damaged.status, 1);
     EXPECT_THAT(damaged.err, HasSubstr("are damaged: "));
+    EXPECT_THAT(damaged.err, HasSubstr("[log]"));
+    EXPECT_THAT(damaged.err, testing::Not(HasSubstr("[command-line]")));
     EXPECT_EQ(damaged.err.find("are damaged"), damaged.err.rfind("are damaged")) << "each place once: " << damaged.err;
     // What does not begin as a log does is one by its name.
     writeFile(log, "rubbish" + bytes);
@@ -393,6 +395,7 @@ TEST_F(Mirror, ALongestRecordIsKept) {
 TEST_F(Mirror, LogsRotateAndAreResumed) {
     const std::string log = folder / "turning.rlog";
     EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--rotate", "often"}).status, 2);
+    EXPECT_EQ(rtsg({"serve", file, "--for", "0", "--record", folder / "bytes.rlog", "--rotate", "5000000B"}).status, 0);
     EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--record", log, "--keep", "1min"}).status, 2);
     EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--rotate", "1min"}).status, 2) << "without a log";
     EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--rate", "2"}).status, 2) << "of a log";

@@ -114,7 +114,8 @@ struct SharedWorld::Impl final : Subscriber {
             });
             if (result || entries[i].subscriber != subscriber) continue;
             entries[i].failure = reason(result.error());
-            failures.error(result.error().where, subscriber->subscriberName() + ": " + entries[i].failure);
+            failures.error(result.error().where, subscriber->subscriberName() + ": " + entries[i].failure,
+                           result.error().code);
         }
         delivering = false;
         std::erase_if(entries, [](const Entry& entry) { return !entry.subscriber; });
