@@ -199,12 +199,8 @@ bool findWay(const glm::dvec3& source, const glm::dvec3& listener, bool heardStr
            (!way.onFace || way.flat.strength(way.path) > leastOnFace(heardStraight));
 }
 
-bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-            const PairWay& way) {
+bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way) {
     const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
-    if (!seen(geometry, source, aimAt(*way.first, first, source)) ||
-        !seen(geometry, listener, aimAt(*way.second, second, listener)))
-        return false;
     glm::dvec3 off(0);
     if (way.atFirst.outOnFace)
         off = way.atFirst.offFace(*way.first, true);
@@ -220,6 +216,13 @@ bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const gl
         return false;
     return isOpen(geometry, *way.first, first, way.atFirst.opening, way.atFirst.turn) &&
            isOpen(geometry, *way.second, second, way.atSecond.opening, way.atSecond.turn);
+}
+
+bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+            const PairWay& way) {
+    const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
+    return seen(geometry, source, aimAt(*way.first, first, source)) &&
+           seen(geometry, listener, aimAt(*way.second, second, listener)) && isFreeAlong(geometry, way);
 }
 
 PairField fieldOf(const PairWay& way, const EdgeTones& tones, double speedOfSound) {

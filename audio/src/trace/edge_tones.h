@@ -27,6 +27,7 @@ class EdgeTones {
         for (std::size_t tone = band * kTones; tone < (band + 1) * kTones; ++tone)
             call(tone, 2 * std::numbers::pi * edgeToneHz(static_cast<double>(tone)) / speedOfSound_);
     }
+    double speedOfSound() const { return speedOfSound_; }
     /// Share of the pressure.
     double mirrors(std::uint32_t material, std::size_t band) const {
         return std::sqrt(std::max(0.0, geometry_.materials()[material].mirrored(band)));

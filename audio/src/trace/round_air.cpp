@@ -16,13 +16,13 @@ constexpr double kAirPi = std::numbers::pi;
 /// Of bodies, those nearest to the straight way count.
 constexpr std::size_t kMostBodies = 16;
 /// Of the radius, that rays keep off the surface.
-constexpr double kOff = 1e-2;
+constexpr double kOff = 1e-2, kLifted = 1e-3;
 
 /// A place on the body's surface, moved off it.
 glm::dvec3 liftedOff(const RoundBody& body, const glm::dvec3& place) {
     glm::dvec3 out = place - body.center;
     if (!body.sphere) out -= body.axis * glm::dot(out, body.axis);
-    return place + kOff * out;
+    return place + kLifted * out;
 }
 
 }  // namespace

@@ -50,17 +50,25 @@ class RoundBodies::Impl {
         std::vector<RoundWave> waves;
         for (const PlacedBody& one : air_.bodies()) add(one, waves);
         if (options_.diffractionOrder > 1) rows_.addBodies(open_, waves);
-        sumUp(waves);
+        for (const RoundWave& wave : waves) addWave(wave);
+        if (heard_)
+            sumUp(waves);
+        else
+            alone_ = waves;
     }
 
     void addRows(const std::vector<PartlySeen>& partly) {
-        if (air_.bodies().empty() || options_.diffractionOrder < 2) return;
-        std::vector<RoundWave> waves;
-        rows_.addEdges(edges(partly), open_, waves);
-        for (const RoundWave& wave : waves)
-            if (wave.besideWay > 0) goOn(wave);
+        if (air_.bodies().empty()) return;
+        // Where direct sound is not heard it is one sum with what bodies bend by themselves.
+        std::vector<RoundWave> waves = std::exchange(alone_, {});
+        if (options_.diffractionOrder < 2) return sumUp(waves);
+        const std::vector<PartlySeen> nearest = edges(partly);
+        const std::size_t known = waves.size();
+        rows_.addEdges(nearest, open_, waves);
+        rows_.addEdgePairs(nearest, waves);
+        for (std::size_t i = known; i < waves.size(); ++i) addWave(waves[i]);
+        goOn(waves);
         const auto own = std::ranges::stable_partition(waves, [](const RoundWave& one) { return one.besideWay > 0; });
-        for (auto wave = waves.begin(); wave != own.begin(); ++wave) addWave(*wave);
         waves.erase(waves.begin(), own.begin());
         sumUp(waves);
     }
@@ -77,7 +85,7 @@ class RoundBodies::Impl {
 
     void sumUp(const std::vector<RoundWave>& waves) {
         if (waves.empty()) return;
-        addWaves(waves, heard_);
+        addArrivals(waves, heard_);
         std::ranges::stable_sort(arrivals_, {}, &Arrival::seconds);
     }
 
@@ -184,19 +192,39 @@ class RoundBodies::Impl {
         return any;
     }
 
-    /// Into what an edge bends by itself: a factor of its energy.
-    void goOn(const RoundWave& wave) {
-        const double seconds = wave.besideWay / c();
+    /// Into arrivals of their own: a factor of the energy of each.
+    void goOn(const std::vector<RoundWave>& waves) {
+        std::vector<const RoundWave*> left;
+        for (const RoundWave& wave : waves)
+            if (wave.besideWay > 0) left.push_back(&wave);
+        while (!left.empty()) {
+            const RoundWave& first = *left.front();
+            const auto others = std::ranges::stable_partition(left, [&](const RoundWave* one) {
+                return one->besideOrder == first.besideOrder &&
+                       std::abs(one->besideWay - first.besideWay) < 1e-6 * first.besideWay;
+            });
+            goOnTogether(std::vector<const RoundWave*>(left.begin(), others.begin()));
+            left.erase(left.begin(), others.begin());
+        }
+    }
+
+    /// Of waves that go on into the same one.
+    void goOnTogether(const std::vector<const RoundWave*>& waves) {
+        const RoundWave& first = *waves.front();
+        const double seconds = first.besideWay / c();
         const auto found = std::ranges::find_if(arrivals_, [&](const Arrival& one) {
-            return one.order == 1 && one.straight >= 0 && std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds;
+            return one.order == first.besideOrder && one.straight >= 0 &&
+                   std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds;
         });
         if (found == arrivals_.end()) return;
         for (std::size_t b = 0; b < kBandCount; ++b) {
             double with = 0, without = 0;
             tones_.each(b, [&](std::size_t tone, double k) {
-                without += std::norm(wave.beside[tone]);
-                with += std::norm(wave.beside[tone] +
-                                  wave.pressure[tone] * std::polar(1.0, -k * (wave.way - wave.besideWay)));
+                Complex sum = first.beside[tone];
+                without += std::norm(sum);
+                for (const RoundWave* wave : waves)
+                    sum += wave->pressure[tone] * std::polar(1.0, -k * (wave->way - first.besideWay));
+                with += std::norm(sum);
             });
             if (without > 0) found->energy[b] *= with / without;
         }
@@ -240,7 +268,7 @@ class RoundBodies::Impl {
         return 1 / (1 + turns * turns);
     }
 
-    void addWaves(const std::vector<RoundWave>& waves, bool heard) {
+    void addArrivals(const std::vector<RoundWave>& waves, bool heard) {
         std::vector<Arrival> own(waves.size());
         Bands factor = allBands(1);
         for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -255,10 +283,7 @@ class RoundBodies::Impl {
             for (std::size_t i = 0; i < waves.size(); ++i)
                 own[i].energy[b] = apart[i] / EdgeTones::kTones / (4 * kBodyPi);
         }
-        for (std::size_t i = 0; i < waves.size(); ++i) {
-            addWave(waves[i]);
-            addArrival(waves[i], own[i], heard);
-        }
+        for (std::size_t i = 0; i < waves.size(); ++i) addArrival(waves[i], own[i], heard);
         if (heard) scale(*direct(), factor);
     }
 
@@ -336,6 +361,7 @@ class RoundBodies::Impl {
     const RoundAir air_;
     const RoundRows rows_;
     bool heard_ = false, open_ = false;  // direct sound; and no body's circle is in its way
+    std::vector<RoundWave> alone_;       // what bodies bend, where direct sound is not heard
 };
 
 RoundBodies::RoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,

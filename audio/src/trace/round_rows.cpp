@@ -7,6 +7,7 @@
 #include <numbers>
 #include <optional>
 
+#include "edge_face_pairs.h"
 #include "edge_paths.h"
 #include "two_shadows.h"
 
@@ -16,6 +17,8 @@ namespace {
 using Complex = std::complex<double>;
 /// So many bodies, nearest to the straight way, are tried with each other and with edges.
 constexpr std::size_t kRowBodies = 8;
+/// Of ways by two edges along a face, the shortest are tried with bodies.
+constexpr std::size_t kRowPairs = 6;
 /// Of pressures re the source in the open, less does not count.
 constexpr double kFaintRow = 1e-4, kFaintLit = 1e-3;
 
@@ -72,10 +75,13 @@ struct RoundRows::Row {
 bool RoundRows::findRow(Row& row) const {
     constexpr int kSteps = 60;
     std::optional<LinkWay> first, second = row.second.way(source_, listener_);
-    if (!second) return false;
-    glm::dvec3 target = second->lit ? listener_ : second->first;
+    // Of a thick wall an edge alone may have the source, or the listener, behind a face of its own.
+    if (!second && !row.second.edge()) return false;
+    const glm::dvec3 near = second ? second->first : candidateBy(*row.second.edge(), source_, listener_).by;
+    glm::dvec3 target = second && second->lit ? listener_ : near;
     for (int step = 0; step < kSteps; ++step) {
         first = row.first.way(source_, target);
+        if (!first && step == 0) first = row.first.way(source_, near);
         if (!first) return false;
         second = row.second.way(first->lit ? source_ : first->last, listener_);
         if (!second) return false;
@@ -103,17 +109,18 @@ bool RoundRows::findRow(Row& row) const {
 bool RoundRows::isClear(const glm::dvec3& from, const BendingLink* leaving, const glm::dvec3& to,
                         const BendingLink* coming) const {
     // Of an edge a place in the air beside it.
-    const auto aimed = [](const BendingLink* link, const glm::dvec3& place, const glm::dvec3& other) {
-        return link && link->edge() ? aimAt(*link->edge(), offEnds(*link->edge(), place), other) : place;
+    const auto aimed = [](const WallEdge* edge, const glm::dvec3& place, const glm::dvec3& other) {
+        return edge ? aimAt(*edge, offEnds(*edge, place), other) : place;
     };
     const RoundBody* const one = leaving ? leaving->body() : nullptr;
     const RoundBody* const other = coming ? coming->body() : nullptr;
     // Looked at from the place that is on no edge, as an edge is as good as seen a little before it.
-    if (leaving && leaving->edge()) return air_.isClear(to, aimed(leaving, from, to), one, other);
-    return air_.isClear(from, aimed(coming, to, from), one, other);
+    if (leaving && leaving->edge()) return air_.isClear(to, aimed(leaving->lastEdge(), from, to), one, other);
+    return air_.isClear(from, aimed(coming ? coming->edge() : nullptr, to, from), one, other);
 }
 
 bool RoundRows::isFreeAlong(const LinkWay& way, double offset) const {
+    if (way.pair) return rtsg::isFreeAlong(air_.geometry(), *way.pair);
     return !way.side || air_.isFreeAlong(*way.side, offset);
 }
 
@@ -164,17 +171,19 @@ void RoundRows::addDark(const Row& row, std::vector<RoundWave>& waves) const {
     const glm::dvec3 along = glm::normalize(row.atSecond.first - row.atFirst.last);
     const ShadowRow shadows{
         false, false, far, near,
-        correlation(glm::distance(source_, row.atFirst.first), row.between, glm::distance(row.atSecond.last, listener_),
+        correlation(glm::distance(source_, row.atFirst.first) + row.atFirst.toMiddle(),
+                    row.atFirst.fromMiddle() + row.between + row.atSecond.toMiddle(),
+                    row.atSecond.fromMiddle() + glm::distance(row.atSecond.last, listener_),
                     row.first.outward(row.atFirst, along), row.second.outward(row.atSecond, along))};
     RoundWave wave;
-    wave.order = 2;
+    wave.order = row.first.bends() + row.second.bends();
     wave.way = row.way;
     wave.first = row.atFirst.first;
     wave.last = row.atSecond.last;
     wave.direction = arriving(row.atSecond);
     fill(
         [&](std::size_t b, double k) {
-            const double m = tones_.mirrors(row.first.material(), b), n = tones_.mirrors(row.second.material(), b);
+            const std::array<double, 2> m = row.first.mirrors(tones_, b), n = row.second.mirrors(tones_, b);
             const auto both = [&](const LinkWay& one, const LinkWay& other, double length) {
                 return row.first.pressure(one, k, m) * row.second.pressure(other, k, n) * length;
             };
@@ -185,7 +194,20 @@ void RoundRows::addDark(const Row& row, std::vector<RoundWave>& waves) const {
             return sum * (1.0 + rowExcess(shadows, k));
         },
         wave.pressure);
+    for (const BendingLink* const link : {&row.first, &row.second})
+        if (link->bends() > 1)
+            for (const WallEdge* const edge : {link->edge(), link->lastEdge()}) setBeside(*edge, wave);
     addWithEnds(row, wave, waves);
+}
+
+/// What goes on into what one of the edges bends by itself, if nothing hides that.
+void RoundRows::setBeside(const WallEdge& edge, RoundWave& wave) const {
+    const BendingLink link(edge);
+    const std::optional<LinkWay> alone = link.way(source_, listener_);
+    if (!alone || alone->lit || !isFree(link, *alone, source_, listener_)) return;
+    wave.besideWay = alone->length;
+    wave.besideOrder = link.bends();
+    fill([&](std::size_t b, double k) { return link.pressure(*alone, k, link.mirrors(tones_, b)); }, wave.beside);
 }
 
 /// With what ends take away from it, or what comes by one past which it leads.
@@ -195,6 +217,12 @@ void RoundRows::addWithEnds(const Row& row, const RoundWave& main, std::vector<R
     const bool within = !isPast(pastFirst) && !isPast(pastSecond);
     if (isFaint(main)) return;
     if (within) waves.push_back(main);
+    const auto addEnd = [&](double longer, const TonePressures& pressure) {
+        RoundWave wave = main;
+        wave.way += longer;
+        wave.pressure = pressure;
+        if (wave.way < longest_ && !isFaint(wave)) waves.push_back(wave);
+    };
     for (const bool atFirst : {true, false}) {
         const BendingLink& link = atFirst ? row.first : row.second;
         const LinkWay& whole = atFirst ? row.wholeFirst : row.wholeSecond;
@@ -202,11 +230,15 @@ void RoundRows::addWithEnds(const Row& row, const RoundWave& main, std::vector<R
         if (!within && isPast(atFirst ? pastSecond : pastFirst)) continue;
         for (std::size_t e = 0; e < 2; ++e) {
             if (!link.ends() || (!within && !past[e]) || (whole.side && !air_.isEnd(*whole.side, e))) continue;
-            RoundWave wave = main;
-            wave.way += link.lengthByEnd(whole, e) - whole.length;
             std::size_t tone = 0;
-            fill([&](std::size_t, double k) { return main.pressure[tone++] * link.byEnd(whole, e, k); }, wave.pressure);
-            if (wave.way < longest_ && !isFaint(wave)) waves.push_back(wave);
+            TonePressures share;
+            fill([&](std::size_t, double k) { return main.pressure[tone++] * link.byEnd(whole, e, k); }, share);
+            addEnd(link.lengthByEnd(whole, e) - whole.length, share);
+        }
+        for (const BendingLink::PairEnd& end : link.pairEnds(whole, tones_)) {
+            TonePressures share;
+            for (std::size_t t = 0; t < kEdgeTones; ++t) share[t] = main.pressure[t] * end.share[t];
+            addEnd(end.length - whole.length, share);
         }
     }
 }
@@ -225,31 +257,35 @@ void RoundRows::addBeside(const BendingLink& dark, const BendingLink& lit, bool 
     const double straight = glm::distance(from, to);
     const glm::dvec3 along = (to - from) / straight;
     const double towards = glm::dot(by->first - from, along), before = std::clamp(towards, 0.0, straight);
-    const double rest = litFirst ? glm::distance(alone->last, listener_) : glm::distance(source_, alone->first);
-    const ShadowRow shadows{litFirst, !litFirst, BendingLink::fromBoundary(litFirst ? *by : *alone),
-                            BendingLink::fromBoundary(litFirst ? *alone : *by),
-                            correlation(litFirst ? before : straight - before, litFirst ? straight - before : before,
-                                        rest, dark.outward(*alone, along), lit.outward(*by, along))};
+    const double rest = litFirst ? alone->fromMiddle() + glm::distance(alone->last, listener_)
+                                 : glm::distance(source_, alone->first) + alone->toMiddle();
+    const double over = litFirst ? alone->toMiddle() : alone->fromMiddle();
+    const ShadowRow shadows{
+        litFirst, !litFirst, BendingLink::fromBoundary(litFirst ? *by : *alone),
+        BendingLink::fromBoundary(litFirst ? *alone : *by),
+        correlation(litFirst ? before : straight - before, over + (litFirst ? straight - before : before), rest,
+                    dark.outward(*alone, along), lit.outward(*by, along))};
     RoundWave wave;
-    wave.order = 2;
+    wave.order = dark.bends() + lit.bends();
     wave.way = alone->length + by->length - straight;
     wave.first = litFirst ? by->first : alone->first;
     wave.last = litFirst ? alone->last : by->last;
     wave.direction = arriving(litFirst ? *alone : *by);
-    fill([&](std::size_t b, double k) { return dark.pressure(*alone, k, tones_.mirrors(dark.material(), b)); },
-         wave.beside);
+    fill([&](std::size_t b, double k) { return dark.pressure(*alone, k, dark.mirrors(tones_, b)); }, wave.beside);
     std::size_t tone = 0;
     fill(
         [&](std::size_t b, double k) {
-            const Complex dim = wave.beside[tone++],
-                          more = straight * lit.pressure(*by, k, tones_.mirrors(lit.material(), b));
+            const Complex dim = wave.beside[tone++], more = straight * lit.pressure(*by, k, lit.mirrors(tones_, b));
             const Complex turned = std::polar(1.0, k * (by->length - straight));
             return counts * dim *
                    (more + rowExcess(shadows, k) * turned *
                                litShare(more / turned, litFirst ? shadows.first : shadows.second, k));
         },
         wave.pressure);
-    if (dark.edge()) wave.besideWay = alone->length;
+    if (dark.edge()) {
+        wave.besideWay = alone->length;
+        wave.besideOrder = dark.bends();
+    }
     if (!isFaint(wave)) waves.push_back(wave);
 }
 
@@ -269,7 +305,8 @@ void RoundRows::addLit(const BendingLink& first, const BendingLink& second, std:
         correlation(low, high - low, straight - high, first.outward(*a, along), second.outward(*b, along))};
     // Of lower tones there is more.
     const double lowest = 2 * std::numbers::pi * edgeToneHz(0) / 343;
-    if (std::abs(first.pressure(*a, lowest, 1) * second.pressure(*b, lowest, 1)) * straight * straight < kFaintLit)
+    if (std::abs(first.pressure(*a, lowest, {1, 1}) * second.pressure(*b, lowest, {1, 1})) * straight * straight <
+        kFaintLit)
         return;
     // An edge that the body hides is none by itself.
     const auto isHidden = [&](const BendingLink& edge, const LinkWay& way, const BendingLink& body) {
@@ -287,7 +324,7 @@ void RoundRows::addLit(const BendingLink& first, const BendingLink& second, std:
     fill(
         [&](std::size_t band, double k) {
             const auto beside = [&](const BendingLink& link, const LinkWay& way) {
-                return straight * link.pressure(way, k, tones_.mirrors(link.material(), band));
+                return straight * link.pressure(way, k, link.mirrors(tones_, band));
             };
             const Complex one = beside(first, *a), other = beside(second, *b);
             const auto turned = [&](const LinkWay& way) { return std::polar(1.0, k * (way.length - straight)); };
@@ -316,20 +353,52 @@ void RoundRows::addBodies(bool open, std::vector<RoundWave>& waves) const {
         }
 }
 
-void RoundRows::addEdges(const std::vector<PartlySeen>& edges, bool open, std::vector<RoundWave>& waves) const {
+void RoundRows::addWith(const BendingLink& edges, const TonePressures& left, bool open,
+                        std::vector<RoundWave>& waves) const {
     const std::size_t count = std::min(kRowBodies, air_.bodies().size());
-    for (const PartlySeen& one : edges)
-        for (std::size_t i = 0; i < count; ++i)
-            for (const bool backwards : {false, true}) {
-                if (isOnBody(one.edge, air_.bodies()[i].body())) continue;
-                const BendingLink body(air_.bodies()[i].body(), backwards), edge(one.edge);
-                const std::size_t before = waves.size();
-                add(body, edge, open, waves);
-                add(edge, body, false, waves);
-                for (std::size_t w = before; w < waves.size(); ++w)
-                    for (std::size_t t = 0; t < kEdgeTones; ++t)
-                        waves[w].pressure[t] *= static_cast<double>(one.left[t]);
-            }
+    const std::size_t before = waves.size();
+    for (std::size_t i = 0; i < count; ++i) {
+        const RoundBody& round = air_.bodies()[i].body();
+        if (isOnBody(*edges.edge(), round) || isOnBody(*edges.lastEdge(), round)) continue;
+        for (const bool backwards : {false, true}) {
+            const BendingLink body(round, backwards);
+            add(body, edges, open, waves);
+            add(edges, body, false, waves);
+        }
+    }
+    for (std::size_t w = before; w < waves.size(); ++w)
+        for (std::size_t t = 0; t < kEdgeTones; ++t) waves[w].pressure[t] *= left[t];
+}
+
+void RoundRows::addEdges(const std::vector<PartlySeen>& edges, bool open, std::vector<RoundWave>& waves) const {
+    for (const PartlySeen& one : edges) {
+        TonePressures left;
+        std::ranges::copy(one.left, left.begin());
+        std::vector<WallEdge> others;
+        for (const PartlySeen& other : edges)
+            if (&other != &one && FacePair::shareFace(one.edge, other.edge)) others.push_back(other.edge);
+        addWith(BendingLink(one.edge, others), left, open, waves);
+    }
+}
+
+void RoundRows::addEdgePairs(const std::vector<PartlySeen>& edges, std::vector<RoundWave>& waves) const {
+    struct Pair {
+        const PartlySeen *first, *second;
+        double way;
+    };
+    std::vector<Pair> pairs;
+    for (const PartlySeen& first : edges)
+        for (const PartlySeen& second : edges)
+            if (&first != &second && FacePair::shareFace(first.edge, second.edge))
+                if (const auto way = BendingLink(first.edge, second.edge).way(source_, listener_))
+                    pairs.push_back({&first, &second, way->length});
+    std::ranges::stable_sort(pairs, {}, &Pair::way);
+    if (pairs.size() > kRowPairs) pairs.resize(kRowPairs);
+    for (const Pair& pair : pairs) {
+        TonePressures left;
+        for (std::size_t t = 0; t < kEdgeTones; ++t) left[t] = pair.first->left[t] * pair.second->left[t];
+        addWith(BendingLink(pair.first->edge, pair.second->edge), left, false, waves);
+    }
 }
 
 }  // namespace rtsg

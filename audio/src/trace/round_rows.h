@@ -22,16 +22,16 @@
 
 namespace rtsg {
 
-using TonePressures = std::array<std::complex<double>, kEdgeTones>;
-
 /// What comes by a way round bodies.
 struct RoundWave {
     double way = 0;
     glm::dvec3 first{0}, last{0}, direction{0};  // as of an arrival
     std::uint32_t order = 1;
     TonePressures pressure{};  // re the phase of its way
-    /// What it goes on into, if that is bent by an edge alone: the length of that way, m, and what comes by it.
+    /// What it goes on into, if that is bent by edges alone: the length of that way, m, its order, and what comes by
+    /// it.
     double besideWay = 0;
+    std::uint32_t besideOrder = 0;
     TonePressures beside{};
 };
 
@@ -46,10 +46,16 @@ class RoundRows {
     /// By a body and one of the edges; of each what it leaves to pairs.
     void addEdges(const std::vector<PartlySeen>& edges, bool open, std::vector<RoundWave>& waves) const;
 
+    /// By a body and two of the edges, along a face of both.
+    void addEdgePairs(const std::vector<PartlySeen>& edges, std::vector<RoundWave>& waves) const;
+
   private:
     struct Row;
+    /// By each body and an edge, or two of a face, that leave so much.
+    void addWith(const BendingLink& edges, const TonePressures& left, bool open, std::vector<RoundWave>& waves) const;
     void add(const BendingLink& first, const BendingLink& second, bool open, std::vector<RoundWave>& waves) const;
     void addDark(const Row& row, std::vector<RoundWave>& waves) const;
+    void setBeside(const WallEdge& edge, RoundWave& wave) const;
     void addWithEnds(const Row& row, const RoundWave& main, std::vector<RoundWave>& waves) const;
     void addBeside(const BendingLink& dark, const BendingLink& lit, bool litFirst, std::vector<RoundWave>& waves) const;
     void addLit(const BendingLink& first, const BendingLink& second, std::vector<RoundWave>& waves) const;
