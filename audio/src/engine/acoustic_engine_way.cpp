@@ -68,18 +68,18 @@ void AcousticEngine::Impl::measureWay(const SoundNode& sound, EmitterState& stat
         state.images.scaleOpen(factor);
         for (StraightWay* known : {&moved.traced, &moved.asked}) known->open = std::min(1.0, known->open * factor);
     };
-    double now = resting();
+    double share = resting();
     // Nothing is heard of a wall's setting off, or coming to rest.
-    if (moved.takeGrown() && now > 0) scale(std::sqrt(moved.resting / now));
+    if (moved.takeGrown() && share > 0) scale(std::sqrt(moved.resting / share));
     if (!state.images.fades() && moved.settle(state.images.straight().at)) {
         if (!moved.any()) return forget();
         const double fewer = resting();
-        if (fewer > 0) scale(std::sqrt(now / fewer));
-        now = fewer;
+        if (fewer > 0) scale(std::sqrt(share / fewer));
+        share = fewer;
     }
-    moved.resting = now;
+    moved.resting = share;
     const double open = state.images.openNext();
-    moved.heard = now * open * open;
+    moved.heard = share * open * open;
     if (state.images.fades() || !isLate(moved.heard, moved.all)) moved.lateSince = seconds();
     if (seconds() < moved.lateSince + kLongestWait) return;
     state.images.setOpen(moved.open());

@@ -42,11 +42,11 @@ class MovedWalls {
     std::span<const std::uint32_t> slots() const { return slots_; }
     /// Whether there are more since the last call.
     bool takeGrown() { return std::exchange(grown_, false); }
-    /// Without those that rest since something was traced at that time; whether these were any.
-    bool settle(double traced) {
+    /// Without those that rest since what was traced at that time; whether these were any.
+    bool settle(double since) {
         std::size_t left = 0;
         for (std::size_t i = 0; i < slots_.size(); ++i) {
-            if (times_[i] <= traced) continue;
+            if (times_[i] <= since) continue;
             slots_[left] = slots_[i];
             times_[left++] = times_[i];
         }

@@ -18,11 +18,59 @@ constexpr double kWhole = 0.999;
 /// The size of what has no end, metres.
 constexpr double kEndless = 1e6;
 
+/// In the box around it.
 bool isIn(const WallBody& body, const glm::dvec3& place, double margin) {
+    const glm::dvec3 at = body.boxFromWorld * (place - body.middle);
+    const glm::dmat3 rows = glm::transpose(body.boxFromWorld);
     for (int i = 0; i < 3; ++i)
-        if (!(std::abs(glm::dot(place - body.center, body.axes[i])) <= 0.5 * body.size[i] + margin)) return false;
+        if (!(std::abs(at[i]) <= 1 + margin * glm::length(rows[i]))) return false;
     return true;
 }
+
+bool fillsItsBox(const WallBody& body) {
+    return body.volume * std::abs(glm::determinant(body.boxFromWorld)) > 8 * (1 - 1e-3);
+}
+
+/// The surfaces of bodies on a straight way, place by place: so that what is in the box around a body is told from it.
+class WayThrough {
+  public:
+    WayThrough(const glm::dvec3& from, const glm::dvec3& to, double margin) : from_(from), to_(to), margin_(margin) {}
+
+    /// Whether this surface has been met at this place: along an edge two are met in turn for ever.
+    bool meetsAgain(const AcousticHit& hit) {
+        if (hit.distance > margin_) here_.clear();
+        return std::ranges::find(here_, hit.plane, &AcousticHit::plane) != here_.end();
+    }
+    void add(const AcousticHit& hit, const WallBody& body) {
+        auto known = std::ranges::find(passed_, &body, &Passed::body);
+        if (known == passed_.end())
+            known = passed_.insert(
+                known, {&body, 0, fillsItsBox(body) || isIn(body, from_, margin_) || isIn(body, to_, margin_)});
+        first_ = known->surfaces == 0;
+        // At an edge the way may go in, out, or beside the body.
+        if (!here_.empty()) known->mayEndIn = true;
+        ++known->surfaces;
+        here_.push_back(hit);
+    }
+    /// Whether what was added last is the first of its body.
+    bool isFirst() const { return first_; }
+    /// Whether it has left each body that it went into: else what it met last was something else's.
+    bool ends() const {
+        return std::ranges::all_of(passed_, [](const Passed& one) { return one.mayEndIn || one.surfaces % 2 == 0; });
+    }
+
+  private:
+    struct Passed {
+        const WallBody* body;
+        int surfaces;
+        bool mayEndIn;
+    };
+    glm::dvec3 from_, to_;
+    double margin_;
+    bool first_ = false;
+    std::vector<AcousticHit> here_;  // at the place of the last one
+    std::vector<Passed> passed_;
+};
 
 }  // namespace
 
@@ -95,37 +143,51 @@ bool BodyWeights::touches(const WallBody& body, int axis, double side) const {
     });
 }
 
+/// The smallest one, as bodies are in the boxes of rooms.
 const WallBody* BodyWeights::bodyAt(const glm::dvec3& place, double margin) const {
+    const WallBody* found = nullptr;
     for (const Noted& one : noted_) {
-        const glm::dvec3 off = place - one.center;
-        if (glm::dot(off, off) <= 1.01 * one.squared + margin && isIn(*one.body, place, margin)) return one.body;
+        if (found && !(one.body->volume < found->volume)) continue;
+        const glm::dvec3 off = place - one.middle;
+        if (glm::dot(off, off) <= 1.01 * one.squared + margin && isIn(*one.body, place, margin)) found = one.body;
     }
-    return nullptr;
+    return found;
+}
+
+/// Whether the side of a body that a place is on is at a wall: of two surfaces in one plane a ray meets one.
+bool BodyWeights::isAtWall(const WallBody& body, const glm::dvec3& place, double margin) const {
+    for (int i = 0; i < 3; ++i) {
+        const double along = glm::dot(place - body.center, body.axes[i]);
+        if (std::abs(along) >= 0.5 * body.size[i] - margin && touches(body, i, along < 0 ? -1 : 1)) return true;
+    }
+    return false;
 }
 
 bool BodyWeights::straightOn(const glm::dvec3& a, const glm::dvec3& b, Tones& share) {
     share = one_;
     const double distance = glm::distance(a, b), margin = 1e-5 * (1 + distance);
     if (!(distance > 2 * margin)) return true;
+    WayThrough way(a, b, margin);
     const glm::dvec3 direction = (b - a) / distance;
-    std::vector<const WallBody*> passed;
     glm::dvec3 from = a;
     double left = distance - margin;
     std::uint32_t plane = kNoPlane;
     AcousticHit hit;
-    while (geometry_.closest(from, direction, left, plane, hit)) {
-        from += direction * hit.distance;
-        left -= hit.distance;
+    while (left > 0 && geometry_.closest(from, direction, left, plane, hit)) {
+        const double step = way.meetsAgain(hit) ? hit.distance + margin : hit.distance;
+        from += direction * step;
+        left -= step;
         plane = hit.plane;
+        if (step > hit.distance) continue;
         const WallBody* const met = bodyAt(from, margin);
-        if (!met) return false;
-        if (std::ranges::find(passed, met) != passed.end()) continue;
+        if (!met || isAtWall(*met, from, margin)) return false;
+        way.add(hit, *met);
+        if (!way.isFirst()) continue;
         const Tones& weights = of(met);
         if (!(weights.front() < 1)) return false;
-        passed.push_back(met);
         for (std::size_t t = 0; t < kEdgeTones; ++t) share[t] *= 1 - weights[t];
     }
-    return true;
+    return way.ends();
 }
 
 }  // namespace rtsg

@@ -36,7 +36,7 @@ class BodyWeights {
     /// more work.
     void note(const WallBody* body) {
         if (body && (noted_.empty() || noted_.back().body != body))
-            noted_.push_back({body->center, 0.25 * glm::dot(body->size, body->size), body});
+            noted_.push_back({body->middle, body->radius * body->radius, body});
     }
     /// The share of the pressure that goes straight from one place to another, or nearly there, as if bodies were not
     /// in its way; false where something is that is not small.
@@ -48,6 +48,7 @@ class BodyWeights {
     /// Its size, with what it touches.
     glm::dvec3 sizeWith(const WallBody& body) const;
     bool touches(const WallBody& body, int axis, double side) const;
+    bool isAtWall(const WallBody& body, const glm::dvec3& place, double margin) const;
 
     const AcousticGeometry& geometry_;
     const glm::dvec3 source_, listener_;
@@ -55,7 +56,7 @@ class BodyWeights {
     Tones one_;
     std::map<const WallBody*, Tones> known_;
     struct Noted {
-        glm::dvec3 center;
+        glm::dvec3 middle;
         double squared = 0;  // of the radius about it
         const WallBody* body = nullptr;
     };

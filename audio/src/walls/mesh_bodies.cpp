@@ -64,6 +64,21 @@ void diagonalize(glm::dmat3 m, glm::dmat3& axes, glm::dvec3& values) {
     values = {m[0][0], m[1][1], m[2][2]};
 }
 
+/// Of a body that is alike along several axes any others would do as well: those of its mesh are those of its faces.
+bool alongAxes(const glm::dmat3& turn, const glm::dmat3& moments, glm::dmat3& axes, glm::dvec3& squares) {
+    constexpr double kNothing = 1e-6;
+    for (int i = 0; i < 3; ++i) {
+        const int k = (i + 1) % 3;
+        const double length = glm::length(turn[i]), other = glm::length(turn[k]);
+        if (!(length > 0) || std::abs(glm::dot(turn[i], turn[k])) > kNothing * length * other ||
+            std::abs(moments[i][k]) > kNothing * std::sqrt(moments[i][i] * moments[k][k]))
+            return false;
+        axes[i] = turn[i] / length;
+        squares[i] = moments[i][i] * length * length;
+    }
+    return true;
+}
+
 }  // namespace
 
 bool MeshBodies::Part::reaches(double x) const {
@@ -94,8 +109,8 @@ MeshBody MeshBodies::Part::body() const {
     // Where parts stand in each other their sum may be more than all there is.
     const glm::dvec3 size = high - low;
     const double box = size.x * size.y * size.z;
-    if (all.volume < box * (1 - 1e-6)) return all;
-    MeshBody whole{box, 0.5 * (low + high), glm::dmat3(0.0)};
+    if (all.volume < box * (1 - 1e-6)) return {all.volume, all.center, all.moments, low, high};
+    MeshBody whole{box, 0.5 * (low + high), glm::dmat3(0.0), low, high};
     for (int i = 0; i < 3; ++i) whole.moments[i][i] = size[i] * size[i] / 12;
     return whole;
 }
@@ -190,10 +205,20 @@ bool placedBody(const MeshBody& body, const WorldFromLocal& m, WallBody& result)
     result.center = m * glm::dvec4(body.center, 1);
     result.volume = std::abs(glm::determinant(turn)) * body.volume;
     glm::dvec3 squares;
-    diagonalize(turn * body.moments * glm::transpose(turn), result.axes, squares);
+    if (!alongAxes(turn, body.moments, result.axes, squares))
+        diagonalize(turn * body.moments * glm::transpose(turn), result.axes, squares);
     for (int i = 0; i < 3; ++i) result.size[i] = std::sqrt(std::max(0.0, 12 * squares[i]));
     const double box = result.size.x * result.size.y * result.size.z;
-    return result.volume > 0 && box > 0 && std::isfinite(box + result.volume + glm::length(result.center));
+    const glm::dvec3 half = 0.5 * (body.high - body.low);
+    const glm::dmat3 worldFromBox(turn[0] * half.x, turn[1] * half.y, turn[2] * half.z);
+    result.middle = m * glm::dvec4(0.5 * (body.low + body.high), 1);
+    result.boxFromWorld = glm::inverse(worldFromBox);
+    result.radius = 0;
+    for (const double x : {-1.0, 1.0})
+        for (const double y : {-1.0, 1.0})
+            result.radius = std::max(result.radius, glm::length(worldFromBox * glm::dvec3(x, y, 1)));
+    return result.volume > 0 && box > 0 && glm::determinant(worldFromBox) != 0 &&
+           std::isfinite(box + result.volume + glm::length(result.center));
 }
 
 }  // namespace rtsg

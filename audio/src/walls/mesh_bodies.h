@@ -19,7 +19,8 @@ namespace rtsg {
 struct MeshBody {
     double volume = 0;
     glm::dvec3 center{0};
-    glm::dmat3 moments{0.0};  // about that, over the volume
+    glm::dmat3 moments{0.0};     // about that, over the volume
+    glm::dvec3 low{0}, high{0};  // corners of the box around it
 };
 
 class MeshBodies {

@@ -60,9 +60,9 @@ TEST_F(Summary, FramesThatAreMissingAreCounted) {
     const auto expectAsReplayed = [&](const std::string& log, std::size_t which) {
         writeAll(file("b.rlog"), log);
         const auto summary = summariseLog(file("b.rlog"));
-        ASSERT_TRUE(summary) << summary.error().format();
         auto replayer = Replayer::open(file("b.rlog"));
-        ASSERT_TRUE(replayer);
+        ASSERT_EQ(summary.has_value(), replayer.has_value());
+        if (!summary) return;  // no head is left
         while ((*replayer)->step().value_or(true)) continue;
         EXPECT_EQ(summary->gaps, (*replayer)->gaps()) << "record " << which;
         EXPECT_EQ(summary->missingFrames > 0, summary->gaps > 0) << "record " << which;

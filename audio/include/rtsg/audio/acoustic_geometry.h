@@ -69,12 +69,17 @@ struct WallTriangle {
     std::uint32_t plane = kNoPlane, material = 0;
 };
 
-/// A closed body of walls, as a box of the same volume and moments.
+/// A closed body of walls, as a box of the same volume and moments. Of a cube that has axes of no meaning: all of the
+/// body is in another box, which is square in the space of its mesh.
 struct WallBody {
     glm::dvec3 center{0};
     glm::dmat3 axes{1.0};  // unit, square to each other
     glm::dvec3 size{0};    // m along them
     double volume = 0;     // m^3
+    glm::dvec3 middle{0};  // of the box around it,
+    double radius = 0;     // of that about its middle, m
+    /// And p - middle in that: from -1 to 1 along each axis.
+    glm::dmat3 boxFromWorld{1.0};
 };
 
 /// An edge round which sound bends: where two surfaces meet, or the rim of one.
