@@ -364,11 +364,11 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
     result.arrivals = std::move(images.arrivals);
     if (options.diffractionOrder > 0 && !isAtTheListener(source, listener, result.arrivals)) {
         RoundBodies bodies(geometry, source, listener, options, seconds, result.arrivals, result.edges);
-        std::vector<PartlySeen> partly;
+        EdgesSeen edges;
         bodies.addAlone();
         result.edgePairs =
-            addDiffraction(geometry, source, listener, options, seconds, result.arrivals, result.edges, partly);
-        bodies.addRows(partly);
+            addDiffraction(geometry, source, listener, options, seconds, result.arrivals, result.edges, edges);
+        bodies.addRows(edges);
     }
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;

@@ -101,7 +101,7 @@ class Diffraction {
         alone_.heardStraight = arrivalOf(arrivals_, known_, 0, glm::distance(source, listener) / c()) != nullptr;
     }
 
-    EdgePairCount run(std::vector<PartlySeen>& partly) {
+    EdgePairCount run(EdgesSeen& seen) {
         const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
         const auto stronger = [](const Bending& a, const Bending& b) { return a.bent > b.bent; };
         FirstOf<EdgeCandidate, decltype(shorter)> edges(kLookedAtEdges, shorter);
@@ -132,7 +132,7 @@ class Diffraction {
         const EdgePairCount pairs = addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(),
                                                  edges.told(), alone_, bodies_, arrivals_, field_);
         if (!alone_.heardStraight) addStraightOn();
-        partly = std::move(alone_.partly);
+        seen = {std::move(alone_.partly), edges.sorted()};
         return pairs;
     }
 
@@ -428,8 +428,8 @@ class Diffraction {
 
 EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                              const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
-                             EdgeField& field, std::vector<PartlySeen>& partly) {
-    const EdgePairCount pairs = Diffraction(geometry, source, listener, options, seconds, arrivals, field).run(partly);
+                             EdgeField& field, EdgesSeen& seen) {
+    const EdgePairCount pairs = Diffraction(geometry, source, listener, options, seconds, arrivals, field).run(seen);
     std::stable_sort(arrivals.begin(), arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
     return pairs;

@@ -17,10 +17,16 @@
 
 namespace rtsg {
 
+/// What is known of edges when theirs has been added.
+struct EdgesSeen {
+    std::vector<PartlySeen> partly;       // of which something hides a part
+    std::vector<EdgeCandidate> shortest;  // by the way, kLookedAtEdges at most; none where pairs do not count
+};
+
 /// Places off walls; `arrivals` sorted by time, before and after, `field` empty before. Paths beyond `seconds` do not
-/// count. `partly`: the edges of which something hides a part.
+/// count.
 EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                              const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
-                             EdgeField& field, std::vector<PartlySeen>& partly);
+                             EdgeField& field, EdgesSeen& seen);
 
 }  // namespace rtsg

@@ -57,15 +57,15 @@ class RoundBodies::Impl {
             alone_ = waves;
     }
 
-    void addRows(const std::vector<PartlySeen>& partly) {
+    void addRows(const EdgesSeen& edges) {
         if (air_.bodies().empty()) return;
         // Where direct sound is not heard it is one sum with what bodies bend by themselves.
         std::vector<RoundWave> waves = std::exchange(alone_, {});
         if (options_.diffractionOrder < 2) return sumUp(waves);
-        const std::vector<PartlySeen> nearest = edges(partly);
+        const std::vector<PartlySeen> shortest = nearest(edges);
         const std::size_t known = waves.size();
-        rows_.addEdges(nearest, open_, waves);
-        rows_.addEdgePairs(nearest, waves);
+        rows_.addEdges(shortest, open_, waves);
+        rows_.addEdgePairs(shortest, waves);
         for (std::size_t i = known; i < waves.size(); ++i) addWave(waves[i]);
         goOn(waves);
         const auto own = std::ranges::stable_partition(waves, [](const RoundWave& one) { return one.besideWay > 0; });
@@ -89,22 +89,15 @@ class RoundBodies::Impl {
         std::ranges::stable_sort(arrivals_, {}, &Arrival::seconds);
     }
 
-    /// Those by which the way is shortest.
-    std::vector<PartlySeen> edges(const std::vector<PartlySeen>& partly) const {
-        std::vector<EdgeCandidate> nearest;
-        geometry_.visitEdges([&](const WallEdge& edge) {
-            const EdgeCandidate one = candidateBy(edge, source_, listener_);
-            if (nearest.size() == 2 * kRowEdges && !(one.way < nearest.back().way)) return;
-            if (nearest.size() == 2 * kRowEdges) nearest.pop_back();
-            nearest.insert(std::ranges::upper_bound(nearest, one.way, {}, &EdgeCandidate::way), one);
-        });
+    /// Of those by which the way is shortest the ones with air beside them.
+    std::vector<PartlySeen> nearest(const EdgesSeen& edges) const {
         std::vector<PartlySeen> result;
-        for (const EdgeCandidate& one : nearest) {
-            if (result.size() == kRowEdges) break;
+        for (std::size_t i = 0; i < std::min(2 * kRowEdges, edges.shortest.size()) && result.size() < kRowEdges; ++i) {
+            const EdgeCandidate& one = edges.shortest[i];
             if (!isOpen(geometry_.unnoted(), one.edge, offEnds(one.edge, one.by))) continue;
             PartlySeen edge{one.edge, {}};
             edge.left.fill(1);
-            for (const PartlySeen& known : partly)
+            for (const PartlySeen& known : edges.partly)
                 if (known.edge.from == one.edge.from && known.edge.axis == one.edge.axis) edge.left = known.left;
             result.push_back(edge);
         }
@@ -374,8 +367,8 @@ void RoundBodies::addAlone() {
     impl_->addAlone();
 }
 
-void RoundBodies::addRows(const std::vector<PartlySeen>& partly) {
-    impl_->addRows(partly);
+void RoundBodies::addRows(const EdgesSeen& edges) {
+    impl_->addRows(edges);
 }
 
 }  // namespace rtsg

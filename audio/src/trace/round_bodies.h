@@ -13,7 +13,7 @@
 #include <rtsg/audio/acoustic_geometry.h>
 #include <rtsg/audio/acoustic_tracer.h>
 
-#include "edge_pairs.h"
+#include "edge_sources.h"
 
 namespace rtsg {
 
@@ -26,8 +26,8 @@ class RoundBodies {
 
     /// What bodies bend, and two of them in a row; before edges.
     void addAlone();
-    /// What a body and an edge in a row bend; after edges, of which these are seen in part.
-    void addRows(const std::vector<PartlySeen>& partly);
+    /// What a body and an edge in a row bend; after edges.
+    void addRows(const EdgesSeen& edges);
 
   private:
     class Impl;

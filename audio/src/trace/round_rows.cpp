@@ -16,11 +16,24 @@ namespace {
 
 using Complex = std::complex<double>;
 /// So many bodies, nearest to the straight way, are tried with each other and with edges.
-constexpr std::size_t kRowBodies = 8;
+constexpr std::size_t kRowBodies = 5;
 /// Of ways by two edges along a face, the shortest are tried with bodies.
 constexpr std::size_t kRowPairs = 6;
 /// Of pressures re the source in the open, less does not count.
-constexpr double kFaintRow = 1e-4, kFaintLit = 1e-3;
+constexpr double kFaintRow = 1e-3, kFaintLit = 1e-3;
+
+/// By some of the tones, whether all of them will be: most that is found is, and all tones of it take far longer.
+template <class Pressure>
+bool looksFaint(const EdgeTones& tones, const Pressure& pressure, double way) {
+    constexpr std::size_t kEvery = 2;  // octaves
+    constexpr double kBetween = 0.5;
+    for (std::size_t b = 0; b < kBandCount; b += kEvery) {
+        const double waveNumber =
+            2 * std::numbers::pi * edgeToneHz(double(b * EdgeTones::kTones)) / tones.speedOfSound();
+        if (std::abs(pressure(b, waveNumber)) * way >= kBetween * kFaintRow) return false;
+    }
+    return true;
+}
 
 bool isFaint(const RoundWave& wave) {
     return std::ranges::all_of(wave.pressure, [&](const Complex& one) { return std::abs(one) * wave.way < kFaintRow; });
@@ -181,19 +194,19 @@ void RoundRows::addDark(const Row& row, std::vector<RoundWave>& waves) const {
     wave.first = row.atFirst.first;
     wave.last = row.atSecond.last;
     wave.direction = arriving(row.atSecond);
-    fill(
-        [&](std::size_t b, double k) {
-            const std::array<double, 2> m = row.first.mirrors(tones_, b), n = row.second.mirrors(tones_, b);
-            const auto both = [&](const LinkWay& one, const LinkWay& other, double length) {
-                return row.first.pressure(one, k, m) * row.second.pressure(other, k, n) * length;
-            };
-            // The one that is nearer to its boundary has the shorter distances.
-            Complex sum = 0;
-            if (share < 1) sum += (1 - share) * both(row.atFirst, row.wholeSecond, row.atFirst.length);
-            if (share > 0) sum += share * both(row.wholeFirst, row.atSecond, row.atSecond.length);
-            return sum * (1.0 + rowExcess(shadows, k));
-        },
-        wave.pressure);
+    const auto pressure = [&](std::size_t b, double k) {
+        const std::array<double, 2> m = row.first.mirrors(tones_, b), n = row.second.mirrors(tones_, b);
+        const auto both = [&](const LinkWay& one, const LinkWay& other, double length) {
+            return row.first.pressure(one, k, m) * row.second.pressure(other, k, n) * length;
+        };
+        // The one that is nearer to its boundary has the shorter distances.
+        Complex sum = 0;
+        if (share < 1) sum += (1 - share) * both(row.atFirst, row.wholeSecond, row.atFirst.length);
+        if (share > 0) sum += share * both(row.wholeFirst, row.atSecond, row.atSecond.length);
+        return sum * (1.0 + rowExcess(shadows, k));
+    };
+    if (looksFaint(tones_, pressure, wave.way)) return;
+    fill(pressure, wave.pressure);
     for (const BendingLink* const link : {&row.first, &row.second})
         if (link->bends() > 1)
             for (const WallEdge* const edge : {link->edge(), link->lastEdge()}) setBeside(*edge, wave);
@@ -271,17 +284,17 @@ void RoundRows::addBeside(const BendingLink& dark, const BendingLink& lit, bool 
     wave.first = litFirst ? by->first : alone->first;
     wave.last = litFirst ? alone->last : by->last;
     wave.direction = arriving(litFirst ? *alone : *by);
-    fill([&](std::size_t b, double k) { return dark.pressure(*alone, k, dark.mirrors(tones_, b)); }, wave.beside);
-    std::size_t tone = 0;
-    fill(
-        [&](std::size_t b, double k) {
-            const Complex dim = wave.beside[tone++], more = straight * lit.pressure(*by, k, lit.mirrors(tones_, b));
-            const Complex turned = std::polar(1.0, k * (by->length - straight));
-            return counts * dim *
-                   (more + rowExcess(shadows, k) * turned *
-                               litShare(more / turned, litFirst ? shadows.first : shadows.second, k));
-        },
-        wave.pressure);
+    const auto byDark = [&](std::size_t b, double k) { return dark.pressure(*alone, k, dark.mirrors(tones_, b)); };
+    const auto byLit = [&](std::size_t b, double k) {
+        const Complex more = straight * lit.pressure(*by, k, lit.mirrors(tones_, b));
+        const Complex turned = std::polar(1.0, k * (by->length - straight));
+        return counts * (more + rowExcess(shadows, k) * turned *
+                                    litShare(more / turned, litFirst ? shadows.first : shadows.second, k));
+    };
+    if (looksFaint(tones_, [&](std::size_t b, double k) { return byDark(b, k) * byLit(b, k); }, wave.way)) return;
+    fill(byDark, wave.beside);
+    fill(byLit, wave.pressure);
+    for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] *= wave.beside[t];
     if (dark.edge()) {
         wave.besideWay = alone->length;
         wave.besideOrder = dark.bends();

@@ -2,12 +2,13 @@
 #include "two_shadows.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <numbers>
 
 #include <rtsg/audio/wedge.h>
+
+#include "gauss_rule.h"
 
 namespace rtsg {
 namespace {
@@ -15,29 +16,7 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double kShadowPi = std::numbers::pi;
 
-/// Places and weights from 0 to 1.
-struct GaussRule {
-    static constexpr std::size_t kNodes = 24;
-    GaussRule() {
-        for (std::size_t i = 0; i < kNodes; ++i) {
-            double x = std::cos(kShadowPi * (static_cast<double>(i) + 0.75) / (kNodes + 0.5)), slope = 1;
-            for (int step = 0; step < 20; ++step) {
-                double p = 1, before = 0;
-                for (std::size_t n = 0; n < kNodes; ++n) {
-                    const auto order = static_cast<double>(n);
-                    const double next = ((2 * order + 1) * x * p - order * before) / (order + 1);
-                    before = p;
-                    p = next;
-                }
-                slope = kNodes * (x * p - before) / (x * x - 1);
-                x -= p / slope;
-            }
-            places[i] = 0.5 * (1 + x);
-            weights[i] = 1 / ((1 - x * x) * slope * slope);
-        }
-    }
-    std::array<double, kNodes> places{}, weights{};
-};
+constexpr std::size_t kNodes = 24;
 
 /// Beyond one half plane.
 Complex oneShadow(double u) {
@@ -53,10 +32,10 @@ Complex fresnelBeyond(double x) {
 }
 
 Complex twoShadows(double first, double second, double together) {
-    static const GaussRule rule;
+    static const GaussRule<kNodes> rule;
     const double angle = std::asin(std::clamp(together, -1.0, 1.0));
     Complex sum = 0;
-    for (std::size_t i = 0; i < GaussRule::kNodes; ++i) {
+    for (std::size_t i = 0; i < kNodes; ++i) {
         const double sine = std::sin(angle * rule.places[i]);
         const double phase =
             0.5 * (first * first + second * second - 2 * first * second * sine) / std::max(1e-9, 1 - sine * sine);
