@@ -1,17 +1,13 @@
-// Queries: what every ray of light, sound and picking goes through. Nothing here locks, and only what
-// looks for caps allocates.
+// Queries: what every ray of light, sound and picking goes through. Nothing here locks or allocates.
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
 #include <functional>
-#include <limits>
-#include <vector>
 
 #include "embree/packet_avx512.h"
 #include "embree/passed_hits.h"
-#include "mesh/exact_meeting.h"
 #include "mesh/simd8.h"
 #include "ray_boxes.h"
 #include "ray_view_impl.h"
@@ -151,13 +147,6 @@ void copyHits(const RayPacket16& rays, PacketHits16& out) {
     std::memcpy(out.triangle, rays.prim_, sizeof out.triangle);
 }
 
-/// As if the lane of a packet had met it; its tMax is set elsewhere.
-void store(const Hit& hit, RayPacket16& rays, int lane) {
-    rays.u_[lane] = hit.u, rays.v_[lane] = hit.v;
-    rays.normalX_[lane] = hit.normal.x, rays.normalY_[lane] = hit.normal.y, rays.normalZ_[lane] = hit.normal.z;
-    rays.prim_[lane] = hit.triangle, rays.geom_[lane] = hit.instance, rays.inst_[lane] = bvh::StrokeView::kResolved;
-}
-
 }  // namespace
 
 Hit RayView::intersect(const Ray& ray, RayKind kind) const {
@@ -176,208 +165,6 @@ Hit RayView::intersectAll(const Ray& ray, RayKind kind) const {
     Hit hit = resolve(tables_->top.intersect(ray, kind, hider), tables_->top, instances_);
     if (seesStrokes(kind)) meetStrokes(ray, kind, hit);
     return hit;
-}
-
-namespace {
-
-bool isLeftOut(const RayFilter& filter, const Hit& hit, const Ray& ray) {
-    return filter.leavesOutAlong(hit.instance, ray.origin, ray.direction, hit.t);
-}
-
-exact::Triangle inRaySpace(const RayInstance& instance, std::uint32_t triangle) {
-    const glm::dmat4x3 m(instance.rayFromLocal);
-    const auto corner = [&](std::uint32_t i) { return m * glm::dvec4(Vec3d(instance.mesh->vertex(triangle, i)), 1); };
-    return {corner(0), corner(1), corner(2)};
-}
-
-/// As Hit::normal.
-Vec3f outwards(const RayInstance& instance, std::uint32_t triangle) {
-    const Vec3d a(instance.mesh->vertex(triangle, 0)), b(instance.mesh->vertex(triangle, 1)),
-        c(instance.mesh->vertex(triangle, 2));
-    const Vec3d normal = glm::dmat3(instance.normalFromLocal) * glm::cross(b - a, c - a);
-    const double length = glm::length(normal);
-    return length > 0 ? Vec3f(normal / length) : Vec3f(0, 0, 1);
-}
-
-/// How far from a place rounded numbers may put what is there, of a ray that comes from `from`.
-float roundingAt(const Vec3f& from, const Vec3f& at) {
-    const Vec3f sizes = glm::max(glm::abs(from), glm::abs(at));
-    return 0x1p-20f * std::max({sizes.x, sizes.y, sizes.z}) + 1e-30f;
-}
-
-/// Calls `tell(hit)` for all triangles that the ray meets at `t`, give or take `radius` from their planes.
-template <class Tell>
-void visitPlace(const RayView& view, const bvh::TopView& top, const Ray& ray, float t, float radius, RayKind kind,
-                const Tell& tell) {
-    const Vec3d from(ray.origin), along(ray.direction);
-    const double length = glm::length(along);
-    top.visitNear(ray.origin + t * ray.direction, radius, [&](std::uint32_t slot, std::uint32_t triangle) {
-        const RayInstance& instance = view.instance(slot);
-        if (!(kindsOf(instance.info) & static_cast<std::uint32_t>(kind))) return radius;
-        const exact::Triangle corners = inRaySpace(instance, triangle);
-        const auto m = exact::meet(corners, from, along / length);
-        constexpr double kEdge = 1e-9;  // so that no ray slips between two triangles
-        if (!m || !m->isInside(kEdge)) return radius;
-        // Planes that lie as close as `radius` are farther apart along a ray that grazes them.
-        const Vec3d normal = glm::cross(corners.b - corners.a, corners.c - corners.a);
-        const double steep = std::abs(glm::dot(normal, along)) / (glm::length(normal) * length);
-        if (std::abs(m->distance - t * length) * std::max(steep, 0x1p-10) > radius) return radius;
-        const float u = std::clamp(static_cast<float>(m->where.u), 0.0f, 1.0f);
-        const float v = std::clamp(static_cast<float>(m->where.v), 0.0f, 1 - u);
-        tell(Hit{static_cast<float>(m->distance / length), slot, triangle, u, v, outwards(instance, triangle)});
-        return radius;
-    });
-}
-
-}  // namespace
-
-Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
-    // From each place that is left out on to the next. The start moves along the ray; from the same start a hit at the
-    // same place could come back for ever.
-    constexpr int kMost = 10'000;
-    for (int i = 0; i < kMost; ++i) {
-        const Hit hit = intersectAll(ray, kind);
-        if (!hit || !filter_->concerns(hit.instance) || !isLeftOut(*filter_, hit, ray)) return hit;
-        if (const Hit other = meetInPlace(ray, hit, kind)) return other;
-        ray.tMin = std::nextafter(hit.t * (1 + 0x1p-22f), HUGE_VALF);
-        if (!(ray.tMin < ray.tMax) || !std::isfinite(ray.tMin)) return {};
-    }
-    return {};
-}
-
-Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const {
-    // Of surfaces that coincide a ray tells one, and which one is a matter of roundings. What is left out hides
-    // nothing, so those around its place are met one by one, in double precision.
-    const Vec3f at = ray.origin + leftOut.t * ray.direction;
-    float radius = roundingAt(ray.origin, at);
-    if (!leftOut.isCap()) radius += 2 * glm::length(point(leftOut).error);
-
-    Hit best;
-    const Bounds& kept = filter_->keptBounds();
-    if (glm::any(glm::lessThan(at + radius, kept.min)) || glm::any(glm::greaterThan(at - radius, kept.max)))
-        return best;
-    const auto take = [&](const Hit& found) {
-        const bool hidden = filter_->concerns(found.instance) && isLeftOut(*filter_, found, ray);
-        if (!hidden && found.t >= ray.tMin && found.t <= ray.tMax && found.t < best.t) best = found;
-    };
-    visitPlace(*this, tables_->top, ray, leftOut.t, radius, kind, take);
-    if (seesStrokes(kind)) {
-        Ray near = ray;
-        const float reach = radius / glm::length(ray.direction);
-        near.tMin = std::max(ray.tMin, leftOut.t - reach), near.tMax = std::min(ray.tMax, leftOut.t + reach);
-        Hit stroke;
-        meetStrokes(near, kind, stroke);
-        if (stroke) take(stroke);
-    }
-    return best;
-}
-
-Hit RayView::frontInPlace(const Ray& ray, const Hit& back, RayKind kind) const {
-    const float radius =
-        roundingAt(ray.origin, ray.origin + back.t * ray.direction) + 2 * glm::length(point(back).error);
-    Hit best;
-    visitPlace(*this, tables_->top, ray, back.t, radius, meant(kind), [&](const Hit& found) {
-        const bool isBack = glm::dot(found.normal, ray.direction) > 0;
-        if ((isBack && instances_[found.instance].mesh->solid) || found.t < ray.tMin || !(found.t < best.t)) return;
-        if (!filter_ || !filter_->concerns(found.instance) || !isLeftOut(*filter_, found, ray)) best = found;
-    });
-    return best;
-}
-
-std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
-                                  RayKind kind) const {
-    // Rays that run together meet few instances: each is asked about once, as long as they meet the same.
-    std::uint32_t inst = 0, geom = 0;
-    bool known = false, concerned = false;
-    for (std::uint32_t rest = hits & asked; rest; rest &= rest - 1) {
-        const int i = std::countr_zero(rest);
-        if (!known || rays.inst_[i] != inst || rays.geom_[i] != geom) {
-            inst = rays.inst_[i], geom = rays.geom_[i];
-            const bool resolved = bvh::StrokeView::isResolved(inst);
-            concerned = filter_->concerns(resolved ? geom : tables_->top.objectOf(inst).slotOf(geom));
-            known = true;
-        }
-        if (!concerned) continue;
-        const Hit first = hit(rays, i);
-        Ray ray{{rays.originX[i], rays.originY[i], rays.originZ[i]},
-                rays.tMin[i],
-                {rays.directionX[i], rays.directionY[i], rays.directionZ[i]},
-                rays.tMax[i]};
-        if (!isLeftOut(*filter_, first, ray)) continue;
-        ray.tMax = tMax[i];
-        const Hit next = intersectFiltered(ray, kind);
-        rays.tMax[i] = next ? next.t : tMax[i];
-        if (!next) {
-            rays.geom_[i] = kNoInstance;
-            hits &= ~(1u << i);
-            continue;
-        }
-        store(next, rays, i);
-    }
-    return filter_->makesCaps() ? meetCaps(rays, hits, asked, tMax, kind) : hits;
-}
-
-std::uint32_t RayView::bodyAround(const Vec3f& place, const Vec3f& direction, std::uint32_t plane, RayKind kind) const {
-    // Of a closed body whose inside the place is in, a ray from there meets the back first.
-    constexpr int kMost = 10'000;
-    std::vector<std::uint32_t> outside;
-    const auto isBody = [&](const Hit& hit) {
-        return filter_->isCapped(hit.instance, plane, place) &&
-               std::ranges::find(outside, hit.instance) == outside.end() && instances_[hit.instance].mesh->isClosed();
-    };
-    Ray ray{place, 0, direction};
-    for (int i = 0; i < kMost; ++i) {
-        const Hit first = resolve(tables_->top.intersect(ray, kind), tables_->top, instances_);
-        if (!first) return kNoInstance;
-        if (isBody(first) && glm::dot(first.normal, direction) > 0) return first.instance;
-        // The back of one body may lie on the front of another, and it is chance which of them a ray tells.
-        const float radius = roundingAt(place, place + first.t * direction) + 2 * glm::length(point(first).error);
-        Hit back;
-        std::vector<std::uint32_t> fronts;
-        if (isBody(first)) fronts.push_back(first.instance);
-        visitPlace(*this, tables_->top, ray, first.t, radius, kind, [&](const Hit& hit) {
-            if (hit.t < 0 || !isBody(hit)) return;
-            if (glm::dot(hit.normal, direction) <= 0)
-                fronts.push_back(hit.instance);
-            else if (hit.t < back.t)
-                back = hit;
-        });
-        if (back) return back.instance;
-        outside.insert(outside.end(), fronts.begin(), fronts.end());
-        ray.tMin = std::nextafter(first.t * (1 + 0x1p-22f), HUGE_VALF);
-        if (!std::isfinite(ray.tMin)) return kNoInstance;
-    }
-    return kNoInstance;
-}
-
-Hit RayView::meetCaps(const Ray& ray, const Hit& hit, RayKind kind) const {
-    if (!filter_->makesCaps()) return hit;
-    Ray before = ray;
-    if (hit) before.tMax = std::min(ray.tMax, hit.t);
-    RayFilter::Crossing crossing;
-    crossing.t = ray.tMin;
-    while (filter_->findNext(before, crossing)) {
-        const Vec3f place = ray.origin + crossing.t * ray.direction;
-        const std::uint32_t slot = bodyAround(place, ray.direction, crossing.plane, kind);
-        if (slot != kNoInstance) return {crossing.t, slot, kCap, 0, 0, crossing.outwards};
-    }
-    return hit;
-}
-
-std::uint32_t RayView::meetCaps(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
-                                RayKind kind) const {
-    for (std::uint32_t rest = asked; rest; rest &= rest - 1) {
-        const int i = std::countr_zero(rest);
-        const Hit before = hits >> i & 1u ? hit(rays, i) : Hit{};
-        Ray ray = rays.ray(i);
-        ray.tMax = tMax[i];
-        const Hit cap = meetCaps(ray, before, kind);
-        if (!cap.isCap()) continue;
-        rays.tMax[i] = cap.t;
-        store(cap, rays, i);
-        hits |= 1u << i;
-    }
-    return hits;
 }
 
 LensedView::LensedView(const RayView& view, const PixelLens& lens, const RayFilter* filter, RayKind views)
@@ -620,99 +407,6 @@ void RayView::visitFelt(const Vec3f& center, float radius, const NearVisitor& vi
         if (instances_[slot].info.felt) reach = visit(slot, triangle);
         return reach;
     });
-}
-
-HitPoint RayView::point(const Hit& hit) const {
-    HitPoint result;
-    result.normal = hit.normal;
-    if (!hit) return result;
-    const RayInstance& instance = instances_[hit.instance];
-    const Mesh& mesh = *instance.mesh;
-    const float w = 1 - hit.u - hit.v;
-    const Vec3f a = w * mesh.vertex(hit.triangle, 0), b = hit.u * mesh.vertex(hit.triangle, 1),
-                c = hit.v * mesh.vertex(hit.triangle, 2);
-    const Vec3f local = a + b + c, size = glm::abs(a) + glm::abs(b) + glm::abs(c);
-    const glm::mat4x3& m = instance.rayFromLocal;
-    result.position = m * Vec4f(local, 1);
-    // gamma(n) = n eps / (1 - n eps) bounds n roundings (Higham; pbrt-v4, section 6.8.1): four for the barycentric sum,
-    // four for the transform here, and as many again for how the ray met the triangle: rounded into ray space, or
-    // through a transformed ray, whose errors the condition of the matrix magnifies on their way back.
-    constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
-    const Vec3f linear = glm::abs(m[0]) * size.x + glm::abs(m[1]) * size.y + glm::abs(m[2]) * size.z;
-    result.error = (linear * instance.errorScale + glm::abs(m[3])) * gamma + instance.errorFloor;
-    return result;
-}
-
-HitPoint RayView::point(const Hit& hit, const Ray& ray) const {
-    const bool stroke = hit && !hit.isCap() && instances_[hit.instance].mesh->strokeCount > 0;
-    if (hit && !hit.isCap() && !stroke) return point(hit);
-    const Vec3f way = hit.t * ray.direction, place = ray.origin + way;
-    // Far enough towards the axis not to meet it again, and not as far as to what it lies in.
-    if (stroke)
-        return {place, glm::abs(hit.normal) * (bvh::kTie * (glm::length(ray.origin) + glm::length(place))), hit.normal};
-    // The place is as exact as the ray's start and the way from there are; a cap's plane is not known better.
-    constexpr float eps = 0x1p-24f;
-    const Vec3f sizes = glm::abs(ray.origin) + glm::abs(way);
-    return {place, Vec3f(16 * eps * std::max({sizes.x, sizes.y, sizes.z})), hit.normal};
-}
-
-namespace {
-
-/// Half, in pixels, at a place so far from the eye.
-float halfWidthOf(const StrokeStyle& style, bool isPoint, float distance) {
-    if (!isPoint) return .5f * style.lineWidth;
-    if (!style.attenuated()) return .5f * style.pointSize;
-    const Vec3f& a = style.attenuation;
-    const float fall = a.x + distance * (a.y + distance * a.z);
-    return .5f * std::min(std::max(style.pointSize / std::max(fall, 1e-6f), style.least), style.most);
-}
-
-}  // namespace
-
-HitPoint RayView::strokePoint(const Hit& hit, const Vec3f& normal) const {
-    const RayInstance& instance = instances_[hit.instance];
-    HitPoint result = point(hit);
-    result.normal = normal;
-    Vec3f from = result.position - lens_.eye, ahead = lens_.forward;
-    float stretch = 1;  // how far a step of 1 in the eye's space leads along the normal in this one
-    if (lens_.toSquare) {
-        from = *lens_.toSquare * from, ahead = Vec3f(0, 0, -1);
-        stretch = glm::length(glm::transpose(glm::inverse(*lens_.toSquare)) * normal);
-    }
-    const float far = glm::length(from), depth = glm::dot(from, ahead);
-    const float pixel = lens_.spread * std::max(std::abs(depth), .5f * far) + lens_.size;
-    static const StrokeStyle plain;
-    const bool isPoint = instance.mesh->strokes == Mesh::Strokes::points;
-    const float half = halfWidthOf(instance.info.strokes ? *instance.info.strokes : plain, isPoint, far);
-    constexpr float kBeyond = 1.05f;
-    result.error += glm::abs(normal) * (kBeyond * half * pixel * stretch);
-    return result;
-}
-
-namespace {
-
-/// As std::nextafter() towards one of the infinities, which is a call.
-float nextFloat(float x, bool up) {
-    if (x == 0) return up ? std::numeric_limits<float>::denorm_min() : -std::numeric_limits<float>::denorm_min();
-    if (!(std::abs(x) <= std::numeric_limits<float>::max())) return x;
-    return std::bit_cast<float>(std::bit_cast<std::int32_t>(x) + ((x > 0) == up ? 1 : -1));
-}
-
-}  // namespace
-
-Vec3f RayView::leave(const HitPoint& from, const Vec3f& direction) {
-    // pbrt-v4, section 6.8.6: far enough along the normal to clear the box of the error, then one float further.
-    const float distance = glm::dot(glm::abs(from.normal), from.error);
-    const Vec3f away = glm::dot(direction, from.normal) < 0 ? -from.normal : from.normal;
-    Vec3f start = from.position + distance * away;
-    for (int i = 0; i < 3; ++i) {
-        if (away[i] == 0) continue;
-        start[i] = nextFloat(start[i], away[i] > 0);
-        // On a plane through 0 nothing is rounded and the next float is one that the processor may take for 0.
-        constexpr float least = 1e-30f;
-        if (std::abs(start[i]) < least) start[i] = std::copysign(least, away[i]);
-    }
-    return start;
 }
 
 Bounds RayView::bounds() const {
