@@ -274,9 +274,10 @@ std::string howItEnds(const std::string& log) {
     return check.first() ? log + ": " + fromStart(check.first(), logStart(log))->format() : "";
 }
 
-/// Why there is nothing of the scene.
-Result<> buildScene(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
-    if (load(scene, file, diagnostics, resources)) return {};
+/// Why there is nothing of the scene, or, where the whole of it is asked for, what is wrong with it.
+Result<> buildScene(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
+                    bool whole) {
+    if (load(scene, file, diagnostics, resources) && !(whole && diagnostics.errors() > 0)) return {};
     const auto error = std::ranges::find(diagnostics.all(), Severity::error, &Diagnostic::severity);
     if (error != diagnostics.all().end()) return std::unexpected(*error);
     return fail("nothing usable in it", {}, file);
@@ -341,12 +342,11 @@ int reportFailure(const ReplayTestArguments& arguments, const std::string& log, 
 
 int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json) {
     askForWhatIsExpected(arguments, outputs);
+    const std::vector<OutputName> reports = {{"--junit", arguments.junit, OutputKind::report},
+                                             {"--page", arguments.page, OutputKind::report}};
     std::vector<std::string> read = {log, arguments.rerun};
     if (!arguments.update) read.insert(read.end(), {arguments.expectPicture, arguments.expectSound});
-    if (auto ok = outputs.check(
-            read, {{"--junit", arguments.junit, OutputKind::report}, {"--page", arguments.page, OutputKind::report}});
-        !ok)
-        return printError(ok.error()), kBad;
+    if (auto ok = outputs.check(read, reports); !ok) return printError(ok.error()), kBad;
     if (!std::filesystem::exists(log)) {
         const std::string why = log + ": there is no log yet", advice = howToRecord(log, arguments.rerun);
         printError(why);
@@ -369,12 +369,14 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     Diagnostics diagnostics(arguments.rerun);
     if (!arguments.rerun.empty())
         test.build = [&](Scene& scene) -> Result<> {
-            return buildScene(scene, arguments.rerun, diagnostics, resources);
+            // What is left of a scene with errors is no reference.
+            return buildScene(scene, arguments.rerun, diagnostics, resources, arguments.update);
         };
     test.check = [](const Scene&) { return interrupted() ? Result<>(fail("interrupted")) : Result<>(); };
     std::optional<WorldOnDemand> world;
     std::unique_ptr<Outputs> following;
     test.attach = [&](Scene& scene) -> Result<> {
+        keepResources(scene, resources, reports);
         auto attached = Outputs::attach(world.emplace(scene, resources), outputs, resources);
         if (!attached) return std::unexpected(attached.error());
         following = std::move(*attached);

@@ -95,6 +95,8 @@ TEST_F(NothingIsLost, WhatTheSceneUsesIsNotOverwritten) {
              {"replay", log2, "--render", picture},
              {"replay", log2, "--live", "--render", picture},
              {"replay", log2, "--listen", sound},
+             {"replay", log2, "--verify", "--junit", sound},
+             {"replay", log2, "--rerun", given, "--page", picture},
          }) {
         const Outcome outcome = rtsg(arguments);
         EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments) << outcome.err;
@@ -105,6 +107,15 @@ TEST_F(NothingIsLost, WhatTheSceneUsesIsNotOverwritten) {
     EXPECT_EQ(readFile(part), text);
     // Another number is another file.
     EXPECT_EQ(rtsg({"render", given, "-o", folder / "t%03d.png", "--frames", "2", "--size", "8x8"}).status, 0);
+}
+
+TEST_F(NothingIsLost, ABrokenSceneIsNoReferenceForATest) {
+    const std::string broken = folder / "broken.x3dv", recorded = readFile(log);
+    writeFile(broken, "#X3D V4.0 utf8\nPROFILE Immersive\nDEF BOX Transform { }\n]\n");
+    const Outcome outcome = rtsg({"replay", log, "--rerun", broken, "--update"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("broken.x3dv:4"));
+    EXPECT_EQ(readFile(log), recorded);
 }
 
 TEST_F(NothingIsLost, LogsAndScenesAreReplacedOnlyByForce) {
