@@ -81,15 +81,32 @@ void checkName(const OutputName& output) {
     }
 }
 
+std::string beginOf(const std::string& file) {
+    std::ifstream in(file, std::ios::binary);
+    std::string begin(4096, '\0');
+    in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+    begin.resize(static_cast<std::size_t>(in.gcount()));
+    return begin;
+}
+
+/// One of ours or of those that --export writes, whole or damaged, or nothing yet.
+bool isLogToReplace(const std::string& file) {
+    const std::string begin = beginOf(file);
+    return begin.empty() || begin.starts_with("\x89MCAP") || fs::path(file).extension() == ".mcap" ||
+           isLogOrNamedSo(file);
+}
+
+/// Texts have no zero bytes; sounds, pictures and most other files have. What is written in SOFA may replace its like.
+bool isBinary(const std::string& file) {
+    return fs::path(file).extension() != ".sofa" && beginOf(file).contains('\0');
+}
+
 /// By its name or by how it begins: a name that was meant for another option.
 bool isSceneOrLog(const std::string& file) {
     Encoding encoding{};
     bool gzip = false;
     if (encodingFromName(file, encoding, gzip) && fs::path(file).extension() != ".json") return true;
-    std::ifstream in(file, std::ios::binary);
-    std::string begin(4096, '\0');
-    in.read(begin.data(), static_cast<std::streamsize>(begin.size()));
-    begin.resize(static_cast<std::size_t>(in.gcount()));
+    const std::string begin = beginOf(file);
     if (begin.starts_with(kRecordMagic) || begin.starts_with("glTF")) return true;
     return std::ranges::any_of(std::initializer_list<std::string_view>{"#X3D", "#VRML", "<X3D", "\"X3D\""},
                                [&](std::string_view sign) { return begin.contains(sign); });
@@ -118,11 +135,17 @@ Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<Ou
     }
     for (const OutputName& output : outputs) {
         std::error_code error;
-        if (force || !isFile(output.file) || !fs::exists(output.file, error)) continue;
+        if (!isFile(output.file) || !fs::exists(output.file, error)) continue;
+        // A sound or a picture of a scene, say, which no log knows before it is played.
+        if (output.kind == OutputKind::log && !isLogToReplace(output.file))
+            return fail(output.option + " takes the place of logs only", {}, output.file);
+        if (force) continue;
         if (output.kind == OutputKind::scene || output.kind == OutputKind::log)
             return fail("there is a file already; --force replaces it", {}, output.file);
         if (output.kind == OutputKind::report && isSceneOrLog(output.file))
             return fail(output.option + " takes the place of no scene or log", {}, output.file);
+        if (output.kind == OutputKind::report && isBinary(output.file))
+            return fail(output.option + " takes the place of no binary file", {}, output.file);
     }
     return {};
 }

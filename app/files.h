@@ -1,8 +1,8 @@
 // What a verb reads and writes, looked at before any work: nothing that was not meant to go is overwritten.
 //
 // Inputs and outputs are told apart by the files that their names lead to, through whatever links. Pictures, sounds and
-// reports are replaced, reports in the place of a log or scene, as all logs and scenes, only with --force. What is no
-// regular file (a pipe, /dev/null) is let be.
+// reports are replaced, reports in the place of a log, a scene or a binary file, as all logs and scenes, only with
+// --force. A log takes the place of logs only. What is no regular file (a pipe, /dev/null) is let be.
 #pragma once
 
 #include <string>
@@ -29,7 +29,7 @@ inline Existing existing(bool force) {
 }
 
 /// Throws UsageError for a name that says nothing that can be written, and where an output is an input or
-/// another output. Fails where a log or scene is there already and is to be kept.
+/// another output. Fails where something is there already and is to be kept.
 Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force);
 
 /// A log by how it begins, or by its name: one that is damaged there, or empty, is told as a log.

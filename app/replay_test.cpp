@@ -113,8 +113,21 @@ std::string toJson(const std::optional<Divergence>& d) {
                        orNull(d->node), orNull(d->field), jsonString(d->text));
 }
 
+std::string toJson(const std::array<std::string, 2>& damage) {
+    const auto orNull = [](const std::string& text) { return text.empty() ? "null" : jsonString(text); };
+    return fmt::format("\"damage\":[{},{}]", orNull(damage[0]), orNull(damage[1]));
+}
+
 std::string toJson(const ComparedStates& states) {
-    return fmt::format("\"compared\":{},\"in_one_alone\":{}", states.both, states.one);
+    return fmt::format("\"compared\":{},\"in_one_alone\":{},{}", states.both, states.one, toJson(states.damage));
+}
+
+void warnOfDamage(const std::string& a, const std::string& b, const std::array<std::string, 2>& damage) {
+    for (std::size_t i = 0; i < 2; ++i) {
+        Diagnostics warnings(i == 0 ? a : b);
+        if (!damage[i].empty()) warnings.warning({}, damage[i]);
+        print(warnings);
+    }
 }
 
 void addFieldSelection(Command& command, FieldSelection& selection) {

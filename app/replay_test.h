@@ -2,6 +2,7 @@
 // with those kept beside the log; what came of it as a page and as JUnit XML.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -43,7 +44,11 @@ std::optional<Divergence> fromStart(std::optional<Divergence> divergence, double
 
 /// {"frame":…,"t":…,"node":…,"field":…,"text":…} or null.
 std::string toJson(const std::optional<Divergence>& divergence);
-/// "compared":…,"in_one_alone":…: members of an object.
+/// Of two logs that were compared, in which no state is missing for it.
+void warnOfDamage(const std::string& a, const std::string& b, const std::array<std::string, 2>& damage);
+/// "compared":…,"in_one_alone":…,"damage":[…,…]: members of an object.
 std::string toJson(const ComparedStates& states);
+/// "damage":[…,…]
+std::string toJson(const std::array<std::string, 2>& damage);
 
 }  // namespace rtsg::app

@@ -56,16 +56,19 @@ int diffLogs(const DiffArguments& options) {
         const auto first = rtsg::diffLogs(options.a, options.b, progress, &states);
         if (progress) progress(1, 1);
         if (!first) return printError(first.error()), kBad;
+        warnOfDamage(options.a, options.b, states.damage);
         if (*first) found.push_back(*fromStart(*first, logStart(options.a)));
         return report(options, found, " " + states.format(), "," + toJson(states));
     }
     const auto fields = diffLogFields(options.a, options.b, options.selection);
     if (!fields) return printError(fields.error()), kBad;
     warnOf(fields->ignoredInVain);
+    warnOfDamage(options.a, options.b, fields->damage);
     const double start = logStart(options.a);
     for (const FieldDifference& d : fields->differences) found.push_back(toDivergence(d, start));
     if (!fields->unequalEnds.empty()) found.push_back({0, fields->end, "", "", fields->unequalEnds});
-    return report(options, found, fmt::format(" in {} fields and {} states", fields->fields, fields->states));
+    return report(options, found, fmt::format(" in {} fields and {} states", fields->fields, fields->states),
+                  "," + toJson(fields->damage));
 }
 
 int diffScenes(const DiffArguments& options) {

@@ -42,6 +42,7 @@ int diff(const ReplayArguments& options) {
     const auto result = diffLogs(options.log, options.diff, progress, &states);
     if (progress) progress(1, 1);
     if (!result) return printError(result.error()), kBad;
+    warnOfDamage(options.log, options.diff, states.damage);
     const std::optional<Divergence> first = fromStart(*result, logStart(options.log));
     if (options.json)
         fmt::print("{{\"equal\":{},\"first_divergence\":{},{}}}\n", !first, toJson(first), toJson(states));

@@ -254,9 +254,10 @@ int Session::startLog() {
 void Session::lookAtLog() {
     if (!log_ || failed_ || log_->failure().empty()) return;
     printError(log_->failure());
-    printError(log_->acknowledged() > 0 ? fmt::format("the recording has ended; {} holds the session to state {}",
-                                                      logFile(), log_->acknowledged())
-                                        : "nothing was recorded");
+    printError(log_->acknowledged() > 0
+                   ? fmt::format("the recording has ended; {} holds the session at least to state {}", logFile(),
+                                 log_->acknowledged())
+                   : "nothing was recorded");
     failed_ = true;
 }
 

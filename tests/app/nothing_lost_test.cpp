@@ -81,22 +81,26 @@ TEST_F(NothingIsLost, WhatTheSceneUsesIsNotOverwritten) {
     fs::create_symlink(picture, folder / "link.png");
     const std::string log2 = folder / "given.rlog";
     ASSERT_EQ(rtsg({"record", given, "-o", log2, "--for", "0.2s"}).status, 0);
-    const std::string pixels = readFile(picture), samples = readFile(sound), text = readFile(part);
+    writeFile(folder / "user.x3dv",
+              "#X3D V4.0 utf8\nPROFILE Immersive\nInline { url \"model.ply\" }\nAnchor { url \"next.x3dv\" }\n");
+    ASSERT_EQ(rtsg({"convert", given, folder / "model.ply"}).status, 0);
+    const std::string pixels = readFile(picture), samples = readFile(sound), text = readFile(part),
+                      model = readFile(folder / "model.ply");
     for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
              {"render", given, "-o", picture},
              {"render", given, "-o", folder / "link.png"},
              {"render", given, "-o", folder / "t%02d.png", "--frames", "3"},
              {"listen", given, "-o", sound},
              {"listen", given, "--ir", sound},
-             {"record", given, "-o", picture, "--force"},
-             {"serve", given, "--record", part, "--for", "100ms", "--force"},
+             {"convert", given, part, "--force"},
+             {"convert", folder / "user.x3dv", folder / "model.ply", "--force"},
              {"run", given, "--render", picture},
              {"run", given, "--save", part, "--force"},
              {"replay", log2, "--render", picture},
              {"replay", log2, "--live", "--render", picture},
              {"replay", log2, "--listen", sound},
-             {"replay", log2, "--verify", "--junit", sound},
-             {"replay", log2, "--rerun", given, "--page", picture},
+             {"replay", log2, "--verify", "--junit", sound, "--force"},
+             {"replay", log2, "--rerun", given, "--page", picture, "--force"},
          }) {
         const Outcome outcome = rtsg(arguments);
         EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments) << outcome.err;
@@ -105,6 +109,10 @@ TEST_F(NothingIsLost, WhatTheSceneUsesIsNotOverwritten) {
     EXPECT_EQ(readFile(picture), pixels);
     EXPECT_EQ(readFile(sound), samples);
     EXPECT_EQ(readFile(part), text);
+    EXPECT_EQ(readFile(folder / "model.ply"), model);
+    // A link is followed by somebody, or by nobody.
+    writeFile(folder / "next.x3dv", text);
+    EXPECT_EQ(rtsg({"convert", folder / "user.x3dv", folder / "next.x3dv", "--force"}).status, 0);
     // Another number is another file.
     EXPECT_EQ(rtsg({"render", given, "-o", folder / "t%03d.png", "--frames", "2", "--size", "8x8"}).status, 0);
 }
@@ -119,24 +127,25 @@ TEST_F(NothingIsLost, ABrokenSceneIsNoReferenceForATest) {
 }
 
 TEST_F(NothingIsLost, LogsAndScenesAreReplacedOnlyByForce) {
-    const std::string other = folder / "other.x3dv", recorded = readFile(log);
+    const std::string other = folder / "other.x3dv", kept = folder / "kept.rlog", recorded = readFile(log);
     writeFile(other, "precious");
+    fs::copy_file(log, kept);
     for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
              {"convert", file, other},
              {"record", file, "-o", log},
-             {"record", file, "-o", other},
              {"serve", file, "--record", log, "--for", "100ms"},
              {"mirror", "ipc://" + folder / "nobody", "--record", log},
              {"mirror", "ipc://" + folder / "nobody", "--save", other},
              {"replay", log, "--save", other},
-             {"replay", log, "--export", other},
-             {"replay", log, "--compact", other},
+             {"replay", log, "--export", kept},
+             {"replay", log, "--compact", kept},
          }) {
         const Outcome outcome = rtsg(arguments);
         EXPECT_EQ(outcome.status, 1) << testing::PrintToString(arguments);
         EXPECT_THAT(outcome.err, HasSubstr("--force")) << testing::PrintToString(arguments);
         EXPECT_EQ(readFile(other), "precious") << testing::PrintToString(arguments);
         EXPECT_EQ(readFile(log), recorded) << testing::PrintToString(arguments);
+        EXPECT_EQ(readFile(kept), recorded) << testing::PrintToString(arguments);
     }
     EXPECT_EQ(rtsg({"convert", file, other, "--force"}).status, 0);
     EXPECT_THAT(readFile(other), HasSubstr("DEF BOX"));
@@ -518,6 +527,40 @@ TEST_F(NothingIsLost, AReportReplacesNoSceneOrLog) {
     EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--junit", report}).status, 0);
     EXPECT_THAT(readFile(report), HasSubstr("states"));
     EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--junit", kept, "--force"}).status, 0);
+    // A test whose scene cannot be loaded knows of no sound that the scene would use.
+    const std::string sound = folder / "tone.wav";
+    writeFile(sound, std::string("RIFF\0\0\0\0WAVE", 12));
+    const Outcome outcome = rtsg({"replay", log, "--rerun", folder / "none.x3dv", "--junit", sound});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("no binary file"));
+    EXPECT_EQ(readFile(sound).size(), 12U);
+}
+
+/// --force is of the log that was there: a log knows of no files that its scene uses before it is played.
+TEST_F(NothingIsLost, ALogTakesThePlaceOfLogsOnly) {
+    const std::string sound = folder / "tone.wav", damaged = folder / "damaged.rlog", mcap = folder / "old.mcap";
+    for (const std::string& there : {sound, folder / "part.x3dv"}) {
+        writeFile(there, "what somebody made");
+        for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+                 {"replay", log, "--compact", there, "--force"},
+                 {"replay", log, "--export", there, "--force"},
+                 {"record", file, "-o", there, "--for", "0.1s", "--force"},
+                 {"mirror", "ipc://" + folder / "nobody", "--record", there, "--force"},
+                 {"serve", file, "--record", there, "--for", "0.1s", "--force"},
+             }) {
+            const Outcome outcome = rtsg(arguments);
+            EXPECT_EQ(outcome.status, 1) << testing::PrintToString(arguments);
+            EXPECT_THAT(outcome.err, HasSubstr("takes the place of logs only")) << testing::PrintToString(arguments);
+            EXPECT_EQ(readFile(there), "what somebody made") << testing::PrintToString(arguments);
+        }
+    }
+    writeFile(damaged, "no log any more");
+    writeFile(folder / "empty", "");
+    fs::copy_file(log, folder / "unnamed");
+    for (const std::string& there : {damaged, folder / "empty", folder / "unnamed"})
+        EXPECT_EQ(rtsg({"replay", log, "--compact", there, "--force"}).status, 0) << there;
+    EXPECT_EQ(rtsg({"replay", log, "--export", mcap}).status, 0);
+    EXPECT_EQ(rtsg({"replay", log, "--export", mcap, "--force"}).status, 0);
 }
 
 }  // namespace

@@ -197,6 +197,30 @@ TEST_F(Replay, ALogWhoseFirstBytesAreDamagedIsToldAsALog) {
     EXPECT_TRUE(report.contains("frames"));
 }
 
+/// No state is missing for it: the logs are equal, and the damage is told.
+TEST_F(Replay, ComparisonsTellOfDamageThatCostNoState) {
+    record(log, scene());
+    const std::string damaged = folder / "damaged.rlog";
+    std::string bytes = readFile(log);
+    bytes[bytes.size() - 1] ^= 1;  // of the index at the end
+    writeFile(damaged, bytes);
+    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+             {"diff", log, damaged},
+             {"diff", damaged, log},
+             {"diff", log, damaged, "--field", "BOX.translation"},
+             {"replay", log, "--diff", damaged},
+         }) {
+        const Outcome compared = rtsg(arguments);
+        EXPECT_EQ(compared.status, 0) << compared.err;
+        EXPECT_THAT(compared.err, HasSubstr(damaged + ": warning: 1 damaged place, the first at bytes "));
+        EXPECT_THAT(compared.out, HasSubstr("are equal in "));
+    }
+    const Outcome compared = rtsg({"diff", log, damaged, "--json"});
+    EXPECT_EQ(json::parse(compared.out).at("damage").at(0), nullptr);
+    EXPECT_THAT(std::string(json::parse(compared.out).at("damage").at(1)), HasSubstr("1 damaged place"));
+    EXPECT_EQ(rtsg({"diff", log, log}).err, "");
+}
+
 /// A part of a log, or a mirror's that came late.
 TEST_F(Replay, ALogThatBeginsLateIsNotRunAgainFromTheScenesStart) {
     record(log, scene());

@@ -9,7 +9,19 @@
 namespace rtsg {
 
 void LogCheck::note(std::uint64_t frame, std::string text) {
-    if (!first_) first_ = Divergence{frame, replayer_.time(), {}, {}, std::move(text)};
+    if (loss_) return;
+    loss_ = damage_ ? damage_ : Divergence{frame, replayer_.time(), {}, {}, std::move(text)};
+    if (!first_) first_ = loss_;
+}
+
+void LogCheck::noteDamage(std::uint64_t frame, const LogDamage& damage) {
+    damage_ = Divergence{frame,
+                         replayer_.time(),
+                         {},
+                         {},
+                         fmt::format("bytes {} to {} of the log are damaged: {}", damage.offset,
+                                     damage.offset + damage.length, damage.text)};
+    if (!first_) first_ = damage_;
 }
 
 /// `arrived`: the step has led to a state.
@@ -47,9 +59,8 @@ Result<bool> LogCheck::step() {
     // Where there is no index, the search for keyframes has found all damage already: what counts is its place.
     const auto damaged = std::ranges::find_if(
         log.damage(), [&](const LogDamage& d) { return d.offset >= from && d.offset < log.position(); });
-    if (damaged != log.damage().end())
-        note(before + 1, fmt::format("bytes {} to {} of the log are damaged: {}", damaged->offset,
-                                     damaged->offset + damaged->length, damaged->text));
+    damage_.reset();
+    if (damaged != log.damage().end()) noteDamage(before + 1, *damaged);
     if (!more) {
         note(before + 1, more.error().text);
         return more;
@@ -61,7 +72,8 @@ Result<bool> LogCheck::step() {
         note(before + 1, fmt::format("{} frames of earlier states stand after state {}, and were not played: the "
                                      "pieces of the log are in another order than they were written in",
                                      replayer_.framesBehind(), before));
-    if (!first_ && replayer_.divergence()) first_ = replayer_.divergence();
+    if (!loss_ && replayer_.divergence()) loss_ = replayer_.divergence();
+    if (!first_) first_ = loss_;
     return more;
 }
 

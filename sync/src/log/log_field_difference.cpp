@@ -39,6 +39,7 @@ class Side {
     const Scene& scene() const { return log_->scene(); }
     std::uint64_t state() const { return scene().sequence(); }
     double time() const { return log_->scene().now() - start_; }
+    const LogReader& log() const { return log_->log(); }
     bool more() const { return more_; }
 
     Result<> step(const std::function<void(const ChangeSet&)>& changed) {
@@ -60,8 +61,8 @@ class Side {
     }
     explicit Side(std::unique_ptr<Replayer> log) : log_(std::move(log)) {}
     Result<> whole() const {
-        if (log_->gaps() == 0 && log_->log().damage().empty()) return {};
-        return fail("states are missing or damaged: rtsg replay --verify names them", {}, log_->log().file().string());
+        if (log_->gaps() == 0) return {};
+        return fail("states are missing: rtsg replay --verify names them", {}, log_->log().file().string());
     }
 
     std::unique_ptr<Replayer> log_;
@@ -102,6 +103,7 @@ Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::
     if (x.more() != y.more())
         report.unequalEnds =
             fmt::format("{} ends before {} does", (x.more() ? b : a).string(), (x.more() ? a : b).string());
+    report.damage = {x.log().damageText(), y.log().damageText()};
     report.fields = fields.fieldCount();
     report.differences = fields.differences();
     report.ignoredInVain = fields.ignoredInVain();

@@ -141,6 +141,13 @@ bool isLocked(int descriptor) {
 
 }  // namespace
 
+std::string LogReader::damageText() const {
+    if (damage_.empty()) return {};
+    const LogDamage& first = damage_.front();
+    return fmt::format("{} damaged place{}, the first at bytes {} to {}: {}", damage_.size(),
+                       damage_.size() == 1 ? "" : "s", first.offset, first.offset + first.length, first.text);
+}
+
 bool LogReader::beingWritten() const {
     return isLocked(descriptor_);
 }

@@ -621,6 +621,7 @@ Result<std::optional<Divergence>> diffLogs(const std::filesystem::path& a, const
     ComparedLog x(**opened[0]), y(**opened[1]);
     ComparedStates states;
     auto result = compareStates(x, y, progress, states);
+    for (std::size_t i = 0; i < 2; ++i) states.damage[i] = (*opened[i])->log().damageText();
     if (compared) *compared = states;
     return result;
 }

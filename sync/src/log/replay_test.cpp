@@ -50,6 +50,7 @@ class Run {
         }
         frameIsWhole();
         takeDifferences();
+        tellDamage();
         if (test_.finish)
             if (auto ok = test_.finish(); !ok) diverge(ok.error().text);
         if (log_)
@@ -177,8 +178,18 @@ class Run {
     /// Steps the recorded side, and says what of it cannot be trusted.
     bool next() {
         const Result<bool> more = check_.step();
-        if (!done()) report_.divergence = check_.first();
+        if (!done()) report_.divergence = check_.firstLoss();
         return more && *more && !done();
+    }
+
+    /// Where all states were had in spite of it, they were compared; but the log is not what was recorded.
+    void tellDamage() {
+        const std::optional<Divergence>& damage = check_.first();
+        if (!damage) return;
+        if (!done())
+            report_.divergence = damage;
+        else if (report_.divergence->text != damage->text)
+            report_.divergence->text += "; before that, " + damage->text;
     }
 
     Result<> rerunFrame() {

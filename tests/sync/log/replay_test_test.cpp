@@ -1,6 +1,7 @@
 // Recorded sessions as tests: what passes, what fails, and with which words.
 #include <rtsg/sync/replay_test.h>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <rtsg/core/behaviour.h>
@@ -53,10 +54,10 @@ ROUTE SWING.value_changed TO DOOR.rotation
         return scene.set(leaf, x3d::Transform::translation, Vec3f(float(pressed), 0, 0));
     }
     /// Sixty frames; the button is pressed in the tenth and the fortieth.
-    void recordDoor(const std::string& text = kDoor) {
+    void recordDoor(const std::string& text = kDoor, const LogOptions& options = {}) {
         Scene scene;
         ASSERT_TRUE(build(scene, text));
-        auto log = LogWriter::create(file(), builtinTypes());
+        auto log = LogWriter::create(file(), builtinTypes(), options);
         ASSERT_TRUE(log);
         Attachment attachment = scene.bus().attach(**log);
         const NodeId pressed = scene.findName("PRESSED");
@@ -229,6 +230,51 @@ TEST_F(ReplayTests, ADamagedLogFailsWhereItIsDamaged) {
     const ReplayReport report = run(kDoor);
     ASSERT_FALSE(report.passed());
     EXPECT_NE(report.format().find("bytes " + std::to_string(offset) + " to "), std::string::npos) << report.format();
+}
+
+/// A keyframe repeats what the frames lead to: without it every state is there, and compared; the test fails in the
+/// end.
+TEST_F(ReplayTests, AllStatesAreComparedWhereOnlyAKeyframeIsDamaged) {
+    LogOptions options;
+    options.keyframeSeconds = 1;
+    recordDoor(kDoor, options);
+    const std::uint64_t states = run(kDoor).frames;
+    const auto records = recordsOf(file());
+    const auto keyframe = std::find_if(records.begin() + 5, records.end(),
+                                       [](const auto& r) { return r.second.kind == RecordKind::keyframe; });
+    ASSERT_NE(keyframe, records.end());
+    const std::string whole = readAll(file());
+    std::string bytes = whole;
+    bytes[keyframe->first + keyframe->second.size() - 1] ^= 1;
+    const std::filesystem::path intact = file().string() + ".intact";
+    writeAll(intact, whole);
+    writeAll(file(), bytes);
+    const std::string place = "bytes " + std::to_string(keyframe->first) + " to ";
+    const ReplayReport report = run(kDoor);
+    EXPECT_EQ(report.frames, states);
+    EXPECT_EQ(report.verified, states);
+    EXPECT_FALSE(report.passed());
+    EXPECT_THAT(report.format(), testing::HasSubstr(place));
+    // A difference before it is told alone.
+    const ReplayReport other = run(edited("0 1.4 ]", "0 1.3 ]"));
+    ASSERT_TRUE(other.divergence);
+    EXPECT_LT(other.frames, states);
+    // Two logs are compared by every state, and by every field, and the damage is told.
+    ComparedStates compared;
+    const auto first = diffLogs(intact, file(), {}, &compared);
+    ASSERT_TRUE(first) << first.error().format();
+    EXPECT_FALSE(*first) << (*first)->format();
+    EXPECT_EQ(compared.both, states);
+    EXPECT_EQ(compared.damage[0], "");
+    EXPECT_THAT(compared.damage[1], testing::HasSubstr("1 damaged place, the first at " + place));
+    FieldSelection selection;
+    selection.fields = {"LEAF.*"};
+    const auto fields = diffLogFields(intact, file(), selection);
+    ASSERT_TRUE(fields) << fields.error().format();
+    EXPECT_EQ(fields->states, states);
+    EXPECT_TRUE(fields->differences.empty());
+    EXPECT_THAT(fields->damage[1], testing::HasSubstr(place));
+    std::filesystem::remove(intact);
 }
 
 /// A session in which people edited, as a test of another edition of its scene, and recorded anew: the edits are

@@ -102,10 +102,11 @@ struct LogFieldReport {
     std::uint64_t states = 0;                  // compared
     std::size_t fields = 0;
     std::vector<std::string> ignoredInVain;
-    double end = 0;           // of what both hold, seconds since the start
-    std::string unequalEnds;  // which one ends before the other, if one does by more than a microsecond
+    double end = 0;                     // of what both hold, seconds since the start
+    std::string unequalEnds;            // which one ends before the other, if one does by more than a microsecond
+    std::array<std::string, 2> damage;  // LogReader::damageText() of each: no state is missing in spite of it
 };
-/// Errors: as Replayer; a log that is damaged or has gaps; a pattern that matches nothing.
+/// Errors: as Replayer; a log that has gaps; a pattern that matches nothing.
 Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::filesystem::path& b,
                                      const FieldSelection& selection);
 

@@ -206,6 +206,8 @@ class LogReader {
     bool hadIndex() const { return hadIndex_; }
 
     const std::vector<LogDamage>& damage() const { return damage_; }
+    /// How many places, and the first of them; empty: none.
+    std::string damageText() const;
     const std::filesystem::path& file() const { return file_; }
     /// End of the last intact record that next() has returned.
     std::uint64_t intactEnd() const { return intactEnd_; }

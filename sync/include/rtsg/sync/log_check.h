@@ -27,15 +27,19 @@ class LogCheck {
     /// Frames that are missing, bytes that are damaged, pieces in another order, a record that could not be applied, a
     /// state with another hash: whatever came first.
     const std::optional<Divergence>& first() const { return first_; }
+    /// As first(), but not for bytes whose damage cost no state: those of a keyframe that frames lead past.
+    const std::optional<Divergence>& firstLoss() const { return loss_; }
 
   private:
+    void noteDamage(std::uint64_t frame, const LogDamage& damage);
     void note(std::uint64_t frame, std::string text);
     void noteGap(std::uint64_t before, bool arrived);
     std::string openEnd(std::uint64_t last, std::uint64_t next) const;
 
     Replayer& replayer_;
     std::uint64_t gaps_ = 0, unclosed_ = 0;
-    std::optional<Divergence> first_;
+    std::optional<Divergence> first_, loss_;
+    std::optional<Divergence> damage_;   // that the last step went over
     std::optional<Divergence> openEnd_;  // the first session that another follows without its having been closed
 };
 

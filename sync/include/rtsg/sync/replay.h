@@ -14,6 +14,7 @@
 //     std::cout << (*replayer)->verified() << " of " << (*replayer)->frames() << " states verified\n";
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <functional>
 #include <limits>
@@ -158,7 +159,8 @@ class Replayer {
 };
 
 struct ComparedStates {
-    std::uint64_t both = 0, one = 0;  // that both logs hold; that one of them holds alone
+    std::uint64_t both = 0, one = 0;    // that both logs hold; that one of them holds alone
+    std::array<std::string, 2> damage;  // LogReader::damageText() of each: all states may be there in spite of it
     /// "in every state", or how many those were that could be compared.
     std::string format() const;
 };
