@@ -223,13 +223,13 @@ bool Scene::State::extendStretches(std::size_t run, std::size_t number) {
         return true;
     }
     if (!emission.group) return true;
-    const auto& targets = emission.group->targets.items();
+    const auto& outgoing = emission.group->targets.items();
     const auto isNew = [&] {
         return stretches.empty() || stretches.back().last != number || stretches.back().run != run;
     };
-    for (std::size_t i = 0; i < targets.size(); ++i) {
-        if (!targets[i].to.node) continue;
-        const std::uint8_t one = division.partOf(targets[i].to.node);
+    for (std::size_t i = 0; i < outgoing.size(); ++i) {
+        if (!outgoing[i].to.node) continue;
+        const std::uint8_t one = division.partOf(outgoing[i].to.node);
         if (one >= Division::kSeveral) return false;
         extend(one, isNew() ? 0 : i, i + 1);
     }
