@@ -23,6 +23,7 @@ NOT_RUN = {
 }
 # Durations and sizes that show the same in less time.
 SHORTER = {"--for": "1s", "--web": "0", "--seek": "0.5s", "--size": "64x36", "--spp": "2", "--rays": "500", "--frames": "2", "--fps": None}
+TIMES = ("--for", "--seek")
 SCENES = {"hall.x3dv": "examples/demo/hall.x3dv", "door.x3dv": "examples/door.x3dv", "same_door.x3dv": "examples/door.x3dv", "door.png": "examples/door.png"}
 
 
@@ -41,15 +42,17 @@ def commands(program):
 
 
 def shortened(arguments):
-    # A picture that is expected has its size; an event is not after the end.
-    if "--expect-picture" in arguments or any(re.search(r"@([1-9]|\d\d)", a) for a in arguments):
+    # A picture that is expected has its size.
+    if "--expect-picture" in arguments:
         return arguments
+    # An event is not after the end.
+    late = any(re.search(r"@([1-9]|\d\d|0?\.[5-9])", a) for a in arguments)
     out, previous = [], ""
     for argument in arguments:
-        out.append(SHORTER.get(previous) or argument)
+        out.append(argument if late and previous in TIMES else SHORTER.get(previous) or argument)
         previous = argument
-    # So do pictures and sounds of the size and length that they have by themselves.
-    for verb, option in (("run", "--size"), ("listen", "--for")):
+    # So do pictures and sounds of the size, length and rays that they have by themselves.
+    for verb, option in (("run", "--size"), ("listen", "--for"), ("listen", "--rays")):
         if arguments[0] == verb and option not in out and (verb == "listen" or "--render" in out):
             out += [option, SHORTER[option]]
     return out
