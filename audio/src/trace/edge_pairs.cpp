@@ -11,6 +11,7 @@
 
 #include "edge_overlaps.h"
 #include "edge_pair_way.h"
+#include "edge_rows.h"
 #include "edge_tones.h"
 #include "edge_triples.h"
 #include "edge_waves.h"
@@ -55,34 +56,35 @@ std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, con
     return result;
 }
 
-/// What is there by itself, with what goes on round both edges: a factor of its energy. `parts`: of the edges by which
-/// alone it comes, each in its shadow by itself, or both, or one, with direct sound.
-void goOn(const PairWay& way, const PairField& field, const std::vector<const BentArrival*>& parts,
-          const EdgeTones& tones, BodyWeights& bodies, Arrival& arrival) {
-    for (std::size_t b = 0; b < kBandCount; ++b) {
-        double with = 0, without = 0;
-        tones.each(b, [&](std::size_t tone, double waveNumber) {
-            std::complex<double> sum = field.sum(tone, waveNumber, way.path.way + way.past);
-            // Each edge has been a factor by itself.
-            double product = 1, direct = 0;
-            for (const BentArrival* part : parts) {
-                const WedgeField f = wedgeField(part->round.path, waveNumber);
-                const std::complex<double> by =
-                    bodies.of(part->edge.body)[tone] *
-                    (f.besideDirect + tones.mirrors(part->edge.material, b) * f.besideMirrored);
-                if (part->lit && direct == 0) {
-                    sum += f.direct;
-                    direct = std::norm(f.direct);
-                }
-                sum += by;
-                product *= std::norm(f.direct + by) / (part->lit ? direct : 1);
-            }
-            with += std::norm(sum);
-            without += product * (direct > 0 ? direct : 1);
-        });
-        if (without > 0) arrival.energy[b] *= with / without;
+/// What is heard of an edge by itself, with all that goes on from there round a second one.
+class GoesOn {
+  public:
+    explicit GoesOn(const BentArrival& part) : part_(part) {}
+
+    bool isOf(const BentArrival& part) const { return &part_ == &part; }
+    /// One pair more: a factor of the arrival's energy.
+    void add(const PairWay& way, const PairField& field, const EdgeTones& tones, BodyWeights& bodies,
+             Arrival& arrival) {
+        const BodyWeights::Tones& weights = bodies.of(part_.edge.body);
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            const double mirrors = tones.mirrors(part_.edge.material, b);
+            double with = 0, without = 0;
+            tones.each(b, [&](std::size_t tone, double waveNumber) {
+                const WedgeField f = wedgeField(part_.round.path, waveNumber);
+                const std::complex<double> before = weights[tone] * (f.besideDirect + mirrors * f.besideMirrored) +
+                                                    (part_.lit ? f.direct : 0.0) + more_[tone];
+                more_[tone] += field.sum(tone, waveNumber, way.path.way + way.past);
+                without += std::norm(before);
+                with += std::norm(before + field.sum(tone, waveNumber, way.path.way + way.past));
+            });
+            if (without > 0) arrival.energy[b] *= with / without;
+        }
     }
-}
+
+  private:
+    const BentArrival& part_;
+    std::array<std::complex<double>, kEdgeTones> more_{};
+};
 
 std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
                                const TraceOptions& options, const std::array<float, kEdgeTones>& left,
@@ -167,6 +169,17 @@ class EndWaves {
     std::vector<EdgeWave> waves_;
 };
 
+/// Of a boundary, if the way is on it, the side in the light or that in the shadow.
+PairWay onSide(PairWay way, bool lit) {
+    constexpr double kBeside = 1e-8;
+    for (TwoWedgePath::Wedge* wedge : {&way.path.first, &way.path.second}) {
+        const double turn = wedge->out - wedge->in;
+        if (std::abs(std::abs(turn) - std::numbers::pi) < kGrazing)
+            wedge->out = wedge->in + std::copysign(std::numbers::pi + (lit ? -kBeside : kBeside), turn);
+    }
+    return way;
+}
+
 void weigh(PairField& field, const BodyWeights::Tones& weights) {
     for (std::size_t t = 0; t < kEdgeTones; ++t) {
         field.wave[t] *= weights[t];
@@ -178,14 +191,15 @@ void weigh(PairField& field, const BodyWeights::Tones& weights) {
 class EdgePairs {
   public:
     EdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-              const TraceOptions& options, const EdgesAlone& known, BodyWeights& bodies, std::vector<Arrival>& arrivals,
-              EdgeField& field)
+              const TraceOptions& options, const EdgesAlone& known, const std::vector<const WallEdge*>& edges,
+              BodyWeights& bodies, std::vector<Arrival>& arrivals, EdgeField& field)
         : geometry_(geometry),
           source_(source),
           listener_(listener),
           options_(options),
           tones_(geometry, options.air.speedOfSound),
           known_(known),
+          edges_(edges),
           bodies_(bodies),
           arrivals_(arrivals),
           field_(field) {}
@@ -199,8 +213,14 @@ class EdgePairs {
         const bool grazes = (firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing;
         const bool byItself = (firstHides && secondHides) || (parts.empty() && grazes);
         if (parts.empty() && !byItself && !way.onFace) return false;
-        PairField pressure = fieldOf(way, tones_, c());
+        PairField pressure = fieldOf(onSide(way, !byItself), tones_, c());
         weigh(pressure, bodies_.of(way.first->body, way.second->body));
+        if (way.onFace) {
+            const RowShare row = rowShareOf(way, source_, listener_, edges_, c());
+            // In the plane of a row it is no more than chance whether one sees across.
+            if (parts.empty() && grazes && (firstHides ? row.after : row.before)) return false;
+            weigh(pressure, row.share);
+        }
         const auto left = leftOf({way.first, way.second});
         Bent both = bentBy(way, pressure, source_, listener_, options_, tones_, left);
         addWave(both.wave, way.path.way);
@@ -211,7 +231,7 @@ class EdgePairs {
         }
         if (!byItself && parts.size() == 1)
             // Where both edges are heard by themselves as well, levels of octaves have what each does to direct sound.
-            goOn(way, pressure, parts, tones_, bodies_, arrivals_[parts.front()->arrival]);
+            goingOn(*parts.front()).add(way, pressure, tones_, bodies_, arrivals_[parts.front()->arrival]);
         return true;
     }
     /// What a third edge does to them.
@@ -264,6 +284,10 @@ class EdgePairs {
 
     double c() const { return options_.air.speedOfSound; }
 
+    GoesOn& goingOn(const BentArrival& part) {
+        const auto known = std::ranges::find_if(goingOn_, [&](const GoesOn& one) { return one.isOf(part); });
+        return known == goingOn_.end() ? goingOn_.emplace_back(part) : *known;
+    }
     /// Into the arrival of the pair of which the third edge takes a part, or which it lets go on.
     void goOnThird(const TripleField& triple) {
         const WallEdge* const first = triple.firstHides ? triple.first : triple.second;
@@ -324,11 +348,13 @@ class EdgePairs {
     const TraceOptions& options_;
     const EdgeTones tones_;
     const EdgesAlone& known_;
+    const std::vector<const WallEdge*>& edges_;
     BodyWeights& bodies_;
     std::vector<Arrival>& arrivals_;
     EdgeField& field_;
     EndWaves ends_;
     std::vector<Heard> heard_;
+    std::vector<GoesOn> goingOn_;
 };
 
 }  // namespace
@@ -368,10 +394,10 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
         count.leftOut += ways.size() - kPairs;
         ways.resize(kPairs);
     }
-    EdgePairs pairs(geometry, source, listener, options, known, bodies, arrivals, field);
-    for (const PairWay& way : ways) count.heard += pairs.add(way);
     std::vector<const WallEdge*> all;
     for (const EdgeCandidate& one : edges) all.push_back(&one.edge);
+    EdgePairs pairs(geometry, source, listener, options, known, all, bodies, arrivals, field);
+    for (const PairWay& way : ways) count.heard += pairs.add(way);
     const EdgeTones tones(geometry, options.air.speedOfSound);
     for (const TripleField& triple :
          triplesOf(geometry, source, listener, known.heardStraight, all, longest, tones, options.air.speedOfSound))

@@ -117,6 +117,11 @@ bool grazesImage(const WedgePath& path) {
     return std::abs(imageAngle(path) - std::numbers::pi) * path.receiverRadius < 2e-3;
 }
 
+bool grazesFace(const WedgePath& path) {
+    const auto [least, most] = std::minmax(path.sourceAngle, path.receiverAngle);
+    return least < 1e-5 || path.opening - most < 1e-5;
+}
+
 EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& ends, std::uint32_t material,
                         const EdgeTones& tones, Found found, const BodyWeights::Tones& weights) {
     const WedgePath& path = round.path;

@@ -36,6 +36,8 @@ EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& en
 bool grazesShadow(const WedgePath& path);
 /// Image sources are looked for from a little aside: next to its boundary one may be found that ought not to be.
 bool grazesImage(const WedgePath& path);
+/// In the plane of a face of the edge is the source or the receiver.
+bool grazesFace(const WedgePath& path);
 /// The angle that the mirror image by the nearer face is seen under.
 double imageAngle(const WedgePath& path);
 /// Whether the receiver is not in the edge's shadow, and whether the face mirrors sound to it: by angles alone.

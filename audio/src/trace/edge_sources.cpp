@@ -203,8 +203,10 @@ class Diffraction {
             if (part.length > 0 && pathRound(part, source_, listener_, round))
                 heard = bend(part, round, through, &sum) || heard;
         };
-        // What small bodies alone hide is there as far as they are not.
+        // What small bodies alone hide is there as far as they are not. In the plane of a face it is chance whether
+        // one sees along it: there nothing is heard through what the face is of.
         const auto bendHidden = [&](double from, double to) {
+            if (grazesFace(one.round.path)) return;
             const double at = glm::dot(one.round.by - one.edge.from, one.edge.axis);
             const glm::dvec3 by = one.edge.from + one.edge.axis * (at >= from && at <= to ? at : 0.5 * (from + to));
             BodyWeights::Tones through;
