@@ -218,13 +218,6 @@ bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way) {
            isOpen(geometry, *way.second, second, way.atSecond.opening, way.atSecond.turn);
 }
 
-bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-            const PairWay& way) {
-    const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
-    return seen(geometry, source, aimAt(*way.first, first, source)) &&
-           seen(geometry, listener, aimAt(*way.second, second, listener)) && isFreeAlong(geometry, way);
-}
-
 PairField fieldOf(const PairWay& way, const EdgeTones& tones, double speedOfSound) {
     PairField field;
     if (way.onFace) field.ends = way.flat.endsOf(way.path, tones, speedOfSound);

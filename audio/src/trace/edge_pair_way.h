@@ -51,8 +51,6 @@ inline double leastOnFace(bool heardStraight) {
 /// Whether there is air from the one edge to the other and about both. What lies on a face is looked for a little off
 /// it.
 bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way);
-/// The same on the whole way.
-bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener, const PairWay& way);
 
 /// What both edges bend, by tone: by the shortest way, re the phase of that, and by ends.
 struct PairField {

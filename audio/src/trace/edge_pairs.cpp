@@ -87,8 +87,7 @@ class GoesOn {
 };
 
 std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
-                               const TraceOptions& options, const std::array<float, kEdgeTones>& left,
-                               std::uint32_t order) {
+                               const TraceOptions& options, std::uint32_t order) {
     const Bands attenuation = airAttenuation(options.air);
     std::vector<EdgeWave> waves;
     for (const FacePair::End& end : field.ends) {
@@ -98,12 +97,22 @@ std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source,
         wave.seconds = end.way / options.air.speedOfSound;
         wave.direction = glm::normalize(end.second - listener);
         wave.route = {end.first, end.second, glm::dvec3(0), glm::dvec3(0)};
-        for (std::size_t t = 0; t < kEdgeTones; ++t)
-            wave.pressure[t] = std::complex<float>(static_cast<double>(left[t]) * end.pressure[t]);
+        for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(end.pressure[t]);
         weaken(wave, options.pattern ? options.pattern(glm::normalize(end.first - source)) : 1, attenuation, end.way);
         waves.push_back(wave);
     }
     return waves;
+}
+
+/// Of an arrival by the pressures of its tones. `scale`: of each band, for the mean over the tones.
+void setEnergies(const PairField& field, double way, const EdgeTones& tones, const Bands& scale, Arrival& arrival) {
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        double energy = 0;
+        tones.each(b, [&](std::size_t tone, double waveNumber) {
+            energy += std::norm(field.sum(tone, waveNumber, way)) / EdgeTones::kTones;
+        });
+        arrival.energy[b] = scale[b] * energy;
+    }
 }
 
 /// The waves that both edges bend, and for an arrival of its own its energies.
@@ -111,10 +120,11 @@ struct Bent {
     EdgeWave wave;
     std::vector<EdgeWave> ends;
     Arrival arrival;
+    Bands scale{};
 };
 
 Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
-            const TraceOptions& options, const EdgeTones& tones, const std::array<float, kEdgeTones>& left) {
+            const TraceOptions& options, const EdgeTones& tones) {
     const Bands attenuation = airAttenuation(options.air);
     const double length = way.path.way + way.past;
     const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
@@ -133,17 +143,12 @@ Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source
         return options.pattern ? options.pattern(glm::normalize(by - source)) : 1.0;
     };
     const double sent = sentTo(first);
-    for (std::size_t b = 0; b < kBandCount; ++b) {
-        double energy = 0;
-        tones.each(b, [&](std::size_t tone, double waveNumber) {
-            const double part = static_cast<double>(left[tone]);
-            bent.wave.pressure[tone] = std::complex<float>(part * field.wave[tone]);
-            energy += part * part * std::norm(field.sum(tone, waveNumber, length)) / EdgeTones::kTones;
-        });
-        bent.arrival.energy[b] = sent * energy / (4 * std::numbers::pi) * std::exp(-attenuation[b] * length);
-    }
+    for (std::size_t b = 0; b < kBandCount; ++b)
+        bent.scale[b] = sent / (4 * std::numbers::pi) * std::exp(-attenuation[b] * length);
+    setEnergies(field, length, tones, bent.scale, bent.arrival);
+    for (std::size_t t = 0; t < kEdgeTones; ++t) bent.wave.pressure[t] = std::complex<float>(field.wave[t]);
     weaken(bent.wave, sent, attenuation, length);
-    bent.ends = endWaves(field, source, listener, options, left, 2);
+    bent.ends = endWaves(field, source, listener, options, 2);
     return bent;
 }
 
@@ -206,27 +211,32 @@ class EdgePairs {
 
     /// Whether it is heard.
     bool add(const PairWay& way) {
-        if (!isFree(geometry_, source_, listener_, way)) return false;
-        const bool firstHides = way.atFirst.shadow() > 0, secondHides = way.atSecond.shadow() > 0;
+        const PlaneSide sourceSide = sideOf(way.atFirst), listenerSide = sideOf(way.atSecond);
+        const bool firstHides = sourceSide == PlaneSide::below, secondHides = listenerSide == PlaneSide::below;
+        BodyWeights::Tones weights = bodies_.of(way.first->body, way.second->body);
+        if (!isFreeAlong(geometry_, way) || !reaches(way, sourceSide, listenerSide, weights)) return false;
         const std::vector<const BentArrival*> parts = partsOf(way, firstHides, secondHides);
-        // It is chance whether a ray along the boundary finds its way: half of it is left on either side.
-        const bool grazes = (firstHides ? way.atSecond : way.atFirst).shadow() > -kGrazing;
+        // On a boundary it is chance whether a ray finds its way: half of it is left on either side.
+        const bool grazes = (firstHides ? listenerSide : sourceSide) != PlaneSide::above;
         const bool byItself = (firstHides && secondHides) || (parts.empty() && grazes);
         if (parts.empty() && !byItself && !way.onFace) return false;
-        PairField pressure = fieldOf(onSide(way, !byItself), tones_, c());
-        weigh(pressure, bodies_.of(way.first->body, way.second->body));
         if (way.onFace) {
-            const RowShare row = rowShareOf(way, source_, listener_, edges_, c());
-            // In the plane of a row it is no more than chance whether one sees across.
-            if (parts.empty() && grazes && (firstHides ? row.after : row.before)) return false;
-            weigh(pressure, row.share);
+            const auto side = [&](PlaneSide one) {
+                return one == PlaneSide::on && !parts.empty() ? PlaneSide::above : one;
+            };
+            const BodyWeights::Tones share =
+                rowShareOf(way, source_, side(sourceSide), listener_, side(listenerSide), edges_, bodies_, c());
+            for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= share[t];
+            if (!(*std::ranges::max_element(weights) > 0)) return false;
         }
-        const auto left = leftOf({way.first, way.second});
-        Bent both = bentBy(way, pressure, source_, listener_, options_, tones_, left);
+        PairField pressure = fieldOf(onSide(way, !byItself), tones_, c());
+        weigh(pressure, weights);
+        weigh(pressure, leftOf({way.first, way.second}));
+        Bent both = bentBy(way, pressure, source_, listener_, options_, tones_);
         addWave(both.wave, way.path.way);
         for (const EdgeWave& end : both.ends) ends_.add(end);
-        if (byItself) {
-            heard_.push_back({way.first, way.second, arrivals_.size(), way.path.way + way.past, pressure});
+        if (byItself && !goOnInLine(way, pressure)) {
+            heard_.push_back({&way, arrivals_.size(), way.path.way + way.past, both.scale, pressure});
             addArrival(both.arrival);
         }
         if (!byItself && parts.size() == 1)
@@ -237,7 +247,7 @@ class EdgePairs {
     /// What a third edge does to them.
     void add(TripleField triple) {
         weigh(triple.field, bodies_.of(triple.first->body, triple.third->body));
-        const auto left = leftOf({triple.first, triple.second, triple.third});
+        weigh(triple.field, leftOf({triple.first, triple.second, triple.third}));
         const Bands attenuation = airAttenuation(options_.air);
         const glm::dvec3 last = offEnds(*triple.third, triple.byThird);
         EdgeWave wave;
@@ -245,26 +255,21 @@ class EdgePairs {
         wave.seconds = triple.way / c();
         wave.direction = glm::normalize(last - listener_);
         wave.route = {triple.byFirst, triple.byThird, glm::dvec3(0), glm::dvec3(0)};
-        for (std::size_t t = 0; t < kEdgeTones; ++t)
-            wave.pressure[t] = std::complex<float>(static_cast<double>(left[t]) * triple.field.wave[t]);
+        for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(triple.field.wave[t]);
         const double sent = options_.pattern ? options_.pattern(glm::normalize(triple.byFirst - source_)) : 1;
         weaken(wave, sent, attenuation, triple.way);
         addWave(wave, triple.way);
-        for (const EdgeWave& end : endWaves(triple.field, source_, listener_, options_, left, 3)) ends_.add(end);
+        for (const EdgeWave& end : endWaves(triple.field, source_, listener_, options_, 3)) ends_.add(end);
         if (triple.firstHides != triple.thirdHides) return goOnThird(triple);
         if (!triple.firstHides) return;
         Arrival arrival;
         arrival.seconds = wave.seconds;
         arrival.order = 3;
         arrival.direction = wave.direction;
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            double energy = 0;
-            tones_.each(b, [&](std::size_t tone, double waveNumber) {
-                energy += std::norm(static_cast<double>(left[tone]) * triple.field.sum(tone, waveNumber, triple.way)) /
-                          EdgeTones::kTones;
-            });
-            arrival.energy[b] = sent * energy / (4 * std::numbers::pi) * std::exp(-attenuation[b] * triple.way);
-        }
+        Bands scale;
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            scale[b] = sent / (4 * std::numbers::pi) * std::exp(-attenuation[b] * triple.way);
+        setEnergies(triple.field, triple.way, tones_, scale, arrival);
         addArrival(arrival);
     }
     /// Of ends those above -54 dB: there are many.
@@ -276,13 +281,58 @@ class EdgePairs {
   private:
     /// A pair with an arrival of its own, and all that goes on into that.
     struct Heard {
-        const WallEdge *first, *second;
+        const PairWay* pair;
         std::size_t arrival;
         double way;
+        Bands scale;  // of its energies
         PairField field;
     };
 
     double c() const { return options_.air.speedOfSound; }
+
+    static PlaneSide sideOf(const EdgeTurn& turn) {
+        return turn.shadow() > kGrazing    ? PlaneSide::below
+               : turn.shadow() > -kGrazing ? PlaneSide::on
+                                           : PlaneSide::above;
+    }
+
+    /// Whether it comes to both edges from outside; what small bodies let through of it is a factor of `weights`.
+    bool reaches(const PairWay& way, PlaneSide sourceSide, PlaneSide listenerSide, BodyWeights::Tones& weights) {
+        const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
+        // In the plane of a face the next one in that plane may hide the edge or not: from a little above it does not.
+        constexpr double kOff = 1e-3;
+        glm::dvec3 source = source_, listener = listener_;
+        if (way.onFace && sourceSide == PlaneSide::on) source += kOff * way.atFirst.offFace(*way.first, true);
+        if (way.onFace && listenerSide == PlaneSide::on) listener += kOff * way.atSecond.offFace(*way.second, false);
+        if (seen(geometry_, source, aimAt(*way.first, first, source)) &&
+            seen(geometry_, listener, aimAt(*way.second, second, listener)))
+            return true;
+        BodyWeights::Tones before, after;
+        if (!bodies_.straightOn(source, first, before) || !bodies_.straightOn(listener, second, after)) return false;
+        if (!(before.front() * after.front() < 1)) return false;
+        for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= before[t] * after[t];
+        return true;
+    }
+
+    /// Into the arrival of another pair on one line with it, as of faces in a row, if there is one.
+    bool goOnInLine(const PairWay& way, const PairField& field) {
+        constexpr double kInLine = 0.99;
+        const auto across = [](const PairWay& one) { return glm::normalize(one.bySecond - one.byFirst); };
+        const auto known = std::ranges::find_if(heard_, [&](const Heard& one) {
+            return (one.pair->first == way.first || one.pair->second == way.second) &&
+                   glm::dot(across(*one.pair), across(way)) > kInLine;
+        });
+        if (!way.onFace || known == heard_.end()) return false;
+        goOn(*known, field, way.path.way + way.past);
+        return true;
+    }
+    void goOn(Heard& heard, const PairField& more, double way) {
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const double waveNumber = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / c();
+            heard.field.wave[t] += more.sum(t, waveNumber, way) * std::polar(1.0, waveNumber * heard.way);
+        }
+        setEnergies(heard.field, heard.way, tones_, heard.scale, arrivals_[heard.arrival]);
+    }
 
     GoesOn& goingOn(const BentArrival& part) {
         const auto known = std::ranges::find_if(goingOn_, [&](const GoesOn& one) { return one.isOf(part); });
@@ -292,20 +342,9 @@ class EdgePairs {
     void goOnThird(const TripleField& triple) {
         const WallEdge* const first = triple.firstHides ? triple.first : triple.second;
         const WallEdge* const second = triple.firstHides ? triple.second : triple.third;
-        const auto heard =
-            std::ranges::find_if(heard_, [&](const Heard& one) { return one.first == first && one.second == second; });
-        if (heard == heard_.end()) return;
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            double with = 0, without = 0;
-            tones_.each(b, [&](std::size_t tone, double waveNumber) {
-                const std::complex<double> before = heard->field.sum(tone, waveNumber, heard->way);
-                const std::complex<double> more = triple.field.sum(tone, waveNumber, triple.way);
-                without += std::norm(before);
-                with += std::norm(before + more);
-                heard->field.wave[tone] += more * std::polar(1.0, waveNumber * heard->way);
-            });
-            if (without > 0) arrivals_[heard->arrival].energy[b] *= with / without;
-        }
+        const auto heard = std::ranges::find_if(
+            heard_, [&](const Heard& one) { return one.pair->first == first && one.pair->second == second; });
+        if (heard != heard_.end()) goOn(*heard, triple.field, triple.way);
     }
 
     const BentArrival* alone(const WallEdge& edge) const {
@@ -326,12 +365,12 @@ class EdgePairs {
         return parts;
     }
     /// What edges that are seen in part leave to it.
-    std::array<float, kEdgeTones> leftOf(std::initializer_list<const WallEdge*> edges) const {
-        std::array<float, kEdgeTones> left;
+    BodyWeights::Tones leftOf(std::initializer_list<const WallEdge*> edges) const {
+        BodyWeights::Tones left;
         left.fill(1);
         for (const PartlySeen& one : known_.partly)
             if (std::ranges::any_of(edges, [&](const WallEdge* edge) { return isSame(one.edge, *edge); }))
-                for (std::size_t t = 0; t < kEdgeTones; ++t) left[t] *= one.left[t];
+                for (std::size_t t = 0; t < kEdgeTones; ++t) left[t] *= static_cast<double>(one.left[t]);
         return left;
     }
     void addWave(const EdgeWave& wave, double length) {

@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "edge_paths.h"
@@ -15,11 +18,13 @@ namespace {
 struct Mark {
     double at = 0;
     bool begins = false;
+    const WallBody* body = nullptr;
 };
 
-/// A part of the way, over a face or over a gap.
-struct Part {
+/// The part of the way over a face.
+struct Face {
     double from, to;
+    const WallBody* body;
 };
 
 /// The plane of a face, and the straight way in it.
@@ -41,30 +46,30 @@ bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
     if (std::abs(glm::dot(face, line.normal)) >= kAlong || glm::dot(other, line.normal) >= kAlong ||
         std::abs(toward) < kAlong)
         return false;
-    mark = {glm::dot(way, face) / toward, toward > 0};
+    mark = {glm::dot(way, face) / toward, toward > 0, edge.body};
     const double on = glm::dot(line.along * mark.at - way, edge.axis);
     return on >= 0 && on <= edge.length;
 }
 
 /// From edge to edge; where one is not known there is no gap.
-std::vector<Part> facesOf(std::vector<Mark>& marks, double from, double to) {
+std::vector<Face> facesOf(std::vector<Mark>& marks, double from, double to) {
     std::ranges::stable_sort(marks, {}, &Mark::at);
-    std::vector<Part> faces;
-    double begun = from;
+    std::vector<Face> faces;
+    Mark begun;
     int open = 0;
     for (const Mark& mark : marks) {
         if (mark.at < from || mark.at > to) continue;
         if (mark.begins) {
-            if (open++ == 0) begun = mark.at;
+            if (open++ == 0) begun = mark;
         } else if (open > 0) {
-            if (--open == 0) faces.push_back({begun, mark.at});
+            if (--open == 0) faces.push_back({begun.at, mark.at, begun.body});
         } else if (faces.empty()) {
-            faces.push_back({from, mark.at});
+            faces.push_back({from, mark.at, mark.body});
         } else {
             faces.back().to = mark.at;
         }
     }
-    if (open > 0) faces.push_back({begun, to});
+    if (open > 0) faces.push_back({begun.at, to, begun.body});
     return faces;
 }
 
@@ -79,46 +84,114 @@ double leftBeyond(double before, double gap, double after) {
     return 0.5 + std::asin(std::sqrt(std::clamp(square, 0.0, 1.0))) / std::numbers::pi;
 }
 
+/// The faces on a way, and what gets along them to where it leaves the plane.
+class Row {
+  public:
+    Row(const PairWay& way, const glm::dvec3& source, PlaneSide sourceSide, const glm::dvec3& listener,
+        PlaneSide listenerSide, std::span<const WallEdge* const> edges)
+        : source_(source), listener_(listener), sourceSide_(sourceSide), listenerSide_(listenerSide) {
+        const glm::dvec3 across = way.bySecond - way.byFirst;
+        const double second = glm::length(across);
+        line_ = {way.byFirst, across / second, way.atFirst.offFace(*way.first, true)};
+        std::vector<Mark> marks;
+        for (const WallEdge* edge : edges)
+            if (Mark mark; edge != way.first && edge != way.second && crosses(line_, *edge, mark))
+                marks.push_back(mark);
+        if (marks.empty()) return;
+        marks.push_back({0, true, way.first->body});
+        marks.push_back({second, false, way.second->body});
+        from_ = std::min(0.0, glm::dot(source - line_.from, line_.along));
+        to_ = std::max(second, glm::dot(listener - line_.from, line_.along));
+        faces_ = facesOf(marks, from_, to_);
+        // From below the plane what lies beyond the edge hides that, or not.
+        if (sourceSide == PlaneSide::below) std::erase_if(faces_, [&](const Face& one) { return one.to < 0; });
+        if (listenerSide == PlaneSide::below) std::erase_if(faces_, [&](const Face& one) { return one.from > second; });
+        const auto at = [&](double place) {
+            const auto found =
+                std::ranges::find_if(faces_, [&](const Face& one) { return one.from <= place && one.to >= place; });
+            return static_cast<std::size_t>(found - faces_.begin());
+        };
+        first_ = at(0);
+        last_ = at(second);
+    }
+
+    bool hasGaps() const { return faces_.size() > 1 && last_ < faces_.size(); }
+    const std::vector<Face>& faces() const { return faces_; }
+    bool isOfPair(std::size_t face) const { return face == first_ || face == last_; }
+
+    /// Of all faces those whose bits are set are there.
+    double shareOf(std::uint32_t there, double waveNumber) const {
+        std::vector<std::size_t> present;
+        for (std::size_t i = 0; i < faces_.size(); ++i)
+            if (there >> i & 1) present.push_back(i);
+        const double begin = faces_[present.front()].from, end = faces_[present.back()].to;
+        const double toFirst = nearPlane(begin - from_, to_ - from_, cosine(source_, begin, -1), waveNumber);
+        const double fromLast = nearPlane(to_ - end, to_ - from_, cosine(listener_, end, 1), waveNumber);
+        double share = 1;
+        for (std::size_t p = 1; p < present.size(); ++p) {
+            const std::size_t i = present[p - 1], next = present[p];
+            const double gapFrom = faces_[i].to, gapTo = faces_[next].from;
+            const double left =
+                leftBeyond(gapFrom - begin + toFirst, std::max(0.0, gapTo - gapFrom), end - gapTo + fromLast);
+            if (i >= first_ && next <= last_) share *= left;
+            if (next == first_) share *= sourceSide_ == PlaneSide::above ? 2 - 2 * left : 0;
+            if (i == last_) share *= listenerSide_ == PlaneSide::above ? 2 - 2 * left : 0;
+        }
+        return share;
+    }
+
+  private:
+    /// Of the angle between the way to a place and the plane, from an edge on.
+    double cosine(const glm::dvec3& place, double edge, double side) const {
+        const glm::dvec3 off = place - line_.from - edge * line_.along;
+        const double length = glm::length(off);
+        return length > 0 ? side * glm::dot(off, line_.along) / length : 1.0;
+    }
+
+    const glm::dvec3 &source_, &listener_;
+    PlaneSide sourceSide_, listenerSide_;
+    Line line_{};
+    std::vector<Face> faces_;
+    double from_ = 0, to_ = 0;
+    std::size_t first_ = 0, last_ = 0;
+};
+
+/// Of faces that are there in part: each more doubles the cases.
+constexpr std::size_t kMostInPart = 4;
+/// Of faces on one way.
+constexpr std::size_t kMostFaces = 16;
+
 }  // namespace
 
-RowShare rowShareOf(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener,
-                    std::span<const WallEdge* const> edges, double speedOfSound) {
-    RowShare result;
-    result.share.fill(1);
-    const glm::dvec3 across = way.bySecond - way.byFirst;
-    const double second = glm::length(across);
-    const Line line{way.byFirst, across / second, way.atFirst.offFace(*way.first, true)};
-    std::vector<Mark> marks;
-    for (const WallEdge* edge : edges)
-        if (Mark mark; edge != way.first && edge != way.second && crosses(line, *edge, mark)) marks.push_back(mark);
-    if (marks.empty()) return result;
-    marks.push_back({0, true});
-    marks.push_back({second, false});
-    const double from = std::min(0.0, glm::dot(source - line.from, line.along));
-    const double to = std::max(second, glm::dot(listener - line.from, line.along));
-    const std::vector<Part> faces = facesOf(marks, from, to);
-    if (faces.size() < 2) return result;
-    const double begin = faces.front().from, end = faces.back().to;
-    const auto cosine = [&](const glm::dvec3& place, double edge, double side) {
-        const glm::dvec3 off = place - line.from - edge * line.along;
-        const double length = glm::length(off);
-        return length > 0 ? side * glm::dot(off, line.along) / length : 1.0;
-    };
-    const double backward = cosine(source, begin, -1), forward = cosine(listener, end, 1);
-    const double rounding = 1e-9 * (to - from);
-    for (std::size_t i = 1; i < faces.size(); ++i) {
-        const Part gap{faces[i - 1].to, faces[i].from};
-        const bool before = std::abs(gap.to) <= rounding, after = std::abs(gap.from - second) <= rounding;
-        if (!before && !after && (gap.from < 0 || gap.to > second)) continue;
-        result.before = result.before || before;
-        result.after = result.after || after;
-        for (std::size_t t = 0; t < kEdgeTones; ++t) {
-            const double k = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound;
-            const double a = gap.from - begin + nearPlane(begin - from, to - from, backward, k);
-            const double b = end - gap.to + nearPlane(to - end, to - from, forward, k);
-            const double left = leftBeyond(a, gap.to - gap.from, b);
-            result.share[t] *= before || after ? 2 - 2 * left : left;
+BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, PlaneSide sourceSide,
+                              const glm::dvec3& listener, PlaneSide listenerSide,
+                              std::span<const WallEdge* const> edges, BodyWeights& bodies, double speedOfSound) {
+    BodyWeights::Tones result;
+    result.fill(1);
+    const Row row(way, source, sourceSide, listener, listenerSide, edges);
+    if (!row.hasGaps() || row.faces().size() > kMostFaces) return result;
+    std::vector<std::pair<std::size_t, const BodyWeights::Tones*>> inPart;
+    for (std::size_t i = 0; i < row.faces().size() && inPart.size() < kMostInPart; ++i) {
+        const WallBody* const body = row.faces()[i].body;
+        if (row.isOfPair(i) || body == way.first->body || body == way.second->body) continue;
+        if (const BodyWeights::Tones& weights = bodies.of(body); weights.front() < 1) inPart.emplace_back(i, &weights);
+    }
+    const std::uint32_t all = (1u << row.faces().size()) - 1;
+    for (std::size_t t = 0; t < kEdgeTones; ++t) {
+        const double k = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound;
+        double sum = 0;
+        for (std::uint32_t missing = 0; missing < 1u << inPart.size(); ++missing) {
+            std::uint32_t there = all;
+            double chance = 1;
+            for (std::size_t i = 0; i < inPart.size(); ++i) {
+                const auto& [face, weights] = inPart[i];
+                const bool isMissing = missing >> i & 1;
+                if (isMissing) there &= ~(1u << face);
+                chance *= isMissing ? 1 - (*weights)[t] : (*weights)[t];
+            }
+            if (chance > 0) sum += chance * row.shareOf(there, k);
         }
+        result[t] = sum;
     }
     return result;
 }

@@ -10,26 +10,25 @@
 // Immirzi, Proc. IEE 109C (1962), 419-429. Threading: pure functions.
 #pragma once
 
-#include <array>
 #include <span>
 
 #include <glm/glm.hpp>
 
 #include <rtsg/audio/acoustic_geometry.h>
 
+#include "body_weights.h"
 #include "edge_pair_way.h"
 
 namespace rtsg {
 
-struct RowShare {
-    /// Of the pressure of a pair, by tone.
-    std::array<double, kEdgeTones> share{};
-    /// Whether its plane goes on beyond a gap before its first edge, and after its second one.
-    bool before = false, after = false;
-};
+/// Of a plane on which a way goes from edge to edge: where the source or the listener is. On it, half of what an edge
+/// hides is left, and nothing goes there that leaves the plane before a face.
+enum class PlaneSide { below, on, above };
 
-/// Of a way along a face of both edges; `edges`: among them are those that it passes.
-RowShare rowShareOf(const PairWay& way, const glm::dvec3& source, const glm::dvec3& listener,
-                    std::span<const WallEdge* const> edges, double speedOfSound);
+/// Shares of the pressure of a pair, by tone. Of a way along a face of both edges; `edges`: among them are those that
+/// it passes. Faces of small bodies are there as far as the bodies are.
+BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, PlaneSide sourceSide,
+                              const glm::dvec3& listener, PlaneSide listenerSide,
+                              std::span<const WallEdge* const> edges, BodyWeights& bodies, double speedOfSound);
 
 }  // namespace rtsg
