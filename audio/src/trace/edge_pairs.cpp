@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "edge_overlaps.h"
+#include "edge_pair_waves.h"
 #include "edge_pair_way.h"
 #include "edge_rows.h"
 #include "edge_tones.h"
@@ -86,94 +87,6 @@ class GoesOn {
     std::array<std::complex<double>, kEdgeTones> more_{};
 };
 
-std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
-                               const TraceOptions& options, std::uint32_t order) {
-    const Bands attenuation = airAttenuation(options.air);
-    std::vector<EdgeWave> waves;
-    for (const FacePair::End& end : field.ends) {
-        if (end.second == listener || end.first == source) continue;
-        EdgeWave wave;
-        wave.order = order;
-        wave.seconds = end.way / options.air.speedOfSound;
-        wave.direction = glm::normalize(end.second - listener);
-        wave.route = {end.first, end.second, glm::dvec3(0), glm::dvec3(0)};
-        for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(end.pressure[t]);
-        weaken(wave, options.pattern ? options.pattern(glm::normalize(end.first - source)) : 1, attenuation, end.way);
-        waves.push_back(wave);
-    }
-    return waves;
-}
-
-/// Of an arrival by the pressures of its tones. `scale`: of each band, for the mean over the tones.
-void setEnergies(const PairField& field, double way, const EdgeTones& tones, const Bands& scale, Arrival& arrival) {
-    for (std::size_t b = 0; b < kBandCount; ++b) {
-        double energy = 0;
-        tones.each(b, [&](std::size_t tone, double waveNumber) {
-            energy += std::norm(field.sum(tone, waveNumber, way)) / EdgeTones::kTones;
-        });
-        arrival.energy[b] = scale[b] * energy;
-    }
-}
-
-/// The waves that both edges bend, and for an arrival of its own its energies.
-struct Bent {
-    EdgeWave wave;
-    std::vector<EdgeWave> ends;
-    Arrival arrival;
-    Bands scale{};
-};
-
-Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
-            const TraceOptions& options, const EdgeTones& tones) {
-    const Bands attenuation = airAttenuation(options.air);
-    const double length = way.path.way + way.past;
-    const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
-    Bent bent;
-    bent.arrival.seconds = bent.wave.seconds = length / options.air.speedOfSound;
-    bent.arrival.order = bent.wave.order = 2;
-    bent.arrival.direction = bent.wave.direction = glm::normalize(second - listener);
-    // What leads past an end goes by that end.
-    const auto axisIf = [&](std::size_t e, const WallEdge& edge) {
-        return way.fromLow[e] < 0 || way.fromHigh[e] < 0 ? glm::dvec3(0) : edge.axis;
-    };
-    bent.wave.route = {axisIf(0, *way.first) == glm::dvec3(0) ? first : way.byFirst,
-                       axisIf(1, *way.second) == glm::dvec3(0) ? second : way.bySecond, axisIf(0, *way.first),
-                       axisIf(1, *way.second)};
-    const auto sentTo = [&](const glm::dvec3& by) {
-        return options.pattern ? options.pattern(glm::normalize(by - source)) : 1.0;
-    };
-    const double sent = sentTo(first);
-    for (std::size_t b = 0; b < kBandCount; ++b)
-        bent.scale[b] = sent / (4 * std::numbers::pi) * std::exp(-attenuation[b] * length);
-    setEnergies(field, length, tones, bent.scale, bent.arrival);
-    for (std::size_t t = 0; t < kEdgeTones; ++t) bent.wave.pressure[t] = std::complex<float>(field.wave[t]);
-    weaken(bent.wave, sent, attenuation, length);
-    bent.ends = endWaves(field, source, listener, options, 2);
-    return bent;
-}
-
-/// Ends of pairs by the places on both edges: where two pairs meet at a corner, nothing is left.
-class EndWaves {
-  public:
-    void add(const EdgeWave& wave) {
-        const double rounding = 1e-6 + 2 * placeRounding(wave.route.first);
-        const auto known = std::ranges::find_if(waves_, [&](const EdgeWave& one) {
-            return glm::distance(one.route.first, wave.route.first) <= rounding &&
-                   glm::distance(one.route.last, wave.route.last) <= rounding && one.order == wave.order &&
-                   std::abs(one.seconds - wave.seconds) <= 1e-8 + 1e-7 * wave.seconds;
-        });
-        if (known == waves_.end()) {
-            waves_.push_back(wave);
-            return;
-        }
-        for (std::size_t t = 0; t < kEdgeTones; ++t) known->pressure[t] += wave.pressure[t];
-    }
-    const std::vector<EdgeWave>& waves() const { return waves_; }
-
-  private:
-    std::vector<EdgeWave> waves_;
-};
-
 /// Of a boundary, if the way is on it, the side in the light or that in the shadow.
 PairWay onSide(PairWay way, bool lit) {
     constexpr double kBeside = 1e-8;
@@ -183,13 +96,6 @@ PairWay onSide(PairWay way, bool lit) {
             wedge->out = wedge->in + std::copysign(std::numbers::pi + (lit ? -kBeside : kBeside), turn);
     }
     return way;
-}
-
-void weigh(PairField& field, const BodyWeights::Tones& weights) {
-    for (std::size_t t = 0; t < kEdgeTones; ++t) {
-        field.wave[t] *= weights[t];
-        for (FacePair::End& end : field.ends) end.pressure[t] *= weights[t];
-    }
 }
 
 /// The pairs of a source and a listener, one after the other, and what goes on round a third edge.
