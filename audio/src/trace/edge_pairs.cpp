@@ -87,15 +87,19 @@ class GoesOn {
     std::array<std::complex<double>, kEdgeTones> more_{};
 };
 
-/// Of a boundary, if the way is on it, the side in the light or that in the shadow.
-PairWay onSide(PairWay way, bool lit) {
-    constexpr double kBeside = 1e-8;
-    for (TwoWedgePath::Wedge* wedge : {&way.path.first, &way.path.second}) {
-        const double turn = wedge->out - wedge->in;
-        if (std::abs(std::abs(turn) - std::numbers::pi) < kGrazing)
-            wedge->out = wedge->in + std::copysign(std::numbers::pi + (lit ? -kBeside : kBeside), turn);
-    }
-    return way;
+bool isOnBoundary(const EdgeTurn& turn) {
+    return std::abs(turn.shadow()) <= kGrazing;
+}
+
+/// Off boundaries that it is on.
+TwoWedgePath offBoundaries(const PairWay& way, PlaneSide sourceSide, PlaneSide listenerSide) {
+    // On a face itself sound and its mirror image are one: the other angle it is that moves.
+    const auto half = [](PlaneSide side) { return std::numbers::pi + (side == PlaneSide::above ? -1e-8 : 1e-8); };
+    TwoWedgePath path = way.path;
+    TwoWedgePath::Wedge &first = path.first, &second = path.second;
+    if (isOnBoundary(way.atFirst)) first.in = first.out - std::copysign(half(sourceSide), first.out - first.in);
+    if (isOnBoundary(way.atSecond)) second.out = second.in + std::copysign(half(listenerSide), second.out - second.in);
+    return path;
 }
 
 /// The pairs of a source and a listener, one after the other, and what goes on round a third edge.
@@ -117,25 +121,24 @@ class EdgePairs {
 
     /// Whether it is heard.
     bool add(const PairWay& way) {
-        const PlaneSide sourceSide = sideOf(way.atFirst), listenerSide = sideOf(way.atSecond);
+        // On a boundary it is chance whether a ray finds its way: that side counts on which the other edge alone is.
+        const PlaneSide sourceSide = sideOf(way.atFirst, *way.second), listenerSide = sideOf(way.atSecond, *way.first);
         const bool firstHides = sourceSide == PlaneSide::below, secondHides = listenerSide == PlaneSide::below;
         BodyWeights::Tones weights = bodies_.of(way.first->body, way.second->body);
-        if (!isFreeAlong(geometry_, way) || !reaches(way, sourceSide, listenerSide, weights)) return false;
+        if (!isFreeAlong(geometry_, way) || !reaches(way, weights)) return false;
         const std::vector<const BentArrival*> parts = partsOf(way, firstHides, secondHides);
-        // On a boundary it is chance whether a ray finds its way: half of it is left on either side.
         const bool grazes = (firstHides ? listenerSide : sourceSide) != PlaneSide::above;
         const bool byItself = (firstHides && secondHides) || (parts.empty() && grazes);
         if (parts.empty() && !byItself && !way.onFace) return false;
-        if (way.onFace) {
-            const auto side = [&](PlaneSide one) {
-                return one == PlaneSide::on && !parts.empty() ? PlaneSide::above : one;
-            };
+        if (way.onFace && (sourceSide != PlaneSide::above || listenerSide != PlaneSide::above)) {
             const BodyWeights::Tones share =
-                rowShareOf(way, source_, side(sourceSide), listener_, side(listenerSide), edges_, bodies_, c());
+                rowShareOf(way, source_, sourceSide, listener_, listenerSide, edges_, bodies_, c());
             for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= share[t];
             if (!(*std::ranges::max_element(weights) > 0)) return false;
         }
-        PairField pressure = fieldOf(onSide(way, !byItself), tones_, c());
+        PairWay sided = way;
+        sided.path = offBoundaries(way, sourceSide, listenerSide);
+        PairField pressure = fieldOf(sided, tones_, c());
         weigh(pressure, weights);
         weigh(pressure, leftOf({way.first, way.second}));
         Bent both = bentBy(way, pressure, source_, listener_, options_, tones_);
@@ -196,20 +199,19 @@ class EdgePairs {
 
     double c() const { return options_.air.speedOfSound; }
 
-    static PlaneSide sideOf(const EdgeTurn& turn) {
-        return turn.shadow() > kGrazing    ? PlaneSide::below
-               : turn.shadow() > -kGrazing ? PlaneSide::on
-                                           : PlaneSide::above;
+    PlaneSide sideOf(const EdgeTurn& turn, const WallEdge& other) const {
+        if (isOnBoundary(turn)) return alone(other) ? PlaneSide::above : PlaneSide::on;
+        return turn.shadow() > 0 ? PlaneSide::below : PlaneSide::above;
     }
 
     /// Whether it comes to both edges from outside; what small bodies let through of it is a factor of `weights`.
-    bool reaches(const PairWay& way, PlaneSide sourceSide, PlaneSide listenerSide, BodyWeights::Tones& weights) {
+    bool reaches(const PairWay& way, BodyWeights::Tones& weights) {
         const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
         // In the plane of a face the next one in that plane may hide the edge or not: from a little above it does not.
         constexpr double kOff = 1e-3;
         glm::dvec3 source = source_, listener = listener_;
-        if (way.onFace && sourceSide == PlaneSide::on) source += kOff * way.atFirst.offFace(*way.first, true);
-        if (way.onFace && listenerSide == PlaneSide::on) listener += kOff * way.atSecond.offFace(*way.second, false);
+        if (way.onFace && isOnBoundary(way.atFirst)) source += kOff * way.atFirst.offFace(*way.first, true);
+        if (way.onFace && isOnBoundary(way.atSecond)) listener += kOff * way.atSecond.offFace(*way.second, false);
         if (seen(geometry_, source, aimAt(*way.first, first, source)) &&
             seen(geometry_, listener, aimAt(*way.second, second, listener)))
             return true;
