@@ -92,13 +92,13 @@ bool isOnBoundary(const EdgeTurn& turn) {
 }
 
 /// Off boundaries that it is on.
-TwoWedgePath offBoundaries(const PairWay& way, PlaneSide sourceSide, PlaneSide listenerSide) {
+TwoWedgePath offBoundaries(const PairWay& way, bool firstHides, bool secondHides) {
     // On a face itself sound and its mirror image are one: the other angle it is that moves.
-    const auto half = [](PlaneSide side) { return std::numbers::pi + (side == PlaneSide::above ? -1e-8 : 1e-8); };
+    const auto half = [](bool hides) { return std::numbers::pi + (hides ? 1e-8 : -1e-8); };
     TwoWedgePath path = way.path;
     TwoWedgePath::Wedge &first = path.first, &second = path.second;
-    if (isOnBoundary(way.atFirst)) first.in = first.out - std::copysign(half(sourceSide), first.out - first.in);
-    if (isOnBoundary(way.atSecond)) second.out = second.in + std::copysign(half(listenerSide), second.out - second.in);
+    if (isOnBoundary(way.atFirst)) first.in = first.out - std::copysign(half(firstHides), first.out - first.in);
+    if (isOnBoundary(way.atSecond)) second.out = second.in + std::copysign(half(secondHides), second.out - second.in);
     return path;
 }
 
@@ -121,23 +121,19 @@ class EdgePairs {
 
     /// Whether it is heard.
     bool add(const PairWay& way) {
-        // On a boundary it is chance whether a ray finds its way: that side counts on which the other edge alone is.
-        const PlaneSide sourceSide = sideOf(way.atFirst, *way.second), listenerSide = sideOf(way.atSecond, *way.first);
-        const bool firstHides = sourceSide == PlaneSide::below, secondHides = listenerSide == PlaneSide::below;
+        const bool firstHides = hides(way.atFirst, *way.second), secondHides = hides(way.atSecond, *way.first);
         BodyWeights::Tones weights = bodies_.of(way.first->body, way.second->body);
-        if (!isFreeAlong(geometry_, way) || !reaches(way, weights)) return false;
+        if (!isFreeAlong(geometry_, way) || !reaches(way, firstHides, secondHides, weights)) return false;
+        const bool byItself = firstHides && secondHides;
         const std::vector<const BentArrival*> parts = partsOf(way, firstHides, secondHides);
-        const bool grazes = (firstHides ? listenerSide : sourceSide) != PlaneSide::above;
-        const bool byItself = (firstHides && secondHides) || (parts.empty() && grazes);
         if (parts.empty() && !byItself && !way.onFace) return false;
-        if (way.onFace && (sourceSide != PlaneSide::above || listenerSide != PlaneSide::above)) {
+        if (way.onFace && (firstHides || secondHides)) {
             const BodyWeights::Tones share =
-                rowShareOf(way, source_, sourceSide, listener_, listenerSide, edges_, bodies_, c());
+                rowShareOf(way, source_, firstHides, listener_, secondHides, edges_, bodies_, c());
             for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= share[t];
-            if (!(*std::ranges::max_element(weights) > 0)) return false;
         }
         PairWay sided = way;
-        sided.path = offBoundaries(way, sourceSide, listenerSide);
+        sided.path = offBoundaries(way, firstHides, secondHides);
         PairField pressure = fieldOf(sided, tones_, c());
         weigh(pressure, weights);
         weigh(pressure, leftOf({way.first, way.second}));
@@ -199,19 +195,24 @@ class EdgePairs {
 
     double c() const { return options_.air.speedOfSound; }
 
-    PlaneSide sideOf(const EdgeTurn& turn, const WallEdge& other) const {
-        if (isOnBoundary(turn)) return alone(other) ? PlaneSide::above : PlaneSide::on;
-        return turn.shadow() > 0 ? PlaneSide::below : PlaneSide::above;
+    /// On a boundary it is chance whether a ray finds its way: that side counts on which the other edge alone is.
+    bool hides(const EdgeTurn& turn, const WallEdge& other) const {
+        return isOnBoundary(turn) ? !alone(other) : turn.shadow() > 0;
     }
 
     /// Whether it comes to both edges from outside; what small bodies let through of it is a factor of `weights`.
-    bool reaches(const PairWay& way, BodyWeights::Tones& weights) {
+    bool reaches(const PairWay& way, bool firstHides, bool secondHides, BodyWeights::Tones& weights) {
         const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
-        // In the plane of a face the next one in that plane may hide the edge or not: from a little above it does not.
-        constexpr double kOff = 1e-3;
+        // In the plane of a face the next one in that plane may hide the edge or not.
+        const auto above = [](bool hidden) { return hidden ? -1e-3 : 1e-3; };
         glm::dvec3 source = source_, listener = listener_;
-        if (way.onFace && isOnBoundary(way.atFirst)) source += kOff * way.atFirst.offFace(*way.first, true);
-        if (way.onFace && isOnBoundary(way.atSecond)) listener += kOff * way.atSecond.offFace(*way.second, false);
+        if (way.onFace && isOnBoundary(way.atFirst))
+            source += above(firstHides) * way.atFirst.offFace(*way.first, true);
+        if (way.onFace && isOnBoundary(way.atSecond))
+            listener += above(secondHides) * way.atSecond.offFace(*way.second, false);
+        if (way.atFirst.inOnFace && !alone(*way.first)) source += above(true) * way.atFirst.offFace(*way.first, false);
+        if (way.atSecond.outOnFace && !alone(*way.second))
+            listener += above(true) * way.atSecond.offFace(*way.second, true);
         if (seen(geometry_, source, aimAt(*way.first, first, source)) &&
             seen(geometry_, listener, aimAt(*way.second, second, listener)))
             return true;

@@ -87,9 +87,9 @@ double leftBeyond(double before, double gap, double after) {
 /// The faces on a way, and what gets along them to where it leaves the plane.
 class Row {
   public:
-    Row(const PairWay& way, const glm::dvec3& source, PlaneSide sourceSide, const glm::dvec3& listener,
-        PlaneSide listenerSide, std::span<const WallEdge* const> edges)
-        : source_(source), listener_(listener), sourceSide_(sourceSide), listenerSide_(listenerSide) {
+    Row(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener, bool secondHides,
+        std::span<const WallEdge* const> edges)
+        : source_(source), listener_(listener) {
         const glm::dvec3 across = way.bySecond - way.byFirst;
         const double second = glm::length(across);
         line_ = {way.byFirst, across / second, way.atFirst.offFace(*way.first, true)};
@@ -104,8 +104,8 @@ class Row {
         to_ = std::max(second, glm::dot(listener - line_.from, line_.along));
         faces_ = facesOf(marks, from_, to_);
         // From below the plane what lies beyond the edge hides that, or not.
-        if (sourceSide == PlaneSide::below) std::erase_if(faces_, [&](const Face& one) { return one.to < 0; });
-        if (listenerSide == PlaneSide::below) std::erase_if(faces_, [&](const Face& one) { return one.from > second; });
+        if (firstHides) std::erase_if(faces_, [&](const Face& one) { return one.to < 0; });
+        if (secondHides) std::erase_if(faces_, [&](const Face& one) { return one.from > second; });
         const auto at = [&](double place) {
             const auto found =
                 std::ranges::find_if(faces_, [&](const Face& one) { return one.from <= place && one.to >= place; });
@@ -134,8 +134,7 @@ class Row {
             const double left =
                 leftBeyond(gapFrom - begin + toFirst, std::max(0.0, gapTo - gapFrom), end - gapTo + fromLast);
             if (i >= first_ && next <= last_) share *= left;
-            if (next == first_) share *= sourceSide_ == PlaneSide::above ? 2 - 2 * left : 0;
-            if (i == last_) share *= listenerSide_ == PlaneSide::above ? 2 - 2 * left : 0;
+            if (next == first_ || i == last_) share *= 2 - 2 * left;
         }
         return share;
     }
@@ -149,7 +148,6 @@ class Row {
     }
 
     const glm::dvec3 &source_, &listener_;
-    PlaneSide sourceSide_, listenerSide_;
     Line line_{};
     std::vector<Face> faces_;
     double from_ = 0, to_ = 0;
@@ -163,12 +161,12 @@ constexpr std::size_t kMostFaces = 16;
 
 }  // namespace
 
-BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, PlaneSide sourceSide,
-                              const glm::dvec3& listener, PlaneSide listenerSide,
-                              std::span<const WallEdge* const> edges, BodyWeights& bodies, double speedOfSound) {
+BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
+                              bool secondHides, std::span<const WallEdge* const> edges, BodyWeights& bodies,
+                              double speedOfSound) {
     BodyWeights::Tones result;
     result.fill(1);
-    const Row row(way, source, sourceSide, listener, listenerSide, edges);
+    const Row row(way, source, firstHides, listener, secondHides, edges);
     if (!row.hasGaps() || row.faces().size() > kMostFaces) return result;
     std::vector<std::pair<std::size_t, const BodyWeights::Tones*>> inPart;
     for (std::size_t i = 0; i < row.faces().size() && inPart.size() < kMostInPart; ++i) {

@@ -21,14 +21,10 @@
 
 namespace rtsg {
 
-/// Of a plane on which a way goes from edge to edge: where the source or the listener is. On it, half of what an edge
-/// hides is left, and nothing goes there that leaves the plane before a face.
-enum class PlaneSide { below, on, above };
-
 /// Shares of the pressure of a pair, by tone. Of a way along a face of both edges; `edges`: among them are those that
 /// it passes. Faces of small bodies are there as far as the bodies are.
-BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, PlaneSide sourceSide,
-                              const glm::dvec3& listener, PlaneSide listenerSide,
-                              std::span<const WallEdge* const> edges, BodyWeights& bodies, double speedOfSound);
+BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
+                              bool secondHides, std::span<const WallEdge* const> edges, BodyWeights& bodies,
+                              double speedOfSound);
 
 }  // namespace rtsg
