@@ -22,7 +22,8 @@
 namespace rtsg {
 
 /// Shares of the pressure of a pair, by tone. Of a way along a face of both edges; `edges`: among them are those that
-/// it passes. Faces of small bodies are there as far as the bodies are.
+/// it passes. An edge hides the source, or the listener, if that is below the plane: then faces beyond the edge are
+/// what hides it. Nothing is known of both above it. Faces of small bodies are there as far as the bodies are.
 BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
                               bool secondHides, std::span<const WallEdge* const> edges, BodyWeights& bodies,
                               double speedOfSound);
