@@ -359,8 +359,11 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
     result.seconds = seconds;
     result.bandsTraced = static_cast<int>(bandClasses(geometry.materials()).count);
     result.imageShare = worth.options.minShare;
-    ImageSources images = findImageSources(geometry, worth.candidates, listener, worth.options,
-                                           options.air.speedOfSound, airAttenuation(options.air));
+    chooseReceiver(geometry, source, listener, options, result);
+    ImageSourceOptions asked = worth.options;
+    asked.ball = result.receiverRadius;
+    ImageSources images = findImageSources(geometry, worth.candidates, listener, asked, options.air.speedOfSound,
+                                           airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
     if (options.diffractionOrder > 0 && !isAtTheListener(source, listener, result.arrivals)) {
         RoundBodies bodies(geometry, source, listener, options, seconds, result.arrivals, result.edges);
@@ -372,7 +375,6 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
     }
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;
-    chooseReceiver(geometry, source, listener, options, result);
     const double start =
         result.arrivals.empty() ? 0 : std::fmod(result.arrivals.front().seconds, 1 / options.binsPerSecond);
     result.batches.assign(static_cast<std::size_t>(std::max(2, options.batches)),

@@ -2,7 +2,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
+#include <functional>
 #include <numbers>
+#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
@@ -123,12 +126,6 @@ bool canFollow(const glm::dvec3& p, const ReflectingPlane& through, const Reflec
     return std::acos(std::clamp(glm::dot(a, b) / (lengthA * lengthB), -1.0, 1.0)) <= spread + 1e-6;
 }
 
-/// A path that was found, and the direction in which it left the source.
-struct Path {
-    Arrival arrival;
-    glm::dvec3 departure;
-};
-
 /// What walls mirror and let pass, by class of bands.
 struct WallShares {
     BandClasses classes;
@@ -203,22 +200,24 @@ class Retracer {
     };
 
     Retracer(const AcousticGeometry& geometry, const WallsAround& around, const WallShares& shares,
-             const glm::dvec3& source, const Candidate& image, int maxOrder, double minShare, std::vector<Path>& found)
+             const glm::dvec3& source, const glm::dvec3& listener, const Candidate& image, int maxOrder,
+             double minShare, std::vector<Arrival>& found)
         : geometry_(&geometry),
           around_(&around),
           shares_(&shares),
           source_(source),
+          listener_(listener),
           image_(&image),
           maxOrder_(maxOrder),
           minShare_(minShare),
           found_(&found) {}
 
     /// Whether there is a way to go.
-    bool start(const glm::dvec3& listener) {
-        const glm::dvec3 toImage = image_->position - listener;
+    bool start() {
+        const glm::dvec3 toImage = image_->position - listener_;
         distance_ = glm::length(toImage);
         if (!(distance_ > 0)) return false;
-        state_ = {.origin = listener, .direction = toImage / distance_, .left = distance_};
+        state_ = {.origin = listener_, .direction = toImage / distance_, .left = distance_};
         std::fill_n(state_.energy.begin(), shares_->classes.count, 1.0);
         return true;
     }
@@ -252,9 +251,9 @@ class Retracer {
         if (!alike(state.turn, image_->turn) ||
             glm::distance(state.origin + state.direction * state.left, source_) > slack)
             return false;
-        Path path{{}, -state.direction};
-        for (std::size_t b = 0; b < kBandCount; ++b) path.arrival.energy[b] = state.energy[shares_->classes.of[b]];
-        path.arrival.order = static_cast<std::uint32_t>(state.order);
+        Arrival path;
+        for (std::size_t b = 0; b < kBandCount; ++b) path.energy[b] = state.energy[shares_->classes.of[b]];
+        path.order = static_cast<std::uint32_t>(state.order);
         // Without a reflection it is direct sound.
         if (state.order > 0) found_->push_back(path);
         return true;
@@ -311,23 +310,23 @@ class Retracer {
     const AcousticGeometry* geometry_;
     const WallsAround* around_;
     const WallShares* shares_;
-    glm::dvec3 source_;
+    glm::dvec3 source_, listener_;
     const Candidate* image_;
     int maxOrder_;
     double minShare_, distance_ = 0;
-    std::vector<Path>* found_;
+    std::vector<Arrival>* found_;
     int steps_ = 0;
     State state_;
 };
 
 /// Follows the ways to some images, sixteen at a time.
-void retrace(const AcousticGeometry& geometry, std::span<Retracer> ways, const glm::dvec3& listener) {
+void retrace(const AcousticGeometry& geometry, std::span<Retracer> ways) {
     std::array<Retracer*, AcousticRays::kMost> lanes{};
     std::size_t count = 0, next = 0;
     for (;;) {
         while (count < lanes.size() && next < ways.size()) {
             lanes[count] = &ways[next++];
-            if (lanes[count]->start(listener)) ++count;
+            if (lanes[count]->start()) ++count;
         }
         if (count == 0) return;
         AcousticRays rays;
@@ -361,7 +360,7 @@ glm::dvec3 aside(const AcousticGeometry& geometry, const glm::dvec3& listener) {
 
 /// Finds candidates order by order, as far as the options allow.
 void findCandidates(const AcousticGeometry& geometry, const ImageSourceOptions& options, CandidateSet& candidates,
-                    ImageSources& result) {
+                    std::size_t& mirroredOnce, ImageSources& result) {
     const auto planes = geometry.planes();
     std::size_t generation = 0, attempts = 0;
     const std::size_t maxAttempts = 64 * std::max<std::size_t>(options.maxCandidates, 1000);
@@ -393,6 +392,7 @@ void findCandidates(const AcousticGeometry& geometry, const ImageSourceOptions& 
             return;
         }
         generation = end;
+        if (order == 1) mirroredOnce = candidates.all.size();
         result.order = order;
         if (candidates.all.size() == end) {
             result.order = options.maxOrder;  // nothing more to find
@@ -431,14 +431,83 @@ Bands directShare(const AcousticGeometry& geometry, const glm::dvec3& from, cons
 
 struct ImageCandidates::Impl {
     CandidateSet set;
+    std::size_t mirroredOnce = 1;  // end of those
     ImageSources found;
 };
+
+namespace {
+
+/// From where the way to each candidate is looked for: to those that are mirrored once from the listener's place, to
+/// others from places in the ball around it, of which the loudest have several; and where these differ all.
+class ImageViews {
+  public:
+    ImageViews(const AcousticGeometry& geometry, const ImageCandidates::Impl& candidates, const glm::dvec3& listener,
+               const ImageSourceOptions& options)
+        : beside_(aside(geometry, listener)),
+          once_(options.ball > 0 ? candidates.mirroredOnce : candidates.set.all.size()),
+          counts_(candidates.set.all.size(), 1) {
+        if (once_ == counts_.size()) return;
+        places_ = placesAround(geometry, listener, options.ball, kPlaces);
+        if (places_.empty()) places_.push_back(beside_);
+        const std::vector<Candidate>& all = candidates.set.all;
+        const ReflectingPlane ball{.center = listener, .radius = options.ball};
+        std::vector<std::pair<double, std::size_t>> heard;
+        for (std::size_t i = once_; i < all.size(); ++i) {
+            if (all[i].severalWays || canFollow(all[i].position, geometry.planes()[all[i].lastPlane], ball))
+                heard.emplace_back(all[i].share / (1e-4 + distance2(all[i].position, listener)), i);
+            else
+                counts_[i] = 0;
+        }
+        const std::size_t loud = std::min(kLoud, heard.size());
+        std::nth_element(heard.begin(), heard.begin() + static_cast<std::ptrdiff_t>(loud), heard.end(),
+                         std::greater<>());
+        for (std::size_t k = 0; k < loud; ++k) counts_[heard[k].second] = kOfLoud;
+    }
+
+    std::size_t count(std::size_t candidate) const { return counts_[candidate]; }
+    /// Whether some of several places have a way and others none; then all of them count.
+    bool differ(std::size_t candidate, std::size_t ways) {
+        if (ways == 0 || ways >= counts_[candidate]) return false;
+        counts_[candidate] = places_.size();
+        return true;
+    }
+    glm::dvec3 place(std::size_t candidate, std::size_t k) const {
+        if (candidate < once_) return beside_;
+        // Each of its own, so that what is beyond one wall does not come and go at once.
+        const std::uint64_t first = (candidate * 0x9E3779B97F4A7C15ull) >> 32;
+        return places_[(first + k) % places_.size()];
+    }
+
+  private:
+    static constexpr std::size_t kPlaces = 64, kLoud = 4096, kOfLoud = 8;
+
+    static double distance2(const glm::dvec3& a, const glm::dvec3& b) { return glm::dot(a - b, a - b); }
+
+    glm::dvec3 beside_;
+    std::size_t once_;  // so many come first
+    std::vector<std::size_t> counts_;
+    std::vector<glm::dvec3> places_;
+};
+
+/// Of the ways to one image from `count` places the mean, as one.
+void average(std::vector<Arrival>& paths, std::size_t count) {
+    if (paths.empty()) return;
+    Arrival& mean = paths.front();
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        double sum = 0;
+        for (const Arrival& path : paths) sum += path.energy[b];
+        mean.energy[b] = sum / static_cast<double>(count);
+    }
+    paths.resize(1);
+}
+
+}  // namespace
 
 ImageCandidates::ImageCandidates(const AcousticGeometry& geometry, const glm::dvec3& source,
                                  const ImageSourceOptions& options)
     : impl_(std::make_unique<Impl>()) {
     impl_->set.insert(source, glm::dmat3(1.0), kNoPlane, 1, 0);
-    findCandidates(geometry, options, impl_->set, impl_->found);
+    findCandidates(geometry, options, impl_->set, impl_->mirroredOnce, impl_->found);
     impl_->found.candidates = impl_->set.all.size();
 }
 ImageCandidates::ImageCandidates(ImageCandidates&&) noexcept = default;
@@ -461,42 +530,51 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
     ImageSources result = candidates.found();
     const std::vector<Candidate>& all = candidates.impl().set.all;
     const glm::dvec3 source = all.front().position, listener = offWalls(geometry, to, source);
-    const auto keep = [&](Path path, const glm::dvec3& image, const glm::mat3& turn) {
+    const auto keep = [&](Arrival arrival, const glm::dvec3& image, const glm::mat3& turn) {
         const double distance = glm::distance(image, listener);
         if (distance > options.maxDistance) return;
         // A source in the listener's head has no direction and, as for any nearer than a centimetre, no 1/r^2 either.
         const double clamped = std::max(distance, 0.01);
-        const double sent = options.pattern ? options.pattern(path.departure) : 1;
+        arrival.seconds = distance / speedOfSound;
+        arrival.turn = turn;
+        arrival.direction = distance > 1e-9 ? (image - listener) / distance : glm::dvec3(0, 0, -1);
+        const glm::dvec3 departure = glm::transpose(glm::dmat3(turn)) * -arrival.direction;
+        const double sent = options.pattern ? options.pattern(distance > 0 ? departure : glm::dvec3(0, 0, -1)) : 1;
         if (!(sent > 0)) return;
-        path.arrival.seconds = distance / speedOfSound;
-        path.arrival.turn = turn;
-        path.arrival.direction = distance > 1e-9 ? (image - listener) / distance : glm::dvec3(0, 0, -1);
         const double spread = sent / (4 * std::numbers::pi * clamped * clamped);
         for (std::size_t b = 0; b < kBandCount; ++b)
-            path.arrival.energy[b] *= attenuation[b] > 0 ? spread * std::exp(-attenuation[b] * distance) : spread;
-        result.arrivals.push_back(path.arrival);
+            arrival.energy[b] *= attenuation[b] > 0 ? spread * std::exp(-attenuation[b] * distance) : spread;
+        result.arrivals.push_back(arrival);
     };
-    Path direct;
-    direct.arrival.energy = directShare(geometry, source, listener);
-    const double distance = glm::distance(source, listener);
-    direct.departure = distance > 0 ? (listener - source) / distance : glm::dvec3(0, 0, -1);
-    if (direct.arrival.energy != Bands{}) keep(direct, source, glm::mat3(1.0f));
+    Arrival direct;
+    direct.energy = directShare(geometry, source, listener);
+    if (direct.energy != Bands{}) keep(direct, source, glm::mat3(1.0f));
 
     const WallShares shares(geometry);
     const WallsAround around(geometry, source);
-    const glm::dvec3 beside = aside(geometry, listener);
-    std::vector<std::vector<Path>> paths(all.size());
-    constexpr std::size_t kChunk = 64;
-    parallelFor((paths.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
-        const std::size_t end = std::min(paths.size(), (chunk + 1) * kChunk);
-        std::vector<Retracer> ways;
-        ways.reserve(kChunk);
-        for (std::size_t i = std::max<std::size_t>(1, chunk * kChunk); i < end; ++i)
-            ways.emplace_back(geometry, around, shares, source, all[i], result.order, options.minShare, paths[i]);
-        retrace(geometry, ways, beside);
-    });
-    for (std::size_t i = 1; i < paths.size(); ++i)
-        for (const Path& path : paths[i]) keep(path, all[i].position, all[i].turn);
+    ImageViews views(geometry, candidates.impl(), listener, options);
+    std::vector<std::vector<Arrival>> paths(all.size());
+    const auto lookFor = [&](std::span<const std::size_t> images) {
+        constexpr std::size_t kChunk = 64;
+        parallelFor((images.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+            std::vector<Retracer> ways;
+            for (const std::size_t i : images.subspan(chunk * kChunk, std::min(kChunk, images.size() - chunk * kChunk)))
+                for (std::size_t k = 0; k < views.count(i); ++k)
+                    ways.emplace_back(geometry, around, shares, source, views.place(i, k), all[i], result.order,
+                                      options.minShare, paths[i]);
+            retrace(geometry, ways);
+        });
+    };
+    std::vector<std::size_t> images(all.size() - 1);
+    std::iota(images.begin(), images.end(), std::size_t{1});
+    lookFor(images);
+    std::erase_if(images, [&](std::size_t i) { return !views.differ(i, paths[i].size()); });
+    for (const std::size_t i : images) paths[i].clear();
+    lookFor(images);
+    for (std::size_t i = 1; i < paths.size(); ++i) {
+        if (views.count(i) > 1) average(paths[i], views.count(i));
+        for (const Arrival& path : paths[i]) keep(path, all[i].position, all[i].turn);
+    }
     std::stable_sort(result.arrivals.begin(), result.arrivals.end(),
                      [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
     return result;

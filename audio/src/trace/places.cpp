@@ -171,6 +171,24 @@ Surroundings surroundings(const AcousticGeometry& geometry, const glm::dvec3& li
     return result;
 }
 
+std::vector<glm::dvec3> placesAround(const AcousticGeometry& geometry, const glm::dvec3& listener, double radius,
+                                     std::size_t count) {
+    // Roberts' sequence: steps by powers of the root of x^4 = x + 1.
+    constexpr double kRoot = 1.22074408460575947536;
+    constexpr glm::dvec3 kStep{1 / kRoot, 1 / (kRoot * kRoot), 1 / (kRoot * kRoot * kRoot)};
+    std::vector<glm::dvec3> places;
+    for (std::size_t i = 0; i < count; ++i) {
+        const glm::dvec3 at = glm::fract(0.5 + static_cast<double>(i + 1) * kStep);
+        const double z = 1 - 2 * at.x, across = std::sqrt(1 - z * z), turn = 2 * std::numbers::pi * at.y;
+        const glm::dvec3 direction{across * std::cos(turn), across * std::sin(turn), z};
+        const double distance = radius * std::cbrt(at.z);
+        AcousticHit hit;
+        if (!geometry.closest(listener, direction, distance, kNoPlane, hit))
+            places.push_back(listener + distance * direction);
+    }
+    return places;
+}
+
 double visibleVolume(const AcousticGeometry& geometry, const glm::dvec3& listener, double radius) {
     constexpr int kDirections = 4096;
     double volume = 0;

@@ -5,6 +5,9 @@
 // some metres). Threading: pure functions over const geometry.
 #pragma once
 
+#include <cstddef>
+#include <vector>
+
 #include <glm/glm.hpp>
 
 #include <rtsg/audio/acoustic_geometry.h>
@@ -34,6 +37,11 @@ struct Surroundings {
 };
 Surroundings surroundings(const AcousticGeometry& geometry, const glm::dvec3& listener, double openDistance,
                           int directions = 512);
+
+/// At most `count` places, spread evenly over the part of a ball around the listener that is seen from there; so are
+/// any some of them that follow each other.
+std::vector<glm::dvec3> placesAround(const AcousticGeometry& geometry, const glm::dvec3& listener, double radius,
+                                     std::size_t count);
 
 /// Volume of the part of a ball around the listener that is seen from there, m^3.
 double visibleVolume(const AcousticGeometry& geometry, const glm::dvec3& listener, double radius);

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/image_sources.h>
 
 #include "audio/triangle_geometry.h"
@@ -357,6 +358,63 @@ TEST(ImageSources, ASlabOfTwoSheetsPassesAllThatIsReflectedInIt) {
     for (const Arrival& a : found.arrivals) got += a.energy[0];
     EXPECT_EQ(found.arrivals.size(), 7u);
     EXPECT_NEAR(got, expected, 1e-6 * expected);
+}
+
+/// The floor, and before it a mirror that stands on the plane z = .5.
+test::TriangleGeometry mirrorOnAFloor(double width) {
+    test::TriangleGeometry geometry;
+    const std::uint32_t material = geometry.addMaterial(0, 0);
+    const double x = .5 * width;
+    geometry.addQuad({-50, 0, -50}, {-50, 0, 50}, {50, 0, 50}, {50, 0, -50}, material);
+    geometry.addQuad({-x, 0, .5}, {x, 0, .5}, {x, 3, .5}, {-x, 3, .5}, material);
+    geometry.finish();
+    return geometry;
+}
+
+/// The share of a ball from which the source's image in the floor and the mirror is seen in the latter.
+double shareOfBall(double width, const glm::dvec3& source, const glm::dvec3& listener, double radius) {
+    constexpr int kSteps = 60;
+    const glm::dvec3 image(source.x, -source.y, 1 - source.z);
+    int inside = 0, seen = 0;
+    for (int i = -kSteps; i <= kSteps; ++i)
+        for (int j = -kSteps; j <= kSteps; ++j)
+            for (int k = -kSteps; k <= kSteps; ++k) {
+                const glm::dvec3 off = radius / kSteps * glm::dvec3(i, j, k), at = listener + off;
+                if (glm::length(off) > radius) continue;
+                ++inside;
+                const double met = (image.z - .5) / (image.z - at.z);
+                seen += met > 0 && met < 1 && std::abs(image.x + met * (at.x - image.x)) < .5 * width;
+            }
+    return static_cast<double>(seen) / inside;
+}
+
+TEST(ImageSources, WhatIsMirroredTwiceIsTheMeanOverTheBall) {
+    const glm::dvec3 source(-3, 1.5, 0);
+    TraceOptions options;
+    options.rays = 2;
+    options.imageOrder = 2;
+    options.maxSeconds = .5;
+    options.receiverRadius = .5;
+    options.air.absorbs = false;
+    for (const double width : {.2, .6, 1.5}) {
+        const test::TriangleGeometry geometry = mirrorOnAFloor(width);
+        double before = -1;
+        for (int z = -60; z <= 40; ++z) {
+            const glm::dvec3 listener(3, 1.5, .01 * z);
+            const double distance = glm::distance(glm::dvec3(-3, -1.5, 1), listener);
+            double twice = 0;
+            for (const Arrival& arrival : AcousticTracer(geometry).trace(source, listener, options).arrivals) {
+                if (arrival.order != 2) continue;
+                EXPECT_NEAR(arrival.seconds, distance / options.air.speedOfSound, 1e-9);
+                twice += arrival.energy[kBand1k] * 4 * M_PI * distance * distance;
+            }
+            // Of 8 places that all see it, or do not, it is taken for all.
+            if (z % 10 == 0)
+                EXPECT_NEAR(twice, shareOfBall(width, source, listener, .5), .15) << width << " " << listener.z;
+            if (before >= 0) EXPECT_NEAR(twice, before, .3) << width << " " << listener.z;
+            before = twice;
+        }
+    }
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 //
 // Every path is counted once, by exactly one of these estimators, so the expectation does not depend on the options:
 //   mirror reflections only, up to the image order and down to the image share (and direct sound), through walls or
-//   not:                                                    image sources, exact
+//   not:                 image sources, exact; of what is mirrored twice or more the mean over the ball, at some places
 //   straight, but round one edge or two, or a round body:   the uniform theory of diffraction
 //   the last reflection is diffuse, or some mirrors after it lead to a known image of the listener:
 //                                                           next-event estimation to the listener or its image, points

@@ -34,6 +34,9 @@ struct ImageSourceOptions {
     std::size_t maxCandidates = 200'000;
     /// Paths whose walls leave less than this share of the energy are not followed.
     double minShare = 1e-7;
+    /// What is mirrored twice or more counts as the mean over this ball around the listener, as far as that is seen
+    /// from there, tried at some places; metres. 0: as at the listener.
+    double ball = 0;
     SourcePattern pattern = {};
 };
 
