@@ -438,39 +438,29 @@ struct ImageCandidates::Impl {
 namespace {
 
 /// From where the way to each candidate is looked for: to those that are mirrored once from the listener's place, to
-/// others from places in the ball around it, of which the loudest have several; and where these differ all.
+/// others from one in the ball around it. Where walls hide some, to the loudest from several; and where these differ,
+/// from all.
 class ImageViews {
   public:
     ImageViews(const AcousticGeometry& geometry, const ImageCandidates::Impl& candidates, const glm::dvec3& listener,
                const ImageSourceOptions& options)
-        : beside_(aside(geometry, listener)),
-          once_(options.ball > 0 ? candidates.mirroredOnce : candidates.set.all.size()),
-          counts_(candidates.set.all.size(), 1) {
-        if (once_ == counts_.size()) return;
+        : all_(candidates.set.all),
+          listener_(listener),
+          beside_(aside(geometry, listener)),
+          once_(options.ball > 0 ? candidates.mirroredOnce : all_.size()),
+          counts_(all_.size(), 1) {
+        counts_[0] = 0;  // the source itself
+        if (once_ == all_.size()) return;
         places_ = placesAround(geometry, listener, options.ball, kPlaces);
         if (places_.empty()) places_.push_back(beside_);
-        const std::vector<Candidate>& all = candidates.set.all;
         const ReflectingPlane ball{.center = listener, .radius = options.ball};
-        std::vector<std::pair<double, std::size_t>> heard;
-        for (std::size_t i = once_; i < all.size(); ++i) {
-            if (all[i].severalWays || canFollow(all[i].position, geometry.planes()[all[i].lastPlane], ball))
-                heard.emplace_back(all[i].share / (1e-4 + distance2(all[i].position, listener)), i);
-            else
+        for (std::size_t i = once_; i < all_.size(); ++i)
+            if (!all_[i].severalWays && !canFollow(all_[i].position, geometry.planes()[all_[i].lastPlane], ball))
                 counts_[i] = 0;
-        }
-        const std::size_t loud = std::min(kLoud, heard.size());
-        std::nth_element(heard.begin(), heard.begin() + static_cast<std::ptrdiff_t>(loud), heard.end(),
-                         std::greater<>());
-        for (std::size_t k = 0; k < loud; ++k) counts_[heard[k].second] = kOfLoud;
     }
 
+    /// How often each is looked for by now.
     std::size_t count(std::size_t candidate) const { return counts_[candidate]; }
-    /// Whether some of several places have a way and others none; then all of them count.
-    bool differ(std::size_t candidate, std::size_t ways) {
-        if (ways == 0 || ways >= counts_[candidate]) return false;
-        counts_[candidate] = places_.size();
-        return true;
-    }
     glm::dvec3 place(std::size_t candidate, std::size_t k) const {
         if (candidate < once_) return beside_;
         // Each of its own, so that what is beyond one wall does not come and go at once.
@@ -478,12 +468,39 @@ class ImageViews {
         return places_[(first + k) % places_.size()];
     }
 
+    /// Those that are to be looked for from more places, after one each.
+    std::vector<std::size_t> loudest(const std::vector<std::vector<Arrival>>& ways) {
+        std::vector<std::pair<double, std::size_t>> heard;
+        std::size_t hidden = 0;
+        for (std::size_t i = once_; i < all_.size(); ++i) {
+            if (counts_[i] == 0) continue;
+            const glm::dvec3 away = all_[i].position - listener_;
+            heard.emplace_back(all_[i].share / (1e-4 + glm::dot(away, away)), i);
+            hidden += ways[i].empty();
+        }
+        // Where so many are seen, each from another place, nothing hides any.
+        if (hidden == 0 && heard.size() >= kEnough) return {};
+        const std::size_t loud = std::min(kLoud, heard.size());
+        std::nth_element(heard.begin(), heard.begin() + static_cast<std::ptrdiff_t>(loud), heard.end(),
+                         std::greater<>());
+        std::vector<std::size_t> result;
+        for (std::size_t k = 0; k < loud; ++k) result.push_back(heard[k].second);
+        for (const std::size_t i : result) counts_[i] = kOfLoud;
+        return result;
+    }
+    /// Leaves those of them that some places see and others do not; all count then.
+    void leaveUnsure(const std::vector<std::vector<Arrival>>& ways, std::vector<std::size_t>& candidates) {
+        std::erase_if(candidates, [&](std::size_t i) { return ways[i].empty() || ways[i].size() >= kOfLoud; });
+        for (const std::size_t i : candidates) counts_[i] = std::max(kOfLoud, places_.size());
+    }
+
+    static constexpr std::size_t kOfLoud = 8;
+
   private:
-    static constexpr std::size_t kPlaces = 64, kLoud = 4096, kOfLoud = 8;
+    static constexpr std::size_t kPlaces = 64, kLoud = 4096, kEnough = 256;
 
-    static double distance2(const glm::dvec3& a, const glm::dvec3& b) { return glm::dot(a - b, a - b); }
-
-    glm::dvec3 beside_;
+    const std::vector<Candidate>& all_;
+    glm::dvec3 listener_, beside_;
     std::size_t once_;  // so many come first
     std::vector<std::size_t> counts_;
     std::vector<glm::dvec3> places_;
@@ -554,23 +571,24 @@ ImageSources findImageSources(const AcousticGeometry& geometry, const ImageCandi
     const WallsAround around(geometry, source);
     ImageViews views(geometry, candidates.impl(), listener, options);
     std::vector<std::vector<Arrival>> paths(all.size());
-    const auto lookFor = [&](std::span<const std::size_t> images) {
+    const auto lookFor = [&](std::span<const std::size_t> images, std::size_t known) {
         constexpr std::size_t kChunk = 64;
         parallelFor((images.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
             std::vector<Retracer> ways;
             for (const std::size_t i : images.subspan(chunk * kChunk, std::min(kChunk, images.size() - chunk * kChunk)))
-                for (std::size_t k = 0; k < views.count(i); ++k)
+                for (std::size_t k = known; k < views.count(i); ++k)
                     ways.emplace_back(geometry, around, shares, source, views.place(i, k), all[i], result.order,
                                       options.minShare, paths[i]);
             retrace(geometry, ways);
         });
     };
-    std::vector<std::size_t> images(all.size() - 1);
-    std::iota(images.begin(), images.end(), std::size_t{1});
-    lookFor(images);
-    std::erase_if(images, [&](std::size_t i) { return !views.differ(i, paths[i].size()); });
-    for (const std::size_t i : images) paths[i].clear();
-    lookFor(images);
+    std::vector<std::size_t> images(all.size());
+    std::iota(images.begin(), images.end(), std::size_t{0});
+    lookFor(images, 0);
+    images = views.loudest(paths);
+    lookFor(images, 1);
+    views.leaveUnsure(paths, images);
+    if (!images.empty()) lookFor(images, ImageViews::kOfLoud);
     for (std::size_t i = 1; i < paths.size(); ++i) {
         if (views.count(i) > 1) average(paths[i], views.count(i));
         for (const Arrival& path : paths[i]) keep(path, all[i].position, all[i].turn);
