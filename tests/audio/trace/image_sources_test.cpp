@@ -409,9 +409,12 @@ TEST(ImageSources, WhatIsMirroredTwiceIsTheMeanOverTheBall) {
                 twice += arrival.energy[kBand1k] * 4 * M_PI * distance * distance;
             }
             // Of 8 places that all see it, or do not, it is taken for all.
-            if (z % 10 == 0)
+            if (z % 10 == 0) {
                 EXPECT_NEAR(twice, shareOfBall(width, source, listener, .5), .15) << width << " " << listener.z;
-            if (before >= 0) EXPECT_NEAR(twice, before, .3) << width << " " << listener.z;
+            }
+            if (before >= 0) {
+                EXPECT_NEAR(twice, before, .3) << width << " " << listener.z;
+            }
             before = twice;
         }
     }
