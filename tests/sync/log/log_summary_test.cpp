@@ -1,7 +1,11 @@
 // What a log says about itself, whole and damaged.
 #include <rtsg/sync/log_summary.h>
 
+#include <set>
+
 #include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
 
 #include "support/log_support.h"
 
@@ -35,6 +39,67 @@ TEST_F(Summary, CountsWhatIsThere) {
     EXPECT_EQ(summariseLog(file())->sessions, 2u);
 }
 
+/// As a look at every record counts them.
+TEST_F(Summary, RecordsAreCountedByTheirKinds) {
+    for (const bool inputs : {false, true}) {
+        SCOPED_TRACE(testing::Message() << "inputs " << inputs);
+        Scene scene;
+        scene.setInputRecording(inputs);
+        const NodeId toggle = scene.createNode(x3d::BooleanToggle::type);
+        scene.newFrame(3);
+        LogOptions options = denseKeyframes();
+        options.inputs = inputs;
+        auto log = LogWriter::create(file(), builtinTypes(), options);
+        ASSERT_TRUE(log);
+        {
+            const Attachment attachment = scene.bus().attach(**log);
+            for (int frame = 0; frame < 12; ++frame) {
+                if (frame % 3 == 0)
+                    ASSERT_TRUE(scene.sendEvent(toggle, x3d::BooleanToggle::set_boolean.index, Value(frame % 2 == 0)));
+                scene.newFrame(4 + frame);
+            }
+        }
+        ASSERT_TRUE((*log)->close());
+        std::uint64_t came = 0;
+        std::set<std::uint64_t> keyframes;
+        for (const auto& [at, header] : recordsOf(file())) {
+            came += header.kind == RecordKind::input;
+            if (header.kind == RecordKind::keyframe) keyframes.insert(header.to);
+        }
+        EXPECT_EQ(came > 0, inputs);
+        EXPECT_GT(keyframes.size(), 1u);
+        const auto summary = summariseLog(file());
+        ASSERT_TRUE(summary);
+        EXPECT_EQ(summary->inputs, came);
+        EXPECT_EQ(summary->keyframes, keyframes.size());
+        EXPECT_EQ(summary->frames, 12u);
+        EXPECT_EQ(summary->lastState, scene.sequence());
+        EXPECT_EQ(summary->firstState, scene.sequence() - 12);
+        EXPECT_EQ(summary->start, 3);
+        EXPECT_EQ(summary->end, 15);
+        EXPECT_EQ(summary->nodes, 1u);
+        EXPECT_FALSE(summary->goesOn);
+        EXPECT_FALSE(summary->beingWritten);
+    }
+}
+
+/// A session that begins with an earlier time goes on from where the one before it ended.
+TEST_F(Summary, TimesOfSessionsFollowEachOther) {
+    record(file(), 21, 5);  // 2 s
+    const double first = summariseLog(file())->end;
+    EXPECT_DOUBLE_EQ(first, 2);
+    LogOptions append;
+    append.append = true;
+    record(file(), 11, 6, append);
+    const auto summary = summariseLog(file());
+    EXPECT_EQ(summary->sessions, 2u);
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer);
+    while ((*replayer)->step().value_or(true)) continue;
+    EXPECT_DOUBLE_EQ(summary->end, (*replayer)->time());
+    EXPECT_DOUBLE_EQ(summary->end, 3);
+}
+
 TEST_F(Summary, DamageIsCountedAndNoError) {
     record(file(), 20, 7);
     std::string bytes = readAll(file());
@@ -50,29 +115,57 @@ TEST_F(Summary, DamageIsCountedAndNoError) {
     EXPECT_FALSE(isLog("/dev/null"));
 }
 
+TEST_F(Summary, DamagedBytesAreThoseOfTheRecords) {
+    record(file(), 20, 7);
+    const auto records = recordsOf(file());
+    const std::string bytes = readAll(file());
+    std::size_t tried = 0;
+    for (std::size_t i = 4; i + 4 < records.size(); i += 3, ++tried) {
+        std::string harmed = bytes;
+        std::size_t size = 0;
+        for (const std::size_t k : {i, i + 2}) {
+            harmed[records[k].first + records[k].second.size() - 1] ^= 1;
+            size += records[k].second.size();
+        }
+        writeAll(file("b.rlog"), harmed);
+        const auto summary = summariseLog(file("b.rlog"));
+        ASSERT_TRUE(summary);
+        EXPECT_EQ(summary->damaged, 2u);
+        EXPECT_EQ(summary->damagedBytes, size);
+    }
+    EXPECT_GT(tried, 3u);
+}
+
 /// As a replay of it counts them.
 TEST_F(Summary, FramesThatAreMissingAreCounted) {
-    record(file(), 60, 8, denseKeyframes());
+    const Recorded recorded = record(file(), 60, 8, denseKeyframes());
     const auto records = recordsOf(file());
     const std::string bytes = readAll(file());
     EXPECT_EQ(summariseLog(file())->gaps, 0u);
     std::size_t gaps = 0;
-    const auto expectAsReplayed = [&](const std::string& log, std::size_t which) {
+    const auto expectAsReplayed = [&](const std::string& log, std::size_t which, std::uint64_t last = 0) {
         writeAll(file("b.rlog"), log);
         const auto summary = summariseLog(file("b.rlog"));
         auto replayer = Replayer::open(file("b.rlog"));
         ASSERT_EQ(summary.has_value(), replayer.has_value());
         if (!summary) return;  // no head is left
-        while ((*replayer)->step().value_or(true)) continue;
+        std::set<std::uint64_t> reached;
+        while ((*replayer)->step().value_or(true)) reached.insert((*replayer)->scene().sequence());
         EXPECT_EQ(summary->gaps, (*replayer)->gaps()) << "record " << which;
         EXPECT_EQ(summary->missingFrames > 0, summary->gaps > 0) << "record " << which;
         EXPECT_EQ(summary->framesBehind, (*replayer)->framesBehind()) << "record " << which;
+        // Of a log that begins as it was recorded: all that a later record speaks of, and was not reached.
+        if (!reached.empty() && *reached.begin() == recorded.dumps.begin()->first && last > 0)
+            EXPECT_EQ(summary->missingFrames, last - *reached.begin() + 1 - reached.size()) << "record " << which;
         gaps += summary->gaps;
     };
     for (std::size_t i = 0; i + 1 < records.size(); ++i) {
         const auto [at, header] = records[i];
         const std::string rest = bytes.substr(at + header.size());
-        expectAsReplayed(bytes.substr(0, at) + rest, i);                                                // without it
+        std::uint64_t last = 0;
+        for (std::size_t k = 0; k < records.size(); ++k)
+            if (k != i && records[k].second.kind != RecordKind::index) last = std::max(last, records[k].second.to);
+        expectAsReplayed(bytes.substr(0, at) + rest, i, last);                                          // without it
         expectAsReplayed(bytes.substr(at), i);                                                          // from it on
         expectAsReplayed(bytes.substr(0, at) + bytes.substr(at, header.size()) + bytes.substr(at), i);  // twice
         const auto next = records[i + 1].second.size();

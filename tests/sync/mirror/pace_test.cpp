@@ -30,6 +30,7 @@ struct Seen {
     double mostAge = 0;       // of frames in the last three quarters of the time, when they were there as a whole, s
     double bytesASecond = 0;  // in the same time
     std::size_t frames = 0, merged = 0, acknowledgements = 0;
+    double delay = 0;  // in the end, as the sender knows it, there and back
 };
 
 /// A scene of 60 frames a second, a sender that asks the pace, a link with a queue without end, and a receiver.
@@ -105,6 +106,7 @@ Seen followLink(const Link& link) {
         if (measured) ++seen.acknowledgements;
     }
     seen.bytesASecond = received / (.75 * link.seconds);
+    seen.delay = pace.delay();
     return seen;
 }
 
@@ -129,6 +131,35 @@ TEST(MirrorPace, AtTheEndOfATelephoneLineAFrameTakesAsLongAsItTakes) {
         EXPECT_LE(seen.mostAge, .25 + own + 2 * link.delay);
         EXPECT_GE(seen.bytesASecond, .75 * link.rate);
     }
+}
+
+/// The first part is measured while the rate is unknown, and its own time is most of what it takes.
+TEST(MirrorPace, TheFirstDelayIsMeasuredAgainWhenTheRateIsKnown) {
+    for (const auto& [rate, delay] : {std::pair(32e3, .005), {32e3, .02}, {64e3, .005}, {125e3, .001}})
+        for (const bool keeps : {false, true}) {
+            const Link link{.rate = rate, .delay = delay, .seconds = 3, .keeps = keeps};
+            const Seen seen = followLink(link);
+            EXPECT_GE(seen.delay, 2 * delay) << rate << " bytes/s";
+            EXPECT_LE(seen.delay, 2 * delay + .003) << rate << " bytes/s, whose first part took " << 2048 / rate;
+        }
+}
+
+TEST(MirrorPace, AnAcknowledgementThatComesAgainTellsNothing) {
+    MirrorPace once(.25, 0), again(.25, 0);
+    auto now = Clock::time_point(std::chrono::seconds(1));
+    std::uint64_t sent = 0, before = 0;
+    for (int i = 0; i < 200; ++i) {  // two parts are under way
+        for (MirrorPace* pace : {&once, &again}) pace->sent(sent + 1000, now);
+        now += std::chrono::milliseconds(4);
+        for (MirrorPace* pace : {&once, &again}) pace->acknowledged(before, now);
+        now += std::chrono::milliseconds(3);
+        again.acknowledged(before, now);
+        before = sent += 1000;
+        now += std::chrono::milliseconds(1);
+    }
+    EXPECT_GT(once.rate(), 0);
+    EXPECT_EQ(again.rate(), once.rate());
+    EXPECT_EQ(again.delay(), once.delay());
 }
 
 /// 64 and 32 kbit/s for a scene that makes 9.5 kB/s, of small frames that merge to hardly more.
@@ -256,6 +287,19 @@ TEST(MirrorPace, WithoutALagNothingIsHeldBack) {
     const Seen seen = followLink(link);
     EXPECT_EQ(seen.merged, 0u);
     EXPECT_GT(seen.mostAge, 2.) << "this is what the lag is for";
+}
+
+TEST(MirrorPace, WithoutALagAcknowledgementsMayWait) {
+    MirrorPace pace(0, 0);
+    auto now = Clock::time_point(std::chrono::seconds(1));
+    std::uint64_t sent = 0;
+    for (int i = 0; i < 1000; ++i, now += std::chrono::milliseconds(16)) {
+        ASSERT_TRUE(pace.open(13000, now)) << i;
+        ASSERT_TRUE(pace.spare(13000, now)) << i;
+        ASSERT_EQ(pace.chunk(1 << 18, now), 1u << 18) << i;
+        pace.sent(sent += 13000, now, i % 30 == 0);
+        if (i % 30 == 7) pace.acknowledged(sent - 7 * std::uint64_t{13000}, now);
+    }
 }
 
 /// A sender that leaves sends the last things whatever is under way; no more of them than a link takes in a second.
