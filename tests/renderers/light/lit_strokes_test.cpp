@@ -323,6 +323,22 @@ TEST(LitStrokes, TellOfMissingNormals) {
     EXPECT_EQ(mesh.normals.value(2, 0), Vec4f(0, 1, 0, 1));
     ASSERT_EQ(mesh.diagnostics.all().size(), 1u);
     EXPECT_NE(mesh.diagnostics.all()[0].text.find("normal has 2 vectors for 3 points"), std::string::npos);
+    p.normal = {{0, 0, 1}, {0, 1, 0}, {1, 0, 0}};
+    EXPECT_EQ(tessellate(p).diagnostics.all().size(), 0u) << "there is one for each";
+    p.normal = {{0, 0, 1}, {0, 1, 0}};
+    // Of every end of every line, the first included.
+    p.kind = Mesh::Strokes::lines;
+    p.indexed = true;
+    for (const auto& [from, to] : {std::pair(2, 0), {0, 2}, {2, 1}, {1, 2}}) {
+        p.coordIndex = {from, to, -1, to, from, -1};
+        const Mesh lines = tessellate(p);
+        ASSERT_EQ(lines.strokeCount, 2u);
+        for (std::uint32_t line = 0; line < 2; ++line)
+            for (std::uint32_t end = 0; end < 2; ++end) {
+                const int point = (line == 0) == (end == 0) ? from : to;
+                EXPECT_EQ(lines.normals.valueIndex(line, end), static_cast<std::uint32_t>(std::min(point, 1)));
+            }
+    }
 }
 
 // Width is the eye's: in perspective, wherever it is turned.
