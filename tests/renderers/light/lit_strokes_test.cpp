@@ -162,6 +162,34 @@ TEST(LitStrokes, ColoursStandInForTheDiffuseOne) {
                 1e-4);
 }
 
+// In all spaces in which light is added up.
+TEST(LitStrokes, AColourOfTheirOwnIsAsOneOfTheMaterial) {
+    for (const ColorSpace space : {ColorSpace::linear, ColorSpace::display, ColorSpace::automatic})
+        for (const bool physical : {false, true}) {
+            SCOPED_TRACE(testing::Message() << "space " << int(space) << ", physical " << physical);
+            const auto seen = [&](const char* given, const std::string& own) {
+                const std::string material =
+                    fmt::format("material {} {{ {} {} }} ", physical ? "PhysicalMaterial" : "Material",
+                                physical ? "baseColor" : "diffuseColor", given);
+                LitScene s(
+                    "DirectionalLight { direction 0 0 -1 ambientIntensity .5 shadows TRUE } "
+                    "Shape { appearance Appearance { " +
+                    material + style(5) +
+                    "} geometry LineSet { vertexCount 2 coord Coordinate { point [ -1 0 0, 1 0 0 ] } normal Normal "
+                    "{ vector [ 0 .6 .8, 0 .6 .8 ] } " +
+                    own + "} }");
+                s.options.settings.colorSpace = space;
+                return s.center();
+            };
+            const auto asGiven = seen(".7 .4 .1", ""),
+                       asOwn = seen("1 1 1", "color Color { color [ .7 .4 .1, .7 .4 .1 ] } ");
+            EXPECT_GT(asGiven.r, asGiven.g);
+            EXPECT_GT(asGiven.g, asGiven.b);
+            EXPECT_GT(asGiven.b, 0);
+            expectColor(asOwn, {asGiven.r, asGiven.g, asGiven.b}, 1e-5);
+        }
+}
+
 TEST(LitStrokes, PointsHaveOneNormalEach) {
     LitScene s(
         kLamp + "Shape { appearance Appearance { material Material { diffuseColor 1 1 1 ambientIntensity 0 } " +

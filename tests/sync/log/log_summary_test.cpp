@@ -78,6 +78,8 @@ TEST_F(Summary, RecordsAreCountedByTheirKinds) {
         EXPECT_EQ(summary->start, 3);
         EXPECT_EQ(summary->end, 15);
         EXPECT_EQ(summary->nodes, 1u);
+        EXPECT_EQ(summary->gaps, 0u) << "it begins with a later state of its scene";
+        EXPECT_EQ(summary->missingFrames, 0u);
         EXPECT_FALSE(summary->goesOn);
         EXPECT_FALSE(summary->beingWritten);
     }
