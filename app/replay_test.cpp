@@ -250,8 +250,9 @@ void printOutcome(const ReplayOutcome& outcome, bool json) {
         const FieldDifference& d = report.differences[i];
         fmt::print(stderr, "  also {}.{} from frame {} (t = {} s): {}\n", d.node, d.field, d.frame, d.time, d.text);
     }
-    if (report.differences.size() > kMost)
-        fmt::print(stderr, "  and {} more fields\n", report.differences.size() - kMost);
+    if (report.differences.size() <= kMost) return;
+    const std::size_t more = report.differences.size() - kMost;
+    fmt::print(stderr, "  and {} more field{}\n", more, more == 1 ? "" : "s");
 }
 
 /// What is to be compared has to be made. Throws UsageError where arguments contradict each other.

@@ -108,6 +108,34 @@ TEST_F(ReplayAsTest, ChosenFieldsOutliveEditsOfTheDocument) {
     EXPECT_GT(json::parse(fields.out)["fields"], 2);
 }
 
+/// Ten of them by name, and how many others there are.
+TEST_F(ReplayAsTest, FieldsThatDifferAreNamedUpToTen) {
+    constexpr int kAll = 13;
+    const auto places = [](int moved) {
+        std::string text = "#X3D V4.0 utf8\n";
+        for (int i = 0; i < kAll; ++i)
+            text += "DEF T" + std::to_string(i) + " Transform { translation 1 " + (i < moved ? "3" : "2") + " 0 }\n";
+        return text;
+    };
+    writeFile(file, places(0));
+    ASSERT_EQ(rtsg({"record", file, "-o", log, "--for", "0.2s", "--fps", "20", "--force"}).status, 0);
+    for (const int moved : {1, 9, 10, 11, kAll}) {
+        SCOPED_TRACE(moved);
+        writeFile(file, places(moved));
+        const Outcome told = rtsg({"replay", log, "--rerun", file, "--field", "*.translation"});
+        EXPECT_EQ(told.status, 1);
+        int also = 0;
+        for (auto at = told.err.find("  also T"); at != std::string::npos; at = told.err.find("  also T", at + 1))
+            ++also;
+        EXPECT_EQ(also, std::min(moved, 10) - 1) << told.err;
+        const std::string rest =
+            moved == 11 ? "and 1 more field\n" : "and " + std::to_string(moved - 10) + " more fields\n";
+        EXPECT_EQ(told.err.find(rest) != std::string::npos, moved > 10) << told.err;
+        EXPECT_EQ(told.err.find("more field") != std::string::npos, moved > 10) << told.err;
+        EXPECT_EQ(json::parse(rerun({"--field", "*.translation"}).out)["differences"].size(), moved);
+    }
+}
+
 TEST_F(ReplayAsTest, WhatComparesNothingDoesNotPass) {
     for (const char* ignored : {"BOX.*", "*.*"}) {
         const Outcome rerunOfNothing = rerun({"--field", "BOX.*", "--ignore", ignored});

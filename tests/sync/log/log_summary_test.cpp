@@ -1,6 +1,7 @@
 // What a log says about itself, whole and damaged.
 #include <rtsg/sync/log_summary.h>
 
+#include <algorithm>
 #include <set>
 
 #include <gtest/gtest.h>
@@ -100,6 +101,40 @@ TEST_F(Summary, TimesOfSessionsFollowEachOther) {
     while ((*replayer)->step().value_or(true)) continue;
     EXPECT_DOUBLE_EQ(summary->end, (*replayer)->time());
     EXPECT_DOUBLE_EQ(summary->end, 3);
+}
+
+/// What a later session's states are numbered by says nothing of the one before it.
+TEST_F(Summary, ASessionThatBeginsWithALaterStateLacksNothing) {
+    for (const bool cut : {false, true}) {
+        SCOPED_TRACE(testing::Message() << "cut " << cut);
+        const Recorded first = record(file(), 20, 5);
+        std::uint64_t missing = 0;
+        if (cut) {  // without the frame before the last one: two states are missing, and no keyframe follows
+            const auto records = recordsOf(file());
+            const auto frame = std::ranges::find_if(records, [&](const auto& r) {
+                return r.second.kind == RecordKind::frame && r.second.to == first.last - 1;
+            });
+            ASSERT_NE(frame, records.end());
+            writeAll(file(), readAll(file()).erase(frame->first, frame->second.size()));
+            missing = 2;
+        }
+        Scene scene;
+        for (int frame = 0; frame < 100; ++frame) scene.newFrame(frame);
+        LogOptions append;
+        append.append = true;
+        auto log = LogWriter::create(file(), builtinTypes(), append);
+        ASSERT_TRUE(log);
+        {
+            const Attachment attachment = scene.bus().attach(**log);
+            for (int frame = 100; frame < 110; ++frame) scene.newFrame(frame);
+        }
+        ASSERT_TRUE((*log)->close());
+        const auto summary = summariseLog(file());
+        ASSERT_TRUE(summary);
+        EXPECT_EQ(summary->sessions, 2u);
+        EXPECT_EQ(summary->gaps, cut ? 1u : 0u);
+        EXPECT_EQ(summary->missingFrames, missing);
+    }
 }
 
 TEST_F(Summary, DamageIsCountedAndNoError) {
