@@ -184,6 +184,23 @@ TEST_F(Replay, ALogThatHasLostItsBeginningDoesNotVerify) {
     EXPECT_EQ(json::parse(compacted.out).at("complete"), false);
 }
 
+/// Cut behind its head it says so, at its start, and compares with nothing.
+TEST_F(Replay, ALogWithoutAStateDoesNotVerify) {
+    record(log, scene());
+    const std::string bytes = readFile(log), bare = folder / "bare.rlog";
+    writeFile(bare, bytes.substr(0, bytes.find("RTSGrec1", 1)));
+    const Outcome verified = rtsg({"replay", "--json", bare, "--verify"});
+    EXPECT_EQ(verified.status, 1);
+    EXPECT_THAT(verified.err, HasSubstr("no intact state"));
+    const json report = json::parse(verified.out);
+    EXPECT_EQ(report.at("frames"), 0);
+    EXPECT_EQ(report.at("first_divergence").at("t"), 0);
+    const Outcome diff = rtsg({"diff", "--json", bare, log});
+    EXPECT_EQ(diff.status, 1);
+    EXPECT_EQ(json::parse(diff.out).at("compared"), 0);
+    EXPECT_EQ(json::parse(diff.out).at("differences").at(0).at("t"), 0);
+}
+
 /// Whatever the first bytes are, its name says that it is one.
 TEST_F(Replay, ALogWhoseFirstBytesAreDamagedIsToldAsALog) {
     record(log, scene());

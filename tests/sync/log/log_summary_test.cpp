@@ -137,6 +137,30 @@ TEST_F(Summary, ASessionThatBeginsWithALaterStateLacksNothing) {
     }
 }
 
+/// What came before its first state is not missing: only frames that a later record speaks of are.
+TEST_F(Summary, ALogThatHasLostItsBeginning) {
+    record(file(), 60, 8, denseKeyframes());
+    const auto records = recordsOf(file());
+    const std::string bytes = readAll(file()), head = bytes.substr(0, records[1].first);
+    ASSERT_EQ(records[0].second.kind, RecordKind::head);
+    int keyframes = 0, frames = 0;
+    for (std::size_t i = 1; i + 1 < records.size(); ++i) {
+        const RecordHeader& first = records[i].second;
+        const bool keyframe = first.kind == RecordKind::keyframe;
+        const auto next = std::find_if(records.begin() + static_cast<std::ptrdiff_t>(i), records.end(),
+                                       [](const auto& r) { return r.second.kind == RecordKind::keyframe; });
+        if ((!keyframe && first.kind != RecordKind::frame) || next == records.end()) continue;
+        writeAll(file("b.rlog"), head + bytes.substr(records[i].first));
+        const auto summary = summariseLog(file("b.rlog"));
+        ASSERT_TRUE(summary);
+        EXPECT_EQ(summary->gaps, keyframe ? 0u : 1u) << "record " << i;
+        EXPECT_EQ(summary->missingFrames, keyframe ? 0 : next->second.to - first.from) << "record " << i;
+        ++(keyframe ? keyframes : frames);
+    }
+    EXPECT_GT(keyframes, 3);
+    EXPECT_GT(frames, 20);
+}
+
 TEST_F(Summary, DamageIsCountedAndNoError) {
     record(file(), 20, 7);
     std::string bytes = readAll(file());
