@@ -67,6 +67,17 @@ TEST_F(NothingIsLost, NoVerbOverwritesItsInput) {
     EXPECT_EQ(files(), before);
 }
 
+TEST_F(NothingIsLost, TheInputIsNamedWhereAnotherNameIsGiven) {
+    const std::string link = folder / "link.x3dv";
+    EXPECT_THAT(rtsg({"convert", file, file, "--force"}).err, HasSubstr(file + " is the input itself"));
+    EXPECT_THAT(rtsg({"convert", file, link, "--force"}).err, HasSubstr(link + " is the input " + file));
+    // Standard input and output have one name, and are no file.
+    const Outcome piped = rtsg({"convert", "-", "-"}, readFile(file));
+    EXPECT_EQ(piped.status, 0) << piped.err;
+    EXPECT_EQ(piped.out, rtsg({"convert", file, "-"}).out);
+    EXPECT_THAT(piped.out, HasSubstr("BOX"));
+}
+
 TEST_F(NothingIsLost, WhatTheSceneUsesIsNotOverwritten) {
     const std::string picture = folder / "t01.png", sound = folder / "tone.wav", part = folder / "part.x3dv",
                       given = folder / "given.x3dv";

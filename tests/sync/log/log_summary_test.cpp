@@ -55,8 +55,9 @@ TEST_F(Summary, RecordsAreCountedByTheirKinds) {
         {
             const Attachment attachment = scene.bus().attach(**log);
             for (int frame = 0; frame < 12; ++frame) {
-                if (frame % 3 == 0)
+                if (frame % 3 == 0) {
                     ASSERT_TRUE(scene.sendEvent(toggle, x3d::BooleanToggle::set_boolean.index, Value(frame % 2 == 0)));
+                }
                 scene.newFrame(4 + frame);
             }
         }
@@ -216,8 +217,9 @@ TEST_F(Summary, FramesThatAreMissingAreCounted) {
         EXPECT_EQ(summary->missingFrames > 0, summary->gaps > 0) << "record " << which;
         EXPECT_EQ(summary->framesBehind, (*replayer)->framesBehind()) << "record " << which;
         // Of a log that begins as it was recorded: all that a later record speaks of, and was not reached.
-        if (!reached.empty() && *reached.begin() == recorded.dumps.begin()->first && last > 0)
+        if (!reached.empty() && *reached.begin() == recorded.dumps.begin()->first && last > 0) {
             EXPECT_EQ(summary->missingFrames, last - *reached.begin() + 1 - reached.size()) << "record " << which;
+        }
         gaps += summary->gaps;
     };
     for (std::size_t i = 0; i + 1 < records.size(); ++i) {
