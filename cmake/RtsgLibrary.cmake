@@ -6,7 +6,7 @@ function(rtsg_library name)
   # Which sources are compiled together hangs on no option: what one configuration builds, others do.
   set(place 0)
   foreach(source IN LISTS sources)
-    math(EXPR group "${place} / 12")
+    math(EXPR group "${place} / 24")
     math(EXPR place "${place} + 1")
     set_source_files_properties("${source}" PROPERTIES UNITY_GROUP "group_${group}")
   endforeach()

@@ -16,7 +16,7 @@ constexpr double kAirPi = std::numbers::pi;
 /// Of bodies, those nearest to the straight way count.
 constexpr std::size_t kMostBodies = 16;
 /// Of the radius, that rays keep off the surface.
-constexpr double kOff = 1e-2, kLifted = 1e-3;
+constexpr double kOutside = 1e-2, kLifted = 1e-3;
 
 /// A place on the body's surface, moved off it.
 glm::dvec3 liftedOff(const RoundBody& body, const glm::dvec3& place) {
@@ -136,10 +136,10 @@ bool RoundAir::isFreeAlong(const RoundSide& side, double offset) const {
     const int steps = static_cast<int>(std::ceil((last - first) / kStep));
     if (steps == 0) return true;
     const PlacedBody& placed = side.placed();
-    const glm::dvec3 begin = placed.at(first, side.far(), from, 1 + kOff),
-                     end = placed.at(last, side.far(), to, 1 + kOff);
+    const glm::dvec3 begin = placed.at(first, side.far(), from, 1 + kOutside),
+                     end = placed.at(last, side.far(), to, 1 + kOutside);
     // By the corners of what is laid round it.
-    const double each = (last - first) / steps, out = (1 + kOff) / std::cos(0.5 * each);
+    const double each = (last - first) / steps, out = (1 + kOutside) / std::cos(0.5 * each);
     glm::dvec3 at = begin;
     for (int i = 0; i <= steps; ++i) {
         const double part = std::min(1.0, (i + 0.5) / steps);

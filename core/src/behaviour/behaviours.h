@@ -25,6 +25,11 @@ void appendPoses(std::vector<BuiltinBehaviour>& table);
 void appendGeoLod(std::vector<BuiltinBehaviour>& table);
 void appendDis(std::vector<BuiltinBehaviour>& table);
 
+template <class T>
+void sendIfNew(Cascade& cascade, const Node& node, Field<T> field, const T& value, bool always) {
+    if (always || node.get(field) != value) cascade.emit(node, field, value);
+}
+
 double lodOnTime(Cascade& cascade, const Node& node);
 /// The root is woken when a node has lost a parent.
 double rootOnTime(Cascade& cascade, const Node& node);

@@ -22,7 +22,7 @@ namespace {
 
 using Stack = Field<Array<NodeId>>;
 
-enum class Kind { viewpoint, background, navigation, fog };
+enum class BindableKind { viewpoint, background, navigation, fog };
 constexpr std::string_view kStackNames[] = {"_viewpointStack", "_backgroundStack", "_navigationStack", "_fogStack"};
 
 const Node& rootOf(const Cascade& cascade) {
@@ -30,7 +30,7 @@ const Node& rootOf(const Cascade& cascade) {
 }
 
 /// Of a layer or the root.
-Stack stackOf(const Node& holder, Kind kind) {
+Stack stackOf(const Node& holder, BindableKind kind) {
     return {holder.type().findExact(kStackNames[static_cast<int>(kind)])};
 }
 
@@ -38,10 +38,10 @@ Stack stackOf(const Node& holder, Kind kind) {
 Field<std::int32_t> emptiedOf(const Node& holder) {
     return {holder.type().findExact("_emptied")};
 }
-bool isEmptied(const Node& holder, Kind kind) {
+bool isEmptied(const Node& holder, BindableKind kind) {
     return (holder.get(emptiedOf(holder)) >> static_cast<int>(kind) & 1) != 0;
 }
-void setEmptied(Cascade& cascade, const Node& holder, Kind kind, bool emptied) {
+void setEmptied(Cascade& cascade, const Node& holder, BindableKind kind, bool emptied) {
     if (isEmptied(holder, kind) == emptied) return;
     cascade.store(holder, emptiedOf(holder), holder.get(emptiedOf(holder)) ^ 1 << static_cast<int>(kind));
 }
@@ -52,7 +52,7 @@ const Node& holderOf(Cascade& cascade, NodeId id) {
     return layer ? *layer : rootOf(cascade);
 }
 
-void storeStack(Cascade& cascade, const Node& holder, Kind kind, const Array<NodeId>& stack) {
+void storeStack(Cascade& cascade, const Node& holder, BindableKind kind, const Array<NodeId>& stack) {
     const Node& root = rootOf(cascade);
     Array<NodeId> layers = root.get(x3d::RtsgScene::_layers);
     if (holder.id() != root.id() && std::ranges::find(layers, holder.id()) == layers.end()) {
@@ -85,7 +85,7 @@ void announceBound(Cascade& cascade, NodeId id, bool bound) {
 }
 
 /// N: node type with set_bind, isBound, bindTime.
-template <class N, Kind kind>
+template <class N, BindableKind kind>
 struct Bindable {
     static void announce(Cascade& cascade, const Node& node, bool bound) {
         cascade.emit(node, N::isBound, bound);
@@ -93,7 +93,7 @@ struct Bindable {
         bindNavigation(cascade, node, bound);
         if (!bound) stopTransition(cascade, node);
     }
-    static constexpr bool kIsView = kind == Kind::viewpoint;
+    static constexpr bool kIsView = kind == BindableKind::viewpoint;
     static std::optional<ViewerPose> seenFrom(Cascade& cascade, NodeId top) {
         return kIsView && top ? worldView(cascade.scene(), top) : std::nullopt;
     }
@@ -134,7 +134,7 @@ struct Bindable {
     /// The first one found outside of Inlines is bound when nothing is (7.2.2); one that has come to the top because
     /// others were deleted hears it, and so does one whose layer was deleted with its stacks.
     static double onTime(Cascade& cascade, const Node& node) {
-        if constexpr (kind == Kind::navigation) {
+        if constexpr (kind == BindableKind::navigation) {
             warnOfWords(cascade, node, "type", node.get(N::type_),
                         {"EXAMINE", "ANY", "WALK", "FLY", "LOOKAT", "NONE", "EXPLORE"});
             warnOfWords(cascade, node, "transitionType", node.get(N::transitionType),
@@ -160,7 +160,7 @@ struct Bindable {
     }
 };
 
-template <class N, Kind kind>
+template <class N, BindableKind kind>
 BuiltinBehaviour bindable() {
     // Whatever else comes, a position say, is stored and no more.
     return {N::type,
@@ -172,7 +172,7 @@ BuiltinBehaviour bindable() {
 
 /// Takes what is no longer in the layer off the top of a stack, as if it were unbound (7.2.2); who comes to the top is
 /// bound. Of those below the top each is looked at when it comes there.
-void unbindWhatHasLeft(Cascade& cascade, const Node& holder, Kind kind) {
+void unbindWhatHasLeft(Cascade& cascade, const Node& holder, BindableKind kind) {
     const Scene& scene = cascade.scene();
     Array<NodeId> stack = holder.get(stackOf(holder, kind));
     std::size_t gone = 0;
@@ -216,19 +216,20 @@ double rootOnTime(Cascade& cascade, const Node& root) {
     std::vector<NodeId> holders{root.id()};
     for (const NodeId layer : root.get(R::_layers)) holders.push_back(layer);
     for (const NodeId holder : holders)
-        for (const Kind kind : {Kind::viewpoint, Kind::background, Kind::navigation, Kind::fog})
+        for (const BindableKind kind :
+             {BindableKind::viewpoint, BindableKind::background, BindableKind::navigation, BindableKind::fog})
             unbindWhatHasLeft(cascade, scene.node(holder), kind);
     return kNever;
 }
 
 void appendBindables(std::vector<BuiltinBehaviour>& table) {
-    table.push_back(bindable<x3d::Viewpoint, Kind::viewpoint>());
-    table.push_back(bindable<x3d::OrthoViewpoint, Kind::viewpoint>());
-    table.push_back(bindable<x3d::GeoViewpoint, Kind::viewpoint>());
-    table.push_back(bindable<x3d::Background, Kind::background>());
-    table.push_back(bindable<x3d::TextureBackground, Kind::background>());
-    table.push_back(bindable<x3d::NavigationInfo, Kind::navigation>());
-    table.push_back(bindable<x3d::Fog, Kind::fog>());
+    table.push_back(bindable<x3d::Viewpoint, BindableKind::viewpoint>());
+    table.push_back(bindable<x3d::OrthoViewpoint, BindableKind::viewpoint>());
+    table.push_back(bindable<x3d::GeoViewpoint, BindableKind::viewpoint>());
+    table.push_back(bindable<x3d::Background, BindableKind::background>());
+    table.push_back(bindable<x3d::TextureBackground, BindableKind::background>());
+    table.push_back(bindable<x3d::NavigationInfo, BindableKind::navigation>());
+    table.push_back(bindable<x3d::Fog, BindableKind::fog>());
     table.push_back({x3d::LayerSet::type, {.onTime = layerSetOnTime}});
 }
 

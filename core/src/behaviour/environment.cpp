@@ -39,10 +39,6 @@ void forEachPlace(Cascade& cascade, const Node& node, const Node& asker, const F
     for (const Standing& other : cascade.otherPlaces(node, asker))
         if (visit(other.worldFromLocal, [&] { return other.shown; })) return;
 }
-template <class T>
-void sendIfNew(Cascade& cascade, const Node& node, Field<T> field, const T& value, bool always) {
-    if (always || node.get(field) != value) cascade.emit(node, field, value);
-}
 /// The edges of isActive, with their times.
 template <class N>
 void enterOrExit(Cascade& cascade, const Node& node, bool active) {

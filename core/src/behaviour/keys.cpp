@@ -19,7 +19,7 @@ const Node& rootOf(Cascade& cascade) {
 }
 
 /// False for what is no such sensor.
-bool isEnabled(const Node& node) {
+bool isEnabledKeySensor(const Node& node) {
     if (node.is(x3d::KeySensor::type)) return node.get(x3d::KeySensor::enabled);
     return node.is(x3d::StringSensor::type) && node.get(x3d::StringSensor::enabled);
 }
@@ -43,7 +43,7 @@ void take(Cascade& cascade, const Node& node) {
 void silenceOthers(Cascade& cascade, const Node& node) {
     std::vector<NodeId> others;
     cascade.scene().forEachNode([&](const Node& other) {
-        if (&other != &node && isEnabled(other)) others.push_back(other.id());
+        if (&other != &node && isEnabledKeySensor(other)) others.push_back(other.id());
     });
     for (const NodeId other : others) disable(cascade, cascade.scene().node(other));
 }
@@ -57,7 +57,7 @@ void release(Cascade& cascade, const Node& node) {
 }
 
 template <class N>
-void sensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
+void keySensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     if (field != N::enabled.index) return;
     if (!value.as<bool>()) return release<N>(cascade, node);
     take(cascade, node);
@@ -66,7 +66,7 @@ void sensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventVa
 
 /// One that comes into being enabled, or is edited.
 template <class N>
-double sensorOnTime(Cascade& cascade, const Node& node) {
+double keySensorOnTime(Cascade& cascade, const Node& node) {
     if (node.get(N::enabled))
         take(cascade, node);
     else
@@ -142,7 +142,7 @@ void type(Cascade& cascade, const Node& node, std::string_view typed) {
 
 void keysOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValue value) {
     const Node* node = cascade.scene().find(root.get(R::_keyFocus));
-    if (node && !isEnabled(*node)) node = nullptr;  // by an edit, of which it does not know yet
+    if (node && !isEnabledKeySensor(*node)) node = nullptr;  // by an edit, of which it does not know yet
     const bool isText = field == R::text.index;
     if (isText) {
         std::size_t replaced = 0;
@@ -162,8 +162,8 @@ void appendKeys(std::vector<BuiltinBehaviour>& table) {
     const auto add = [&](TypeIndex type, auto onEvent, auto onTime) {
         table.push_back({type, {.onEvent = onEvent, .onTime = onTime}});
     };
-    add(x3d::KeySensor::type, sensorOnEvent<x3d::KeySensor>, sensorOnTime<x3d::KeySensor>);
-    add(x3d::StringSensor::type, sensorOnEvent<x3d::StringSensor>, sensorOnTime<x3d::StringSensor>);
+    add(x3d::KeySensor::type, keySensorOnEvent<x3d::KeySensor>, keySensorOnTime<x3d::KeySensor>);
+    add(x3d::StringSensor::type, keySensorOnEvent<x3d::StringSensor>, keySensorOnTime<x3d::StringSensor>);
 }
 
 }  // namespace rtsg::behaviours

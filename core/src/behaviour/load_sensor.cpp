@@ -9,7 +9,7 @@ namespace rtsg::behaviours {
 
 namespace {
 
-using S = x3d::LoadSensor;
+using x3d::LoadSensor;
 
 using Rows = Array<std::int32_t>;
 
@@ -23,7 +23,7 @@ bool namesSomething(const Node& node) {
 /// A row for each child: its number, and whether it is watched.
 Rows rowsOf(const Scene& scene, const Node& sensor) {
     Rows rows;
-    for (const NodeId id : sensor.get(S::children)) {
+    for (const NodeId id : sensor.get(LoadSensor::children)) {
         rows.push_back(static_cast<std::int32_t>(id.value));
         rows.push_back(namesSomething(scene.node(id)) ? 1 : 0);
     }
@@ -43,7 +43,7 @@ struct Outcomes {
 
 Outcomes outcomesOf(const Node& sensor) {
     Outcomes result;
-    const Rows &rows = sensor.get(S::_watched), &outcomes = sensor.get(S::_outcomes);
+    const Rows &rows = sensor.get(LoadSensor::_watched), &outcomes = sensor.get(LoadSensor::_outcomes);
     for (std::size_t k = 0; k + 1 < rows.size(); k += 2) {
         if (rows[k + 1] == 0) continue;
         ++result.watched;
@@ -57,31 +57,32 @@ Outcomes outcomesOf(const Node& sensor) {
 }
 
 void end(Cascade& cascade, const Node& node, bool loaded) {
-    cascade.emit(node, S::isLoaded, loaded);
-    if (loaded) cascade.emit(node, S::loadTime, Time{cascade.now()});
-    cascade.emit(node, S::isActive, false);
+    cascade.emit(node, LoadSensor::isLoaded, loaded);
+    if (loaded) cascade.emit(node, LoadSensor::loadTime, Time{cascade.now()});
+    cascade.emit(node, LoadSensor::isActive, false);
 }
 
 /// Looks at the children afresh; whoever loads answers when it sees that.
 void begin(Cascade& cascade, const Node& node) {
-    cascade.store(node, S::_watched, node.get(S::enabled) ? rowsOf(cascade.scene(), node) : Rows{});
-    cascade.store(node, S::_outcomes, Rows{});
-    cascade.store(node, S::_begun, Time{cascade.now()});
+    cascade.store(node, LoadSensor::_watched, node.get(LoadSensor::enabled) ? rowsOf(cascade.scene(), node) : Rows{});
+    cascade.store(node, LoadSensor::_outcomes, Rows{});
+    cascade.store(node, LoadSensor::_begun, Time{cascade.now()});
     const bool active = outcomesOf(node).watched > 0;
-    if (active != node.get(S::isActive)) cascade.emit(node, S::isActive, active);
-    if (active) cascade.emit(node, S::progress, 0.f);
+    if (active != node.get(LoadSensor::isActive)) cascade.emit(node, LoadSensor::isActive, active);
+    if (active) cascade.emit(node, LoadSensor::progress, 0.f);
 }
 
 double loadSensorOnTime(Cascade& cascade, const Node& node) {
-    const bool isSame =
-        node.get(S::enabled) ? isOf(node.get(S::_watched), node.get(S::children)) : node.get(S::_watched).empty();
-    if (!isSame || node.get(S::_outcomes).size() == 1) begin(cascade, node);
-    if (!node.get(S::isActive)) return kNever;
+    const bool isSame = node.get(LoadSensor::enabled)
+                            ? isOf(node.get(LoadSensor::_watched), node.get(LoadSensor::children))
+                            : node.get(LoadSensor::_watched).empty();
+    if (!isSame || node.get(LoadSensor::_outcomes).size() == 1) begin(cascade, node);
+    if (!node.get(LoadSensor::isActive)) return kNever;
     const Outcomes found = outcomesOf(node);
     const float progress = static_cast<float>(found.loaded) / static_cast<float>(found.watched);
-    if (progress != node.get(S::progress)) cascade.emit(node, S::progress, progress);
-    const double timeOut = node.get(S::timeOut).seconds;
-    const double until = timeOut > 0 ? node.get(S::_begun).seconds + timeOut : kNever;
+    if (progress != node.get(LoadSensor::progress)) cascade.emit(node, LoadSensor::progress, progress);
+    const double timeOut = node.get(LoadSensor::timeOut).seconds;
+    const double until = timeOut > 0 ? node.get(LoadSensor::_begun).seconds + timeOut : kNever;
     if (found.failed > 0 || found.loaded >= found.watched)
         end(cascade, node, found.failed == 0);  // one that fails decides it
     else if (cascade.now() >= until)

@@ -12,11 +12,6 @@ namespace rtsg::behaviours {
 
 namespace {
 
-template <class T>
-void sendIfNew(Cascade& cascade, const Node& node, Field<T> field, const T& value, bool always) {
-    if (always || node.get(field) != value) cascade.emit(node, field, value);
-}
-
 template <class N>
 void tell(Cascade& cascade, const Node& node, const PickReport& report) {
     const bool active = !report.geometry.empty(), entered = active && !node.get(N::isActive);
@@ -43,7 +38,7 @@ void tellAny(Cascade& cascade, const Node& node, const PickReport& report) {
 
 /// What has been switched off is active no longer.
 template <class N>
-double onTime(Cascade& cascade, const Node& node) {
+double pickSensorOnTime(Cascade& cascade, const Node& node) {
     warnOfWords(cascade, node, "sortOrder", {node.get(N::sortOrder)}, {"CLOSEST", "ANY", "ALL", "ALL_SORTED"});
     warnOfWords(cascade, node, "intersectionType", {node.get(N::intersectionType)}, {"BOUNDS", "GEOMETRY"});
     if (!node.get(N::enabled) && node.get(N::isActive)) cascade.emit(node, N::isActive, false);
@@ -63,10 +58,10 @@ void pickedOnEvent(Cascade& cascade, const Node& root, EventValue value) {
 }
 
 void appendPickSensors(std::vector<BuiltinBehaviour>& table) {
-    table.push_back({x3d::LinePickSensor::type, {.onTime = onTime<x3d::LinePickSensor>}});
-    table.push_back({x3d::PointPickSensor::type, {.onTime = onTime<x3d::PointPickSensor>}});
-    table.push_back({x3d::PrimitivePickSensor::type, {.onTime = onTime<x3d::PrimitivePickSensor>}});
-    table.push_back({x3d::VolumePickSensor::type, {.onTime = onTime<x3d::VolumePickSensor>}});
+    table.push_back({x3d::LinePickSensor::type, {.onTime = pickSensorOnTime<x3d::LinePickSensor>}});
+    table.push_back({x3d::PointPickSensor::type, {.onTime = pickSensorOnTime<x3d::PointPickSensor>}});
+    table.push_back({x3d::PrimitivePickSensor::type, {.onTime = pickSensorOnTime<x3d::PrimitivePickSensor>}});
+    table.push_back({x3d::VolumePickSensor::type, {.onTime = pickSensorOnTime<x3d::VolumePickSensor>}});
 }
 
 }  // namespace rtsg::behaviours

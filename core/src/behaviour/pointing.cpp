@@ -22,34 +22,34 @@ namespace {
 
 using R = x3d::RtsgScene;
 
-enum class Kind : std::uint8_t { none, touch, geoTouch, plane, cylinder, sphere, anchor };
+enum class PointingKind : std::uint8_t { none, touch, geoTouch, plane, cylinder, sphere, anchor };
 
-Kind kindOf(const Node& node) {
-    if (node.is(x3d::TouchSensor::type)) return Kind::touch;
-    if (node.is(x3d::GeoTouchSensor::type)) return Kind::geoTouch;
-    if (node.is(x3d::PlaneSensor::type)) return Kind::plane;
-    if (node.is(x3d::CylinderSensor::type)) return Kind::cylinder;
-    if (node.is(x3d::SphereSensor::type)) return Kind::sphere;
-    return node.is(x3d::Anchor::type) ? Kind::anchor : Kind::none;
+PointingKind kindOf(const Node& node) {
+    if (node.is(x3d::TouchSensor::type)) return PointingKind::touch;
+    if (node.is(x3d::GeoTouchSensor::type)) return PointingKind::geoTouch;
+    if (node.is(x3d::PlaneSensor::type)) return PointingKind::plane;
+    if (node.is(x3d::CylinderSensor::type)) return PointingKind::cylinder;
+    if (node.is(x3d::SphereSensor::type)) return PointingKind::sphere;
+    return node.is(x3d::Anchor::type) ? PointingKind::anchor : PointingKind::none;
 }
 
 /// Calls `f` with the node type of a sensor, as a template argument.
 template <class F>
 void withType(const Node& node, const F& f) {
     switch (kindOf(node)) {
-        case Kind::touch:
+        case PointingKind::touch:
             return f.template operator()<x3d::TouchSensor>();
-        case Kind::geoTouch:
+        case PointingKind::geoTouch:
             return f.template operator()<x3d::GeoTouchSensor>();
-        case Kind::plane:
+        case PointingKind::plane:
             return f.template operator()<x3d::PlaneSensor>();
-        case Kind::cylinder:
+        case PointingKind::cylinder:
             return f.template operator()<x3d::CylinderSensor>();
-        case Kind::sphere:
+        case PointingKind::sphere:
             return f.template operator()<x3d::SphereSensor>();
-        case Kind::anchor:
+        case PointingKind::anchor:
             return f.template operator()<x3d::Anchor>();
-        case Kind::none:
+        case PointingKind::none:
             return;
     }
 }
@@ -73,7 +73,7 @@ struct Concerned {
     glm::dmat4 worldFromLocal{1};
 };
 
-bool isEnabled(const Node& node) {
+bool isEnabledPointingSensor(const Node& node) {
     bool enabled = true;
     withType(node, [&]<class N>() {
         if constexpr (requires { N::enabled; }) enabled = node.get(N::enabled);
@@ -91,8 +91,9 @@ void appendSensors(const Scene& scene, const Node& group, const glm::dmat4& worl
             const Node* node = scene.find(child);
             if (node && node->type().kind != NodeType::Kind::builtin) node = scene.effectiveNode(child);
             if (!node) continue;
-            const Kind kind = kindOf(*node);
-            if (kind != Kind::none && kind != Kind::anchor && isEnabled(*node)) out.push_back({node->id(), world});
+            const PointingKind kind = kindOf(*node);
+            if (kind != PointingKind::none && kind != PointingKind::anchor && isEnabledPointingSensor(*node))
+                out.push_back({node->id(), world});
         }
     }
 }
@@ -113,7 +114,7 @@ std::vector<Concerned> concerned(const Scene& scene, const PointerHit& hit) {
     std::vector<Concerned> found;
     for (std::size_t i = worlds.size(); i-- > 0 && found.empty();) {
         const Node& node = scene.node(path[i]);
-        if (kindOf(node) == Kind::anchor) found.push_back({node.id(), worlds[i]});
+        if (kindOf(node) == PointingKind::anchor) found.push_back({node.id(), worlds[i]});
         appendSensors(scene, node, worlds[i], found);
     }
     if (found.empty()) appendSensors(scene, scene.node(scene.root()), glm::dmat4(1), found);
@@ -360,8 +361,8 @@ class PointerEvent {
             const Hold hold = holdOf(node);
             const bool free = hold.holder == 0 || hold.holder == input_.device + 1;
             const bool entered = std::ranges::find(entered_, one.sensor) != entered_.end();
-            const Kind kind = kindOf(node);
-            if (kind != Kind::touch && kind != Kind::geoTouch) continue;
+            const PointingKind kind = kindOf(node);
+            if (kind != PointingKind::touch && kind != PointingKind::geoTouch) continue;
             if (!free || !hold.isOver(input_.device) || !(moved_ || entered)) continue;
             const PointerHit& hit = *input_.hit;
             const glm::dvec3 point = glm::inverse(one.worldFromLocal) * glm::dvec4(hit.point, 1);
@@ -374,7 +375,7 @@ class PointerEvent {
                     cascade_.emit(node, N::hitTexCoord_changed, Vec2f(hit.texCoord));
                 }
             });
-            if (kind == Kind::geoTouch) tellCoordinates(node, point);
+            if (kind == PointingKind::geoTouch) tellCoordinates(node, point);
         }
     }
     void tellCoordinates(const Node& node, const glm::dvec3& point) {
@@ -427,7 +428,7 @@ class PointerEvent {
                     keepOffset(cascade_, node, static_cast<const N*>(nullptr));
             }
         });
-        if (isOver && kindOf(node) == Kind::anchor) activate(node);
+        if (isOver && kindOf(node) == PointingKind::anchor) activate(node);
     }
 
     /// 9.4.1: "#Name" binds a viewpoint of this file; what else there is to load is the application's to do.
@@ -458,7 +459,7 @@ class PointerEvent {
 
 /// A sensor that is disabled lets go of what it has.
 template <class N>
-void sensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
+void pointingSensorOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     if (field != N::enabled.index || value.as<bool>()) return;
     cascade.store(node, N::_holder, 0);
     cascade.store(node, N::_devices, Array<std::int32_t>());
@@ -511,11 +512,11 @@ void rootOnEvent(Cascade& cascade, const Node& root, FieldIndex field, EventValu
 
 void appendPointing(std::vector<BuiltinBehaviour>& table) {
     const auto add = [&](TypeIndex type, auto onEvent) { table.push_back({type, {.onEvent = onEvent}}); };
-    add(x3d::TouchSensor::type, sensorOnEvent<x3d::TouchSensor>);
-    add(x3d::GeoTouchSensor::type, sensorOnEvent<x3d::GeoTouchSensor>);
-    add(x3d::PlaneSensor::type, sensorOnEvent<x3d::PlaneSensor>);
-    add(x3d::CylinderSensor::type, sensorOnEvent<x3d::CylinderSensor>);
-    add(x3d::SphereSensor::type, sensorOnEvent<x3d::SphereSensor>);
+    add(x3d::TouchSensor::type, pointingSensorOnEvent<x3d::TouchSensor>);
+    add(x3d::GeoTouchSensor::type, pointingSensorOnEvent<x3d::GeoTouchSensor>);
+    add(x3d::PlaneSensor::type, pointingSensorOnEvent<x3d::PlaneSensor>);
+    add(x3d::CylinderSensor::type, pointingSensorOnEvent<x3d::CylinderSensor>);
+    add(x3d::SphereSensor::type, pointingSensorOnEvent<x3d::SphereSensor>);
     add(x3d::Collision::type, collisionOnEvent);
 }
 

@@ -164,7 +164,7 @@ std::vector<Member> membersOf(const Group& group, std::uint32_t mask) {
     return members;
 }
 
-void store(const Vec3d& v, float* to) {
+void storeFloats(const Vec3d& v, float* to) {
     for (int k = 0; k < 3; ++k) to[k] = static_cast<float>(v[k]);
 }
 
@@ -173,7 +173,8 @@ LargeSpot spotOf(const Vec3d& corner, const Vec3d& second, const Vec3d& third, c
     constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
     const Vec3f error = gamma * (glm::abs(Vec3f(corner)) + glm::abs(Vec3f(second)) + glm::abs(Vec3f(third)));
     LargeSpot spot{};
-    store(corner, spot.corner), store(second, spot.second), store(third, spot.third), store(Vec3d(error), spot.error);
+    storeFloats(corner, spot.corner), storeFloats(second, spot.second), storeFloats(third, spot.third),
+        storeFloats(Vec3d(error), spot.error);
     spot.red = color.r, spot.green = color.g, spot.blue = color.b;
     return spot;
 }
@@ -189,7 +190,7 @@ void add(const Face& face, std::uint32_t local, std::uint32_t slot, const LargeT
     const Vec3d x = glm::cross(third, normal) / squared, y = glm::cross(normal, second) / squared,
                 unit = normal / std::sqrt(squared);
     LargeTable::Face& own = table.faces[i];
-    store(corner, own.corner), store(unit, own.normal), store(x, own.x), store(y, own.y);
+    storeFloats(corner, own.corner), storeFloats(unit, own.normal), storeFloats(x, own.x), storeFloats(y, own.y);
     own.steepest = static_cast<float>(std::max({glm::length(x), glm::length(y), glm::length(x + y)}));
     own.sides = about.sides;
     table.spots[i] = spotOf(corner, second, third, about.color);

@@ -1,7 +1,6 @@
 // Counts what values and types take once they are decoded, and fills up records that are short for what they become.
 #include "budget.h"
 
-#include <cstring>
 
 #include "blocks.h"
 
@@ -13,12 +12,6 @@ std::uint64_t costOfTexts(const std::vector<std::string>& texts) {
     std::uint64_t cost = 0;
     for (const std::string& text : texts) cost += kTextCost + text.size();
     return cost;
-}
-
-const detail::ArrayHeader* headerOf(const void* storage) {
-    const detail::ArrayHeader* header = nullptr;
-    std::memcpy(&header, storage, sizeof(header));
-    return header;
 }
 
 std::uint64_t costOf(const detail::ArrayHeader* header) {

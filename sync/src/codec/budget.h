@@ -7,11 +7,20 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
+#include <rtsg/core/array.h>
 #include <rtsg/core/change.h>
 #include <rtsg/sync/byte_buffer.h>
 
 namespace rtsg::wire {
+
+/// Of an array or string in block representation.
+inline const detail::ArrayHeader* headerOf(const void* storage) {
+    const detail::ArrayHeader* header = nullptr;
+    std::memcpy(&header, storage, sizeof(header));
+    return header;
+}
 
 struct Budget {
     static constexpr std::uint64_t kFactor = 4, kFree = std::uint64_t{64} << 20;

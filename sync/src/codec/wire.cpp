@@ -9,12 +9,6 @@ namespace rtsg::wire {
 
 namespace {
 
-const detail::ArrayHeader* headerOf(const void* storage) {
-    const detail::ArrayHeader* header = nullptr;
-    std::memcpy(&header, storage, sizeof(header));
-    return header;
-}
-
 /// String, Image and MF types of plain numbers are the same on the wire: a count, then the elements.
 void putFlat(ByteBuffer& out, const detail::ArrayHeader* header, std::size_t elementSize) {
     const std::uint64_t size = header ? header->size : 0;

@@ -14,7 +14,7 @@ namespace rtsg {
 namespace {
 
 constexpr double kFastest = 1000;
-constexpr auto kLongestTurn = std::chrono::milliseconds(250);
+constexpr auto kLongestStep = std::chrono::milliseconds(250);
 
 /// A number, and nothing after it but an s for seconds.
 std::optional<double> numberIn(std::string_view text) {
@@ -61,7 +61,7 @@ Result<> LogPlayer::advance(double seconds) {
         // Another session may begin with an earlier time: it follows at once.
         if (reached() + std::max(*next - scene().now(), 0.0) > until) break;
         if (const Result<bool> more = one(); !more) return std::unexpected(more.error());
-        if (std::chrono::steady_clock::now() - began > kLongestTurn) {
+        if (std::chrono::steady_clock::now() - began > kLongestStep) {
             clock_ = std::max(clock_, reached());
             return {};
         }

@@ -35,7 +35,7 @@ constexpr auto kFarewell = 1000ms;                                    // for pee
 constexpr auto kTick = 10ms, kLongestSleep = 1000ms;              // between looks at all peers, at least and at most
 constexpr auto kTickCosts = 50us;                                 // a peer: so that looking takes some percent at most
 constexpr auto kSettle = 5ms;                                     // between statistics of more peers
-constexpr std::size_t kFew = 16;                                  // than these
+constexpr std::size_t kFewPeers = 16;                             // than these
 constexpr auto kGather = 1000us;                                  // what more peers say in this time is read together
 constexpr auto kLookAround = 20ms, kLookAgain = 1ms;              // for connections that send no whole message
 constexpr auto kUnusedPart = 10s;                                 // until a part without peers is let go
@@ -149,7 +149,7 @@ void MirrorServer::Io::giveUp(const char* why) {
 /// short time is read together. Frames of the scene go out at once.
 void MirrorServer::Io::gather() {
     const auto left = turned_ + kGather - Clock::now();
-    if (peers_.size() > kFew && !news_ && left > 0ns) {
+    if (peers_.size() > kFewPeers && !news_ && left > 0ns) {
         pollfd item = {shared_->wake, POLLIN, 0};
         const timespec most = {0, static_cast<long>(std::chrono::nanoseconds(left).count())};
         (void)::ppoll(&item, 1, &most, nullptr);
@@ -206,7 +206,7 @@ void MirrorServer::Io::turn() {
     heard_.clear();
     shared_->pool->keepReady(std::exchange(wantedNext_, 0));
     // Statistics go through all peers: of what single ones say seldom, unless the scene waits for one of them.
-    unsettled_ = !everybody && !heldUp_ && peers_.size() > kFew && now - settled_ < settling();
+    unsettled_ = !everybody && !heldUp_ && peers_.size() > kFewPeers && now - settled_ < settling();
     if (unsettled_) return;
     settled_ = now;
     publishStatistics();
