@@ -1,7 +1,6 @@
 // Counts what values and types take once they are decoded, and fills up records that are short for what they become.
 #include "budget.h"
 
-
 #include "blocks.h"
 
 namespace rtsg::wire {
