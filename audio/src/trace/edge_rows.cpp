@@ -80,7 +80,9 @@ double nearPlane(double toEdge, double whole, double cosine, double waveNumber) 
 }
 
 double leftBeyond(double before, double gap, double after) {
-    const double square = before * after / ((before + gap) * (after + gap));
+    const double whole = (before + gap) * (after + gap);
+    if (!(whole > 0)) return 1;  // no gap, and nothing on one side of it
+    const double square = before * after / whole;
     return 0.5 + std::asin(std::sqrt(std::clamp(square, 0.0, 1.0))) / std::numbers::pi;
 }
 
