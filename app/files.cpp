@@ -150,12 +150,16 @@ Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<Ou
     return {};
 }
 
-void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs) {
-    if (std::ranges::none_of(outputs, [](const OutputName& output) { return isFile(output.file); })) return;
-    for (const fs::path& used : resourceFiles(scene, resources))
+void keepFiles(const std::vector<fs::path>& used, const std::vector<OutputName>& outputs) {
+    for (const fs::path& file : used)
         for (const OutputName& output : outputs)
-            if (isFile(output.file) && (sameFile(used, output.file) || isOneOf(used, output.file)))
-                throw UsageError(output.option, fmt::format("the scene uses {}", used.string()));
+            if (isFile(output.file) && (sameFile(file, output.file) || isOneOf(file, output.file)))
+                throw UsageError(output.option, fmt::format("the scene uses {}", file.string()));
+}
+
+void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs) {
+    if (std::ranges::any_of(outputs, [](const OutputName& output) { return isFile(output.file); }))
+        keepFiles(resourceFiles(scene, resources), outputs);
 }
 
 bool isLogOrNamedSo(const std::string& file) {

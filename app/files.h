@@ -5,6 +5,7 @@
 // --force. A log takes the place of logs only. What is no regular file (a pipe, /dev/null) is let be.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -38,7 +39,9 @@ bool isLogOrNamedSo(const std::string& file);
 /// On standard error, if the log is the last of several files: where the session's earlier states are.
 void tellOfEarlierPieces(const std::string& log);
 
-/// Throws UsageError where an output is a file that a url of the scene opens; once that is loaded.
+/// Throws UsageError where an output is one of the files that are used.
+void keepFiles(const std::vector<std::filesystem::path>& used, const std::vector<OutputName>& outputs);
+/// The same of those that urls of the scene open; once that is loaded.
 void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs);
 
 }  // namespace rtsg::app

@@ -10,8 +10,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/filter.h>
-#include <rtsg/core/output_file.h>
-#include <rtsg/core/resource.h>
+#include <rtsg/core/resource_check.h>
 #include <rtsg/core/scene_builder.h>
 #include <rtsg/core/scene_exporter.h>
 #include <rtsg/core/writer.h>
@@ -38,46 +37,6 @@ struct ConvertArguments {
 bool isBinaryName(const std::string& file) {
     return std::filesystem::path(file).extension() == ".rtsgb";
 }
-
-/// Looks for the output among the files that the document names: what a scene loads is no place for its copy. Links
-/// that somebody may follow are not loaded.
-class OutputIsUsed final : public Filter {
-  public:
-    OutputIsUsed(DocumentHandler& next, const ConvertArguments& options)
-        : Filter(next), resources_(Resources::ofFile(options.in)), out_(options.out) {}
-    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
-        isLink_.push_back(type == "Anchor");
-        Filter::beginNode(type, def, field, where);
-    }
-    void endNode(SourceLocation where) override {
-        if (!isLink_.empty()) isLink_.pop_back();
-        Filter::endNode(where);
-    }
-    void setField(std::string_view name, Value value, SourceLocation where) override {
-        const bool isLink = !isLink_.empty() && isLink_.back();
-        if (!isLink && (name == "url" || name.ends_with("Url")) && value.holds<Array<String>>())
-            for (const String& url : value.as<Array<String>>()) look(url.view());
-        Filter::setField(name, std::move(value), where);
-    }
-    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
-                     const std::vector<std::string>& url, SourceLocation where) override {
-        for (const std::string& one : url) look(one);
-        Filter::externProto(name, fields, url, where);
-    }
-    /// The file, as the document names it.
-    const std::optional<std::string>& found() const { return found_; }
-
-  private:
-    void look(std::string_view url) {
-        const auto resource = resources_.open(resources_.folder(), url);
-        if (resource && !resource->path().empty() && sameFile(resource->path(), out_)) found_ = resource->path();
-    }
-
-    const Resources resources_;
-    const std::filesystem::path out_;
-    std::vector<bool> isLink_;  // of the open nodes
-    std::optional<std::string> found_;
-};
 
 /// Filters, as they are named, before `last`: `chain` owns them.
 DocumentHandler* filtered(const ConvertArguments& options, DocumentHandler& last, Diagnostics& diagnostics,
@@ -174,13 +133,14 @@ int convert(const ConvertArguments& options) {
     };
     std::vector<std::unique_ptr<DocumentHandler>> chain;
     DocumentHandler* first = filtered(options, (*writer)->handler(), diagnostics, chain);
-    std::optional<OutputIsUsed> used;
-    if (std::filesystem::exists(options.out)) first = &used.emplace(*first, options);
+    // What the document loads is no place for its copy.
+    std::optional<DocumentFiles> used;
+    if (std::filesystem::exists(options.out)) first = &used.emplace(*first, Resources::ofFile(options.in));
     const bool ok =
         readDocumentFile(options.in, *first, diagnostics, {.progress = progress, .threads = options.threads});
     if (bar) bar(1, 1);
     print(diagnostics);
-    if (used && used->found()) throw UsageError("OUT", fmt::format("the scene uses {}", *used->found()));
+    if (used) keepFiles(used->files(), {{"OUT", options.out, OutputKind::scene}});
     if (!ok) {
         printError(fmt::format("reading {} stopped early: {} was not written", options.in, options.out));
         return kBad;

@@ -74,9 +74,10 @@ class GoesOn {
                 const WedgeField f = wedgeField(part_.round.path, waveNumber);
                 const std::complex<double> before = weights[tone] * (f.besideDirect + mirrors * f.besideMirrored) +
                                                     (part_.lit ? f.direct : 0.0) + more_[tone];
-                more_[tone] += field.sum(tone, waveNumber, way.path.way + way.past);
+                const std::complex<double> one = field.sum(tone, waveNumber, way.path.way + way.past);
+                more_[tone] += one;
                 without += std::norm(before);
-                with += std::norm(before + field.sum(tone, waveNumber, way.path.way + way.past));
+                with += std::norm(before + one);
             });
             if (without > 0) arrival.energy[b] *= with / without;
         }

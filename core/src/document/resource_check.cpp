@@ -109,4 +109,31 @@ std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resou
     return files;
 }
 
+void DocumentFiles::note(std::string_view url) {
+    if (isProgram(url)) return;
+    const auto resource = resources_.open(resources_.folder(), url);
+    if (resource && !resource->path().empty()) files_.push_back(resource->path());
+}
+
+void DocumentFiles::note(std::string_view field, const Value& value) {
+    if (!namesFiles(field) || !value.holds<Array<String>>()) return;
+    for (const String& url : value.as<Array<String>>()) note(url.view());
+}
+
+void DocumentFiles::setField(std::string_view name, Value value, SourceLocation where) {
+    note(name, value);
+    Filter::setField(name, std::move(value), where);
+}
+
+void DocumentFiles::declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) {
+    if (value) note(field.name, *value);
+    Filter::declareField(field, std::move(value), where);
+}
+
+void DocumentFiles::externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                                const std::vector<std::string>& url, SourceLocation where) {
+    for (const std::string& one : url) note(one);
+    Filter::externProto(name, fields, url, where);
+}
+
 }  // namespace rtsg

@@ -9,7 +9,10 @@
 #include <filesystem>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include <rtsg/core/diagnostic.h>
@@ -39,5 +42,23 @@ void checkResources(const Scene& scene, const Resources& resources, Diagnostics&
 /// The files that urls of the scene open: what must not be written while the scene is played. Each url that names a
 /// file that is there counts, not just the first of a list.
 std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resources& resources);
+
+/// The same of a document that makes no scene, as it goes by; not of the documents that it loads.
+class DocumentFiles final : public Filter {
+  public:
+    DocumentFiles(DocumentHandler& next, Resources resources) : Filter(next), resources_(std::move(resources)) {}
+    void setField(std::string_view name, Value value, SourceLocation where) override;
+    void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override;
+    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                     const std::vector<std::string>& url, SourceLocation where) override;
+    const std::vector<std::filesystem::path>& files() const { return files_; }
+
+  private:
+    void note(std::string_view field, const Value& value);
+    void note(std::string_view url);
+
+    const Resources resources_;
+    std::vector<std::filesystem::path> files_;
+};
 
 }  // namespace rtsg
