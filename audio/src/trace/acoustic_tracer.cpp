@@ -14,6 +14,7 @@
 #include "probe_ray.h"
 #include "round_bodies.h"
 #include "walls/even_direction.h"
+#include "wave_levels.h"
 
 namespace rtsg {
 namespace {
@@ -372,6 +373,7 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
         result.edgePairs =
             addDiffraction(geometry, source, listener, options, seconds, result.arrivals, result.edges, edges);
         bodies.addRows(edges);
+        setLevels(source, listener, options.air.speedOfSound, edges.bent, result.arrivals, result.edges);
     }
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;

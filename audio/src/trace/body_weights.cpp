@@ -17,6 +17,10 @@ constexpr double kVolume = 8, kSection = 1.46;
 constexpr double kWhole = 0.999;
 /// The size of what has no end, metres.
 constexpr double kEndless = 1e6;
+/// Of its size, from a surface: it is at it.
+constexpr double kNear = 0.05;
+/// Metres between surfaces that are in one plane.
+constexpr double kContact = 1e-3;
 
 /// In the box around it.
 bool isIn(const WallBody& body, const glm::dvec3& place, double margin) {
@@ -122,16 +126,17 @@ BodyWeights::Tones BodyWeights::tonesOf(const WallBody& body) const {
 glm::dvec3 BodyWeights::sizeWith(const WallBody& body) const {
     glm::dvec3 size = body.size;
     for (int i = 0; i < 3; ++i) {
-        const bool low = touches(body, i, -1), high = touches(body, i, 1);
+        const double near = 1e-3 + kNear * body.size[i];
+        const bool low = touches(body, i, -1, near), high = touches(body, i, 1, near);
         size[i] *= low && high ? kEndless : low || high ? 2 : 1;
     }
     return size;
 }
 
-/// Whether a surface is there that goes on beyond the body: just beside the middles of a side's longer edges.
-bool BodyWeights::touches(const WallBody& body, int axis, double side) const {
-    constexpr double kBeside = 1.05, kNear = 0.05;
-    const double reach = 1e-3 + kNear * body.size[axis];
+/// Whether a surface is there, no farther than `reach`, that goes on beyond the body: just beside the middles of a
+/// side's longer edges.
+bool BodyWeights::touches(const WallBody& body, int axis, double side, double reach) const {
+    constexpr double kBeside = 1.05;
     const glm::dvec3 out = side * body.axes[axis];
     int across = (axis + 1) % 3;
     if (body.size[(axis + 2) % 3] < body.size[across]) across = (axis + 2) % 3;
@@ -158,7 +163,8 @@ const WallBody* BodyWeights::bodyAt(const glm::dvec3& place, double margin) cons
 bool BodyWeights::isAtWall(const WallBody& body, const glm::dvec3& place, double margin) const {
     for (int i = 0; i < 3; ++i) {
         const double along = glm::dot(place - body.center, body.axes[i]);
-        if (std::abs(along) >= 0.5 * body.size[i] - margin && touches(body, i, along < 0 ? -1 : 1)) return true;
+        if (std::abs(along) >= 0.5 * body.size[i] - margin && touches(body, i, along < 0 ? -1 : 1, kContact))
+            return true;
     }
     return false;
 }

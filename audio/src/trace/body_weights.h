@@ -47,7 +47,7 @@ class BodyWeights {
     Tones tonesOf(const WallBody& body) const;
     /// Its size, with what it touches.
     glm::dvec3 sizeWith(const WallBody& body) const;
-    bool touches(const WallBody& body, int axis, double side) const;
+    bool touches(const WallBody& body, int axis, double side, double reach) const;
     bool isAtWall(const WallBody& body, const glm::dvec3& place, double margin) const;
 
     const AcousticGeometry& geometry_;

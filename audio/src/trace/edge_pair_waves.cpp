@@ -1,11 +1,10 @@
-// Sums up what pairs of edges bend: pressures by tone, and energies by octave.
+// Makes waves of what pairs of edges bend.
 #include "edge_pair_waves.h"
 
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <cstddef>
-#include <numbers>
 
 #include "edge_paths.h"
 #include "edge_waves.h"
@@ -16,16 +15,6 @@ void weigh(PairField& field, const BodyWeights::Tones& weights) {
     for (std::size_t t = 0; t < kEdgeTones; ++t) {
         field.wave[t] *= weights[t];
         for (FacePair::End& end : field.ends) end.pressure[t] *= weights[t];
-    }
-}
-
-void setEnergies(const PairField& field, double way, const EdgeTones& tones, const Bands& scale, Arrival& arrival) {
-    for (std::size_t b = 0; b < kBandCount; ++b) {
-        double energy = 0;
-        tones.each(b, [&](std::size_t tone, double waveNumber) {
-            energy += std::norm(field.sum(tone, waveNumber, way)) / EdgeTones::kTones;
-        });
-        arrival.energy[b] = scale[b] * energy;
     }
 }
 
@@ -41,21 +30,22 @@ std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source,
         wave.direction = glm::normalize(end.second - listener);
         wave.route = {end.first, end.second, glm::dvec3(0), glm::dvec3(0)};
         for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(end.pressure[t]);
-        weaken(wave, options.pattern ? options.pattern(glm::normalize(end.first - source)) : 1, attenuation, end.way);
+        weaken(wave.pressure, options.pattern ? options.pattern(glm::normalize(end.first - source)) : 1, attenuation,
+               end.way);
         waves.push_back(wave);
     }
     return waves;
 }
 
 Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
-            const TraceOptions& options, const EdgeTones& tones) {
+            const TraceOptions& options) {
     const Bands attenuation = airAttenuation(options.air);
     const double length = way.path.way + way.past;
     const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
     Bent bent;
-    bent.arrival.seconds = bent.wave.seconds = length / options.air.speedOfSound;
-    bent.arrival.order = bent.wave.order = 2;
-    bent.arrival.direction = bent.wave.direction = glm::normalize(second - listener);
+    bent.wave.seconds = length / options.air.speedOfSound;
+    bent.wave.order = 2;
+    bent.wave.direction = glm::normalize(second - listener);
     // What leads past an end goes by that end.
     const auto axisIf = [&](std::size_t e, const WallEdge& edge) {
         return way.fromLow[e] < 0 || way.fromHigh[e] < 0 ? glm::dvec3(0) : edge.axis;
@@ -67,11 +57,8 @@ Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source
         return options.pattern ? options.pattern(glm::normalize(by - source)) : 1.0;
     };
     const double sent = sentTo(first);
-    for (std::size_t b = 0; b < kBandCount; ++b)
-        bent.scale[b] = sent / (4 * std::numbers::pi) * std::exp(-attenuation[b] * length);
-    setEnergies(field, length, tones, bent.scale, bent.arrival);
     for (std::size_t t = 0; t < kEdgeTones; ++t) bent.wave.pressure[t] = std::complex<float>(field.wave[t]);
-    weaken(bent.wave, sent, attenuation, length);
+    weaken(bent.wave.pressure, sent, attenuation, length);
     bent.ends = endWaves(field, source, listener, options, 2);
     return bent;
 }

@@ -1,4 +1,4 @@
-// Waves of pairs of edges, and the energies of their arrivals.
+// Waves of pairs of edges.
 //
 // Threading: pure functions; EndWaves one thread per object.
 #pragma once
@@ -13,30 +13,24 @@
 
 #include "body_weights.h"
 #include "edge_pair_way.h"
-#include "edge_tones.h"
 
 namespace rtsg {
 
 /// Factors of all that it has, by tone.
 void weigh(PairField& field, const BodyWeights::Tones& weights);
 
-/// Of an arrival by the pressures of its tones. `scale`: of each band, for the mean over the tones.
-void setEnergies(const PairField& field, double way, const EdgeTones& tones, const Bands& scale, Arrival& arrival);
-
 /// By the ends of edges along faces; `order`: of how many edges.
 std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
                                const TraceOptions& options, std::uint32_t order);
 
-/// The waves that both edges bend, and for an arrival of its own its energies.
+/// The waves that both edges bend.
 struct Bent {
     EdgeWave wave;
     std::vector<EdgeWave> ends;
-    Arrival arrival;
-    Bands scale{};
 };
 
 Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
-            const TraceOptions& options, const EdgeTones& tones);
+            const TraceOptions& options);
 
 /// Ends of pairs by the places on both edges: where two pairs meet at a corner, nothing is left.
 class EndWaves {

@@ -57,37 +57,6 @@ std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, con
     return result;
 }
 
-/// What is heard of an edge by itself, with all that goes on from there round a second one.
-class GoesOn {
-  public:
-    explicit GoesOn(const BentArrival& part) : part_(part) {}
-
-    bool isOf(const BentArrival& part) const { return &part_ == &part; }
-    /// One pair more: a factor of the arrival's energy.
-    void add(const PairWay& way, const PairField& field, const EdgeTones& tones, BodyWeights& bodies,
-             Arrival& arrival) {
-        const BodyWeights::Tones& weights = bodies.of(part_.edge.body);
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            const double mirrors = tones.mirrors(part_.edge.material, b);
-            double with = 0, without = 0;
-            tones.each(b, [&](std::size_t tone, double waveNumber) {
-                const WedgeField f = wedgeField(part_.round.path, waveNumber);
-                const std::complex<double> before = weights[tone] * (f.besideDirect + mirrors * f.besideMirrored) +
-                                                    (part_.lit ? f.direct : 0.0) + more_[tone];
-                const std::complex<double> one = field.sum(tone, waveNumber, way.path.way + way.past);
-                more_[tone] += one;
-                without += std::norm(before);
-                with += std::norm(before + one);
-            });
-            if (without > 0) arrival.energy[b] *= with / without;
-        }
-    }
-
-  private:
-    const BentArrival& part_;
-    std::array<std::complex<double>, kEdgeTones> more_{};
-};
-
 bool isOnBoundary(const EdgeTurn& turn) {
     return std::abs(turn.shadow()) <= kGrazing;
 }
@@ -108,7 +77,7 @@ class EdgePairs {
   public:
     EdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
               const TraceOptions& options, const EdgesAlone& known, const std::vector<const WallEdge*>& edges,
-              BodyWeights& bodies, std::vector<Arrival>& arrivals, EdgeField& field)
+              BodyWeights& bodies, EdgeField& field)
         : geometry_(geometry),
           source_(source),
           listener_(listener),
@@ -117,7 +86,6 @@ class EdgePairs {
           known_(known),
           edges_(edges),
           bodies_(bodies),
-          arrivals_(arrivals),
           field_(field) {}
 
     /// Whether it is heard.
@@ -126,8 +94,7 @@ class EdgePairs {
         BodyWeights::Tones weights = bodies_.of(way.first->body, way.second->body);
         if (!isFreeAlong(geometry_, way) || !reaches(way, firstHides, secondHides, weights)) return false;
         const bool byItself = firstHides && secondHides;
-        const std::vector<const BentArrival*> parts = partsOf(way, firstHides, secondHides);
-        if (parts.empty() && !byItself && !way.onFace) return false;
+        if (!byItself && !way.onFace && !goesOn(way, firstHides, secondHides)) return false;
         if (way.onFace && (firstHides || secondHides)) {
             const BodyWeights::Tones share =
                 rowShareOf(way, source_, firstHides, listener_, secondHides, edges_, bodies_, c());
@@ -137,23 +104,18 @@ class EdgePairs {
         sided.path = offBoundaries(way, firstHides, secondHides);
         PairField pressure = fieldOf(sided, tones_, c());
         weigh(pressure, weights);
-        weigh(pressure, leftOf({way.first, way.second}));
-        Bent both = bentBy(way, pressure, source_, listener_, options_, tones_);
+        weigh(pressure, leftOf({secondHides ? way.first : nullptr, firstHides ? way.second : nullptr}));
+        const Bent both = bentBy(way, pressure, source_, listener_, options_);
         addWave(both.wave, way.path.way);
         for (const EdgeWave& end : both.ends) ends_.add(end);
-        if (byItself && !goOnInLine(way, pressure)) {
-            heard_.push_back({&way, arrivals_.size(), way.path.way + way.past, both.scale, pressure});
-            addArrival(both.arrival);
-        }
-        if (!byItself && parts.size() == 1)
-            // Where both edges are heard by themselves as well, levels of octaves have what each does to direct sound.
-            goingOn(*parts.front()).add(way, pressure, tones_, bodies_, arrivals_[parts.front()->arrival]);
         return true;
     }
     /// What a third edge does to them.
     void add(TripleField triple) {
         weigh(triple.field, bodies_.of(triple.first->body, triple.third->body));
-        weigh(triple.field, leftOf({triple.first, triple.second, triple.third}));
+        weigh(triple.field, leftOf({triple.thirdHides ? triple.first : nullptr,
+                                    triple.firstHides || triple.thirdHides ? triple.second : nullptr,
+                                    triple.firstHides ? triple.third : nullptr}));
         const Bands attenuation = airAttenuation(options_.air);
         const glm::dvec3 last = offEnds(*triple.third, triple.byThird);
         EdgeWave wave;
@@ -163,20 +125,9 @@ class EdgePairs {
         wave.route = {triple.byFirst, triple.byThird, glm::dvec3(0), glm::dvec3(0)};
         for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(triple.field.wave[t]);
         const double sent = options_.pattern ? options_.pattern(glm::normalize(triple.byFirst - source_)) : 1;
-        weaken(wave, sent, attenuation, triple.way);
+        weaken(wave.pressure, sent, attenuation, triple.way);
         addWave(wave, triple.way);
         for (const EdgeWave& end : endWaves(triple.field, source_, listener_, options_, 3)) ends_.add(end);
-        if (triple.firstHides != triple.thirdHides) return goOnThird(triple);
-        if (!triple.firstHides) return;
-        Arrival arrival;
-        arrival.seconds = wave.seconds;
-        arrival.order = 3;
-        arrival.direction = wave.direction;
-        Bands scale;
-        for (std::size_t b = 0; b < kBandCount; ++b)
-            scale[b] = sent / (4 * std::numbers::pi) * std::exp(-attenuation[b] * triple.way);
-        setEnergies(triple.field, triple.way, tones_, scale, arrival);
-        addArrival(arrival);
     }
     /// Of ends those above -54 dB: there are many.
     void addEnds() {
@@ -185,15 +136,6 @@ class EdgePairs {
     }
 
   private:
-    /// A pair with an arrival of its own, and all that goes on into that.
-    struct Heard {
-        const PairWay* pair;
-        std::size_t arrival;
-        double way;
-        Bands scale;  // of its energies
-        PairField field;
-    };
-
     double c() const { return options_.air.speedOfSound; }
 
     /// On a boundary it is chance whether a ray finds its way: that side counts on which the other edge alone is.
@@ -203,6 +145,9 @@ class EdgePairs {
 
     /// Whether it comes to both edges from outside; what small bodies let through of it is a factor of `weights`.
     bool reaches(const PairWay& way, bool firstHides, bool secondHides, BodyWeights::Tones& weights) {
+        if (isBehindFace(geometry_, *way.first, way.atFirst, false, source_) ||
+            isBehindFace(geometry_, *way.second, way.atSecond, true, listener_))
+            return false;
         const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
         // In the plane of a face the next one in that plane may hide the edge or not.
         const auto above = [](bool hidden) { return hidden ? -1e-3 : 1e-3; };
@@ -224,74 +169,35 @@ class EdgePairs {
         return true;
     }
 
-    /// Into the arrival of another pair on one line with it, as of faces in a row, if there is one.
-    bool goOnInLine(const PairWay& way, const PairField& field) {
-        constexpr double kInLine = 0.99;
-        const auto across = [](const PairWay& one) { return glm::normalize(one.bySecond - one.byFirst); };
-        const auto known = std::ranges::find_if(heard_, [&](const Heard& one) {
-            return (one.pair->first == way.first || one.pair->second == way.second) &&
-                   glm::dot(across(*one.pair), across(way)) > kInLine;
-        });
-        if (!way.onFace || known == heard_.end()) return false;
-        goOn(*known, field, way.path.way + way.past);
-        return true;
-    }
-    void goOn(Heard& heard, const PairField& more, double way) {
-        for (std::size_t t = 0; t < kEdgeTones; ++t) {
-            const double waveNumber = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / c();
-            heard.field.wave[t] += more.sum(t, waveNumber, way) * std::polar(1.0, waveNumber * heard.way);
-        }
-        setEnergies(heard.field, heard.way, tones_, heard.scale, arrivals_[heard.arrival]);
-    }
-
-    GoesOn& goingOn(const BentArrival& part) {
-        const auto known = std::ranges::find_if(goingOn_, [&](const GoesOn& one) { return one.isOf(part); });
-        return known == goingOn_.end() ? goingOn_.emplace_back(part) : *known;
-    }
-    /// Into the arrival of the pair of which the third edge takes a part, or which it lets go on.
-    void goOnThird(const TripleField& triple) {
-        const WallEdge* const first = triple.firstHides ? triple.first : triple.second;
-        const WallEdge* const second = triple.firstHides ? triple.second : triple.third;
-        const auto heard = std::ranges::find_if(
-            heard_, [&](const Heard& one) { return one.pair->first == first && one.pair->second == second; });
-        if (heard != heard_.end()) goOn(*heard, triple.field, triple.way);
-    }
-
-    const BentArrival* alone(const WallEdge& edge) const {
+    const BentByOne* alone(const WallEdge& edge) const {
         const auto found =
-            std::ranges::find_if(known_.bent, [&](const BentArrival& one) { return isSame(one.edge, edge); });
+            std::ranges::find_if(known_.bent, [&](const BentByOne& one) { return isSame(one.edge, edge); });
         return found == known_.bent.end() ? nullptr : &*found;
     }
-    /// The arrivals that it goes on into.
-    std::vector<const BentArrival*> partsOf(const PairWay& way, bool firstHides, bool secondHides) const {
-        if (firstHides && secondHides) return {};
+    /// Whether it is a part of what goes by one of both edges alone.
+    bool goesOn(const PairWay& way, bool firstHides, bool secondHides) const {
         if (firstHides != secondHides) {
-            const BentArrival* const parent = alone(firstHides ? *way.first : *way.second);
-            if (parent && !parent->lit) return {parent};
+            const BentByOne* const parent = alone(firstHides ? *way.first : *way.second);
+            if (parent && !parent->lit) return true;
         }
-        std::vector<const BentArrival*> parts;
-        for (const WallEdge* edge : {way.first, way.second})
-            if (const BentArrival* const one = alone(*edge); one && one->lit) parts.push_back(one);
-        return parts;
+        const auto isLit = [&](const WallEdge& edge) {
+            const BentByOne* const one = alone(edge);
+            return one && one->lit;
+        };
+        return isLit(*way.first) || isLit(*way.second);
     }
-    /// What edges that are seen in part leave to it.
+    /// What edges that are seen in part leave to a way by another edge, which hides them; null: that hides nothing.
     BodyWeights::Tones leftOf(std::initializer_list<const WallEdge*> edges) const {
         BodyWeights::Tones left;
         left.fill(1);
         for (const PartlySeen& one : known_.partly)
-            if (std::ranges::any_of(edges, [&](const WallEdge* edge) { return isSame(one.edge, *edge); }))
+            if (std::ranges::any_of(edges, [&](const WallEdge* edge) { return edge && isSame(one.edge, *edge); }))
                 for (std::size_t t = 0; t < kEdgeTones; ++t) left[t] *= static_cast<double>(one.left[t]);
         return left;
     }
     void addWave(const EdgeWave& wave, double length) {
-        if (!isFaint(wave, length)) field_.waves.push_back(wave);
+        if (!isFaint(wave.pressure, length)) field_.waves.push_back(wave);
     }
-    void addArrival(Arrival arrival) {
-        arrival.straight = static_cast<std::int32_t>(field_.straight.size());
-        field_.straight.push_back({});
-        arrivals_.push_back(arrival);
-    }
-
     const AcousticGeometry& geometry_;
     const glm::dvec3 &source_, &listener_;
     const TraceOptions& options_;
@@ -299,11 +205,8 @@ class EdgePairs {
     const EdgesAlone& known_;
     const std::vector<const WallEdge*>& edges_;
     BodyWeights& bodies_;
-    std::vector<Arrival>& arrivals_;
     EdgeField& field_;
     EndWaves ends_;
-    std::vector<Heard> heard_;
-    std::vector<GoesOn> goingOn_;
 };
 
 }  // namespace
@@ -319,8 +222,7 @@ EdgeCandidate candidateBy(const WallEdge& edge, const glm::dvec3& source, const 
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies,
-                           std::vector<Arrival>& arrivals, EdgeField& field) {
+                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies, EdgeField& field) {
     EdgePairCount count;
     std::size_t looked = 0;
     std::vector<EdgeCandidate> edges = withoutOverlaps(geometry, candidates, looked);
@@ -345,7 +247,7 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
     }
     std::vector<const WallEdge*> all;
     for (const EdgeCandidate& one : edges) all.push_back(&one.edge);
-    EdgePairs pairs(geometry, source, listener, options, known, all, bodies, arrivals, field);
+    EdgePairs pairs(geometry, source, listener, options, known, all, bodies, field);
     for (const PairWay& way : ways) count.heard += pairs.add(way);
     const EdgeTones tones(geometry, options.air.speedOfSound);
     for (const TripleField& triple :

@@ -19,11 +19,10 @@
 
 namespace rtsg {
 
-/// What an edge by itself brings: in its shadow an arrival of its own, in the light a part of direct sound.
-struct BentArrival {
+/// An edge that is heard by itself: in its shadow, or beside direct sound.
+struct BentByOne {
     WallEdge edge;
     RoundEdge round;
-    std::size_t arrival = 0;  // its number
     bool lit = false;
 };
 
@@ -50,7 +49,7 @@ constexpr std::size_t kLookedAtEdges = 256;
 
 /// What is known of edges by themselves, and whether direct sound is heard.
 struct EdgesAlone {
-    std::vector<BentArrival> bent;
+    std::vector<BentByOne> bent;
     std::vector<PartlySeen> partly;
     bool heardStraight = false;
 };
@@ -58,7 +57,6 @@ struct EdgesAlone {
 /// `candidates`: the shortest of `edgeCount`, kLookedAtEdges if there are so many.
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies,
-                           std::vector<Arrival>& arrivals, EdgeField& field);
+                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies, EdgeField& field);
 
 }  // namespace rtsg

@@ -97,6 +97,14 @@ bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, 
     return in <= result.opening && out <= result.opening && result.opening > std::numbers::pi + 0.05;
 }
 
+bool isBehindFace(const AcousticGeometry& geometry, const WallEdge& edge, const EdgeTurn& turn, bool out,
+                  const glm::dvec3& place) {
+    constexpr double kBehind = 1e-3;
+    AcousticHit hit;
+    return (out ? turn.outOnFace : turn.inOnFace) &&
+           geometry.closest(place, turn.offFace(edge, out), kBehind, kNoPlane, hit);
+}
+
 glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3& from) {
     // Radians above the face, or as far as what touches it is moved off; in its plane one may as well be beyond its far
     // end, where that hides the edge or not.

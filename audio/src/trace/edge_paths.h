@@ -40,6 +40,11 @@ struct EdgeTurn {
 /// the edge is a rim. False where there is no air for it, or nothing to bend about.
 bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result);
 
+/// Whether a place that the way goes along a face to, if `out`, or comes from is at the back of that face: on a wall,
+/// within a room, of which the edge is outside.
+bool isBehindFace(const AcousticGeometry& geometry, const WallEdge& edge, const EdgeTurn& turn, bool out,
+                  const glm::dvec3& place);
+
 /// What to look at to see a place on an edge of less than half a turn. From where one looks along a face of it that is
 /// a place in the air beside it: rounding may have put the edge itself behind that face.
 glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3& from);

@@ -8,6 +8,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <span>
 #include <utility>
 
 #include <rtsg/audio/wedge.h>
@@ -36,14 +37,6 @@ Arrival* arrivalOf(std::vector<Arrival>& arrivals, std::size_t known, std::uint3
         if (arrivals[i].order == order && std::abs(arrivals[i].seconds - seconds) < 1e-8 + 1e-6 * seconds)
             return &arrivals[i];
     return nullptr;
-}
-
-/// So little that it need not be an arrival of its own.
-bool isFaintBeside(const Arrival& arrival, const Arrival& other) {
-    constexpr double kFaint = 1e-3;
-    for (std::size_t b = 0; b < kBandCount; ++b)
-        if (arrival.energy[b] > kFaint * other.energy[b]) return false;
-    return true;
 }
 
 /// Of many that are told one after the other the first in order, of equals those that were told first.
@@ -126,13 +119,12 @@ class Diffraction {
             if (one.round.past() && counted == kPast) break;
             counted += bendParts(one) && one.round.past();
         }
-        for (const auto& [place, wave] : byPlace_)
-            if (!isFaint(wave, wave.seconds * c())) field_.waves.push_back(wave);
+        for (EndWave& end : byPlace_) addWave(end.wave, end.wave.seconds * c(), end.images);
         weakenMirrors();
         const EdgePairCount pairs = addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(),
-                                                 edges.told(), alone_, bodies_, arrivals_, field_);
+                                                 edges.told(), alone_, bodies_, field_);
         if (!alone_.heardStraight) addStraightOn();
-        seen = {std::move(alone_.partly), edges.sorted()};
+        seen = {std::move(alone_.partly), edges.sorted(), std::move(parts_)};
         return pairs;
     }
 
@@ -146,6 +138,7 @@ class Diffraction {
     struct EndWave {
         glm::dvec3 place;
         EdgeWave wave;
+        std::vector<ImagePart> images;
     };
 
     double c() const { return options_.air.speedOfSound; }
@@ -251,8 +244,7 @@ class Diffraction {
         }
     }
 
-    /// Through small bodies, where nothing else hides direct sound. With what bends round them levels of octaves sum
-    /// pressures, as waves that long come as one.
+    /// Through small bodies, where nothing else hides direct sound.
     void addStraightOn() {
         BodyWeights::Tones share;
         if (!bodies_.straightOn(listener_, source_, share) || !(share.front() < 1)) return;
@@ -263,44 +255,8 @@ class Diffraction {
         wave.direction = (source_ - listener_) / way;
         wave.route = {middle, middle, glm::dvec3(0), glm::dvec3(0)};
         for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = static_cast<float>(share[t] / way);
-        weaken(wave, sentTo(middle), attenuation_, way);
-        if (isFaint(wave, way)) return;
-        field_.waves.push_back(wave);
-        Bands energy;
-        for (std::size_t b = 0; b < kBandCount; ++b) energy[b] = energyBeside(b, share);
-        // What bends comes first where it is not the lowest tones alone.
-        const auto bent = arrivals_.begin() + static_cast<std::ptrdiff_t>(known_);
-        if (const auto first = std::ranges::min_element(bent, arrivals_.end(), {}, &Arrival::seconds);
-            first != arrivals_.end()) {
-            for (std::size_t b = 0; b < kBandCount; ++b) first->energy[b] += energy[b];
-            return;
-        }
-        Arrival arrival;
-        arrival.seconds = wave.seconds;
-        arrival.order = 1;
-        arrival.direction = wave.direction;
-        arrival.energy = energy;
-        arrival.straight = static_cast<std::int32_t>(field_.straight.size());
-        field_.straight.push_back({});
-        arrivals_.push_back(arrival);
-    }
-
-    /// What goes straight on has of the energy of a band, so that with the other arrivals there is what all waves have
-    /// as one as far as bodies are small, `share` being what they let through.
-    double energyBeside(std::size_t band, const BodyWeights::Tones& share) const {
-        double one = 0, alone = 0, small = 0, others = 0;
-        tones_.each(band, [&](std::size_t tone, double waveNumber) {
-            std::complex<double> sum;
-            for (const EdgeWave& wave : field_.waves)
-                sum += std::complex<double>(wave.pressure[tone]) * std::polar(1.0, -waveNumber * wave.seconds * c());
-            one += std::norm(sum);
-            alone += std::norm(std::complex<double>(field_.waves.back().pressure[tone]));
-            small += 1 - std::pow(1 - share[tone], 4);
-        });
-        for (std::size_t i = known_; i < arrivals_.size(); ++i) others += arrivals_[i].energy[band];
-        small /= EdgeTones::kTones;
-        const double scale = 1 / (4 * std::numbers::pi * EdgeTones::kTones);
-        return std::max(0.0, (1 - small) * alone * scale + small * (one * scale - others));
+        weaken(wave.pressure, sentTo(middle), attenuation_, way);
+        addWave(wave, way, {});
     }
 
     /// Whether small bodies, and nothing else, are in the way by a place; and what they let through.
@@ -317,8 +273,8 @@ class Diffraction {
     void addPressures(const EdgeShares& shares, const std::array<EdgeEnd, 2>& ends, double way, Pressures& sum) const {
         for (std::size_t t = 0; t < kEdgeTones; ++t) {
             const double waveNumber = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / c();
-            const auto turned = [&](const EdgeWave& wave, double by) {
-                return std::complex<double>(wave.pressure[t]) * std::polar(1.0, -waveNumber * by);
+            const auto turned = [&](const EdgeTonePressures& wave, double by) {
+                return std::complex<double>(wave[t]) * std::polar(1.0, -waveNumber * by);
             };
             sum[t] +=
                 turned(shares.wave, way) + turned(shares.ends[0], ends[0].way) + turned(shares.ends[1], ends[1].way);
@@ -344,19 +300,17 @@ class Diffraction {
         const EdgeShares shares =
             edgeSharesOf(round, ends, edge.material, tones_, {alone_.heardStraight, mirror != nullptr}, weights);
         if (sum) addPressures(shares, ends, path.shortestWay(), *sum);
+        ImagePart image;
+        image.image = imagePlace(edge, round, source_);
+        image.detour = way - glm::distance(image.image, listener_);
+        const double detour = way - glm::distance(source_, listener_);
+        parts_.detour = parts_.detour < 0 ? detour : std::min(parts_.detour, detour);
         if (!round.past()) {
-            if (mirror) {
-                scale(*mirror, shares.mirrored);
-                mirrors_.try_emplace(static_cast<std::size_t>(mirror - arrivals_.data()), edge.body);
-            }
-            if (direct) {
-                scale(*direct, shares.direct);
-                alone_.bent.push_back({edge, round, static_cast<std::size_t>(direct - arrivals_.data()), true});
-            }
-            addWave(shares.wave, edge, round, way);
+            if (mirror) mirrors_.try_emplace(static_cast<std::size_t>(mirror - arrivals_.data()), edge.body);
+            if (direct || !isLit(path)) alone_.bent.push_back({edge, round, direct != nullptr});
+            addByEdge(shares, edge, round, way, image);
         }
-        for (std::size_t e = 0; e < 2; ++e) addEnd(shares.ends[e], ends[e]);
-        addArrival(edge, round, shares.own, direct);
+        for (std::size_t e = 0; e < 2; ++e) addEnd(shares, e, ends[e], image);
         return true;
     }
 
@@ -364,51 +318,54 @@ class Diffraction {
         return options_.pattern ? options_.pattern(glm::normalize(by - source_)) : 1;
     }
 
-    void addWave(EdgeWave wave, const WallEdge& edge, const RoundEdge& round, double way) {
+    /// `images`: the parts of it that go on into mirror images.
+    void addWave(const EdgeWave& wave, double way, std::span<const ImagePart> images) {
+        const bool faint = isFaint(wave.pressure, way);
+        for (ImagePart part : images) {
+            if (faint && isFaint(part.pressure, way)) continue;
+            part.wave = faint ? ImagePart::kFaint : field_.waves.size();
+            part.seconds = wave.seconds;
+            part.direction = wave.direction;
+            parts_.images.push_back(part);
+        }
+        if (!faint) field_.waves.push_back(wave);
+    }
+
+    void addByEdge(const EdgeShares& shares, const WallEdge& edge, const RoundEdge& round, double way,
+                   ImagePart image) {
+        EdgeWave wave;
+        wave.pressure = shares.wave;
+        image.pressure = shares.mirrored[0];
         wave.seconds = way / c();
         wave.direction = glm::normalize(round.by - listener_);
         wave.route = {round.by, round.by, edge.axis, edge.axis};
         wave.bends = {edge.faceA, round.turn * glm::cross(edge.axis, edge.faceA), round.path.opening, {}};
         for (std::size_t b = 0; b < kBandCount; ++b) wave.bends.mirrors[b] = tones_.mirrors(edge.material, b);
-        weaken(wave, sentTo(round.by), attenuation_, way);
-        if (!isFaint(wave, way)) field_.waves.push_back(wave);
+        for (EdgeTonePressures* one : {&wave.pressure, &image.pressure})
+            weaken(*one, sentTo(round.by), attenuation_, way);
+        addWave(wave, way, std::span(&image, 1));
     }
 
     /// All edges that end at one place are one wave: where an edge goes on in the next one, nothing is left.
-    void addEnd(EdgeWave wave, const EdgeEnd& end) {
+    void addEnd(const EdgeShares& shares, std::size_t number, const EdgeEnd& end, ImagePart image) {
         if (!(end.way < seconds_ * c()) || end.place == listener_) return;
+        EdgeWave wave;
+        wave.pressure = shares.ends[number];
+        image.pressure = shares.mirrored[number + 1];
         wave.seconds = end.way / c();
         wave.direction = glm::normalize(end.place - listener_);
         wave.route = {end.place, end.place, glm::dvec3(0), glm::dvec3(0)};
-        weaken(wave, sentTo(end.place), attenuation_, end.way);
+        for (EdgeTonePressures* one : {&wave.pressure, &image.pressure})
+            weaken(*one, sentTo(end.place), attenuation_, end.way);
         const double rounding = 2 * placeRounding(end.place);
         const auto known = std::ranges::find_if(
             byPlace_, [&](const EndWave& one) { return glm::distance(one.place, end.place) <= rounding; });
         if (known == byPlace_.end()) {
-            byPlace_.push_back({end.place, wave});
+            byPlace_.push_back({end.place, wave, {image}});
             return;
         }
         for (std::size_t t = 0; t < kEdgeTones; ++t) known->wave.pressure[t] += wave.pressure[t];
-    }
-
-    void addArrival(const WallEdge& edge, const RoundEdge& round, const Bands& share, Arrival* direct) {
-        const double way = glm::distance(source_, round.by) + glm::distance(round.by, listener_);
-        Arrival arrival;
-        arrival.seconds = way / c();
-        arrival.order = 1;
-        arrival.direction = glm::normalize(round.by - listener_);
-        const double sent = sentTo(round.by);
-        for (std::size_t b = 0; b < kBandCount; ++b)
-            arrival.energy[b] = sent * share[b] / (4 * std::numbers::pi) * std::exp(-attenuation_[b] * way);
-        if (!(*std::max_element(arrival.energy.begin(), arrival.energy.end()) > 0)) return;
-        if (direct && isFaintBeside(arrival, *direct)) {
-            for (std::size_t b = 0; b < kBandCount; ++b) direct->energy[b] += arrival.energy[b];
-            return;
-        }
-        arrival.straight = static_cast<std::int32_t>(field_.straight.size());
-        field_.straight.push_back({});
-        if (!isLit(round.path)) alone_.bent.push_back({edge, round, arrivals_.size(), false});
-        arrivals_.push_back(arrival);
+        known->images.push_back(image);
     }
 
     const AcousticGeometry& geometry_;
@@ -423,6 +380,7 @@ class Diffraction {
     EdgeField& field_;
     EdgesAlone alone_;
     std::vector<EndWave> byPlace_;
+    BentParts parts_;
     std::map<std::size_t, const WallBody*> mirrors_;  // by their arrivals, whose faces
 };
 
@@ -431,10 +389,7 @@ class Diffraction {
 EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                              const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
                              EdgeField& field, EdgesSeen& seen) {
-    const EdgePairCount pairs = Diffraction(geometry, source, listener, options, seconds, arrivals, field).run(seen);
-    std::stable_sort(arrivals.begin(), arrivals.end(),
-                     [](const Arrival& a, const Arrival& b) { return a.seconds < b.seconds; });
-    return pairs;
+    return Diffraction(geometry, source, listener, options, seconds, arrivals, field).run(seen);
 }
 
 }  // namespace rtsg

@@ -106,7 +106,9 @@ bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const gl
     const WallEdge &a = *one.pair.first, &b = *one.pair.second, &c = *one.third;
     const glm::dvec3 first = offEnds(a, one.pair.byFirst), second = offEnds(b, one.pair.bySecond);
     const glm::dvec3 third = offEnds(c, one.byThird);
-    return seen(geometry, source, aimAt(a, first, source)) && seen(geometry, listener, aimAt(c, third, listener)) &&
+    return !isBehindFace(geometry, a, one.pair.atFirst, false, source) &&
+           !isBehindFace(geometry, c, one.atThird, true, listener) && seen(geometry, source, aimAt(a, first, source)) &&
+           seen(geometry, listener, aimAt(c, third, listener)) &&
            isFreeAlong(geometry, first, second, one.pair.atFirst.offFace(a, true)) &&
            isFreeAlong(geometry, second, third, one.atThird.offFace(c, false)) &&
            isOpen(geometry, a, first, one.pair.atFirst.opening, one.pair.atFirst.turn) &&

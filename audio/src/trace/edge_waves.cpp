@@ -120,14 +120,14 @@ void addThroughHead(const EdgeWave& wave, const WaveResponses& responses, const 
 
 }  // namespace
 
-void weaken(EdgeWave& wave, double sent, const Bands& attenuation, double way) {
+void weaken(EdgeTonePressures& pressure, double sent, const Bands& attenuation, double way) {
     for (std::size_t tone = 0; tone < kEdgeTones; ++tone)
-        wave.pressure[tone] *= static_cast<float>(
+        pressure[tone] *= static_cast<float>(
             std::sqrt(sent * std::exp(-attenuation[tone * static_cast<std::size_t>(kBandCount) / kEdgeTones] * way)));
 }
 
-bool isFaint(const EdgeWave& wave, double way) {
-    return std::ranges::all_of(wave.pressure,
+bool isFaint(const EdgeTonePressures& pressure, double way) {
+    return std::ranges::all_of(pressure,
                                [&](const Sample& tone) { return !(static_cast<double>(std::abs(tone)) * way > 1e-4); });
 }
 

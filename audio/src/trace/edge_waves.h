@@ -13,10 +13,10 @@ namespace rtsg {
 
 /// By what the source sends that way, as a share of energy, and by what air takes along `way` metres, see
 /// airAttenuation().
-void weaken(EdgeWave& wave, double sent, const Bands& attenuation, double way);
+void weaken(EdgeTonePressures& pressure, double sent, const Bands& attenuation, double way);
 
 /// Whether every tone is 80 dB below sound in the open after `way` metres.
-bool isFaint(const EdgeWave& wave, double way);
+bool isFaint(const EdgeTonePressures& pressure, double way);
 
 /// Samples that the response of a wave takes from its delay on.
 std::size_t edgeWaveFrames(int sampleRate);

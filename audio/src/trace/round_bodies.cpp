@@ -7,8 +7,6 @@
 #include <complex>
 #include <cstddef>
 #include <memory>
-#include <numbers>
-#include <utility>
 
 #include "edge_paths.h"
 #include "edge_tones.h"
@@ -18,8 +16,6 @@
 namespace rtsg {
 namespace {
 
-using Complex = std::complex<double>;
-constexpr double kBodyPi = std::numbers::pi;
 /// Of edges those by which the way is shortest are tried with bodies.
 constexpr std::size_t kRowEdges = 12;
 
@@ -43,7 +39,7 @@ class RoundBodies::Impl {
 
     void addAlone() {
         if (air_.bodies().empty()) return;
-        heard_ = direct() != nullptr;
+        heard_ = findsDirect();
         open_ = heard_ && std::ranges::none_of(air_.bodies(), [](const PlacedBody& one) {
                     return grazes(one) && RoundSide(one, false).hides();
                 });
@@ -51,42 +47,24 @@ class RoundBodies::Impl {
         for (const PlacedBody& one : air_.bodies()) add(one, waves);
         if (options_.diffractionOrder > 1) rows_.addBodies(open_, waves);
         for (const RoundWave& wave : waves) addWave(wave);
-        if (heard_)
-            sumUp(waves);
-        else
-            alone_ = waves;
     }
 
     void addRows(const EdgesSeen& edges) {
-        if (air_.bodies().empty()) return;
-        // Where direct sound is not heard it is one sum with what bodies bend by themselves.
-        std::vector<RoundWave> waves = std::exchange(alone_, {});
-        if (options_.diffractionOrder < 2) return sumUp(waves);
+        if (air_.bodies().empty() || options_.diffractionOrder < 2) return;
         const std::vector<PartlySeen> shortest = nearest(edges);
-        const std::size_t known = waves.size();
+        std::vector<RoundWave> waves;
         rows_.addEdges(shortest, open_, waves);
         rows_.addEdgePairs(shortest, waves);
-        for (std::size_t i = known; i < waves.size(); ++i) addWave(waves[i]);
-        goOn(waves);
-        const auto own = std::ranges::stable_partition(waves, [](const RoundWave& one) { return one.besideWay > 0; });
-        waves.erase(waves.begin(), own.begin());
-        sumUp(waves);
+        for (const RoundWave& wave : waves) addWave(wave);
     }
 
   private:
     double c() const { return options_.air.speedOfSound; }
-    Arrival* direct() {
+    bool findsDirect() const {
         const double seconds = glm::distance(source_, listener_) / c();
-        const auto found = std::ranges::find_if(arrivals_, [&](const Arrival& one) {
+        return std::ranges::any_of(arrivals_, [&](const Arrival& one) {
             return one.order == 0 && std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds;
         });
-        return found == arrivals_.end() ? nullptr : &*found;
-    }
-
-    void sumUp(const std::vector<RoundWave>& waves) {
-        if (waves.empty()) return;
-        addArrivals(waves, heard_);
-        std::ranges::stable_sort(arrivals_, {}, &Arrival::seconds);
     }
 
     /// Of those by which the way is shortest the ones with air beside them.
@@ -185,44 +163,6 @@ class RoundBodies::Impl {
         return any;
     }
 
-    /// Into arrivals of their own: a factor of the energy of each.
-    void goOn(const std::vector<RoundWave>& waves) {
-        std::vector<const RoundWave*> left;
-        for (const RoundWave& wave : waves)
-            if (wave.besideWay > 0) left.push_back(&wave);
-        while (!left.empty()) {
-            const RoundWave& first = *left.front();
-            const auto others = std::ranges::stable_partition(left, [&](const RoundWave* one) {
-                return one->besideOrder == first.besideOrder &&
-                       std::abs(one->besideWay - first.besideWay) < 1e-6 * first.besideWay;
-            });
-            goOnTogether(std::vector<const RoundWave*>(left.begin(), others.begin()));
-            left.erase(left.begin(), others.begin());
-        }
-    }
-
-    /// Of waves that go on into the same one.
-    void goOnTogether(const std::vector<const RoundWave*>& waves) {
-        const RoundWave& first = *waves.front();
-        const double seconds = first.besideWay / c();
-        const auto found = std::ranges::find_if(arrivals_, [&](const Arrival& one) {
-            return one.order == first.besideOrder && one.straight >= 0 &&
-                   std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds;
-        });
-        if (found == arrivals_.end()) return;
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            double with = 0, without = 0;
-            tones_.each(b, [&](std::size_t tone, double k) {
-                Complex sum = first.beside[tone];
-                without += std::norm(sum);
-                for (const RoundWave* wave : waves)
-                    sum += wave->pressure[tone] * std::polar(1.0, -k * (wave->way - first.besideWay));
-                with += std::norm(sum);
-            });
-            if (without > 0) found->energy[b] *= with / without;
-        }
-    }
-
     /// The mirror images by its facets.
     void removeImages(const PlacedBody& placed) {
         std::erase_if(arrivals_, [&](const Arrival& arrival) {
@@ -254,61 +194,6 @@ class RoundBodies::Impl {
         return options_.pattern && by != source_ ? options_.pattern(glm::normalize(by - source_)) : 1;
     }
 
-    /// How much of what two waves do to each other counts in levels of octaves: all where they come together, nothing
-    /// where they come so far apart that it is another one at each tone.
-    static double together(double waveNumber, double apart) {
-        const double turns = waveNumber * apart / 10;
-        return 1 / (1 + turns * turns);
-    }
-
-    void addArrivals(const std::vector<RoundWave>& waves, bool heard) {
-        std::vector<Arrival> own(waves.size());
-        Bands factor = allBands(1);
-        for (std::size_t b = 0; b < kBandCount; ++b) {
-            double with = 0, without = 0;
-            std::vector<double> apart(waves.size());
-            tones_.each(b,
-                        [&](std::size_t tone, double k) { sumTone(waves, heard, b, tone, k, with, without, apart); });
-            if (without > 0)
-                factor[b] = with / without;
-            else
-                apart[shortest(waves)] += with;
-            for (std::size_t i = 0; i < waves.size(); ++i)
-                own[i].energy[b] = apart[i] / EdgeTones::kTones / (4 * kBodyPi);
-        }
-        for (std::size_t i = 0; i < waves.size(); ++i) addArrival(waves[i], own[i], heard);
-        if (heard) scale(*direct(), factor);
-    }
-
-    static std::size_t shortest(const std::vector<RoundWave>& waves) {
-        return static_cast<std::size_t>(std::ranges::min_element(waves, {}, &RoundWave::way) - waves.begin());
-    }
-
-    /// `with`: energies of what comes together with direct sound, or with the shortest way; `without`: of direct sound.
-    void sumTone(const std::vector<RoundWave>& waves, bool heard, std::size_t b, std::size_t tone, double k,
-                 double& with, double& without, std::vector<double>& apart) {
-        const double distance = glm::distance(source_, listener_);
-        const double begin = heard ? distance : waves[shortest(waves)].way;
-        Complex sum = 0;
-        if (heard) {
-            const Arrival& straight = *direct();
-            const double energy =
-                (straight.straight < 0 ? straight.energy
-                                       : field_.straight[static_cast<std::size_t>(straight.straight)])[b];
-            sum = std::polar(std::sqrt(4 * kBodyPi * energy), -k * distance);
-            without += std::norm(sum);
-        }
-        for (std::size_t i = 0; i < waves.size(); ++i) {
-            const RoundWave& wave = waves[i];
-            const double sent = sentTo(wave.first) * std::exp(-attenuation_[b] * wave.way);
-            const double part = together(k, wave.way - begin);
-            const Complex pressure = std::sqrt(sent) * wave.pressure[tone] * std::polar(1.0, -k * wave.way);
-            sum += part * pressure;
-            apart[i] += (1 - part * part) * std::norm(pressure);
-        }
-        with += std::norm(sum);
-    }
-
     void addWave(const RoundWave& side) {
         EdgeWave wave;
         wave.seconds = side.way / c();
@@ -319,28 +204,8 @@ class RoundBodies::Impl {
         wave.route.over = side.way - glm::distance(source_, side.first) - glm::distance(side.first, side.last) -
                           glm::distance(side.last, listener_);
         for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(side.pressure[t]);
-        weaken(wave, sentTo(side.first), attenuation_, side.way);
-        if (!isFaint(wave, side.way)) field_.waves.push_back(wave);
-    }
-
-    void addArrival(const RoundWave& side, Arrival arrival, bool heard) {
-        constexpr double kFaint = 1e-6;
-        const double most = *std::ranges::max_element(arrival.energy);
-        if (!(most * 4 * kBodyPi * side.way * side.way > (heard ? 1e-3 : kFaint))) return;
-        arrival.seconds = side.way / c();
-        arrival.order = side.order;
-        arrival.direction = side.direction;
-        arrival.straight = static_cast<std::int32_t>(field_.straight.size());
-        field_.straight.push_back({});
-        arrivals_.push_back(arrival);
-    }
-
-    void scale(Arrival& arrival, const Bands& factor) {
-        if (arrival.straight < 0) {
-            arrival.straight = static_cast<std::int32_t>(field_.straight.size());
-            field_.straight.push_back(arrival.energy);
-        }
-        for (std::size_t b = 0; b < kBandCount; ++b) arrival.energy[b] *= factor[b];
+        weaken(wave.pressure, sentTo(side.first), attenuation_, side.way);
+        if (!isFaint(wave.pressure, side.way)) field_.waves.push_back(wave);
     }
 
     const AcousticGeometry& geometry_;
@@ -354,7 +219,6 @@ class RoundBodies::Impl {
     const RoundAir air_;
     const RoundRows rows_;
     bool heard_ = false, open_ = false;  // direct sound; and no body's circle is in its way
-    std::vector<RoundWave> alone_;       // what bodies bend, where direct sound is not heard
 };
 
 RoundBodies::RoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,

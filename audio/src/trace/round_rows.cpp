@@ -207,20 +207,7 @@ void RoundRows::addDark(const Row& row, std::vector<RoundWave>& waves) const {
     };
     if (looksFaint(tones_, pressure, wave.way)) return;
     fill(pressure, wave.pressure);
-    for (const BendingLink* const link : {&row.first, &row.second})
-        if (link->bends() > 1)
-            for (const WallEdge* const edge : {link->edge(), link->lastEdge()}) setBeside(*edge, wave);
     addWithEnds(row, wave, waves);
-}
-
-/// What goes on into what one of the edges bends by itself, if nothing hides that.
-void RoundRows::setBeside(const WallEdge& edge, RoundWave& wave) const {
-    const BendingLink link(edge);
-    const std::optional<LinkWay> alone = link.way(source_, listener_);
-    if (!alone || alone->lit || !isFree(link, *alone, source_, listener_)) return;
-    wave.besideWay = alone->length;
-    wave.besideOrder = link.bends();
-    fill([&](std::size_t b, double k) { return link.pressure(*alone, k, link.mirrors(tones_, b)); }, wave.beside);
 }
 
 /// With what ends take away from it, or what comes by one past which it leads.
@@ -291,14 +278,9 @@ void RoundRows::addBeside(const BendingLink& dark, const BendingLink& lit, bool 
         return counts * (more + rowExcess(shadows, k) * turned *
                                     litShare(more / turned, litFirst ? shadows.first : shadows.second, k));
     };
-    if (looksFaint(tones_, [&](std::size_t b, double k) { return byDark(b, k) * byLit(b, k); }, wave.way)) return;
-    fill(byDark, wave.beside);
-    fill(byLit, wave.pressure);
-    for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] *= wave.beside[t];
-    if (dark.edge()) {
-        wave.besideWay = alone->length;
-        wave.besideOrder = dark.bends();
-    }
+    const auto pressure = [&](std::size_t b, double k) { return byDark(b, k) * byLit(b, k); };
+    if (looksFaint(tones_, pressure, wave.way)) return;
+    fill(pressure, wave.pressure);
     if (!isFaint(wave)) waves.push_back(wave);
 }
 

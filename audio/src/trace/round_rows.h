@@ -28,11 +28,6 @@ struct RoundWave {
     glm::dvec3 first{0}, last{0}, direction{0};  // as of an arrival
     std::uint32_t order = 1;
     TonePressures pressure{};  // re the phase of its way
-    /// What it goes on into, if that is bent by edges alone: the length of that way, m, its order, and what comes by
-    /// it.
-    double besideWay = 0;
-    std::uint32_t besideOrder = 0;
-    TonePressures beside{};
 };
 
 class RoundRows {
@@ -55,7 +50,6 @@ class RoundRows {
     void addWith(const BendingLink& edges, const TonePressures& left, bool open, std::vector<RoundWave>& waves) const;
     void add(const BendingLink& first, const BendingLink& second, bool open, std::vector<RoundWave>& waves) const;
     void addDark(const Row& row, std::vector<RoundWave>& waves) const;
-    void setBeside(const WallEdge& edge, RoundWave& wave) const;
     void addWithEnds(const Row& row, const RoundWave& main, std::vector<RoundWave>& waves) const;
     void addBeside(const BendingLink& dark, const BendingLink& lit, bool litFirst, std::vector<RoundWave>& waves) const;
     void addLit(const BendingLink& first, const BendingLink& second, std::vector<RoundWave>& waves) const;

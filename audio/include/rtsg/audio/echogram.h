@@ -35,6 +35,9 @@ constexpr std::size_t kEdgeTones = 5 * kBandCount;
 /// Hz; `tone` may lie between two of them.
 double edgeToneHz(double tone);
 
+/// By tone: pressure re that of the source in the open at 1 m; time as exp(i w t).
+using EdgeTonePressures = std::array<std::complex<float>, kEdgeTones>;
+
 /// A way by places on edges, each of which moves along its edge where source and listener do.
 struct EdgeRoute {
     glm::dvec3 first{0}, last{0};          // the places; of one edge both are the same
@@ -55,8 +58,7 @@ struct EdgeWave {
     double seconds = 0;
     glm::dvec3 direction{0};  // as of an arrival
     std::uint32_t order = 1;  // edges on its way
-    /// By tone: pressure re that of the source in the open at 1 m, its phase re that of the delay; time as exp(i w t).
-    std::array<std::complex<float>, kEdgeTones> pressure{};
+    EdgeTonePressures pressure{};  // its phase re that of the delay
     EdgeRoute route;
     BendingEdge bends;  // if it comes by one edge alone, at the place where that is shortest
 };

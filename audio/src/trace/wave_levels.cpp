@@ -1,0 +1,340 @@
+// Sums up waves with their phases, and tells what of the energy of each octave comes with which of them.
+#include "wave_levels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <optional>
+#include <span>
+
+namespace rtsg {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double kSphere = 4 * std::numbers::pi;
+constexpr std::size_t kTonesInBand = kEdgeTones / kBandCount;
+constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+
+/// Parts that go on into one mirror image, and what is heard of it.
+struct ImageGroup {
+    glm::dvec3 image{0};
+    double detour = std::numeric_limits<double>::infinity();  // the least
+    std::size_t arrival = kNone;
+    std::array<double, kEdgeTones> withDirect{};  // share of its pressure that is one with direct sound
+};
+
+double waveNumber(std::size_t tone, double speedOfSound) {
+    return 2 * std::numbers::pi * edgeToneHz(static_cast<double>(tone)) / speedOfSound;
+}
+
+/// Pressures that are one sum: energies of each, with half of what each two do to each other.
+class OneSum {
+  public:
+    explicit OneSum(double speedOfSound) {
+        for (std::size_t t = 0; t < kEdgeTones; ++t) waveNumbers_[t] = static_cast<float>(waveNumber(t, speedOfSound));
+    }
+
+    /// `pressure`: re the phase of its way, m. The energies go to an arrival.
+    template <class Pressure>
+    void add(std::size_t arrival, double way, const Pressure& pressure) {
+        Node& node = nodes_.emplace_back();
+        node.arrival = arrival;
+        node.way = static_cast<float>(way - (nodes_.size() > 1 ? begin_ : begin_ = way));
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const Complex turned = Complex(pressure(t)) * std::polar(1.0, -static_cast<double>(waveNumbers_[t]) *
+                                                                              static_cast<double>(node.way));
+            node.real[t] = static_cast<float>(turned.real());
+            node.imaginary[t] = static_cast<float>(turned.imag());
+            node.most = std::max(node.most, static_cast<float>(std::norm(turned)));
+        }
+    }
+
+    void addEnergies(std::vector<Arrival>& arrivals) {
+        float most = 0;
+        for (const Node& one : nodes_) most = std::max(most, one.most);
+        for (std::size_t i = 0; i < nodes_.size(); ++i) {
+            Node& one = nodes_[i];
+            for (std::size_t t = 0; t < kEdgeTones; ++t)
+                one.energy[t] += one.real[t] * one.real[t] + one.imaginary[t] * one.imaginary[t];
+            for (std::size_t j = 0; j < i; ++j)
+                if (one.most * nodes_[j].most > kFaint * most * most) addBoth(one, nodes_[j]);
+        }
+        for (const Node& one : nodes_)
+            for (std::size_t t = 0; t < kEdgeTones; ++t)
+                arrivals[one.arrival].energy[t / kTonesInBand] +=
+                    static_cast<double>(one.energy[t]) / (kSphere * kTonesInBand);
+    }
+
+  private:
+    /// Of two pressures, the product of their squares beside that of the most.
+    static constexpr float kFaint = 1e-14f;
+
+    struct Node {
+        std::size_t arrival = 0;
+        float way = 0, most = 0;
+        std::array<float, kEdgeTones> real{}, imaginary{}, energy{};
+    };
+
+    /// What a tone's fifth of an octave leaves of the interference of two: of a flat one sin(y) / y, y = .0694 k d,
+    /// which this is where they are near to each other; it goes to nothing without a sign, as that of a band with soft
+    /// ends.
+    void addBoth(Node& a, Node& b) const {
+        constexpr float kOctave = 0.02003f;
+        const float apart = kOctave * (a.way - b.way);
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const float x = apart * waveNumbers_[t], left = 1 / (1 + x * x);
+            const float both = left * left * (a.real[t] * b.real[t] + a.imaginary[t] * b.imaginary[t]);
+            a.energy[t] += both;
+            b.energy[t] += both;
+        }
+    }
+
+    std::array<float, kEdgeTones> waveNumbers_{};
+    std::vector<Node> nodes_;
+    double begin_ = 0;
+};
+
+/// All that comes from one source to one listener.
+class Levels {
+  private:
+    auto straightPressure(std::size_t arrival) const {
+        const Arrival& one = arrivals_[arrival];
+        return [energy = one.straight < 0 ? one.energy : field_.straight[static_cast<std::size_t>(one.straight)]](
+                   std::size_t t) { return std::sqrt(kSphere * energy[t / kTonesInBand]); };
+    }
+    /// Of a wave all but what an image has of it for itself.
+    auto withDirect(std::size_t wave) const {
+        EdgeTonePressures left = field_.waves[wave].pressure;
+        for (std::size_t p = 0; p < parts_.images.size(); ++p)
+            if (parts_.images[p].wave == wave)
+                for (std::size_t t = 0; t < kEdgeTones; ++t)
+                    left[t] -=
+                        static_cast<float>(1 - groups_[groupOf_[p]].withDirect[t]) * parts_.images[p].pressure[t];
+        return [left](std::size_t t) { return Complex(left[t]); };
+    }
+
+  public:
+    Levels(const glm::dvec3& source, const glm::dvec3& listener, double speedOfSound, const BentParts& parts,
+           std::vector<Arrival>& arrivals, EdgeField& field)
+        : listener_(listener),
+          c_(speedOfSound),
+          straight_(glm::distance(source, listener)),
+          parts_(parts),
+          arrivals_(arrivals),
+          field_(field),
+          known_(arrivals.size()) {}
+
+    void set() {
+        if (field_.waves.empty() && parts_.images.empty()) return;
+        direct_ = find(0, straight_, {});
+        groupParts();
+        addArrivals();
+        OneSum all(c_);
+        if (direct_ != kNone) all.add(direct_, straight_, straightPressure(direct_));
+        for (std::size_t w = 0; w < field_.waves.size(); ++w)
+            all.add(known_ + w, field_.waves[w].seconds * c_, withDirect(w));
+        addFaint(all);
+        for (const ImageGroup& one : groups_)
+            if (one.arrival != kNone)
+                all.add(one.arrival, imageWay(one), [&, straight = straightPressure(one.arrival)](std::size_t t) {
+                    return one.withDirect[t] * straight(t);
+                });
+        clearEnergies();
+        all.addEnergies(arrivals_);
+        for (std::size_t g = 0; g < groups_.size(); ++g) addImage(g);
+        giveBack();
+        mergeFaint();
+        std::ranges::stable_sort(arrivals_, {}, &Arrival::seconds);
+    }
+
+  private:
+    double imageWay(const ImageGroup& group) const { return glm::distance(group.image, listener_); }
+
+    std::size_t find(std::uint32_t order, double way, const std::optional<glm::dvec3>& place) const {
+        const double seconds = way / c_;
+        for (std::size_t i = 0; i < known_; ++i) {
+            const Arrival& one = arrivals_[i];
+            if (one.order != order || !(std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds)) continue;
+            if (!place || glm::distance(listener_ + one.direction * way, *place) < 1e-4 * way) return i;
+        }
+        return kNone;
+    }
+
+    void groupParts() {
+        for (const ImagePart& part : parts_.images) {
+            const double rounding = 1e-5 * (1 + glm::length(part.image));
+            const auto known = std::ranges::find_if(
+                groups_, [&](const ImageGroup& one) { return glm::distance(one.image, part.image) < rounding; });
+            if (known == groups_.end()) {
+                groupOf_.push_back(groups_.size());
+                groups_.push_back({part.image, part.detour});
+                groups_.back().arrival = find(1, imageWay(groups_.back()), part.image);
+            } else {
+                groupOf_.push_back(static_cast<std::size_t>(known - groups_.begin()));
+                known->detour = std::min(known->detour, part.detour);
+            }
+        }
+        for (ImageGroup& one : groups_) setShares(one);
+    }
+
+    void setShares(ImageGroup& group) const {
+        const bool lit = direct_ != kNone, heard = group.arrival != kNone;
+        if (lit == heard) {
+            group.withDirect.fill(lit ? 0 : 1);
+            return;
+        }
+        // Of the boundary beyond which both are heard, and of the other one.
+        const double toBoth = std::max(0.0, lit ? group.detour : parts_.detour);
+        const double toNone = std::max(0.0, lit ? parts_.detour : group.detour);
+        const double roots = std::sqrt(toBoth) + std::sqrt(toNone);
+        const double apart = roots > 0 ? std::sqrt(toNone) / roots : 1;
+        for (std::size_t t = 0; t < kEdgeTones; ++t) group.withDirect[t] = 1 - apart / (1 + waveNumber(t, c_) * toBoth);
+    }
+
+    /// Parts of images whose waves are nothing by themselves.
+    void addFaint(OneSum& all) const {
+        for (std::size_t p = 0; p < parts_.images.size(); ++p) {
+            const ImagePart& part = parts_.images[p];
+            if (part.wave == ImagePart::kFaint)
+                all.add(arrivalOf(p), part.seconds * c_, [&](std::size_t t) {
+                    return (groups_[groupOf_[p]].withDirect[t] - 1) * Complex(part.pressure[t]);
+                });
+        }
+    }
+
+    void addImage(std::size_t group) {
+        const ImageGroup& one = groups_[group];
+        const auto own = [&](std::size_t t) { return std::sqrt(1 - one.withDirect[t] * one.withDirect[t]); };
+        OneSum sum(c_);
+        if (one.arrival != kNone)
+            sum.add(one.arrival, imageWay(one),
+                    [&, straight = straightPressure(one.arrival)](std::size_t t) { return own(t) * straight(t); });
+        for (std::size_t p = 0; p < parts_.images.size(); ++p)
+            if (groupOf_[p] == group)
+                sum.add(arrivalOf(p), parts_.images[p].seconds * c_,
+                        [&](std::size_t t) { return own(t) * Complex(parts_.images[p].pressure[t]); });
+        sum.addEnergies(arrivals_);
+    }
+
+    /// Of each wave, and of parts that have none.
+    void addArrivals() {
+        const auto add = [&](double seconds, const glm::dvec3& direction, std::uint32_t order) {
+            Arrival arrival;
+            arrival.seconds = seconds;
+            arrival.order = order;
+            arrival.direction = direction;
+            arrival.straight = static_cast<std::int32_t>(field_.straight.size());
+            field_.straight.push_back({});
+            arrivals_.push_back(arrival);
+        };
+        for (const EdgeWave& wave : field_.waves) add(wave.seconds, wave.direction, wave.order);
+        for (const ImagePart& part : parts_.images) {
+            if (part.wave == ImagePart::kFaint) {
+                ownOf_.push_back(arrivals_.size());
+                add(part.seconds, part.direction, 1);
+            } else {
+                ownOf_.push_back(known_ + part.wave);
+            }
+        }
+    }
+    std::size_t arrivalOf(std::size_t part) const { return ownOf_[part]; }
+    /// Of those that are summed up anew; without edges they stay as they are.
+    void clearEnergies() {
+        const auto clear = [&](std::size_t arrival) {
+            if (arrival == kNone || std::ranges::find(summed_, arrival) != summed_.end()) return;
+            Arrival& one = arrivals_[arrival];
+            if (one.straight < 0) {
+                one.straight = static_cast<std::int32_t>(field_.straight.size());
+                field_.straight.push_back(one.energy);
+            }
+            one.energy = {};
+            summed_.push_back(arrival);
+        };
+        clear(direct_);
+        for (const ImageGroup& one : groups_) clear(one.arrival);
+        for (std::size_t i = known_; i < arrivals_.size(); ++i) summed_.push_back(i);
+        std::ranges::stable_sort(summed_, {}, [&](std::size_t i) { return arrivals_[i].seconds; });
+    }
+
+    /// The one that comes next to it in time of those that `counts`.
+    template <class Counts>
+    std::size_t nearest(std::size_t place, const Counts& counts) const {
+        std::size_t best = kNone;
+        double least = std::numeric_limits<double>::infinity();
+        for (const std::size_t i : summed_) {
+            const double apart = std::abs(arrivals_[i].seconds - arrivals_[summed_[place]].seconds);
+            if (i != summed_[place] && apart < least && counts(i)) {
+                least = apart;
+                best = i;
+            }
+        }
+        return best;
+    }
+
+    /// What takes more from others than it has itself is taken from those that come with it.
+    void giveBack() {
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            for (bool any = true; any;) {
+                any = false;
+                for (std::size_t place = 0; place < summed_.size(); ++place) {
+                    double& energy = arrivals_[summed_[place]].energy[b];
+                    if (!(energy < 0)) continue;
+                    const std::size_t to = nearest(place, [&](std::size_t i) { return arrivals_[i].energy[b] > 0; });
+                    if (to != kNone) arrivals_[to].energy[b] += energy;
+                    any = any || (to != kNone && arrivals_[to].energy[b] < 0);
+                    energy = 0;
+                }
+            }
+    }
+
+    /// Little as it is it comes with the next one that counts.
+    void mergeFaint() {
+        constexpr double kFaint = 1e-3;
+        Bands all{};
+        for (const std::size_t i : summed_)
+            for (std::size_t b = 0; b < kBandCount; ++b) all[b] += arrivals_[i].energy[b];
+        const auto counts = [&](std::size_t i) {
+            if (i < known_) return true;
+            for (std::size_t b = 0; b < kBandCount; ++b)
+                if (arrivals_[i].energy[b] > kFaint * all[b]) return true;
+            return false;
+        };
+        std::vector<std::size_t> to(summed_.size(), kNone);
+        for (std::size_t place = 0; place < summed_.size(); ++place)
+            if (!counts(summed_[place])) to[place] = nearest(place, counts);
+        std::vector<bool> left(arrivals_.size(), true);
+        for (std::size_t place = 0; place < summed_.size(); ++place) {
+            const Arrival& from = arrivals_[summed_[place]];
+            const bool nothing = std::ranges::none_of(from.energy, [](double one) { return one > 0; });
+            if (to[place] != kNone)
+                for (std::size_t b = 0; b < kBandCount; ++b) arrivals_[to[place]].energy[b] += from.energy[b];
+            left[summed_[place]] = summed_[place] < known_ || (to[place] == kNone && !nothing);
+        }
+        std::size_t kept = 0;
+        for (std::size_t i = 0; i < arrivals_.size(); ++i)
+            if (left[i]) arrivals_[kept++] = arrivals_[i];
+        arrivals_.resize(kept);
+    }
+
+    const glm::dvec3 listener_;
+    const double c_, straight_;
+    const BentParts& parts_;
+    std::vector<Arrival>& arrivals_;
+    EdgeField& field_;
+    const std::size_t known_;
+    std::size_t direct_ = kNone;
+    std::vector<ImageGroup> groups_;
+    std::vector<std::size_t> groupOf_, ownOf_;  // of the parts: groups, and arrivals
+    std::vector<std::size_t> summed_;           // arrivals, by time
+};
+
+}  // namespace
+
+void setLevels(const glm::dvec3& source, const glm::dvec3& listener, double speedOfSound, const BentParts& parts,
+               std::vector<Arrival>& arrivals, EdgeField& field) {
+    Levels(source, listener, speedOfSound, parts, arrivals, field).set();
+}
+
+}  // namespace rtsg
