@@ -77,7 +77,7 @@ class EdgePairs {
   public:
     EdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
               const TraceOptions& options, const EdgesAlone& known, const std::vector<const WallEdge*>& edges,
-              BodyWeights& bodies, EdgeField& field)
+              BodyWeights& bodies, BentParts& parts, EdgeField& field)
         : geometry_(geometry),
           source_(source),
           listener_(listener),
@@ -86,6 +86,7 @@ class EdgePairs {
           known_(known),
           edges_(edges),
           bodies_(bodies),
+          parts_(parts),
           field_(field) {}
 
     /// Whether it is heard.
@@ -106,6 +107,7 @@ class EdgePairs {
         weigh(pressure, weights);
         weigh(pressure, leftOf({secondHides ? way.first : nullptr, firstHides ? way.second : nullptr}));
         const Bent both = bentBy(way, pressure, source_, listener_, options_);
+        if (way.onFace && !byItself) addImage(way, both.wave);
         addWave(both.wave, way.path.way);
         for (const EdgeWave& end : both.ends) ends_.add(end);
         return true;
@@ -195,6 +197,23 @@ class EdgePairs {
                 for (std::size_t t = 0; t < kEdgeTones; ++t) left[t] *= static_cast<double>(one.left[t]);
         return left;
     }
+    /// Along a face direct sound and the image in it come as one: what the face mirrors of a wave that is to be added
+    /// is of its image.
+    void addImage(const PairWay& way, const EdgeWave& wave) {
+        if (isFaint(wave.pressure, way.path.way)) return;
+        const glm::dvec3 off = way.atFirst.offFace(*way.first, true);
+        ImagePart part;
+        part.image = source_ - 2 * glm::dot(source_ - way.first->from, off) * off;
+        part.detour = way.path.way + way.past - glm::distance(part.image, listener_);
+        part.wave = field_.waves.size();
+        part.seconds = wave.seconds;
+        part.direction = wave.direction;
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const double mirrors = tones_.mirrors(way.first->material, t / EdgeTones::kTones);
+            part.pressure[t] = static_cast<float>(mirrors / (1 + mirrors)) * wave.pressure[t];
+        }
+        parts_.images.push_back(part);
+    }
     void addWave(const EdgeWave& wave, double length) {
         if (!isFaint(wave.pressure, length)) field_.waves.push_back(wave);
     }
@@ -205,6 +224,7 @@ class EdgePairs {
     const EdgesAlone& known_;
     const std::vector<const WallEdge*>& edges_;
     BodyWeights& bodies_;
+    BentParts& parts_;
     EdgeField& field_;
     EndWaves ends_;
 };
@@ -222,7 +242,8 @@ EdgeCandidate candidateBy(const WallEdge& edge, const glm::dvec3& source, const 
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies, EdgeField& field) {
+                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies, BentParts& parts,
+                           EdgeField& field) {
     EdgePairCount count;
     std::size_t looked = 0;
     std::vector<EdgeCandidate> edges = withoutOverlaps(geometry, candidates, looked);
@@ -247,7 +268,7 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
     }
     std::vector<const WallEdge*> all;
     for (const EdgeCandidate& one : edges) all.push_back(&one.edge);
-    EdgePairs pairs(geometry, source, listener, options, known, all, bodies, field);
+    EdgePairs pairs(geometry, source, listener, options, known, all, bodies, parts, field);
     for (const PairWay& way : ways) count.heard += pairs.add(way);
     const EdgeTones tones(geometry, options.air.speedOfSound);
     for (const TripleField& triple :

@@ -14,6 +14,7 @@
 
 #include "body_weights.h"
 #include "edge_paths.h"
+#include "wave_levels.h"
 
 #include <rtsg/audio/acoustic_tracer.h>
 
@@ -57,6 +58,7 @@ struct EdgesAlone {
 /// `candidates`: the shortest of `edgeCount`, kLookedAtEdges if there are so many.
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                            const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
-                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies, EdgeField& field);
+                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies, BentParts& parts,
+                           EdgeField& field);
 
 }  // namespace rtsg

@@ -122,7 +122,7 @@ class Diffraction {
         for (EndWave& end : byPlace_) addWave(end.wave, end.wave.seconds * c(), end.images);
         weakenMirrors();
         const EdgePairCount pairs = addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(),
-                                                 edges.told(), alone_, bodies_, field_);
+                                                 edges.told(), alone_, bodies_, parts_, field_);
         if (!alone_.heardStraight) addStraightOn();
         seen = {std::move(alone_.partly), edges.sorted(), std::move(parts_)};
         return pairs;

@@ -1,0 +1,215 @@
+// Levels of octaves from waves with phases: beside means over many tones, and across the boundaries of light.
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "trace/wave_levels.h"
+#include "walled.h"
+
+namespace rtsg {
+namespace {
+
+constexpr double kSpeed = 343;
+const glm::dvec3 kFrom(0), kTo(10, 0, 0);
+
+double waveNumberAt(double hz) {
+    return 2 * M_PI * hz / kSpeed;
+}
+
+EdgeWave waveOf(double way, std::complex<float> pressure) {
+    EdgeWave wave;
+    wave.seconds = way / kSpeed;
+    wave.direction = {-1, 0, 0};
+    wave.pressure.fill(pressure);
+    return wave;
+}
+Arrival straight(double way, std::uint32_t order, double pressure) {
+    Arrival arrival;
+    arrival.seconds = way / kSpeed;
+    arrival.order = order;
+    arrival.direction = {-1, 0, 0};
+    arrival.energy = allBands(pressure * pressure / (4 * M_PI));
+    return arrival;
+}
+double decibels(double energy) {
+    return 10 * std::log10(energy * 4 * M_PI);
+}
+
+TEST(WaveLevels, AreMeansOverTheOctaveOfAllThatComesAsOne) {
+    // Three waves; the last one so late that it is another one at each tone.
+    for (const double apart : {0.0, .02, .05, .1, .2, .4, 3.0, 40.0}) {
+        EdgeField field;
+        field.waves = {waveOf(10, .1f), waveOf(10 + apart, -.07f), waveOf(10 + 2 * apart, {0, .05f})};
+        std::vector<Arrival> arrivals;
+        setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+        const Bands levels = test::total(arrivals);
+        for (std::size_t b = 0; b < kBandCount; ++b) {
+            // Each tone of five stands for a fifth of the octave.
+            double mean = 0;
+            constexpr int kTones = 4000;
+            for (int i = 0; i < kTones; ++i) {
+                const double k =
+                    waveNumberAt(1000 * std::pow(2.0, double(b) - double(kBand1k) + (i + .5) / kTones - .5));
+                mean += std::norm(.1 - .07 * std::polar(1.0, -k * apart) +
+                                  std::complex<double>(0, .05) * std::polar(1.0, -2 * k * apart)) /
+                        kTones;
+            }
+            // A band with soft ends leaves a little more of the ripple, of .0154 where nothing is left of it.
+            EXPECT_NEAR(4 * M_PI * levels[b] / mean, 1, .25) << apart << " m, band " << b;
+            if (apart * waveNumberAt(1000 * std::pow(2.0, double(b) - double(kBand1k))) < 4) {
+                EXPECT_NEAR(decibels(levels[b]), 10 * std::log10(mean), .3) << apart << " m, band " << b;
+            }
+        }
+    }
+}
+
+TEST(WaveLevels, EnergiesOfWavesFarApartAddUp) {
+    EdgeField field;
+    field.waves = {waveOf(10, .1f), waveOf(210, -.07f), waveOf(310, {0, .05f})};
+    std::vector<Arrival> arrivals;
+    setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+    ASSERT_EQ(arrivals.size(), 3u);
+    for (std::size_t b = 2; b < kBandCount; ++b) {
+        EXPECT_NEAR(4 * M_PI * arrivals[0].energy[b], .01, 2e-5);
+        EXPECT_NEAR(4 * M_PI * arrivals[1].energy[b], .0049, 2e-5);
+        EXPECT_NEAR(4 * M_PI * arrivals[2].energy[b], .0025, 2e-5);
+    }
+    for (const Arrival& one : arrivals) {
+        ASSERT_GE(one.straight, 0);
+        EXPECT_EQ(field.straight[static_cast<std::size_t>(one.straight)], Bands{}) << "no pulse of its own";
+    }
+}
+
+TEST(WaveLevels, WhatCancelsLeavesNothingAndNothingIsNegative) {
+    EdgeField field;
+    field.waves = {waveOf(10, .1f), waveOf(10.0001, -.0999f), waveOf(25, .001f)};
+    std::vector<Arrival> arrivals{straight(8, 0, .02)};
+    setLevels(kFrom, {8, 0, 0}, kSpeed, {}, arrivals, field);
+    double last = 0;
+    for (const Arrival& one : arrivals) {
+        EXPECT_GE(one.seconds, last);
+        last = one.seconds;
+        for (const double energy : one.energy) EXPECT_GE(energy, 0);
+    }
+    EXPECT_NEAR(decibels(test::total(arrivals)[kBand1k]), 20 * std::log10(.02), .1);
+}
+
+TEST(WaveLevels, DirectSoundIsOneWithWhatBendsAndKeepsItsPulse) {
+    EdgeField field;
+    field.waves = {waveOf(10.001, -.05f)};
+    std::vector<Arrival> arrivals{straight(10, 0, .1)};
+    setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+    EXPECT_NEAR(decibels(test::total(arrivals)[kBand1k]), 20 * std::log10(.05), .05);
+    ASSERT_EQ(arrivals[0].order, 0u);
+    ASSERT_GE(arrivals[0].straight, 0);
+    EXPECT_NEAR(decibels(field.straight[static_cast<std::size_t>(arrivals[0].straight)][kBand1k]), -20, 1e-9);
+}
+
+TEST(WaveLevels, WithoutWavesNothingChanges) {
+    EdgeField field;
+    std::vector<Arrival> arrivals{straight(10, 0, .1), straight(12, 1, .08)};
+    setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+    ASSERT_EQ(arrivals.size(), 2u);
+    EXPECT_EQ(arrivals[0].straight, -1);
+    EXPECT_EQ(arrivals[1].straight, -1);
+    EXPECT_TRUE(field.straight.empty());
+}
+
+/// The part of a mirror image beside its boundary: half of it, more where it is not heard.
+Bands besideImage(bool heard, bool lit, double detour, double shadow, float wave = 0) {
+    const double way = 12;
+    const glm::dvec3 image = kTo + glm::dvec3(-way, 0, 0);
+    EdgeField field;
+    EdgeWave bent = waveOf(way + detour, wave + (heard ? -.04f : .04f));
+    field.waves = {bent};
+    ImagePart part;
+    part.image = image;
+    part.detour = detour;
+    part.wave = 0;
+    part.seconds = bent.seconds;
+    part.direction = bent.direction;
+    part.pressure.fill(heard ? -.04f : .04f);
+    BentParts parts;
+    parts.images = {part};
+    parts.detour = shadow;
+    std::vector<Arrival> arrivals;
+    if (lit) arrivals.push_back(straight(10, 0, .1));
+    if (heard) arrivals.push_back(straight(way, 1, .08));
+    setLevels(kFrom, kTo, kSpeed, parts, arrivals, field);
+    return test::total(arrivals);
+}
+
+TEST(WaveLevels, AreContinuousWhereAMirrorImageBegins) {
+    for (const bool lit : {true, false})
+        for (const double shadow : {.01, .1, 1.0})
+            for (const float wave : {0.f, .03f, -.02f}) {
+                const Bands heard = besideImage(true, lit, 1e-9, shadow, wave);
+                const Bands not_ = besideImage(false, lit, 1e-9, shadow, wave);
+                for (std::size_t b = 0; b < kBandCount; ++b)
+                    EXPECT_NEAR(decibels(heard[b]), decibels(not_[b]), .02) << lit << ' ' << shadow << ' ' << wave;
+            }
+}
+
+TEST(WaveLevels, AnImageAddsToDirectSoundAsEnergyAndWhatItLeavesBehindAsPressure) {
+    // At the image's boundary: direct sound, and half of the image.
+    EXPECT_NEAR(4 * M_PI * besideImage(true, true, 1e-9, .1)[kBand1k], .01 + .0016, 1e-5);
+    // Heard, and far from its boundary: what the edge adds to it comes much later.
+    EXPECT_NEAR(4 * M_PI * besideImage(true, true, 90, .1)[kBand1k], .01 + .0064 + .0016, 1e-4);
+    // At the shadow's boundary, where it has long been nothing but a wave: as pressures, at low tones.
+    const Bands low = besideImage(false, true, 5, 1e-12);
+    EdgeField field;
+    field.waves = {waveOf(17, .04f)};
+    std::vector<Arrival> arrivals{straight(10, 0, .1)};
+    setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+    for (std::size_t b = 0; b < kBandCount; ++b)
+        EXPECT_NEAR(decibels(low[b]), decibels(test::total(arrivals)[b]), 1e-3) << b;
+}
+
+TEST(WaveLevels, TwoEdgesOfANarrowMirrorBendItAsOne) {
+    // Beyond a mirror that is narrow beside a wave one edge has half of the image, and the other takes it away.
+    const auto level = [](double apart) {
+        EdgeField field;
+        BentParts parts;
+        parts.detour = .5;
+        for (const float sign : {1.f, -1.f}) {
+            EdgeWave wave = waveOf(12 + (sign < 0 ? apart : 0), sign * .04f);
+            ImagePart part;
+            part.image = kTo - glm::dvec3(11.9, 0, 0);
+            part.detour = wave.seconds * kSpeed - 11.9;
+            part.wave = field.waves.size();
+            part.seconds = wave.seconds;
+            part.direction = wave.direction;
+            part.pressure = wave.pressure;
+            field.waves.push_back(wave);
+            parts.images.push_back(part);
+        }
+        std::vector<Arrival> arrivals;
+        setLevels(kFrom, kTo, kSpeed, parts, arrivals, field);
+        return 4 * M_PI * test::total(arrivals)[kBand1k];
+    };
+    EXPECT_LT(level(.005), .0016 * .05);
+    EXPECT_NEAR(level(60), 2 * .0016, 1e-4);
+}
+
+TEST(WaveLevels, APartWhoseWaveIsNothingStillCounts) {
+    // Direct sound takes as much as the image gives: no wave is left, but the image does not add to direct sound.
+    BentParts parts;
+    ImagePart part;
+    part.image = kTo - glm::dvec3(12, 0, 0);
+    part.detour = 1e-9;
+    part.seconds = 12 / kSpeed;
+    part.direction = {-1, 0, 0};
+    part.pressure.fill(.04f);
+    parts.images = {part};
+    parts.detour = 1;
+    EdgeField field;
+    std::vector<Arrival> arrivals{straight(11.999, 0, .08)};
+    setLevels(kTo - glm::dvec3(11.999, 0, 0), kTo, kSpeed, parts, arrivals, field);
+    EXPECT_NEAR(4 * M_PI * test::total(arrivals)[kBand1k], .04 * .04 + .04 * .04, 1e-4);
+}
+
+}  // namespace
+}  // namespace rtsg
