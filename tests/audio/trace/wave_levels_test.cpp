@@ -12,23 +12,23 @@
 namespace rtsg {
 namespace {
 
-constexpr double kSpeed = 343;
+constexpr double kWaveSpeed = 343;
 const glm::dvec3 kFrom(0), kTo(10, 0, 0);
 
 double waveNumberAt(double hz) {
-    return 2 * M_PI * hz / kSpeed;
+    return 2 * M_PI * hz / kWaveSpeed;
 }
 
 EdgeWave waveOf(double way, std::complex<float> pressure) {
     EdgeWave wave;
-    wave.seconds = way / kSpeed;
+    wave.seconds = way / kWaveSpeed;
     wave.direction = {-1, 0, 0};
     wave.pressure.fill(pressure);
     return wave;
 }
 Arrival straight(double way, std::uint32_t order, double pressure) {
     Arrival arrival;
-    arrival.seconds = way / kSpeed;
+    arrival.seconds = way / kWaveSpeed;
     arrival.order = order;
     arrival.direction = {-1, 0, 0};
     arrival.energy = allBands(pressure * pressure / (4 * M_PI));
@@ -44,7 +44,7 @@ TEST(WaveLevels, AreMeansOverTheOctaveOfAllThatComesAsOne) {
         EdgeField field;
         field.waves = {waveOf(10, .1f), waveOf(10 + apart, -.07f), waveOf(10 + 2 * apart, {0, .05f})};
         std::vector<Arrival> arrivals;
-        setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+        setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, field);
         const Bands levels = test::total(arrivals);
         for (std::size_t b = 0; b < kBandCount; ++b) {
             // Each tone of five stands for a fifth of the octave.
@@ -70,7 +70,7 @@ TEST(WaveLevels, EnergiesOfWavesFarApartAddUp) {
     EdgeField field;
     field.waves = {waveOf(10, .1f), waveOf(210, -.07f), waveOf(310, {0, .05f})};
     std::vector<Arrival> arrivals;
-    setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+    setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, field);
     ASSERT_EQ(arrivals.size(), 3u);
     for (std::size_t b = 2; b < kBandCount; ++b) {
         EXPECT_NEAR(4 * M_PI * arrivals[0].energy[b], .01, 2e-5);
@@ -87,7 +87,7 @@ TEST(WaveLevels, WhatCancelsLeavesNothingAndNothingIsNegative) {
     EdgeField field;
     field.waves = {waveOf(10, .1f), waveOf(10.0001, -.0999f), waveOf(25, .001f)};
     std::vector<Arrival> arrivals{straight(8, 0, .02)};
-    setLevels(kFrom, {8, 0, 0}, kSpeed, {}, arrivals, field);
+    setLevels(kFrom, {8, 0, 0}, kWaveSpeed, {}, arrivals, field);
     double last = 0;
     for (const Arrival& one : arrivals) {
         EXPECT_GE(one.seconds, last);
@@ -101,7 +101,7 @@ TEST(WaveLevels, DirectSoundIsOneWithWhatBendsAndKeepsItsPulse) {
     EdgeField field;
     field.waves = {waveOf(10.001, -.05f)};
     std::vector<Arrival> arrivals{straight(10, 0, .1)};
-    setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+    setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, field);
     EXPECT_NEAR(decibels(test::total(arrivals)[kBand1k]), 20 * std::log10(.05), .05);
     ASSERT_EQ(arrivals[0].order, 0u);
     ASSERT_GE(arrivals[0].straight, 0);
@@ -111,7 +111,7 @@ TEST(WaveLevels, DirectSoundIsOneWithWhatBendsAndKeepsItsPulse) {
 TEST(WaveLevels, WithoutWavesNothingChanges) {
     EdgeField field;
     std::vector<Arrival> arrivals{straight(10, 0, .1), straight(12, 1, .08)};
-    setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+    setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, field);
     ASSERT_EQ(arrivals.size(), 2u);
     EXPECT_EQ(arrivals[0].straight, -1);
     EXPECT_EQ(arrivals[1].straight, -1);
@@ -138,7 +138,7 @@ Bands besideImage(bool heard, bool lit, double detour, double shadow, float wave
     std::vector<Arrival> arrivals;
     if (lit) arrivals.push_back(straight(10, 0, .1));
     if (heard) arrivals.push_back(straight(way, 1, .08));
-    setLevels(kFrom, kTo, kSpeed, parts, arrivals, field);
+    setLevels(kFrom, kTo, kWaveSpeed, parts, arrivals, field);
     return test::total(arrivals);
 }
 
@@ -163,7 +163,7 @@ TEST(WaveLevels, AnImageAddsToDirectSoundAsEnergyAndWhatItLeavesBehindAsPressure
     EdgeField field;
     field.waves = {waveOf(17, .04f)};
     std::vector<Arrival> arrivals{straight(10, 0, .1)};
-    setLevels(kFrom, kTo, kSpeed, {}, arrivals, field);
+    setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, field);
     for (std::size_t b = 0; b < kBandCount; ++b)
         EXPECT_NEAR(decibels(low[b]), decibels(test::total(arrivals)[b]), 1e-3) << b;
 }
@@ -178,7 +178,7 @@ TEST(WaveLevels, TwoEdgesOfANarrowMirrorBendItAsOne) {
             EdgeWave wave = waveOf(12 + (sign < 0 ? apart : 0), sign * .04f);
             ImagePart part;
             part.image = kTo - glm::dvec3(11.9, 0, 0);
-            part.detour = wave.seconds * kSpeed - 11.9;
+            part.detour = wave.seconds * kWaveSpeed - 11.9;
             part.wave = field.waves.size();
             part.seconds = wave.seconds;
             part.direction = wave.direction;
@@ -187,7 +187,7 @@ TEST(WaveLevels, TwoEdgesOfANarrowMirrorBendItAsOne) {
             parts.images.push_back(part);
         }
         std::vector<Arrival> arrivals;
-        setLevels(kFrom, kTo, kSpeed, parts, arrivals, field);
+        setLevels(kFrom, kTo, kWaveSpeed, parts, arrivals, field);
         return 4 * M_PI * test::total(arrivals)[kBand1k];
     };
     EXPECT_LT(level(.005), .0016 * .05);
@@ -200,14 +200,14 @@ TEST(WaveLevels, APartWhoseWaveIsNothingStillCounts) {
     ImagePart part;
     part.image = kTo - glm::dvec3(12, 0, 0);
     part.detour = 1e-9;
-    part.seconds = 12 / kSpeed;
+    part.seconds = 12 / kWaveSpeed;
     part.direction = {-1, 0, 0};
     part.pressure.fill(.04f);
     parts.images = {part};
     parts.detour = 1;
     EdgeField field;
     std::vector<Arrival> arrivals{straight(11.999, 0, .08)};
-    setLevels(kTo - glm::dvec3(11.999, 0, 0), kTo, kSpeed, parts, arrivals, field);
+    setLevels(kTo - glm::dvec3(11.999, 0, 0), kTo, kWaveSpeed, parts, arrivals, field);
     EXPECT_NEAR(4 * M_PI * test::total(arrivals)[kBand1k], .04 * .04 + .04 * .04, 1e-4);
 }
 
