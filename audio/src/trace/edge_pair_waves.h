@@ -3,6 +3,8 @@
 // Threading: pure functions; EndWaves one thread per object.
 #pragma once
 
+#include <array>
+#include <complex>
 #include <cstdint>
 #include <vector>
 
@@ -18,6 +20,7 @@ namespace rtsg {
 
 /// Factors of all that it has, by tone.
 void weigh(PairField& field, const BodyWeights::Tones& weights);
+void weigh(PairField& field, const std::array<std::complex<double>, kEdgeTones>& factors);
 
 /// By the ends of edges along faces; `order`: of how many edges.
 std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,

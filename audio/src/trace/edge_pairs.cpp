@@ -9,6 +9,7 @@
 #include <numbers>
 #include <utility>
 
+#include "edge_lit_rows.h"
 #include "edge_overlaps.h"
 #include "edge_pair_waves.h"
 #include "edge_pair_way.h"
@@ -104,12 +105,25 @@ class EdgePairs {
         PairWay sided = way;
         sided.path = offBoundaries(way, firstHides, secondHides);
         PairField pressure = fieldOf(sided, tones_, c());
-        weigh(pressure, weights);
+        LitRow row;
+        const bool inRow = way.onFace && !firstHides && !secondHides &&
+                           litRowOf(sided, source_, listener_, edges_, tones_, bodies_, row);
+        PairField ofImage = pressure;
+        if (inRow) {
+            weigh(pressure, row.all);
+            weigh(ofImage, row.image);
+        } else {
+            weigh(pressure, weights);
+        }
         weigh(pressure, leftOf({secondHides ? way.first : nullptr, firstHides ? way.second : nullptr}));
         const Bent both = bentBy(way, pressure, source_, listener_, options_);
-        if (way.onFace && !byItself) addImage(way, both.wave);
+        if (way.onFace && !byItself)
+            addImage(way, both.wave,
+                     inRow ? bentBy(way, ofImage, source_, listener_, options_).wave.pressure
+                           : mirroredOf(both.wave.pressure, way.first->material));
         addWave(both.wave, way.path.way);
         for (const EdgeWave& end : both.ends) ends_.add(end);
+        if (byItself && isOnBoundary(way.atFirst) && isOnBoundary(way.atSecond)) takeDirectAway();
         return true;
     }
     /// What a third edge does to them.
@@ -197,22 +211,42 @@ class EdgePairs {
                 for (std::size_t t = 0; t < kEdgeTones; ++t) left[t] *= static_cast<double>(one.left[t]);
         return left;
     }
-    /// Along a face direct sound and the image in it come as one: what the face mirrors of a wave that is to be added
-    /// is of its image.
-    void addImage(const PairWay& way, const EdgeWave& wave) {
-        if (isFaint(wave.pressure, way.path.way)) return;
+    /// Along a face direct sound and the image in it come as one: what the face mirrors of both is of the image.
+    EdgeTonePressures mirroredOf(const EdgeTonePressures& both, std::uint32_t material) const {
+        EdgeTonePressures result;
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const double mirrors = tones_.mirrors(material, t / EdgeTones::kTones);
+            result[t] = static_cast<float>(mirrors / (1 + mirrors)) * both[t];
+        }
+        return result;
+    }
+    /// Of a wave that is to be added the part that is of the image in the pair's face.
+    void addImage(const PairWay& way, const EdgeWave& wave, const EdgeTonePressures& pressure) {
         const glm::dvec3 off = way.atFirst.offFace(*way.first, true);
         ImagePart part;
         part.image = source_ - 2 * glm::dot(source_ - way.first->from, off) * off;
-        part.detour = way.path.way + way.past - glm::distance(part.image, listener_);
-        part.wave = field_.waves.size();
+        const double distance = glm::distance(part.image, listener_);
+        if (!isFaint(wave.pressure, way.path.way)) part.wave = field_.waves.size();
+        if (part.wave == ImagePart::kFaint && isFaint(pressure, way.path.way)) return;
         part.seconds = wave.seconds;
         part.direction = wave.direction;
-        for (std::size_t t = 0; t < kEdgeTones; ++t) {
-            const double mirrors = tones_.mirrors(way.first->material, t / EdgeTones::kTones);
-            part.pressure[t] = static_cast<float>(mirrors / (1 + mirrors)) * wave.pressure[t];
-        }
+        part.pressure = pressure;
+        for (std::size_t b = 0; b < kBandCount; ++b) part.whole[b] = tones_.mirrors(way.first->material, b) / distance;
         parts_.images.push_back(part);
+    }
+    /// Along a plane of faces it is chance whether a ray finds its way over them, where both edges hide it.
+    void takeDirectAway() {
+        if (!known_.heardStraight || std::exchange(directTaken_, true)) return;
+        const glm::dvec3 middle = 0.5 * (source_ + listener_);
+        const double way = glm::distance(source_, listener_);
+        EdgeWave wave;
+        wave.seconds = way / c();
+        wave.direction = (source_ - listener_) / way;
+        wave.route = {middle, middle, glm::dvec3(0), glm::dvec3(0)};
+        wave.pressure.fill(static_cast<float>(-1 / way));
+        weaken(wave.pressure, options_.pattern ? options_.pattern((listener_ - source_) / way) : 1,
+               airAttenuation(options_.air), way);
+        addWave(wave, way);
     }
     void addWave(const EdgeWave& wave, double length) {
         if (!isFaint(wave.pressure, length)) field_.waves.push_back(wave);
@@ -227,6 +261,7 @@ class EdgePairs {
     BentParts& parts_;
     EdgeField& field_;
     EndWaves ends_;
+    bool directTaken_ = false;
 };
 
 }  // namespace

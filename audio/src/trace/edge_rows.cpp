@@ -18,13 +18,7 @@ namespace {
 struct Mark {
     double at = 0;
     bool begins = false;
-    const WallBody* body = nullptr;
-};
-
-/// The part of the way over a face.
-struct Face {
-    double from, to;
-    const WallBody* body;
+    const WallEdge* edge = nullptr;
 };
 
 /// The plane of a face, and the straight way in it.
@@ -46,15 +40,15 @@ bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
     if (std::abs(glm::dot(face, line.normal)) >= kAlong || glm::dot(other, line.normal) >= kAlong ||
         std::abs(toward) < kAlong)
         return false;
-    mark = {glm::dot(way, face) / toward, toward > 0, edge.body};
+    mark = {glm::dot(way, face) / toward, toward > 0, &edge};
     const double on = glm::dot(line.along * mark.at - way, edge.axis);
     return on >= 0 && on <= edge.length;
 }
 
 /// From edge to edge; where one is not known there is no gap.
-std::vector<Face> facesOf(std::vector<Mark>& marks, double from, double to) {
+std::vector<RowFace> facesOf(std::vector<Mark>& marks, double from, double to) {
     std::ranges::stable_sort(marks, {}, &Mark::at);
-    std::vector<Face> faces;
+    std::vector<RowFace> faces;
     Mark begun;
     int open = 0;
     for (const Mark& mark : marks) {
@@ -62,15 +56,31 @@ std::vector<Face> facesOf(std::vector<Mark>& marks, double from, double to) {
         if (mark.begins) {
             if (open++ == 0) begun = mark;
         } else if (open > 0) {
-            if (--open == 0) faces.push_back({begun.at, mark.at, begun.body});
+            if (--open == 0) faces.push_back({begun.at, mark.at, begun.edge, mark.edge, begun.edge->body});
         } else if (faces.empty()) {
-            faces.push_back({from, mark.at, mark.body});
+            faces.push_back({from, mark.at, nullptr, mark.edge, mark.edge->body});
         } else {
             faces.back().to = mark.at;
+            faces.back().end = mark.edge;
         }
     }
-    if (open > 0) faces.push_back({begun.at, to, begun.body});
+    if (open > 0) faces.push_back({begun.at, to, begun.edge, nullptr, begun.edge->body});
     return faces;
+}
+
+/// Where the straight way in the plane crosses edges, those of the pair among them; none if no other one does.
+std::vector<Mark> marksOn(const Line& line, const PairWay& way, double second, std::span<const WallEdge* const> edges) {
+    std::vector<Mark> marks;
+    for (const WallEdge* edge : edges)
+        if (Mark mark; edge != way.first && edge != way.second && crosses(line, *edge, mark)) marks.push_back(mark);
+    if (marks.empty()) return marks;
+    marks.push_back({0, true, way.first});
+    marks.push_back({second, false, way.second});
+    return marks;
+}
+
+Line lineOf(const PairWay& way) {
+    return {way.byFirst, glm::normalize(way.bySecond - way.byFirst), way.atFirst.offFace(*way.first, true)};
 }
 
 /// Of the way from a place on to the edge next to it, in the plane, how much counts: all in the plane.
@@ -92,25 +102,19 @@ class Row {
     Row(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener, bool secondHides,
         std::span<const WallEdge* const> edges)
         : source_(source), listener_(listener) {
-        const glm::dvec3 across = way.bySecond - way.byFirst;
-        const double second = glm::length(across);
-        line_ = {way.byFirst, across / second, way.atFirst.offFace(*way.first, true)};
-        std::vector<Mark> marks;
-        for (const WallEdge* edge : edges)
-            if (Mark mark; edge != way.first && edge != way.second && crosses(line_, *edge, mark))
-                marks.push_back(mark);
+        const double second = glm::distance(way.byFirst, way.bySecond);
+        line_ = lineOf(way);
+        std::vector<Mark> marks = marksOn(line_, way, second, edges);
         if (marks.empty()) return;
-        marks.push_back({0, true, way.first->body});
-        marks.push_back({second, false, way.second->body});
         from_ = std::min(0.0, glm::dot(source - line_.from, line_.along));
         to_ = std::max(second, glm::dot(listener - line_.from, line_.along));
         faces_ = facesOf(marks, from_, to_);
         // From below the plane what lies beyond the edge hides that, or not.
-        if (firstHides) std::erase_if(faces_, [&](const Face& one) { return one.to < 0; });
-        if (secondHides) std::erase_if(faces_, [&](const Face& one) { return one.from > second; });
+        if (firstHides) std::erase_if(faces_, [&](const RowFace& one) { return one.to < 0; });
+        if (secondHides) std::erase_if(faces_, [&](const RowFace& one) { return one.from > second; });
         const auto at = [&](double place) {
             const auto found =
-                std::ranges::find_if(faces_, [&](const Face& one) { return one.from <= place && one.to >= place; });
+                std::ranges::find_if(faces_, [&](const RowFace& one) { return one.from <= place && one.to >= place; });
             return static_cast<std::size_t>(found - faces_.begin());
         };
         first_ = at(0);
@@ -118,7 +122,7 @@ class Row {
     }
 
     bool hasGaps() const { return faces_.size() > 1 && last_ < faces_.size(); }
-    const std::vector<Face>& faces() const { return faces_; }
+    const std::vector<RowFace>& faces() const { return faces_; }
     bool isOfPair(std::size_t face) const { return face == first_ || face == last_; }
 
     /// Of all faces those whose bits are set are there.
@@ -151,7 +155,7 @@ class Row {
 
     const glm::dvec3 &source_, &listener_;
     Line line_{};
-    std::vector<Face> faces_;
+    std::vector<RowFace> faces_;
     double from_ = 0, to_ = 0;
     std::size_t first_ = 0, last_ = 0;
 };
@@ -162,6 +166,12 @@ constexpr std::size_t kMostInPart = 4;
 constexpr std::size_t kMostFaces = 16;
 
 }  // namespace
+
+std::vector<RowFace> facesBetween(const PairWay& way, std::span<const WallEdge* const> edges) {
+    const double second = glm::distance(way.byFirst, way.bySecond);
+    std::vector<Mark> marks = marksOn(lineOf(way), way, second, edges);
+    return facesOf(marks, 0, second);
+}
 
 BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
                               bool secondHides, std::span<const WallEdge* const> edges, BodyWeights& bodies,

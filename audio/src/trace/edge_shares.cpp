@@ -12,17 +12,6 @@ namespace {
 
 using Complex = std::complex<double>;
 
-/// Next to its boundary it is chance whether direct sound is found.
-bool grazesShadow(const WedgePath& path) {
-    return std::abs(std::numbers::pi - std::abs(path.receiverAngle - path.sourceAngle)) < 1e-5;
-}
-
-/// What comes straight from `angle` where it is expected and was not found, less where it is the other way round.
-Complex missed(const WedgePath& path, double angle, bool expected, bool found, double waveNumber) {
-    const double distance = path.distanceAt(angle);
-    return std::polar(((expected ? 1.0 : 0.0) - (found ? 1.0 : 0.0)) / distance, -waveNumber * distance);
-}
-
 }  // namespace
 
 double imageAngle(const WedgePath& path) {
@@ -47,6 +36,10 @@ bool isMirrored(const WedgePath& path) {
     return imageAngle(path) < std::numbers::pi;
 }
 
+bool grazesShadow(const WedgePath& path) {
+    return std::abs(std::numbers::pi - std::abs(path.receiverAngle - path.sourceAngle)) < 1e-5;
+}
+
 bool grazesImage(const WedgePath& path) {
     return std::abs(imageAngle(path) - std::numbers::pi) * path.receiverRadius < 2e-3;
 }
@@ -57,12 +50,9 @@ bool grazesFace(const WedgePath& path) {
 }
 
 EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& ends, std::uint32_t material,
-                        const EdgeTones& tones, Found found, const BodyWeights::Tones& weights) {
+                        const EdgeTones& tones, const BodyWeights::Tones& weights) {
     const WedgePath& path = round.path;
     const double way = path.shortestWay();
-    const bool lit = isLit(path), mirrored = isMirrored(path);
-    const bool missesDirect = grazesShadow(path) && found.direct != lit;
-    const bool missesImage = grazesImage(path) && found.mirrored != mirrored;
     EdgeShares shares;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         const double mirrors = tones.mirrors(material, b);
@@ -75,11 +65,8 @@ EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& en
             if (!round.past()) {
                 const WedgeField field = wedgeField(path, waveNumber);
                 const Complex turned = std::polar(weights[tone], waveNumber * way);
-                Complex direct = field.besideDirect, image = field.besideMirrored;
-                if (missesDirect)
-                    direct += missed(path, path.receiverAngle - path.sourceAngle, lit, found.direct, waveNumber);
-                if (missesImage) image += missed(path, imageAngle(path), mirrored, found.mirrored, waveNumber);
-                set(turned * direct, mirrors * turned * image, shares.wave, shares.mirrored[0]);
+                set(turned * field.besideDirect, mirrors * turned * field.besideMirrored, shares.wave,
+                    shares.mirrored[0]);
             }
             for (std::size_t e = 0; e < 2; ++e) {
                 const double counts = weights[tone] * ends[e].share;

@@ -16,11 +16,6 @@
 
 namespace rtsg {
 
-/// Whether direct sound was found, and the mirror image that ends at this edge.
-struct Found {
-    bool direct = false, mirrored = false;
-};
-
 /// Pressures re the phases of their ways, before air and the source's pattern.
 struct EdgeShares {
     EdgeTonePressures wave{};                 // by the shortest way; nothing if it leads past the edge
@@ -31,8 +26,10 @@ struct EdgeShares {
 
 /// `weights`: how much of it counts, by tone; a body's own mirror image is as much weaker.
 EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& ends, std::uint32_t material,
-                        const EdgeTones& tones, Found found, const BodyWeights::Tones& weights);
+                        const EdgeTones& tones, const BodyWeights::Tones& weights);
 
+/// Next to its boundary it is chance whether direct sound is found.
+bool grazesShadow(const WedgePath& path);
 /// Image sources are looked for from a little aside: next to its boundary one may be found that ought not to be.
 bool grazesImage(const WedgePath& path);
 /// In the plane of a face of the edge is the source or the receiver.

@@ -119,6 +119,7 @@ class Diffraction {
             if (one.round.past() && counted == kPast) break;
             counted += bendParts(one) && one.round.past();
         }
+        addMissed();
         for (EndWave& end : byPlace_) addWave(end.wave, end.wave.seconds * c(), end.images);
         weakenMirrors();
         const EdgePairCount pairs = addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(),
@@ -134,6 +135,15 @@ class Diffraction {
         double bent = kLeastPast;
         WallEdge edge;
         RoundEdge round;
+    };
+    /// Where what comes straight from a place begins, or ends.
+    struct Boundary {
+        glm::dvec3 from;       // the source, or its mirror image
+        bool expected = true;  // beside all edges that it grazes
+        ImagePart image;       // if it is one
+        BodyWeights::Tones weights{};
+        glm::dvec3 by{0};
+        std::uint32_t material = 0;
     };
     struct EndWave {
         glm::dvec3 place;
@@ -216,8 +226,7 @@ class Diffraction {
         // What is left for those who go round what hides it: nothing if half of the edge is there, as at the boundary
         // of a shadow half of what sends straight.
         const std::array<EdgeEnd, 2> ends = endsOf(one.edge, one.round, c());
-        const EdgeShares all = edgeSharesOf(one.round, ends, one.edge.material, tones_, {alone_.heardStraight, false},
-                                            bodies_.of(one.edge.body));
+        const EdgeShares all = edgeSharesOf(one.round, ends, one.edge.material, tones_, bodies_.of(one.edge.body));
         Pressures unhidden{};
         addPressures(all, ends, one.round.path.shortestWay(), unhidden);
         PartlySeen partly{one.edge, {}};
@@ -297,21 +306,58 @@ class Diffraction {
         BodyWeights::Tones weights = bodies_.of(edge.body);
         if (through)
             for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= (*through)[t];
-        const EdgeShares shares =
-            edgeSharesOf(round, ends, edge.material, tones_, {alone_.heardStraight, mirror != nullptr}, weights);
+        const EdgeShares shares = edgeSharesOf(round, ends, edge.material, tones_, weights);
         if (sum) addPressures(shares, ends, path.shortestWay(), *sum);
         ImagePart image;
         image.image = imagePlace(edge, round, source_);
-        image.detour = way - glm::distance(image.image, listener_);
-        const double detour = way - glm::distance(source_, listener_);
-        parts_.detour = parts_.detour < 0 ? detour : std::min(parts_.detour, detour);
+        const double apart = glm::distance(image.image, listener_);
+        for (std::size_t b = 0; b < kBandCount; ++b) image.whole[b] = tones_.mirrors(edge.material, b) / apart;
         if (!round.past()) {
             if (mirror) mirrors_.try_emplace(static_cast<std::size_t>(mirror - arrivals_.data()), edge.body);
+            noteBoundaries(edge, round, image, weights);
             if (direct || !isLit(path)) alone_.bent.push_back({edge, round, direct != nullptr});
             addByEdge(shares, edge, round, way, image);
         }
         for (std::size_t e = 0; e < 2; ++e) addEnd(shares, e, ends[e], image);
         return true;
+    }
+
+    /// Of what comes straight and passes so near to an edge that it is chance whether it was found.
+    void noteBoundaries(const WallEdge& edge, const RoundEdge& round, const ImagePart& image,
+                        const BodyWeights::Tones& weights) {
+        const auto note = [&](const glm::dvec3& from, bool expected) {
+            const double rounding = 1e-5 * (1 + glm::length(from));
+            auto known = std::ranges::find_if(
+                boundaries_, [&](const Boundary& one) { return glm::distance(one.from, from) < rounding; });
+            if (known == boundaries_.end())
+                known = boundaries_.insert(known, {from, true, image, weights, round.by, edge.material});
+            known->expected = known->expected && expected;
+        };
+        if (grazesShadow(round.path)) note(source_, isLit(round.path));
+        if (grazesImage(round.path)) note(image.image, isMirrored(round.path));
+    }
+
+    /// What ought to be there and was not found, or the other way round: such that with what edges bend all is
+    /// continuous. Where edges are in line it is one for all of them.
+    void addMissed() {
+        for (const Boundary& one : boundaries_) {
+            const bool isDirect = one.from == source_;
+            const double way = glm::distance(one.from, listener_);
+            const bool found = isDirect ? alone_.heardStraight : arrivalOf(arrivals_, known_, 1, way / c()) != nullptr;
+            if (found == one.expected) continue;
+            EdgeWave wave;
+            wave.seconds = way / c();
+            wave.direction = (one.from - listener_) / way;
+            wave.route = {one.by, one.by, glm::dvec3(0), glm::dvec3(0)};
+            for (std::size_t t = 0; t < kEdgeTones; ++t)
+                wave.pressure[t] =
+                    static_cast<float>((one.expected ? 1 : -1) * one.weights[t] / way *
+                                       (isDirect ? 1 : tones_.mirrors(one.material, t / EdgeTones::kTones)));
+            weaken(wave.pressure, sentTo(one.by), attenuation_, way);
+            ImagePart image = one.image;
+            image.pressure = wave.pressure;
+            addWave(wave, way, std::span(&image, isDirect ? 0 : 1));
+        }
     }
 
     double sentTo(const glm::dvec3& by) const {
@@ -380,6 +426,7 @@ class Diffraction {
     EdgeField& field_;
     EdgesAlone alone_;
     std::vector<EndWave> byPlace_;
+    std::vector<Boundary> boundaries_;
     BentParts parts_;
     std::map<std::size_t, const WallBody*> mirrors_;  // by their arrivals, whose faces
 };

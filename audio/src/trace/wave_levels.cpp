@@ -20,7 +20,7 @@ constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
 /// Parts that go on into one mirror image, and what is heard of it.
 struct ImageGroup {
     glm::dvec3 image{0};
-    double detour = std::numeric_limits<double>::infinity();  // the least
+    Bands whole{};
     std::size_t arrival = kNone;
     std::array<double, kEdgeTones> withDirect{};  // share of its pressure that is one with direct sound
 };
@@ -169,28 +169,39 @@ class Levels {
                 groups_, [&](const ImageGroup& one) { return glm::distance(one.image, part.image) < rounding; });
             if (known == groups_.end()) {
                 groupOf_.push_back(groups_.size());
-                groups_.push_back({part.image, part.detour});
-                groups_.back().arrival = find(1, imageWay(groups_.back()), part.image);
+                groups_.push_back({part.image, part.whole});
+                const std::size_t found = find(1, imageWay(groups_.back()), part.image);
+                if (std::ranges::none_of(groups_, [&](const ImageGroup& one) { return one.arrival == found; }))
+                    groups_.back().arrival = found;
             } else {
                 groupOf_.push_back(static_cast<std::size_t>(known - groups_.begin()));
-                known->detour = std::min(known->detour, part.detour);
             }
         }
-        for (ImageGroup& one : groups_) setShares(one);
+        for (std::size_t g = 0; g < groups_.size(); ++g) setShares(g);
     }
 
-    void setShares(ImageGroup& group) const {
-        const bool lit = direct_ != kNone, heard = group.arrival != kNone;
-        if (lit == heard) {
-            group.withDirect.fill(lit ? 0 : 1);
-            return;
+    void setShares(std::size_t number) {
+        ImageGroup& group = groups_[number];
+        const double way = imageWay(group);
+        std::array<Complex, kEdgeTones> sum{};
+        if (group.arrival != kNone) {
+            const auto straight = straightPressure(group.arrival);
+            for (std::size_t t = 0; t < kEdgeTones; ++t) {
+                sum[t] = straight(t);
+                group.whole[t / kTonesInBand] = straight(t);
+            }
         }
-        // Of the boundary beyond which both are heard, and of the other one.
-        const double toBoth = std::max(0.0, lit ? group.detour : parts_.detour);
-        const double toNone = std::max(0.0, lit ? parts_.detour : group.detour);
-        const double roots = std::sqrt(toBoth) + std::sqrt(toNone);
-        const double apart = roots > 0 ? std::sqrt(toNone) / roots : 1;
-        for (std::size_t t = 0; t < kEdgeTones; ++t) group.withDirect[t] = 1 - apart / (1 + waveNumber(t, c_) * toBoth);
+        for (std::size_t p = 0; p < parts_.images.size(); ++p) {
+            const ImagePart& part = parts_.images[p];
+            if (groupOf_[p] != number) continue;
+            for (std::size_t t = 0; t < kEdgeTones; ++t)
+                sum[t] += Complex(part.pressure[t]) * std::polar(1.0, -waveNumber(t, c_) * (part.seconds * c_ - way));
+        }
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const double whole = group.whole[t / kTonesInBand];
+            const double missing = whole > 0 ? std::max(0.0, 1 - std::norm(sum[t]) / (whole * whole)) : 1;
+            group.withDirect[t] = missing * missing;
+        }
     }
 
     /// Parts of images whose waves are nothing by themselves.

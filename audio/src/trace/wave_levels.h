@@ -3,10 +3,9 @@
 // The energy of an octave is the mean over its tones of all pressures as one, each tone standing for a fifth of an
 // octave: what two waves do to each other counts as far as that is not averaged away where one comes later than the
 // other. Mirror images add to direct sound, and to each other, as energies, as they do without edges; an image is one
-// with those parts of waves that go on into it beyond its boundary. Where not both it and direct sound are heard there
-// is nothing to keep apart: but within a wave length or so of the boundary beyond which there is, such parts are one
-// with direct sound as far as the shadow's boundary, or the image's, is near. So levels are as continuous as pressures
-// are. Threading: pure functions.
+// with those parts of waves that go on into it beyond its boundary. Of all that, it is for itself as far as it is
+// whole: what little is left of an image, and what a narrow mirror throws back, is one with direct sound. So levels are
+// as continuous as pressures are. Threading: pure functions.
 #pragma once
 
 #include <cstddef>
@@ -23,17 +22,15 @@ struct ImagePart {
     static constexpr std::size_t kFaint = static_cast<std::size_t>(-1);
 
     glm::dvec3 image{0};        // place, of the source's mirror image
-    double detour = 0;          // m that it is longer by the edge than from the image
+    Bands whole{};              // its pressure if nothing ended it
     std::size_t wave = kFaint;  // its number; the rest of one that is nothing by itself may be something
     double seconds = 0;
     glm::dvec3 direction{0};  // as of the wave
     EdgeTonePressures pressure{};
 };
 
-/// What is known of the boundaries of light.
 struct BentParts {
     std::vector<ImagePart> images;
-    double detour = -1;  // m, the least by an edge, longer than straight; below 0: by none
 };
 
 /// Sets the energies of direct sound and mirror images that something bends, and adds arrivals of the waves; sorts by

@@ -118,23 +118,21 @@ TEST(WaveLevels, WithoutWavesNothingChanges) {
     EXPECT_TRUE(field.straight.empty());
 }
 
-/// The part of a mirror image beside its boundary: half of it, more where it is not heard.
-Bands besideImage(bool heard, bool lit, double detour, double shadow, float wave = 0) {
+/// Direct sound of .1 and a mirror image of .08, of which an edge leaves a share behind: less, if it is heard.
+Bands besideImage(bool heard, bool lit, double share, double detour, float wave = 0) {
     const double way = 12;
-    const glm::dvec3 image = kTo + glm::dvec3(-way, 0, 0);
+    const float left = static_cast<float>(.08 * (heard ? share - 1 : share));
     EdgeField field;
-    EdgeWave bent = waveOf(way + detour, wave + (heard ? -.04f : .04f));
-    field.waves = {bent};
+    field.waves = {waveOf(way + detour, wave + left)};
     ImagePart part;
-    part.image = image;
-    part.detour = detour;
+    part.image = kTo - glm::dvec3(way, 0, 0);
+    part.whole = allBands(.08);
     part.wave = 0;
-    part.seconds = bent.seconds;
-    part.direction = bent.direction;
-    part.pressure.fill(heard ? -.04f : .04f);
+    part.seconds = field.waves[0].seconds;
+    part.direction = field.waves[0].direction;
+    part.pressure.fill(left);
     BentParts parts;
     parts.images = {part};
-    parts.detour = shadow;
     std::vector<Arrival> arrivals;
     if (lit) arrivals.push_back(straight(10, 0, .1));
     if (heard) arrivals.push_back(straight(way, 1, .08));
@@ -144,28 +142,29 @@ Bands besideImage(bool heard, bool lit, double detour, double shadow, float wave
 
 TEST(WaveLevels, AreContinuousWhereAMirrorImageBegins) {
     for (const bool lit : {true, false})
-        for (const double shadow : {.01, .1, 1.0})
-            for (const float wave : {0.f, .03f, -.02f}) {
-                const Bands heard = besideImage(true, lit, 1e-9, shadow, wave);
-                const Bands not_ = besideImage(false, lit, 1e-9, shadow, wave);
-                for (std::size_t b = 0; b < kBandCount; ++b)
-                    EXPECT_NEAR(decibels(heard[b]), decibels(not_[b]), .02) << lit << ' ' << shadow << ' ' << wave;
-            }
+        for (const float wave : {0.f, .03f, -.02f}) {
+            const Bands heard = besideImage(true, lit, .5, 1e-9, wave);
+            const Bands unheard = besideImage(false, lit, .5, 1e-9, wave);
+            for (std::size_t b = 0; b < kBandCount; ++b)
+                EXPECT_NEAR(decibels(heard[b]), decibels(unheard[b]), .02) << lit << ' ' << wave;
+        }
 }
 
-TEST(WaveLevels, AnImageAddsToDirectSoundAsEnergyAndWhatItLeavesBehindAsPressure) {
-    // At the image's boundary: direct sound, and half of the image.
-    EXPECT_NEAR(4 * M_PI * besideImage(true, true, 1e-9, .1)[kBand1k], .01 + .0016, 1e-5);
-    // Heard, and far from its boundary: what the edge adds to it comes much later.
-    EXPECT_NEAR(4 * M_PI * besideImage(true, true, 90, .1)[kBand1k], .01 + .0064 + .0016, 1e-4);
-    // At the shadow's boundary, where it has long been nothing but a wave: as pressures, at low tones.
-    const Bands low = besideImage(false, true, 5, 1e-12);
+TEST(WaveLevels, AWholeImageAddsItsEnergyAndWhatIsLeftOfOneItsPressure) {
+    // Nothing of it is bent.
+    for (const Bands& levels : {besideImage(true, true, 1, 5), besideImage(false, true, 1, 1e-9)})
+        EXPECT_NEAR(4 * M_PI * levels[kBand1k], .01 + .0064, 1e-6);
+    // A twentieth of it comes as a wave does that is of no image.
+    const Bands little = besideImage(false, true, .05, .001);
     EdgeField field;
-    field.waves = {waveOf(17, .04f)};
+    field.waves = {waveOf(12.001, .004f)};
     std::vector<Arrival> arrivals{straight(10, 0, .1)};
     setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, field);
     for (std::size_t b = 0; b < kBandCount; ++b)
-        EXPECT_NEAR(decibels(low[b]), decibels(test::total(arrivals)[b]), 1e-3) << b;
+        EXPECT_NEAR(decibels(little[b]), decibels(test::total(arrivals)[b]), .01) << b;
+    // Half of it: of (1 - 1/4) squared it is one with direct sound.
+    const Bands half = besideImage(false, true, .5, -1.999);
+    EXPECT_NEAR(4 * M_PI * half[kBand1k], .01 + .0016 + 2 * .5625 * .1 * .04, 1e-4);
 }
 
 TEST(WaveLevels, TwoEdgesOfANarrowMirrorBendItAsOne) {
@@ -173,12 +172,11 @@ TEST(WaveLevels, TwoEdgesOfANarrowMirrorBendItAsOne) {
     const auto level = [](double apart) {
         EdgeField field;
         BentParts parts;
-        parts.detour = .5;
         for (const float sign : {1.f, -1.f}) {
             EdgeWave wave = waveOf(12 + (sign < 0 ? apart : 0), sign * .04f);
             ImagePart part;
             part.image = kTo - glm::dvec3(11.9, 0, 0);
-            part.detour = wave.seconds * kWaveSpeed - 11.9;
+            part.whole = allBands(.08);
             part.wave = field.waves.size();
             part.seconds = wave.seconds;
             part.direction = wave.direction;
@@ -199,12 +197,11 @@ TEST(WaveLevels, APartWhoseWaveIsNothingStillCounts) {
     BentParts parts;
     ImagePart part;
     part.image = kTo - glm::dvec3(12, 0, 0);
-    part.detour = 1e-9;
+    part.whole = allBands(.04);
     part.seconds = 12 / kWaveSpeed;
     part.direction = {-1, 0, 0};
     part.pressure.fill(.04f);
     parts.images = {part};
-    parts.detour = 1;
     EdgeField field;
     std::vector<Arrival> arrivals{straight(11.999, 0, .08)};
     setLevels(kTo - glm::dvec3(11.999, 0, 0), kTo, kWaveSpeed, parts, arrivals, field);
