@@ -1,6 +1,7 @@
 // Draws a room's report as one HTML page: tables, decay curves and energograms in SVG.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -71,18 +72,23 @@ std::string openChart(double seconds, std::string_view title) {
     return svg;
 }
 
-std::string decayChart(const Echogram& echogram, double seconds) {
+/// Each band from its onset on.
+std::string decayChart(const Echogram& echogram, double first, double seconds) {
     std::string svg = openChart(seconds, "decay curves");
     for (int db = 0; db >= static_cast<int>(kLowestDb); db -= 10)
         svg += fmt::format("<text x=\"{}\" y=\"{:.1f}\" text-anchor=\"end\">{}</text>\n", kLeft - 4,
                            kTop + 4 + kHeight * db / kLowestDb, db);
-    const double grid = seconds / 320;
+    constexpr int kSteps = 320;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         std::string points;
-        const std::vector<double> curve = decayCurveDb(echogram, b, grid);
-        for (std::size_t k = 0; k < curve.size() && k <= 320 && curve[k] >= kLowestDb; ++k)
-            points += fmt::format("{:.1f},{:.1f} ", kLeft + kWidth * static_cast<double>(k) / 320,
-                                  kTop + kHeight * curve[k] / kLowestDb);
+        const std::vector<double> curve = decayCurveDb(echogram, b, seconds / kSteps);
+        const double begin = (onset(echogram, b) - first) / seconds * kSteps;
+        for (std::size_t k = 0; k < curve.size() && curve[k] >= kLowestDb; ++k) {
+            const double step = begin + static_cast<double>(k);
+            if (step > kSteps) break;
+            points +=
+                fmt::format("{:.1f},{:.1f} ", kLeft + kWidth * step / kSteps, kTop + kHeight * curve[k] / kLowestDb);
+        }
         svg += fmt::format("<polyline points=\"{}\" fill=\"none\" stroke=\"{}\"/>\n", points, kBandColors[b]);
         svg += fmt::format("<text x=\"{}\" y=\"{}\" text-anchor=\"end\" fill=\"{}\">{} Hz</text>\n", kLeft + kWidth - 6,
                            kTop + 16 + 14 * b, kBandColors[b], kBandHz[b]);
@@ -136,27 +142,30 @@ std::string energogram(const Echogram& echogram, double first, double seconds) {
 }
 
 /// When the slowest band has fallen to the lowest level drawn, at least a tenth of a second.
-double drawnSeconds(const Echogram& echogram) {
+double drawnSeconds(const Echogram& echogram, double first) {
     constexpr double kGrid = 0.01;
     double longest = 0.1;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         const std::vector<double> curve = decayCurveDb(echogram, b, kGrid);
         const auto end = std::find_if(curve.begin(), curve.end(), [](double level) { return level < kLowestDb; });
-        longest = std::max(longest, kGrid * static_cast<double>(end - curve.begin()));
+        if (curve.empty()) continue;
+        longest = std::max(longest, onset(echogram, b) - first + kGrid * static_cast<double>(end - curve.begin()));
     }
     return longest;
 }
 
+/// When anything comes at all: where both charts begin.
 double firstOf(const Echogram& echogram) {
-    if (!echogram.arrivals.empty()) return echogram.arrivals.front().seconds;
+    double first = std::numeric_limits<double>::infinity();
+    if (!echogram.arrivals.empty()) first = echogram.arrivals.front().seconds;
     for (std::size_t i = 0; i < echogram.late.bins.size(); ++i)
         if (*std::max_element(echogram.late.bins[i].begin(), echogram.late.bins[i].end()) > 0)
-            return echogram.late.startOf(i);
-    return 0;
+            return std::min(first, echogram.late.startOf(i));
+    return std::isfinite(first) ? first : 0;
 }
 
 std::string pairSection(const RoomReport::Pair& pair) {
-    const double seconds = drawnSeconds(pair.echogram);
+    const double first = firstOf(pair.echogram), seconds = drawnSeconds(pair.echogram, first);
     const std::string slopes = slopesText(pair.metrics);
     return fmt::format(
                "<h2>{} heard from {}</h2>\n<p>Source at {:.2f} {:.2f} {:.2f} m, listener at {:.2f} {:.2f} {:.2f} m; "
@@ -165,9 +174,9 @@ std::string pairSection(const RoomReport::Pair& pair) {
                pair.listenerAt.x, pair.listenerAt.y, pair.listenerAt.z) +
            figuresTable(pair.metrics.value, pair.metrics.ci95) +
            (slopes.empty() ? slopes : "<p>Decays with " + slopes + ".</p>\n") + "<h3>Decay curves, dB</h3>\n" +
-           decayChart(pair.echogram, seconds) +
+           decayChart(pair.echogram, first, seconds) +
            fmt::format("<h3>Energogram, Hz; {} dB from dark to light</h3>\n", -kLowestDb) +
-           energogram(pair.echogram, firstOf(pair.echogram), seconds);
+           energogram(pair.echogram, first, seconds);
 }
 
 }  // namespace

@@ -113,6 +113,20 @@ TEST(RoomReport, ThePageNeedsNothingElse) {
     ASSERT_NE(line, std::string::npos);
 }
 
+/// On the axis of the energogram, which begins with what comes first at all.
+TEST(RoomReport, DrawsDecaysFromTheirOnsetOn) {
+    RoomReport report;
+    report.pairs = {pair("A", 1, 3)};
+    Echogram& echogram = report.pairs[0].echogram = exponentialDecay(1, .07);
+    echogram.arrivals.push_back({.02, allBands(1e-3), {}, 0});
+    echogram.arrivals.push_back({.07, allBands(1), {}, 0});
+    echogram.arrivals[0].energy[kBand1k] = .02;
+    // To -60 dB in .95 s, as half is direct sound, in steps of .01 s; .05 s on 640 pixels of that and these .05 s.
+    const std::string page = report.toHtml();
+    EXPECT_EQ(count(page, "<polyline points=\"80.0,10.0 82.0,23.9 "), kBandCount - 1u);
+    EXPECT_EQ(count(page, "<polyline points=\"48.0,10.0 50.0,10.2 "), 1u);
+}
+
 using ReportOfScene = test::Listen;
 
 TEST_F(ReportOfScene, MeasuresEverySourceAtEveryListener) {

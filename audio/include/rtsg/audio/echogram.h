@@ -73,7 +73,7 @@ struct EdgeField {
 struct EnergyHistogram {
     double binsPerSecond = 1000;
     std::vector<Bands> bins;
-    /// Such that bins begin with the first arrival, and with it the limits of 50 and 80 ms; less than a bin.
+    /// Such that bins begin with the first arrival, which mostly is the onset of the response; less than a bin.
     double start = 0;
 
     double startOf(std::size_t bin) const { return start + static_cast<double>(bin) / binsPerSecond; }

@@ -1,11 +1,14 @@
 // Room-acoustic figures of an Echogram, one per octave band, with confidence intervals.
 //
 // Source: ISO 3382-1:2009 clauses 3 and A.2 by Schroeder backward integration: EDT, T20 and T30 are least-squares
-// lines through 0..-10, -5..-25 and -5..-35 dB of the decay curve at all times, extrapolated to 60 dB; C50, C80, D50
-// and Ts count from the first arrival; G is re the same source at 10 m in free field (unit power). Differs: there is no
-// background noise to correct for, so the curve is integrated from the end of the echogram. A figure is NaN where the
-// band has no energy or the decay is too short for it: EDT, T20 and T30 need a curve down to -20, -35 and -45 dB, as
-// there is no T30 without T20. Threading: pure functions.
+// lines through 0..-10, -5..-25 and -5..-35 dB of the decay curve at all times, extrapolated to 60 dB. All but G count
+// from the onset (A.3.4), and what comes before it is not in them: from where the energy of the last millisecond is
+// first within 20 dB of the most that a millisecond brings. That is the time of an arrival if one brings it there, as
+// direct sound does; within bins energy comes evenly. G is re the same source at 10 m in free field (unit power), of
+// all that comes. Differs: the onset is that of each octave, not of the broadband response, as no filter delays or
+// smears one; there is no background noise to correct for, so the curve is integrated from the end of the echogram. A
+// figure is NaN where the band has no energy or the decay is too short for it: EDT, T20 and T30 need a curve down to
+// -20, -35 and -45 dB, as there is no T30 without T20. Threading: pure functions.
 #pragma once
 
 #include <array>
@@ -26,6 +29,9 @@ struct RoomMetrics {
 };
 
 RoomMetrics roomMetrics(const Echogram& echogram);
+
+/// Where the response of one band begins, s from emission; NaN where the band has no energy.
+double onset(const Echogram& echogram, std::size_t band);
 
 /// Reverberation times, s, of a decay that is the sum of two exponentials; NaN where there are not two.
 struct DecaySlopes {
@@ -50,11 +56,12 @@ bool hasTwoSlopes(const MetricsEstimate& estimate, std::size_t band);
 
 /// `batches` are independent, equally long estimates of the late part, each on its own an unbiased one. The value is
 /// that of their mean; the interval comes from the delete-one jackknife over batches with Student's t, of fewer degrees
-/// of freedom where single batches stand out.
+/// of freedom where single batches stand out. The onset is that of the mean; by what it varies itself is in the
+/// intervals of C50, C80, D50 and Ts.
 MetricsEstimate estimateMetrics(const std::vector<Arrival>& arrivals, std::span<const EnergyHistogram> batches);
 
-/// Schroeder's curve of one band: decibels of the energy that comes later than k * `gridSeconds` after the first
-/// arrival, re all of it; down to just below -65 dB or its end. Empty where the band has no energy.
+/// Schroeder's curve of one band: decibels of the energy that comes later than k * `gridSeconds` after the
+/// onset, re all from there on; down to just below -65 dB or its end. Empty where the band has no energy.
 std::vector<double> decayCurveDb(const Echogram& echogram, std::size_t band, double gridSeconds);
 
 /// The largest half width from 125 Hz to 4 kHz in just noticeable differences (EDT and T 5 %, C80 1 dB, D50 .05, G 1
