@@ -169,7 +169,7 @@ TEST(RoomMetrics, FreeFieldHasDirectSoundOnly) {
 }
 
 /// Arrivals that are alike in all bands, by time and energy.
-Echogram arriving(const std::vector<std::pair<double, double>>& arrivals) {
+Echogram arrivalsAt(const std::vector<std::pair<double, double>>& arrivals) {
     Echogram echogram;
     for (const auto& [seconds, energy] : arrivals) {
         echogram.arrivals.emplace_back().seconds = seconds;
@@ -184,7 +184,7 @@ double db(double level) {
 
 TEST(RoomMetrics, BeginWhereAMillisecondIsWithin20DbOfTheLoudest) {
     const auto begin = [](const std::vector<std::pair<double, double>>& arrivals) {
-        return onset(arriving(arrivals), kBand1k);
+        return onset(arrivalsAt(arrivals), kBand1k);
     };
     EXPECT_EQ(begin({{.02, 1}, {.09, .5}}), .02) << "direct sound";
     EXPECT_EQ(begin({{.0123, db(-30)}, {.02, 1}}), .02);
@@ -226,7 +226,7 @@ TEST(RoomMetrics, BeginWithinABinWhereItsEnergyHasComeSoFar) {
     EXPECT_NEAR(onset(binned({{.04, 4}, {.044, 1}}, 250), 0), .04001, kNone);
     EXPECT_NEAR(onset(binned({{.02, .004}, {.02025, .004}, {.02075, .004}, {.04, 1}}, 4000), 0), .020875, kNone);
     // Arrivals and bins count together.
-    Echogram both = arriving({{.0125, .007}, {.02, 1}});
+    Echogram both = arrivalsAt({{.0125, .007}, {.02, 1}});
     EXPECT_EQ(onset(both, 0), .02);
     both.late = binned({{.012, .008}}).late;
     EXPECT_EQ(onset(both, 0), .0125) << "half of the bin has come";
@@ -234,6 +234,10 @@ TEST(RoomMetrics, BeginWithinABinWhereItsEnergyHasComeSoFar) {
     EXPECT_NEAR(onset(both, 0), .01275, kNone) << "three quarters of it";
     both.late = binned({{.012, .0029}}).late;
     EXPECT_EQ(onset(both, 0), .02) << "not with all of it";
+    // The loudest ends as an arrival leaves it and all of a bin has come.
+    both = arrivalsAt({{.0123, .011}, {.02, 1}});
+    both.late = binned({{.02, 1}}).late;
+    EXPECT_EQ(onset(both, 0), .02);
     EXPECT_TRUE(std::isnan(onset(binned({{.02, 0}}), 0)));
 }
 
@@ -267,7 +271,7 @@ TEST(RoomMetrics, BeginWhereASearchOfAllTimesFindsIt) {
 /// What comes before counts in G alone.
 TEST(RoomMetrics, AreThoseOfTheResponseFromItsOnsetOn) {
     const double faint = db(-30);
-    Echogram with = arriving({{.013, faint}, {.02, .5}});
+    Echogram with = arrivalsAt({{.013, faint}, {.02, .5}});
     with.late = exponential(.5, 1.5);
     with.late.bins.insert(with.late.bins.begin(), 30, Bands{});
     with.late.bins[5] = allBands(faint / 10);
@@ -287,7 +291,7 @@ TEST(RoomMetrics, AreThoseOfTheResponseFromItsOnsetOn) {
 }
 
 TEST(RoomMetrics, BeginInEachBandByItself) {
-    Echogram echogram = arriving({{.01, 1}, {.02, 1}, {.03, 1}});
+    Echogram echogram = arrivalsAt({{.01, 1}, {.02, 1}, {.03, 1}});
     echogram.arrivals[0].energy[2] = db(-25), echogram.arrivals[0].energy[7] = 0;
     echogram.arrivals[1].energy[7] = db(-25);
     for (std::size_t b = 0; b < kBandCount; ++b) {
@@ -318,6 +322,8 @@ TEST(RoomMetrics, IntervalsKnowThatTheOnsetHangsOnOneBatch) {
     EXPECT_NEAR(m.value.c80[0], 10 * std::log10(early / late), .01);
     const double slope = (1 + late / early) * moves;  // and falls it less what it rises by
     EXPECT_NEAR(m.ci95.c80[0], studentT95(15) * slope * 15 / 16, .15 * m.ci95.c80[0]);
+    // Ts is from .0025 s earlier, but for .01 of the energy that comes there.
+    EXPECT_NEAR(m.ci95.ts[0], studentT95(15) * .00251 * 15 / 16, .15 * m.ci95.ts[0]);
     // A batch that brings as little to what is later does not move it.
     batches[5].bins[10] = {};
     batches[5].bins[20][0] += .02 * loudest * kBatches;
