@@ -69,15 +69,6 @@ struct Doorway {
     std::vector<glm::dvec2> inside;
 };
 
-/// As of a source that is a line: sound that comes by a longer way is less weak.
-double octaveOf(const TraceResult& traced, double distance, std::size_t band) {
-    double energy = 0;
-    for (const Arrival& arrival : traced.arrivals)
-        if (const double way = arrival.seconds * 343; way < 6 * distance)
-            energy += arrival.energy[band] * way / distance;
-    return 10 * std::log10(energy * 4 * M_PI * distance * distance);
-}
-
 /// Root mean square of what levels are off in each octave from 63 Hz on, dB, behind the doorway.
 std::array<double, 4> offBehind(double degrees) {
     const Doorway doorway(degrees);
@@ -102,7 +93,7 @@ std::array<double, 4> offBehind(double degrees) {
         for (std::size_t p = 0; p < places.size(); ++p) {
             const double distance = glm::distance(source, places[p]);
             const TraceResult traced = walls.traced({source.x, source.y, 0}, {places[p].x, places[p].y, 0});
-            off[i] += std::pow(octaveOf(traced, distance, band) - 10 * std::log10(exact[p]), 2);
+            off[i] += std::pow(test::octaveOfLine(traced, distance, band) - 10 * std::log10(exact[p]), 2);
         }
         off[i] = std::sqrt(off[i] / static_cast<double>(places.size()));
     }

@@ -31,6 +31,15 @@ inline double decibelsOf(RoundValue pressure, double distance) {
     return 20 * std::log10(std::abs(pressure) * distance);
 }
 
+/// The level of an octave, as of a source that is a line: what comes by a longer way is less weak.
+inline double octaveOfLine(const TraceResult& traced, double distance, std::size_t band) {
+    double energy = 0;
+    for (const Arrival& arrival : traced.arrivals)
+        if (const double way = arrival.seconds * 343; way < 6 * distance)
+            energy += arrival.energy[band] * way / distance;
+    return 10 * std::log10(energy * 4 * M_PI * distance * distance);
+}
+
 struct Errors {
     void add(double error) {
         sum += error * error;
