@@ -198,8 +198,10 @@ class Levels {
                 sum[t] += Complex(part.pressure[t]) * std::polar(1.0, -waveNumber(t, c_) * (part.seconds * c_ - way));
         }
         for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            // Half of it is left at its boundary, and less where it is not heard.
             const double whole = group.whole[t / kTonesInBand];
-            const double missing = whole > 0 ? std::max(0.0, 1 - std::norm(sum[t]) / (whole * whole)) : 1;
+            const double left = whole > 0 ? std::norm(sum[t]) / (whole * whole) : 0;
+            const double missing = std::clamp((1 - left) / 0.75, 0.0, 1.0);
             group.withDirect[t] = missing * missing;
         }
     }

@@ -162,9 +162,10 @@ TEST(WaveLevels, AWholeImageAddsItsEnergyAndWhatIsLeftOfOneItsPressure) {
     setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, field);
     for (std::size_t b = 0; b < kBandCount; ++b)
         EXPECT_NEAR(decibels(little[b]), decibels(test::total(arrivals)[b]), .01) << b;
-    // Half of it: of (1 - 1/4) squared it is one with direct sound.
-    const Bands half = besideImage(false, true, .5, -1.999);
-    EXPECT_NEAR(4 * M_PI * half[kBand1k], .01 + .0016 + 2 * .5625 * .1 * .04, 1e-4);
+    // Half of it, as at its boundary, is one with direct sound; of three quarters (7/16 / 3/4) squared are.
+    EXPECT_NEAR(4 * M_PI * besideImage(false, true, .5, -1.999)[kBand1k], .14 * .14, 1e-4);
+    EXPECT_NEAR(4 * M_PI * besideImage(false, true, .75, -1.999)[kBand1k],
+                .01 + .0036 + 2 * std::pow(7. / 12, 2) * .1 * .06, 1e-4);
 }
 
 TEST(WaveLevels, TwoEdgesOfANarrowMirrorBendItAsOne) {
