@@ -56,8 +56,8 @@ struct BendingEdge {
 /// What comes by way of an edge, or of two.
 struct EdgeWave {
     double seconds = 0;
-    glm::dvec3 direction{0};  // as of an arrival
-    std::uint32_t order = 1;  // edges on its way
+    glm::dvec3 direction{0};       // as of an arrival
+    std::uint32_t order = 1;       // edges on its way
     EdgeTonePressures pressure{};  // its phase re that of the delay
     EdgeRoute route;
     BendingEdge bends;  // if it comes by one edge alone, at the place where that is shortest
