@@ -237,12 +237,8 @@ class EdgePairs {
     /// Along a plane of faces it is chance whether a ray finds its way over them, where both edges hide it.
     void takeDirectAway() {
         if (!known_.heardStraight || std::exchange(directTaken_, true)) return;
-        const glm::dvec3 middle = 0.5 * (source_ + listener_);
         const double way = glm::distance(source_, listener_);
-        EdgeWave wave;
-        wave.seconds = way / c();
-        wave.direction = (source_ - listener_) / way;
-        wave.route = {middle, middle, glm::dvec3(0), glm::dvec3(0)};
+        EdgeWave wave = straightWave(source_, listener_, c());
         wave.pressure.fill(static_cast<float>(-1 / way));
         weaken(wave.pressure, options_.pattern ? options_.pattern((listener_ - source_) / way) : 1,
                airAttenuation(options_.air), way);
@@ -251,6 +247,7 @@ class EdgePairs {
     void addWave(const EdgeWave& wave, double length) {
         if (!isFaint(wave.pressure, length)) field_.waves.push_back(wave);
     }
+
     const AcousticGeometry& geometry_;
     const glm::dvec3 &source_, &listener_;
     const TraceOptions& options_;

@@ -257,14 +257,10 @@ class Diffraction {
     void addStraightOn() {
         BodyWeights::Tones share;
         if (!bodies_.straightOn(listener_, source_, share) || !(share.front() < 1)) return;
-        const glm::dvec3 middle = 0.5 * (source_ + listener_);
         const double way = glm::distance(source_, listener_);
-        EdgeWave wave;
-        wave.seconds = way / c();
-        wave.direction = (source_ - listener_) / way;
-        wave.route = {middle, middle, glm::dvec3(0), glm::dvec3(0)};
+        EdgeWave wave = straightWave(source_, listener_, c());
         for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = static_cast<float>(share[t] / way);
-        weaken(wave.pressure, sentTo(middle), attenuation_, way);
+        weaken(wave.pressure, sentTo(listener_), attenuation_, way);
         addWave(wave, way, {});
     }
 

@@ -126,6 +126,16 @@ void weaken(EdgeTonePressures& pressure, double sent, const Bands& attenuation, 
             std::sqrt(sent * std::exp(-attenuation[tone * static_cast<std::size_t>(kBandCount) / kEdgeTones] * way)));
 }
 
+EdgeWave straightWave(const glm::dvec3& from, const glm::dvec3& listener, double speedOfSound) {
+    const glm::dvec3 middle = 0.5 * (from + listener);
+    const double way = glm::distance(from, listener);
+    EdgeWave wave;
+    wave.seconds = way / speedOfSound;
+    wave.direction = (from - listener) / way;
+    wave.route = {middle, middle, glm::dvec3(0), glm::dvec3(0)};
+    return wave;
+}
+
 bool isFaint(const EdgeTonePressures& pressure, double way) {
     return std::ranges::all_of(pressure,
                                [&](const Sample& tone) { return !(static_cast<double>(std::abs(tone)) * way > 1e-4); });

@@ -15,6 +15,9 @@ namespace rtsg {
 /// airAttenuation().
 void weaken(EdgeTonePressures& pressure, double sent, const Bands& attenuation, double way);
 
+/// Of what comes straight from a place to the listener, without its pressure.
+EdgeWave straightWave(const glm::dvec3& from, const glm::dvec3& listener, double speedOfSound);
+
 /// Whether every tone is 80 dB below sound in the open after `way` metres.
 bool isFaint(const EdgeTonePressures& pressure, double way);
 
