@@ -14,6 +14,7 @@
 #include "edge_pair_waves.h"
 #include "edge_pair_way.h"
 #include "edge_rows.h"
+#include "edge_thin_faces.h"
 #include "edge_tones.h"
 #include "edge_triples.h"
 #include "edge_waves.h"
@@ -105,6 +106,7 @@ class EdgePairs {
         PairWay sided = way;
         sided.path = offBoundaries(way, firstHides, secondHides);
         PairField pressure = fieldOf(sided, tones_, c());
+        if (byItself) blendThinFace(way, source_, listener_, tones_, pressure);
         LitRow row;
         const bool inRow = way.onFace && !firstHides && !secondHides &&
                            litRowOf(sided, source_, listener_, edges_, tones_, bodies_, row);
@@ -303,8 +305,7 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
     EdgePairs pairs(geometry, source, listener, options, known, all, bodies, parts, field);
     for (const PairWay& way : ways) count.heard += pairs.add(way);
     const EdgeTones tones(geometry, options.air.speedOfSound);
-    for (const TripleField& triple :
-         triplesOf(geometry, source, listener, known.heardStraight, all, longest, tones, options.air.speedOfSound))
+    for (const TripleField& triple : triplesOf(geometry, source, listener, known.heardStraight, all, longest, tones))
         pairs.add(triple);
     pairs.addEnds();
     return count;

@@ -18,6 +18,7 @@ class EdgeView {
              const WallEdge& edge)
         : geometry_(geometry), source_(source), listener_(listener), edge_(edge) {}
 
+    glm::dvec3 placeAt(double along) const { return edge_.onSurface(edge_.from + edge_.axis * along); }
     /// A bit for each place, metres from the beginning on; at most AcousticRays::kMost.
     std::uint32_t seenAt(const std::vector<double>& places) const {
         const std::uint32_t all = (1u << places.size()) - 1;
@@ -25,7 +26,7 @@ class EdgeView {
         return seen == 0 ? 0 : seen & ~hidden(listener_, places);
     }
     bool seenAt(double place) const {
-        const glm::dvec3 at = edge_.from + edge_.axis * place;
+        const glm::dvec3 at = placeAt(place);
         return seen(geometry_, source_, aimAt(edge_, at, source_)) &&
                seen(geometry_, listener_, aimAt(edge_, at, listener_)) && (!covered_ || isOpen(geometry_, edge_, at));
     }
@@ -33,7 +34,7 @@ class EdgeView {
     void lookUnderBodies(const std::vector<double>& places, std::uint32_t& seen) {
         covered_ = true;
         for (std::size_t i = 0; i < places.size(); ++i)
-            if ((seen >> i & 1) && !isOpen(geometry_, edge_, edge_.from + edge_.axis * places[i])) seen &= ~(1u << i);
+            if ((seen >> i & 1) && !isOpen(geometry_, edge_, placeAt(places[i]))) seen &= ~(1u << i);
     }
     /// Between a place that is seen and one that is not.
     double boundary(double within, double beyond) const {
@@ -48,7 +49,7 @@ class EdgeView {
     std::uint32_t hidden(const glm::dvec3& from, const std::vector<double>& places) const {
         AcousticRays rays;
         for (const double place : places) {
-            const glm::dvec3 at = aimAt(edge_, edge_.from + edge_.axis * place, from), way = at - from;
+            const glm::dvec3 at = aimAt(edge_, placeAt(place), from), way = at - from;
             const double distance = glm::length(way);
             rays.add(from, glm::dvec3(0), distance > 0 ? way / distance : edge_.axis,
                      std::max(0.0, distance - seenRounding(distance, at)), kNoPlane);
@@ -78,7 +79,7 @@ std::vector<EdgePart> partsSeen(const AcousticGeometry& geometry, const glm::dve
     }
     std::sort(places.begin(), places.end());
     std::uint32_t seen = view.seenAt(places);
-    if (seen != 0 && !isOpen(geometry, edge, edge.from + edge.axis * middle)) view.lookUnderBodies(places, seen);
+    if (seen != 0 && !isOpen(geometry, edge, view.placeAt(middle))) view.lookUnderBodies(places, seen);
     std::vector<EdgePart> parts;
     for (std::size_t i = 0; i < places.size(); ++i) {
         if (!(seen >> i & 1)) continue;

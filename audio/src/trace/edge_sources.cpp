@@ -211,7 +211,8 @@ class Diffraction {
         const auto bendHidden = [&](double from, double to) {
             if (grazesFace(one.round.path)) return;
             const double at = glm::dot(one.round.by - one.edge.from, one.edge.axis);
-            const glm::dvec3 by = one.edge.from + one.edge.axis * (at >= from && at <= to ? at : 0.5 * (from + to));
+            const double within = at >= from && at <= to ? at : 0.5 * (from + to);
+            const glm::dvec3 by = one.edge.onSurface(one.edge.from + one.edge.axis * within);
             BodyWeights::Tones through;
             if (to - from > 0 && passesSmall(by, through)) bendPart(from, to, &through);
         };

@@ -6,6 +6,8 @@
 #include <complex>
 #include <cstddef>
 
+#include "edge_thin_faces.h"
+
 namespace rtsg {
 namespace {
 
@@ -74,9 +76,10 @@ struct Triple {
     double way() const { return any().pair.path.way; }
 };
 
-void add(const Chain& one, bool reversed, double weight, const EdgeTones& tones, double speedOfSound,
+void add(const Chain& one, const glm::dvec3& source, bool reversed, double weight, const EdgeTones& tones,
          PairField& result) {
-    PairField field = fieldOf(one.pair, tones, speedOfSound);
+    PairField field = fieldOf(one.pair, tones, tones.speedOfSound());
+    blendThinFace(one.pair, source, one.flat, tones, field);
     for (FacePair::End& end : field.ends) {
         const glm::dvec3 last = FacePair::crossing(end.second, one.flat, *one.third);
         end.second = reversed ? end.first : last;
@@ -92,9 +95,10 @@ void add(const Chain& one, bool reversed, double weight, const EdgeTones& tones,
 }
 
 /// Along a face, a little off it.
-bool isFreeAlong(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to, glm::dvec3 off) {
+bool isFreeAlong(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::dvec3& to, glm::dvec3 off,
+                 const WallEdge& edge) {
     const glm::dvec3 size = glm::max(glm::abs(from), glm::abs(to)), way = to - from;
-    off *= std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
+    off *= std::max({1e-3, 1e-5 * std::max({size.x, size.y, size.z}), 1.1 * edge.bulges(off)});
     const double length = glm::length(way), rounding = std::min(0.25 * length, 1e-5 * (1 + length));
     AcousticHit hit;
     return !geometry.closest(from + off + way * (rounding / length), way / length, length - 2 * rounding, kNoPlane,
@@ -109,14 +113,15 @@ bool isFree(const AcousticGeometry& geometry, const glm::dvec3& source, const gl
     return !isBehindFace(geometry, a, one.pair.atFirst, false, source) &&
            !isBehindFace(geometry, c, one.atThird, true, listener) && seen(geometry, source, aimAt(a, first, source)) &&
            seen(geometry, listener, aimAt(c, third, listener)) &&
-           isFreeAlong(geometry, first, second, one.pair.atFirst.offFace(a, true)) &&
-           isFreeAlong(geometry, second, third, one.atThird.offFace(c, false)) &&
+           isFreeAlong(geometry, first, second, one.pair.atFirst.offFace(a, true), a) &&
+           isFreeAlong(geometry, second, third, one.atThird.offFace(c, false), c) &&
            isOpen(geometry, a, first, one.pair.atFirst.opening, one.pair.atFirst.turn) &&
            isOpen(geometry, b, second, one.pair.atSecond.opening, one.pair.atSecond.turn) &&
            isOpen(geometry, c, third, one.atThird.opening, one.atThird.turn);
 }
 
-TripleField fieldOf(const Triple& triple, const EdgeTones& tones, double speedOfSound) {
+TripleField fieldOf(const Triple& triple, const glm::dvec3& source, const glm::dvec3& listener,
+                    const EdgeTones& tones) {
     TripleField result;
     const Chain& one = triple.any();
     result.first = triple.hasOn ? one.pair.first : one.third;
@@ -135,8 +140,8 @@ TripleField fieldOf(const Triple& triple, const EdgeTones& tones, double speedOf
         ends.second = triple.on.wedge();
         on = nearerToSecond(ends);
     }
-    if (on > 1e-6) add(triple.on, false, on, tones, speedOfSound, result.field);
-    if (1 - on > 1e-6) add(triple.back, true, 1 - on, tones, speedOfSound, result.field);
+    if (on > 1e-6) add(triple.on, source, false, on, tones, result.field);
+    if (1 - on > 1e-6) add(triple.back, listener, true, 1 - on, tones, result.field);
     return result;
 }
 
@@ -144,8 +149,7 @@ TripleField fieldOf(const Triple& triple, const EdgeTones& tones, double speedOf
 
 std::vector<TripleField> triplesOf(const AcousticGeometry& geometry, const glm::dvec3& source,
                                    const glm::dvec3& listener, bool heardStraight,
-                                   const std::vector<const WallEdge*>& edges, double longest, const EdgeTones& tones,
-                                   double speedOfSound) {
+                                   const std::vector<const WallEdge*>& edges, double longest, const EdgeTones& tones) {
     std::vector<Triple> triples;
     for (const WallEdge* second : edges) {
         std::vector<const WallEdge*> beside;
@@ -167,7 +171,7 @@ std::vector<TripleField> triplesOf(const AcousticGeometry& geometry, const glm::
     for (const Triple& triple : triples)
         if (triple.hasOn ? isFree(geometry, source, listener, triple.on)
                          : isFree(geometry, listener, source, triple.back))
-            result.push_back(fieldOf(triple, tones, speedOfSound));
+            result.push_back(fieldOf(triple, source, listener, tones));
     return result;
 }
 

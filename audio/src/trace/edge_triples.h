@@ -25,7 +25,6 @@ struct TripleField {
 /// Of the edges of which `first` and `second` may be one after the other along a face, ways by three of them.
 std::vector<TripleField> triplesOf(const AcousticGeometry& geometry, const glm::dvec3& source,
                                    const glm::dvec3& listener, bool heardStraight,
-                                   const std::vector<const WallEdge*>& edges, double longest, const EdgeTones& tones,
-                                   double speedOfSound);
+                                   const std::vector<const WallEdge*>& edges, double longest, const EdgeTones& tones);
 
 }  // namespace rtsg

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "mesh_bodies.h"
+#include "rim_chords.h"
 #include "round_shapes.h"
 #include "straight_edges.h"
 
@@ -224,38 +225,51 @@ void EdgeTable::removeAll(std::uint32_t slot) {
     edges_[slot].clear();
 }
 
+std::shared_ptr<const EdgeTable::Found> EdgeTable::foundIn(const std::shared_ptr<const Mesh>& mesh) {
+    CachedMesh& cached = meshes_[mesh.get()];
+    // The address may be another mesh's by now.
+    if (cached.mesh.lock() == mesh) return cached.found;
+    Found found;
+    found.edges = edgesOf(*mesh, kFlatFacet);
+    joinStraight(found.edges);
+    found.rounds = roundsOf(found.edges);
+    std::erase_if(found.edges,
+                  [](const MeshEdge& edge) { return edge.round == MeshEdge::kNotRound && turnOf(edge) < kFlatEdge; });
+    if (!found.edges.empty()) {
+        MeshBodies bodies(*mesh);
+        for (MeshEdge& edge : found.edges) edge.body = bodies.at(edge.from);
+        found.bodies = bodies.all();
+    }
+    found.rims = rimsOf(found.edges, found.withChords);
+    cached = {mesh, std::make_shared<const Found>(std::move(found))};
+    return cached.found;
+}
+
 void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
     if (slot >= edges_.size()) {
         if (!wall.mesh) return;
         edges_.resize(slot + 1);
         rounds_.resize(slot + 1);
         bodies_.resize(slot + 1);
+        rims_.resize(slot + 1);
     }
     removeAll(slot);
     roundCount_ -= rounds_[slot].size();
     rounds_[slot].clear();
     bodies_[slot].clear();
+    rims_[slot].clear();
     if (!wall.mesh) return;
-    CachedMesh& cached = meshes_[wall.mesh.get()];
-    // The address may be another mesh's by now.
-    if (cached.mesh.lock() != wall.mesh) {
-        Found found;
-        found.edges = edgesOf(*wall.mesh, kFlatFacet);
-        joinStraight(found.edges);
-        found.rounds = roundsOf(found.edges);
-        std::erase_if(found.edges, [](const MeshEdge& edge) {
-            return edge.round == MeshEdge::kNotRound && turnOf(edge) < kFlatEdge;
-        });
-        if (!found.edges.empty()) {
-            MeshBodies bodies(*wall.mesh);
-            for (MeshEdge& edge : found.edges) edge.body = bodies.at(edge.from);
-            found.bodies = bodies.all();
-        }
-        cached = {wall.mesh, std::make_shared<const Found>(std::move(found))};
+    place(slot, wall, *foundIn(wall.mesh));
+    if (meshes_.size() > 2 * meshesAtPurge_ + 64) {
+        std::erase_if(meshes_, [](const auto& entry) { return entry.second.mesh.expired(); });
+        meshesAtPurge_ = meshes_.size();
     }
+}
+
+void EdgeTable::place(std::uint32_t slot, const Wall& wall, const Found& found) {
     // What a transform has made oval is no round body any more: its edges are edges.
     std::vector<bool> isRound;
-    for (const MeshRound& round : cached.found->rounds) {
+    for (const MeshRound& round : found.rounds) {
         RoundBody body;
         isRound.push_back(placedRound(round, wall.worldFromLocal, body));
         if (!isRound.back()) continue;
@@ -263,26 +277,29 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
         rounds_[slot].push_back(body);
     }
     roundCount_ += rounds_[slot].size();
-    bodies_[slot].resize(cached.found->bodies.size());
+    bodies_[slot].resize(found.bodies.size());
     std::vector<const WallBody*> bodyOf;
     for (std::size_t i = 0; i < bodies_[slot].size(); ++i)
-        bodyOf.push_back(placedBody(cached.found->bodies[i], wall.worldFromLocal, bodies_[slot][i]) ? &bodies_[slot][i]
-                                                                                                    : nullptr);
+        bodyOf.push_back(placedBody(found.bodies[i], wall.worldFromLocal, bodies_[slot][i]) ? &bodies_[slot][i]
+                                                                                            : nullptr);
     // Of what is round in part more is known.
-    for (const MeshEdge& edge : cached.found->edges)
+    for (const MeshEdge& edge : found.edges)
         if (edge.round != MeshEdge::kNotRound && isRound[edge.round] && edge.body != MeshEdge::kNoBody)
             bodyOf[edge.body] = nullptr;
-    for (const MeshEdge& edge : cached.found->edges) {
+    const bool allRound = std::ranges::find(isRound, false) == isRound.end();
+    const bool hasChords = allRound && !found.rims.empty();
+    if (hasChords) rims_[slot].resize(found.rims.size());
+    for (const MeshEdge& edge : hasChords ? found.withChords : found.edges) {
         if (edge.round != MeshEdge::kNotRound && (isRound[edge.round] || turnOf(edge) < kFlatEdge)) continue;
         WallEdge placed;
         if (!placedEdge(edge, wall.worldFromLocal, placed)) continue;
         placed.material = wall.material;
         if (edge.body != MeshEdge::kNoBody) placed.body = bodyOf[edge.body];
+        if (edge.rim != MeshEdge::kNoRim) {
+            rims_[slot][edge.rim] = placedRim(found.rims[edge.rim], wall.worldFromLocal, placed);
+            placed.rim = &rims_[slot][edge.rim];
+        }
         add(slot, placed);
-    }
-    if (meshes_.size() > 2 * meshesAtPurge_ + 64) {
-        std::erase_if(meshes_, [](const auto& entry) { return entry.second.mesh.expired(); });
-        meshesAtPurge_ = meshes_.size();
     }
 }
 

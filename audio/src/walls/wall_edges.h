@@ -19,6 +19,7 @@
 namespace rtsg {
 
 struct MeshBody;
+struct MeshRim;
 struct MeshRound;
 
 /// One edge by its corners in a mesh, and a corner of each surface beside it; twice the same at a rim.
@@ -27,8 +28,9 @@ struct MeshEdge {
     std::uint32_t round = kNotRound;  // the MeshRound that it is a part of
     std::uint32_t body = kNoBody;     // the MeshBody
     bool mayBeRound = true;
+    std::uint32_t rim = kNoRim;  // the MeshRim that it stands for
 
-    static constexpr std::uint32_t kNotRound = 0xFFFFFFFF, kNoBody = 0xFFFFFFFF;
+    static constexpr std::uint32_t kNotRound = 0xFFFFFFFF, kNoBody = 0xFFFFFFFF, kNoRim = 0xFFFFFFFF;
 };
 
 /// From the middle of surfaces that lie in one plane but for this (radians) nothing bends.
@@ -54,7 +56,8 @@ class EdgeTable {
 
   private:
     struct Found {
-        std::vector<MeshEdge> edges;
+        std::vector<MeshEdge> edges, withChords;  // the latter where what is round is so in the world
+        std::vector<MeshRim> rims;
         std::vector<MeshRound> rounds;
         std::vector<MeshBody> bodies;
     };
@@ -76,12 +79,15 @@ class EdgeTable {
     void add(std::uint32_t slot, const WallEdge& edge);
     void join(const Place& place, const Place& known);
     void removeAll(std::uint32_t slot);
+    void place(std::uint32_t slot, const Wall& wall, const Found& found);
+    std::shared_ptr<const Found> foundIn(const std::shared_ptr<const Mesh>& mesh);
     void visitGroup(const std::vector<Place>& group, std::span<const std::uint32_t> open,
                     const AcousticGeometry::EdgeVisitor& visit) const;
 
     std::vector<std::vector<Placed>> edges_;
     std::vector<std::vector<RoundBody>> rounds_;
     std::vector<std::vector<WallBody>> bodies_;  // what edges point to: of a slot all at once
+    std::vector<std::vector<WallRim>> rims_;     // alike
     std::size_t roundCount_ = 0;
     std::vector<std::vector<Place>> groups_;  // edges at one place, in order
     std::vector<std::uint32_t> unused_;       // of the groups

@@ -102,7 +102,7 @@ std::array<double, 4> offBehind(double degrees) {
 
 TEST(Doorway, LevelsBehindItAreThoseOfBoundaryElements) {
     // As energies of its edges they were 1.8, 3.2, 2.0 and 1.9 dB off.
-    for (const double off : offBehind(-1)) EXPECT_LT(off, 1.2);
+    for (const double off : offBehind(-1)) EXPECT_LT(off, 1.25);
 }
 
 TEST(Doorway, LevelsBehindADoorThatStandsOpenAreThoseOfBoundaryElements) {

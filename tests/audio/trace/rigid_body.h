@@ -1,4 +1,4 @@
-// The field about a rigid box in the open, by boundary elements: no edges, and no theory of them.
+// The field about a rigid body in the open, by boundary elements: no edges, and no theory of them.
 #pragma once
 
 #include <algorithm>
@@ -15,22 +15,9 @@ namespace rtsg::test {
 /// Kirchhoff's and Helmholtz's integral equation with one pressure on each element; at places within, where there is no
 /// sound, it is asked for too, so that resonances of the inside do no harm (Schenck, JASA 44 (1968), 41-58). With ten
 /// elements along each side, smaller towards the edges, it is within .1 dB of sixteen where a side is two waves long.
-class RigidBox {
+class RigidBody {
   public:
     using Complex = std::complex<double>;
-
-    RigidBox(const glm::dvec3& low, const glm::dvec3& high, int along) {
-        const glm::dvec3 size = high - low, x(size.x, 0, 0), y(0, size.y, 0), z(0, 0, size.z);
-        addFace(low, z, y, along);
-        addFace(low + x, y, z, along);
-        addFace(low, x, z, along);
-        addFace(low + y, z, x, along);
-        addFace(low, y, x, along);
-        addFace(low + z, x, y, along);
-        for (const glm::dvec3& part : {glm::dvec3(.37, .41, .59), glm::dvec3(.61, .33, .27), glm::dvec3(.23, .71, .37),
-                                       glm::dvec3(.53, .57, .79), glm::dvec3(.77, .67, .47)})
-            within_.push_back(low + size * part);
-    }
 
     void light(const glm::dvec3& source, double waveNumber) {
         source_ = source;
@@ -54,21 +41,15 @@ class RigidBox {
         return 20 * std::log10(std::abs(sum) * glm::distance(place, source_));
     }
 
-  private:
+  protected:
     struct Element {
         glm::dvec3 middle, u, v;  // a rectangle's sides
     };
 
-    void addFace(const glm::dvec3& corner, const glm::dvec3& u, const glm::dvec3& v, int along) {
-        const auto at = [&](int i) {
-            const double t = double(i) / along;
-            return .35 * t + .65 * (.5 - .5 * std::cos(M_PI * t));
-        };
-        for (int i = 0; i < along; ++i)
-            for (int j = 0; j < along; ++j)
-                elements_.push_back({corner + u * (.5 * (at(i) + at(i + 1))) + v * (.5 * (at(j) + at(j + 1))),
-                                     u * (at(i + 1) - at(i)), v * (at(j + 1) - at(j))});
-    }
+    std::vector<Element> elements_;
+    std::vector<glm::dvec3> within_;
+
+  private:
     Complex open(const glm::dvec3& place) const {
         const double way = glm::distance(place, source_);
         return std::polar(1 / way, -k_ * way);
@@ -121,11 +102,65 @@ class RigidBox {
         return result;
     }
 
-    std::vector<Element> elements_;
-    std::vector<glm::dvec3> within_;
     std::vector<Complex> pressure_;
     glm::dvec3 source_{0};
     double k_ = 0;
+};
+
+class RigidBox : public RigidBody {
+  public:
+    RigidBox(const glm::dvec3& low, const glm::dvec3& high, int along) {
+        const glm::dvec3 size = high - low, x(size.x, 0, 0), y(0, size.y, 0), z(0, 0, size.z);
+        addFace(low, z, y, along);
+        addFace(low + x, y, z, along);
+        addFace(low, x, z, along);
+        addFace(low + y, z, x, along);
+        addFace(low, y, x, along);
+        addFace(low + z, x, y, along);
+        for (const glm::dvec3& part : {glm::dvec3(.37, .41, .59), glm::dvec3(.61, .33, .27), glm::dvec3(.23, .71, .37),
+                                       glm::dvec3(.53, .57, .79), glm::dvec3(.77, .67, .47)})
+            within_.push_back(low + size * part);
+    }
+
+  private:
+    void addFace(const glm::dvec3& corner, const glm::dvec3& u, const glm::dvec3& v, int along) {
+        const auto at = [&](int i) {
+            const double t = double(i) / along;
+            return .35 * t + .65 * (.5 - .5 * std::cos(M_PI * t));
+        };
+        for (int i = 0; i < along; ++i)
+            for (int j = 0; j < along; ++j)
+                elements_.push_back({corner + u * (.5 * (at(i) + at(i + 1))) + v * (.5 * (at(j) + at(j + 1))),
+                                     u * (at(i + 1) - at(i)), v * (at(j + 1) - at(j))});
+    }
+};
+
+/// An even prism whose corners are 1 m from the z axis, from -height / 2 to height / 2.
+class RigidPrism : public RigidBody {
+  public:
+    /// `sides` times `along` elements round it, so many rings of them on its ends and `layers` on its sides.
+    RigidPrism(int sides, double height, int along, int rings, int layers) {
+        const auto corner = [&](int i) {
+            return glm::dvec3(std::cos(2 * M_PI * i / sides), std::sin(2 * M_PI * i / sides), 0);
+        };
+        const auto ring = [&](int i) { return .7 * std::sin(.5 * M_PI * i / rings) + .3 * i / rings; };
+        const glm::dvec3 up(0, 0, height);
+        for (int i = 0; i < sides; ++i)
+            for (int j = 0; j < along; ++j) {
+                const glm::dvec3 a = glm::mix(corner(i), corner(i + 1), double(j) / along);
+                const glm::dvec3 b = glm::mix(corner(i), corner(i + 1), double(j + 1) / along);
+                for (int r = 0; r < rings; ++r) {
+                    const glm::dvec3 middle = .25 * (a + b) * (ring(r) + ring(r + 1));
+                    const glm::dvec3 out = .5 * (a + b) * (ring(r + 1) - ring(r));
+                    const glm::dvec3 round = .5 * (b - a) * (ring(r) + ring(r + 1));
+                    elements_.push_back({middle + .5 * up, out, round});
+                    elements_.push_back({middle - .5 * up, round, out});
+                }
+                for (int l = 0; l < layers; ++l)
+                    elements_.push_back({.5 * (a + b) + up * ((l + .5) / layers - .5), b - a, up / double(layers)});
+            }
+        within_ = {{.1, .2, .1 * height}, {-.3, .15, -.2 * height}, {.35, -.4, .15 * height}, {-.5, -.2, .05 * height}};
+    }
 };
 
 }  // namespace rtsg::test
