@@ -18,6 +18,8 @@ constexpr std::size_t kChords = 12;
 constexpr double kMostTurn = 0.27;  // radians, from a piece to the next
 /// A closed line that turns by a full turn in all is convex and in a plane (Fenchel); by so much more it may be off.
 constexpr double kOffPlane = 0.01;
+/// Of the pieces the longest is at most so many times as long as the shortest: else it is a side, as of a round corner.
+constexpr double kMostUneven = 3;
 
 glm::dvec3 towards(const MeshEdge& edge, const Vec3f& beside) {
     const glm::dvec3 from(edge.from), axis = glm::normalize(glm::dvec3(edge.to) - from);
@@ -91,12 +93,15 @@ class Rim {
         if (count < 2 * kChords) return false;
         begin();
         turned_ = {0};
-        double all = 0;
+        double all = 0, shortest = glm::distance(corner(0), corner(1)), longest = shortest;
         for (std::size_t i = 0; i < count; ++i) {
+            const double length = glm::distance(corner(i), corner(i + 1));
+            shortest = std::min(shortest, length);
+            longest = std::max(longest, length);
             all += turnBetween(corner(i + 1) - corner(i), corner(i + 2) - corner(i + 1));
             turned_.push_back(all);
         }
-        return std::abs(all - 2 * std::numbers::pi) < kOffPlane && setFaces();
+        return std::abs(all - 2 * std::numbers::pi) < kOffPlane && longest <= kMostUneven * shortest && setFaces();
     }
 
     void addChords(std::vector<MeshEdge>& edges, std::vector<MeshRim>& rims) {

@@ -22,7 +22,8 @@ struct MeshRim {
 /// their MeshRim, in the order of their ends. Where there is no such rim that stays empty.
 ///
 /// A rim is closed, in a plane, convex (or is that of such a hole), and has 24 pieces or more, none of which turns by
-/// more than 15.5 degrees; nothing else ends at its corners but facets of what is round.
+/// more than 15.5 degrees or is more than three times as long as another one; nothing else ends at its corners but
+/// facets of what is round.
 std::vector<MeshRim> rimsOf(const std::vector<MeshEdge>& edges, std::vector<MeshEdge>& withChords);
 
 /// In the world; `edge` is what stands for it there.

@@ -145,8 +145,18 @@ TEST(RimChords, WhatIsNoRoundRimStaysInPieces) {
     for (int i = 0; i <= 48; ++i) corners.push_back(onCircle(i, 96, 0));
     for (std::uint32_t i = 1; i <= 48; ++i) triangles.insert(triangles.end(), {0, i, i + 1});
     EXPECT_FALSE(hasRims(Walled(corners, triangles)));
+    // Round corners have sides between them.
+    const auto rounded = [](double side) {
+        std::vector<glm::dvec3> rim{{0, 0, 0}};
+        for (int i = 0; i < 48; ++i) rim.push_back(onCircle(i, 48, 0) + glm::dvec3(i < 24 ? 0 : side, 0, 0));
+        std::vector<std::uint32_t> fan;
+        for (std::uint32_t i = 0; i < 48; ++i) fan.insert(fan.end(), {0, 1 + i, 1 + (i + 1) % 48});
+        return Walled(rim, fan);
+    };
+    EXPECT_TRUE(hasRims(rounded(0)));
+    EXPECT_FALSE(hasRims(rounded(-.4)));
     // One that winds out of its plane turns more.
-    corners = {{0, 0, 0}};
+    corners.assign(1, glm::dvec3(0));
     triangles.clear();
     for (int i = 0; i < 96; ++i) corners.push_back(onCircle(i, 96, .2 * std::sin(4 * M_PI * i / 96)));
     for (std::uint32_t i = 0; i < 96; ++i) triangles.insert(triangles.end(), {0, 1 + i, 1 + (i + 1) % 96});
