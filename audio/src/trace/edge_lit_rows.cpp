@@ -21,7 +21,8 @@ using Complex = std::complex<double>;
 /// What a face adds to direct sound by itself: both its edges, what goes from the one to the other, and its image.
 class LitFace {
   public:
-    LitFace(const RowFace& face, const glm::dvec3& source, const glm::dvec3& listener, BodyWeights& bodies)
+    LitFace(const RowFace& face, const glm::dvec3& side, const glm::dvec3& source, const glm::dvec3& listener,
+            BodyWeights& bodies)
         : weights_(bodies.of(face.body)), straight_(glm::distance(source, listener)) {
         material_ = (face.begin ? face.begin : face.end)->material;
         detour_ = straight_;
@@ -37,7 +38,12 @@ class LitFace {
         mirrored_ = mirrored_ && paths_.size() == 2;
         pair_.first = face.begin;
         pair_.second = face.end;
-        paired_ = face.begin && face.end && findWay(source, listener, true, pair_) && pair_.onFace;
+        pair_.side = side;
+        if (!face.begin || !face.end) return;
+        const bool sheet = side != glm::dvec3(0);
+        paired_ = findWay(sheet ? offSheet(*face.begin, source) : source,
+                          sheet ? offSheet(*face.end, listener) : listener, true, pair_) &&
+                  pair_.onFace;
     }
 
     /// Metres from the source on, along the straight way; and that the shortest way by its edges is longer.
@@ -103,7 +109,7 @@ class RowShares {
             if (std::norm(alone_[i].left) > 0) notMirrored *= 1.0 - 2.0 * alone_[i].image / alone_[i].left;
             if (i + 1 < to) left *= together_[i];
         }
-        return {left, to - from == 1 ? alone_[from].image : 0.5 * left * (1.0 - notMirrored)};
+        return {left, 0.5 * left * (1.0 - notMirrored)};
     }
 
   private:
@@ -118,7 +124,7 @@ bool litRowOf(const PairWay& way, const glm::dvec3& source, const glm::dvec3& li
     const std::vector<RowFace> row = facesBetween(way, edges);
     if (row.size() < 2) return false;
     std::vector<LitFace> faces;
-    for (const RowFace& face : row) faces.emplace_back(face, source, listener, bodies);
+    for (const RowFace& face : row) faces.emplace_back(face, way.side, source, listener, bodies);
     const double straight = glm::distance(source, listener);
     const std::size_t size = faces.size();
     for (std::size_t t = 0; t < kEdgeTones; ++t) {

@@ -171,8 +171,8 @@ bool shortestOnFace(const glm::dvec3& source, const glm::dvec3& listener, PairWa
 
 bool bends(const glm::dvec3& source, const glm::dvec3& listener, bool heardStraight, PairWay& way) {
     const glm::dvec3 across = way.bySecond - way.byFirst;
-    if (!turnAt(*way.first, source - way.byFirst, across, way.atFirst) ||
-        !turnAt(*way.second, -across, listener - way.bySecond, way.atSecond))
+    if (!turnAt(*way.first, source - way.byFirst, across, way.atFirst, way.side) ||
+        !turnAt(*way.second, -across, listener - way.bySecond, way.atSecond, way.side))
         return false;
     way.path.onOneFace = way.atFirst.outOnFace && way.atSecond.inOnFace;
     if (way.onFace && !way.path.onOneFace) return false;

@@ -37,6 +37,8 @@ struct PairWay {
     /// Along a face of both; then the ends are told by this, and nothing of the above is known of them.
     FacePair flat;
     bool onFace = false;
+    /// Of two rims of one sheet the side along which it leads, unit; else 0.
+    glm::dvec3 side{0};
 };
 
 /// The shortest way by both edges of `way`, and its angles; `heardStraight`: whether direct sound is. False if there is

@@ -59,6 +59,13 @@ std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, con
     return result;
 }
 
+/// Of two rims of a sheet both of its sides.
+std::vector<glm::dvec3> sidesOf(const WallEdge& first, const WallEdge& second) {
+    if (!isRim(first) || !isRim(second) || !FacePair::shareFace(first, second)) return {glm::dvec3(0)};
+    const glm::dvec3 normal = glm::cross(first.axis, first.faceA);
+    return {normal, -normal};
+}
+
 bool isOnBoundary(const EdgeTurn& turn) {
     return std::abs(turn.shadow()) <= kGrazing;
 }
@@ -289,10 +296,18 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
     for (const EdgeCandidate& first : edges)
         for (const EdgeCandidate& second : edges) {
             if (&first == &second) continue;
-            PairWay way;
-            way.first = &first.edge;
-            way.second = &second.edge;
-            if (findWay(source, listener, known.heardStraight, way) && way.path.way < longest) ways.push_back(way);
+            const std::vector<glm::dvec3> sides = sidesOf(first.edge, second.edge);
+            const bool sheet = sides.size() > 1;
+            for (const glm::dvec3& side : sides) {
+                PairWay way;
+                way.first = &first.edge;
+                way.second = &second.edge;
+                way.side = side;
+                if (findWay(sheet ? offSheet(first.edge, source) : source,
+                            sheet ? offSheet(second.edge, listener) : listener, known.heardStraight, way) &&
+                    way.path.way < longest)
+                    ways.push_back(way);
+            }
         }
     std::stable_sort(ways.begin(), ways.end(),
                      [](const PairWay& a, const PairWay& b) { return a.path.way < b.path.way; });

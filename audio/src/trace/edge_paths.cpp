@@ -14,6 +14,9 @@ double angleAbout(const WallEdge& edge, const glm::dvec3& across) {
     return angle < 0 ? angle + 2 * std::numbers::pi : angle;
 }
 
+/// Metres; less than any place is off a sheet.
+constexpr double kInSheet = 1e-30;
+
 /// Of the circle about an edge on which air is looked for.
 double openRadius(const glm::dvec3& by) {
     const glm::dvec3 size = glm::abs(by);
@@ -21,6 +24,30 @@ double openRadius(const glm::dvec3& by) {
 }
 
 }  // namespace
+
+bool isRim(const WallEdge& edge) {
+    return glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
+}
+
+glm::dvec3 sheetNormal(const WallEdge& rim) {
+    // Few sheets lie along this.
+    const glm::dvec3 side(0.4812, 0.7134, 0.5093), normal = glm::cross(rim.axis, rim.faceA);
+    return glm::dot(normal, side) < 0 ? -normal : normal;
+}
+
+double aboveSheet(const WallEdge& rim, const glm::dvec3& place) {
+    const double above = glm::dot(place - rim.from, sheetNormal(rim));
+    const double rounding = 1e-12 + 2 * placeRounding(rim.from);
+    return std::abs(above) > rounding ? above : kInSheet;
+}
+
+glm::dvec3 offSheet(const WallEdge& rim, const glm::dvec3& place) {
+    constexpr double kLeast = 5e-5;
+    const double along = std::clamp(glm::dot(place - rim.from, rim.axis), 0.0, rim.length);
+    const double above = aboveSheet(rim, place), least = kLeast * glm::distance(place, rim.from + rim.axis * along);
+    if (std::abs(above) >= least) return place;
+    return place + sheetNormal(rim) * (std::copysign(least, above) - above);
+}
 
 double placeRounding(const glm::dvec3& place) {
     const glm::dvec3 size = glm::abs(place);
@@ -40,9 +67,17 @@ bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3&
     path.from = -z;
     path.to = edge.length - z;
     round.by = edge.from + edge.axis * std::clamp(z, 0.0, edge.length);
-    const bool rim = glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
-    const double between = rim ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
-    double s = angleAbout(edge, acrossS), r = angleAbout(edge, acrossR);
+    const double between = isRim(edge) ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
+    const auto about = [&](const glm::dvec3& place, const glm::dvec3& across) {
+        const double angle = angleAbout(edge, across);
+        if (!isRim(edge) || std::abs(aboveSheet(edge, place)) > kInSheet) return angle;
+        // In its plane, a nanometre off it on the side that is the same for all rims.
+        const double off = 1e-9 / glm::length(across);
+        const bool first = glm::dot(sheetNormal(edge), glm::cross(edge.axis, edge.faceA)) > 0;
+        const double above = glm::dot(across, edge.faceA) > 0 ? off : std::numbers::pi - off;
+        return first ? above : 2 * std::numbers::pi - above;
+    };
+    double s = about(source, acrossS), r = about(listener, acrossR);
     path.opening = between;
     if (s > between && r > between) {
         // The air on the other side of the first face.
@@ -68,9 +103,10 @@ glm::dvec3 EdgeTurn::offFace(const WallEdge& edge, bool along) const {
     return first ? beside : std::sin(opening) * edge.faceA - std::cos(opening) * beside;
 }
 
-bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result) {
+bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result,
+            const glm::dvec3& side) {
     const double rounding = placeRounding(edge.from);
-    const bool rim = glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
+    const bool rim = isRim(edge);
     const double between = rim ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
     const auto about = [&](const glm::dvec3& way, bool& face) {
         const glm::dvec3 across = way - edge.axis * glm::dot(way, edge.axis);
@@ -80,9 +116,12 @@ bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, 
         return first ? 0 : face ? between : angle;
     };
     double in = about(back, result.inOnFace), out = about(on, result.outOnFace);
-    // Of a rim it is not told on which side of the surface the way lies.
     const bool onFaces = result.inOnFace && result.outOnFace;
-    if ((result.inOnFace || result.outOnFace) && rim) return false;
+    if ((result.inOnFace || result.outOnFace) && rim) {
+        const double above = glm::dot(side, glm::cross(edge.axis, edge.faceA));
+        if (onFaces || above == 0) return false;
+        (result.inOnFace ? in : out) = above > 0 ? 0 : 2 * std::numbers::pi;
+    }
     // From face to face, or back along one, it bends in the air of more than half a turn, if at all.
     const bool other = onFaces ? between < std::numbers::pi : !result.inOnFace ? in > between : out > between;
     result.turn = other ? -1 : 1;
@@ -110,7 +149,12 @@ glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3
     // end, where that hides the edge or not.
     constexpr double kLeast = 1e-6, kMost = 1e-2;
     const double between = glm::dot(edge.faceA, edge.faceB);
-    if (between > 1 - 1e-9) return place;
+    if (isRim(edge)) {
+        const double above = aboveSheet(edge, from), size = glm::distance(from, place);
+        // In its plane others may lie between.
+        if (!(std::abs(above) < kLeast * size)) return place;
+        return place + sheetNormal(edge) * std::copysign(0.1 * openRadius(place), above);
+    }
     const glm::dvec3 away = -(edge.faceA + edge.faceB);
     // Its faces are those of chords: whether it is behind them angles tell.
     if (edge.rim) return place + away * (glm::length(edge.rim->bulge) / glm::length(away));
@@ -142,8 +186,7 @@ glm::dvec3 offEnds(const WallEdge& edge, const glm::dvec3& by) {
 }
 
 bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by) {
-    const bool rim = glm::dot(edge.faceA, edge.faceB) > 1 - 1e-9;
-    const double between = rim ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
+    const double between = isRim(edge) ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
     const bool other = between < std::numbers::pi;
     return isOpen(geometry, edge, by, other ? 2 * std::numbers::pi - between : between, other ? -1 : 1);
 }

@@ -36,9 +36,20 @@ struct EdgeTurn {
     /// Unit, from a face that the way goes out along, or comes in along, into the air.
     glm::dvec3 offFace(const WallEdge& edge, bool out) const;
 };
-/// For ways from the edge back to where sound comes from, and on to where it goes to; either may lie on a face, unless
-/// the edge is a rim. False where there is no air for it, or nothing to bend about.
-bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result);
+/// For ways from the edge back to where sound comes from, and on to where it goes to; either may lie on a face, of a
+/// rim only with `side`, unit, on which side of the sheet. False where there is no air for it, or nothing to bend
+/// about.
+bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, EdgeTurn& result,
+            const glm::dvec3& side = glm::dvec3(0));
+/// Of a sheet: both faces are one.
+bool isRim(const WallEdge& edge);
+/// How far a place is above the sheet of a rim, metres, on the side that is the same for all its rims; for one in its
+/// plane, as well as single precision tells, the least that is on that side.
+double aboveSheet(const WallEdge& rim, const glm::dvec3& place);
+/// A place in that plane, or by less than 5e-5 radians beside it, so far off it: to pairs of rims it is on no boundary.
+glm::dvec3 offSheet(const WallEdge& rim, const glm::dvec3& place);
+/// Unit, from the sheet of a rim to that side.
+glm::dvec3 sheetNormal(const WallEdge& rim);
 
 /// Whether a place that the way goes along a face to, if `out`, or comes from is at the back of that face: on a wall,
 /// within a room, of which the edge is outside.

@@ -21,6 +21,7 @@
 #include "edge_shares.h"
 #include "edge_tones.h"
 #include "edge_waves.h"
+#include "first_of.h"
 
 namespace rtsg {
 namespace {
@@ -38,42 +39,6 @@ Arrival* arrivalOf(std::vector<Arrival>& arrivals, std::size_t known, std::uint3
             return &arrivals[i];
     return nullptr;
 }
-
-/// Of many that are told one after the other the first in order, of equals those that were told first.
-template <class Item, class Before>
-class FirstOf {
-  public:
-    FirstOf(std::size_t count, Before before) : count_(count), before_(before) {}
-
-    void add(const Item& item) {
-        ++told_;
-        if (full_ && !before_(item, last_)) return;
-        items_.push_back(item);
-        if (items_.size() >= 4 * count_) sort();
-    }
-    const std::vector<Item>& sorted() {
-        sort();
-        return items_;
-    }
-    std::size_t told() const { return told_; }
-    /// What does not come before it is not kept any more; at first there is none.
-    const Item& last() const { return last_; }
-
-  private:
-    void sort() {
-        std::stable_sort(items_.begin(), items_.end(), before_);
-        if (items_.size() < count_) return;
-        items_.erase(items_.begin() + static_cast<std::ptrdiff_t>(count_), items_.end());
-        last_ = items_.back();
-        full_ = true;
-    }
-
-    std::size_t count_, told_ = 0;
-    Before before_;
-    std::vector<Item> items_;
-    Item last_{};
-    bool full_ = false;
-};
 
 /// What edges do to the paths known so far, one edge after the other.
 class Diffraction {
@@ -138,7 +103,9 @@ class Diffraction {
     };
     /// Where what comes straight from a place begins, or ends.
     struct Boundary {
-        glm::dvec3 from;       // the source, or its mirror image
+        glm::dvec3
+            from;  // the source, or its mirror image, which is at the same place where the source is in its plane
+        bool isImage = false;
         bool expected = true;  // beside all edges that it grazes
         ImagePart image;       // if it is one
         BodyWeights::Tones weights{};
@@ -322,25 +289,39 @@ class Diffraction {
     /// Of what comes straight and passes so near to an edge that it is chance whether it was found.
     void noteBoundaries(const WallEdge& edge, const RoundEdge& round, const ImagePart& image,
                         const BodyWeights::Tones& weights) {
-        const auto note = [&](const glm::dvec3& from, bool expected) {
+        const auto note = [&](const glm::dvec3& from, bool isImage, bool expected) {
             const double rounding = 1e-5 * (1 + glm::length(from));
-            auto known = std::ranges::find_if(
-                boundaries_, [&](const Boundary& one) { return glm::distance(one.from, from) < rounding; });
+            auto known = std::ranges::find_if(boundaries_, [&](const Boundary& one) {
+                return one.isImage == isImage && glm::distance(one.from, from) < rounding;
+            });
             if (known == boundaries_.end())
-                known = boundaries_.insert(known, {from, true, image, weights, round.by, edge.material});
+                known = boundaries_.insert(known, {from, isImage, true, image, weights, round.by, edge.material});
             known->expected = known->expected && expected;
         };
-        if (grazesShadow(round.path)) note(source_, isLit(round.path));
-        if (grazesImage(round.path)) note(image.image, isMirrored(round.path));
+        if (grazesShadow(round.path))
+            note(source_, false, isRim(edge) ? passesSheet(edge, round.path) : isLit(round.path));
+        if (grazesImage(round.path)) note(image.image, true, isMirrored(round.path));
+    }
+
+    /// Whether the straight way passes the sheet of a rim that it grazes. Along its plane it grazes other rims of it,
+    /// too, which would say otherwise: there it is looked for with both places farther off the plane, in proportion.
+    bool passesSheet(const WallEdge& rim, const WedgePath& path) const {
+        constexpr double kAlong = 1e-3;
+        const double above = aboveSheet(rim, source_), other = aboveSheet(rim, listener_);
+        const double most = std::max(std::abs(above), std::abs(other));
+        const double far = kAlong * glm::distance(source_, listener_);
+        if (most > far) return isLit(path);
+        const glm::dvec3 off = sheetNormal(rim) * (far / most);
+        return seen(geometry_, source_ + above * off, listener_ + other * off);
     }
 
     /// What ought to be there and was not found, or the other way round: such that with what edges bend all is
     /// continuous. Where edges are in line it is one for all of them.
     void addMissed() {
         for (const Boundary& one : boundaries_) {
-            const bool isDirect = one.from == source_;
             const double way = glm::distance(one.from, listener_);
-            const bool found = isDirect ? alone_.heardStraight : arrivalOf(arrivals_, known_, 1, way / c()) != nullptr;
+            const bool found =
+                !one.isImage ? alone_.heardStraight : arrivalOf(arrivals_, known_, 1, way / c()) != nullptr;
             if (found == one.expected) continue;
             EdgeWave wave;
             wave.seconds = way / c();
@@ -349,11 +330,11 @@ class Diffraction {
             for (std::size_t t = 0; t < kEdgeTones; ++t)
                 wave.pressure[t] =
                     static_cast<float>((one.expected ? 1 : -1) * one.weights[t] / way *
-                                       (isDirect ? 1 : tones_.mirrors(one.material, t / EdgeTones::kTones)));
+                                       (!one.isImage ? 1 : tones_.mirrors(one.material, t / EdgeTones::kTones)));
             weaken(wave.pressure, sentTo(one.by), attenuation_, way);
             ImagePart image = one.image;
             image.pressure = wave.pressure;
-            addWave(wave, way, std::span(&image, isDirect ? 0 : 1));
+            addWave(wave, way, std::span(&image, one.isImage ? 1 : 0));
         }
     }
 

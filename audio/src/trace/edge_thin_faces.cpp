@@ -55,7 +55,7 @@ void blendThinFace(const PairWay& way, const glm::dvec3& source, const glm::dvec
     WallEdge middle;
     RoundEdge round;
     double width = 0;
-    if (!way.onFace || !(hidden > 0) || !middleEdge(*way.first, *way.second, middle, width) ||
+    if (!way.onFace || isRim(*way.first) || !(hidden > 0) || !middleEdge(*way.first, *way.second, middle, width) ||
         !pathRound(middle, source, listener, round))
         return;
     const double c = tones.speedOfSound();

@@ -193,6 +193,33 @@ TEST(WaveLevels, TwoEdgesOfANarrowMirrorBendItAsOne) {
     EXPECT_NEAR(level(60), 2 * .0016, 1e-4);
 }
 
+TEST(WaveLevels, WhatIsFirstMayBeFaintOrTakeMoreThanItHas) {
+    EdgeField faint;
+    faint.waves = {waveOf(10, 1e-4f), waveOf(15, .1f)};
+    std::vector<Arrival> arrivals;
+    setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, faint);
+    ASSERT_EQ(arrivals.size(), 1u);
+    EXPECT_NEAR(arrivals[0].seconds, 15 / kWaveSpeed, 1e-9);
+    // Little direct sound beside a wave of the other sign.
+    EdgeField other;
+    other.waves = {waveOf(10.0001, -.1f)};
+    arrivals = {straight(10, 0, .01)};
+    setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, other);
+    for (const Arrival& one : arrivals)
+        for (const double energy : one.energy) EXPECT_GE(energy, 0);
+    EXPECT_NEAR(4 * M_PI * test::total(arrivals)[kBand1k], .09 * .09, 1e-5);
+}
+
+TEST(WaveLevels, AWaveThatCountsIsAnArrivalBesideDirectSound) {
+    EdgeField field;
+    field.waves = {waveOf(15, .05f), waveOf(16, 1e-4f)};
+    std::vector<Arrival> arrivals{straight(10, 0, .1)};
+    setLevels(kFrom, kTo, kWaveSpeed, {}, arrivals, field);
+    ASSERT_EQ(arrivals.size(), 2u);
+    EXPECT_NEAR(4 * M_PI * arrivals[0].energy[kBand1k], .1 * .1, 2e-4);
+    EXPECT_NEAR(4 * M_PI * arrivals[1].energy[kBand1k], .05 * .05, 1e-4);
+}
+
 TEST(WaveLevels, APartWhoseWaveIsNothingStillCounts) {
     // Direct sound takes as much as the image gives: no wave is left, but the image does not add to direct sound.
     BentParts parts;

@@ -1,0 +1,48 @@
+// The best of very many, without keeping all of them.
+//
+// Threading: one thread per object.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+namespace rtsg {
+
+/// Of many that are told one after the other the first in order, of equals those that were told first.
+template <class Item, class Before>
+class FirstOf {
+  public:
+    FirstOf(std::size_t count, Before before) : count_(count), before_(before) {}
+
+    void add(const Item& item) {
+        ++told_;
+        if (full_ && !before_(item, last_)) return;
+        items_.push_back(item);
+        if (items_.size() >= 4 * count_) sort();
+    }
+    const std::vector<Item>& sorted() {
+        sort();
+        return items_;
+    }
+    std::size_t told() const { return told_; }
+    /// What does not come before it is not kept any more; at first there is none.
+    const Item& last() const { return last_; }
+
+  private:
+    void sort() {
+        std::stable_sort(items_.begin(), items_.end(), before_);
+        if (items_.size() < count_) return;
+        items_.erase(items_.begin() + static_cast<std::ptrdiff_t>(count_), items_.end());
+        last_ = items_.back();
+        full_ = true;
+    }
+
+    std::size_t count_, told_ = 0;
+    Before before_;
+    std::vector<Item> items_;
+    Item last_{};
+    bool full_ = false;
+};
+
+}  // namespace rtsg
