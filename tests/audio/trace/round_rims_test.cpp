@@ -142,6 +142,21 @@ TEST(RoundRims, ShortSidesOfPrismsBendAsThoseOfASheetWhereTheyAreThin) {
                 << sides << ' ' << hz;
 }
 
+TEST(RoundRims, WhatThinSidesBendComesFromBothOfTheirRims) {
+    const TraceResult traced = disc(12, .1).traced({.2, .1, 3}, {.3, .2, -2});
+    int pairs = 0;
+    for (const EdgeWave& wave : traced.edges.waves) {
+        if (wave.order != 2) continue;
+        ++pairs;
+        EXPECT_NEAR(wave.route.first.z, .05, 1e-5);
+        EXPECT_NEAR(wave.route.last.z, -.05, 1e-5);
+        const double out = std::hypot(wave.route.last.x, wave.route.last.y);
+        EXPECT_GT(out, std::cos(M_PI / 12) - 1e-5);
+        EXPECT_LT(out, 1 + 1e-5);
+    }
+    EXPECT_GT(pairs, 20);
+}
+
 TEST(RoundRims, LevelsHaveNoStepWhereTheListenerComesOutOfTheShadow) {
     const Walled walls = disc(48, .1);
     const glm::dvec3 source(.2, .1, 3);
