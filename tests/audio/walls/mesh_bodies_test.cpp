@@ -56,6 +56,23 @@ TEST(MeshBodies, ABoxIsItselfHoweverItIsTurned) {
         }
 }
 
+TEST(MeshBodies, ABoxThatIsTurnedInItsMeshHasItsOwnAxes) {
+    const glm::dmat4 turned = glm::rotate(glm::dmat4(1), .8, glm::normalize(glm::dvec3(1, 2, -.5)));
+    std::vector<glm::vec3> corners;
+    for (int i = 0; i < 8; ++i)
+        corners.emplace_back(turned * glm::dvec4(i & 1 ? .1 : -.1, i & 2 ? .3 : -.3, i & 4 ? 1 : -1, 1));
+    const MeshBodies bodies(meshOfCorners(corners, {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                                                    2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5}));
+    ASSERT_EQ(bodies.all().size(), 1u);
+    WallBody body;
+    ASSERT_TRUE(placedBody(bodies.all()[0], WorldFromLocal(1.0), body));
+    for (int i = 0; i < 3; ++i) {
+        const int axis = body.size[i] < .4 ? 0 : body.size[i] < 1 ? 1 : 2;
+        EXPECT_NEAR(body.size[i], axis == 0 ? .2 : axis == 1 ? .6 : 2, 1e-5);
+        EXPECT_NEAR(std::abs(glm::dot(body.axes[i], glm::dvec3(turned[axis]))), 1, 1e-6);
+    }
+}
+
 TEST(MeshBodies, WhatMeetsIsOneAndWhatIsOpenIsNone) {
     // In each other, side by side, and apart.
     const MeshBodies bodies(boxMesh({{glm::vec3(0), glm::vec3(1)},
