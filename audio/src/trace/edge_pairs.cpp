@@ -59,11 +59,9 @@ std::vector<EdgeCandidate> withoutOverlaps(const AcousticGeometry& geometry, con
     return result;
 }
 
-/// Of two rims of a sheet both of its sides.
-std::vector<glm::dvec3> sidesOf(const WallEdge& first, const WallEdge& second) {
-    if (!isRim(first) || !isRim(second) || !FacePair::shareFace(first, second)) return {glm::dvec3(0)};
-    const glm::dvec3 normal = glm::cross(first.axis, first.faceA);
-    return {normal, -normal};
+/// Whether both are rims of one sheet, along each side of which sound goes.
+bool areOfOneSheet(const WallEdge& first, const WallEdge& second) {
+    return isRim(first) && isRim(second) && FacePair::shareFace(first, second);
 }
 
 bool isOnBoundary(const EdgeTurn& turn) {
@@ -296,13 +294,13 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
     for (const EdgeCandidate& first : edges)
         for (const EdgeCandidate& second : edges) {
             if (&first == &second) continue;
-            const std::vector<glm::dvec3> sides = sidesOf(first.edge, second.edge);
-            const bool sheet = sides.size() > 1;
-            for (const glm::dvec3& side : sides) {
+            const bool sheet = areOfOneSheet(first.edge, second.edge);
+            for (const double side : {1.0, -1.0}) {
+                if (!sheet && side < 0) break;
                 PairWay way;
                 way.first = &first.edge;
                 way.second = &second.edge;
-                way.side = side;
+                if (sheet) way.side = side * sheetNormal(first.edge);
                 if (findWay(sheet ? offSheet(first.edge, source) : source,
                             sheet ? offSheet(second.edge, listener) : listener, known.heardStraight, way) &&
                     way.path.way < longest)

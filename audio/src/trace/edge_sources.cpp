@@ -103,9 +103,8 @@ class Diffraction {
     };
     /// Where what comes straight from a place begins, or ends.
     struct Boundary {
-        glm::dvec3
-            from;  // the source, or its mirror image, which is at the same place where the source is in its plane
-        bool isImage = false;
+        glm::dvec3 from;
+        bool isImage = false;  // of the source, which may be in the mirror's plane
         bool expected = true;  // beside all edges that it grazes
         ImagePart image;       // if it is one
         BodyWeights::Tones weights{};
