@@ -101,9 +101,8 @@ Complex BendingLink::pressure(const LinkWay& way, double waveNumber, const std::
                twoWedgeField(way.pair->path, waveNumber, mirrors[0], mirrors[1]) *
                std::polar(1.0, waveNumber * way.length);
     if (way.side) return way.side->pressure(false, waveNumber, 0);
-    const WedgeField field = wedgeField(way.round.path, waveNumber);
-    return (field.besideDirect + mirrors[0] * way.mirrored * field.besideMirrored) *
-           std::polar(1.0, waveNumber * way.length);
+    const auto [direct, mirrored] = WedgeBend(way.round.path).at(waveNumber);
+    return direct + mirrors[0] * way.mirrored * mirrored;
 }
 
 double BendingLink::fromBoundary(const LinkWay& way) {

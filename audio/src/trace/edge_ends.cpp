@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <limits>
 #include <numbers>
+#include <tuple>
 
 namespace rtsg {
 namespace {
@@ -60,22 +61,19 @@ std::array<EdgeEnd, 2> endsOf(const WallEdge& edge, const RoundEdge& round, doub
     return ends;
 }
 
-double bentPastAtMost(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener) {
+double bentPastAtMost(const WallEdge& edge, const BesideEdge& beside, double straight) {
     constexpr double kAll = std::numeric_limits<double>::infinity();
-    const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
-    const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
-    const double ss = glm::dot(toSource, toSource) - zs * zs, rr = glm::dot(toListener, toListener) - zr * zr;
-    if (!(ss > 0 && rr > 0)) return kAll;
-    const double s = std::sqrt(ss), r = std::sqrt(rr), z = zs + (zr - zs) * s / (s + r);
-    if (z >= 0 && z <= edge.length) return kAll;
+    const auto [zs, zr, s, r, z] = std::tuple(beside.zs, beside.zr, beside.s, beside.r, beside.z);
+    if (!(s > 0 && r > 0) || (z >= 0 && z <= edge.length)) return kAll;
     const double end = z < 0 ? 0 : edge.length, in = end - zs, out = zr - end;
-    const double toEdge = std::sqrt(ss + in * in), fromEdge = std::sqrt(rr + out * out);
-    // Each of four terms is at most 1 / (cosh(eta / 2) - 1), as the opening is at most 2 pi.
-    const double cosh = (toEdge * fromEdge - in * out) / (s * r), over = std::sqrt(0.5 * (cosh + 1)) - 1;
-    if (!(over > 1e-6)) return kAll;
+    const double toEdge = std::sqrt(s * s + in * in), fromEdge = std::sqrt(r * r + out * out);
+    // Each of four terms is at most 1 / sinh(index eta), and index / sinh(index eta) is most where the index is least:
+    // a half, as the opening is at most 2 pi.
+    const double cosh = (toEdge * fromEdge - in * out) / (s * r);
+    if (!(cosh > 1 + 1e-9)) return kAll;
     const double longer = std::abs(in / toEdge - out / fromEdge);
     const double length = longer * edge.length * kBentWaveNumber > 1 ? 1 / (kBentWaveNumber * longer) : edge.length;
-    return length / (std::numbers::pi * over * toEdge * fromEdge) * glm::distance(source, listener);
+    return 0.5 / std::sqrt(0.5 * (cosh - 1)) * length / (std::numbers::pi * toEdge * fromEdge) * straight;
 }
 
 double bentPast(const WallEdge& edge, const RoundEdge& round) {

@@ -30,8 +30,8 @@ void setBeyond(const WedgePath& path, double speedOfSound, EdgeEnd& end);
 std::array<EdgeEnd, 2> endsOf(const WallEdge& edge, const RoundEdge& round, double speedOfSound);
 
 /// At most what bentPast() is, of all edges that are in the air: without angles. Infinity where the way leads by the
-/// edge.
-double bentPastAtMost(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener);
+/// edge. `straight`: metres between source and listener.
+double bentPastAtMost(const WallEdge& edge, const BesideEdge& beside, double straight);
 
 /// About how much of sound in the open an edge bends whose shortest way leads past it; cheap.
 double bentPast(const WallEdge& edge, const RoundEdge& round);

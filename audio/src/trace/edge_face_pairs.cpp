@@ -161,12 +161,13 @@ void FacePair::addEnds(const Side& side, const TwoWedgePath& path, double share,
         both.push_back(end);
         beyond.push_back(one);
     }
+    const WedgeBend bend(there);
     for (std::size_t b = 0; b < kBandCount; ++b) {
         const double first = tones.mirrors(sides_[0].edge.material, b);
         const double second = tones.mirrors(sides_[1].edge.material, b), own = isFirst ? first : second;
         tones.each(b, [&](std::size_t tone, double waveNumber) {
-            const WedgeField by = wedgeField(there, waveNumber);
-            const std::complex<double> alone = by.besideDirect + own * by.besideMirrored;
+            const auto [direct, mirrored] = bend.at(waveNumber);
+            const std::complex<double> alone = std::polar(1.0, -waveNumber * path.way) * (direct + own * mirrored);
             if (!(std::norm(alone) > 0)) return;
             const std::complex<double> through = share * twoWedgeField(path, waveNumber, first, second) / alone;
             for (std::size_t e = 0; e < 2; ++e)

@@ -270,13 +270,9 @@ class EdgePairs {
 
 }  // namespace
 
-EdgeCandidate candidateBy(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener) {
-    const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
-    const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
-    const double rs = glm::length(toSource - edge.axis * zs), rr = glm::length(toListener - edge.axis * zr);
-    const double z = std::clamp(rs + rr > 0 ? zs + (zr - zs) * rs / (rs + rr) : zs, 0.0, edge.length);
-    const glm::dvec3 by = edge.from + edge.axis * z;
-    return {edge, glm::distance(source, by) + glm::distance(by, listener), by};
+EdgeCandidate candidateBy(const WallEdge& edge, const BesideEdge& beside) {
+    const double z = std::clamp(beside.z, 0.0, edge.length);
+    return {edge, beside.wayBy(z), edge.from + edge.axis * z};
 }
 
 EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,

@@ -41,7 +41,7 @@ struct EdgeCandidate {
 };
 
 /// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
-EdgeCandidate candidateBy(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener);
+EdgeCandidate candidateBy(const WallEdge& edge, const BesideEdge& beside);
 
 /// Of edges, those by which the way is shortest are tried with each other.
 constexpr std::size_t kPairedEdges = 32;

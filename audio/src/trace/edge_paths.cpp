@@ -54,19 +54,31 @@ double placeRounding(const glm::dvec3& place) {
     return 2.5e-7 * std::max({size.x, size.y, size.z});
 }
 
+BesideEdge::BesideEdge(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener)
+    : acrossS(source - edge.from), acrossR(listener - edge.from) {
+    zs = glm::dot(acrossS, edge.axis);
+    zr = glm::dot(acrossR, edge.axis);
+    acrossS -= edge.axis * zs;
+    acrossR -= edge.axis * zr;
+    s = glm::length(acrossS);
+    r = glm::length(acrossR);
+    z = s + r > 0 ? zs + (zr - zs) * s / (s + r) : zs;
+}
+
 bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, RoundEdge& round) {
+    return pathRound(edge, source, listener, BesideEdge(edge, source, listener), round);
+}
+
+bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, const BesideEdge& beside,
+               RoundEdge& round) {
+    if (!(beside.s > 0) || !(beside.r > 0)) return false;
     WedgePath& path = round.path;
-    const glm::dvec3 toSource = source - edge.from, toListener = listener - edge.from;
-    const double zs = glm::dot(toSource, edge.axis), zr = glm::dot(toListener, edge.axis);
-    const glm::dvec3 acrossS = toSource - edge.axis * zs, acrossR = toListener - edge.axis * zr;
-    path.sourceRadius = glm::length(acrossS);
-    path.receiverRadius = glm::length(acrossR);
-    if (!(path.sourceRadius > 0) || !(path.receiverRadius > 0)) return false;
-    const double z = zs + (zr - zs) * path.sourceRadius / (path.sourceRadius + path.receiverRadius);
-    path.along = zr - zs;
-    path.from = -z;
-    path.to = edge.length - z;
-    round.by = edge.from + edge.axis * std::clamp(z, 0.0, edge.length);
+    path.sourceRadius = beside.s;
+    path.receiverRadius = beside.r;
+    path.along = beside.zr - beside.zs;
+    path.from = -beside.z;
+    path.to = edge.length - beside.z;
+    round.by = edge.from + edge.axis * std::clamp(beside.z, 0.0, edge.length);
     const double between = isRim(edge) ? 2 * std::numbers::pi : angleAbout(edge, edge.faceB);
     const auto about = [&](const glm::dvec3& place, const glm::dvec3& across) {
         const double angle = angleAbout(edge, across);
@@ -77,7 +89,7 @@ bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3&
         const double above = glm::dot(across, edge.faceA) > 0 ? off : std::numbers::pi - off;
         return first ? above : 2 * std::numbers::pi - above;
     };
-    double s = about(source, acrossS), r = about(listener, acrossR);
+    double s = about(source, beside.acrossS), r = about(listener, beside.acrossR);
     path.opening = between;
     if (s > between && r > between) {
         // The air on the other side of the first face.

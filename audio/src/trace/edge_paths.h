@@ -3,6 +3,8 @@
 // Threading: pure functions over const geometry.
 #pragma once
 
+#include <cmath>
+
 #include <glm/glm.hpp>
 
 #include <rtsg/audio/acoustic_geometry.h>
@@ -22,8 +24,25 @@ struct RoundEdge {
     bool past() const { return path.from > 0 || path.to < 0; }
 };
 
+/// Source and listener beside the line that an edge is on.
+struct BesideEdge {
+    glm::dvec3 acrossS{0}, acrossR{0};  // from the line, square to it
+    double zs = 0, zr = 0;              // m along it, from where the edge begins
+    double s = 0, r = 0;                // m off it
+    double z = 0;                       // where the shortest way by it meets it
+
+    BesideEdge(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener);
+
+    /// Metres from one to the other by a place on the line.
+    double wayBy(double place) const {
+        return std::sqrt(s * s + (place - zs) * (place - zs)) + std::sqrt(r * r + (zr - place) * (zr - place));
+    }
+};
+
 /// Where sound goes round an edge from source to listener, if it does; its ends are those of the path.
 bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, RoundEdge& round);
+bool pathRound(const WallEdge& edge, const glm::dvec3& source, const glm::dvec3& listener, const BesideEdge& beside,
+               RoundEdge& round);
 
 /// How a way bends at an edge; angles count from its first face on, in the air.
 struct EdgeTurn {

@@ -52,7 +52,7 @@ bool grazesFace(const WedgePath& path) {
 EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& ends, std::uint32_t material,
                         const EdgeTones& tones, const BodyWeights::Tones& weights) {
     const WedgePath& path = round.path;
-    const double way = path.shortestWay();
+    const WedgeBend bend(path);
     EdgeShares shares;
     for (std::size_t b = 0; b < kBandCount; ++b) {
         const double mirrors = tones.mirrors(material, b);
@@ -63,10 +63,8 @@ EdgeShares edgeSharesOf(const RoundEdge& round, const std::array<EdgeEnd, 2>& en
                 ofImage[tone] = std::complex<float>(image);
             };
             if (!round.past()) {
-                const WedgeField field = wedgeField(path, waveNumber);
-                const Complex turned = std::polar(weights[tone], waveNumber * way);
-                set(turned * field.besideDirect, mirrors * turned * field.besideMirrored, shares.wave,
-                    shares.mirrored[0]);
+                const auto [direct, mirrored] = bend.at(waveNumber);
+                set(weights[tone] * direct, weights[tone] * mirrors * mirrored, shares.wave, shares.mirrored[0]);
             }
             for (std::size_t e = 0; e < 2; ++e) {
                 const double counts = weights[tone] * ends[e].share;

@@ -65,13 +65,15 @@ class Diffraction {
         FirstOf<EdgeCandidate, decltype(shorter)> edges(kLookedAtEdges, shorter);
         FirstOf<Bending, decltype(stronger)> pastAll(8 * kPast, stronger);
         std::vector<Bending> found;
+        const double straight = glm::distance(source_, listener_);
         geometry_.visitEdges([&](const WallEdge& edge) {
             bodies_.note(edge.body);
-            if (options_.diffractionOrder > 1) edges.add(candidateBy(edge, source_, listener_));
+            const BesideEdge beside(edge, source_, listener_);
+            if (options_.diffractionOrder > 1) edges.add(candidateBy(edge, beside));
             // Of most edges of a furnished room no angle need be known.
-            if (!(bentPastAtMost(edge, source_, listener_) > pastAll.last().bent)) return;
+            if (!(bentPastAtMost(edge, beside, straight) > pastAll.last().bent)) return;
             RoundEdge round;
-            if (!pathRound(edge, source_, listener_, round)) return;
+            if (!pathRound(edge, source_, listener_, beside, round)) return;
             if (!round.past())
                 found.push_back({kInfinity, edge, round});
             else if (const double bent = bentPast(edge, round); bent > kLeastPast)
@@ -243,14 +245,12 @@ class Diffraction {
 
     /// With all phases; `way`: that of the wave by the shortest way.
     void addPressures(const EdgeShares& shares, const std::array<EdgeEnd, 2>& ends, double way, Pressures& sum) const {
-        for (std::size_t t = 0; t < kEdgeTones; ++t) {
-            const double waveNumber = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / c();
-            const auto turned = [&](const EdgeTonePressures& wave, double by) {
-                return std::complex<double>(wave[t]) * std::polar(1.0, -waveNumber * by);
-            };
-            sum[t] +=
-                turned(shares.wave, way) + turned(shares.ends[0], ends[0].way) + turned(shares.ends[1], ends[1].way);
-        }
+        const auto add = [&](const EdgeTonePressures& wave, double by) {
+            const auto turned = turnedBy(by, c());
+            for (std::size_t t = 0; t < kEdgeTones; ++t) sum[t] += std::complex<double>(wave[t]) * turned[t];
+        };
+        add(shares.wave, way);
+        for (std::size_t e = 0; e < 2; ++e) add(shares.ends[e], ends[e].way);
     }
 
     /// Whether it is heard, what small bodies let `through` of it if they hide it; its pressures are added to `sum` if

@@ -4,7 +4,9 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <complex>
 #include <cstddef>
 #include <cstdint>
 #include <numbers>
@@ -13,6 +15,28 @@
 #include <rtsg/audio/echogram.h>
 
 namespace rtsg {
+
+/// Values by tone: `lowest` of the wave numbers, 1/m, of those in the lowest octave, and `next` of what a tone has for
+/// the one an octave above.
+template <class Value, class Lowest, class Next>
+std::array<Value, kEdgeTones> byOctaves(double speedOfSound, const Lowest& lowest, const Next& next) {
+    constexpr std::size_t kInOctave = kEdgeTones / kBandCount;
+    std::array<Value, kEdgeTones> values;
+    for (std::size_t t = 0; t < kInOctave; ++t)
+        values[t] = lowest(2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound);
+    for (std::size_t t = kInOctave; t < kEdgeTones; ++t) values[t] = next(values[t - kInOctave]);
+    return values;
+}
+
+/// exp(-i k metres) by tone. Each is the square of the one an octave below: rounding is less than 1e-12 of a turn.
+inline std::array<std::complex<double>, kEdgeTones> turnedBy(double metres, double speedOfSound) {
+    using Complex = std::complex<double>;
+    return byOctaves<Complex>(
+        speedOfSound, [&](double k) { return std::polar(1.0, -k * metres); },
+        [](const Complex& z) {
+            return Complex((z.real() - z.imag()) * (z.real() + z.imag()), 2 * z.real() * z.imag());
+        });
+}
 
 class EdgeTones {
   public:

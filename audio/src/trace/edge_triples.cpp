@@ -38,10 +38,9 @@ struct Chain {
         path.sourceRadius = toThird * sine;
         path.receiverRadius = fromThird * sine;
         path.along = (toThird + fromThird) * std::sqrt(std::max(0.0, 1 - sine * sine));
-        const WedgeField f = wedgeField(path, waveNumber);
+        const auto [direct, mirrored] = WedgeBend(path).at(waveNumber);
         // On a face sound and its mirror image are one.
-        const double way = toThird + fromThird;
-        return (f.besideDirect + mirrors * f.besideMirrored) * std::polar(way / (1 + mirrors), waveNumber * way);
+        return (direct + mirrors * mirrored) * ((toThird + fromThird) / (1 + mirrors));
     }
 };
 

@@ -301,12 +301,14 @@ class EdgeFollower {
     /// What the wave has beyond the closed form.
     void findRest(const EdgeWave& wave, const WedgePath& path, const Bands& beside, const Bands& besideMirrored,
                   FollowedEdge& edge) const {
+        const WedgeBend bend(path);
+        const double way = path.shortestWay();
         const auto knownAt = [&](std::size_t tone) {
             const double k = 2 * kHalfTurn * edgeToneHz(static_cast<double>(tone)) / edge.speedOfSound;
-            const WedgeField field = wedgeField(path, k);
+            const auto [direct, mirrored] = bend.at(k);
             const std::size_t b = bandOf(tone);
-            return std::complex<float>((beside[b] * field.besideDirect + besideMirrored[b] * field.besideMirrored) *
-                                       std::polar(1.0, k * edge.way));
+            return std::complex<float>((beside[b] * direct + besideMirrored[b] * mirrored) *
+                                       std::polar(1.0, k * (edge.way - way)));
         };
         // Most have nothing, which a few tones show.
         constexpr std::size_t kStep = 10;

@@ -90,7 +90,8 @@ bool RoundRows::findRow(Row& row) const {
     std::optional<LinkWay> first, second = row.second.way(source_, listener_);
     // Of a thick wall an edge alone may have the source, or the listener, behind a face of its own.
     if (!second && !row.second.edge()) return false;
-    const glm::dvec3 near = second ? second->first : candidateBy(*row.second.edge(), source_, listener_).by;
+    const WallEdge* const edge = row.second.edge();
+    const glm::dvec3 near = second ? second->first : candidateBy(*edge, BesideEdge(*edge, source_, listener_)).by;
     glm::dvec3 target = second && second->lit ? listener_ : near;
     for (int step = 0; step < kSteps; ++step) {
         first = row.first.way(source_, target);

@@ -1,4 +1,5 @@
-// Near the boundary by quadrature, in the dark by the waves that creep along the surface, in the light by what mirrors.
+// Near the boundary by a table of the integral, in the dark by the waves that creep along the surface, in the light by
+// what mirrors.
 #include "surface_waves.h"
 
 #include <algorithm>
@@ -65,23 +66,65 @@ class Quadrature {
             nodes_[2 * i + 1] = {kLeft * share * down, -down * kLeft * weight, w1Slope, w1, w2Slope, w2};
         }
     }
-    Complex at(double xi, double q) const {
-        Complex sum = 0;
-        for (const Node& node : nodes_) {
-            const double size = std::exp(xi * node.place.imag()), turn = -xi * node.place.real();
-            const Complex bottom = node.bottomSlope - q * node.bottom;
-            sum += node.weight * (node.topSlope - q * node.top) * std::conj(bottom) *
-                   Complex(size * std::cos(turn), size * std::sin(turn)) / std::norm(bottom);
-        }
-        return sum / std::sqrt(kSurfacePi);
-    }
 
-  private:
     static constexpr std::size_t kNodes = 20;  // less than 5e-5 off
     struct Node {
         Complex place, weight, topSlope, top, bottomSlope, bottom;
+
+        /// exp(-i xi t), with the weight.
+        Complex turned(double xi) const { return weight * std::exp(-kSurfaceI * xi * place); }
+        /// For q = -u / (1 - u).
+        Complex ratio(double u) const { return ((1 - u) * topSlope + u * top) / ((1 - u) * bottomSlope + u * bottom); }
     };
+    const std::array<Node, 2 * kNodes>& nodes() const { return nodes_; }
+
+  private:
     std::array<Node, 2 * kNodes> nodes_;
+};
+
+/// The integral from kLight to kDark: by cubics between places of a table, less than 3e-5 off.
+class SurfaceTable {
+  public:
+    SurfaceTable() {
+        const Quadrature quadrature;
+        const auto& nodes = quadrature.nodes();
+        std::array<std::array<Complex, kAlong + 1>, 2 * Quadrature::kNodes> turned;
+        for (std::size_t n = 0; n < nodes.size(); ++n)
+            for (std::size_t i = 0; i <= kAlong; ++i) turned[n][i] = nodes[n].turned(kLight + kStep * double(i));
+        for (std::size_t k = 0; k <= kAcross; ++k)
+            for (std::size_t n = 0; n < nodes.size(); ++n) {
+                const Complex ratio = nodes[n].ratio(double(k) / kAcross) / std::sqrt(kSurfacePi);
+                for (std::size_t i = 0; i <= kAlong; ++i) places_[i][k] += ratio * turned[n][i];
+            }
+    }
+
+    Complex at(double xi, double q) const {
+        const Four along((xi - kLight) / kStep, kAlong), across(q / (q - 1) * kAcross, kAcross);
+        Complex sum = 0;
+        for (std::size_t i = 0; i < 4; ++i) {
+            Complex row = 0;
+            for (std::size_t k = 0; k < 4; ++k) row += across.weights[k] * places_[along.first + i][across.first + k];
+            sum += along.weights[i] * row;
+        }
+        return sum;
+    }
+
+  private:
+    static constexpr std::size_t kAlong = 140, kAcross = 32;
+    static constexpr double kStep = (kDark - kLight) / kAlong;
+
+    /// Lagrange's cubic through four places of a table next to each other.
+    struct Four {
+        Four(double place, std::size_t last) {
+            first = std::min(static_cast<std::size_t>(std::max(0.0, place - 1)), last - 3);
+            const double a = place - double(first), b = a - 1, c = a - 2, d = a - 3;
+            weights = {-b * c * d / 6, a * c * d / 2, -a * b * d / 2, a * b * c / 6};
+        }
+        std::size_t first;
+        std::array<double, 4> weights;
+    };
+
+    std::array<std::array<Complex, kAcross + 1>, kAlong + 1> places_{};  // by xi, and by u of q = -u / (1 - u)
 };
 
 /// The sum over waves that creep: where W' = q W, which is followed from q = 0, where it is known, on.
@@ -115,9 +158,9 @@ Complex creeping(double xi, double q) {
 }  // namespace
 
 Complex surfaceFunction(double xi, double q) {
-    static const Quadrature quadrature;
+    static const SurfaceTable table;
     if (xi > kDark) return creeping(xi, q) + 0.5 / (std::sqrt(kSurfacePi) * xi);
-    if (xi > kLight) return quadrature.at(xi, q);
+    if (xi > kLight) return table.at(xi, q);
     // The asymptotic series, of which q turns the phase a little.
     const double cube = xi * xi * xi;
     return -0.5 * std::sqrt(-xi) * std::polar(1.0, cube / 12 + kSurfacePi / 4) *

@@ -9,6 +9,9 @@
 #include <optional>
 #include <span>
 
+#include "edge_tones.h"
+#include "pressure_sum.h"
+
 namespace rtsg {
 namespace {
 
@@ -25,77 +28,6 @@ struct ImageGroup {
     std::array<double, kEdgeTones> withDirect{};  // share of its pressure that is one with direct sound
 };
 
-double waveNumber(std::size_t tone, double speedOfSound) {
-    return 2 * std::numbers::pi * edgeToneHz(static_cast<double>(tone)) / speedOfSound;
-}
-
-/// Pressures that are one sum: energies of each, with half of what each two do to each other.
-class OneSum {
-  public:
-    explicit OneSum(double speedOfSound) {
-        for (std::size_t t = 0; t < kEdgeTones; ++t) waveNumbers_[t] = static_cast<float>(waveNumber(t, speedOfSound));
-    }
-
-    /// `pressure`: re the phase of its way, m. The energies go to an arrival.
-    template <class Pressure>
-    void add(std::size_t arrival, double way, const Pressure& pressure) {
-        Node& node = nodes_.emplace_back();
-        node.arrival = arrival;
-        node.way = static_cast<float>(way - (nodes_.size() > 1 ? begin_ : begin_ = way));
-        for (std::size_t t = 0; t < kEdgeTones; ++t) {
-            const Complex turned = Complex(pressure(t)) * std::polar(1.0, -static_cast<double>(waveNumbers_[t]) *
-                                                                              static_cast<double>(node.way));
-            node.real[t] = static_cast<float>(turned.real());
-            node.imaginary[t] = static_cast<float>(turned.imag());
-            node.most = std::max(node.most, static_cast<float>(std::norm(turned)));
-        }
-    }
-
-    void addEnergies(std::vector<Arrival>& arrivals) {
-        float most = 0;
-        for (const Node& one : nodes_) most = std::max(most, one.most);
-        for (std::size_t i = 0; i < nodes_.size(); ++i) {
-            Node& one = nodes_[i];
-            for (std::size_t t = 0; t < kEdgeTones; ++t)
-                one.energy[t] += one.real[t] * one.real[t] + one.imaginary[t] * one.imaginary[t];
-            for (std::size_t j = 0; j < i; ++j)
-                if (one.most * nodes_[j].most > kFaint * most * most) addBoth(one, nodes_[j]);
-        }
-        for (const Node& one : nodes_)
-            for (std::size_t t = 0; t < kEdgeTones; ++t)
-                arrivals[one.arrival].energy[t / kTonesInBand] +=
-                    static_cast<double>(one.energy[t]) / (kSphere * kTonesInBand);
-    }
-
-  private:
-    /// Of two pressures, the product of their squares beside that of the most.
-    static constexpr float kFaint = 1e-14f;
-
-    struct Node {
-        std::size_t arrival = 0;
-        float way = 0, most = 0;
-        std::array<float, kEdgeTones> real{}, imaginary{}, energy{};
-    };
-
-    /// What a tone's fifth of an octave leaves of the interference of two: of a flat one sin(y) / y, y = .0694 k d,
-    /// which this is where they are near to each other; it goes to nothing without a sign, as that of a band with soft
-    /// ends.
-    void addBoth(Node& a, Node& b) const {
-        constexpr float kOctave = 0.02003f;
-        const float apart = kOctave * (a.way - b.way);
-        for (std::size_t t = 0; t < kEdgeTones; ++t) {
-            const float x = apart * waveNumbers_[t], left = 1 / (1 + x * x);
-            const float both = left * left * (a.real[t] * b.real[t] + a.imaginary[t] * b.imaginary[t]);
-            a.energy[t] += both;
-            b.energy[t] += both;
-        }
-    }
-
-    std::array<float, kEdgeTones> waveNumbers_{};
-    std::vector<Node> nodes_;
-    double begin_ = 0;
-};
-
 /// All that comes from one source to one listener.
 class Levels {
   private:
@@ -104,15 +36,15 @@ class Levels {
         return [energy = one.straight < 0 ? one.energy : field_.straight[static_cast<std::size_t>(one.straight)]](
                    std::size_t t) { return std::sqrt(kSphere * energy[t / kTonesInBand]); };
     }
-    /// Of a wave all but what an image has of it for itself.
-    auto withDirect(std::size_t wave) const {
-        EdgeTonePressures left = field_.waves[wave].pressure;
+    /// Of each wave all but what images have of it for themselves.
+    std::vector<EdgeTonePressures> withDirect() const {
+        std::vector<EdgeTonePressures> left;
+        for (const EdgeWave& wave : field_.waves) left.push_back(wave.pressure);
         for (std::size_t p = 0; p < parts_.images.size(); ++p)
-            if (parts_.images[p].wave == wave)
+            if (const ImagePart& part = parts_.images[p]; part.wave != ImagePart::kFaint)
                 for (std::size_t t = 0; t < kEdgeTones; ++t)
-                    left[t] -=
-                        static_cast<float>(1 - groups_[groupOf_[p]].withDirect[t]) * parts_.images[p].pressure[t];
-        return [left](std::size_t t) { return Complex(left[t]); };
+                    left[part.wave][t] -= static_cast<float>(1 - groups_[groupOf_[p]].withDirect[t]) * part.pressure[t];
+        return left;
     }
 
   public:
@@ -131,10 +63,11 @@ class Levels {
         direct_ = find(0, straight_, {});
         groupParts();
         addArrivals();
-        OneSum all(c_);
+        PressureSum all(c_);
         if (direct_ != kNone) all.add(direct_, straight_, straightPressure(direct_));
-        for (std::size_t w = 0; w < field_.waves.size(); ++w)
-            all.add(known_ + w, field_.waves[w].seconds * c_, withDirect(w));
+        const std::vector<EdgeTonePressures> left = withDirect();
+        for (std::size_t w = 0; w < left.size(); ++w)
+            all.add(known_ + w, field_.waves[w].seconds * c_, [&](std::size_t t) { return left[w][t]; });
         addFaint(all);
         for (const ImageGroup& one : groups_)
             if (one.arrival != kNone)
@@ -194,8 +127,8 @@ class Levels {
         for (std::size_t p = 0; p < parts_.images.size(); ++p) {
             const ImagePart& part = parts_.images[p];
             if (groupOf_[p] != number) continue;
-            for (std::size_t t = 0; t < kEdgeTones; ++t)
-                sum[t] += Complex(part.pressure[t]) * std::polar(1.0, -waveNumber(t, c_) * (part.seconds * c_ - way));
+            const auto turned = turnedBy(part.seconds * c_ - way, c_);
+            for (std::size_t t = 0; t < kEdgeTones; ++t) sum[t] += Complex(part.pressure[t]) * turned[t];
         }
         for (std::size_t t = 0; t < kEdgeTones; ++t) {
             // Half of it is left at its boundary, and less where it is not heard.
@@ -207,7 +140,7 @@ class Levels {
     }
 
     /// Parts of images whose waves are nothing by themselves.
-    void addFaint(OneSum& all) const {
+    void addFaint(PressureSum& all) const {
         for (std::size_t p = 0; p < parts_.images.size(); ++p) {
             const ImagePart& part = parts_.images[p];
             if (part.wave == ImagePart::kFaint)
@@ -220,7 +153,7 @@ class Levels {
     void addImage(std::size_t group) {
         const ImageGroup& one = groups_[group];
         const auto own = [&](std::size_t t) { return std::sqrt(1 - one.withDirect[t] * one.withDirect[t]); };
-        OneSum sum(c_);
+        PressureSum sum(c_);
         if (one.arrival != kNone)
             sum.add(one.arrival, imageWay(one),
                     [&, straight = straightPressure(one.arrival)](std::size_t t) { return own(t) * straight(t); });
@@ -271,19 +204,17 @@ class Levels {
         std::ranges::stable_sort(summed_, {}, [&](std::size_t i) { return arrivals_[i].seconds; });
     }
 
-    /// The one that comes next to it in time of those that `counts`.
+    /// The one that comes next to it in time of those that `counts`, of two as near the earlier one.
     template <class Counts>
     std::size_t nearest(std::size_t place, const Counts& counts) const {
-        std::size_t best = kNone;
-        double least = std::numeric_limits<double>::infinity();
-        for (const std::size_t i : summed_) {
-            const double apart = std::abs(arrivals_[i].seconds - arrivals_[summed_[place]].seconds);
-            if (i != summed_[place] && apart < least && counts(i)) {
-                least = apart;
-                best = i;
-            }
-        }
-        return best;
+        std::size_t before = place, after = place + 1;
+        while (before > 0 && !counts(summed_[before - 1])) --before;
+        while (after < summed_.size() && !counts(summed_[after])) ++after;
+        if (before == 0) return after < summed_.size() ? summed_[after] : kNone;
+        const auto apart = [&](std::size_t other) {
+            return std::abs(arrivals_[summed_[other]].seconds - arrivals_[summed_[place]].seconds);
+        };
+        return summed_[after < summed_.size() && apart(after) < apart(before - 1) ? after : before - 1];
     }
 
     /// What takes more from others than it has itself is taken from those that come with it.
@@ -308,12 +239,13 @@ class Levels {
         Bands all{};
         for (const std::size_t i : summed_)
             for (std::size_t b = 0; b < kBandCount; ++b) all[b] += arrivals_[i].energy[b];
-        const auto counts = [&](std::size_t i) {
-            if (i < known_) return true;
+        std::vector<bool> counting(arrivals_.size(), false);
+        for (const std::size_t i : summed_) {
+            counting[i] = i < known_;
             for (std::size_t b = 0; b < kBandCount; ++b)
-                if (arrivals_[i].energy[b] > kFaint * all[b]) return true;
-            return false;
-        };
+                if (arrivals_[i].energy[b] > kFaint * all[b]) counting[i] = true;
+        }
+        const auto counts = [&](std::size_t i) -> bool { return counting[i]; };
         std::vector<std::size_t> to(summed_.size(), kNone);
         for (std::size_t place = 0; place < summed_.size(); ++place)
             if (!counts(summed_[place])) to[place] = nearest(place, counts);

@@ -39,20 +39,6 @@ Complex complementaryError(Complex z) {
     return std::exp(-z * z) / (std::sqrt(kPi) * fraction);
 }
 
-/// cot((pi + sign beta) / 2 n) F(k L a(beta)), by its limit where the one is infinite and the other nothing.
-Complex term(double n, double beta, double sign, double kl) {
-    // The whole number that comes nearest to 2 pi n N - beta = sign pi.
-    const double turns = std::round((beta + sign * kPi) / (2 * kPi * n));
-    const double off = sign * (beta - 2 * kPi * n * turns) + kPi;  // from the boundary, sign pi beyond it
-    const double epsilon = std::remainder(off, 2 * kPi);
-    if (std::abs(epsilon) < 1e-6 && std::abs(std::sin((kPi + sign * beta) / (2 * n))) < 1e-5) {
-        const double side = epsilon <= 0 ? -1 : 1;  // on the boundary itself it is dark
-        return n * (std::sqrt(2 * kPi * kl) * side - 2 * kl * epsilon * kEighth) * kEighth;
-    }
-    const double cosine = std::cos((2 * kPi * n * turns - beta) / 2);
-    return 1 / std::tan((kPi + sign * beta) / (2 * n)) * diffractionTransition(kl * 2 * cosine * cosine);
-}
-
 Complex wave(double waveNumber, double distance) {
     return std::polar(1 / distance, -waveNumber * distance);
 }
@@ -116,11 +102,43 @@ double WedgePath::distanceAt(double angle) const {
     return std::sqrt(apart * apart + 4 * sourceRadius * receiverRadius * half * half + along * along);
 }
 
-WedgeField wedgeField(const WedgePath& path, double waveNumber) {
+WedgeTerm::WedgeTerm(double n, double beta, double sign) {
+    // The whole number that comes nearest to 2 pi n N - beta = sign pi.
+    const double turns = std::round((beta + sign * kPi) / (2 * kPi * n)), angle = (kPi + sign * beta) / (2 * n);
+    const double off = sign * (beta - 2 * kPi * n * turns) + kPi;  // from the boundary, sign pi beyond it
+    const double epsilon = std::remainder(off, 2 * kPi);
+    if (std::abs(epsilon) < 1e-6 && std::abs(std::sin(angle)) < 1e-5) {
+        limit_ = epsilon <= 0 ? -n : n;  // on the boundary itself it is dark
+        epsilon_ = std::abs(epsilon);
+        return;
+    }
+    const double cosine = std::cos((2 * kPi * n * turns - beta) / 2);
+    cotangent_ = 1 / std::tan(angle);
+    turn_ = 2 * cosine * cosine;
+}
+
+Complex WedgeTerm::at(double kl) const {
+    if (limit_ != 0) return limit_ * (std::sqrt(2 * kPi * kl) - 2 * kl * epsilon_ * kEighth) * kEighth;
+    return cotangent_ * diffractionTransition(kl * turn_);
+}
+
+WedgeBend::WedgeBend(const WedgePath& path) {
     const double n = path.opening / kPi, rs = path.sourceRadius, rr = path.receiverRadius;
     const double way = path.shortestWay(), toEdge = way * rs / (rs + rr), fromEdge = way - toEdge;
     const double sine = (rs + rr) / way;
-    const double length = toEdge * fromEdge / way * sine * sine, kl = waveNumber * length;
+    length_ = toEdge * fromEdge / way * sine * sine;
+    strength_ = 1 / (2 * n * std::sqrt(2 * kPi * toEdge * fromEdge * way) * sine);
+    const double difference = path.receiverAngle - path.sourceAngle, sum = path.receiverAngle + path.sourceAngle;
+    terms_ = {WedgeTerm(n, difference, 1), WedgeTerm(n, difference, -1), WedgeTerm(n, sum, 1), WedgeTerm(n, sum, -1)};
+}
+
+WedgeBend::Beside WedgeBend::at(double waveNumber) const {
+    const Complex strength = -std::conj(kEighth) * (strength_ / std::sqrt(waveNumber));
+    const double kl = waveNumber * length_;
+    return {strength * (terms_[0].at(kl) + terms_[1].at(kl)), strength * (terms_[2].at(kl) + terms_[3].at(kl))};
+}
+
+WedgeField wedgeField(const WedgePath& path, double waveNumber) {
     const double difference = path.receiverAngle - path.sourceAngle, sum = path.receiverAngle + path.sourceAngle;
     WedgeField field;
     if (std::abs(difference) < kPi) field.direct = wave(waveNumber, path.distanceAt(difference));
@@ -128,11 +146,10 @@ WedgeField wedgeField(const WedgePath& path, double waveNumber) {
     // By the other face, whose angles count from it.
     const double other = 2 * path.opening - sum;
     if (other < kPi) field.mirrored += wave(waveNumber, path.distanceAt(other));
-    const Complex strength = -std::conj(kEighth) / (2 * n * std::sqrt(2 * kPi * waveNumber) * sine) *
-                             wave(waveNumber, toEdge) * std::sqrt(toEdge / (fromEdge * way)) *
-                             std::polar(1.0, -waveNumber * fromEdge);
-    field.besideDirect = strength * (term(n, difference, 1, kl) + term(n, difference, -1, kl));
-    field.besideMirrored = strength * (term(n, sum, 1, kl) + term(n, sum, -1, kl));
+    const WedgeBend::Beside beside = WedgeBend(path).at(waveNumber);
+    const Complex turned = std::polar(1.0, -waveNumber * path.shortestWay());
+    field.besideDirect = turned * beside.direct;
+    field.besideMirrored = turned * beside.mirrored;
     return field;
 }
 
@@ -243,7 +260,7 @@ double fromBoundary(const TwoWedgePath::Wedge& wedge) {
 
 Complex coefficient(const TwoWedgePath::Wedge& wedge, double length, double waveNumber, double mirrors) {
     const double n = wedge.opening / kPi, kl = waveNumber * length;
-    const auto part = [&](double beta) { return term(n, beta, 1, kl) + term(n, beta, -1, kl); };
+    const auto part = [&](double beta) { return WedgeTerm(n, beta, 1).at(kl) + WedgeTerm(n, beta, -1).at(kl); };
     return -std::conj(kEighth) / (2 * n * std::sqrt(2 * kPi * waveNumber) * wedge.sine) *
            (part(wedge.out - wedge.in) + mirrors * part(wedge.out + wedge.in));
 }

@@ -227,7 +227,7 @@ TEST(EdgeEnds, WhatIsSaidToBendAtMostIsNotLess) {
         const glm::dvec3 source = place(5), listener = place(5);
         RoundEdge round;
         if (!pathRound(edge, source, listener, round) || !round.past()) continue;
-        const double most = bentPastAtMost(edge, source, listener);
+        const double most = bentPastAtMost(edge, BesideEdge(edge, source, listener), glm::distance(source, listener));
         EXPECT_GE(most, bentPast(edge, round) * (1 - 1e-9)) << i;
         ++past;
         told += std::isfinite(most);

@@ -10,6 +10,7 @@
 // ends Svensson, Fred and Vanderkooy, JASA 106 (1999), 2331-2344. Threading: pure functions.
 #pragma once
 
+#include <array>
 #include <complex>
 #include <limits>
 #include <span>
@@ -43,6 +44,36 @@ struct WedgeField {
 
 /// `waveNumber` in 1/m. Of an edge that goes on for ever.
 WedgeField wedgeField(const WedgePath& path, double waveNumber);
+
+/// One of the four terms of the coefficient of a wedge, for all wave numbers: a cotangent times a transition.
+class WedgeTerm {
+  public:
+    WedgeTerm() = default;
+    /// Of an opening of `n` pi: cot((pi + sign beta) / 2 n) and what belongs to it; `sign` is 1 or -1.
+    WedgeTerm(double n, double beta, double sign);
+    /// `kl`: wave number times the distance that counts.
+    std::complex<double> at(double kl) const;
+
+  private:
+    double cotangent_ = 0, turn_ = 0;
+    double limit_ = 0, epsilon_ = 0;  // at the boundary, where the cotangent is infinite: n times a side, and radians
+};
+
+/// The parts of wedgeField() by way of the edge, of one path for many wave numbers.
+class WedgeBend {
+  public:
+    explicit WedgeBend(const WedgePath& path);
+    struct Beside {
+        std::complex<double> direct, mirrored;
+    };
+    /// Re the phase of the shortest way: times exp(i k shortestWay()).
+    Beside at(double waveNumber) const;
+
+  private:
+    std::array<WedgeTerm, 4> terms_;
+    double length_ = 0;  // m that count in the transition
+    double strength_ = 0;
+};
 
 /// What an edge brings that begins at a place where the way is `way` metres, at least the shortest, and leads away from
 /// the place of the shortest for ever: one side of it. Its phase is re that of `way`; a multiple of exp(-i k way).

@@ -1,0 +1,57 @@
+// Energies of octaves of pressures that are one sum, and what of them comes with which.
+//
+// What a tone's fifth of an octave leaves of the interference of two pressures whose ways differ by d is
+// (1 + y + y y / 3) exp(-y), y = .0694 k d: where they are near to each other that of a flat band, sin(y) / y, and
+// beyond it goes to nothing without a sign, as that of a band with soft ends. As it is an exponential with powers
+// before it, the sum over all pairs takes two walks along the pressures in the order of their ways. Source: Rybicki and
+// Press, Physical Review Letters 74 (1995), 1060, on sums of exponentials. Threading: one thread an object.
+#pragma once
+
+#include <array>
+#include <complex>
+#include <cstddef>
+#include <vector>
+
+#include <rtsg/audio/echogram.h>
+
+#include "edge_tones.h"
+
+namespace rtsg {
+
+class PressureSum {
+  public:
+    explicit PressureSum(double speedOfSound) : speedOfSound_(speedOfSound) {}
+
+    /// `pressure`: of each tone re the phase of its way, m. The energies go to an arrival.
+    template <class Pressure>
+    void add(std::size_t arrival, double way, const Pressure& pressure) {
+        Node& node = nodes_.emplace_back();
+        node.arrival = arrival;
+        node.way = way;
+        // From the first one's way on, so that phases are of small numbers.
+        const auto turned = turnedBy(way - nodes_.front().way, speedOfSound_);
+        for (std::size_t t = 0; t < kEdgeTones; ++t) {
+            const std::complex<double> value = std::complex<double>(pressure(t)) * turned[t];
+            node.real[t] = static_cast<float>(value.real());
+            node.imaginary[t] = static_cast<float>(value.imag());
+        }
+    }
+
+    /// Of each its own, with half of what it and all others do to each other.
+    void addEnergies(std::vector<Arrival>& arrivals);
+
+  private:
+    struct Node {
+        std::size_t arrival = 0;
+        double way = 0;
+        std::array<float, kEdgeTones> real{}, imaginary{}, energy{};
+    };
+
+    /// Adds what those before do to each; `backwards`: those after it.
+    void walk(bool backwards);
+
+    double speedOfSound_;
+    std::vector<Node> nodes_;
+};
+
+}  // namespace rtsg
