@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <complex>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -22,6 +23,7 @@
 #include "edge_tones.h"
 #include "edge_waves.h"
 #include "first_of.h"
+#include "side_images.h"
 
 namespace rtsg {
 namespace {
@@ -66,8 +68,10 @@ class Diffraction {
         FirstOf<Bending, decltype(stronger)> pastAll(8 * kPast, stronger);
         std::vector<Bending> found;
         const double straight = glm::distance(source_, listener_);
+        std::vector<SideFacet> facets;
         geometry_.visitEdges([&](const WallEdge& edge) {
             bodies_.note(edge.body);
+            if (edge.rim) std::ranges::copy(facetsAt(edge), std::back_inserter(facets));
             const BesideEdge beside(edge, source_, listener_);
             if (options_.diffractionOrder > 1) edges.add(candidateBy(edge, beside));
             // Of most edges of a furnished room no angle need be known.
@@ -79,6 +83,10 @@ class Diffraction {
             else if (const double bent = bentPast(edge, round); bent > kLeastPast)
                 pastAll.add({bent, edge, round});
         });
+        if (!facets.empty()) {
+            replaceSideImages(geometry_, source_, listener_, options_, seconds_ * c(), facets, arrivals_);
+            known_ = arrivals_.size();
+        }
         found.insert(found.end(), pastAll.sorted().begin(), pastAll.sorted().end());
         joinOverlaps(found);
         std::size_t counted = 0;
@@ -399,7 +407,7 @@ class Diffraction {
     const EdgeTones tones_;
     BodyWeights bodies_;
     std::vector<Arrival>& arrivals_;
-    const std::size_t known_;  // of the arrivals: without edges
+    std::size_t known_;  // of the arrivals: without edges
     EdgeField& field_;
     EdgesAlone alone_;
     std::vector<EndWave> byPlace_;

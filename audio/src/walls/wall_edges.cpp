@@ -233,14 +233,22 @@ std::shared_ptr<const EdgeTable::Found> EdgeTable::foundIn(const std::shared_ptr
     found.edges = edgesOf(*mesh, kFlatFacet);
     joinStraight(found.edges);
     found.rounds = roundsOf(found.edges);
-    std::erase_if(found.edges,
-                  [](const MeshEdge& edge) { return edge.round == MeshEdge::kNotRound && turnOf(edge) < kFlatEdge; });
-    if (!found.edges.empty()) {
+    const auto isFlat = [](const MeshEdge& edge) {
+        return edge.round == MeshEdge::kNotRound && edge.rim == MeshEdge::kNoRim && turnOf(edge) < kFlatEdge;
+    };
+    if (!std::ranges::all_of(found.edges, isFlat)) {
         MeshBodies bodies(*mesh);
         for (MeshEdge& edge : found.edges) edge.body = bodies.at(edge.from);
         found.bodies = bodies.all();
+        found.round.rims = rimsOf(found.edges, found.round.edges);
+        if (!found.rounds.empty()) {
+            std::vector<MeshEdge> asFacets = found.edges;
+            for (MeshEdge& edge : asFacets) edge.round = MeshEdge::kNotRound;
+            found.oval.rims = rimsOf(asFacets, found.oval.edges);
+        }
     }
-    found.rims = rimsOf(found.edges, found.withChords);
+    for (std::vector<MeshEdge>* edges : {&found.edges, &found.round.edges, &found.oval.edges})
+        std::erase_if(*edges, isFlat);
     cached = {mesh, std::make_shared<const Found>(std::move(found))};
     return cached.found;
 }
@@ -286,17 +294,21 @@ void EdgeTable::place(std::uint32_t slot, const Wall& wall, const Found& found) 
     for (const MeshEdge& edge : found.edges)
         if (edge.round != MeshEdge::kNotRound && isRound[edge.round] && edge.body != MeshEdge::kNoBody)
             bodyOf[edge.body] = nullptr;
-    const bool allRound = std::ranges::find(isRound, false) == isRound.end();
-    const bool hasChords = allRound && !found.rims.empty();
-    if (hasChords) rims_[slot].resize(found.rims.size());
-    for (const MeshEdge& edge : hasChords ? found.withChords : found.edges) {
+    const Coarse* coarse = nullptr;
+    if (std::ranges::find(isRound, false) == isRound.end())
+        coarse = &found.round;
+    else if (std::ranges::find(isRound, true) == isRound.end())
+        coarse = &found.oval;
+    const bool hasChords = coarse && !coarse->rims.empty();
+    if (hasChords) rims_[slot].resize(coarse->rims.size());
+    for (const MeshEdge& edge : hasChords ? coarse->edges : found.edges) {
         if (edge.round != MeshEdge::kNotRound && (isRound[edge.round] || turnOf(edge) < kFlatEdge)) continue;
         WallEdge placed;
         if (!placedEdge(edge, wall.worldFromLocal, placed)) continue;
         placed.material = wall.material;
         if (edge.body != MeshEdge::kNoBody) placed.body = bodyOf[edge.body];
         if (edge.rim != MeshEdge::kNoRim) {
-            rims_[slot][edge.rim] = placedRim(found.rims[edge.rim], wall.worldFromLocal, placed);
+            rims_[slot][edge.rim] = placedRim(coarse->rims[edge.rim], wall.worldFromLocal, placed);
             placed.rim = &rims_[slot][edge.rim];
         }
         add(slot, placed);

@@ -55,9 +55,14 @@ class EdgeTable {
     void visitRoundBut(std::span<const std::uint32_t> open, const AcousticGeometry::RoundVisitor& visit) const;
 
   private:
-    struct Found {
-        std::vector<MeshEdge> edges, withChords;  // the latter where what is round is so in the world
+    /// With few edges for each rim and round side; none if there is no rim.
+    struct Coarse {
+        std::vector<MeshEdge> edges;
         std::vector<MeshRim> rims;
+    };
+    struct Found {
+        std::vector<MeshEdge> edges;
+        Coarse round, oval;  // where all that is round in the mesh is so in the world; where none of it is
         std::vector<MeshRound> rounds;
         std::vector<MeshBody> bodies;
     };

@@ -163,4 +163,43 @@ class RigidPrism : public RigidBody {
     }
 };
 
+/// A frustum, or a cone, about the z axis, all x times `wide`: elements lie along planes from ring to ring.
+class RigidFrustum : public RigidBody {
+  public:
+    RigidFrustum(double lowRadius, double highRadius, double low, double high, double wide = 1) {
+        constexpr int kRound = 24, kRings = 4, kLayers = 9;
+        const auto corner = [&](int i) {
+            return glm::dvec3(wide * std::cos(2 * M_PI * i / kRound), std::sin(2 * M_PI * i / kRound), 0);
+        };
+        const auto ring = [&](int i) { return .7 * std::sin(.5 * M_PI * i / kRings) + .3 * i / kRings; };
+        const bool apex = !(highRadius > 0);
+        const auto layer = [&](int i) {
+            const double t = double(i) / kLayers;
+            return .4 * t + .6 * (apex ? 1 - std::cos(.5 * M_PI * t) : .5 - .5 * std::cos(M_PI * t));
+        };
+        const auto radius = [&](double t) { return lowRadius + (highRadius - lowRadius) * t; };
+        for (int i = 0; i < kRound; ++i) {
+            const glm::dvec3 middle = .5 * (corner(i) + corner(i + 1)), round = corner(i + 1) - corner(i);
+            for (int r = 0; r < kRings; ++r) {
+                const double at = .5 * (ring(r) + ring(r + 1)), across = ring(r + 1) - ring(r);
+                elements_.push_back({lowRadius * at * middle + glm::dvec3(0, 0, low), lowRadius * at * round,
+                                     lowRadius * across * middle});
+                if (!apex)
+                    elements_.push_back({highRadius * at * middle + glm::dvec3(0, 0, high),
+                                         highRadius * across * middle, highRadius * at * round});
+            }
+            for (int l = 0; l < kLayers; ++l) {
+                const double from = layer(l), to = layer(l + 1);
+                const glm::dvec3 below = radius(from) * middle + glm::dvec3(0, 0, low + (high - low) * from);
+                const glm::dvec3 above = radius(to) * middle + glm::dvec3(0, 0, low + (high - low) * to);
+                elements_.push_back({.5 * (below + above), .5 * (radius(from) + radius(to)) * round, above - below});
+            }
+        }
+        for (const glm::dvec3& part : {glm::dvec3(.08, .16, .2), glm::dvec3(-.24, .12, .3), glm::dvec3(.16, -.24, .1),
+                                       glm::dvec3(-.12, -.08, .5), glm::dvec3(.04, -.03, .62)})
+            within_.push_back(lowRadius * glm::dvec3(wide * part.x, part.y, 0) +
+                              glm::dvec3(0, 0, low + (high - low) * part.z));
+    }
+};
+
 }  // namespace rtsg::test

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -133,11 +134,6 @@ TEST(RimChords, AHoleHasThem) {
 TEST(RimChords, WhatIsNoRoundRimStaysInPieces) {
     EXPECT_FALSE(hasRims(prism(23)));
     EXPECT_EQ(edgesOf(prism(23)).size(), 46u);
-    // Facets of a cone are edges, which end at its rims' corners.
-    EXPECT_FALSE(hasRims(prism(48, WorldFromLocal(1.0), .5)));
-    // As it is oval in the world, so are facets of what is round in the mesh.
-    const WorldFromLocal oval(glm::scale(glm::dmat4(1), glm::dvec3(1, 2, 1)));
-    EXPECT_FALSE(hasRims(prism(48, WorldFromLocal(1.0), 1, oval)));
     EXPECT_TRUE(hasRims(prism(48, WorldFromLocal(1.0), 1, WorldFromLocal(glm::scale(glm::dmat4(1), glm::dvec3(2))))));
     // Half of one is open.
     std::vector<glm::dvec3> corners{{0, 0, 0}};
@@ -160,6 +156,121 @@ TEST(RimChords, WhatIsNoRoundRimStaysInPieces) {
     triangles.clear();
     for (int i = 0; i < 96; ++i) corners.push_back(onCircle(i, 96, .2 * std::sin(4 * M_PI * i / 96)));
     for (std::uint32_t i = 0; i < 96; ++i) triangles.insert(triangles.end(), {0, 1 + i, 1 + (i + 1) % 96});
+    EXPECT_FALSE(hasRims(Walled(corners, triangles)));
+}
+
+/// Of the edges those of round sides: from rim to rim, or to an apex.
+std::vector<WallEdge> sidesOf(const std::vector<WallEdge>& edges) {
+    std::vector<WallEdge> sides;
+    std::ranges::copy_if(edges, std::back_inserter(sides),
+                         [](const WallEdge& edge) { return edge.rim && !edge.rim->facet.empty(); });
+    return sides;
+}
+/// That each corner is one of four edges, or two of twelve at an apex, and that all faces are flat.
+void expectClosed(const std::vector<WallEdge>& edges) {
+    for (const WallEdge& edge : edges)
+        for (const double side : {0.0, 1.0}) {
+            const glm::dvec3 end = edge.from + edge.axis * (edge.length * side);
+            const auto at = std::ranges::count_if(edges, [&](const WallEdge& other) {
+                return glm::distance(end, other.from) < 1e-5 ||
+                       glm::distance(end, other.from + other.axis * other.length) < 1e-5;
+            });
+            EXPECT_TRUE(at == 3 || at == 4 || at == 12) << at;
+        }
+    for (const WallEdge& edge : sidesOf(edges)) {
+        const std::vector<glm::dvec3>& c = edge.rim->facet;
+        ASSERT_EQ(c.size(), 4u);
+        const glm::dvec3 normal = glm::normalize(glm::cross(c[1] - c[0], edge.axis));
+        for (const glm::dvec3& corner : c) EXPECT_NEAR(glm::dot(corner - c[0], normal), 0, 1e-5);
+        // One of its faces is that facet.
+        EXPECT_LT(std::min(std::abs(glm::dot(edge.faceA, normal)), std::abs(glm::dot(edge.faceB, normal))), 1e-5);
+    }
+}
+
+TEST(RimChords, OfAFrustumTwelveEdgesLeadFromOneToTheOther) {
+    const WorldFromLocal turned(glm::rotate(glm::dmat4(1), 1.2345, glm::normalize(glm::dvec3(.3, -.8, .5))));
+    const WorldFromLocal wide(glm::scale(glm::dmat4(1), glm::dvec3(1, 1.4, 1)));
+    const auto frustum = [&](int sides, double upper, const WorldFromLocal& inMesh, const WorldFromLocal& inWorld) {
+        const Walled walls = prism(sides, inMesh, upper, inWorld);
+        const std::vector<WallEdge> edges = edgesOf(walls);
+        EXPECT_EQ(edges.size(), 36u) << sides;
+        EXPECT_EQ(sidesOf(edges).size(), 12u) << sides;
+        expectClosed(edges);
+    };
+    const WorldFromLocal same(1.0);
+    for (const int sides : {24, 25, 37, 48, 64, 100, 300}) {
+        frustum(sides, .5, same, same);
+        frustum(sides, 1.3, turned, same);
+    }
+    // What is oval by itself, and what only the world makes so.
+    frustum(60, 1, wide, same);
+    frustum(48, 1, same, wide);
+    frustum(48, .7, turned, wide);
+}
+
+TEST(RimChords, OfAConeTheyLeadToItsApex) {
+    for (const bool base : {true, false}) {
+        std::vector<glm::dvec3> corners{{0, 0, 2}, {0, 0, 0}};
+        std::vector<std::uint32_t> triangles;
+        for (int i = 0; i < 50; ++i) corners.push_back(onCircle(i, 50, 0));
+        for (std::uint32_t i = 0; i < 50; ++i) {
+            const std::uint32_t at = 2 + i, next = 2 + (i + 1) % 50;
+            triangles.insert(triangles.end(), {0, at, next});
+            if (base) triangles.insert(triangles.end(), {1, next, at});
+        }
+        const Walled walls(corners, triangles);
+        const std::vector<WallEdge> edges = edgesOf(walls);
+        EXPECT_EQ(edges.size(), 24u);
+        expectClosed(edges);
+        for (const WallEdge& edge : sidesOf(edges)) {
+            EXPECT_NEAR(std::max(edge.from.z, edge.from.z + edge.axis.z * edge.length), 2, 1e-6);
+            // Farther out than the cone at its corners, and the cone farther out than its faces between them.
+            const glm::dvec3 foot = edge.from.z < 1 ? edge.from : edge.from + edge.axis * edge.length;
+            EXPECT_GT(std::hypot(foot.x, foot.y), 1.015);
+            EXPECT_LT(std::hypot(foot.x, foot.y), 1.03);
+            const glm::dvec3 outward = glm::normalize(glm::dvec3(foot.x, foot.y, 0));
+            EXPECT_NEAR(edge.bulges(outward), 1 - std::cos(M_PI / 12), .012);
+            EXPECT_LT(glm::distance(edge.onSurface(foot), foot), 1e-12);
+        }
+        for (const WallEdge& edge : edges)
+            if (edge.rim && edge.rim->facet.empty()) {
+                EXPECT_EQ(base, glm::dot(edge.faceA, edge.faceB) < .9) << "a rim of a sheet, without a base";
+            }
+    }
+}
+
+TEST(RimChords, OfAVaseTheyLeadOnFromRimToRim) {
+    // Three rims, and two round sides between them; the mesh numbers each ring from elsewhere on.
+    constexpr int kSides = 48;
+    const double radii[] = {.5, 1, .7};
+    std::vector<glm::dvec3> corners;
+    for (int ring = 0; ring < 3; ++ring)
+        for (int i = 0; i < kSides; ++i)
+            corners.push_back(onCircle(i + 5 * ring, kSides, ring) * glm::dvec3(radii[ring], radii[ring], 1));
+    std::vector<std::uint32_t> triangles;
+    const auto at = [&](int ring, int i) {
+        return static_cast<std::uint32_t>(kSides * ring + (i - 5 * ring + 2 * kSides) % kSides);
+    };
+    for (int ring = 0; ring < 2; ++ring)
+        for (int i = 0; i < kSides; ++i)
+            triangles.insert(triangles.end(), {at(ring, i), at(ring, i + 1), at(ring + 1, i + 1), at(ring, i),
+                                               at(ring + 1, i + 1), at(ring + 1, i)});
+    const Walled walls(corners, triangles, 0, {WorldFromLocal(1.0)}, false);
+    const std::vector<WallEdge> edges = edgesOf(walls);
+    EXPECT_EQ(edges.size(), 60u);
+    EXPECT_EQ(sidesOf(edges).size(), 24u);
+    expectClosed(edges);
+}
+
+TEST(RimChords, WhereASideLeadsElsewhereAllStaysInPieces) {
+    // From one corner of the rim of a cone a facet leads to another place than the apex.
+    std::vector<glm::dvec3> corners{{0, 0, 2}, {0, 0, 0}, {.02, 0, 2}};
+    std::vector<std::uint32_t> triangles;
+    for (int i = 0; i < 48; ++i) corners.push_back(onCircle(i, 48, 0));
+    for (std::uint32_t i = 0; i < 48; ++i) {
+        const std::uint32_t here = 3 + i, next = 3 + (i + 1) % 48;
+        triangles.insert(triangles.end(), {1, next, here, i == 0 || i == 47 ? 2u : 0u, here, next});
+    }
     EXPECT_FALSE(hasRims(Walled(corners, triangles)));
 }
 

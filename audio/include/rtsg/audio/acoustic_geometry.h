@@ -82,12 +82,14 @@ struct WallBody {
     glm::dmat3 boxFromWorld{1.0};
 };
 
-/// The corners of a rim in many pieces, one after the other, of which an edge stands for some.
+/// What one edge stands for: the corners of some pieces of a rim in many pieces, one after the other; or itself, where
+/// it is one of the few that stand for those of a round side of many facets.
 struct WallRim {
     std::vector<glm::dvec3> corners;  // two at least
     glm::dvec3 from{0}, axis{0};      // the edge that stands for all of them
     double length = 0;
-    glm::dvec3 bulge{0};  // m, from the middle between both ends to the rim
+    glm::dvec3 bulge{0};  // m, from the middle between both ends to the rim, or as far as the side may reach out
+    std::vector<glm::dvec3> facet;  // of a side: its corners, from this edge to the next one
 
     /// On the rim, for a place on the edge.
     glm::dvec3 at(const glm::dvec3& place) const;
