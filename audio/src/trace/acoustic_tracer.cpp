@@ -10,11 +10,9 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "batch_tracer.h"
-#include "edge_sources.h"
+#include "image_bending.h"
 #include "probe_ray.h"
-#include "round_bodies.h"
 #include "walls/even_direction.h"
-#include "wave_levels.h"
 
 namespace rtsg {
 namespace {
@@ -367,13 +365,9 @@ void startResult(const AcousticGeometry& geometry, const glm::dvec3& source, con
                                            airAttenuation(options.air));
     result.arrivals = std::move(images.arrivals);
     if (options.diffractionOrder > 0 && !isAtTheListener(source, listener, result.arrivals)) {
-        RoundBodies bodies(geometry, source, listener, options, seconds, result.arrivals, result.edges);
-        EdgesSeen edges;
-        bodies.addAlone();
-        result.edgePairs =
-            addDiffraction(geometry, source, listener, options, seconds, result.arrivals, result.edges, edges);
-        bodies.addRows(edges);
-        setLevels(source, listener, options.air.speedOfSound, edges.bent, result.arrivals, result.edges);
+        const BentBy bending = addBending(geometry, source, listener, options, seconds, result.arrivals, result.edges);
+        result.edgePairs = bending.pairs;
+        if (options.imageOrder > 0) addBentImages(geometry, source, listener, options, bending.parts, result);
     }
     result.imageOrder = images.order;
     result.imageCandidates = images.candidates;

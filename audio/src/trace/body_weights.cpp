@@ -112,8 +112,10 @@ BodyWeights::Tones BodyWeights::tonesOf(const WallBody& body) const {
         return 2 * std::numbers::pi * edgeToneHz(static_cast<double>(tone)) / speedOfSound_;
     };
     const double fill = body.volume / (body.size.x * body.size.y * body.size.z);
-    if (weight(body.size, fill, waveNumber(0)) > kWhole || isIn(body, source_, 0) || isIn(body, listener_, 0))
-        return one_;
+    const auto has = [&](const glm::dvec3& place) {
+        return isIn(body, place, 0) || isIn(body, geometry_.onceMore(place), 0);
+    };
+    if (weight(body.size, fill, waveNumber(0)) > kWhole || has(source_) || has(listener_)) return one_;
     const glm::dvec3 size = sizeWith(body);
     Tones weights;
     for (std::size_t t = 0; t < kEdgeTones; ++t) {
@@ -144,7 +146,7 @@ bool BodyWeights::touches(const WallBody& body, int axis, double side, double re
         const glm::dvec3 at = body.center + 0.5 * body.size[axis] * out +
                               to * (0.5 * kBeside * body.size[across] + 1e-3) * body.axes[across];
         AcousticHit hit;
-        return geometry_.closest(at - reach * out, out, 2 * reach, kNoPlane, hit);
+        return geometry_.closestAsBuilt(body.center, at - reach * out, out, 2 * reach, hit);
     });
 }
 

@@ -34,11 +34,20 @@ class RigidBody {
             for (std::size_t q = n; q < all; ++q) rows[i][q] = std::conj(rows[q][i]);
         pressure_ = solved(rows);
     }
-    /// Re that of the source in the open, dB.
-    double level(const glm::dvec3& place) const {
+    /// Re the source in the open at 1 m.
+    Complex pressure(const glm::dvec3& place) const {
         Complex sum = open(place);
         for (std::size_t j = 0; j < elements_.size(); ++j) sum += pressure_[j] * integral(place, elements_[j], 0);
-        return 20 * std::log10(std::abs(sum) * glm::distance(place, source_));
+        return sum;
+    }
+    /// Re that of the source in the open, dB.
+    double level(const glm::dvec3& place) const {
+        return 20 * std::log10(std::abs(pressure(place)) * glm::distance(place, source_));
+    }
+    /// Another body, elsewhere.
+    void add(const RigidBody& other) {
+        elements_.insert(elements_.end(), other.elements_.begin(), other.elements_.end());
+        within_.insert(within_.end(), other.within_.begin(), other.within_.end());
     }
 
   protected:

@@ -280,12 +280,17 @@ TEST(RoundBodies, OnAFloorAColumnDoesNotEnd) {
     for (const double degrees : {180.0, 150.0}) {
         const BesideRound at{.5, 2, 1.5, degrees * M_PI / 180, 0};
         const TraceResult traced = tracedAt(column, at);
-        // What the floor mirrors is not heard there. One tone may be where both sides cancel each other.
+        // With its image in the floor it goes on below that, where the source's image is. One tone may be where both
+        // sides cancel each other.
+        BesideRound image = at;
+        image.along = 2;
         Errors errors;
-        for (std::size_t tone = 7; tone < 40; tone += 4)
+        for (std::size_t tone = 7; tone < 40; tone += 4) {
+            const double hz = edgeToneHz(static_cast<double>(tone));
             errors.add(decibelsOf(traced, tone, at.distance()) -
-                       decibelsOf(exactBeside(false, at, edgeToneHz(static_cast<double>(tone))), at.distance()));
-        EXPECT_LT(errors.rms(), .5) << degrees;
+                       decibelsOf(exactBeside(false, at, hz) + exactBeside(false, image, hz), at.distance()));
+        }
+        EXPECT_LT(errors.rms(), .7) << degrees;
     }
 }
 

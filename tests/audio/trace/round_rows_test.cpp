@@ -29,11 +29,11 @@ Drawn circle(const glm::dvec2& center, double radius, int sides) {
     return result;
 }
 /// 120 m high, so that their ends are far off.
-Walled standing(const std::vector<Drawn>& outlines) {
+Walled standing(const std::vector<Drawn>& outlines, double half = 60) {
     RoundMesh all;
     for (const Drawn& one : outlines) {
         const auto n = static_cast<std::uint32_t>(one.size()), at = static_cast<std::uint32_t>(all.corners.size());
-        for (const double z : {-60.0, 60.0})
+        for (const double z : {-half, half})
             for (const glm::dvec2& p : one) all.corners.emplace_back(p, z);
         for (std::uint32_t i = 0; i < n; ++i) all.addQuad(at + i, at + (i + 1) % n, at + n + (i + 1) % n, at + n + i);
     }
@@ -167,6 +167,20 @@ void expectSmooth(const Walled& walls, const glm::dvec2& source, const glm::dvec
             EXPECT_NEAR(levels[k], before[k], most) << source.y << " at " << listener.y << ", " << k;
         before = levels;
     }
+}
+
+TEST(RoundRows, WhatComesByTheirEndsComesLater) {
+    // The ways by ends of 1 m long columns, .5 m to the side, are longer than those between the ends.
+    const Walled walls = standing({circle({0, 0}, .3, 32), circle({1.2, 0}, .3, 32)}, .5);
+    const glm::dvec3 source(-1.5, 0, 0), listener(2.7, 0, 0);
+    std::vector<double> ways;
+    for (const EdgeWave& wave : walls.traced(source, listener).edges.waves)
+        if (wave.order == 2 && wave.route.over != 0) ways.push_back(wave.seconds * 343.2);
+    ASSERT_GT(ways.size(), 3u);
+    const double straight = glm::distance(source, listener), least = std::ranges::min(ways);
+    EXPECT_GT(least, straight);
+    EXPECT_LT(least, straight + .4) << "round both sides, between the ends";
+    EXPECT_GT(std::ranges::max(ways), least + .03) << "by an end";
 }
 
 TEST(RoundRows, NothingJumpsBehindThem) {

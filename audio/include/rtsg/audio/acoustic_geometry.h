@@ -182,6 +182,13 @@ class AcousticGeometry {
     /// Nearest surface along a unit direction with 0 <= distance < maxDistance that is not on plane `except`.
     virtual bool closest(const glm::dvec3& origin, const glm::dvec3& direction, double maxDistance,
                          std::uint32_t except, AcousticHit& hit) const = 0;
+    /// The same on no plane, of walls as they were built: where one of them is looked into as a mirror, that wall, too,
+    /// and what is behind it. `beside`: a place on the same side of the mirror as what is asked about.
+    virtual bool closestAsBuilt(const glm::dvec3& beside, const glm::dvec3& origin, const glm::dvec3& direction,
+                                double maxDistance, AcousticHit& hit) const {
+        static_cast<void>(beside);
+        return closest(origin, direction, maxDistance, kNoPlane, hit);
+    }
     /// Whether a surface lies on the way from a place on plane `except`, before it by `facing` (unit), to one that
     /// touches none; what closest() would say.
     virtual bool blocked(const glm::dvec3& origin, const glm::dvec3& facing, const glm::dvec3& direction,
@@ -206,6 +213,8 @@ class AcousticGeometry {
                 met |= 1u << i;
         return met;
     }
+    /// Where a place is once more, if a wall is looked into as a mirror; else there.
+    virtual glm::dvec3 onceMore(const glm::dvec3& place) const { return place; }
     /// Distance from a point to the nearest surface, metres; infinity in the void.
     virtual double distanceToSurface(const glm::dvec3& point) const = 0;
     using SurfaceVisitor = std::function<void(const NearSurface&)>;
