@@ -4,12 +4,14 @@
 #include <cmath>
 #include <complex>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
 
 #include "trace/edge_ends.h"
 #include "trace/edge_parts.h"
+#include "trace/edge_paths.h"
 #include "walled.h"
 
 namespace rtsg {
@@ -234,6 +236,28 @@ TEST(EdgeEnds, WhatIsSaidToBendAtMostIsNotLess) {
     }
     EXPECT_GT(past, 1000);
     EXPECT_GT(told, past * 9 / 10);
+}
+
+TEST(EdgePaths, AlongAFaceOneLooksAtAPlaceBesideTheEdge) {
+    // Of less than a right angle, and of more; each face's plane from the air side.
+    for (const double degrees : {35.0, 60.0, 120.0, 150.0}) {
+        WallEdge edge;
+        edge.axis = {0, 0, 1};
+        edge.length = 2;
+        const double angle = degrees * M_PI / 180;
+        edge.faceA = {1, 0, 0};
+        edge.faceB = {std::cos(angle), std::sin(angle), 0};
+        const glm::dvec3 place(0, 0, 1), away = -glm::normalize(edge.faceA + edge.faceB);
+        const glm::dvec3 overA(0, -1, 0), overB(-std::sin(angle), std::cos(angle), 0);
+        for (const auto& [face, over] : {std::pair(edge.faceA, overA), std::pair(edge.faceB, overB)}) {
+            const auto aim = [&](double above) { return aimAt(edge, place, place + 2.0 * face + above * over); };
+            EXPECT_GT(glm::dot(aim(1e-3) - place, away), 1e-5) << degrees << ": nearly along it";
+            EXPECT_LT(glm::distance(aim(1e-3), place + away * glm::dot(aim(1e-3) - place, away)), 1e-12);
+            EXPECT_EQ(aim(.1), place) << degrees << ": well above it";
+            EXPECT_EQ(aim(-.1), place) << degrees << ": behind it";
+        }
+        EXPECT_EQ(aimAt(edge, place, place + 2.0 * away), place);
+    }
 }
 
 /// A screen 20 m broad and so high that sound goes over it alone, and a post before it, of so many metres.
