@@ -262,6 +262,26 @@ TEST(RimChords, OfAVaseTheyLeadOnFromRimToRim) {
     expectClosed(edges);
 }
 
+TEST(RimChords, OfSeveralFrustaInAMeshEachHasThem) {
+    std::vector<glm::dvec3> corners;
+    std::vector<std::uint32_t> triangles;
+    constexpr std::uint32_t kSides = 48;
+    for (const double x : {-3.0, 0.0, 3.0}) {
+        const auto first = static_cast<std::uint32_t>(corners.size());
+        for (const double z : {-.5, .5})
+            for (int i = 0; i < 48; ++i)
+                corners.push_back(onCircle(i, 48, z) * glm::dvec3(z < 0 ? 1 : .6, z < 0 ? 1 : .6, 1) +
+                                  glm::dvec3(x, 0, 0));
+        for (std::uint32_t i = 0; i < kSides; ++i) {
+            const std::uint32_t at = first + i, next = first + (i + 1) % kSides;
+            triangles.insert(triangles.end(), {at, next, next + kSides, at, next + kSides, at + kSides});
+        }
+    }
+    const Walled walls(corners, triangles, 0, {WorldFromLocal(1.0)}, false);
+    EXPECT_EQ(edgesOf(walls).size(), 3u * 36);
+    expectClosed(edgesOf(walls));
+}
+
 TEST(RimChords, WhereASideLeadsElsewhereAllStaysInPieces) {
     // From one corner of the rim of a cone a facet leads to another place than the apex.
     std::vector<glm::dvec3> corners{{0, 0, 2}, {0, 0, 0}, {.02, 0, 2}};
