@@ -193,6 +193,37 @@ TEST(MirrorWorld, HasAllOnceMoreBeyondTheMirror) {
     EXPECT_FALSE(world.closest({50, 0, -5}, {0, 0, -1}, 1000, kNoPlane, hit));
 }
 
+TEST(MirrorWorld, CutsEdgesWhereTheyGoThroughTheMirror) {
+    // A sheet that leans through the floor, one way and the other.
+    for (const double lean : {1.0, -1.0}) {
+        const Walled walls({{-40, -40, 0},
+                            {40, -40, 0},
+                            {40, 40, 0},
+                            {-40, 40, 0},
+                            {0, 0, lean},
+                            {1, 0, -lean},
+                            {1, 1, -lean},
+                            {0, 1, lean}},
+                           {0, 1, 2, 0, 2, 3, 4, 5, 6, 4, 6, 7});
+        std::uint32_t plane = 0;
+        while (std::abs(walls.geometry.planes()[plane].normal.z) < .99) ++plane;
+        const MirrorWorld world(walls.geometry, plane, {0, 0, 3});
+        int leaning = 0;
+        world.visitEdges([&](const WallEdge& edge) {
+            if (std::abs(edge.axis.z) < .1) return;
+            ++leaning;
+            const glm::dvec3 ends[] = {edge.from, edge.from + edge.axis * edge.length};
+            const bool first = std::abs(ends[0].z) < std::abs(ends[1].z);
+            const glm::dvec3 in = ends[first ? 0 : 1], off = ends[first ? 1 : 0];
+            EXPECT_NEAR(in.z, 0, 1e-6);
+            EXPECT_NEAR(in.x, .5, 1e-6);
+            EXPECT_NEAR(std::abs(off.z), 1, 1e-6);
+            EXPECT_NEAR(off.x, lean > 0 ? 0 : 1, 1e-6);
+        });
+        EXPECT_EQ(leaning, 4) << "two, and their images";
+    }
+}
+
 TEST(MirrorWorld, HasEdgesOnBothSidesAndNoneInTheMirror) {
     const InFloor floor;
     const MirrorWorld world(floor.walls.geometry, floor.plane, {0, 2, 1});
