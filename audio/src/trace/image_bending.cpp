@@ -20,9 +20,9 @@
 namespace rtsg {
 namespace {
 
-/// As many images as are looked at: those that are loudest, of which none is nearly silent beside the rest.
-constexpr std::size_t kMostBentImages = 4;
-constexpr double kLeastOfAll = 0.03;
+/// As many images as are looked at, each of which is as much work as direct sound; and their share of all at least.
+constexpr std::size_t kMostBentImages = 1;
+constexpr double kLeastOfAll = 0.1;
 
 /// A wall, and the image of the source in it.
 struct WallImage {
