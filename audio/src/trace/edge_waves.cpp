@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numbers>
 #include <numeric>
 #include <span>
+#include <utility>
+#include <vector>
 
 #include "signal/fft.h"
 #include "trace/arrival_pan.h"
@@ -40,6 +43,18 @@ class WaveResponses {
             for (float& weight : place.weights)
                 weight *= static_cast<float>(0.5 + 0.5 * std::cos(std::numbers::pi * high));
         }
+        const auto fade = [](double x) { return static_cast<float>(0.5 - 0.5 * std::cos(std::numbers::pi * x)); };
+        for (std::size_t i = 0; i < kBefore / 2; ++i) begin_.push_back(fade(i / (kBefore / 2.0)));
+        const std::size_t quarter = fft_->size() / 4;
+        for (std::size_t i = 0; i < quarter; ++i)
+            end_.push_back(fade(static_cast<double>(i) / static_cast<double>(quarter)));
+    }
+    /// Good as long as the thread.
+    static const WaveResponses& kept(int sampleRate) {
+        thread_local std::vector<std::pair<int, std::unique_ptr<const WaveResponses>>> all;
+        for (const auto& [rate, one] : all)
+            if (rate == sampleRate) return *one;
+        return *all.emplace_back(sampleRate, std::make_unique<const WaveResponses>(sampleRate)).second;
     }
 
     /// The spectrum of a wave whose delay is `fraction` of a sample, kBefore samples late.
@@ -64,16 +79,14 @@ class WaveResponses {
     void samplesOf(RealFft::Spectrum& spectrum, std::vector<float>& samples) const {
         samples.resize(fft_->size());
         fft_->inverse(std::move(spectrum), samples);
-        const auto fade = [](double x) { return static_cast<float>(0.5 - 0.5 * std::cos(std::numbers::pi * x)); };
-        const std::size_t size = samples.size(), quarter = size / 4;
+        const std::size_t size = samples.size();
         // What is to come later than its end comes round: little else than a level, which is 0 before the delay.
         const std::size_t before = size / 32;
         const float level = std::accumulate(samples.end() - static_cast<std::ptrdiff_t>(before), samples.end(), 0.0f) /
                             static_cast<float>(before);
         for (float& sample : samples) sample -= level;
-        for (std::size_t i = 0; i < kBefore / 2; ++i) samples[i] *= fade(i / (kBefore / 2.0));
-        for (std::size_t i = 0; i < quarter; ++i)
-            samples[size - 1 - i] *= fade(static_cast<double>(i) / static_cast<double>(quarter));
+        for (std::size_t i = 0; i < begin_.size(); ++i) samples[i] *= begin_[i];
+        for (std::size_t i = 0; i < end_.size(); ++i) samples[size - 1 - i] *= end_[i];
     }
 
     const RealFft& fft() const { return *fft_; }
@@ -88,6 +101,7 @@ class WaveResponses {
     double rate_;
     std::shared_ptr<const RealFft> fft_;
     std::vector<Place> places_;
+    std::vector<float> begin_, end_;  // what is left of the first samples, and of the last ones from the end on
 };
 
 /// Samples from `at` on, which may be below 0.
@@ -148,7 +162,7 @@ std::size_t edgeWaveFrames(int sampleRate) {
 void addEdgeWaves(const Echogram& echogram, const ImpulseResponseOptions& options,
                   std::vector<std::vector<float>>& channels) {
     if (echogram.edges.waves.empty()) return;
-    const WaveResponses responses(options.sampleRate);
+    const WaveResponses& responses = WaveResponses::kept(options.sampleRate);
     const double first = echogram.arrivals.empty() ? 0 : echogram.arrivals.front().seconds;
     const bool heads = options.hrtf && options.channels == ImpulseResponseOptions::Channels::binaural;
     RealFft::Spectrum spectrum;

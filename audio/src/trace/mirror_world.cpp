@@ -80,6 +80,8 @@ void MirrorWorld::surfacesNear(const glm::dvec3& point, double radius, const Sur
 }
 
 void MirrorWorld::visitEdges(const EdgeVisitor& visit) const {
+    // Edges of a body come one after the other.
+    const WallBody *body = nullptr, *image = nullptr;
     geometry_.visitEdges([&](const WallEdge& edge) {
         const glm::dvec3 end = edge.from + edge.axis * edge.length;
         const double low = height(edge.from), high = height(end), off = std::max(rounding(edge.from), rounding(end));
@@ -96,7 +98,13 @@ void MirrorWorld::visitEdges(const EdgeVisitor& visit) const {
             }
         }
         visit(above);
-        visit(mirrored(above));
+        if (above.body != body) {
+            body = above.body;
+            image = mirrored(body);
+        }
+        above = mirrored(above);
+        above.body = image;
+        visit(above);
     });
 }
 
@@ -123,7 +131,6 @@ WallEdge MirrorWorld::mirrored(const WallEdge& edge) const {
     image.axis = turned(edge.axis);
     image.faceA = turned(edge.faceA);
     image.faceB = turned(edge.faceB);
-    image.body = mirrored(edge.body);
     image.rim = mirrored(edge.rim);
     return image;
 }
