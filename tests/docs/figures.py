@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Does each row of the speed figures in docs name a line of `rtsg bench` that exists?
+"""Does each row of the figures in docs name a line of `rtsg bench`, or a test, that exists?
 
 In docs/accuracy-and-speed.md every table with a column headed "line of `rtsg bench`" is read: each row has to name at least one
-line there, as `bench: metric`, and the benches' sources have to report that metric under that bench. A metric that is put
-together, such as "primary rays, {}", counts as what stands before the first brace. On other pages each paragraph with a measured
+line there, as `bench: metric`, or a test, as `Suite.Name`, `Suite` or `tests/FILE`. The benches' sources have to report that metric under
+that bench, the tests' sources have to have that test. A metric that is put together, such as "primary rays, {}", counts as what stands
+before the first brace. On other pages each paragraph with a measured
 time, rate or size names a line in the same way; pages in SETTINGS hold limits that are set, not measured.
 Exit status 1, a line for each row or paragraph at fault.
 """
@@ -16,6 +17,7 @@ HEADING = "line of `rtsg bench`"
 SETTINGS = {"security.md", "charts.md", "diagnostics.md", "accuracy-and-speed.md"}
 MEASURED = re.compile(r"\d (?:µs|ns|ms|MB|GB|MB/s|GB/s|Mrays/s|M/s)\b")
 NAMED = re.compile(r"`([a-z_]+): ([^`]+)`")
+TEST = re.compile(r"`([A-Z]\w+(?:\.\w+)?|tests/[\w./]+)`")
 
 
 def reported():
@@ -27,6 +29,17 @@ def reported():
         for bench in re.findall(r'report\(\s*\{\s*"([^"]+)"', text):
             benches.setdefault(bench, set()).update(literals)
     return benches
+
+
+def tests():
+    """Names of suites, of suites with a test, and of files."""
+    found = set()
+    for path in (ROOT / "tests").rglob("*"):
+        found.add(str(path.relative_to(ROOT)))
+        if path.suffix == ".cpp":
+            for suite, name in re.findall(r"^(?:TYPED_)?TEST(?:_[FP])?\(\s*(\w+),\s*(\w+)", path.read_text(), re.MULTILINE):
+                found |= {suite, f"{suite}.{name}"}
+    return found
 
 
 def exists(benches, bench, metric):
@@ -62,13 +75,14 @@ def paragraphs(path):
 
 
 def main():
-    benches, faults, count = reported(), 0, 0
+    benches, checked, faults, count = reported(), tests(), 0, 0
     page = ROOT / "docs" / "accuracy-and-speed.md"
     for number, cell in rows(page):
         names = NAMED.findall(cell)
         problems = [f"there is no line `{b}: {m}`" for b, m in names if not exists(benches, b, m)]
-        if not names:
-            problems = ["names no line of `rtsg bench`"]
+        problems += [f"there is no test {name}" for name in TEST.findall(cell) if name not in checked]
+        if not names and not TEST.search(cell):
+            problems = ["names no line of `rtsg bench` and no test"]
         for problem in problems:
             print(f"{page.relative_to(ROOT)}:{number}: {problem}")
         faults += bool(problems)
