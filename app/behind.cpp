@@ -9,15 +9,14 @@
 
 namespace rtsg::app {
 
-OutputsBehind::OutputsBehind(Scene& scene, OutputArguments arguments, Resources resources)
-    : arguments_(std::move(arguments)),
-      resources_(std::move(resources)),
-      attachment_(scene.bus().attach(queue_)),
-      thread_([this] { run(); }) {}
+OutputsBehind::OutputsBehind(const Scene& scene, OutputArguments arguments, Resources resources)
+    : arguments_(std::move(arguments)), resources_(std::move(resources)) {
+    (void)queue_.add(scene.snapshot());
+    thread_ = std::thread([this] { run(); });
+}
 
 OutputsBehind::~OutputsBehind() {
     abandoned_ = true;
-    attachment_.detach();
     queue_.close();
     if (thread_.joinable()) thread_.join();
 }
@@ -39,10 +38,10 @@ Result<> OutputsBehind::follow() {
     for (;;) {
         if (abandoned_) return {};
         auto set = std::make_shared<ChangeSet>();
-        const auto taken = queue_.take(*set, std::chrono::milliseconds(200));
+        const auto taken = queue_.take(*set, std::chrono::seconds(1));
         if (!taken) return std::unexpected(taken.error());
-        if (*taken == FrameQueue::Taken::ended || (interrupted() && outputs_)) break;
-        if (*taken == FrameQueue::Taken::nothingYet) continue;
+        if (*taken == RecordQueue::Taken::ended || (interrupted() && outputs_)) break;
+        if (*taken == RecordQueue::Taken::nothingYet) continue;
         // What belongs to the instant before has come: an Inline that it loaded is a set of its own.
         if (outputs_ && set->time != copy.now() && !outputs_->frame()) break;  // finish() says why
         if (set->isSnapshot() && copy.sequence() != 0)
@@ -65,7 +64,6 @@ Result<> OutputsBehind::follow() {
 }
 
 Result<> OutputsBehind::finish() {
-    attachment_.detach();
     queue_.close();
     const std::uint64_t waiting = queue_.waiting();
     const Progress progress = waiting > 0 ? progressBar("making what is still to be made") : Progress{};

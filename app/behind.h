@@ -1,6 +1,6 @@
 // OutputsBehind: pictures and sound of every frame of a live scene, made on a thread of their own.
 //
-// The scene waits for nothing: its frames are queued (FrameQueue), and a second scene goes through them at the pace of
+// The scene waits for nothing: its steps are queued (RecordQueue), and a second scene goes through them at the pace of
 // the outputs, which may end long after the scene did. Invariant: what is made is what it would have been made of the
 // scene itself, frame by frame, on a machine that is never late.
 // Threading: all calls on the scene's thread; the outputs have theirs.
@@ -11,7 +11,7 @@
 #include <thread>
 
 #include <rtsg/core/scene.h>
-#include <rtsg/sync/frame_queue.h>
+#include <rtsg/sync/record_queue.h>
 
 #include "outputs.h"
 
@@ -19,12 +19,15 @@ namespace rtsg::app {
 
 class OutputsBehind final : public OutputMaker {
   public:
-    /// Begins with the scene's present state. The scene must outlive this.
-    OutputsBehind(Scene& scene, OutputArguments arguments, Resources resources);
+    /// Begins with the scene's present state.
+    OutputsBehind(const Scene& scene, OutputArguments arguments, Resources resources);
     /// What waits is not made any more.
     ~OutputsBehind() override;
 
-    /// There is nothing to do: the bus has told.
+    /// The scene's next step. That it cannot be kept, the thread finds out.
+    void step(const RecordStep& step) { (void)queue_.add(step); }
+    std::uint64_t encoded() const { return queue_.encoded(); }
+    /// There is nothing to do: step() has told.
     Result<> frame() override { return {}; }
     bool failed() const override { return failed_; }
     /// No more frames will come: makes what waits, with a progress bar, and writes what is written at the end.
@@ -38,8 +41,7 @@ class OutputsBehind final : public OutputMaker {
 
     OutputArguments arguments_;
     Resources resources_;
-    FrameQueue queue_;
-    Attachment attachment_;
+    RecordQueue queue_;
     // The thread's own until it has ended.
     std::unique_ptr<Scene> copy_;
     std::unique_ptr<WorldOnDemand> world_;

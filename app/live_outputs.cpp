@@ -16,6 +16,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
+constexpr milliseconds kNoNews{50};  // between looks at a world whose scene stands still
 constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter of that
 
 }  // namespace
@@ -28,8 +29,8 @@ LiveOutputs::LiveOutputs(WorldOnDemand& world, const OutputArguments& arguments)
       soundAt_(scene_.now()),
       time_(scene_.now()),
       starts_{scene_.now()},
-      firstState_(scene_.sequence()),
-      stateNow_(firstState_) {}
+      stateNow_(scene_.sequence()),
+      firstState_(stateNow_) {}
 
 Result<std::unique_ptr<LiveOutputs>> LiveOutputs::attach(WorldOnDemand& world, const OutputArguments& arguments,
                                                          const Resources& resources) {
@@ -98,7 +99,9 @@ void LiveOutputs::followUntilTheEnd(const std::function<Result<>(const WorldStat
         if (!state) continue;  // if there will never be one, frame() finds out
         const bool last = ending && (*state)->moment >= lastMoment_;
         if ((*state)->moment == moment && !last) {
-            std::this_thread::sleep_for(milliseconds(1));
+            std::unique_lock lock(mutex_);
+            const auto most = ending ? milliseconds(1) : kNoNews;
+            news_.wait_for(lock, most, [&] { return !ending && ((*state)->sequence != stateNow_ || ending_); });
             continue;
         }
         moment = (*state)->moment;
@@ -116,7 +119,7 @@ void LiveOutputs::noteTime() {
         statesBefore_ += stateNow_ - firstState_ + 1;
         firstState_ = scene_.sequence();
     }
-    stateNow_ = scene_.sequence();
+    if (std::exchange(stateNow_, scene_.sequence()) != scene_.sequence()) news_.notify_all();
 }
 
 /// Seconds from the start. A state may be of before the scene's time went back, and cannot be later than the scene is;

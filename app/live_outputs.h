@@ -9,6 +9,7 @@
 #pragma once
 
 #include <atomic>
+#include <condition_variable>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -70,14 +71,16 @@ class LiveOutputs final : public OutputMaker {
     std::atomic<std::uint64_t> lastMoment_{0};    // once ending_
     std::atomic<int> running_{0};
     mutable std::mutex mutex_;
-    Result<> problem_;  // the first
+    std::condition_variable news_;  // of the scene's state
+    Result<> problem_;              // the first
     ElapsedTime time_;
     double elapsed_ = 0;  // of time_, when it was last looked at
     /// What times are counted from, before they went back for the first time, the second, and so on.
     std::vector<double> starts_;
 
-    // The scene's thread's: of this stretch, and how many there were before it.
-    std::uint64_t firstState_, stateNow_, statesBefore_ = 0;
+    std::uint64_t stateNow_;  // guarded by mutex_
+    // The scene's thread's: of this stretch, and how many states there were before it.
+    std::uint64_t firstState_, statesBefore_ = 0;
     std::vector<std::jthread> threads_;
 };
 

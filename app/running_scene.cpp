@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <thread>
 
 #include <fmt/format.h>
@@ -136,6 +137,12 @@ Result<> RunningScene::inject(const std::vector<std::string>& events, double end
     if (auto ok = parsed->checkWithin(end); !ok) return ok;
     injections_ = std::move(*parsed);
     return {};
+}
+
+/// Networks tell of what comes only when they are asked.
+double RunningScene::restsUntil() const {
+    if (network_->counts().addresses > 0) return -std::numeric_limits<double>::infinity();
+    return scene_.restsUntil() - start_;
 }
 
 std::shared_ptr<const ChangeSet> RunningScene::frame(double t) {

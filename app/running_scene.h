@@ -64,6 +64,8 @@ class RunningScene {
     WorldOnDemand& world() { return world_; }
 
     double start() const { return start_; }
+    /// When it does something by itself next, as Scene::restsUntil(), but counted from the start.
+    double restsUntil() const;
     /// Of the last frame.
     double time() const { return time_; }
     /// One frame. Returns its set; Inlines that were loaded are sets of their own, published as well.

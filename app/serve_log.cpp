@@ -22,6 +22,9 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+/// Between two looks: at the clock; while it stands still, at standard input; else until mirrors send something.
+constexpr std::chrono::milliseconds kPlaying{2}, kLines{50}, kStanding{500};
+
 /// Whole lines of standard input, as they come; never waits.
 class Lines {
   public:
@@ -75,7 +78,8 @@ class Playing {
             tellOfLacks();
             last = now;
             for (const Diagnostic& d : server_.takeDiagnostics()) fmt::print(stderr, "{}\n", terminalText(d.format()));
-            std::this_thread::sleep_for(std::chrono::milliseconds(2));
+            const bool stands = player_.paused() || player_.ended();
+            server_.wait(now + (!stands ? kPlaying : control ? kLines : kStanding));
         }
         played_ = std::chrono::duration<double>(Clock::now() - start).count();
     }

@@ -11,8 +11,8 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/terminal.h>
-#include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/mirror_client.h>
+#include <rtsg/sync/record_log.h>
 
 #include "behind.h"
 #include "cli.h"
@@ -107,12 +107,11 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
 /// with --live of the newest state.
 class Made {
   public:
-    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources)
-        : replica_(replica), world_(replica, resources) {
+    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources) : replica_(replica) {
         if (!arguments.record.empty()) {
             LogOptions options;
             options.existing = existing(arguments.force);
-            auto log = LogRecorder::start(replica, arguments.record, options, LogRecorder::WhenBehind::wait);
+            auto log = RecordLog::start(replica, arguments.record, options);
             if (!log) {
                 problem_ = std::unexpected(log.error());
                 return;
@@ -120,14 +119,22 @@ class Made {
             log_ = std::move(*log);
         }
         if (!arguments.isLive() && (!arguments.render.empty() || !arguments.listen.empty())) {
-            outputs_ = std::make_unique<OutputsBehind>(replica, arguments, resources);
+            auto behind = std::make_unique<OutputsBehind>(replica, arguments, resources);
+            behind_ = behind.get();
+            outputs_ = std::move(behind);
             return;
         }
-        auto attached = makeOutputs(world_, arguments, resources);
+        world_ = std::make_unique<WorldOnDemand>(replica, resources);
+        auto attached = makeOutputs(*world_, arguments, resources);
         if (attached)
             outputs_ = std::move(*attached);
         else
             problem_ = std::unexpected(attached.error());
+    }
+    bool wantsSteps() const { return log_ || behind_; }
+    void step(const RecordStep& step) {
+        if (log_) log_->add(replica_, step);
+        if (behind_) behind_->step(step);
     }
     /// In every turn of the mirror's loop. False: there is no sense in going on.
     bool frame() {
@@ -141,13 +148,16 @@ class Made {
         return result;
     }
     OutputReport report() const { return outputs_ ? outputs_->report() : OutputReport(); }
+    /// Frames that were encoded here, as no record came that would do.
+    std::uint64_t encoded() const { return (log_ ? log_->encoded() : 0) + (behind_ ? behind_->encoded() : 0); }
 
   private:
     Scene& replica_;
-    WorldOnDemand world_;
     Result<> problem_;
-    std::unique_ptr<LogRecorder> log_;
+    std::unique_ptr<WorldOnDemand> world_;
+    std::unique_ptr<RecordLog> log_;
     std::unique_ptr<OutputMaker> outputs_;
+    OutputsBehind* behind_ = nullptr;  // `outputs_`, if it is of that kind
 };
 
 class Mirroring {
@@ -192,6 +202,7 @@ class Mirroring {
     bool join();
     bool mayJoin();
     void follow();
+    std::chrono::milliseconds longestPoll() const;
     /// --control, once, and what the player says to it.
     void control(MirrorClient& client) {
         while (controls_ < options_.control.size() && client.control(options_.control[controls_])) ++controls_;
@@ -253,6 +264,7 @@ bool Mirroring::join() {
     if (!options_.duration.empty()) arguments.seconds = duration_;
     arguments.endsByInterruption = options_.duration.empty();
     made_ = std::make_unique<Made>(replica_, arguments, resources_);
+    if (made_->wantsSteps()) client_->onStep([this](const RecordStep& step) { made_->step(step); });
     if (auto ok = requests_.parse(replica_); !ok) {
         printError(ok.error());
         status_ = kUsage;
@@ -308,11 +320,21 @@ bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
     return true;
 }
 
+/// Where nothing is to be done by the clock, until something comes.
+std::chrono::milliseconds Mirroring::longestPoll() const {
+    constexpr std::chrono::milliseconds kOften{50}, kSeldom{1000};
+    const bool waits = !joined() || requests_.open() || !requests_.firstUnsent().empty() || options_.outputs.isLive() ||
+                       controls_ < options_.control.size() || saidLost_ || !client_->inStep();
+    if (waits) return kOften;
+    const double left = std::min(duration_ - reached(), duration_ - secondsSince(joinedAt_));
+    return std::clamp(std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * std::min(left, 1.))), kOften, kSeldom);
+}
+
 void Mirroring::follow() {
     MirrorClient& client = *client_;
     const Progress progress = options_.duration.empty() ? Progress{} : progressBar("mirroring " + options_.endpoint);
     while (!interrupted()) {
-        const std::size_t applied = client.poll(std::chrono::milliseconds(50));
+        const std::size_t applied = client.poll(longestPoll());
         for (const Diagnostic& d : client.takeDiagnostics())
             if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
         // Who has no room for us now may have some in a while.
@@ -446,7 +468,7 @@ void Mirroring::printJson() const {
         framesPerSecond(), static_cast<double>(statistics.bytes) / frames, statistics.restarts, statistics.garbage,
         statistics.clockOffset, statistics.delay, statistics.lag, statistics.mostLag, statistics.jitter,
         statistics.late, requests_.sent, requests_.accepted, requests_.refused);
-    fmt::print("\"inputs\":{}{}}}\n", statistics.inputs, report_.json());
+    fmt::print("\"inputs\":{},\"encoded\":{}{}}}\n", statistics.inputs, joined() ? made_->encoded() : 0, report_.json());
 }
 
 int Mirroring::run() {

@@ -38,6 +38,9 @@ void printNews(Source& source) {
         if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
 }
 
+/// Between two looks at what is to be told, while nothing comes.
+constexpr std::chrono::milliseconds kTurn{500};
+
 class Relaying {
   public:
     explicit Relaying(const RelayArguments& options)
@@ -89,7 +92,7 @@ class Relaying {
 
     void turn() {
         const bool before = relay_->server() != nullptr;
-        if (const auto applied = relay_->poll(std::chrono::milliseconds(50)); !applied) {
+        if (const auto applied = relay_->poll(kTurn); !applied) {
             serves_ = relay_->server() != nullptr;
             return fail(namingOptions(applied.error(), "--serve-key", options_.serveKey));
         }

@@ -16,6 +16,7 @@
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/lossy_scene.h>
 #include <rtsg/sync/mirror_server.h>
+#include <rtsg/sync/record_log.h>
 
 #include "files.h"
 #include "keyframes.h"
@@ -29,6 +30,10 @@ namespace rtsg::app {
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+/// Of a scene that rests mirrors get a frame each so many seconds, which tells them the time and that the server lives:
+/// a little more often than it would have to ping them.
+constexpr double kTimeIsTold = .9;
 
 struct ServeArguments {
     std::string scene, resume, endpoint = "tcp://127.0.0.1:*", duration, record, key, upstream = "none", block = "0";
@@ -152,6 +157,19 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
                     *serverOptions);
 }
 
+/// The bytes that mirrors get; of a lossy session, which sends them other values, the scene's own.
+struct SessionLog {
+    std::shared_ptr<RecordLog> sent;
+    std::unique_ptr<LogRecorder> own;
+
+    explicit operator bool() const { return sent || own; }
+    std::string failure() const { return sent ? sent->failure() : own ? own->failure() : std::string(); }
+    std::uint64_t acknowledged() const { return sent ? sent->acknowledged() : own ? own->acknowledged() : 0; }
+    std::uint64_t bytes() const { return sent ? sent->bytes() : own ? own->bytes() : 0; }
+    std::uint64_t encoded() const { return sent ? sent->encoded() : 0; }
+    Result<> stop() { return sent ? sent->stop() : own ? own->stop() : Result<>(); }
+};
+
 /// One session: a scene, those who follow it, and its log.
 class Session {
   public:
@@ -173,6 +191,10 @@ class Session {
     const std::string& name() const { return resumed_ ? options_.resume : running_.file(); }
     const std::string& logFile() const { return resumed_ ? options_.resume : options_.record; }
     void lookAtLog();
+    void frame(std::uint64_t slot);
+    std::uint64_t rest(std::uint64_t slot, std::uint64_t last);
+    std::uint64_t slotNow() const;
+    Clock::time_point dueAt(std::uint64_t slot) const;
     void print(const MirrorServerStatistics& statistics) const;
 
     const ServeArguments& options_;
@@ -183,8 +205,9 @@ class Session {
     std::unique_ptr<LossyScene> lossy_;
     std::unique_ptr<MirrorServer> server_;
     Web web_;
-    std::unique_ptr<LogRecorder> log_;
+    SessionLog log_;
     std::uint64_t frames_ = 0;
+    Clock::time_point start_;
     double from_ = 0;  // the first frame's time
     double seconds_ = 0;
     bool failed_ = false;  // the log has ended early, or the session
@@ -239,24 +262,31 @@ int Session::startLog() {
     logOptions.epoch = lossy_ ? 0 : server_->epoch();
     options_.keyframes.setIn(logOptions);
     options_.rotate.setIn(logOptions, true);
-    auto created = LogRecorder::start(running_.scene(), logFile(), logOptions);
+    if (lossy_) {
+        auto created = LogRecorder::start(running_.scene(), logFile(), logOptions);
+        if (!created) return printError(created.error()), kBad;
+        log_.own = std::move(*created);
+        // The state that there is, before the first new one. Else the recorder begins with whatever is newest once it
+        // has its file.
+        log_.own->waitFor(running_.scene().sequence(), std::chrono::seconds(10));
+        return kDone;
+    }
+    // It begins with the state that there is: that of the document, or the one that the log ends with, again.
+    auto created = RecordLog::start(running_.scene(), logFile(), logOptions);
     if (!created) return printError(created.error()), kBad;
-    log_ = std::move(*created);
-    // The state that there is, before the first new one: that of the document, or the one that the log ends with,
-    // again. Else the recorder begins with whatever is newest once it has its file.
-    log_->waitFor(running_.scene().sequence(), std::chrono::seconds(10));
-    // Nobody is ahead of the log, should this program be killed. States of a lossy scene have other numbers.
-    if (!lossy_) log_->onAcknowledged(server_->sendWhatIsLogged());
+    log_.sent = std::move(*created);
+    // Nobody is ahead of the log, should this program be killed.
+    server_->recordTo(log_.sent);
     return kDone;
 }
 
 /// A recording that fails ends, but those who follow go on.
 void Session::lookAtLog() {
-    if (!log_ || failed_ || log_->failure().empty()) return;
-    printError(log_->failure());
-    printError(log_->acknowledged() > 0
+    if (!log_ || failed_ || log_.failure().empty()) return;
+    printError(log_.failure());
+    printError(log_.acknowledged() > 0
                    ? fmt::format("the recording has ended; {} holds the session at least to state {}", logFile(),
-                                 log_->acknowledged())
+                                 log_.acknowledged())
                    : "nothing was recorded");
     failed_ = true;
 }
@@ -265,29 +295,53 @@ void Session::run() {
     sayEndpoint(fmt::format("serving {} at", name()), *server_, web_, options_.json);
     if (options_.await > 0) await(*server_, options_.await);
 
-    // Frames are at even times; those that there was no time for are left out, the clock never lags behind.
-    const auto start = Clock::now();
+    start_ = Clock::now();
     // A session that goes on does so with the frame after its last one.
     if (resumed_) from_ = running_.time() + 1 / options_.fps;
-    const auto elapsed = [&] { return std::chrono::duration<double>(Clock::now() - start).count(); };
     const auto last = static_cast<std::uint64_t>(std::floor(duration_ * options_.fps + 1e-9));
     const Progress progress = options_.duration.empty() ? Progress{} : progressBar("serving " + name());
     for (std::uint64_t slot = 0; !interrupted() && slot <= last;) {
         server_->service();  // what mirrors have sent takes effect in this frame
-        running_.frame(from_ + static_cast<double>(slot) / options_.fps);
-        ++frames_;
+        frame(slot);
         printServerNews(*server_);
         web_.service(running_.scene(), running_.resources());
         lookAtLog();
         if (progress) progress(slot, last + 1);
-        slot = std::max(slot + 1, static_cast<std::uint64_t>(elapsed() * options_.fps));
-        const auto due = start + std::chrono::duration_cast<Clock::duration>(
-                                     std::chrono::duration<double>(static_cast<double>(slot) / options_.fps));
-        while (!interrupted() && Clock::now() < due)
-            std::this_thread::sleep_until(std::min(due, Clock::now() + std::chrono::milliseconds(50)));
+        slot = rest(std::max(slot + 1, slotNow()), last);
+        while (!interrupted() && Clock::now() < dueAt(slot))
+            std::this_thread::sleep_until(std::min(dueAt(slot), Clock::now() + std::chrono::milliseconds(50)));
     }
     if (progress) progress(1, 1);
-    seconds_ = elapsed();
+    seconds_ = std::chrono::duration<double>(Clock::now() - start_).count();
+}
+
+/// Frames are at even times; those that there was no time for are left out, the clock never lags behind.
+void Session::frame(std::uint64_t slot) {
+    running_.frame(from_ + static_cast<double>(slot) / options_.fps);
+    ++frames_;
+}
+std::uint64_t Session::slotNow() const {
+    return static_cast<std::uint64_t>(std::chrono::duration<double>(Clock::now() - start_).count() * options_.fps);
+}
+Clock::time_point Session::dueAt(std::uint64_t slot) const {
+    return start_ + std::chrono::duration_cast<Clock::duration>(
+                        std::chrono::duration<double>(static_cast<double>(slot) / options_.fps));
+}
+
+/// Sleeps through frames that would change nothing: until a mirror sends something, the frame before the next in which
+/// something happens, or the time is to be told. Returns the frame that comes then, `slot` if there is none to sleep
+/// through. What was before the sleep holds until the frame before the one that ends it: that one says so.
+std::uint64_t Session::rest(std::uint64_t slot, std::uint64_t last) {
+    const double until = (running_.restsUntil() - from_) * options_.fps;
+    const double told = static_cast<double>(slot) + std::floor(kTimeIsTold * options_.fps);
+    const double end = std::min({until - 1, told, static_cast<double>(last) + 1});
+    if (!(end > static_cast<double>(slot))) return slot;
+    const auto next = static_cast<std::uint64_t>(end);
+    server_->wait(dueAt(next));
+    const std::uint64_t now = std::min(slotNow(), next);
+    if (now == next || now <= slot) return std::max(now, slot);
+    if (!interrupted()) frame(now - 1);
+    return now;
 }
 
 void Session::print(const MirrorServerStatistics& statistics) const {
@@ -297,10 +351,10 @@ void Session::print(const MirrorServerStatistics& statistics) const {
         fmt::print(
             "{{\"frames\":{},\"seconds\":{:.3f},\"fps\":{:.2f},\"t\":{},\"sequence\":{},\"peers\":{},\"bytes\":{},"
             "\"snapshots\":{},\"merged\":{},\"resumed\":{},\"repairs\":{},\"requests\":{},\"stalls\":{},"
-            "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"hash\":\"{}\"}}\n",
+            "\"garbage\":{},\"refused\":{},\"lost\":{},\"log_bytes\":{},\"log_encoded\":{},\"hash\":\"{}\"}}\n",
             frames_, seconds_, fps, running_.time(), scene.sequence(), statistics.mostPeers, statistics.bytes,
             statistics.snapshots, statistics.merged, statistics.resumed, statistics.repairs, statistics.requests,
-            statistics.stalls, statistics.garbage, statistics.refused, statistics.lost, log_ ? log_->bytes() : 0,
+            statistics.stalls, statistics.garbage, statistics.refused, statistics.lost, log_.bytes(), log_.encoded(),
             scene.hash().hex());
     else
         fmt::print("{} in {:.2f} s ({:.1f} a second), {} bytes to at most {} mirrors, state {}\n", framesText(frames_),
@@ -308,7 +362,7 @@ void Session::print(const MirrorServerStatistics& statistics) const {
 }
 
 int Session::close() {
-    running_.printDiagnostics(log_ ? log_->failure() : "");
+    running_.printDiagnostics(log_.failure());
     // Mirrors that are behind, with a picture say, may still catch up.
     if (!interrupted() && !server_->drain(linger_)) fmt::print(stderr, "not all mirrors have caught up\n");
     const MirrorServerStatistics statistics = server_->statistics();
@@ -316,7 +370,7 @@ int Session::close() {
     server_.reset();
     web_.end();
     if (log_) {
-        if (auto ok = log_->stop(); !ok && !failed_) {
+        if (auto ok = log_.stop(); !ok && !failed_) {
             printError(ok.error());
             failed_ = true;
         }

@@ -61,6 +61,7 @@ Result<Web> Web::start(const WebArguments& arguments, const MirrorServer& server
     options.privateKey = arguments.privateKey;
     options.endpoint = server.endpoint();
     options.keys = keys;
+    options.call = server.callDescriptor();
     auto gateway = WebGateway::start(std::move(options));
     if (!gateway) return std::unexpected(gateway.error());
     web.gateway_ = std::move(*gateway);

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include <dlfcn.h>
+#include <sys/eventfd.h>
 #include <unistd.h>
 #include <boost/beast/websocket/rfc6455.hpp>
 
@@ -186,6 +187,7 @@ bool Gateway::wish(FileWish wish, std::weak_ptr<Visit> visit) {
     wishing_[wish.number] = std::move(visit);
     const std::scoped_lock lock(mutex_);
     wishes_.push_back(wish);
+    if (settings_.call >= 0) ::eventfd_write(settings_.call, 1);
     return true;
 }
 
@@ -250,6 +252,6 @@ std::unique_ptr<rtsg::WebModule> startWeb(const rtsg::WebSettings& settings, std
 }  // namespace
 
 /// What the program looks up: the function above.
-extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_3() {
+extern "C" __attribute__((visibility("default"))) rtsg::StartWeb rtsg_start_web_4() {
     return startWeb;
 }

@@ -402,7 +402,7 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--peers", "99999999999999999999"}).status, 2);
     EXPECT_EQ(rtsg({"serve", file, "--for", "100ms", "--base", folder / "none"}).status, 2);
     EXPECT_EQ(
-        rtsg({"serve", file, "--for", "100ms", "--record", folder / "short.rlog", "--rotate", "20ms", "--keep", "50ms"})
+        rtsg({"serve", file, "--for", "300ms", "--record", folder / "short.rlog", "--rotate", "20ms", "--keep", "50ms"})
             .status,
         0);
     const Outcome done = rtsg({"serve", file, "--for", "2s", "--fps", "30", "--record", log, "--rotate", "0.5s"});

@@ -417,6 +417,7 @@ void Scene::State::prepareInput(double t) {
     if (pointers) deferPointers();
     if (pointers) castRays();
     if (keys) deferKeys();
+    viewerMoved = false;
     if (moves) navigate(t);
     feelContacts();
     pick();

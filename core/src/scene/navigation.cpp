@@ -601,6 +601,7 @@ void Scene::State::navigate(double t) {
     }
     NodeId bind;
     auto move = Navigator(owner, queries, *bound->view, bound->fields, bound->world).answer(devices, bind);
+    viewerMoved = move.has_value();
     if (given && move) {
         stated->state = move->state;
         given->value = Value(stated->toValue());

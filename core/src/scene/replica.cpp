@@ -24,7 +24,9 @@ struct Replica::Follower final : Subscriber {
         std::shared_ptr<ChangeSet>& set = sets[last ^= 1];
         if (!set || set.use_count() > 1) set = std::make_shared<ChangeSet>();
         *set = changes;
-        return own().apply(set);
+        const Result<> applied = own().apply(set);
+        if (changes.isSnapshot()) set.reset();  // frames take less
+        return applied;
     }
     std::string subscriberName() const override { return "replica"; }
 };

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/x3d.h>
+
 #include "writing.h"
 
 namespace rtsg {
@@ -623,6 +625,16 @@ std::shared_ptr<const ChangeSet> Scene::newFrame(double t) {
     queued.clear();
     if (s.inputQueue.empty()) s.inputQueue.swap(queued);  // keeps the capacity
     return s.seal();
+}
+
+double Scene::restsUntil() const {
+    const State& s = *state_;
+    const bool asked = !s.inputQueue.empty() || !s.deferredInput.empty() || s.hasPending() ||
+                       !node(root()).get(x3d::RtsgScene::_requests).empty();
+    // What has moved in the last frame is news in the next one, for sensors and for who walks on it.
+    const bool moves = !s.active.empty() || !s.woken.empty() || s.touchedBefore != 0 || s.viewerMoved;
+    if (!s.started || asked || moves) return -kNever;
+    return s.sleepers.empty() ? kNever : s.sleepers.top().first;
 }
 
 /// One that runs inside another would be half of both; and subscribers that answer every set with a further one would

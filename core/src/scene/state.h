@@ -479,6 +479,7 @@ struct Scene::State : Scene::Lane {
                (slot.aspect == Aspect::structure && slot.type == FieldType::SFInt32);
     }
     std::uint32_t touchedBefore = 0;  // as `touched`, of before the last seal
+    bool viewerMoved = false;         // by devices, in the last frame
     static constexpr std::uint32_t aspectBit(Aspect aspect) { return 1u << static_cast<unsigned>(aspect); }
     static constexpr std::uint32_t kPlaceAspects = 1u << static_cast<unsigned>(Aspect::structure) |
                                                    1u << static_cast<unsigned>(Aspect::transform) |

@@ -130,6 +130,12 @@ struct ChangeEncoder::Parts {
         descriptions = 0;
         authors.clear();
     }
+    /// What a snapshot took is not kept for frames.
+    void release() {
+        for (Rows& r : rows) r = Rows();
+        columns = std::vector<Column>();
+        used = 0;
+    }
 
     /// What decoding the set at hand charges; at most, and quickly, if that cannot matter.
     std::uint64_t cost(const ChangeSet& set, std::size_t recordSize, std::uint64_t inflated) const {
@@ -562,6 +568,13 @@ bool ChangeEncoder::encodeScene(const ChangeSet& snapshot, ByteBuffer& record) {
     return true;
 }
 
+bool ChangeEncoder::describesTypesOf(const ChangeSet& set) const {
+    const std::vector<bool>& described = parts_->described;
+    return std::ranges::none_of(set.changes, [&](const Change& change) {
+        return change.kind == ChangeKind::createNode && change.index < described.size() && !described[change.index];
+    });
+}
+
 void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predicting, ByteBuffer& record) {
     Parts& parts = *parts_;
     parts.clear();
@@ -596,6 +609,7 @@ void ChangeEncoder::write(const ChangeSet& set, std::uint8_t flags, bool predict
     }
     const std::uint64_t inflated = parts.makesSmall ? parts.putSmall(record) : parts.put(record);
     parts.seal(set, flags, inflated, record);
+    if (set.isSnapshot()) parts.release();
 }
 
 }  // namespace rtsg

@@ -308,18 +308,46 @@ Result<> LogWriter::writeFrame(const ChangeSet& changes) {
 Result<> LogWriter::write(const ChangeSet& changes) {
     if (changes.isSnapshot() && state_ != 0 && (changes.to != state_ || changes.hash != hash_))
         if (auto ok = beginEpoch(); !ok) return ok;
-    state_ = changes.to;
-    hash_ = changes.hash;
-    if (!pieceStart_) pieceStart_ = changes.time;
-    if (!sessionStart_) sessionStart_ = changes.time;
+    enter(changes.to, changes.hash, changes.time);
     if (auto ok = writeFrame(changes); !ok) return ok;
+    encoded_ += !changes.isSnapshot();
+    return entered(changes.isSnapshot());
+}
+
+void LogWriter::enter(std::uint64_t state, const Hash128& hash, double time) {
+    state_ = state;
+    hash_ = hash;
+    time_ = time;
+    if (!pieceStart_) pieceStart_ = time;
+    if (!sessionStart_) sessionStart_ = time;
+}
+
+Result<> LogWriter::entered(bool isSnapshot) {
     if (auto ok = takePlace(); !ok) return ok;
     ++frames_;
     // By now the new log stays, whatever becomes of the old pieces.
     if (auto ok = dropReplacedPieces(); !ok) return ok;
-    if (options_.sync == LogOptions::Sync::always ||
-        (options_.sync == LogOptions::Sync::atKeyframes && changes.isSnapshot()))
+    if (options_.sync == LogOptions::Sync::always || (options_.sync == LogOptions::Sync::atKeyframes && isSnapshot))
         return flush();
+    return {};
+}
+
+Result<> LogWriter::write(const EncodedRecord& frame, const ChangeSet* set) {
+    if (set && !encoder_.describesTypesOf(*set)) return write(*set);
+    enter(frame.header.to, frame.header.hash, frame.header.time);
+    if (auto ok = writeRecord(frame.bytes); !ok) return ok;
+    sinceKeyframe_ += frame.bytes.size();
+    return entered(false);
+}
+
+bool LogWriter::wantsSnapshot() const {
+    return rotationDue(time_) || keyframeDue(time_);
+}
+
+Result<> LogWriter::writeSnapshot(const ChangeSet& snapshot) {
+    if (rotationDue(snapshot.time)) return rotate(snapshot);
+    if (auto ok = write(snapshot); !ok) return ok;
+    --frames_;
     return {};
 }
 
@@ -333,15 +361,11 @@ bool LogWriter::keyframeDue(double now) const {
 
 Result<> LogWriter::apply(const Scene& scene, const ChangeSet& changes) {
     if (auto ok = write(changes); !ok) return ok;
-    const bool rotates = rotationDue(changes.time);
-    if (!rotates && !keyframeDue(changes.time)) return {};
+    if (!wantsSnapshot()) return {};
     // Only while the scene is in the very state that was just written: a subscriber that is polled may lag behind, and
     // another one may have edited the scene from within this delivery.
     if (scene.sequence() != changes.to || scene.hasUnsealedEdits()) return {};
-    if (rotates) return rotate(scene.snapshot());
-    if (auto ok = write(scene.snapshot()); !ok) return ok;
-    --frames_;
-    return {};
+    return writeSnapshot(scene.snapshot());
 }
 
 bool LogWriter::rotationDue(double now) const {

@@ -38,6 +38,12 @@ std::size_t MirrorClient::poll(std::chrono::milliseconds timeout) {
     std::this_thread::sleep_for(timeout);
     return 0;
 }
+void MirrorClient::onStep(std::function<void(const RecordStep&)> heard) {
+    impl_->onStep(std::move(heard));
+}
+void MirrorClient::wakeBy(int descriptor) {
+    impl_->wakeBy(descriptor);
+}
 bool MirrorClient::inStep() const {
     return impl_->inStep();
 }

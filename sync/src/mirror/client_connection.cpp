@@ -29,7 +29,7 @@ constexpr auto kQuiet = 400ms;       // beyond a heartbeat: then the server coun
 constexpr auto kLookAtBytes = 250ms;
 constexpr double kMoreThanPings = 1000;  // bytes a second
 constexpr auto kPingAtFirst = 20ms;      // until there are a few samples of the clock; from then on ever more seldom,
-constexpr auto kPingLater = 2000ms;      // up to this: each wakes four threads
+constexpr auto kPingLater = 3000ms;      // up to this: each wakes four threads
 constexpr std::uint64_t kFewSamples = 4, kDoublings = 7;
 constexpr int kPortion = 64;        // messages at a time: time passes while a long run of frames is applied
 constexpr auto kRequestAgain = 1s;  // without a verdict
@@ -290,20 +290,26 @@ void MirrorClient::Impl::pingNow(Clock::time_point now) {
 /// more for each frame. The monitor's socket is read until it is empty and nothing is ever sent on it.
 bool MirrorClient::Impl::wait(std::chrono::milliseconds most) {
     if (!socket_.foundEmpty()) return true;  // what became of the connection has its turn after what came by it
-    pollfd items[] = {{socket_.descriptor(), POLLIN, 0}, {monitor_.descriptor(), POLLIN, 0}};
-    const bool any = ::poll(items, 2, static_cast<int>(untilDue(most).count())) > 0;
-    if (any && items[1].revents) watchConnection();
-    return any;
+    pollfd items[] = {
+        {socket_.descriptor(), POLLIN, 0}, {monitor_.descriptor(), POLLIN, 0}, {std::max(wakes_, 0), POLLIN, 0}};
+    const int ready = ::poll(items, wakes_ < 0 ? 2 : 3, static_cast<int>(untilDue(most).count()));
+    if (ready > 0 && items[1].revents) watchConnection();
+    called_ = called_ || ready < 0 || (ready > 0 && items[2].revents);
+    return ready > 0;
 }
 
 /// Until there is something to say though nothing has come; little is due while all is well.
 std::chrono::milliseconds MirrorClient::Impl::longestSleep() const {
     const bool settled = connected_ && clock_.samples() >= kFewSamples && requests_.empty() && !bisection_.running();
-    return settled ? 250ms : 100ms;
+    if (!settled) return 100ms;
+    if (quiet_) return 250ms;
+    const Clock::time_point due = std::min({pinged_ + kPingLater, heard_ + heartbeat_ + kQuiet, Clock::now() + 1000ms});
+    return std::max(20ms, std::chrono::ceil<std::chrono::milliseconds>(due - Clock::now()));
 }
 
 std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     applied_ = 0;
+    called_ = false;
     const Clock::time_point start = Clock::now();
     const auto longest = std::max<Clock::duration>(timeout, kLongestTurn);
     Clock::duration spent{};
@@ -323,7 +329,7 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
         spent = Clock::now() - start;
         more = messages > 0 && spent < longest && moreWaits_;
         if (more) continue;
-        if (applied_ > 0 || spent >= timeout) break;
+        if (applied_ > 0 || called_ || spent >= timeout) break;
     }
     statistics_.sequence = state_;
     statistics_.originSequence = std::max({originAt_, newestHeard_, state_});

@@ -31,6 +31,8 @@ class MirrorClient::Impl {
 
     Result<> start(const std::string& endpoint);
     std::size_t poll(std::chrono::milliseconds timeout);
+    void wakeBy(int descriptor) { wakes_ = descriptor; }
+    void onStep(std::function<void(const RecordStep&)> heard) { onStep_ = std::move(heard); }
     bool inStep() const {
         return connected_ && !relayLost_ && haveState_ && partial_.empty() && playout_.empty() && !diverged_ &&
                statistics_.sequence >= newestHeard_;
@@ -102,7 +104,8 @@ class MirrorClient::Impl {
     bool editedByItsOwner();
     void apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh);
     bool applyAgain(std::span<const std::byte> bytes, const RecordHeader& header);
-    Result<> applySet(std::span<const std::byte> bytes, const RecordHeader& header);
+    Result<std::shared_ptr<ChangeSet>> applySet(std::span<const std::byte> bytes, const RecordHeader& header);
+    void tellStep(std::span<const std::byte> bytes, const RecordHeader& header, std::shared_ptr<ChangeSet> set);
     void input(std::span<const std::byte> bytes, const RecordHeader& header);
     void stopRunning(const std::string& why);
     void noteLag();
@@ -137,6 +140,8 @@ class MirrorClient::Impl {
     bool cut_ = false;        // one has ended; what came by it is still being read
     int descriptor_ = -1;     // of the newest connection
     bool relayLost_ = false;  // the server is a relay without an origin
+    int wakes_ = -1;          // a descriptor that ends poll() when it is readable
+    bool called_ = false;     // it was, or a signal has come
     bool moreWaits_ = false;  // not all that has come has been received
     bool quiet_ = false;      // nothing has been heard for longer than a heartbeat
     std::chrono::milliseconds heartbeat_{500};
@@ -156,6 +161,7 @@ class MirrorClient::Impl {
     Clock::time_point reconnected_{}, heard_{}, greeted_{}, repaired_{}, pinged_{}, asked_{}, scrubbed_{};
     std::vector<std::shared_ptr<ChangeSet>> sets_;
     std::size_t applied_ = 0;  // in this turn of poll()
+    std::function<void(const RecordStep&)> onStep_;
 
     bool inputsFit_ = false;      // they are of this program's node types
     bool running_ = false;        // from a run state on; inputs can be run

@@ -157,22 +157,45 @@ bool MirrorClient::Impl::applyAgain(std::span<const std::byte> bytes, const Reco
     return true;
 }
 
-Result<> MirrorClient::Impl::applySet(std::span<const std::byte> bytes, const RecordHeader& header) {
-    const std::shared_ptr<ChangeSet> set = freshSet();
+Result<std::shared_ptr<ChangeSet>> MirrorClient::Impl::applySet(std::span<const std::byte> bytes,
+                                                                const RecordHeader& header) {
+    // A snapshot's memory is not kept for frames.
+    const std::shared_ptr<ChangeSet> set =
+        header.kind == RecordKind::keyframe ? std::make_shared<ChangeSet>() : freshSet();
     repeated_.forget();
     Result<> ok = decoder_.decode(bytes, *set);
     touched_ = true;
     lastChanges_ = set->changes.size();
     if (ok) ok = replica_.apply(set);
-    if (ok) repeated_.remember(bytes, header);
-    return ok;
+    if (!ok) return std::unexpected(ok.error());
+    repeated_.remember(bytes, header);
+    return set;
+}
+
+/// The record itself is of use to others where its values stand for themselves, in our own numbers of fields.
+void MirrorClient::Impl::tellStep(std::span<const std::byte> bytes, const RecordHeader& header,
+                                  std::shared_ptr<ChangeSet> set) {
+    if (!onStep_) return;
+    RecordStep step;
+    if (!set || (decoder_.exact() && header.kind == RecordKind::frame && header.flags == 0)) {
+        const auto record = std::make_shared<EncodedRecord>();
+        record->bytes.append(bytes);
+        record->header = header;
+        step.record = record;
+    }
+    if (set && set->hash != replica_.hash() && !decoder_.exact()) {
+        set = std::make_shared<ChangeSet>(*set);
+        set->hash = replica_.hash();
+    }
+    step.set = std::move(set);
+    onStep_(step);
 }
 
 void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh) {
-    Result<> ok;
-    if (afresh || !applyAgain(bytes, header)) ok = applySet(bytes, header);
-    if (!ok) {
-        garbage(fmt::format("state {}, which cannot be applied: {}", header.to, ok.error().text));
+    Result<std::shared_ptr<ChangeSet>> set;
+    if (afresh || !applyAgain(bytes, header)) set = applySet(bytes, header);
+    if (!set) {
+        garbage(fmt::format("state {}, which cannot be applied: {}", header.to, set.error().text));
         haveState_ = false;
         if (Clock::now() - repaired_ > kRepairAgain) {
             repaired_ = Clock::now();
@@ -193,6 +216,7 @@ void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHea
     state_ = statistics_.sequence = header.to;
     stateHash_ = header.hash;
     if (!afresh) noteLag();
+    tellStep(bytes, header, std::move(*set));
     compare(header);
 }
 
@@ -238,6 +262,7 @@ void MirrorClient::Impl::input(std::span<const std::byte> bytes, const RecordHea
     ++applied_;
     ++statistics_.frames;
     ++statistics_.inputs;
+    if (onStep_) onStep_({nullptr, *ran});
     if (replica_.hash() == header.hash) return compare(header);
     ++statistics_.divergences;
     statistics_.equal = false;

@@ -8,8 +8,10 @@
 #include <linux/sockios.h>
 #include <linux/tcp.h>
 #include <netinet/in.h>
+#include <sys/epoll.h>
 #include <sys/ioctl.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 namespace rtsg {
 
@@ -42,7 +44,39 @@ std::optional<std::uint64_t> bytesReceived(int descriptor) {
     return info.tcpi_bytes_received;
 }
 
+ConnectionWatch::ConnectionWatch() : events_(::epoll_create1(EPOLL_CLOEXEC)) {}
+ConnectionWatch::~ConnectionWatch() {
+    if (events_ >= 0) ::close(events_);
+}
+
+bool ConnectionWatch::rest() {
+    const auto stirs = [](const auto& c) { return c.second.stirs && !c.second.delivered; };
+    if (suspicious_ || events_ < 0 || std::ranges::any_of(connections_, stirs)) return false;
+    for (auto& [descriptor, connection] : connections_) {
+        if (std::exchange(connection.armed, true)) continue;
+        epoll_event event{};
+        event.events = EPOLLIN | EPOLLET | EPOLLONESHOT;
+        event.data.fd = descriptor;
+        if (::epoll_ctl(events_, EPOLL_CTL_MOD, descriptor, &event) == 0) continue;
+        connection.armed = ::epoll_ctl(events_, EPOLL_CTL_ADD, descriptor, &event) == 0;
+        if (!connection.armed) return false;
+    }
+    return true;
+}
+
+/// Whoever woke us is looked at as long as it stirs.
+void ConnectionWatch::takeEvents() {
+    epoll_event events[64];
+    const int count = events_ < 0 ? 0 : ::epoll_wait(events_, events, std::size(events), 0);
+    for (int i = 0; i < count; ++i)
+        if (const auto found = connections_.find(events[i].data.fd); found != connections_.end()) {
+            found->second.armed = false;
+            found->second.stirs = true;
+        }
+}
+
 void ConnectionWatch::look(Clock::time_point now) {
+    takeEvents();
     early_.clear();  // what has been opened is known before each look
     const Clock::duration every = suspicious_ ? kLookAgain : kLookEvery;
     if (now - looked_ < std::max(every, Clock::duration(kLookCosts * connections_.size()))) return;
@@ -50,6 +84,7 @@ void ConnectionWatch::look(Clock::time_point now) {
     fresh_ = true;
     suspicious_ = false;
     for (auto& [descriptor, connection] : connections_) {
+        const std::uint64_t before = connection.come;
         if (connection.delivered) continue;  // a message has come: nothing to be found on it this time
         const std::optional<std::uint64_t> received = bytesReceived(descriptor);
         connection.counted = received.has_value();
@@ -58,6 +93,7 @@ void ConnectionWatch::look(Clock::time_point now) {
         connection.come = little ? *received : bytesRead(descriptor).value_or(0);
         if (!connection.counted && bytesWait(descriptor) && connection.busy++ == 0) connection.busySince = now;
         suspicious_ = suspicious_ || connection.busy > 0;
+        connection.stirs = connection.come != before;
     }
 }
 
@@ -74,7 +110,10 @@ void ConnectionWatch::delivered(int descriptor) {
 }
 
 bool ConnectionWatch::endlessLocal(Connection& connection, bool drained) const {
-    if (std::exchange(connection.delivered, false)) connection.busy = 0;
+    if (std::exchange(connection.delivered, false)) {
+        connection.busy = 0;
+        connection.stirs = false;
+    }
     return connection.busy >= kBusyLooks &&
            looked_ - connection.busySince >= (drained ? kBusyFor : kBusyForWhileOthersWait);
 }
@@ -84,6 +123,7 @@ bool ConnectionWatch::endless(int descriptor, Connection& connection, bool drain
     if (std::exchange(connection.delivered, false)) {
         // Since the look more may have come, and all of it may have been delivered: as of now, and not of the look.
         connection.settled = bytesRead(descriptor).value_or(connection.come);
+        connection.stirs = false;
         return false;
     }
     if (connection.come <= connection.settled + (drained ? kMostUnfinished : kMostWaiting)) return false;

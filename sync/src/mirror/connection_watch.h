@@ -5,6 +5,7 @@
 // been handed over from it, and shuts a connection that is more than a message of ours behind.
 // Of local (ipc) connections the system tells only whether bytes wait. Bytes that came belong to a message that is soon
 // complete, so one on which they wait again and again while no message comes is shut as well.
+// While nothing comes it need not look: rest() has the system tell when something does.
 // Invariant: what waits in an unfinished message is at most kMostUnfinished and what comes between two looks; of a
 // local connection what comes in kBusyFor, if it comes fast, and some megabytes at most, if slowly, as it is seldom
 // caught at it. Threading: one thread.
@@ -35,7 +36,14 @@ class ConnectionWatch {
     static constexpr std::chrono::milliseconds kBusyFor{50};
     static constexpr std::chrono::milliseconds kBusyForWhileOthersWait{2000};
 
-    void opened(int descriptor) { connections_[descriptor] = {.delivered = early_.erase(descriptor) > 0}; }
+    ConnectionWatch();
+    ~ConnectionWatch();
+    ConnectionWatch(const ConnectionWatch&) = delete;
+    ConnectionWatch& operator=(const ConnectionWatch&) = delete;
+
+    void opened(int descriptor) {
+        connections_[descriptor] = {.delivered = early_.erase(descriptor) > 0};
+    }
     void closed(int descriptor) { connections_.erase(descriptor); }
     bool any() const { return !connections_.empty(); }
     /// One may be sending a message without end: look again soon.
@@ -45,7 +53,11 @@ class ConnectionWatch {
     /// A message has been taken from its connection, of which it may not be known yet that it is open.
     void delivered(const ZmqMessage& message);
     void delivered(int descriptor);
-    /// After that; `drained`: no message was left. Returns how many connections were shut.
+    /// False while bytes come that belong to no message yet: look again in a while. Else descriptor() is readable once
+    /// any come.
+    bool rest();
+    int descriptor() const { return events_; }
+    /// After look(); `drained`: no message was left. Returns how many connections were shut.
     std::size_t shutEndless(bool drained);
 
   private:
@@ -54,9 +66,12 @@ class ConnectionWatch {
         std::uint64_t settled = 0;  // of these, after the last time that messages were delivered
         bool delivered = false;     // since then
         bool counted = true;        // the system tells how much has come
+        bool stirs = true;          // bytes have come that no message has brought
+        bool armed = false;         // `events_` tells when something comes
         unsigned busy = 0;          // else: looks at which bytes waited, since a message was delivered
         Clock::time_point busySince{};
     };
+    void takeEvents();
     bool endless(int descriptor, Connection& connection, bool drained) const;
     bool endlessLocal(Connection& connection, bool drained) const;
 
@@ -65,6 +80,7 @@ class ConnectionWatch {
     Clock::time_point looked_{};
     bool fresh_ = false;  // a look that shutEndless has not followed yet
     bool suspicious_ = false;
+    int events_ = -1;     // epoll
 };
 
 }  // namespace rtsg

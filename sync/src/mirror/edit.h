@@ -1,12 +1,23 @@
-// One change of somebody else's, done to a scene by its public edits. Threading: the scene's thread, between frames.
+// Single changes: made, and done to a scene by its public edits. Threading: the scene's thread, between frames.
 #pragma once
 
 #include <string_view>
+#include <utility>
 
 #include <rtsg/core/scene.h>
 
 namespace rtsg::mirror {
 
+inline Change changeOf(ChangeKind kind, NodeId node, FieldIndex field = kNoField, Value value = {}) {
+    Change change;
+    change.kind = kind;
+    change.node = node;
+    change.field = field;
+    change.value = std::move(value);
+    return change;
+}
+
+/// Does one of somebody else's.
 /// Says whose wish it was, too (Scene::attribute()). Errors: the scene's; a child that is not there; a new node, an
 /// event or a type, which are no edits of what is there.
 Result<> edit(Scene& scene, const Change& change, std::string_view author);

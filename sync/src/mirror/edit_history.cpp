@@ -19,15 +19,6 @@ namespace {
 constexpr std::uint64_t kItemCost = 256;  // beside its values
 constexpr std::size_t kMostNamed = 3;     // of what was kept
 
-Change changeOf(ChangeKind kind, NodeId node, FieldIndex field = kNoField, Value value = {}) {
-    Change change;
-    change.kind = kind;
-    change.node = node;
-    change.field = field;
-    change.value = std::move(value);
-    return change;
-}
-
 bool isReadable(const Node& node, FieldIndex field) {
     return field < node.type().fields.size() && node.type().fields[field].readable();
 }

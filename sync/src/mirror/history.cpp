@@ -12,12 +12,10 @@ namespace rtsg {
 namespace {
 
 constexpr std::size_t kPooled = 32;
-constexpr std::size_t kLargestPooled = std::size_t{16} << 20;
+constexpr std::size_t kMostPooled = std::size_t{8} << 20;  // bytes, of all
 constexpr std::size_t kLeastReady = std::size_t{32} << 10, kMostReady = std::size_t{4} << 20;  // bytes: of one, of all
 constexpr std::size_t kReady = 4;
 constexpr std::size_t kPage = 4096;
-constexpr std::uint64_t kRecordCost = sizeof(EncodedRecord) + 128;  // its places in lists and the allocator's own
-
 /// Has the system give out the pages of this memory, whose content does not matter: at once where it can.
 void makePresent(std::byte* memory, std::size_t bytes) {
 #ifdef MADV_POPULATE_WRITE
@@ -25,13 +23,6 @@ void makePresent(std::byte* memory, std::size_t bytes) {
     if (::madvise(memory - into, into + bytes, MADV_POPULATE_WRITE) == 0) return;
 #endif
     for (std::size_t at = 0; at < bytes; at += kPage) static_cast<volatile std::byte*>(memory)[at] = std::byte{};
-}
-
-std::uint64_t memoryOf(const EncodedRecord& record) {
-    std::uint64_t result = record.bytes.size() + kRecordCost;
-    for (const SharedRecord* other : {&record.predicted, &record.input, &record.runState})
-        if (*other) result += (*other)->bytes.size() + kRecordCost;
-    return result;
 }
 
 }  // namespace
@@ -48,11 +39,11 @@ std::shared_ptr<EncodedRecord> RecordPool::take() {
         if (!free_.empty()) {
             record = std::move(free_.back());
             free_.pop_back();
+            freeBytes_ -= record->bytes.capacity();
         }
     }
     if (!record) record = std::make_unique<EncodedRecord>();
     record->published = 0;
-    record->predicted.reset();
     return {record.release(), [pool = weak_from_this()](EncodedRecord* r) {
                 std::unique_ptr<EncodedRecord> owned(r);
                 if (const auto alive = pool.lock()) alive->giveBack(std::move(owned));
@@ -81,9 +72,12 @@ void RecordPool::keepReady(std::size_t bytes) {
 void RecordPool::giveBack(std::unique_ptr<EncodedRecord> record) {
     record->input.reset();
     record->runState.reset();
-    if (record->bytes.capacity() > kLargestPooled) return;
+    record->predicted.reset();
+    if (record->header.kind == RecordKind::keyframe) return;
     const std::scoped_lock lock(mutex_);
-    if (free_.size() < kPooled) free_.push_back(std::move(record));
+    if (free_.size() >= kPooled || freeBytes_ + record->bytes.capacity() > kMostPooled) return;
+    freeBytes_ += record->bytes.capacity();
+    free_.push_back(std::move(record));
 }
 
 void MirrorHistory::clear() {

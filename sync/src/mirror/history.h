@@ -10,22 +10,12 @@
 #include <vector>
 
 #include <rtsg/sync/change_codec.h>
+#include <rtsg/sync/encoded_record.h>
 
 namespace rtsg {
 
-struct EncodedRecord {
-    ByteBuffer bytes;  // values as they are, so that any reader in the state before can take it
-    RecordHeader header;
-    /// The same frame with predicted values, for those who have all since the last one with kForget; or null.
-    std::shared_ptr<const EncodedRecord> predicted;
-    std::uint64_t published = 0;  // on the server's clock, ns; 0: not a frame that has just happened
-    /// For peers in input mode: what came into the frame, to be sent in its place; how things go on, to be sent after
-    /// it.
-    std::shared_ptr<const EncodedRecord> input, runState;
-};
-using SharedRecord = std::shared_ptr<const EncodedRecord>;
-
-/// Buffers go back to where they came from once nobody sends them any more.
+/// Buffers of frames go back to where they came from once nobody sends them any more; so many bytes of them at most
+/// wait to be used again. Those of keyframes go: the next frame would drag a snapshot's memory along.
 class RecordPool : public std::enable_shared_from_this<RecordPool> {
   public:
     RecordPool();
@@ -38,6 +28,7 @@ class RecordPool : public std::enable_shared_from_this<RecordPool> {
     void giveBack(std::unique_ptr<EncodedRecord> record);
     std::mutex mutex_;
     std::vector<std::unique_ptr<EncodedRecord>> free_;
+    std::size_t freeBytes_ = 0;  // their capacities
 };
 
 class MirrorHistory {
@@ -73,6 +64,8 @@ class MirrorHistory {
     /// The last keyframe; null when frames do not lead on from it any more.
     SharedRecord keyframe() const;
     std::uint64_t limit() const { return limit_; }
+    /// What the frames hold, bytes.
+    std::uint64_t memory() const { return memory_; }
 
   private:
     std::size_t indexOf(std::uint64_t state) const;

@@ -46,7 +46,7 @@ SharedRecord PlainMerges::make(std::span<const SharedRecord> frames) const {
     merged->bytes.clear();
     merged->bytes.append(frames.back()->bytes.bytes());
     sealRecord(merged->bytes, merged->header);
-    merged->header = *parseRecordHeader(merged->bytes.bytes());
+    finishRecord(*merged);
     return merged;
 }
 

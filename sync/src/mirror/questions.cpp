@@ -6,6 +6,8 @@
 
 #include <fmt/format.h>
 
+#include "edit.h"
+
 namespace rtsg::mirror {
 
 namespace {
@@ -35,13 +37,6 @@ bool readRange(wire::Reader& in, NodeRange& range) {
 void putRange(ByteBuffer& out, NodeRange range) {
     out.putVarint(range.first);
     out.putVarint(range.bits);
-}
-
-Change changeOf(ChangeKind kind, NodeId node) {
-    Change change;
-    change.kind = kind;
-    change.node = node;
-    return change;
 }
 
 Change routeChange(ChangeKind kind, const Route& route) {

@@ -5,12 +5,6 @@
 
 namespace rtsg {
 
-namespace {
-
-constexpr std::chrono::milliseconds kTurn{5};  // that a request of a peer may wait while nothing comes from the origin
-
-}  // namespace
-
 MirrorRelay::MirrorRelay(Scene& replica, std::string endpoint, MirrorServerOptions to)
     : replica_(replica), endpoint_(std::move(endpoint)), options_(std::move(to)) {}
 MirrorRelay::~MirrorRelay() = default;
@@ -30,11 +24,12 @@ Result<std::size_t> MirrorRelay::poll(std::chrono::milliseconds timeout) {
     std::size_t applied = 0;
     while (true) {
         const auto left = std::chrono::ceil<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
-        applied += client_->poll(std::clamp(left, std::chrono::milliseconds(0), kTurn));
+        applied += client_->poll(std::max(left, std::chrono::milliseconds(0)));
         if (!server_ && client_->statistics().frames > 0) {
             auto started = MirrorServer::start(replica_, endpoint_, options_);
             if (!started) return std::unexpected(started.error());
             server_ = std::move(*started);
+            client_->wakeBy(server_->callDescriptor());
             server_->forwardRequests([this](MirrorRequest request) { return client_->submit(std::move(request)); });
             server_->forwardCommands([this](std::string_view command) { return client_->control(command); });
         }

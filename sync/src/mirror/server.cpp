@@ -8,6 +8,7 @@
 #include <thread>
 
 #include <fmt/format.h>
+#include <poll.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
@@ -28,7 +29,8 @@ constexpr auto kLongestWaitForLog = std::chrono::hours(24);
 }  // namespace
 
 MirrorServer::Shared::~Shared() {
-    if (wake >= 0) ::close(wake);
+    for (const int descriptor : {wake, call})
+        if (descriptor >= 0) ::close(descriptor);
 }
 
 void MirrorServer::Shared::post(Item item) {
@@ -40,27 +42,11 @@ void MirrorServer::Shared::post(Item item) {
     awaken();
 }
 
-/// A frame that has waited for long is let go, and what follows with its own time.
-std::vector<MirrorServer::Shared::Item> MirrorServer::Shared::takeItems(bool all) {
-    heldBack = false;
-    if (all || longestWaitForLog.count() == 0) return std::exchange(inbox, {});
-    const std::uint64_t now = mirror::clockNow();
-    const auto longest = static_cast<std::uint64_t>(std::chrono::nanoseconds(longestWaitForLog).count());
-    const auto waits = [&](const Item& item) {
-        const std::uint64_t state = item.record->header.to;
-        const bool logged = item.start < loggedStart || (item.start == loggedStart && state <= loggedState);
-        return !logged && item.record->published + longest > now;
-    };
-    const auto first = std::ranges::find_if(inbox, waits);
-    std::vector<Item> items(std::move_iterator(inbox.begin()), std::move_iterator(first));
-    inbox.erase(inbox.begin(), first);
-    heldBack = !inbox.empty();
-    return items;
-}
-
 void MirrorServer::Shared::awaken() const {
-    const std::uint64_t one = 1;
-    (void)!::write(wake, &one, sizeof(one));
+    ::eventfd_write(wake, 1);
+}
+void MirrorServer::Shared::callScene() const {
+    ::eventfd_write(call, 1);
 }
 
 void MirrorServer::Shared::answer(mirror::Verdict verdict) {
@@ -112,7 +98,7 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
     auto shared = std::make_shared<Shared>();
     const auto before = std::exchange(options.before, {});
     shared->options = std::move(options);
-    shared->wake = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    for (int* descriptor : {&shared->wake, &shared->call}) *descriptor = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     std::random_device device;
     const std::uint64_t fresh = std::uint64_t{device()} << 32 | device();
     shared->epoch = shared->options.epoch ? shared->options.epoch : fresh;
@@ -122,7 +108,7 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
     for (const auto& set : before) {
         const std::shared_ptr<EncodedRecord> record = shared->pool->take();
         server->encoder_->encoder.encode(*set, record->bytes);
-        record->header = *parseRecordHeader(record->bytes.bytes());
+        finishRecord(*record);
         shared->post({record, false, false, true});
     }
     if (auto ok = server->io_->start(endpoint); !ok) return std::unexpected(ok.error());
@@ -132,6 +118,7 @@ Result<std::unique_ptr<MirrorServer>> MirrorServer::start(Scene& scene, const st
 }
 
 MirrorServer::~MirrorServer() {
+    if (log_) log_->onAcknowledged({});
     attachment_.detach();
     io_.reset();
 }
@@ -161,7 +148,7 @@ std::vector<Diagnostic> MirrorServer::takeDiagnostics() {
 /// Once for all peers that run the cascade themselves.
 void MirrorServer::encodeInput(const ChangeSet& changes, EncodedRecord& record) {
     const auto finish = [&](const std::shared_ptr<EncodedRecord>& made) {
-        made->header = *parseRecordHeader(made->bytes.bytes());
+        finishRecord(*made);
         made->published = record.published;
         return made;
     };
@@ -193,7 +180,7 @@ void MirrorServer::encodePredicted(const ChangeSet& changes, EncodedRecord& reco
     const std::shared_ptr<EncodedRecord> predicted = shared_->pool->take();
     if (shared_->wantForget.exchange(false) || !before) encoder_->predicting.restart();
     encoder_->predicting.encode(changes, predicted->bytes);
-    predicted->header = *parseRecordHeader(predicted->bytes.bytes());
+    finishRecord(*predicted);
     predicted->published = record.published;
     record.predicted = predicted;
     shared_->coded.fetch_add(1, std::memory_order_relaxed);
@@ -202,7 +189,7 @@ void MirrorServer::encodePredicted(const ChangeSet& changes, EncodedRecord& reco
 void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     const std::shared_ptr<EncodedRecord> record = shared_->pool->take();
     encoder_->encoder.encode(changes, record->bytes);
-    record->header = *parseRecordHeader(record->bytes.bytes());
+    finishRecord(*record);
     record->published = mirror::clockNow();
     if (shared_->options.mode.coding != Coding::raw && !changes.isSnapshot()) encodePredicted(changes, *record);
     if (shared_->options.mode.mode == Mode::input && !requested) encodeInput(changes, *record);
@@ -211,7 +198,9 @@ void MirrorServer::encodeAndPost(const ChangeSet& changes, bool requested) {
     encoder_->started = true;
     encoder_->last = changes.to;
     encoder_->starts += restart;
-    shared_->post({record, requested, restart, false, encoder_->starts});
+    const bool isStep = changes.isSnapshot() || changes.from != changes.to;  // and no repair
+    const bool snapshot = log_ && isStep && !requested && log_->addInPassing({record, nullptr}, changes);
+    shared_->post({record, requested, restart, false, encoder_->starts, snapshot});
 }
 
 void MirrorServer::waitForThoseWhoBlock() {
@@ -231,6 +220,8 @@ Result<> MirrorServer::apply(const Scene& scene, const ChangeSet& changes) {
 }
 
 void MirrorServer::service() {
+    eventfd_t calls = 0;
+    (void)::eventfd_read(shared_->call, &calls);
     std::vector<mirror::Submission> submissions;
     std::vector<Shared::Control> controls;
     std::vector<std::uint64_t> left;
@@ -275,6 +266,18 @@ void MirrorServer::service() {
     if (!shared_->wantSnapshot) return;
     scene_.seal();  // publishes what is pending, and with it the snapshot
     if (shared_->wantSnapshot.exchange(false)) encodeAndPost(scene_.snapshot(), true);
+}
+
+void MirrorServer::wait(std::chrono::steady_clock::time_point until) {
+    const auto left = std::max(until - std::chrono::steady_clock::now(), std::chrono::steady_clock::duration(0));
+    const auto whole = std::chrono::floor<std::chrono::seconds>(left);
+    const timespec most = {whole.count(), static_cast<long>(std::chrono::nanoseconds(left - whole).count())};
+    pollfd item = {shared_->call, POLLIN, 0};
+    (void)::ppoll(&item, 1, &most, nullptr);
+}
+
+int MirrorServer::callDescriptor() const {
+    return shared_->call;
 }
 
 void MirrorServer::tell(std::vector<mirror::Verdict> verdicts) {
@@ -359,6 +362,15 @@ std::function<void(std::uint64_t start, std::uint64_t state)> MirrorServer::send
         }
         shared->awaken();
     };
+}
+
+void MirrorServer::recordTo(std::shared_ptr<RecordLog> log, std::chrono::milliseconds atMost) {
+    log_ = std::move(log);
+    {
+        const std::scoped_lock lock(shared_->mutex);
+        shared_->log = log_;
+    }
+    log_->onAcknowledged(sendWhatIsLogged(atMost));
 }
 
 void MirrorServer::setOriginLost(bool lost) {

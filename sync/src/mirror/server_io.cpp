@@ -38,6 +38,8 @@ constexpr auto kSettle = 5ms;                                     // between sta
 constexpr std::size_t kFewPeers = 16;                             // than these
 constexpr auto kGather = 1000us;                                  // what more peers say in this time is read together
 constexpr auto kLookAround = 20ms, kLookAgain = 1ms;              // for connections that send no whole message
+constexpr auto kUntilRest = 250ms;                                // without frames, until connections need not be looked at
+constexpr int kHandsOver = 1;                                     // ms
 constexpr auto kUnusedPart = 10s;                                 // until a part without peers is let go
 constexpr auto kNoRegions = 60s;                                  // until it is tried again whether they can be
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;  // bytes of frames, at least
@@ -101,6 +103,14 @@ Result<> MirrorServer::Io::start(const std::string& endpoint) {
     shared_->endpoint = bound;
     dictionaryHash_ = dictionaryHash(builtinTypes());
     restart();
+    shadow_.onSnapshot([shared = shared_](std::uint64_t state, std::shared_ptr<const ChangeSet> snapshot) {
+        std::shared_ptr<RecordLog> log;
+        {
+            const std::scoped_lock lock(shared->mutex);
+            log = shared->log;
+        }
+        if (log) log->giveSnapshot(state, std::move(snapshot));
+    });
     thread_ = std::thread([this] { run(); });
     return {};
 }
@@ -115,7 +125,6 @@ void MirrorServer::Io::restart() {
     history_.clear();
     merges_.clear();
     streams_.begin()->second.keyframeAsked = false;
-    shadow_.restart();
     ledger_.clear();
     encodeHead(shared_->epoch, shared_->options.creator, builtinTypes(), shared_->options.mode, head_);
     mirror::begin(message_, Message::unknown);
@@ -143,6 +152,7 @@ void MirrorServer::Io::giveUp(const char* why) {
     shared_->statistics.peers = 0;
     shared_->heldUp = false;
     shared_->caughtUp.notify_all();
+    shared_->callScene();
 }
 
 /// A thousand peers answer one after the other, and to wake for each costs more than what it says: what comes within a
@@ -164,9 +174,12 @@ MirrorServer::Io::Came MirrorServer::Io::wait() {
     pollfd items[] = {{sockets[0]->descriptor(), POLLIN, 0},
                       {sockets[1]->descriptor(), POLLIN, 0},
                       {sockets[2]->descriptor(), POLLIN, 0},
-                      {shared_->wake, POLLIN, 0}};
-    if (::poll(items, 4, all ? static_cast<int>(patience().count()) : 0) < 0 && errno != EINTR)
+                      {shared_->wake, POLLIN, 0},
+                      {gate_.connections().descriptor(), POLLIN, 0}};
+    if (::poll(items, 5, all ? static_cast<int>(patience().count()) : 0) < 0 && errno != EINTR)
         throw std::runtime_error(std::strerror(errno));
+    // Bytes are here a moment before ZeroMQ hands over what they are.
+    if (items[4].revents && !items[0].revents && !items[3].revents && all) (void)::poll(items, 4, kHandsOver);
     if (items[3].revents) {
         std::uint64_t count = 0;
         (void)!::read(shared_->wake, &count, sizeof(count));
@@ -241,15 +254,28 @@ MirrorServer::Io::Clock::time_point MirrorServer::Io::dueFor(const Peer& peer, C
     return due;
 }
 
-std::chrono::milliseconds MirrorServer::Io::patience() const {
+std::chrono::milliseconds MirrorServer::Io::patience() {
     const Clock::time_point now = Clock::now();
-    auto result = std::max(1ms, shared_->options.heartbeat / 2);
-    if (gate_.connections().any())
-        result = std::min(result, gate_.connections().suspicious() ? kLookAgain : kLookAround);
     if (news_) return 0ms;
-    if (shared_->heldBack) result = std::min(result, kLookAround);  // a log that hangs does not call
+    auto result = std::max(1ms, untilTick(now));
+    ConnectionWatch& connections = gate_.connections();
+    if (connections.suspicious())
+        result = std::min(result, kLookAgain);
+    else if (connections.any() && ((isBusy_ && now - newsAt_ < kUntilRest) || !connections.rest()))
+        result = std::min(result, kLookAround);
+    if (!held_.empty()) result = std::min(result, kLookAround);  // a log that hangs does not call
     const Clock::time_point due = unsettled_ ? std::min(allDue_, settled_ + settling()) : allDue_;
     return std::clamp(std::chrono::ceil<std::chrono::milliseconds>(due - now), 1ms, result);
+}
+
+/// Until somebody wants a ping, or is taken for gone. Of many peers one wants something all the time.
+std::chrono::milliseconds MirrorServer::Io::untilTick(Clock::time_point now) const {
+    const MirrorServerOptions& options = shared_->options;
+    if (peers_.size() > kFewPeers) return options.heartbeat / 2;
+    Clock::time_point due = now + kLongestSleep;
+    for (const auto& [identity, peer] : peers_)
+        due = std::min({due, peer.spoken + options.heartbeat, peer.heard + options.peerTimeout});
+    return std::chrono::ceil<std::chrono::milliseconds>(due - now);
 }
 
 MirrorServer::Io::Clock::duration MirrorServer::Io::settling() const {
@@ -309,42 +335,71 @@ void MirrorServer::Io::takeInbox() {
     std::vector<Shared::Control> replies;
     {
         const std::scoped_lock lock(shared_->mutex);
-        items = shared_->takeItems(leaving_);
+        items.swap(shared_->inbox);
         verdicts.swap(shared_->verdicts);
         replies.swap(shared_->replies);
+        logged_ = {shared_->loggedStart, shared_->loggedState, shared_->longestWaitForLog};
     }
     for (const Shared::Control& answer : replies) reply(answer);
-    for (Shared::Item& item : items) {
-        if (item.restart) restart();
-        if (item.requested) {
-            ++statistics_.stalls;
-            streams_.begin()->second.keyframeAsked = false;
-            history_.setKeyframe(item.record);
-            shadow_.post(std::move(item.record));
-            continue;
-        }
-        if (item.earlier) {
-            history_.keepFirst();
-            history_.addEarlier(std::move(item.record));
-            continue;
-        }
-        ++statistics_.frames;
-        const SharedRecord record = item.record;
-        wantedNext_ = record->bytes.capacity();
-        if (!history_.add(std::move(item.record)))
-            shared_->report(Severity::error, "a change set that does not follow the one before was not sent");
-        else if (!shadow_.post(record))
-            shared_->wantSnapshot = true;
+    for (Shared::Item& item : items) arrive(std::move(item));
+    bool any = false, earlier = false;
+    for (; !held_.empty() && (leaving_ || !waitsForLog(held_.front())); held_.pop_front()) {
+        any = true;
+        earlier = held_.front().earlier;
+        release(std::move(held_.front()));
     }
-    news_ |= !items.empty() || !verdicts.empty();
+    news_ |= any || !verdicts.empty();
+    if (news_) isBusy_ = Clock::now() - std::exchange(newsAt_, Clock::now()) < kUntilRest;
     // Frames of before come first, and their state at once after them.
-    if (!items.empty() && !items.back().earlier) keepKeyframeNear(0);
+    if (any && !earlier) keepKeyframeNear(0);
     for (mirror::Verdict& verdict : verdicts) {
         ++statistics_.requests;
         ledger_.answer(verdict);
         for (auto& [identity, peer] : peers_)
             if (peer.client == verdict.client) peer.verdicts.push_back(verdict);
     }
+}
+
+/// The shadow goes ahead of what peers may have: a log waits for its snapshots, and peers for the log.
+void MirrorServer::Io::arrive(Shared::Item item) {
+    if (item.restart) shadow_.restart();
+    if (!item.earlier && !shadow_.post(item.record, item.snapshot)) callForSnapshot();
+    held_.push_back(std::move(item));
+}
+
+/// A frame that has waited for long is let go, and what follows with its own time.
+bool MirrorServer::Io::waitsForLog(const Shared::Item& item) const {
+    if (logged_.longestWait.count() == 0) return false;
+    const auto longest = static_cast<std::uint64_t>(std::chrono::nanoseconds(logged_.longestWait).count());
+    const bool logged = item.start < logged_.start || (item.start == logged_.start && item.record->header.to <= logged_.state);
+    return !logged && item.record->published + longest > mirror::clockNow();
+}
+
+/// To the peers.
+void MirrorServer::Io::release(Shared::Item item) {
+    if (item.restart) {
+        ++era_;
+        restart();
+    }
+    if (item.requested) {
+        ++statistics_.stalls;
+        streams_.begin()->second.keyframeAsked = false;
+        return history_.setKeyframe(std::move(item.record));
+    }
+    if (item.earlier) {
+        history_.keepFirst();
+        return history_.addEarlier(std::move(item.record));
+    }
+    ++statistics_.frames;
+    if (item.record->header.kind == RecordKind::frame) wantedNext_ = item.record->bytes.size();
+    if (!history_.add(std::move(item.record)))
+        shared_->report(Severity::error, "a change set that does not follow the one before was not sent");
+}
+
+/// The shadow has been given up.
+void MirrorServer::Io::callForSnapshot() {
+    shared_->wantSnapshot = true;
+    shared_->callScene();
 }
 
 void MirrorServer::Io::askForKeyframe(std::uint32_t part) {
@@ -366,28 +421,38 @@ void MirrorServer::Io::keepKeyframeNear(std::uint32_t part) {
 
 void MirrorServer::Io::takeAnswers() {
     shadow_.checkAlive();
-    for (MirrorShadow::Answer& answer : shadow_.takeAnswers()) {
-        if (answer.kind == Kind::keyframe || answer.kind == Kind::frame) {
-            news_ = true;
-            const auto stream = streams_.find(answer.part);
-            if (stream == streams_.end()) continue;
-            if (answer.kind == Kind::keyframe) {
-                stream->second.keyframeAsked = false;
-                if (answer.record) stream->second.history.setKeyframe(std::move(answer.record));
-            } else if (answer.record && stream->second.history.add(answer.record)) {
-                keepKeyframeNear(answer.part);
-            } else if (answer.why.empty()) {
-                dropStream(answer.part);
-            } else {
-                refuseRegions(std::move(answer.why));
-            }
-            continue;
+    for (MirrorShadow::Answer& answer : shadow_.takeAnswers()) early_.push_back(std::move(answer));
+    for (; !early_.empty() && (leaving_ || !isEarly(early_.front())); early_.pop_front())
+        if (early_.front().era == era_) takeAnswer(std::move(early_.front()));
+}
+
+/// It is about a state that waits for the log still.
+bool MirrorServer::Io::isEarly(const MirrorShadow::Answer& answer) const {
+    if (answer.era != era_) return answer.era > era_;
+    return !held_.empty() && answer.record && answer.record->header.to > history_.newest();
+}
+
+void MirrorServer::Io::takeAnswer(MirrorShadow::Answer answer) {
+    if (answer.kind == Kind::keyframe || answer.kind == Kind::frame) {
+        news_ = true;
+        const auto stream = streams_.find(answer.part);
+        if (stream == streams_.end()) return;
+        if (answer.kind == Kind::keyframe) {
+            stream->second.keyframeAsked = false;
+            if (answer.record) stream->second.history.setKeyframe(std::move(answer.record));
+        } else if (answer.record && stream->second.history.add(answer.record)) {
+            keepKeyframeNear(answer.part);
+        } else if (answer.why.empty()) {
+            dropStream(answer.part);
+        } else {
+            refuseRegions(std::move(answer.why));
         }
-        const auto peer = peers_.find(answer.peer);
-        if (peer == peers_.end() || peer->second.session != answer.session) continue;
-        noteHeard(peer->first);  // there is something for this one
-        peer->second.answer = std::move(answer);
+        return;
     }
+    const auto peer = peers_.find(answer.peer);
+    if (peer == peers_.end() || peer->second.session != answer.session) return;
+    noteHeard(peer->first);  // there is something for this one
+    peer->second.answer = std::move(answer);
 }
 
 bool MirrorServer::Io::receive() {
@@ -478,11 +543,12 @@ void MirrorServer::Io::noticeWhoLeft() {
     std::set<std::uint64_t> here;
     for (const auto& [identity, peer] : peers_) here.insert(peer.client);
     const std::scoped_lock lock(shared_->mutex);
-    std::erase_if(submitters_, [&](std::uint64_t client) {
+    const auto gone = std::erase_if(submitters_, [&](std::uint64_t client) {
         if (here.contains(client)) return false;
         shared_->left.push_back(client);
         return true;
     });
+    if (gone > 0) shared_->callScene();
 }
 
 bool MirrorServer::Io::ping(const Peer& peer) {

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include <rtsg/sync/mirror_server.h>
+#include <rtsg/sync/record_log.h>
 
 #include "gate.h"
 #include "history.h"
@@ -37,6 +38,7 @@ struct MirrorServer::Shared {
         bool restart = false;     // the scene has started over: nothing before counts
         bool earlier = false;     // of before this server
         std::uint64_t start = 0;  // how often the scene had started over since sendWhatIsLogged()
+        bool snapshot = false;    // the log wants one of this state
     };
     /// What a peer asks a player for, or is answered.
     struct Control {
@@ -54,7 +56,8 @@ struct MirrorServer::Shared {
     std::atomic<bool> wantForget{false};  // somebody has not got what predicted values refer to
     std::atomic<std::uint64_t> epoch{0};
     std::atomic<bool> originLost{false};  // of a relay
-    int wake = -1;                        // eventfd
+    int wake = -1;                        // eventfd, of the sockets' thread
+    int call = -1;                        // of the scene's: there is something for service()
 
     std::mutex mutex;  // guards the rest
     std::condition_variable caughtUp;
@@ -62,7 +65,6 @@ struct MirrorServer::Shared {
     std::vector<Item> inbox;
     std::chrono::milliseconds longestWaitForLog{0};  // 0: nothing waits
     std::uint64_t loggedStart = 0, loggedState = 0;  // what is in the log
-    std::atomic<bool> heldBack{false};               // something waits for the log
     std::vector<mirror::Submission> submissions;
     std::vector<std::uint64_t> left;  // clients that sent some, and are gone
     std::uint64_t submittedBytes = 0;
@@ -75,9 +77,9 @@ struct MirrorServer::Shared {
     ~Shared();
     Result<> result();
     void post(Item item);
-    /// Takes out of the inbox what peers may get, with `all` everything.
-    std::vector<Item> takeItems(bool all);
+    std::shared_ptr<RecordLog> log;
     void awaken() const;
+    void callScene() const;
     void answer(mirror::Verdict verdict);
     void report(Severity severity, std::string text);
 };
@@ -158,7 +160,12 @@ class MirrorServer::Io {
     void sendLastFrames();
     bool hasBeenSentAll(const Peer& peer) const;
     void takeInbox();
+    void arrive(Shared::Item item);
+    bool waitsForLog(const Shared::Item& item) const;
+    void release(Shared::Item item);
     void takeAnswers();
+    bool isEarly(const MirrorShadow::Answer& answer) const;
+    void takeAnswer(MirrorShadow::Answer answer);
     /// False when messages are left: a peer that floods us shall leave time for the others.
     bool receive();
     void handle(const std::string& identity, std::span<const std::byte> bytes, const ZmqMessage& body,
@@ -176,7 +183,8 @@ class MirrorServer::Io {
     void tick(Clock::time_point now);
     void noticeWhoLeft();
     /// How long the thread may sleep.
-    std::chrono::milliseconds patience() const;
+    std::chrono::milliseconds patience();
+    std::chrono::milliseconds untilTick(Clock::time_point now) const;
     /// How old statistics may be.
     Clock::duration settling() const;
     /// When something is to be done for the peer though nothing comes from it nor for it.
@@ -184,6 +192,7 @@ class MirrorServer::Io {
     /// Sends what may be sent: to everybody, or to those who have been heard in this turn.
     void pumpAll(Clock::time_point now);
     void pumpHeard(Clock::time_point now);
+    void callForSnapshot();
     void askForKeyframe(std::uint32_t part);
     void keepKeyframeNear(std::uint32_t part);
     /// The number of the stream with the parts and aspects of this hello; nothing when there are as many as there may
@@ -237,6 +246,13 @@ class MirrorServer::Io {
     MirrorHistory& history_;                   // of that
     std::uint32_t nextPart_ = 1;
     MirrorShadow shadow_;
+    std::deque<Shared::Item> held_;  // frames that the shadow has, and peers may not have yet
+    struct Logged {
+        std::uint64_t start = 0, state = 0;
+        std::chrono::milliseconds longestWait{0};
+    } logged_;  // as the log said last
+    std::deque<MirrorShadow::Answer> early_;  // of states that peers may not have yet
+    std::uint64_t era_ = 0;                   // restarts that were released
     PlainMerges merges_;
     mirror::RequestLedger ledger_;
     std::set<std::uint64_t> submitters_;  // clients that are here and sent requests
@@ -245,7 +261,8 @@ class MirrorServer::Io {
     bool leaving_ = false;            // only what peers have read, and their answers to goodbyes, count
     bool news_ = true;                // for everybody: frames, answers, verdicts
     std::vector<std::string> heard_;  // peers, in this turn
-    Clock::time_point allDue_{}, ticked_{}, settled_{}, turned_{};
+    Clock::time_point allDue_{}, ticked_{}, settled_{}, turned_{}, newsAt_{};
+    bool isBusy_ = false;     // frames come one upon the other
     bool unsettled_ = false;  // something has happened since the statistics were published
     bool heldUp_ = false;     // as published
     MirrorServerStatistics statistics_;

@@ -22,7 +22,8 @@ constexpr std::uint64_t kSmallBacklog = 8 << 10;  // of frames behind a keyframe
 constexpr auto kPatience = 200ms;                 // with the shadow, for a keyframe nearer than the one there is
 constexpr double kMostQuestions = 24;             // of a peer at once
 constexpr double kQuestionsPerSecond = 4;         // in the long run
-constexpr auto kAskEvery = 500ms;                 // for an acknowledgement, at least
+constexpr auto kAskEvery = 500ms;                 // for an acknowledgement, at least;
+constexpr auto kAskSeldom = 3500ms;               // where so little is sent: clients tell by their pings as well
 constexpr auto kForgetEvery = 250ms;              // raw frames for the sake of those who cannot read predicted ones
 constexpr std::size_t kMostMerged = 20000;        // frames
 constexpr std::size_t kMostControls = 16;         // that wait for the scene, of all peers
@@ -122,6 +123,7 @@ void MirrorServer::Io::control(Peer& peer, wire::Reader& in) {
     if (shared_->controls.size() >= kMostControls)
         return reply({peer.identity, command.session, "refused: too many commands wait"});
     shared_->controls.push_back({peer.identity, command.session, std::move(command.text)});
+    shared_->callScene();
 }
 
 void MirrorServer::Io::refuse(const std::string& identity, const std::string& reason, bool forGood) {
@@ -288,7 +290,7 @@ void MirrorServer::Io::submission(Peer& peer, wire::Reader& in, const ZmqMessage
             shared_->submittedBytes += whole.record.size();
             submitters_.insert(peer.client);
             shared_->submissions.push_back(std::move(whole));
-            return;
+            return shared_->callScene();
         }
         refusal.refusal = "too many requests wait for the scene";
     }
@@ -531,8 +533,10 @@ bool MirrorServer::Io::sendChunk(Peer& peer) {
 /// Whether the peer may keep its acknowledgement of so many bytes more for a while. Each is a message, and wakes four
 /// threads; where there is credit enough one for some frames does.
 bool MirrorServer::Io::mayWait(const Peer& peer, std::uint64_t size, Clock::time_point now) const {
-    return peer.debt == 0 && peer.whenSlow != MirrorWhenSlow::block && now - peer.awaitedAt < kAskEvery &&
-           peer.sentBytes + size - peer.ackedBytes <= peer.window / 4 && peer.pace.spare(size, now);
+    const bool isSeldom = size <= kCopyBelow && now - peer.spoken > kAskEvery;
+    return peer.debt == 0 && peer.whenSlow != MirrorWhenSlow::block &&
+           now - peer.awaitedAt < (isSeldom ? kAskSeldom : kAskEvery) &&
+           peer.sentBytes + size - peer.ackedBytes <= peer.window / 4 && (isSeldom || peer.pace.spare(size, now));
 }
 
 /// A client that has been let keep its acknowledgements sends one when it is pinged. False when the peer is gone.

@@ -26,6 +26,7 @@ using mirror::Message;
 namespace {
 
 constexpr std::uint64_t kBatch = std::uint64_t{4} << 20;  // bytes that may wait for a moment of leisure
+constexpr std::uint64_t kWorthWaking = std::uint64_t{256} << 10;  // bytes, of memory: fewer are soon caught up with
 constexpr auto kLeisure = 50ms;
 constexpr int kNiceness = 5;           // behind the scene's and the sockets' thread
 constexpr std::size_t kMostEased = 8;  // peers for whom what is near goes first; each costs a scene
@@ -50,23 +51,44 @@ MirrorShadow::~MirrorShadow() {
     thread_.join();
 }
 
-bool MirrorShadow::post(SharedRecord record) {
+void MirrorShadow::onSnapshot(TakeSnapshot take) {
+    const std::scoped_lock lock(mutex_);
+    takeSnapshot_ = std::move(take);
+}
+
+/// With `mutex_` held. Small frames wait until there are some of them, or somebody asks.
+bool MirrorShadow::isWorthWaking() const {
+    return waitingBytes_ >= kWorthWaking || ((eager_ || hurries_) && !waiting_.empty());
+}
+
+/// With `mutex_` held. Who waits for a snapshot of one of them learns that there will be none.
+void MirrorShadow::dropWaiting() {
+    for (const Waiting& one : waiting_)
+        if (one.snapshot && takeSnapshot_) takeSnapshot_(one.record->header.to, nullptr);
+    waiting_.clear();
+    waitingBytes_ = 0;
+    hurries_ = false;
+}
+
+bool MirrorShadow::post(SharedRecord record, bool snapshot) {
     const std::scoped_lock lock(mutex_);
     if (record->header.kind == RecordKind::keyframe) {
-        waiting_.clear();
-        waitingBytes_ = 0;
+        dropWaiting();
         lost_ = false;
     }
-    if (lost_) return false;
-    waitingBytes_ += record->bytes.size();
-    waiting_.push_back(std::move(record));
+    if (lost_) {
+        if (snapshot && takeSnapshot_) takeSnapshot_(record->header.to, nullptr);
+        return false;
+    }
+    waitingBytes_ += memoryOf(*record);
+    waiting_.push_back({std::move(record), snapshot});
+    hurries_ |= snapshot;
     if (waiting_.size() > 1 && waitingBytes_ > limit_) {
-        waiting_.clear();
-        waitingBytes_ = 0;
+        dropWaiting();
         lost_ = true;
         return false;
     }
-    if (waitingBytes_ >= kBatch || eager_) some_.notify_one();
+    if (isWorthWaking()) some_.notify_one();
     return true;
 }
 
@@ -88,8 +110,7 @@ void MirrorShadow::restart() {
     const std::scoped_lock lock(mutex_);
     questions_.clear();
     answers_.clear();
-    waiting_.clear();
-    waitingBytes_ = 0;
+    dropWaiting();
     lost_ = true;
     eager_ = false;
     ++era_;
@@ -119,9 +140,12 @@ void MirrorShadow::follow() {
     scene.setBehavioursEnabled(false);
     std::unique_lock lock(mutex_);
     while (!stop_) {
-        some_.wait_for(lock, kLeisure, [this] {
-            return stop_ || waitingBytes_ >= kBatch || (eager_ && !waiting_.empty()) || (!questions_.empty() && !lost_);
-        });
+        const auto hurries = [this] {
+            return stop_ || waitingBytes_ >= kBatch || ((eager_ || hurries_) && !waiting_.empty()) ||
+                   (!questions_.empty() && !lost_);
+        };
+        some_.wait(lock, [&] { return hurries() || isWorthWaking(); });
+        some_.wait_for(lock, kLeisure, hurries);
         if (eraHere_ != era_) {
             parts_.clear();
             eased_.clear();
@@ -129,14 +153,17 @@ void MirrorShadow::follow() {
         }
         eraHere_ = era_;
         while (!waiting_.empty() && !stop_) {
-            const SharedRecord record = std::move(waiting_.front());
+            const auto [record, snapshot] = std::move(waiting_.front());
             waiting_.pop_front();
-            waitingBytes_ -= record->bytes.size();
-            const SharedRecord next = waiting_.empty() ? nullptr : waiting_.front();
+            waitingBytes_ -= memoryOf(*record);
+            const SharedRecord next = waiting_.empty() ? nullptr : waiting_.front().record;
             lock.unlock();
-            if (!skip(*record, next.get())) follow(scene, record);
+            const bool skipped = !snapshot && skip(*record, next.get());
+            const bool good = !skipped && follow(scene, record);
+            if (snapshot) handOver(scene, record->header.to, good);
             lock.lock();
         }
+        hurries_ = false;
         if (stop_ || questions_.empty() || lost_) continue;
         const Question question = std::move(questions_.front());
         questions_.pop_front();
@@ -155,6 +182,7 @@ void MirrorShadow::follow() {
 void MirrorShadow::reply(Answer answer) {
     const std::scoped_lock lock(mutex_);
     if (eraHere_ != era_) return;
+    answer.era = eraHere_;
     answers_.push_back(std::move(answer));
     const std::uint64_t one = 1;
     (void)!::write(wake_, &one, sizeof(one));
@@ -256,23 +284,39 @@ bool MirrorShadow::skip(const EncodedRecord& record, const EncodedRecord* next) 
     return true;
 }
 
-void MirrorShadow::follow(Scene& scene, const SharedRecord& record) {
-    if (!set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
+/// To who wants the snapshot of this state, in which the scene is if all is well.
+void MirrorShadow::handOver(const Scene& scene, std::uint64_t state, bool good) {
+    TakeSnapshot take;
+    {
+        const std::scoped_lock lock(mutex_);
+        take = takeSnapshot_;
+    }
+    if (take) take(state, good ? std::make_shared<const ChangeSet>(scene.snapshot()) : nullptr);
+}
+
+/// False: the replica is lost. It is too if it comes to another hash than the origin's: nobody shall start from it.
+bool MirrorShadow::follow(Scene& scene, const SharedRecord& record) {
+    const bool whole = record->header.kind == RecordKind::keyframe;
+    if (whole || !set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
     const std::optional<std::uint64_t> from = std::exchange(skippedFrom_, std::nullopt);
     Result<> ok;
-    if (record->header.kind == RecordKind::keyframe && (scene.sequence() != 0 || scene.nodeCount() > 1))
+    if (whole && (scene.sequence() != 0 || scene.nodeCount() > 1))
         ok = scene.reset();
     if (ok) ok = decoder_.decode(record->bytes.bytes(), *set_);
     if (from && record->header.kind == RecordKind::frame) set_->from = *from;
-    if (ok && scene.apply(set_)) return followParts(scene, set_.get(), record->published);
+    const bool applied = ok && scene.apply(set_) && scene.hash() == record->header.hash;
+    if (applied) followParts(scene, set_.get(), record->published);
+    if (whole) set_.reset();  // frames take less
+    if (applied) return true;
     const std::scoped_lock lock(mutex_);
     lost_ = true;
+    return false;
 }
 
 std::shared_ptr<EncodedRecord> MirrorShadow::encode(const ChangeSet& set) {
     const std::shared_ptr<EncodedRecord> record = pool_->take();
     encoder_.encode(set, record->bytes);
-    record->header = *parseRecordHeader(record->bytes.bytes());
+    finishRecord(*record);
     return record;
 }
 
@@ -300,7 +344,7 @@ void MirrorShadow::keepMerged(std::uint32_t part, SharedRecord record) {
     merged_.push_front({part, std::move(record)});
     std::uint64_t bytes = 0;
     for (std::size_t i = 0; i < merged_.size(); ++i) {
-        bytes += merged_[i].record->bytes.size();
+        bytes += memoryOf(*merged_[i].record);
         if (i > 0 && (i == kMostMergedKept || bytes > kMergedKeptBytes)) merged_.resize(i);
     }
 }

@@ -11,6 +11,7 @@
 
 #include <condition_variable>
 #include <deque>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
@@ -57,6 +58,7 @@ class MirrorShadow {
         std::shared_ptr<ByteBuffer> message;
         std::string why;     // of a part's frame without a record: what its peers are told
         bool holds = false;  // some of what was merged waits; `state` is the one it leads to when nothing does
+        std::uint64_t era = 0;  // how often restart() had been called
     };
 
     /// `places`: of shapes, beyond which parts by region are not followed.
@@ -64,8 +66,12 @@ class MirrorShadow {
                  std::size_t places = std::size_t{1} << 22);
     ~MirrorShadow();
 
-    /// False when too much waits: the replica has been given up, and questions wait for a keyframe.
-    bool post(SharedRecord record);
+    /// Takes the snapshots that post() was asked for, on the shadow's thread or that of the call which gives them up.
+    using TakeSnapshot = std::function<void(std::uint64_t state, std::shared_ptr<const ChangeSet>)>;
+    void onSnapshot(TakeSnapshot take);
+    /// False when too much waits: the replica has been given up, and questions wait for a keyframe. `snapshot`: of this
+    /// state one is wanted, soon; null is handed over if there will be none.
+    bool post(SharedRecord record, bool snapshot = false);
     void ask(Question question);
     std::vector<Answer> takeAnswers();
     /// Forgets questions and answers: their states mean nothing any more.
@@ -76,8 +82,11 @@ class MirrorShadow {
   private:
     void run();
     void follow();
+    bool isWorthWaking() const;
+    void dropWaiting();
     bool skip(const EncodedRecord& record, const EncodedRecord* next);
-    void follow(Scene& scene, const SharedRecord& record);
+    bool follow(Scene& scene, const SharedRecord& record);
+    void handOver(const Scene& scene, std::uint64_t state, bool good);
     void followParts(const Scene& scene, const ChangeSet* set, std::uint64_t published);
     void openPart(const Scene& scene, const Question& question);
     bool openEarlier(const Scene& scene, const Question& question);
@@ -99,8 +108,14 @@ class MirrorShadow {
 
     std::mutex mutex_;  // guards what follows
     std::condition_variable some_;
-    std::deque<SharedRecord> waiting_;
+    struct Waiting {
+        SharedRecord record;
+        bool snapshot = false;
+    };
+    std::deque<Waiting> waiting_;
     std::uint64_t waitingBytes_ = 0;
+    bool hurries_ = false;  // a snapshot is wanted of one of them
+    TakeSnapshot takeSnapshot_;
     std::deque<Question> questions_;
     std::vector<Answer> answers_;
     bool eager_ = false;               // a part is followed: its peers wait for every frame

@@ -162,6 +162,7 @@ Result<std::unique_ptr<WebGateway>> WebGateway::start(WebGatewayOptions options)
     settings.token = options.token.empty() && !settings.loopback ? madeUpToken() : options.token;
     settings.maximumConnections = options.maximumConnections;
     settings.requestTimeout = options.requestTimeout;
+    settings.call = options.call;
     auto startWeb = loadWeb();
     if (!startWeb) return std::unexpected(startWeb.error());
     std::string problem;

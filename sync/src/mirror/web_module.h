@@ -22,6 +22,7 @@ struct WebSettings {
     std::string certificate, privateKey;  // PEM files; empty: in the clear
     std::size_t maximumConnections = 0;
     std::chrono::milliseconds requestTimeout{0};
+    int call = -1;  // eventfd, written when a wish waits
 };
 
 struct WebCounts {
@@ -51,6 +52,6 @@ class WebModule {
 /// Null, and why.
 using StartWeb = std::unique_ptr<WebModule> (*)(const WebSettings&, std::string& problem);
 /// The one symbol of the module: a function without arguments that returns a StartWeb.
-#define RTSG_WEB_SYMBOL "rtsg_start_web_3"
+#define RTSG_WEB_SYMBOL "rtsg_start_web_4"
 
 }  // namespace rtsg

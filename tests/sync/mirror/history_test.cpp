@@ -2,6 +2,8 @@
 #include "mirror/history.h"
 
 #include <algorithm>
+#include <cstring>
+#include <deque>
 #include <memory>
 #include <vector>
 
@@ -74,6 +76,80 @@ TEST(MirrorHistory, KeepsTheFirstKeyframeOfASessionThatGoesOn) {
         history.setKeyframe(keyframe(99));
         EXPECT_EQ(statesOf(history.allSince(100)), (std::vector<std::uint64_t>{99, 100}));
     }
+}
+
+/// By what is held, not by what is in it: a buffer that once held a snapshot is as large as that.
+TEST(MirrorHistory, CountsMemoryThatIsReallyHeld) {
+    constexpr std::uint64_t kLimit = 1 << 20;
+    MirrorHistory history(kLimit);
+    ASSERT_TRUE(history.add(keyframe(1)));
+    std::deque<std::weak_ptr<const EncodedRecord>> all;
+    std::uint64_t most = 0;
+    for (std::uint64_t s = 1; s < 2000; ++s) {
+        const auto one = frame(s);
+        one->bytes.room(s % 7 == 0 ? 50'000 : 10);
+        all.push_back(one);
+        ASSERT_TRUE(history.add(one));
+        std::uint64_t held = 0;
+        for (const auto& kept : all)
+            if (const auto there = kept.lock()) held += there->bytes.capacity();
+        most = std::max(most, held);
+        ASSERT_LE(history.memory(), kLimit + 51'000);
+    }
+    EXPECT_LE(most, kLimit + kLimit / 10);
+    EXPECT_GT(most, kLimit / 2);
+}
+
+TEST(RecordPool, KeepsNoSnapshotsMemoryForFrames) {
+    const auto pool = std::make_shared<RecordPool>();
+    {
+        const auto snapshot = pool->take();
+        snapshot->bytes.room(5'000'000);
+        snapshot->header.kind = RecordKind::keyframe;
+    }
+    auto next = pool->take();
+    EXPECT_EQ(next->bytes.capacity(), 0u);
+    next->header.kind = RecordKind::frame;
+    next->bytes.room(1000);
+    const std::byte* const there = next->bytes.data();
+    next.reset();
+    EXPECT_EQ(pool->take()->bytes.data(), there) << "what a frame took is used again";
+}
+
+TEST(RecordPool, HoldsEightMebibytesAtMost) {
+    const auto pool = std::make_shared<RecordPool>();
+    std::vector<std::shared_ptr<EncodedRecord>> many;
+    for (int i = 0; i < 20; ++i) {
+        many.push_back(pool->take());
+        many.back()->bytes.room(1 << 20);
+        many.back()->header.kind = RecordKind::frame;
+    }
+    many.clear();
+    std::size_t kept = 0;
+    for (int i = 0; i < 20; ++i) {
+        many.push_back(pool->take());
+        kept += many.back()->bytes.capacity();
+    }
+    EXPECT_EQ(kept, std::size_t{8} << 20);
+}
+
+TEST(ByteBuffer, FitsWhatItHolds) {
+    ByteBuffer bytes;
+    bytes.room(1 << 20);
+    for (int i = 0; i < 1000; ++i) bytes.put(i);
+    bytes.fit();
+    EXPECT_EQ(bytes.capacity(), 4000u);
+    EXPECT_EQ(bytes.size(), 4000u);
+    int last = 0;
+    std::memcpy(&last, bytes.data() + 3996, 4);
+    EXPECT_EQ(last, 999);
+    bytes.room(1500);
+    const std::size_t room = bytes.capacity();
+    bytes.fit();
+    EXPECT_EQ(bytes.capacity(), room) << "more than half of it is used";
+    bytes.clear();
+    bytes.fit();
+    EXPECT_EQ(bytes.capacity(), 256u);
 }
 
 TEST(MirrorHistory, GoesOnFromFramesOfBefore) {

@@ -201,6 +201,10 @@ class Scene {
     /// `t` in seconds must not go back. Returns the published set (never null; maybe without changes). From within a
     /// frame (listener, behaviour, script) it is refused with a diagnostic.
     std::shared_ptr<const ChangeSet> newFrame(double t);
+    /// When the scene does something by itself next if nothing comes to it, on its own clock, seconds: its next frame
+    /// whenever that is (-infinity), the start of a clock that waits, or never (kNever, behaviour.h). Frames in between
+    /// would change nothing but now().
+    double restsUntil() const;
     /// Publishes pending edits without running anything. Null if there are none; and inside a frame, whose set they are
     /// part of.
     std::shared_ptr<const ChangeSet> seal();

@@ -61,6 +61,15 @@ class ByteBuffer {
         *at++ = static_cast<std::byte>(number);
         setEnd(at);
     }
+    /// Gives memory back if more than half of it is room: what is kept for long takes what it holds.
+    void fit() {
+        if (capacity_ <= kLeast || size_ >= capacity_ - capacity_ / 2) return;
+        const std::size_t wanted = size_ < kLeast ? kLeast : size_;
+        if (void* moved = std::realloc(data_, wanted)) {
+            data_ = static_cast<std::byte*>(moved);
+            capacity_ = wanted;
+        }
+    }
     void swap(ByteBuffer& other) noexcept {
         std::swap(data_, other.data_);
         std::swap(size_, other.size_);
@@ -68,10 +77,12 @@ class ByteBuffer {
     }
 
   private:
+    static constexpr std::size_t kLeast = 256;
+
     void grow(std::size_t count) {
         std::size_t wanted = size_ + count;
         if (wanted < capacity_ + capacity_ / 2) wanted = capacity_ + capacity_ / 2;
-        if (wanted < 256) wanted = 256;
+        if (wanted < kLeast) wanted = kLeast;
         void* moved = std::realloc(data_, wanted);
         if (!moved) throw std::bad_alloc();
         data_ = static_cast<std::byte*>(moved);

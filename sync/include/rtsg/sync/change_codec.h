@@ -50,6 +50,8 @@ class ChangeEncoder {
     /// The same for frames of another encoder of this mode that were merged into one, for a reader that has all up to
     /// `set.from`. It refers to nothing; to go on from `set.to` takes a frame with kSync or kForget (record.h).
     void encodeMerged(const ChangeSet& set, ByteBuffer& record);
+    /// Whether the records so far describe the types of all nodes that this set creates.
+    bool describesTypesOf(const ChangeSet& set) const;
 
   private:
     void write(const ChangeSet& set, std::uint8_t flags, bool predicting, ByteBuffer& record);

@@ -32,6 +32,7 @@
 #include <rtsg/core/output_file.h>
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/dictionary.h>
+#include <rtsg/sync/encoded_record.h>
 #include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/record.h>
 
@@ -101,6 +102,16 @@ class LogWriter : public Subscriber {
     /// file was deleted or cut by someone else, which is noticed at the next keyframe or at close) nothing more is
     /// written; what was is left ending with the last whole record.
     Result<> write(const ChangeSet& changes);
+    /// As write(), of a frame that somebody else has encoded, whose bytes go into the file as they are. `set`, which it
+    /// holds, is written instead where the log lacks what such bytes count on (the description of a node type); null
+    /// where it creates no nodes. Precondition: the frame follows the last one.
+    Result<> write(const EncodedRecord& frame, const ChangeSet* set);
+    /// After a frame: it is time for a keyframe, or for another file; write() with the state's snapshot makes it.
+    bool wantsSnapshot() const;
+    /// The snapshot of the last state written: a keyframe, in another file if it is time for one.
+    Result<> writeSnapshot(const ChangeSet& snapshot);
+    /// Frames that were encoded here, not written as they came.
+    std::uint64_t encoded() const { return encoded_; }
     /// Nothing is missing between the last state and the first of a session that is to follow in the same file.
     Result<> endSession() { return writeIndex(); }
     /// Writes the index, flushes, closes. Errors of this last step are only seen here; the destructor does the same.
@@ -130,6 +141,8 @@ class LogWriter : public Subscriber {
     Result<> writeHead();
     Result<> writeKeyframe(const ChangeSet& changes);
     Result<> writeFrame(const ChangeSet& changes);
+    void enter(std::uint64_t state, const Hash128& hash, double time);
+    Result<> entered(bool isSnapshot);
     Result<> writeRecord(const ByteBuffer& record);
     Result<> writeIndex(const RecordHeader& next = {});
     Result<> checkFile();
@@ -157,9 +170,10 @@ class LogWriter : public Subscriber {
     std::filesystem::path made_, target_;  // where it is until then, if it was made here; and what leads to that one
     std::vector<std::filesystem::path> replacedPieces_;  // of what it replaces
     bool broken_ = false;
-    std::uint64_t state_ = 0;  // last one written, its hash beside it
+    std::uint64_t state_ = 0;  // last one written, its hash and its time beside it
     Hash128 hash_;
-    std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, head_ = 0;
+    double time_ = 0;
+    std::uint64_t epoch_ = 0, size_ = 0, frames_ = 0, encoded_ = 0, head_ = 0;
     std::uint64_t sinceKeyframe_ = 0, keyframeSize_ = 0;
     double keyframeTime_ = 0;
     bool regular_ = true, firstOfEpoch_ = true;

@@ -27,6 +27,7 @@
 #include <vector>
 
 #include <rtsg/core/scene.h>
+#include <rtsg/sync/encoded_record.h>
 #include <rtsg/sync/mirror_keys.h>
 #include <rtsg/sync/mirror_request.h>
 #include <rtsg/sync/mirror_server.h>
@@ -110,10 +111,16 @@ class MirrorClient {
                                                          MirrorClientOptions options = {});
     ~MirrorClient();
 
-    /// Applies what has come; if nothing has, waits up to `timeout` for it. Returns the number of change sets applied.
+    /// Applies what has come; if nothing has, waits up to `timeout` for it, or until a signal comes. Returns the number of change sets applied.
     /// On another thread than the replica's it only waits, as the replica would refuse each frame: a diagnostic says
     /// so.
     std::size_t poll(std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
+    /// Calls `heard` from poll() after each step of the replica, whose state it led to, with the record as it came where
+    /// others here can use it: for a RecordLog or a RecordQueue, which spare the replica's bus. Repairs are no steps, as
+    /// what led to the state came before. None: an empty function.
+    void onStep(std::function<void(const RecordStep&)> heard);
+    /// From now on poll() returns early as well when this descriptor is readable; none: -1.
+    void wakeBy(int descriptor);
     /// There is a connection, at a relay one of its own too, and the replica is in the newest state heard of.
     bool inStep() const;
     /// The server sends records, or one whose parts take long to come: a state will be here in a while, however slow

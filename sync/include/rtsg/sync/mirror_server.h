@@ -81,7 +81,7 @@ struct MirrorServerOptions {
     /// How long peers that ask for MirrorWhenSlow::block may hold up a frame; after that they count as coalesce.
     std::chrono::milliseconds blockFor{0};
     /// A peer is pinged after this much silence, and forgotten after `peerTimeout` without a sign of it.
-    std::chrono::milliseconds heartbeat{500}, peerTimeout{10000};
+    std::chrono::milliseconds heartbeat{1000}, peerTimeout{10000};
 };
 
 struct MirrorServerStatistics {
@@ -104,7 +104,8 @@ struct MirrorServerStatistics {
     std::uint64_t acknowledged = 0, sequence = 0;
 };
 
-struct EncodedRecord;
+struct EncodedRecord;  // encoded_record.h
+class RecordLog;
 
 class MirrorServer : public Subscriber {
   public:
@@ -127,6 +128,12 @@ class MirrorServer : public Subscriber {
     /// not keep up and was given up (statistics: stalls). Events wait for the next frame, and with them what was asked
     /// after them by the same peer or of the same nodes (250 ms at most), so that the later one counts.
     void service();
+
+    /// Sleeps until then, or until there is something for service() to do, or a signal has come: for a scene that rests
+    /// (Scene::restsUntil()). Peers hear of its time with each frame: one now and then, if only an empty one.
+    void wait(std::chrono::steady_clock::time_point until);
+    /// The same for who waits elsewhere: readable when there is something to do, until service().
+    int callDescriptor() const;
 
     /// service() asks it what peers that may send events have asked a player of a log for, as LogPlayer::command(); its
     /// text goes back to them. Without one they are told that there is nothing to be played; with one, edits and events
@@ -155,6 +162,11 @@ class MirrorServer : public Subscriber {
     std::function<void(std::uint64_t start, std::uint64_t state)> sendWhatIsLogged(
         std::chrono::milliseconds atMost = std::chrono::milliseconds(1000));
 
+    /// From now on every frame goes into this log too, as the bytes that peers get, and to them when it is there, as
+    /// above. Keyframes are made by the server's own replica. The log begins with the scene's present state
+    /// (RecordLog::start()); the server lets go of it when it ends.
+    void recordTo(std::shared_ptr<RecordLog> log, std::chrono::milliseconds atMost = std::chrono::milliseconds(1000));
+
     /// Waits until all peers have acknowledged the scene's state; false if `timeout` passes first.
     bool drain(std::chrono::milliseconds timeout);
 
@@ -178,6 +190,7 @@ class MirrorServer : public Subscriber {
     std::shared_ptr<Shared> shared_;
     std::unique_ptr<Encoder> encoder_;
     std::unique_ptr<Io> io_;
+    std::shared_ptr<RecordLog> log_;
     Forward forward_;
     ForwardCommand forwardCommand_;
     Controller controller_;

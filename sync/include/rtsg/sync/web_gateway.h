@@ -47,6 +47,8 @@ struct WebGatewayOptions {
     /// PEM files: the server's certificate with those that vouch for it, and its private key. Both, or neither: then
     /// pages and messages go in the clear.
     std::filesystem::path certificate, privateKey;
+    /// MirrorServer::callDescriptor(), which is readable then when service() has something to do; -1: none.
+    int call = -1;
     /// Browsers at once.
     std::size_t maximumConnections = 32;
     /// For a request to be whole, for its file to come, and for the answer to be taken; then the connection ends.

@@ -1,5 +1,5 @@
 // Every frame reaches a reader on another thread, however far it is behind.
-#include <rtsg/sync/frame_queue.h>
+#include <rtsg/sync/record_queue.h>
 
 #include <map>
 #include <thread>
@@ -16,7 +16,7 @@ namespace rtsg {
 namespace {
 
 using namespace std::chrono_literals;
-using Taken = FrameQueue::Taken;
+using Taken = RecordQueue::Taken;
 
 constexpr auto kPatience = 60s;
 
@@ -32,8 +32,16 @@ std::map<std::uint64_t, Hash128> edit(Scene& scene, int frames, std::uint64_t se
     return states;
 }
 
+/// Puts every set of a scene into a queue, encoded here.
+struct Filling : Subscriber {
+    explicit Filling(RecordQueue& into) : queue(into) {}
+    Result<> apply(const Scene&, const ChangeSet& changes) override { return queue.add(changes); }
+    std::string subscriberName() const override { return "filling"; }
+    RecordQueue& queue;
+};
+
 /// Takes everything into a scene of its own; what each of its states was.
-std::map<std::uint64_t, Hash128> follow(FrameQueue& queue) {
+std::map<std::uint64_t, Hash128> follow(RecordQueue& queue) {
     std::map<std::uint64_t, Hash128> states;
     Scene copy;
     copy.setBehavioursEnabled(false);
@@ -57,10 +65,11 @@ std::map<std::uint64_t, Hash128> follow(FrameQueue& queue) {
     return states;
 }
 
-TEST(FrameQueue, AReaderThatComesLaterGetsEveryFrameFromMemory) {
+TEST(RecordQueue, AReaderThatComesLaterGetsEveryFrameFromMemory) {
     Scene scene;
-    FrameQueue queue;
-    const Attachment attachment = scene.bus().attach(queue);
+    RecordQueue queue;
+    Filling filling(queue);
+    const Attachment attachment = scene.bus().attach(filling);
     const auto states = edit(scene, 40, 1);
     queue.close();
     EXPECT_GE(queue.waiting(), 40u);
@@ -73,12 +82,13 @@ TEST(FrameQueue, AReaderThatComesLaterGetsEveryFrameFromMemory) {
     EXPECT_EQ(queue.secondsBehind(), 0);
 }
 
-TEST(FrameQueue, WhatDoesNotFitIntoMemoryWaitsInAFile) {
+TEST(RecordQueue, WhatDoesNotFitIntoMemoryWaitsInAFile) {
     for (const std::uint64_t seed : {2, 3, 4}) {
         SCOPED_TRACE(testing::Message() << "seed " << seed);
         Scene scene;
-        FrameQueue queue({.memoryBytes = 2000, .folder = {}});
-        const Attachment attachment = scene.bus().attach(queue);
+        RecordQueue queue({.memoryBytes = 2000, .folder = {}});
+        Filling filling(queue);
+        const Attachment attachment = scene.bus().attach(filling);
         const auto states = edit(scene, 200, seed);
         queue.close();
         EXPECT_GT(queue.mostOnDisk(), 2000u);
@@ -88,10 +98,11 @@ TEST(FrameQueue, WhatDoesNotFitIntoMemoryWaitsInAFile) {
     }
 }
 
-TEST(FrameQueue, MemoryAndFileInTurnKeepTheOrder) {
+TEST(RecordQueue, MemoryAndFileInTurnKeepTheOrder) {
     Scene scene;
-    FrameQueue queue({.memoryBytes = 500, .folder = {}});
-    const Attachment attachment = scene.bus().attach(queue);
+    RecordQueue queue({.memoryBytes = 500, .folder = {}});
+    Filling filling(queue);
+    const Attachment attachment = scene.bus().attach(filling);
     test::RandomEdits edits(scene, 5);
     Scene copy;
     copy.setBehavioursEnabled(false);
@@ -118,10 +129,11 @@ TEST(FrameQueue, MemoryAndFileInTurnKeepTheOrder) {
     EXPECT_GT(queue.mostOnDisk(), 0u);
 }
 
-TEST(FrameQueue, AReaderOnAnotherThreadNeverMissesOne) {
+TEST(RecordQueue, AReaderOnAnotherThreadNeverMissesOne) {
     Scene scene;
-    FrameQueue queue({.memoryBytes = 4000, .folder = {}});
-    const Attachment attachment = scene.bus().attach(queue);
+    RecordQueue queue({.memoryBytes = 4000, .folder = {}});
+    Filling filling(queue);
+    const Attachment attachment = scene.bus().attach(filling);
     std::map<std::uint64_t, Hash128> followed;
     std::thread reader([&] { followed = follow(queue); });
     const auto states = edit(scene, 500, 6);
@@ -131,10 +143,11 @@ TEST(FrameQueue, AReaderOnAnotherThreadNeverMissesOne) {
     EXPECT_EQ(followed, states);
 }
 
-TEST(FrameQueue, NothingYetIsNoEnd) {
+TEST(RecordQueue, NothingYetIsNoEnd) {
     Scene scene;
-    FrameQueue queue;
-    const Attachment attachment = scene.bus().attach(queue);
+    RecordQueue queue;
+    Filling filling(queue);
+    const Attachment attachment = scene.bus().attach(filling);
     ChangeSet set;
     EXPECT_EQ(*queue.take(set, 0ms), Taken::set);  // the snapshot
     EXPECT_EQ(*queue.take(set, 0ms), Taken::nothingYet);
@@ -142,10 +155,11 @@ TEST(FrameQueue, NothingYetIsNoEnd) {
     EXPECT_EQ(*queue.take(set, kPatience), Taken::ended);
 }
 
-TEST(FrameQueue, WithoutRoomOnTheDiskItSaysSoAndHandsOutWhatItHas) {
+TEST(RecordQueue, WithoutRoomOnTheDiskItSaysSoAndHandsOutWhatItHas) {
     Scene scene;
-    FrameQueue queue({.memoryBytes = 300, .folder = "/nonexistent/folder"});
-    const Attachment attachment = scene.bus().attach(queue);
+    RecordQueue queue({.memoryBytes = 300, .folder = "/nonexistent/folder"});
+    Filling filling(queue);
+    const Attachment attachment = scene.bus().attach(filling);
     edit(scene, 50, 7);
     EXPECT_FALSE(attachment.attached());
     EXPECT_THAT(attachment.failure(), testing::HasSubstr("/nonexistent/folder"));

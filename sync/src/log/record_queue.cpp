@@ -1,5 +1,5 @@
-// Keeps coded change sets in a list of buffers, and behind it in a file, until the reader takes them.
-#include <rtsg/sync/frame_queue.h>
+// Keeps encoded steps in a list, and behind it in a file, until the reader takes them.
+#include <rtsg/sync/record_queue.h>
 
 #include <condition_variable>
 #include <deque>
@@ -72,92 +72,99 @@ class HiddenFile {
 
 }  // namespace
 
-struct FrameQueue::Impl {
-    explicit Impl(FrameQueueOptions o)
+struct RecordQueue::Impl {
+    explicit Impl(RecordQueueOptions o)
         : options(std::move(o)),
           file(options.folder.empty() ? std::filesystem::temp_directory_path() : options.folder) {}
 
-    FrameQueueOptions options;
-    // The scene's thread's own, and the reader's.
+    RecordQueueOptions options;
+    // The adding thread's own, and the reader's.
     ChangeEncoder encoder;
     ChangeDecoder decoder{builtinTypes()};
-    ByteBuffer reading;
+    ByteBuffer fromFile;
 
     mutable std::mutex mutex;  // guards everything below
     std::condition_variable arrived;
     HiddenFile file;
-    std::deque<ByteBuffer> memory;
-    std::size_t memoryBytes = 0;
-    std::deque<std::size_t> onDisk;  // sizes of the sets in the file: all of them are later than those in memory
-    std::uint64_t fileBegin = 0, fileEnd = 0, mostOnDisk = 0;
+    std::deque<SharedRecord> memory;
+    std::uint64_t memoryBytes = 0;
+    std::deque<std::size_t> onDisk;  // sizes of the records in the file: all of them are later than those in memory
+    std::uint64_t fileBegin = 0, fileEnd = 0, mostOnDisk = 0, encoded = 0;
     double newest = 0, taken = 0;
     bool closed = false;
     Result<> problem;
 
-    Result<> put(ByteBuffer record) {
-        // In order: while sets wait in the file, later ones go there too.
-        if (onDisk.empty() && (memory.empty() || memoryBytes + record.size() <= options.memoryBytes)) {
-            memoryBytes += record.size();
+    Result<> put(SharedRecord record) {
+        // In order: while records wait in the file, later ones go there too.
+        if (onDisk.empty() && (memory.empty() || memoryBytes + memoryOf(*record) <= options.memoryBytes)) {
+            memoryBytes += memoryOf(*record);
             memory.push_back(std::move(record));
             return {};
         }
-        if (auto ok = file.write(record.bytes(), fileEnd); !ok) return ok;
-        onDisk.push_back(record.size());
-        fileEnd += record.size();
+        if (auto ok = file.write(record->bytes.bytes(), fileEnd); !ok) return ok;
+        onDisk.push_back(record->bytes.size());
+        fileEnd += record->bytes.size();
         mostOnDisk = std::max(mostOnDisk, fileEnd - fileBegin);
         return {};
     }
-    /// Precondition: something waits.
-    Result<> fetch() {
+    /// Precondition: something waits. Null: it is in `fromFile`.
+    Result<SharedRecord> fetch() {
         if (!memory.empty()) {
-            reading = std::move(memory.front());
+            SharedRecord record = std::move(memory.front());
             memory.pop_front();
-            memoryBytes -= reading.size();
-            return {};
+            memoryBytes -= memoryOf(*record);
+            return record;
         }
         const std::size_t size = onDisk.front();
-        reading.clear();
-        if (auto ok = file.read({reading.room(size), size}, fileBegin); !ok) return ok;
-        reading.advance(size);
+        fromFile.clear();
+        if (auto ok = file.read({fromFile.room(size), size}, fileBegin); !ok) return std::unexpected(ok.error());
+        fromFile.advance(size);
         onDisk.pop_front();
         fileBegin += size;
         if (onDisk.empty()) {
             fileBegin = fileEnd = 0;
             file.clear();
         }
-        return {};
+        return nullptr;
     }
     bool empty() const { return memory.empty() && onDisk.empty(); }
 };
 
-FrameQueue::FrameQueue(FrameQueueOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
-FrameQueue::~FrameQueue() = default;
+RecordQueue::RecordQueue(RecordQueueOptions options) : impl_(std::make_unique<Impl>(std::move(options))) {}
+RecordQueue::~RecordQueue() = default;
 
-Result<> FrameQueue::apply(const Scene&, const ChangeSet& changes) {
+Result<> RecordQueue::add(const ChangeSet& set) {
+    const auto record = std::make_shared<EncodedRecord>();
+    impl_->encoder.encode(set, record->bytes);
+    finishRecord(*record);
+    {
+        const std::scoped_lock lock(impl_->mutex);
+        impl_->encoded += !set.isSnapshot();
+    }
+    return add(RecordStep{record, nullptr});
+}
+
+Result<> RecordQueue::add(const RecordStep& step) {
+    if (!step.record) return add(*step.set);
     Impl& s = *impl_;
-    ByteBuffer record;
-    s.encoder.encode(changes, record);
     const std::scoped_lock lock(s.mutex);
     if (!s.problem) return s.problem;
     if (s.closed) return {};
-    if (auto ok = s.put(std::move(record)); !ok) {
-        s.problem = ok;
-        s.arrived.notify_one();
-        return ok;
-    }
-    s.newest = changes.time;
+    s.problem = s.put(step.record);
+    if (s.problem) s.newest = step.record->header.time;
     s.arrived.notify_one();
-    return {};
+    return s.problem;
 }
 
-void FrameQueue::close() {
+void RecordQueue::close() {
     const std::scoped_lock lock(impl_->mutex);
     impl_->closed = true;
     impl_->arrived.notify_one();
 }
 
-Result<FrameQueue::Taken> FrameQueue::take(ChangeSet& into, std::chrono::milliseconds timeout) {
+Result<RecordQueue::Taken> RecordQueue::take(ChangeSet& into, std::chrono::milliseconds timeout) {
     Impl& s = *impl_;
+    SharedRecord record;
     {
         std::unique_lock lock(s.mutex);
         s.arrived.wait_for(lock, timeout, [&] { return !s.empty() || s.closed || !s.problem; });
@@ -165,25 +172,36 @@ Result<FrameQueue::Taken> FrameQueue::take(ChangeSet& into, std::chrono::millise
             if (!s.problem) return std::unexpected(s.problem.error());
             return s.closed ? Taken::ended : Taken::nothingYet;
         }
-        if (auto ok = s.fetch(); !ok) return std::unexpected(ok.error());
+        auto fetched = s.fetch();
+        if (!fetched) return std::unexpected(fetched.error());
+        record = std::move(*fetched);
     }
-    if (auto ok = s.decoder.decode(s.reading.bytes(), into); !ok) return std::unexpected(ok.error());
+    const auto bytes = record ? record->bytes.bytes() : s.fromFile.bytes();
+    if (auto ok = s.decoder.decode(bytes, into); !ok) return std::unexpected(ok.error());
     const std::scoped_lock lock(s.mutex);
     s.taken = into.time;
     return Taken::set;
 }
 
-std::uint64_t FrameQueue::waiting() const {
+std::uint64_t RecordQueue::waiting() const {
     const std::scoped_lock lock(impl_->mutex);
     return impl_->memory.size() + impl_->onDisk.size();
 }
-double FrameQueue::secondsBehind() const {
+double RecordQueue::secondsBehind() const {
     const std::scoped_lock lock(impl_->mutex);
     return impl_->empty() ? 0 : impl_->newest - impl_->taken;
 }
-std::uint64_t FrameQueue::mostOnDisk() const {
+std::uint64_t RecordQueue::inMemory() const {
+    const std::scoped_lock lock(impl_->mutex);
+    return impl_->memoryBytes;
+}
+std::uint64_t RecordQueue::mostOnDisk() const {
     const std::scoped_lock lock(impl_->mutex);
     return impl_->mostOnDisk;
+}
+std::uint64_t RecordQueue::encoded() const {
+    const std::scoped_lock lock(impl_->mutex);
+    return impl_->encoded;
 }
 
 }  // namespace rtsg

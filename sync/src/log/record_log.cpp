@@ -1,0 +1,278 @@
+// The thread that writes a log of the records that its scene's follower hands over.
+#include <rtsg/sync/record_log.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdio>
+#include <deque>
+#include <limits>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include <fmt/format.h>
+#include <pthread.h>
+
+namespace rtsg {
+
+namespace {
+
+constexpr std::size_t kMostWaiting = 128;                           // steps
+constexpr auto kFirstWithin = std::chrono::seconds(10);             // the first state is in the file, or the disk hangs
+constexpr std::uint64_t kMostWaitingBytes = std::uint64_t{64} << 20;
+
+std::uint64_t memoryOf(const RecordStep& step) {
+    return (step.record ? memoryOf(*step.record) : 0) +
+           (step.set ? step.set->changes.capacity() * sizeof(Change) : 0);
+}
+
+/// Only the creation of nodes asks something of the records before.
+bool createsNodes(const ChangeSet& set) {
+    for (const Change& change : set.changes) {
+        if (change.kind == ChangeKind::createNode) return true;
+        if (change.kind != ChangeKind::defineType) return false;
+    }
+    return false;
+}
+
+}  // namespace
+
+struct RecordLog::Impl {
+    /// A step, or the place of a snapshot that has been asked for.
+    struct Entry {
+        RecordStep step;
+        bool isPlace = false;
+        bool isKeyframe = false;  // of the state before
+        std::uint64_t state = 0;  // of the place
+    };
+    std::string file;
+    std::unique_ptr<LogWriter> log;  // the thread's own
+    std::atomic<bool> wantsSnapshot{false}, ended{false};
+    std::atomic<std::uint64_t> acknowledged{0}, bytes{0}, encoded{0}, merged{0};
+
+    mutable std::mutex mutex;  // guards the rest
+    std::condition_variable come, gone;
+    std::deque<Entry> waiting;
+    std::uint64_t waitingBytes = 0;
+    ChangeComposer late;  // what is merged: of after everything that waits
+    std::uint64_t starts = 0;
+    std::function<void(std::uint64_t, std::uint64_t)> heard;
+    bool stopping = false;
+    Result<> result;
+    char thrown[160] = {};  // by the thread: there may be no memory for a string
+    std::thread thread;
+
+    Result<> outcome() const {
+        const std::scoped_lock lock(mutex);
+        if (!thrown[0]) return result;
+        return fail(fmt::format("the recorder's thread has ended: {}", thrown), {}, file);
+    }
+
+    // ---- with `mutex` held -----------------------------------------------------------------------------------
+    bool hasRoom(std::uint64_t more) const {
+        return waiting.empty() || (waiting.size() < kMostWaiting && waitingBytes + more <= kMostWaitingBytes);
+    }
+    void append(RecordStep step, bool isKeyframe = false) {
+        waitingBytes += memoryOf(step);
+        waiting.push_back({std::move(step), false, isKeyframe});
+        come.notify_one();
+    }
+    /// What has been merged waits its turn like a step that came so.
+    void appendLate() {
+        if (!late.empty()) append({nullptr, std::make_shared<const ChangeSet>(late.take())});
+    }
+    bool canGoOn() const { return waiting.empty() ? !late.empty() : !waiting.front().isPlace; }
+    /// Who waits for what will never be in the file waits no longer.
+    void tellEnd() const {
+        constexpr std::uint64_t kAny = std::numeric_limits<std::uint64_t>::max();
+        if (heard) heard(kAny, kAny);
+    }
+
+    /// Waits for room.
+    void put(RecordStep step, bool isKeyframe = false) {
+        std::unique_lock lock(mutex);
+        const std::uint64_t more = memoryOf(step);
+        gone.wait(lock, [&] { return ended || hasRoom(more); });
+        if (!ended) append(std::move(step), isKeyframe);
+    }
+
+    // ---- the thread ------------------------------------------------------------------------------------------
+    /// `isKeyframe`: a snapshot of the state that was written last; others begin a session.
+    Result<> write(const RecordStep& step, bool isKeyframe) {
+        const bool begun = log->frames() > 0;
+        if (step.record) return log->write(*step.record, step.set.get());
+        if (!step.set->isSnapshot()) return log->write(*step.set);
+        if (begun && isKeyframe) return log->writeSnapshot(*step.set);
+        const std::scoped_lock lock(mutex);
+        starts += begun && acknowledged != 0;
+        return log->write(*step.set);
+    }
+    Result<> follow() {
+        std::unique_lock lock(mutex);
+        for (;;) {
+            come.wait(lock, [this] { return stopping || canGoOn(); });
+            if (waiting.empty()) appendLate();
+            if (waiting.empty()) return {};
+            const Entry entry = std::move(waiting.front());
+            waiting.pop_front();
+            if (entry.isPlace) continue;  // it ends before the snapshot has come
+            waitingBytes -= memoryOf(entry.step);
+            lock.unlock();
+            if (auto ok = write(entry.step, entry.isKeyframe); !ok) return ok;
+            wantsSnapshot = log->wantsSnapshot();
+            bytes = log->bytes();
+            encoded = log->encoded();
+            lock.lock();
+            acknowledged = entry.step.record ? entry.step.record->header.to : entry.step.set->to;
+            if (heard) heard(starts, acknowledged);
+            gone.notify_all();
+        }
+    }
+
+    /// A log that has ended before its time has no index: who reads it can tell.
+    void run() {
+        ::pthread_setname_np(::pthread_self(), "rtsg recorder");
+        Result<> how;
+        char why[sizeof(thrown)] = {};
+        try {
+            how = follow();
+            if (how)
+                how = log->close();
+            else
+                log->abandon();
+        } catch (const std::exception& e) {
+            std::snprintf(why, sizeof(why), "%s", e.what());
+            log->abandon();
+        }
+        const std::scoped_lock lock(mutex);
+        std::snprintf(thrown, sizeof(thrown), "%s", why);
+        result = std::move(how);
+        bytes = log->bytes();
+        waiting.clear();
+        waitingBytes = 0;
+        ended = true;
+        tellEnd();
+        gone.notify_all();
+    }
+};
+
+RecordLog::RecordLog(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+RecordLog::~RecordLog() {
+    (void)stop();  // as LogWriter: who wants to know calls it before
+}
+
+Result<std::unique_ptr<RecordLog>> RecordLog::start(const Scene& scene, const std::filesystem::path& file,
+                                                    LogOptions options) {
+    if (options.mode.mode == Mode::input)
+        return fail("a log in input mode is written by a LogWriter on the scene itself", {}, file.string());
+    auto impl = std::make_unique<Impl>();
+    auto log = LogWriter::create(file, builtinTypes(), std::move(options));
+    if (!log) return std::unexpected(log.error());
+    impl->log = std::move(*log);
+    impl->file = file.string();
+    impl->thread = std::thread([i = impl.get()] { i->run(); });
+    impl->put({nullptr, std::make_shared<const ChangeSet>(scene.snapshot())});
+    {
+        std::unique_lock lock(impl->mutex);
+        impl->gone.wait_for(lock, kFirstWithin, [i = impl.get()] { return i->ended || i->bytes > 0; });
+    }
+    return std::unique_ptr<RecordLog>(new RecordLog(std::move(impl)));
+}
+
+void RecordLog::add(const Scene& scene, const RecordStep& step) {
+    Impl& s = *impl_;
+    if (s.ended) return;
+    const bool begins = step.set && step.set->isSnapshot();
+    if (begins)
+        s.put({nullptr, step.set});  // another session: its types are described by us
+    else
+        s.put({step.record, step.record && !(step.set && createsNodes(*step.set)) ? nullptr : step.set});
+    if (begins || !s.wantsSnapshot.exchange(false)) return;
+    // What differs from the origin's is no state that a log should go on from.
+    const Hash128 origin = step.record ? step.record->header.hash : step.set->hash;
+    if (scene.hash() == origin && !scene.hasUnsealedEdits())
+        s.put({nullptr, std::make_shared<const ChangeSet>(scene.snapshot())}, true);
+}
+
+bool RecordLog::addInPassing(const RecordStep& step, const ChangeSet& changes) {
+    Impl& s = *impl_;
+    if (s.ended) return false;
+    const auto copy = [&] { return step.set ? step.set : std::make_shared<const ChangeSet>(changes); };
+    const std::scoped_lock lock(s.mutex);
+    if (changes.isSnapshot()) {
+        s.appendLate();
+        s.append({nullptr, copy()});
+        return false;
+    }
+    RecordStep kept{step.record, step.record && !createsNodes(changes) ? nullptr : copy()};
+    if (!s.late.empty() || !s.hasRoom(memoryOf(kept))) {
+        s.merged += !s.late.empty();
+        s.late.add(changes);
+        return false;
+    }
+    s.append(std::move(kept));
+    if (!s.wantsSnapshot.exchange(false)) return false;
+    s.waiting.push_back({{}, true, true, changes.to});
+    return true;
+}
+
+void RecordLog::giveSnapshot(std::uint64_t state, std::shared_ptr<const ChangeSet> snapshot) {
+    Impl& s = *impl_;
+    const std::scoped_lock lock(s.mutex);
+    const auto isIt = [&](const Impl::Entry& entry) { return entry.isPlace && entry.state == state; };
+    const auto place = std::ranges::find_if(s.waiting, isIt);
+    if (place == s.waiting.end()) return;
+    if (snapshot) {
+        place->isPlace = false;
+        place->step.set = std::move(snapshot);
+        s.waitingBytes += memoryOf(place->step);
+    } else {
+        s.waiting.erase(place);
+    }
+    s.come.notify_one();
+}
+
+void RecordLog::onAcknowledged(std::function<void(std::uint64_t start, std::uint64_t state)> heard) {
+    Impl& s = *impl_;
+    const std::scoped_lock lock(s.mutex);
+    s.heard = std::move(heard);
+    if (s.ended)
+        s.tellEnd();
+    else if (s.heard)
+        s.heard(s.starts, s.acknowledged);
+}
+std::uint64_t RecordLog::merged() const {
+    return impl_->merged;
+}
+
+std::uint64_t RecordLog::acknowledged() const {
+    return impl_->acknowledged;
+}
+std::uint64_t RecordLog::bytes() const {
+    return impl_->bytes;
+}
+std::uint64_t RecordLog::encoded() const {
+    return impl_->encoded;
+}
+
+std::string RecordLog::failure() const {
+    if (!impl_->ended) return {};
+    const Result<> outcome = impl_->outcome();
+    return outcome ? "" : outcome.error().format();
+}
+
+Result<> RecordLog::stop() {
+    if (impl_->thread.joinable()) {
+        {
+            const std::scoped_lock lock(impl_->mutex);
+            impl_->stopping = true;
+        }
+        impl_->come.notify_one();
+        impl_->thread.join();
+    }
+    return impl_->outcome();
+}
+
+}  // namespace rtsg
