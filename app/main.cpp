@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <fmt/format.h>
+#include <malloc.h>
 
 #include "cli.h"
 #include "command_table.h"
@@ -61,6 +62,14 @@ bool wroteOutput() {
     return false;
 }
 
+/// The allocator keeps what it has once given out as one large piece, a snapshot say, and again as much, for the next
+/// one: servers and mirrors that stand for months would hold it for good. Fixed limits give it back.
+void giveLargePiecesBack() {
+    constexpr int kLarge = 2 << 20, kAtTheEnd = 1 << 20;
+    ::mallopt(M_MMAP_THRESHOLD, kLarge);
+    ::mallopt(M_TRIM_THRESHOLD, kAtTheEnd);
+}
+
 int run(int argc, char** argv) {
     Command program("rtsg",
                     "rtsg keeps one X3D scene and any number of subscribers in step: pictures, sound, mirrors, logs.\n"
@@ -90,6 +99,7 @@ int main(int argc, char** argv) {
     using namespace rtsg::app;
     // A file that may not grow any more is an error of that write, not the end of the process.
     std::signal(SIGXFSZ, SIG_IGN);
+    giveLargePiecesBack();
     try {
         const int status = statusOf(run(argc, argv));
         return wroteOutput() ? status : status == kDone ? kBad : status;

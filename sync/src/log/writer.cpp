@@ -279,6 +279,7 @@ Result<> LogWriter::writeKeyframe(const ChangeSet& changes) {
     keyframeSize_ = record_.size();
     keyframeTime_ = changes.time;
     sinceKeyframe_ = 0;
+    record_ = ByteBuffer();  // frames take less
     return {};
 }
 
