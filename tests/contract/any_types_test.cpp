@@ -1,6 +1,5 @@
 // Nodes of every type, with any values, under edits: all subscribers at once go on, and what they make is numbers.
 #include <cmath>
-#include <cstdlib>
 
 #include <gtest/gtest.h>
 
@@ -10,12 +9,13 @@
 #include <rtsg/renderers/light_renderer.h>
 
 #include "support/any_types.h"
+#include "support/long_form.h"
 
 namespace rtsg {
 namespace {
 
 class EveryType : public testing::TestWithParam<std::uint64_t> {};
-INSTANTIATE_TEST_SUITE_P(Seeds, EveryType, testing::Range<std::uint64_t>(1, std::getenv("RTSG_LONG") ? 2000 : 61));
+INSTANTIATE_TEST_SUITE_P(Seeds, EveryType, testing::Range<std::uint64_t>(1, test::fewOrMany(17, 2000)));
 
 TEST_P(EveryType, IsSeenAndHeardWhateverItsFieldsHold) {
     const std::uint64_t seed = GetParam();

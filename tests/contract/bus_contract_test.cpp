@@ -1,6 +1,5 @@
 // The bus's laws when the scene is edited from within, from each place that calls back: every subscriber sees every set
 // in order, and what a set or a snapshot says is the state that its number stands for.
-#include <cstdlib>
 #include <functional>
 #include <map>
 #include <optional>
@@ -11,6 +10,7 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 
+#include "support/long_form.h"
 #include "support/random_edits.h"
 
 namespace rtsg::test {
@@ -219,7 +219,7 @@ class BusContract : public testing::TestWithParam<Place> {};
 TEST_P(BusContract, EverybodySeesEverySetInOrder) {
     std::uint64_t calls = 0, snapshots = 0;
     bool betweenStates = false;
-    const std::uint64_t seeds = std::getenv("RTSG_LONG") != nullptr ? 400 : 30;
+    const std::uint64_t seeds = test::fewOrMany(10, 400);
     for (std::uint64_t seed = 1; seed <= seeds && !HasFailure(); ++seed) {
         SCOPED_TRACE("seed " + std::to_string(seed));
         Meddling meddling(GetParam(), seed);

@@ -1,13 +1,13 @@
 // Structure under load: replicas that join a large scene while its nodes are renamed, moved to other parents, destroyed
 // and made anew in every frame. Outcome: every replica ends with the origin's hash, by one snapshot and without a gap.
 // RTSG_LONG=1 takes ten million nodes (some 8 GB) instead of 100,000.
-#include <cstdlib>
 #include <random>
 
 #include <gtest/gtest.h>
 
 #include <rtsg/core/x3d.h>
 
+#include "support/long_form.h"
 #include "sync/mirror/mirror_support.h"
 
 namespace rtsg {
@@ -66,7 +66,7 @@ struct Large {
 };
 
 TEST(LargeScene, ReplicasJoinWhileItsStructureChanges) {
-    const bool full = std::getenv("RTSG_LONG") != nullptr;
+    const bool full = test::isLongForm();
     const std::size_t nodes = full ? 10'000'000 : 100'000;
     const unsigned seed = std::random_device{}();
     SCOPED_TRACE(seed);

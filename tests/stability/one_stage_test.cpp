@@ -3,7 +3,6 @@
 // scene's thread makes in that state, and so is the sound; rays answer as a brute force over that state does; and the
 // scene waits for nobody. Run it under the thread sanitizer. RTSG_LONG=1: 20 rounds instead of one.
 #include <atomic>
-#include <cstdlib>
 #include <map>
 #include <thread>
 
@@ -16,6 +15,7 @@
 #include <rtsg/renderers/light_renderer.h>
 
 #include "renderers/ray_support.h"
+#include "support/long_form.h"
 
 namespace rtsg {
 namespace {
@@ -260,7 +260,7 @@ SoundBuffer hearAgain(std::uint64_t seed, const Round& round) {
 }
 
 TEST(OneStage, LightSoundAndRaysAtTheirOwnRatesSeeWholeStates) {
-    const std::uint64_t rounds = std::getenv("RTSG_LONG") != nullptr ? 20 : 1;
+    const std::uint64_t rounds = test::fewOrMany(1, 20);
     for (std::uint64_t r = 0; r < rounds && !HasFailure(); ++r) {
         SCOPED_TRACE(testing::Message() << "seed " << kSeed + r);
         Round round;

@@ -7,7 +7,6 @@
 #pragma once
 
 #include <cmath>
-#include <cstdlib>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,6 +16,7 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 
+#include "long_form.h"
 #include "random_edits.h"
 #include "test_paths.h"
 
@@ -128,10 +128,10 @@ inline void expectSame(Subject& a, Subject& b) {
         << different << " of " << x.numbers.size() << " numbers differ, the first is number " << first;
 }
 
-/// Calls `test(seed)` for 40 seeds, in the long form 400, until one fails.
+/// Calls `test(seed)` for 10 seeds, in the long form 400, until one fails.
 template <class Test>
 void forSeeds(const Test& test) {
-    const std::uint64_t seeds = std::getenv("RTSG_LONG") != nullptr ? 400 : 40;
+    const std::uint64_t seeds = fewOrMany(10, 400);
     for (std::uint64_t seed = 1; seed <= seeds && !testing::Test::HasFatalFailure(); ++seed) {
         SCOPED_TRACE("seed " + std::to_string(seed));
         test(seed);

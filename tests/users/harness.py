@@ -1,7 +1,8 @@
 """What the three users' tests share: the program, scratch folders, load on the machine, and checks that say what differs.
 
 Every test is a function named test_*; run() calls those of a module, each in a folder of its own, prints a line for
-each and a last line that counts them. Threading: one thread; programs that are still running at the end are killed.
+each and a last line that counts them. RTSG_LONG=1 in the environment takes the long form: tests on a loaded machine as well
+(@only_long), and longer sessions. Threading: one thread; programs that are still running at the end are killed.
 """
 import argparse
 import contextlib
@@ -20,10 +21,17 @@ import traceback
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 PATIENCE = 240  # seconds; only a failing test ever waits this long
+LONG = "RTSG_LONG" in os.environ
 
 
 class Skipped(Exception):
     """The test cannot be run here; its text says why."""
+
+
+def only_long(test):
+    """Marks a test that loads the machine for minutes."""
+    test.is_only_long = True
+    return test
 
 
 def check(condition, text):
@@ -177,7 +185,7 @@ def run(module):
     options = arguments.parse_args()
     passed = failed = skipped = 0
     for name, test in sorted(vars(module).items()):
-        if not name.startswith("test_") or options.only not in name:
+        if not name.startswith("test_") or options.only not in name or not LONG and hasattr(test, "is_only_long"):
             continue
         folder = tempfile.mkdtemp(prefix="rtsg-user-")
         user, begun = User(options.program.resolve(), folder), time.monotonic()
@@ -199,5 +207,5 @@ def run(module):
     return 1 if failed or not passed + skipped else 0
 
 
-__all__ = ["ROOT", "Skipped", "User", "check", "equal", "is_whole_png", "only", "pictures", "run", "signal", "small_disk", "time",
+__all__ = ["LONG", "ROOT", "Skipped", "User", "check", "equal", "is_whole_png", "only", "only_long", "pictures", "run", "signal", "small_disk", "time",
            "wav_samples"]

@@ -6,7 +6,7 @@ import sys
 from harness import *
 
 HALL = ROOT / "examples" / "demo" / "hall.x3dv"
-SECONDS, FPS = 2, 5
+SECONDS, FPS = 2 if LONG else 1, 5
 COMMON = ["--spp", "1", "--rays", "100", "--base", HALL.parent]
 
 
@@ -49,6 +49,7 @@ def test_quiet(user):
     follow(user)
 
 
+@only_long
 def test_under_load(user):
     with user.load():
         follow(user)
@@ -136,6 +137,7 @@ def test_live(user):
     live(user)
 
 
+@only_long
 def test_live_under_load(user):
     with user.load():
         live(user)

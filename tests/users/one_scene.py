@@ -5,25 +5,26 @@ import sys
 from harness import *
 
 HALL = ROOT / "examples" / "demo" / "hall.x3dv"
+SECONDS, FPS = 2 if LONG else 1, 5
 SMALL = ["--size", "64x36", "--spp", "1", "--rays", "100", "--base", HALL.parent]
 
 
-def record(user, name="s.rlog", seconds=2):
-    user.run("record", HALL, "-o", name, "--for", f"{seconds}s", "--fps", "30")
+def record(user):
+    user.run("record", HALL, "-o", "s.rlog", "--for", f"{SECONDS}s", "--fps", "30")
 
 
 def both(user, *more):
-    return user.run("replay", "s.rlog", "--json", "--for", "2s", "--fps", 5, "--render", "p%02d.png", "--listen", "s.wav", *SMALL, *more)
+    return user.run("replay", "s.rlog", "--json", "--for", f"{SECONDS}s", "--fps", FPS, "--render", "p%02d.png", "--listen", "s.wav", *SMALL, *more)
 
 
 def same_world(user, report):
     equal(report["worlds"], 1, "worlds")
     equal(report["flattenings"], 1, "flattenings")
-    equal(report["pictures"], 10, "pictures")
-    equal(len(report["picture_states"]), 10, "states named")
+    equal(report["pictures"], SECONDS * FPS, "pictures")
+    equal(len(report["picture_states"]), SECONDS * FPS, "states named")
     equal(report["picture_states"], report["sound_states"], "picture and sound of a frame are of one state")
     _, rate, samples = wav_samples(user.path("s.wav"))
-    equal(samples, 2 * rate, "samples of sound")
+    equal(samples, SECONDS * rate, "samples of sound")
 
 
 def test_quiet(user):
@@ -46,8 +47,8 @@ def test_alone_and_together_are_the_same(user):
     record(user)
     same_world(user, both(user))
     together = {n: user.path(n).read_bytes() for n in [*pictures(user.folder, r"p\d\d\.png"), "s.wav"]}
-    user.run("replay", "s.rlog", "--for", "2s", "--fps", 5, "--render", "p%02d.png", *SMALL)
-    user.run("replay", "s.rlog", "--for", "2s", "--listen", "s.wav", *SMALL)
+    user.run("replay", "s.rlog", "--for", f"{SECONDS}s", "--fps", FPS, "--render", "p%02d.png", *SMALL)
+    user.run("replay", "s.rlog", "--for", f"{SECONDS}s", "--listen", "s.wav", *SMALL)
     for name, content in together.items():
         check(user.path(name).read_bytes() == content, f"{name} differs when made alone")
 
@@ -55,29 +56,29 @@ def test_alone_and_together_are_the_same(user):
 def test_a_scene_its_log_and_its_mirror_give_the_same(user):
     """Who drives the scene makes no difference: a file, a log, or another process."""
     record(user)
-    options = ["--json", "--for", "2s", "--fps", 5, "--render", "p%02d.png", "--listen", "s.wav", *SMALL]
+    options = ["--json", "--for", f"{SECONDS}s", "--fps", FPS, "--render", "p%02d.png", "--listen", "s.wav", *SMALL]
     files = lambda: {n: user.path(n).read_bytes() for n in [*pictures(user.folder, r"p\d\d\.png"), "s.wav"]}
-    user.run("run", HALL, *options[:3], "--fps", 5, *options[5:])
+    user.run("run", HALL, *options)
     run = files()
-    user.run("record", HALL, "-o", "five.rlog", "--for", "2s", "--fps", 5)
+    user.run("record", HALL, "-o", "five.rlog", "--for", f"{SECONDS}s", "--fps", FPS)
     same_world(user, user.run("replay", "five.rlog", *options))
     replayed = files()
-    server, endpoint = user.serve(HALL, "--at", "2000-01-01", "--fps", 5, "--await", "1", "--linger", "120s", "--for", "3s")
+    server, endpoint = user.serve(HALL, "--at", "2000-01-01", "--fps", FPS, "--await", "1", "--linger", "120s", "--for", f"{SECONDS + 1}s")
     same_world(user, user.run("mirror", endpoint, *options, "--wait", "60s"))
     mirrored = files()
     server.wait()
-    equal(len(run), 11, "files")
+    equal(len(run), SECONDS * FPS + 1, "files")
     for name, content in run.items():
         check(replayed[name] == content, f"{name} of the log differs")
         check(mirrored[name] == content, f"{name} of the mirror differs")
 
 
 def test_live(user):
-    report = user.run("run", HALL, "--json", "--live", "--for", "2s", "--fps", 60, "--render", "p%02d.png", "--listen", "s.wav", *SMALL)
+    report = user.run("run", HALL, "--json", "--live", "--for", f"{SECONDS}s", "--fps", 60, "--render", "p%02d.png", "--listen", "s.wav", *SMALL)
     equal((report["flattenings"], report["worlds"]), (1, 1), "flattenings and worlds")
     _, rate, samples = wav_samples(user.path("s.wav"))
-    equal(samples, 2 * rate, "samples of sound")
-    equal(report["pictures"] + report["live"]["pictures_skipped"], 120, "every instant is pictured or counted as skipped")
+    equal(samples, SECONDS * rate, "samples of sound")
+    equal(report["pictures"] + report["live"]["pictures_skipped"], SECONDS * 60, "every instant is pictured or counted as skipped")
 
 
 def test_killed_in_a_picture(user):

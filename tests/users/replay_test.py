@@ -23,6 +23,7 @@ def test_unchanged_passes(user):
     rerun(user)
 
 
+@only_long
 def test_unchanged_passes_under_load(user):
     record(user)
     with user.load():

@@ -3,6 +3,7 @@
 
 #include "flattener_oracle.h"
 #include "renderers/scene_edits.h"
+#include "support/long_form.h"
 #include "support/random_edits.h"
 
 namespace rtsg {
@@ -15,7 +16,7 @@ constexpr std::uint64_t kSeed = 20090616;
 // Law 2: incremental equals from scratch.
 TEST(Flattener, FollowsRandomEditsAsIfFlattenedAnew) {
     std::size_t boxes = 0;
-    const std::uint64_t seeds = std::getenv("RTSG_LONG") != nullptr ? 1000 : 20;
+    const std::uint64_t seeds = test::fewOrMany(10, 1000);
     for (std::uint64_t seed = kSeed; seed < kSeed + seeds; ++seed) {
         SCOPED_TRACE(testing::Message() << "seed " << seed);
         Scene scene;

@@ -2,7 +2,6 @@
 #include <rtsg/renderers/light_tracer.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <optional>
 #include <random>
 
@@ -11,6 +10,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "light_scene.h"
+#include "support/long_form.h"
 
 namespace rtsg {
 namespace {
@@ -171,8 +171,7 @@ std::optional<Value> wildValue(FieldType type, std::mt19937_64& random) {
 
 // Whatever numbers a file or a script puts into fields, there is a picture and it is finite.
 class WildNumbers : public testing::TestWithParam<std::uint64_t> {};
-INSTANTIATE_TEST_SUITE_P(LightTracer, WildNumbers,
-                         testing::Range<std::uint64_t>(1, std::getenv("RTSG_LONG") ? 401 : 41));
+INSTANTIATE_TEST_SUITE_P(LightTracer, WildNumbers, testing::Range<std::uint64_t>(1, test::fewOrMany(13, 401)));
 TEST_P(WildNumbers, InAnyFieldAreSurvived) {
     const std::uint64_t seed = GetParam();
     std::mt19937_64 random(seed);

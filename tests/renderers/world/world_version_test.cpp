@@ -1,7 +1,6 @@
 // Versions of a RayWorld: each answers as the world did at its moment, whatever has been done to the world since.
 // RTSG_LONG=1 has three threads read through 20,000 edits instead of 100.
 #include <atomic>
-#include <cstdlib>
 #include <deque>
 #include <mutex>
 #include <set>
@@ -12,6 +11,7 @@
 #include "mesh/triangle_distance.h"
 #include "renderers/world/deform_support.h"
 #include "renderers/world_players.h"
+#include "support/long_form.h"
 
 namespace rtsg {
 namespace {
@@ -363,7 +363,7 @@ void readWhileEdited(std::uint32_t seed, int steps, Tally& tally) {
 }
 
 TEST(WorldVersion, ReadersOnThreeThreadsSeeWholeStates) {
-    const std::uint32_t rounds = std::getenv("RTSG_LONG") != nullptr ? 200 : 1;
+    const std::uint32_t rounds = test::fewOrMany(1, 200);
     Tally tally;
     for (std::uint32_t round = 0; round < rounds && !HasFailure(); ++round)
         readWhileEdited(kVersionSeed + 100 * round, 100, tally);

@@ -1,10 +1,10 @@
 // Damaged conversations with the gateway for browsers, from seeds: whatever comes, in whatever pieces, ends at most its
 // own connection.
-#include <cstdlib>
 #include <random>
 
 #include <gtest/gtest.h>
 
+#include "support/long_form.h"
 #include "web_line.h"
 
 namespace rtsg {
@@ -95,7 +95,7 @@ TEST(WebGatewayFuzz, DamagedConversationsEndAtMostTheirOwnConnection) {
     good.sayMessage(helloOf(5));
     ASSERT_TRUE(good.next());
     std::uint64_t followed = 0;
-    const std::uint64_t seeds = std::getenv("RTSG_LONG") != nullptr ? 40000 : 400;
+    const std::uint64_t seeds = test::fewOrMany(400, 40000);
     for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
         SCOPED_TRACE("seed " + std::to_string(seed));
         Random random(seed);
