@@ -1,7 +1,6 @@
 // A server that stands for long: memory, descriptors and threads stay what they are, whoever follows, comes, goes, edits,
-// stops or records. RTSG_LONG=1 runs a hundred thousand frames of each, else a few thousand.
+// stops or records. The long form runs a hundred thousand frames of each, the short one a few thousand.
 #include <chrono>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -14,6 +13,7 @@
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/record_log.h>
 
+#include "support/long_form.h"
 #include "support/resident_bytes.h"
 #include "support/temp_folder.h"
 
@@ -26,7 +26,7 @@ constexpr double kFps = 60;
 constexpr int kNodes = 2000;
 
 int frames() {
-    return std::getenv("RTSG_LONG") ? 100'000 : 6'000;
+    return test::fewOrMany(6'000, 100'000);
 }
 
 std::size_t entriesOf(const char* folder) {

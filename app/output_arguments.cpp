@@ -1,0 +1,240 @@
+// Options of outputs: declared, read, and checked before any work.
+#include "output_arguments.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace rtsg::app {
+
+void PictureArguments::addTo(Command& command) {
+    command.addOption("--size", size, "pixels, such as 1280x720")->preset();
+    command.addOption("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
+    command
+        .addOption("--integrator", integrator,
+                   "whitted: lights, mirrors, glass; path: light between surfaces too; raster is not built in")
+        ->preset()
+        ->oneOf({"whitted", "path", "raster"});
+    command.addOption("--spp", samples, "samples a pixel; with --error at most, 16384 unless given")
+        ->preset()
+        ->range(1, 1 << 20);
+    command
+        .addOption("--error", error,
+                   "sample until pixels' relative standard error is this, such as 0.05; .exr gets intervals")
+        ->range(1e-6, 1e3);
+    command.addOption("--depth", depth, "mirrorings and refractions along a ray at most; its weight ends it before")
+        ->preset()
+        ->range(0, 250);
+    command
+        .addOption("--shadows", shadows,
+                   "auto: as the lights' fields say if any says TRUE, else all; authored; all: whatever they say; none")
+        ->preset()
+        ->oneOf({"auto", "authored", "all", "none"});
+    command
+        .addOption("--color-space", colorSpace,
+                   "auto: PhysicalMaterial and path in linear light, all else as display values; linear; display")
+        ->preset()
+        ->oneOf({"auto", "linear", "display"});
+    command.addFlag("--caps", caps, "fill closed bodies where ClipPlanes cut them");
+    command.addOption("--tessellation", tessellation,
+                      "how far curved geometry may lie from its surface: .5px of the picture (finer where it is near), "
+                      "or .01m; else 1/400 of its radius");
+    command
+        .addOption(
+            "--shutter", shutter,
+            "share of the time since the picture before in which the shutter is open, up to this one: what moves, "
+            "and the eye, is blurred")
+        ->range(1e-6, 1.0);
+    command.addOption("--seed", seed, "of the sampling")->preset();
+    command.addOption("--threads", threads, "0: as many as cores")->preset();
+    command.addOption("--exposure", exposure, "factor on radiance; .exr stays as it is")->preset()->positive();
+}
+
+ImageOptions PictureArguments::parse() const {
+    ImageOptions options;
+    const auto cross = size.find('x');
+    const auto number = [&](std::string_view text, int& value) {
+        const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+        return problem == std::errc() && end == text.data() + text.size() && value > 0 && value <= 65536;
+    };
+    if (cross == std::string::npos || !number(std::string_view(size).substr(0, cross), options.settings.width) ||
+        !number(std::string_view(size).substr(cross + 1), options.settings.height))
+        throw UsageError("--size", "expected WIDTHxHEIGHT in pixels, each from 1 to 65536, such as 1280x720");
+    if (integrator == "raster")
+        throw UsageError("--integrator", integrator + " is not built in; there are: whitted, path");
+    options.settings.integrator = integrator == "path" ? Integrator::path : Integrator::whitted;
+    options.settings.colorSpace = colorSpace == "linear"    ? ColorSpace::linear
+                                  : colorSpace == "display" ? ColorSpace::display
+                                                            : ColorSpace::automatic;
+    if (integrator == "path" && colorSpace == "display")
+        throw UsageError("--color-space", "path computes in linear light; there are: auto, linear");
+    options.settings.samplesPerPixel = samples;
+    options.settings.error = static_cast<float>(error);
+    if (error > 0 && samples == PictureArguments().samples) options.settings.samplesPerPixel = 16384;
+    if (shutter > 0 && options.settings.samplesPerPixel == 1)
+        throw UsageError("--shutter", "needs more than one sample a pixel: --spp");
+    options.settings.shutter = static_cast<float>(shutter);
+    options.settings.maxDepth = depth;
+    options.settings.caps = caps;
+    options.settings.threads = threads;
+    options.settings.seed = seed;
+    options.settings.shadows = shadows == "none"       ? Shadows::none
+                               : shadows == "authored" ? Shadows::authored
+                               : shadows == "all"      ? Shadows::all
+                                                       : Shadows::automatic;
+    options.viewpoint = viewpoint;
+    return options;
+}
+
+void PictureArguments::checkSize(const std::string& file, const ImageOptions& options) {
+    if (file.empty()) return;
+    if (auto ok = checkPictureSize(file, options.fileWidth(), options.fileHeight()); !ok)
+        throw UsageError("--size", fmt::format("{}: {}", file, ok.error().text));
+}
+
+TessellationError PictureArguments::tessellationError() const {
+    if (tessellation.empty()) return {};
+    const std::string_view text = tessellation;
+    float value = 0;
+    const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+    const std::string_view unit = text.substr(static_cast<std::size_t>(end - text.data()));
+    if (problem != std::errc() || !(value > 0) || !std::isfinite(value) || (unit != "px" && unit != "m"))
+        throw UsageError("--tessellation", "expected pixels or metres above 0, such as .5px or .01m");
+    return unit == "px" ? TessellationError{.pixels = value} : TessellationError{.metres = value};
+}
+
+void SoundArguments::addTo(Command& command) {
+    auto* b = command.addFlag("--binaural", binaural, "for headphones");
+    auto* s = command.addFlag("--stereo", stereo, "for loudspeakers (the default)");
+    auto* a = command.addOption("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->range(1, 7);
+    b->excludes(s)->excludes(a);
+    s->excludes(a);
+    command.addOption("--sofa", sofa, "of --binaural: the head, as a SOFA file; else a sphere");
+    given.addTo(command);
+    command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
+        ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
+    command.addOption("--temperature", air.celsius, "of the air, degrees Celsius; else the scene's, else 20")
+        ->range(-50.0, 60.0);
+    command.addOption("--humidity", air.relativeHumidity, "of the air, percent; else the scene's, else 50")
+        ->range(0.0, 100.0);
+    command.addOption("--speed-of-sound", air.speedOfSound, "m/s; else by the temperature, else 343")
+        ->range(10.0, 10'000.0);
+    command.addFlag("--no-air", noAir, "air absorbs nothing");
+    command
+        .addOption("--length", length, "seconds of reverberation that are traced; else what is usual for the purpose")
+        ->range(0.01, 600.0);
+}
+
+ListenOptions SoundArguments::parse() const {
+    using Channels = ImpulseResponseOptions::Channels;
+    ListenOptions options;
+    options.render.binaural = binaural;
+    options.render.ambisonicOrder = ambisonic;
+    if (!sofa.empty()) {
+        if (!binaural) throw UsageError("--sofa is of --binaural");
+        auto head = Hrtf::load(sofa, options.render.sampleRate);
+        if (!head) throw InputError("--sofa", head.error().text);
+        options.render.hrtf = std::move(*head);
+    }
+    options.render.document = document;
+    options.render.air = air;
+    if (noAir) options.render.air.absorbs = false;
+    if (length > 0) options.trace.maxSeconds = options.render.trace.maxSeconds = length;
+    options.responses = ambisonic > 0 ? Channels::ambisonic
+                        : binaural    ? Channels::binaural
+                        : stereo      ? Channels::stereo
+                                      : Channels::mono;
+    if (rays > 0)
+        options.trace.rays = rays;
+    else if (error > 0)
+        options.trace.rays = ListenOptions::kFirstRays;
+    options.error = error;
+    options.render.ask(rays, error);
+    return options;
+}
+
+void OutputArguments::addTo(Command& command, Options which) {
+    command.addOption("--render", render,
+                      "picture of the last state; with %04d in the name, .mp4 or .gif, one every 1/--fps s");
+    if (which != Options::ofRun)
+        command.addOption("--fps", picturesPerSecond, "pictures a second of scene time")->preset()->range(1e-3, 1e3);
+    command.addOption("--listen", listen,
+                      "WAV of what the listener hears; the .mp4 of --render: into the film; device: play it now (then "
+                      "pictures are --live)");
+    command.addOption("--device", device, "of --listen device; else the default one");
+    command.addFlag("--live", live,
+                    which == Options::ofMirror
+                        ? "make pictures and sound of the newest state, states merged, instead of every one"
+                        : "run in real time; pictures and sound of the newest state, states merged");
+    command.addFlag("--denoise", denoise,
+                    "of --live pictures by --integrator path: filters what few samples leave of noise; a preview");
+    if (which == Options::ofMirror) command.addOption("--record", record, "log of every state");
+    command.addOption("--save", save, "the last state as a scene file");
+    addForce(command, force);
+    resources.addTo(command);
+    picture.addTo(command);
+    sound.addTo(command);
+}
+
+std::vector<std::string> SoundArguments::files() const {
+    std::vector<std::string> names = given.files();
+    if (!sofa.empty()) names.push_back(sofa);
+    return names;
+}
+
+bool OutputArguments::soundInFilm() const {
+    return MovieWriter::isName(listen) && !render.empty() && sameFile(listen, render);
+}
+
+bool OutputArguments::animated() const {
+    return PictureFiles(render, picturesPerSecond).takesSeveral();
+}
+
+Result<> OutputArguments::check(const std::vector<std::string>& inputs, std::vector<OutputName> more) const {
+    PictureArguments::checkSize(render, picture.parse());
+    sound.parse();
+    if (picture.tessellationError().pixels > 0 && !listen.empty())
+        throw UsageError("--tessellation",
+                         "with sound it is in metres: what a picture shows is not to change what is heard");
+    sound.given.check(inputs);
+    if (denoise && (!isLive() || render.empty() || picture.integrator != "path" || picture.error > 0))
+        throw UsageError("--denoise", "is of --live pictures by --integrator path, without --error");
+    if (denoise && picture.shutter > 0)
+        throw UsageError("--denoise", "goes by sharp layers, and --shutter blurs: there is one of the two");
+    if (picture.shutter > 0 && !animated())
+        throw UsageError("--shutter",
+                         "needs pictures in a row, into %04d, a .mp4 or .gif: it is open between two of them");
+    if (onDevice() && sound.ambisonic > 0) throw UsageError("--ambisonic", "is of files: a device plays two channels");
+    if (MovieWriter::isName(listen) && !soundInFilm())
+        throw UsageError("--listen", listen + ": sound goes into the film of --render, or into a .wav of its own");
+    if (soundInFilm() && sound.ambisonic > 0)
+        throw UsageError("--ambisonic", "is of .wav files: a film has two channels");
+    if (!device.empty() && !onDevice()) throw UsageError("--device", "is of --listen device");
+    std::ranges::move(names(), std::back_inserter(more));
+    std::vector<std::string> all = inputs;
+    std::ranges::move(sound.files(), std::back_inserter(all));
+    return checkFiles(all, more, force);
+}
+
+std::vector<OutputName> OutputArguments::names() const {
+    return {{"--render", render, OutputKind::picture},
+            {"--listen", onDevice() || soundInFilm() ? std::string() : listen, OutputKind::sound},
+            {"--record", record, OutputKind::log},
+            {"--save", save, OutputKind::scene}};
+}
+
+Result<> OutputArguments::leftUnwritten() const {
+    const PictureFiles pictures(render, picturesPerSecond);
+    std::string files;
+    for (const OutputName& output : names()) {
+        const bool numbered = output.kind == OutputKind::picture && pictures.takesSeveral() && !pictures.together();
+        if (output.file.empty() || output.kind == OutputKind::log || numbered) continue;
+        files += (files.empty() ? "" : ", ") + output.file;
+    }
+    if (files.empty()) return {};
+    return fail("interrupted before its end: not written", {}, files);
+}
+
+}  // namespace rtsg::app

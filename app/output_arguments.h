@@ -1,0 +1,90 @@
+// The options of what verbs make of a scene: pictures, sound, a log, a document; and the files that these name.
+// Threading: the main thread's.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <rtsg/audio/sound_renderer.h>
+#include <rtsg/renderers/image.h>
+
+#include "cli.h"
+#include "files.h"
+#include "given_sounds.h"
+
+namespace rtsg::app {
+
+/// --size, --spp and so on; shared by all verbs that make pictures.
+struct PictureArguments {
+    std::string size = "1280x720", viewpoint, integrator = "whitted", shadows = "auto", colorSpace = "auto",
+                tessellation;
+    int samples = 4, depth = 250;
+    unsigned threads = 0;
+    std::uint64_t seed = 1;
+    double error = 0, exposure = 1, shutter = 0;
+    bool caps = false;
+
+    void addTo(Command& command);
+    /// Throws UsageError for what is wrong or not built in.
+    ImageOptions parse() const;
+    /// As --tessellation has it; throws UsageError.
+    TessellationError tessellationError() const;
+    /// Throws UsageError if such a picture does not fit into the file's format.
+    static void checkSize(const std::string& file, const ImageOptions& options);
+    ToneMap toneMap() const { return {static_cast<float>(exposure)}; }
+};
+
+/// --binaural, --stereo, --rays and so on.
+struct SoundArguments {
+    bool binaural = false, stereo = false;
+    int ambisonic = 0;
+    std::uint64_t rays = 0;
+    double error = 0, length = 0;
+    AirChoice air;
+    bool noAir = false;
+    std::string sofa;
+    GivenSoundArguments given;
+    std::string document;  // the scene's file, if there is one; set by the verb
+
+    void addTo(Command& command);
+    /// Without what is given: GivenSoundArguments::open().
+    ListenOptions parse() const;
+    /// What the sound is made from besides the scene.
+    std::vector<std::string> files() const;
+};
+
+struct OutputArguments {
+    std::string render, listen, record, save, device;
+    ResourceArguments resources;
+    double picturesPerSecond = 5;
+    /// Scene time to make pictures and sound of; set by the verb.
+    double seconds = std::numeric_limits<double>::infinity();
+    bool force = false, live = false, denoise = false;
+    /// No end was stated: an interruption is the regular one. Set by the verb.
+    bool endsByInterruption = false;
+    PictureArguments picture;
+    SoundArguments sound;
+
+    /// `run` has an --fps of its own, which is that of its pictures; only `mirror` has --record.
+    enum class Options : std::uint8_t { ofRun, ofReplay, ofMirror };
+    void addTo(Command& command, Options which);
+    bool animated() const;
+    /// --listen names the film of --render.
+    bool soundInFilm() const;
+    /// Played, not written.
+    bool onDevice() const { return listen == "device"; }
+    bool isLive() const { return live || onDevice(); }
+    bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
+    std::vector<OutputName> names() const;
+    /// Interrupted before the end that was stated: what is one file for all of it, or for its end, is not complete.
+    bool isCutShort() const { return !endsByInterruption && interrupted(); }
+    /// These files, not written: an error that names them, if there are any.
+    Result<> leftUnwritten() const;
+    /// Finds out before any work that something cannot be made, or would overwrite one of `inputs` (checkFiles(), to
+    /// which `more` outputs of the verb go as well). Throws UsageError.
+    Result<> check(const std::vector<std::string>& inputs, std::vector<OutputName> more = {}) const;
+};
+
+}  // namespace rtsg::app
