@@ -16,6 +16,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/terminal.h>
 #include <rtsg/sync/scene_file.h>
 
@@ -221,6 +222,7 @@ Result<> readState(Scene& scene, const std::string& file) {
 }  // namespace
 
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
+    runScripts(scene);
     if (file != "-" && isSceneFile(file)) {
         if (const auto read = readState(scene, file); !read) diagnostics.add(read.error());
         print(diagnostics);

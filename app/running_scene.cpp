@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/sound_file.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/renderers/movie.h>
 #include <rtsg/renderers/text_measure.h>
 #include <rtsg/renderers/world_queries.h>
@@ -100,6 +101,7 @@ bool RunningScene::load() {
 Result<ResumedSession> RunningScene::resume(const std::string& log) {
     ResumeOptions options;
     options.progress = progressBar("reading " + log);
+    runScripts(scene_);
     auto session = resumeSession(log, scene_, options);
     if (!session) return session;
     scene_.setScriptResources(std::make_shared<const Resources>(resources_));

@@ -11,15 +11,16 @@
 
 #include <rtsg/core/filter.h>
 #include <rtsg/core/resource_check.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/scene_builder.h>
 #include <rtsg/core/scene_exporter.h>
 #include <rtsg/core/writer.h>
 #include <rtsg/renderers/mesh_file.h>
-#include <rtsg/renderers/triangulate.h>
 #include <rtsg/sync/scene_file.h>
 
 #include "cli.h"
 #include "files.h"
+#include "triangulate.h"
 
 namespace rtsg::app {
 
@@ -42,7 +43,7 @@ bool isBinaryName(const std::string& file) {
 DocumentHandler* filtered(const ConvertArguments& options, DocumentHandler& last, Diagnostics& diagnostics,
                           std::vector<std::unique_ptr<DocumentHandler>>& chain) {
     const std::string file = options.in == "-" ? "" : options.in;
-    const FilterContext context{diagnostics, Resources::ofFile(options.in), file};
+    const FilterContext context{diagnostics, Resources::ofFile(options.in), file, ecmaScript().get()};
     DocumentHandler* first = &last;
     for (const std::string& name : options.filters | std::views::reverse) {
         if (name.starts_with(std::string(kTriangulate) + '='))
@@ -66,6 +67,7 @@ void checkFilters(const ConvertArguments& options) {
 int convertBinary(const ConvertArguments& options) {
     Diagnostics diagnostics(options.in);
     Scene scene;
+    runScripts(scene);
     std::vector<std::unique_ptr<DocumentHandler>> chain;
     bool ok = true;
     if (isSceneFile(options.in)) {

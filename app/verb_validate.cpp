@@ -8,6 +8,7 @@
 
 #include <rtsg/core/filter.h>
 #include <rtsg/core/resource_check.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/scene_builder.h>
 #include <rtsg/sync/scene_file.h>
 
@@ -69,7 +70,7 @@ bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostic
         if (file != "-") options.file = file;
         SceneBuilder builder(scene, diagnostics, options);
         UrlPlaces places(builder);
-        const auto check = makeFilter("validate", places, {diagnostics, resources, file});
+        const auto check = makeFilter("validate", places, {diagnostics, resources, file, ecmaScript().get()});
         const bool complete = check && readDocumentFile(file, **check, diagnostics);
         builder.finish();
         print(diagnostics);

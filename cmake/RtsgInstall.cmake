@@ -2,7 +2,7 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-install(TARGETS rtsg_core rtsg_renderers rtsg_audio rtsg_sync rtsg_physics rtsg_dis EXPORT rtsgTargets)
+install(TARGETS rtsg_core rtsg_documents rtsg_scripts rtsg_renderers rtsg_audio rtsg_sync rtsg_physics rtsg_dis EXPORT rtsgTargets)
 install(TARGETS rtsg EXPORT rtsgTargets RUNTIME)
 if(RTSG_IMAGES)
   install(TARGETS rtsg_images rtsg_plain LIBRARY DESTINATION "${RTSG_MODULE_DIR}")

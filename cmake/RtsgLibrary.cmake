@@ -1,8 +1,12 @@
 # rtsg_library(NAME DEPENDS ... LIBRARIES ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/ (whose folders are rooms, see
 # tests/rooms.py) and include/ of the current folder. A folder sees only the headers of what it DEPENDS on: that is how the arrows are enforced.
 function(rtsg_library name)
-  cmake_parse_arguments(ARG "" "" "DEPENDS;LIBRARIES;PRIVATE_LIBRARIES;LEAVE_OUT" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "ROOMS;DEPENDS;LIBRARIES;PRIVATE_LIBRARIES;LEAVE_OUT" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS src/*.cpp)
+  if(ARG_ROOMS)
+    list(JOIN ARG_ROOMS "|" rooms)
+    list(FILTER sources INCLUDE REGEX "/src/(${rooms})/")
+  endif()
   # Which sources are compiled together hangs on no option: what one configuration builds, others do.
   set(place 0)
   foreach(source IN LISTS sources)

@@ -10,7 +10,7 @@ import re
 import sys
 
 ROOMS = {
-    "core": ["document", "script", "behaviour", "scene", "value"],
+    "core": ["script", "document", "behaviour", "scene", "value"],
     "renderers": ["light", "image", "world", "embree", "flatten", "mesh", "text"],
     "sync": ["mirror", "log", "codec"],
     "audio": ["listen", "engine", "scene", "trace", "walls", "signal"],
@@ -19,7 +19,7 @@ ROOMS = {
 }
 # Public headers without a .cpp of their name.
 HEADERS = {
-    "core": {"behaviour": "scene", "document_handler": "document", "frame_input": "scene", "script": "scene", "placement": "scene", "x3d": "value", "check": "value"},
+    "core": {"behaviour": "scene", "document_handler": "document", "frame_input": "scene", "script": "scene", "run_scripts": "script", "placement": "scene", "x3d": "value", "check": "value"},
     "renderers": {"paged_array": "flatten", "ray": "embree", "shading": "light", "tessellate": "mesh", "text_measure": "mesh"},
     "sync": {"byte_buffer": "codec", "change_codec": "codec", "log": "log", "stream_mode": "codec"},
     "audio": {"acoustic_box": "walls", "acoustic_geometry": "walls", "paged_array": "walls", "panning": "signal"},

@@ -14,6 +14,7 @@
 #include <rtsg/core/hash_terms.h>
 #include <rtsg/core/listeners.h>
 #include <rtsg/core/loader.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -39,6 +40,7 @@ double runtimeFrameSeconds(Scene& scene, int frames, const Edit& before) {
 }
 
 void load(Scene& scene, const std::string& body) {
+    runScripts(scene);
     Diagnostics diagnostics("bench");
     (void)loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + body, diagnostics);
 }

@@ -8,6 +8,7 @@
 
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/loader.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/x3d.h>
 
 #include "support/long_form.h"
@@ -89,7 +90,7 @@ class Meddling {
     Meddling(Place place, std::uint64_t seed) : place_(place), random_(seed) {
         ScriptOptions options;
         options.print = [this](std::string_view) { meddle(Place::print); };
-        scene_.setScriptOptions(std::move(options));
+        runScripts(scene_, std::move(options));
         scene_.setEventListener([this](double, const Node&, FieldIndex, const Value&) { meddle(Place::listener); });
         scene_.bus().setReporter([this](const Diagnostic&) { meddle(Place::reporter); });
         Diagnostics diagnostics;
@@ -243,7 +244,7 @@ TEST(BusContract, AScriptEditsAndEverybodySeesIt) {
     Diagnostics diagnostics;
     ScriptOptions options;
     options.print = [](std::string_view) {};
-    scene.setScriptOptions(std::move(options));
+    runScripts(scene, std::move(options));
     ASSERT_TRUE(loadText(scene, kScene, diagnostics));
     scene.newFrame(0);
     Follower early, late, drained;

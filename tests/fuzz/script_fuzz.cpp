@@ -9,6 +9,7 @@
 
 #include <rtsg/core/loader.h>
 #include <rtsg/core/replica.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/x3d.h>
 
 #include "script_grammar.h"
@@ -62,7 +63,7 @@ class Neighbour {
     Neighbour() {
         rtsg::ScriptOptions patient = options(printed_);
         patient.timeLimit = 2;  // collecting what others left may fall into its time
-        scene_.setScriptOptions(std::move(patient));
+        rtsg::runScripts(scene_, std::move(patient));
         rtsg::Diagnostics diagnostics;
         (void)rtsg::loadText(scene_, R"(#X3D V4.0 utf8
 PROFILE Full
@@ -119,7 +120,7 @@ Outcome run(const std::string& program) {
     Outcome outcome;
     {
         Scene scene;
-        scene.setScriptOptions(options(outcome.printed));
+        rtsg::runScripts(scene, options(outcome.printed));
         rtsg::Diagnostics diagnostics;
         require(rtsg::loadText(scene, kSurroundings, diagnostics) && diagnostics.errors() == 0, "the surroundings load",
                 program);

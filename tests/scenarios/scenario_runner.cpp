@@ -14,6 +14,7 @@
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/loader.h>
 #include <rtsg/core/navigation.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/scene_builder.h>
 #include <rtsg/physics/rigid_body_physics.h>
 #include <rtsg/sync/change_codec.h>
@@ -151,6 +152,7 @@ class Run final : Subscriber {
         scene_->setSpaceQueries(space_.get());
         scene_->setNavigation(true);
         physics_ = std::make_unique<RigidBodyPhysics>(*scene_);
+        runScripts(*scene_);
         scene_->setScriptResources(std::make_shared<const Resources>(folder_));
         BuildOptions options;
         options.resources = folder_;

@@ -4,11 +4,9 @@
 #include <algorithm>
 #include <optional>
 #include <string>
-#include <unordered_map>
 
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 
 #include "opening_text.h"
@@ -21,30 +19,13 @@ std::string placeOf(const glm::dvec3& p) {
     return fmt::format("{:.4g} {:.4g} {:.4g}", p.x, p.y, p.z);
 }
 
-/// Where a document has its nodes: by type and DEF name, and those without one by type if they are the only ones.
-class NodePlaces final : public NullHandler {
-  public:
-    explicit NodePlaces(const std::filesystem::path& document) {
-        Diagnostics known;  // told when the scene was read
-        static_cast<void>(readDocumentFile(document, *this, known));
-    }
-    std::optional<SourceLocation> find(std::string_view type, std::string_view def) const {
-        const auto found = places_.find(key(type, def));
-        if (found == places_.end() || found->second.line == 0) return std::nullopt;
-        return found->second;
-    }
-
-    void beginNode(std::string_view type, std::string_view def, std::string_view, SourceLocation where) override {
-        const auto [known, fresh] = places_.try_emplace(key(type, def), where);
-        if (!fresh && def.empty()) known->second = {};
-    }
-
-  private:
-    static std::string key(std::string_view type, std::string_view def) {
-        return std::string(type).append(" ").append(def);
-    }
-    std::unordered_map<std::string, SourceLocation> places_;
-};
+/// Where the node was read, if it was in that document.
+std::optional<SourceLocation> lineOf(const Scene& scene, const std::filesystem::path& document, NodeId node) {
+    if (document.empty() || document == "-") return std::nullopt;
+    const NodePlace place = scene.placeOf(node);
+    if (place.where.line == 0 || place.file != document.string()) return std::nullopt;
+    return place.where;
+}
 
 /// The name that an author gave a shape or its geometry, or what it is made of.
 std::string shapeName(const Scene& scene, NodeId shape, NodeId geometry) {
@@ -56,24 +37,20 @@ std::string shapeName(const Scene& scene, NodeId shape, NodeId geometry) {
     return (std::string_view("AEIO").find(name[0]) != std::string_view::npos ? "an " : "a ") + name;
 }
 
-/// Where a document has a shape, if it says so.
-std::optional<SourceLocation> lineOf(const Scene& scene, const std::optional<NodePlaces>& places, NodeId shape,
+std::optional<SourceLocation> lineOf(const Scene& scene, const std::filesystem::path& document, NodeId shape,
                                      NodeId geometry) {
-    if (!places) return std::nullopt;
-    for (const NodeId id : {shape, geometry})
-        if (const Node* node = scene.find(id))
-            if (const auto found = places->find(node->type().name, scene.name(id))) return found;
-    return std::nullopt;
+    const auto line = lineOf(scene, document, shape);
+    return line ? line : lineOf(scene, document, geometry);
 }
 
 /// Its name, and in brackets what it is made of, how large, where, and its line.
-std::string shapeText(const Scene& scene, const std::optional<NodePlaces>& places, NodeId shape, NodeId geometry,
+std::string shapeText(const Scene& scene, const std::filesystem::path& document, NodeId shape, NodeId geometry,
                       const AcousticBox& box) {
     const Node* made = scene.find(geometry);
     const std::string name = shapeName(scene, shape, geometry), what = made ? std::string(made->type().name) : "Shape";
     const bool named = !scene.name(shape).empty() || !scene.name(geometry).empty();
     const glm::dvec3 size = box.high - box.low;
-    const auto line = lineOf(scene, places, shape, geometry);
+    const auto line = lineOf(scene, document, shape, geometry);
     return fmt::format("{} ({}{:.4g} x {:.4g} x {:.4g} m about {}{})", name, named ? what + ", " : std::string(),
                        size.x, size.y, size.z, placeOf((box.low + box.high) / 2.0),
                        line ? fmt::format(", line {}", line->line) : std::string());
@@ -101,21 +78,15 @@ bool isMeant(const Scene& scene, const RoomOpening& opening) {
     });
 }
 
-std::optional<NodePlaces> placesOf(const std::filesystem::path& document, bool needed) {
-    std::optional<NodePlaces> places;
-    if (needed && !document.empty() && document != "-") places.emplace(document);
-    return places;
-}
-
 /// What is there, and where.
-std::string leakText(const Scene& scene, const std::optional<NodePlaces>& places, const RoomOpening& leak) {
+std::string leakText(const Scene& scene, const std::filesystem::path& document, const RoomOpening& leak) {
     std::string shapes;
     for (const RoomOpening::Beside& beside : leak.beside) {
         const bool last = &beside == &leak.beside.back();
         shapes += (shapes.empty() ? ""
                    : last         ? " and "
                                   : ", ") +
-                  shapeText(scene, places, beside.shape, beside.geometry, beside.box);
+                  shapeText(scene, document, beside.shape, beside.geometry, beside.box);
     }
     const std::string at = placeOf(leak.center);
     if (shapes.empty()) shapes = "nothing that has a name";
@@ -139,14 +110,13 @@ void nameShapes(const Scene& scene, RoomOpenings& openings) {
 
 void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::filesystem::path& document,
                Diagnostics& diagnostics) {
-    const std::optional<NodePlaces> places = placesOf(document, !leaks.empty());
     for (const SoundLeak& leak : leaks) {
         if (isMeant(scene, leak.opening)) continue;
         Diagnostic told{Severity::warning, {}, {}, {}, DiagnosticCode("leak")};
-        told.text = fmt::format("{}: some {} of the sound of {} is lost there", leakText(scene, places, leak.opening),
+        told.text = fmt::format("{}: some {} of the sound of {} is lost there", leakText(scene, document, leak.opening),
                                 percentText(leak.opening.meanShare()), leak.name);
         for (const RoomOpening::Beside& beside : leak.opening.beside)
-            if (const auto where = lineOf(scene, places, beside.shape, beside.geometry)) {
+            if (const auto where = lineOf(scene, document, beside.shape, beside.geometry)) {
                 told.file = document.string();
                 told.where = *where;
                 break;
@@ -157,7 +127,6 @@ void tellLeaks(const Scene& scene, std::span<const SoundLeak> leaks, const std::
 
 void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double start,
                 const std::filesystem::path& document, Diagnostics& diagnostics) {
-    const std::optional<NodePlaces> places = placesOf(document, !sealed.empty());
     for (const SealedSource& found : sealed) {
         const Seal& seal = found.seal;
         std::string shapes;
@@ -166,7 +135,7 @@ void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double
             shapes += (shapes.empty() ? ""
                        : last         ? " and "
                                       : ", ") +
-                      shapeText(scene, places, shape.shape, shape.geometry, shape.box);
+                      shapeText(scene, document, shape.shape, shape.geometry, shape.box);
         }
         if (seal.more > 0) shapes += fmt::format(" and {} more", seal.more);
         const std::string from = fmt::format("from {:.2f} s ", found.seconds - start);
@@ -189,8 +158,7 @@ void tellSealed(const Scene& scene, std::span<const SealedSource> sealed, double
                                            source, shapes, listener)
                              : fmt::format("no way was found in from its place, {}, past {}, to the listener at {}",
                                            source, shapes, listener);
-        const Node* node = places ? scene.find(found.sound) : nullptr;
-        if (const auto where = node ? places->find(node->type().name, scene.name(found.sound)) : std::nullopt) {
+        if (const auto where = lineOf(scene, document, found.sound)) {
             told.file = document.string();
             told.where = *where;
         }

@@ -35,7 +35,7 @@ Result<FilterPtr> makeUnits(std::string_view units, DocumentHandler& next);
 /// Reports what is in the document.
 FilterPtr makeStatistics(DocumentHandler& next, Diagnostics& diagnostics);
 /// Reports what fits together badly.
-FilterPtr makeValidate(DocumentHandler& next, Diagnostics& diagnostics);
+FilterPtr makeValidate(DocumentHandler& next, const FilterContext& context);
 /// Nodes that are equal, names aside, become one node that is used again.
 FilterPtr makeShare(DocumentHandler& next);
 /// Points, colours, normals and texture coordinates that are equal become one; triangles without indices get some.

@@ -5,10 +5,10 @@
 #include <unordered_map>
 
 #include <rtsg/core/nurbs.h>
+#include <rtsg/core/script_language.h>
 
 #include "document_check.h"
 #include "filter_parts.h"
-#include "script/syntax.h"
 #include "validated_node.h"
 
 namespace rtsg::detail {
@@ -45,7 +45,8 @@ constexpr Indices kIndices[] = {{"coordIndex", "coord", "point"},     {"index", 
 
 class Validate final : public Filter {
   public:
-    Validate(DocumentHandler& next, Diagnostics& diagnostics) : Filter(next), diagnostics_(diagnostics) {}
+    Validate(DocumentHandler& next, const FilterContext& context)
+        : Filter(next), diagnostics_(context.diagnostics), scripts_(context.scripts) {}
 
     void beginDocument(const DocumentHeader& header) override {
         if (header.encoding != Encoding::vrml97) profile_.profile(header.profile, header.where, diagnostics_);
@@ -251,12 +252,12 @@ class Validate final : public Filter {
     }
     void checkScript(const ValidatedNode& node) {
         const auto url = node.given.find("url");
-        if (url == node.given.end() || !url->second.value.holds<Array<String>>()) return;
+        if (!scripts_ || url == node.given.end() || !url->second.value.holds<Array<String>>()) return;
         for (const String& one : url->second.value.as<Array<String>>()) {
             const std::string_view text = one;
             for (const std::string_view scheme : {"ecmascript:", "javascript:", "vrmlscript:"}) {
                 if (!text.starts_with(scheme)) continue;
-                if (const auto fault = script::syntaxFault(std::string(text.substr(scheme.size())))) {
+                if (const auto fault = scripts_->checkSyntax(std::string(text.substr(scheme.size())))) {
                     SourceLocation at = url->second.where;
                     at.line += fault->line > 0 ? fault->line - 1 : 0;
                     if (fault->line > 1) at.column = 1;
@@ -272,6 +273,7 @@ class Validate final : public Filter {
     }
 
     Diagnostics& diagnostics_;
+    const ScriptLanguage* scripts_;
     ProfileCheck profile_;
     std::vector<ValidatedNode> open_;
     std::vector<std::unordered_map<std::string, ValidatedNode::Child>> scopes_{1};  // by DEF
@@ -280,8 +282,8 @@ class Validate final : public Filter {
 
 }  // namespace
 
-std::unique_ptr<DocumentHandler> makeValidate(DocumentHandler& next, Diagnostics& diagnostics) {
-    return std::make_unique<Validate>(next, diagnostics);
+std::unique_ptr<DocumentHandler> makeValidate(DocumentHandler& next, const FilterContext& context) {
+    return std::make_unique<Validate>(next, context);
 }
 
 }  // namespace rtsg::detail

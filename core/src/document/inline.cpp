@@ -301,7 +301,9 @@ struct InlineLoader::State final : Subscriber {
 };
 
 InlineLoader::InlineLoader(Scene& scene, Diagnostics& diagnostics, BuildOptions options)
-    : state_(std::make_unique<State>(scene, diagnostics, std::move(options))) {}
+    : state_(std::make_unique<State>(scene, diagnostics, std::move(options))) {
+    registerDocuments(scene);
+}
 InlineLoader::~InlineLoader() = default;
 
 void InlineLoader::measureTexts(TextMeasure measure, Texts which) {

@@ -70,6 +70,7 @@ const FieldDef& OpenNode::field(FieldIndex index) const {
 
 SceneBuilder::State::State(SceneBuilder& builder, Scene& target, Diagnostics& sink, BuildOptions buildOptions)
     : handler(builder), scene(target), diagnostics(sink), options(std::move(buildOptions)) {
+    registerDocuments(scene);
     DocumentSource source;
     std::error_code ignored;
     if (!options.file.empty()) source.path = std::filesystem::weakly_canonical(options.file, ignored);

@@ -270,6 +270,8 @@ Result<> Scene::reset() {
         if (use.type.value < builtinTypes().size()) fresh->uses.push_back(use);
     for (const auto& [type, behaviour] : state_->dormant)
         if (type < builtinTypes().size()) fresh->dormant.emplace(type, behaviour);
+    fresh->documents = state_->documents;
+    fresh->scriptLanguage = state_->scriptLanguage;
     fresh->scriptOptions = state_->scriptOptions;
     fresh->resourcesGiven = state_->resourcesGiven;
     for (std::size_t i = 0; i < builtinTypes().size(); ++i) fresh->types[i].behaviour = state_->types[i].behaviour;

@@ -92,7 +92,8 @@ void Scene::State::serveRequests() {
         const DocumentRequest request = nextRequest(in);
         // A world that is loaded brings its own.
         const std::shared_ptr<const Resources> resources = scriptOptions.resources;
-        const auto serve = [&] { return detail::serve(owner, request, resources.get()); };
+        const std::shared_ptr<const DocumentServices> services = documents;
+        const auto serve = [&] { return services->serve(owner, request, resources.get()); };
         const bool isPiece = request.kind == DocumentRequest::Kind::piece;
         if (auto ok = isPiece ? madeByScript(serve) : serve(); !ok)
             diagnostics.warning({}, fmt::format("what a script asked for was not loaded: {}", ok.error().format()));

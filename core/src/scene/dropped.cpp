@@ -41,20 +41,21 @@ Result<NodeId> ScriptPrograms::createNode(Scene& scene, std::string_view type, N
     return scene.state_->madeByScript([&] { return scene.createNode(type, scope); });
 }
 
-Result<detail::Piece> ScriptPrograms::createPiece(Scene& scene, std::string_view text, NodeId script) {
+Result<DocumentServices::Piece> ScriptPrograms::createPiece(Scene& scene, std::string_view text, NodeId script) {
     if (auto may = scene.state_->mayScriptsMake(text.size()); !may) return std::unexpected(may.error());
     const Node* node = scene.find(script);
     return scene.state_->madeByScript([&] {
-        return detail::makePiece(scene, text, node ? node->scope() : NodeId{},
-                                 scene.state_->scriptOptions.resources.get());
+        return scene.documents().makePiece(scene, text, node ? node->scope() : NodeId{},
+                                           scene.state_->scriptOptions.resources.get());
     });
 }
 
-Result<detail::Piece> ScriptPrograms::createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls,
-                                                        NodeId script) {
+Result<DocumentServices::Piece> ScriptPrograms::createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls,
+                                                                  NodeId script) {
     if (auto may = scene.state_->mayScriptsMake(); !may) return std::unexpected(may.error());
-    return scene.state_->madeByScript(
-        [&] { return detail::makePieceOfUrls(scene, script, urls, scene.state_->scriptOptions.resources.get()); });
+    return scene.state_->madeByScript([&] {
+        return scene.documents().makePieceOfUrls(scene, script, urls, scene.state_->scriptOptions.resources.get());
+    });
 }
 
 void Scene::hold(NodeId id) {

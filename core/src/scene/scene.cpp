@@ -7,7 +7,6 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "document_services.h"
 #include "writing.h"
 
 namespace rtsg {
@@ -254,7 +253,7 @@ Result<NodeId> Scene::createNode(std::string_view type, NodeId scope) {
     const NodeType::Kind kind = state_->types[index->value].type->kind;
     if (kind == NodeType::Kind::proto || kind == NodeType::Kind::externProto) {
         if (auto ok = state_->checkEdit(); !ok) return std::unexpected(std::move(ok.error()));
-        return detail::makePrototypeInstance(*this, *index, scope, state_->scriptOptions.resources.get());
+        return documents().makePrototypeInstance(*this, *index, scope, state_->scriptOptions.resources.get());
     }
     const NodeId id = createNode(*index, scope);
     if (!id) return fail("no node could be created here");

@@ -18,6 +18,7 @@
 #include <rtsg/core/device_input.h>
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/core/script_language.h>
 
 #include "crew.h"
 #include "division.h"
@@ -26,7 +27,6 @@
 #include "node_table.h"
 #include "places.h"
 #include "route_list.h"
-#include "script_programs.h"
 #include "state_hash.h"
 
 namespace rtsg {
@@ -526,6 +526,8 @@ struct Scene::State : Scene::Lane {
     const BehaviourCall* playCall(BehaviourCall::Kind kind, NodeId node, FieldIndex field);
     void playEffects(Cascade& cascade, const BehaviourCall& call);
 
+    std::shared_ptr<const DocumentServices> documents;
+    std::shared_ptr<const ScriptLanguage> scriptLanguage;
     ScriptOptions scriptOptions;
     bool resourcesGiven = false;              // by the application, in them
     std::unique_ptr<ScriptPrograms> scripts;  // made when the first Script runs

@@ -65,7 +65,8 @@ void ParentList::appendTo(std::vector<ParentRef>& out) const {
     for (const auto& [k, count] : *many_) out.insert(out.end(), count, fromKey(k));
 }
 
-Scene::State::State(Scene& scene) : owner(scene), diagnostics("scene") {
+Scene::State::State(Scene& scene)
+    : owner(scene), diagnostics("scene"), documents(std::make_shared<const DocumentServices>()) {
     for (const auto& type : builtinTypes()) addTypeEntry(*type);
     for (const BuiltinBehaviour& b : builtinBehaviours()) types[b.type.value].behaviour = b.behaviour;
 }

@@ -2,11 +2,11 @@
 // sentence (a string) where it refuses, which the prelude turns into an exception at the script's own line.
 #include <fmt/format.h>
 
+#include <rtsg/core/script_language.h>
 #include <rtsg/core/terminal.h>
 #include <rtsg/core/x3d.h>
 
 #include "bridge.h"
-#include "scene/script_programs.h"
 
 namespace rtsg::script {
 

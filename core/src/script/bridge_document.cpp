@@ -10,10 +10,10 @@
 
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/resource.h>
+#include <rtsg/core/script_language.h>
 #include <rtsg/core/x3d.h>
 
 #include "bridge.h"
-#include "scene/script_programs.h"
 
 namespace rtsg::script {
 
@@ -55,7 +55,7 @@ std::vector<std::string> textsOf(const Array<String>& list) {
     return texts;
 }
 
-bool answerPiece(JSContext* cx, const JS::CallArgs& args, const Result<detail::Piece>& piece) {
+bool answerPiece(JSContext* cx, const JS::CallArgs& args, const Result<DocumentServices::Piece>& piece) {
     if (!piece) return answer(cx, args, piece.error().text);
     std::vector<std::string> names;
     Array<NodeId> ids;
@@ -175,7 +175,8 @@ bool localNode(JSContext* cx, unsigned count, JS::Value* vp) {
     std::string name;
     if (!stringFrom(cx, args.get(1), name)) return false;
     const Node* script = call.scene.find(nodeArgument(args, 0));
-    args.rval().setNumber(detail::localNode(call.scene, script ? script->scope() : NodeId{}, name).value);
+    args.rval().setNumber(
+        call.scene.documents().localNode(call.scene, script ? script->scope() : NodeId{}, name).value);
     return true;
 }
 
@@ -293,12 +294,13 @@ bool nodeText(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     const Scene& scene = currentCall(cx).scene;
     const NodeId id = nodeArgument(args, 0);
-    return answer(cx, args, scene.find(id) ? detail::nodeText(scene, id, args.get(1).isTrue()) : std::string());
+    return answer(cx, args,
+                  scene.find(id) ? scene.documents().nodeText(scene, id, args.get(1).isTrue()) : std::string());
 }
 
 /// profiles(): by name.
 bool profiles(JSContext* cx, unsigned count, JS::Value* vp) {
-    const Value list = strings(detail::profileNames());
+    const Value list = strings(currentCall(cx).scene.documents().profileNames());
     return toScript(cx, list.type(), list.storage(), JS::CallArgsFromVp(count, vp).rval());
 }
 

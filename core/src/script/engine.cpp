@@ -8,9 +8,11 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/resource.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/x3d.h>
 
 #include "runtime.h"
+#include "syntax.h"
 
 namespace rtsg {
 
@@ -406,8 +408,23 @@ struct ScriptEngine::State {
     }
 };
 
-std::unique_ptr<ScriptPrograms> makeScriptPrograms(Scene& scene, const ScriptOptions& options) {
-    return std::make_unique<ScriptEngine>(scene, options);
+namespace {
+
+class EcmaScript final : public ScriptLanguage {
+  public:
+    std::unique_ptr<ScriptPrograms> makePrograms(Scene& scene, const ScriptOptions& options) const override {
+        return std::make_unique<ScriptEngine>(scene, options);
+    }
+    std::optional<SyntaxFault> checkSyntax(const std::string& source) const override {
+        return script::syntaxFault(source);
+    }
+};
+
+}  // namespace
+
+std::shared_ptr<const ScriptLanguage> ecmaScript() {
+    static const auto language = std::make_shared<const EcmaScript>();
+    return language;
 }
 
 ScriptEngine::ScriptEngine(Scene& scene, const ScriptOptions& options)

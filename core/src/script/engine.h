@@ -5,7 +5,7 @@
 // Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0, 29.2.
 #pragma once
 
-#include "scene/script_programs.h"
+#include <rtsg/core/script_language.h>
 
 namespace rtsg {
 

@@ -36,6 +36,7 @@ constexpr FileCode kFileCodes[] = {
     {"/core/src/document/", DiagnosticCode("build")},
     {"/core/src/script/", DiagnosticCode("script")},
     {"/core/src/behaviour/", DiagnosticCode("behaviour")},
+    {"/core/src/scene/field_path", DiagnosticCode("build")},
     {"/core/src/scene/apply", DiagnosticCode("change-set")},
     {"/core/src/scene/input", DiagnosticCode("frame-input")},
     {"/core/src/scene/run", DiagnosticCode("cascade")},

@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/field_path.h>
 #include <rtsg/core/field_text.h>
-#include <rtsg/core/world.h>
 #include <rtsg/sync/log_check.h>
 
 #include "cause.h"

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/world.h>
 #include <rtsg/core/x3d.h>
 
@@ -77,6 +78,7 @@ TEST_F(ImportedNodesTest, AreReadWithTheirNodes) {
 /// Under the name that it has here, and not under that of the document it came from.
 TEST_F(ImportedNodesTest, AScriptPassesOnWhatIsImported) {
     Scene scene;
+    runScripts(scene);
     load(scene, file("script.x3dv",
                      "DEF ROOM Inline { url \"room.x3dv\" } IMPORT ROOM.SUN AS S Script { url \"ecmascript: function "
                      "initialize() { const here = Browser.currentScene; here.updateExportedNode('PASSED', "

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/filter.h>
+#include <rtsg/core/run_scripts.h>
 
 #include "core/reading.h"
 
@@ -16,7 +17,7 @@ using testing::Not;
 std::string problems(const std::string& body, const std::string& head = "PROFILE Full") {
     test::RecordingHandler handler;
     Diagnostics diagnostics("test");
-    const auto filter = makeFilter("validate", handler, {diagnostics});
+    const auto filter = makeFilter("validate", handler, {diagnostics, {}, {}, ecmaScript().get()});
     readDocument("#X3D V4.0 utf8\n" + head + "\n" + body, **filter, diagnostics);
     std::string all;
     for (const Diagnostic& d : diagnostics.all()) all += d.format() + "\n";

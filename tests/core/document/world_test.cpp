@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/listeners.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/world.h>
 #include <rtsg/core/x3d.h>
 
@@ -205,6 +206,7 @@ TEST_F(WorldTest, ScriptsOfTheNextWorldReadFilesBesideIt) {
         std::ofstream(folder_ / name / "say.js") << "function initialize() { said = '" << name << "'; }";
     }
     Scene scene;
+    runScripts(scene);
     for (const char* name : {"one", "two"}) {
         Diagnostics diagnostics;
         ASSERT_TRUE(loadWorld(scene, folder_ / name / "world.x3dv", diagnostics));

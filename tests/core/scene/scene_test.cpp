@@ -9,6 +9,7 @@
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/device_input.h>
 #include <rtsg/core/loader.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -363,7 +364,7 @@ TEST(SceneThreads, CallsWithoutAResultAreRefusedAndToldToo) {
     bool printed = false;
     ScriptOptions options;
     options.print = [&](std::string_view) { printed = true; };
-    scene.setScriptOptions(options);
+    runScripts(scene, options);
     std::thread([&] {
         scene.setInputRecording(true);
         scene.setScriptOptions({});

@@ -14,6 +14,7 @@
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/listeners.h>
 #include <rtsg/core/loader.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -102,6 +103,7 @@ class RandomCascade {
 /// A scene that is run, and all that can be told of it.
 struct Told {
     Told(const std::string& text, unsigned threads) {
+        runScripts(scene);
         Diagnostics diagnostics;
         EXPECT_TRUE(loadText(scene, text, diagnostics));
         EXPECT_EQ(diagnostics.errors(), 0U) << (diagnostics.all().empty() ? "" : diagnostics.all()[0].format());

@@ -6,6 +6,7 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/world.h>
 
 #include "script_scene.h"
@@ -87,7 +88,7 @@ class ScriptBrowserFiles : public testing::Test {
     void start(const std::string& program, const std::string& others = {}) {
         ScriptOptions options;
         options.print = [this](std::string_view text) { printed_ += text; };
-        scene_.setScriptOptions(options);
+        runScripts(scene_, options);
         file("start.x3dv",
              others + "DEF S Script { directOutput TRUE inputOnly SFBool go inputOnly MFNode come url \"ecmascript:" +
                  program + "\" }");

@@ -235,6 +235,7 @@ TEST(ScriptEngineDeathTest, ASceneMayLiveAsLongAsTheProcess) {
     GTEST_FLAG_SET(death_test_style, "threadsafe");
     const auto run = [] {
         static Scene scene;
+        runScripts(scene);
         Diagnostics diagnostics("test");
         const bool loaded = loadText(scene,
                                      "#X3D V4.0 utf8\nPROFILE Full\nDEF S Script { outputOnly SFInt32 n url "

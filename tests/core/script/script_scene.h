@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/x3d.h>
 
 namespace rtsg::test {
@@ -28,7 +29,7 @@ struct ScriptScene {
     explicit ScriptScene(const std::string& fields, const std::string& program, const std::string& others = {},
                          ScriptOptions options = {}) {
         options.print = [this](std::string_view text) { printed += text; };
-        scene.setScriptOptions(std::move(options));
+        runScripts(scene, std::move(options));
         const std::string text = "#X3D V4.0 utf8\nPROFILE Full\n" + others + "\nDEF S Script { " + fields +
                                  " url \"ecmascript:" + program + "\" }\n";
         EXPECT_TRUE(loadText(scene, text, diagnostics));

@@ -351,7 +351,7 @@ TEST(Script, TimeThatIsNotItsOwnIsNotCounted) {
         std::this_thread::sleep_for(std::chrono::milliseconds(100));
     };
     Scene scene;
-    scene.setScriptOptions(options);
+    runScripts(scene, options);
     Diagnostics diagnostics("test");
     ASSERT_TRUE(loadText(scene,
                          "#X3D V4.0 utf8\nPROFILE Full\nDEF S Script { outputOnly SFInt32 n url \"ecmascript: function "
@@ -427,7 +427,7 @@ TEST(Script, FilesAreReadAndWhatIsNotThereIsReported) {
     Diagnostics diagnostics;
     ScriptOptions options;
     options.resources = std::make_shared<const Resources>(folder);
-    scene.setScriptOptions(options);
+    runScripts(scene, options);
     ASSERT_TRUE(loadText(
         scene,
         "#X3D V4.0 utf8\nPROFILE Full\nDEF S Script { outputOnly SFInt32 n url [ \"gone.js\" \"program.js\" ] }"

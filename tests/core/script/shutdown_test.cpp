@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/core/run_scripts.h>
+
 #include "core/script/script_scene.h"
 
 namespace rtsg {
@@ -19,7 +21,7 @@ TEST(ScriptShutdown, ShutdownIsCalledWheneverAProgramEnds) {
         ScriptOptions options;
         options.print = [&](std::string_view text) { printed += text; };
         Scene scene;
-        scene.setScriptOptions(options);
+        runScripts(scene, options);
         Diagnostics diagnostics;
         const std::string text = "#X3D V4.0 utf8\nDEF S Script { url \"ecmascript:" + program + "\" }";
         ASSERT_TRUE(loadText(scene, text, diagnostics));

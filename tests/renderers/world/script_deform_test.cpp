@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/loader.h>
+#include <rtsg/core/run_scripts.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/ray_world.h>
 
@@ -11,6 +12,7 @@ namespace {
 
 TEST(ScriptDeform, ARefittedMeshIsHitWhereTheScriptPutIt) {
     Scene scene;
+    runScripts(scene);
     Diagnostics diagnostics("test");
     ASSERT_TRUE(loadText(scene, R"(#X3D V4.0 utf8
 PROFILE Full

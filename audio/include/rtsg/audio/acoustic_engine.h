@@ -69,8 +69,7 @@ struct AcousticOptions {
     double startTime = 0;
     /// What urls of clips may open, and where relative ones start.
     Resources resources;
-    /// The file that the scene was read from, if it was: what is said of a node that it names has its line. Read when
-    /// there is something to say.
+    /// The file that the scene was read from, if it was: what is said of a node in it has its line.
     std::filesystem::path document;
     /// A scene opens no microphone, pipe or device: who runs it says what each source hears.
     ClipLibrary::UsersSounds given;

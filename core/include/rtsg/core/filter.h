@@ -117,6 +117,8 @@ class CountFilter final : public Filter {
     std::map<std::string, std::size_t, std::less<>> byType_;
 };
 
+class ScriptLanguage;
+
 /// A filter of `rtsg convert --filter NAME`, or NAME=ARGUMENT.
 struct FilterInfo {
     std::string_view name;
@@ -126,9 +128,10 @@ struct FilterInfo {
 std::span<const FilterInfo> filters();
 
 struct FilterContext {
-    Diagnostics& diagnostics;              // what filters report; must outlive them
-    std::optional<Resources> resources{};  // what they may open; none given: Resources::ofFile(file)
-    std::filesystem::path file{};          // of the document, where relative urls start
+    Diagnostics& diagnostics;                 // what filters report; must outlive them
+    std::optional<Resources> resources{};     // what they may open; none given: Resources::ofFile(file)
+    std::filesystem::path file{};             // of the document, where relative urls start
+    const ScriptLanguage* scripts = nullptr;  // by which "validate" checks the texts of Scripts; null: not at all
 };
 
 /// By its name, with its argument behind an equals sign: "quantise=1e-3". Filters that look at a document as a whole

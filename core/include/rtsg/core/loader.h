@@ -48,6 +48,10 @@ bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& 
 bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
                       const ReadOptions& options = {});
 
+/// From now on prototypes and scripts of the scene can be made of documents (document_services.h). Whatever loads a
+/// document calls it; who goes on with a session of a log or a mirror, without one, does so too.
+void registerDocuments(Scene& scene);
+
 struct LoadOptions {
     bool loadInlines = true;
     std::optional<Resources> resources;  // none given: of loadFile Resources::ofFile(file), of loadText Resources(base)

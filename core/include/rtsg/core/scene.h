@@ -39,6 +39,8 @@ struct Behaviour;
 struct FrameInput;
 struct RunState;
 class Cascade;
+class DocumentServices;
+class ScriptLanguage;
 class SpaceQueries;
 
 struct RouteTarget {
@@ -232,6 +234,13 @@ class Scene {
     void registerBehaviour(std::string_view type, const Behaviour& behaviour);
     /// Replicas of the `state` kind switch this off: no node acts then; events that are sent still follow routes.
     void setBehavioursEnabled(bool enabled);
+    /// Who reads and writes documents for this scene's scripts and prototypes (document_services.h); not null. Whatever
+    /// loads a document into the scene says so.
+    void setDocuments(std::shared_ptr<const DocumentServices> documents);
+    const DocumentServices& documents() const;
+    /// The language of this scene's Script nodes (script_language.h); null: they rest, as at first. Programs that run
+    /// already start anew.
+    void setScripts(std::shared_ptr<const ScriptLanguage> language);
     /// For the Script nodes of this scene; programs that run already start anew.
     void setScriptOptions(ScriptOptions options);
     /// Sets ScriptOptions::resources, unless they have been given; loadFile does so. `anotherWorld`: also in the place
@@ -281,7 +290,8 @@ class Scene {
     /// recorded. Precondition: `columns` name what the last set did, in its order.
     bool applyAgain(std::uint64_t to, double time, std::span<const PlainColumn> columns);
     /// Forgets everything, as freshly constructed, but what the application has set (behaviours, listener, recording,
-    /// options) and subscribers, to whom the next set that is applied comes as a snapshot. For replicas that join anew.
+    /// options, documents, scripts) and subscribers, to whom the next set that is applied comes as a snapshot. For
+    /// replicas that join anew.
     Result<> reset();
     Hash128 hash() const;
     /// Canonical text of the whole state; equal states give equal text. For tests and bug reports.

@@ -1,11 +1,11 @@
 // How Script nodes are run: limits, output, and what files they may come from.
 //
-// A scene runs the ECMAScript of its Script nodes by itself, in an engine of its own that comes into being with the
-// first of them. What a script does is changes of the scene like any others, made inside newFrame; what it makes is
-// destroyed once neither scene nor script refers to it. Chance, clock, zone and locale come from the scene (Date
-// follows it, in UTC and en-US), but variables of a script are not part of its state: a replica gets the results and
-// runs no script. Threading: the scene's thread; one JavaScript context a thread. Source: ISO/IEC 19775-1 V4.0 clause
-// 29; ISO/IEC 19777-1 V3.3 (ECMAScript); direct outputs act when the function ends.
+// After runScripts() a scene runs the ECMAScript of its Script nodes, in an engine of its own that comes into being
+// with the first of them. What a script does is changes of the scene like any others, made inside newFrame; what it
+// makes is destroyed once neither scene nor script refers to it. Chance, clock, zone and locale come from the scene
+// (Date follows it, in UTC and en-US), but variables of a script are not part of its state: a replica gets the results
+// and runs no script. Threading: the scene's thread; one JavaScript context a thread. Source: ISO/IEC 19775-1 V4.0
+// clause 29; ISO/IEC 19777-1 V3.3 (ECMAScript); direct outputs act when the function ends.
 #pragma once
 
 #include <cstddef>

@@ -11,7 +11,8 @@
 #include <rtsg/core/loader.h>
 #include <rtsg/core/writer.h>
 #include <rtsg/renderers/shared_world.h>
-#include <rtsg/renderers/triangulate.h>
+
+#include "triangulate.h"
 
 namespace rtsg {
 namespace {

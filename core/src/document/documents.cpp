@@ -1,6 +1,6 @@
 // What a running scene asks for: instances of prototypes, whose declarations are read once more with one instance after
 // them; pieces; another world; nodes as text.
-#include "../scene/document_services.h"
+#include <rtsg/core/document_services.h>
 
 #include <algorithm>
 
@@ -15,9 +15,26 @@
 
 #include "builder_state.h"
 
-namespace rtsg::detail {
+namespace rtsg {
 
 namespace {
+
+/// Those of this library.
+class Documents final : public DocumentServices {
+  public:
+    Result<NodeId> makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
+                                         const Resources* resources) const override;
+    Result<Piece> makePiece(Scene& scene, std::string_view text, NodeId scope,
+                            const Resources* resources) const override;
+    Result<Piece> makePieceOfUrls(Scene& scene, NodeId script, const std::vector<std::string>& urls,
+                                  const Resources* resources) const override;
+    Result<> serve(Scene& scene, const DocumentRequest& request, const Resources* resources) const override;
+    std::string nodeText(const Scene& scene, NodeId node, bool xml) const override;
+    std::vector<std::string> profileNames() const override;
+    NodeId localNode(const Scene& scene, NodeId scope, std::string_view name) const override {
+        return resolveLocalName(scene, scope, name);
+    }
+};
 
 /// Of `Name#2`, the second prototype of that name that the scene has met: `Name`.
 std::string_view declaredName(const NodeType& type) {
@@ -54,7 +71,8 @@ std::string declarations(const Scene& scene, const NodeType& wanted) {
 
 }  // namespace
 
-Result<NodeId> makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope, const Resources* resources) {
+Result<NodeId> Documents::makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
+                                                const Resources* resources) const {
     const NodeType& wanted = scene.type(type);
     if (wanted.declaration.empty())
         return fail(fmt::format("{} is declared inside of another prototype: it can only be made there", wanted.name));
@@ -92,13 +110,14 @@ void appendNew(Diagnostics& to, const Diagnostics& from) {
 }
 
 /// Of what is wrong the first error is the reason, if nothing is left; else the scene's diagnostics have all of it.
-Result<Piece> pieceOf(Scene& scene, const SceneBuilder& builder, bool complete, const Diagnostics& diagnostics) {
+Result<DocumentServices::Piece> pieceOf(Scene& scene, const SceneBuilder& builder, bool complete,
+                                        const Diagnostics& diagnostics) {
     if (!complete && builder.roots().empty()) {
         const auto first = std::ranges::find(diagnostics.all(), Severity::error, &Diagnostic::severity);
         return fail(first == diagnostics.all().end() ? std::string("nothing usable is in it") : first->format());
     }
     appendNew(scene.diagnostics(), diagnostics);
-    return Piece{builder.roots(), builder.names()};
+    return DocumentServices::Piece{builder.roots(), builder.names()};
 }
 
 BuildOptions detachedOptions(NodeId scope, const Resources* resources) {
@@ -128,7 +147,8 @@ Result<OpenedFile> openFirst(const Scene& scene, NodeId script, const std::vecto
 
 }  // namespace
 
-Result<Piece> makePiece(Scene& scene, std::string_view text, NodeId scope, const Resources* resources) {
+Result<DocumentServices::Piece> Documents::makePiece(Scene& scene, std::string_view text, NodeId scope,
+                                                     const Resources* resources) const {
     Diagnostics diagnostics{"text"};
     SceneBuilder builder(scene, diagnostics, detachedOptions(scope, resources));
     const bool complete = readDocument(text, builder, diagnostics, {.headerless = true});
@@ -136,8 +156,9 @@ Result<Piece> makePiece(Scene& scene, std::string_view text, NodeId scope, const
     return pieceOf(scene, builder, complete, diagnostics);
 }
 
-Result<Piece> makePieceOfUrls(Scene& scene, NodeId script, const std::vector<std::string>& urls,
-                              const Resources* resources) {
+Result<DocumentServices::Piece> Documents::makePieceOfUrls(Scene& scene, NodeId script,
+                                                           const std::vector<std::string>& urls,
+                                                           const Resources* resources) const {
     if (!resources) return fail("this scene may open no files");
     const auto opened = openFirst(scene, script, urls, *resources);
     if (!opened) return std::unexpected(opened.error());
@@ -161,7 +182,7 @@ Result<> serveWorld(Scene& scene, const DocumentRequest& request, const Resource
     // `#Name` alone is a viewpoint of this world.
     for (const std::string& url : request.urls) {
         if (!url.starts_with('#')) continue;
-        const Node* view = scene.find(localNode(scene, {}, std::string_view(url).substr(1)));
+        const Node* view = scene.find(resolveLocalName(scene, {}, std::string_view(url).substr(1)));
         const FieldIndex bind = view ? view->type().findExact("set_bind") : kNoField;
         if (bind == kNoField) return fail(fmt::format("no viewpoint is named {}", url.substr(1)));
         return scene.sendEvent(view->id(), bind, Value(true));
@@ -183,7 +204,7 @@ Result<> serveWorld(Scene& scene, const DocumentRequest& request, const Resource
 
 }  // namespace
 
-Result<> serve(Scene& scene, const DocumentRequest& request, const Resources* resources) {
+Result<> Documents::serve(Scene& scene, const DocumentRequest& request, const Resources* resources) const {
     switch (request.kind) {
         case DocumentRequest::Kind::piece: {
             auto piece = makePieceOfUrls(scene, request.script, request.urls, resources);
@@ -201,7 +222,7 @@ Result<> serve(Scene& scene, const DocumentRequest& request, const Resources* re
 
 // ---- nodes as text -------------------------------------------------------------------------------------------------
 
-std::string nodeText(const Scene& scene, NodeId node, bool xml) {
+std::string Documents::nodeText(const Scene& scene, NodeId node, bool xml) const {
     std::string text;
     Diagnostics ignored;
     const Encoding encoding = xml ? Encoding::xml : Encoding::classicVrml;
@@ -217,14 +238,17 @@ std::string nodeText(const Scene& scene, NodeId node, bool xml) {
     return first == inside.npos ? std::string() : std::string(inside.substr(first, last + 1 - first));
 }
 
-std::vector<std::string> profileNames() {
+std::vector<std::string> Documents::profileNames() const {
     std::vector<std::string> names;
     for (const Profile& profile : supportedProfiles()) names.push_back(profile.name);
     return names;
 }
 
-NodeId localNode(const Scene& scene, NodeId scope, std::string_view name) {
-    return resolveLocalName(scene, scope, name);
+// --------------------------------------------------------------------------------------------------------------------
+
+void registerDocuments(Scene& scene) {
+    static const auto documents = std::make_shared<const Documents>();
+    if (&scene.documents() != documents.get()) scene.setDocuments(documents);
 }
 
-}  // namespace rtsg::detail
+}  // namespace rtsg

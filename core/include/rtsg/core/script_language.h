@@ -1,16 +1,21 @@
-// ScriptPrograms: the programs of one scene's Script nodes, as the cascade sees them.
+// ScriptLanguage: in what language Script nodes are written; ScriptPrograms: the programs of one scene's Script nodes,
+// as the cascade sees them.
 //
-// The scene does not know in what language they are written: who does, in script/, defines makeScriptPrograms(), and a
-// build without scripts has script/absent.cpp there instead. Threading: the scene's thread.
+// The scene knows no language: one is told to it by Scene::setScripts(), which runScripts() calls; without one its
+// Scripts rest, and each says so. Threading: the scene's thread; that of checkSyntax() is any.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include <rtsg/core/behaviour.h>
+#include <rtsg/core/document_services.h>
 #include <rtsg/core/script.h>
-
-#include "document_services.h"
 
 namespace rtsg {
 
@@ -36,8 +41,9 @@ class ScriptPrograms {
 
     /// For a script: what it makes goes once nothing refers to it (dropped.cpp).
     static Result<NodeId> createNode(Scene& scene, std::string_view type, NodeId scope);
-    static Result<detail::Piece> createPiece(Scene& scene, std::string_view text, NodeId script);
-    static Result<detail::Piece> createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls, NodeId script);
+    static Result<DocumentServices::Piece> createPiece(Scene& scene, std::string_view text, NodeId script);
+    static Result<DocumentServices::Piece> createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls,
+                                                             NodeId script);
     /// Is done before the next frame begins.
     static Result<> request(Scene& scene, const DocumentRequest& request);
     /// What is to say of a program while no cascade runs.
@@ -46,10 +52,22 @@ class ScriptPrograms {
     static Behaviour behaviour();
 
   private:
-    static ScriptPrograms* of(Cascade& cascade);
+    /// Null, and the node says why, if there is no language; null if scripts are not enabled.
+    static ScriptPrograms* of(Cascade& cascade, const Node& node);
     static ScriptPhase phase(Cascade& cascade);
 };
 
-std::unique_ptr<ScriptPrograms> makeScriptPrograms(Scene& scene, const ScriptOptions& options);
+struct SyntaxFault {
+    std::uint32_t line = 0;  // from 1; 0 if unknown
+    std::string text{};
+};
+
+class ScriptLanguage {
+  public:
+    virtual ~ScriptLanguage() = default;
+    virtual std::unique_ptr<ScriptPrograms> makePrograms(Scene& scene, const ScriptOptions& options) const = 0;
+    /// Nothing if the text can be parsed; nothing of it runs.
+    virtual std::optional<SyntaxFault> checkSyntax(const std::string& source) const = 0;
+};
 
 }  // namespace rtsg

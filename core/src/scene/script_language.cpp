@@ -1,12 +1,16 @@
 // Where the cascade meets the programs of Script nodes.
+#include <rtsg/core/x3d.h>
+
 #include "state.h"
 
 namespace rtsg {
 
-ScriptPrograms* ScriptPrograms::of(Cascade& cascade) {
+ScriptPrograms* ScriptPrograms::of(Cascade& cascade, const Node& node) {
     Scene::State& s = *cascade.scene_.state_;
     if (!s.scriptOptions.enabled) return nullptr;
-    if (!s.scripts) s.scripts = makeScriptPrograms(cascade.scene_, s.scriptOptions);
+    if (!s.scripts && s.scriptLanguage) s.scripts = s.scriptLanguage->makePrograms(cascade.scene_, s.scriptOptions);
+    if (!s.scripts && !node.get(x3d::Script::url).empty())
+        cascade.warn(node, "does not run: its scene has no script language (runScripts; none with RTSG_SCRIPTS=OFF)");
     return s.scripts.get();
 }
 
@@ -22,14 +26,29 @@ Behaviour ScriptPrograms::behaviour() {
     return {
         .onEvent =
             [](Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
-                if (ScriptPrograms* programs = of(cascade)) programs->onEvent(cascade, node, field, value);
+                if (ScriptPrograms* programs = of(cascade, node)) programs->onEvent(cascade, node, field, value);
             },
         .onTime =
             [](Cascade& cascade, const Node& node) {
-                ScriptPrograms* programs = of(cascade);
+                ScriptPrograms* programs = of(cascade, node);
                 return programs ? programs->onTime(cascade, node, phase(cascade)) : kNever;
             },
     };
+}
+
+void Scene::setScripts(std::shared_ptr<const ScriptLanguage> language) {
+    if (state_->refuseForeign()) return;
+    if (state_->scripts) state_->scripts->forgetAll();
+    state_->scripts.reset();
+    state_->scriptLanguage = std::move(language);
+}
+
+void Scene::setDocuments(std::shared_ptr<const DocumentServices> documents) {
+    if (!state_->refuseForeign() && documents) state_->documents = std::move(documents);
+}
+
+const DocumentServices& Scene::documents() const {
+    return *state_->documents;
 }
 
 void Scene::setScriptOptions(ScriptOptions options) {

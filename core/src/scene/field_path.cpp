@@ -1,13 +1,14 @@
 // Fields by the names of their nodes: finding them, and their values as text.
+#include <rtsg/core/field_path.h>
+
 #include <charconv>
 #include <sstream>
 
 #include <fmt/format.h>
 
 #include <rtsg/core/field_text.h>
-#include <rtsg/core/world.h>
 
-#include "suggestion.h"
+#include "value/nearest_name.h"
 
 namespace rtsg {
 

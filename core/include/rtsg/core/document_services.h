@@ -1,0 +1,65 @@
+// DocumentServices: what a running scene asks of those who read and write documents, such as instances of prototypes,
+// pieces from text and files, another world, and nodes as text.
+//
+// The scene does not know how documents are read: who does is told to it by Scene::setDocuments(), which whatever loads
+// a document calls. This class alone answers that nobody reads documents here. Threading: the scene's thread.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include <rtsg/core/resource.h>
+#include <rtsg/core/scene.h>
+
+namespace rtsg {
+
+/// What a script asks to be done between two frames (Browser.loadURL and the like), in the order in which it asks.
+struct DocumentRequest {
+    enum class Kind : std::uint8_t {
+        piece,       // from the first of `urls` that can be read; its nodes go to `target.field` as an event
+        world,       // the same as the next world
+        replacement  // `nodes` as the next world
+    };
+    Kind kind = Kind::piece;
+    NodeId script;
+    std::vector<std::string> urls;
+    std::vector<NodeId> nodes;
+    std::vector<std::pair<std::string, NodeId>> names;  // that they, and nodes below them, get
+    NodeId target;
+    FieldIndex field = kNoField;
+};
+
+class DocumentServices {
+  public:
+    virtual ~DocumentServices() = default;
+
+    /// An instance with its body, in no field of any node. `type`: a PROTO or EXTERNPROTO that a document declares.
+    /// `resources`: what urls in it may open; null: nothing. Errors: what the declaration's text says against it.
+    virtual Result<NodeId> makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
+                                                 const Resources* resources) const;
+
+    /// Nodes that hang nowhere yet, and those of them that have names.
+    struct Piece {
+        std::vector<NodeId> roots;
+        std::vector<std::pair<std::string, NodeId>> names;
+    };
+    /// Errors: nothing usable in it; the first thing that is wrong with it, with its place. What is wrong where
+    /// something usable is left goes to the scene's diagnostics.
+    virtual Result<Piece> makePiece(Scene& scene, std::string_view text, NodeId scope,
+                                    const Resources* resources) const;
+    /// From the first url that can be read, seen from the document of `script`.
+    virtual Result<Piece> makePieceOfUrls(Scene& scene, NodeId script, const std::vector<std::string>& urls,
+                                          const Resources* resources) const;
+    /// Does what was asked for. Errors: as above; an url that leads nowhere.
+    virtual Result<> serve(Scene& scene, const DocumentRequest& request, const Resources* resources) const;
+
+    /// The node with all below it as ClassicVRML, or as XML, without what encloses it in a file.
+    virtual std::string nodeText(const Scene& scene, NodeId node, bool xml) const;
+    virtual std::vector<std::string> profileNames() const;
+    /// What IMPORT made known under this name inside `scope`; a DEF name too.
+    virtual NodeId localNode(const Scene& scene, NodeId scope, std::string_view name) const;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,43 @@
+// The answers of a scene to which nobody who reads documents was told.
+#include <rtsg/core/document_services.h>
+
+namespace rtsg {
+
+namespace {
+
+std::unexpected<Diagnostic> nobodyReads() {
+    return fail("nobody reads documents for this scene: registerDocuments() was not called");
+}
+
+}  // namespace
+
+Result<NodeId> DocumentServices::makePrototypeInstance(Scene&, TypeIndex, NodeId, const Resources*) const {
+    return nobodyReads();
+}
+
+Result<DocumentServices::Piece> DocumentServices::makePiece(Scene&, std::string_view, NodeId, const Resources*) const {
+    return nobodyReads();
+}
+
+Result<DocumentServices::Piece> DocumentServices::makePieceOfUrls(Scene&, NodeId, const std::vector<std::string>&,
+                                                                  const Resources*) const {
+    return nobodyReads();
+}
+
+Result<> DocumentServices::serve(Scene&, const DocumentRequest&, const Resources*) const {
+    return nobodyReads();
+}
+
+std::string DocumentServices::nodeText(const Scene&, NodeId, bool) const {
+    return {};
+}
+
+std::vector<std::string> DocumentServices::profileNames() const {
+    return {};
+}
+
+NodeId DocumentServices::localNode(const Scene& scene, NodeId scope, std::string_view name) const {
+    return scene.findName(name, scope);
+}
+
+}  // namespace rtsg

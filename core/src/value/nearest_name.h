@@ -1,0 +1,24 @@
+// What somebody who misspelled a name may have meant.
+//
+// Threading: pure functions. Source: edit distance with transpositions (Damerau 1964), of which a third of the letters
+// may differ, two at most for short words.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <rtsg/core/node_type.h>
+
+namespace rtsg::detail {
+
+/// The nearest of `known`; empty if none is near. Case alone counts as nothing.
+std::string_view nearest(std::string_view word, const std::vector<std::string_view>& known);
+
+/// " (did you mean Transform?)", or nothing.
+std::string didYouMean(std::string_view word, const std::vector<std::string_view>& known);
+
+/// "Transform has no field 'translaton' (did you mean translation?)".
+std::string noField(const NodeType& type, std::string_view described, std::string_view field);
+
+}  // namespace rtsg::detail
