@@ -16,8 +16,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/terminal.h>
+#include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/scene_file.h>
 
 namespace rtsg::app {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/documents/loader.h>
 
 #include "command.h"
 #include "export/labels.h"

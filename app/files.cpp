@@ -10,9 +10,9 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/sound_file.h>
-#include <rtsg/core/resource_check.h>
 #include <rtsg/core/terminal.h>
-#include <rtsg/core/writer.h>
+#include <rtsg/documents/resource_check.h>
+#include <rtsg/documents/writer.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/mesh_file.h>
 #include <rtsg/renderers/picture.h>

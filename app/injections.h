@@ -11,7 +11,7 @@
 #include <vector>
 
 #include <rtsg/core/device_input.h>
-#include <rtsg/core/world.h>
+#include <rtsg/documents/world.h>
 
 #include "cli.h"
 

@@ -6,8 +6,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/scene_exporter.h>
-#include <rtsg/core/writer.h>
+#include <rtsg/documents/scene_exporter.h>
+#include <rtsg/documents/writer.h>
 
 namespace rtsg::app {
 

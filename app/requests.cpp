@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/terminal.h>
-#include <rtsg/core/world.h>
+#include <rtsg/documents/world.h>
 
 namespace rtsg::app {
 

@@ -10,10 +10,10 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/sound_file.h>
-#include <rtsg/core/run_scripts.h>
 #include <rtsg/renderers/movie.h>
 #include <rtsg/renderers/text_measure.h>
 #include <rtsg/renderers/world_queries.h>
+#include <rtsg/scripts/run_scripts.h>
 
 #include "outputs.h"
 

@@ -13,8 +13,8 @@
 #include <vector>
 
 #include <rtsg/core/device_input.h>
-#include <rtsg/core/scene_builder.h>
 #include <rtsg/dis/dis_network.h>
+#include <rtsg/documents/scene_builder.h>
 #include <rtsg/physics/rigid_body_physics.h>
 #include <rtsg/sync/session.h>
 

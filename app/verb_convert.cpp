@@ -9,18 +9,18 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/filter.h>
-#include <rtsg/core/resource_check.h>
-#include <rtsg/core/run_scripts.h>
-#include <rtsg/core/scene_builder.h>
-#include <rtsg/core/scene_exporter.h>
-#include <rtsg/core/writer.h>
+#include <rtsg/documents/filter.h>
+#include <rtsg/documents/resource_check.h>
+#include <rtsg/documents/scene_builder.h>
+#include <rtsg/documents/scene_exporter.h>
+#include <rtsg/documents/writer.h>
 #include <rtsg/renderers/mesh_file.h>
+#include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/scene_file.h>
 
 #include "cli.h"
+#include "export/triangulate.h"
 #include "files.h"
-#include "triangulate.h"
 
 namespace rtsg::app {
 

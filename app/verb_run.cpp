@@ -7,8 +7,8 @@
 
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/terminal.h>
-#include <rtsg/core/world.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/world.h>
 
 #include "live_outputs.h"
 #include "running_scene.h"

@@ -1,12 +1,9 @@
-# rtsg_library(NAME DEPENDS ... LIBRARIES ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/ (whose folders are rooms, see
-# tests/rooms.py) and include/ of the current folder. A folder sees only the headers of what it DEPENDS on: that is how the arrows are enforced.
+# rtsg_library(NAME DEPENDS ... INSIDES ... LIBRARIES ... LEAVE_OUT <source>...): target rtsg_NAME, alias rtsg::NAME, from src/ (whose folders are
+# rooms, see tests/rooms.py) and include/ of the current folder. A folder sees only the public headers of what it DEPENDS on, and the others of
+# what it names among its INSIDES: that is how the arrows are enforced.
 function(rtsg_library name)
-  cmake_parse_arguments(ARG "" "" "ROOMS;DEPENDS;LIBRARIES;PRIVATE_LIBRARIES;LEAVE_OUT" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "DEPENDS;INSIDES;LIBRARIES;PRIVATE_LIBRARIES;LEAVE_OUT" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS src/*.cpp)
-  if(ARG_ROOMS)
-    list(JOIN ARG_ROOMS "|" rooms)
-    list(FILTER sources INCLUDE REGEX "/src/(${rooms})/")
-  endif()
   # Which sources are compiled together hangs on no option: what one configuration builds, others do.
   set(place 0)
   foreach(source IN LISTS sources)
@@ -23,6 +20,9 @@ function(rtsg_library name)
   target_include_directories(rtsg_${name} PUBLIC
     "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>" "$<INSTALL_INTERFACE:include>"
     PRIVATE src)
+  foreach(library IN LISTS ARG_INSIDES)
+    target_include_directories(rtsg_${name} PRIVATE "${PROJECT_SOURCE_DIR}/${library}/src")
+  endforeach()
   foreach(dependency IN LISTS ARG_DEPENDS)
     target_link_libraries(rtsg_${name} PUBLIC rtsg_${dependency})
   endforeach()

@@ -4,7 +4,7 @@
 #include <iostream>
 
 #include <rtsg/core/field_text.h>
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 
 struct Printer : rtsg::Subscriber {
     rtsg::Result<> apply(const rtsg::Scene& scene, const rtsg::ChangeSet& changes) override {

@@ -4,7 +4,7 @@
 //     02_render_picture examples/room.x3dv room.png
 #include <iostream>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_renderer.h>
 
 int main(int argc, char** argv) {

@@ -5,7 +5,7 @@
 //     04_mirror examples/room.x3dv
 #include <iostream>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
 

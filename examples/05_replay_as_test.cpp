@@ -6,8 +6,8 @@
 #include <filesystem>
 #include <iostream>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/replay.h>
 
 namespace fs = std::filesystem;

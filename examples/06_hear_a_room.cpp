@@ -6,7 +6,7 @@
 #include <cstdio>
 
 #include <rtsg/audio/listen.h>
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 
 int main(int argc, char** argv) {
     rtsg::Scene scene;

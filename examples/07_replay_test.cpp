@@ -6,8 +6,8 @@
 //     07_replay_test door.rlog
 #include <algorithm>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/replay_test.h>
 
 /// The part of the application that is tested: notes how far the door is open.

@@ -8,8 +8,8 @@
 #include <thread>
 
 #include <rtsg/audio/sound_renderer.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/replica.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_renderer.h>
 #include <rtsg/sync/log.h>
 

@@ -5,7 +5,7 @@
 #include <iostream>
 
 #include <rtsg/audio/sound_renderer.h>
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_renderer.h>
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/mirror_server.h>

@@ -4,7 +4,7 @@
 #include <iostream>
 #include <set>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/world_renderer.h>
 
 class VisibleShapes : public rtsg::WorldRenderer {

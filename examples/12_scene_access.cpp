@@ -4,8 +4,8 @@
 #include <iostream>
 
 #include <rtsg/core/listeners.h>
-#include <rtsg/core/world.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/world.h>
 
 using namespace rtsg;
 

@@ -10,7 +10,7 @@ import pathlib
 import re
 import sys
 
-NEEDED = ["core/value.h", "core/scene.h", "core/bus.h", "core/behaviour.h", "core/loader.h", "renderers/shared_world.h",
+NEEDED = ["core/value.h", "core/scene.h", "core/bus.h", "core/behaviour.h", "documents/loader.h", "renderers/shared_world.h",
           "renderers/light_renderer.h", "audio/sound_renderer.h", "sync/mirror_server.h", "sync/mirror_client.h", "sync/log.h",
           "sync/replay.h"]
 

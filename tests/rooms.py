@@ -10,7 +10,9 @@ import re
 import sys
 
 ROOMS = {
-    "core": ["script", "document", "behaviour", "scene", "value"],
+    "core": ["behaviour", "scene", "value"],
+    "documents": ["filter", "check", "build", "write", "read", "import", "media", "commands"],
+    "scripts": ["engine"],
     "renderers": ["light", "image", "world", "embree", "flatten", "mesh", "text"],
     "sync": ["mirror", "log", "codec"],
     "audio": ["listen", "engine", "scene", "trace", "walls", "signal"],
@@ -19,7 +21,9 @@ ROOMS = {
 }
 # Public headers without a .cpp of their name.
 HEADERS = {
-    "core": {"behaviour": "scene", "document_handler": "document", "frame_input": "scene", "script": "scene", "run_scripts": "script", "placement": "scene", "x3d": "value", "check": "value"},
+    "core": {"behaviour": "scene", "frame_input": "scene", "script": "scene", "placement": "scene", "x3d": "value", "check": "value"},
+    "documents": {"document_handler": "commands", "media_measures": "media", "profile": "commands", "read_document": "read"},
+    "scripts": {"run_scripts": "engine"},
     "renderers": {"paged_array": "flatten", "ray": "embree", "shading": "light", "tessellate": "mesh", "text_measure": "mesh"},
     "sync": {"byte_buffer": "codec", "change_codec": "codec", "log": "log", "stream_mode": "codec"},
     "audio": {"acoustic_box": "walls", "acoustic_geometry": "walls", "paged_array": "walls", "panning": "signal"},
@@ -31,7 +35,7 @@ NAMES = {r"\brtc[A-Z]\w*|\bRTC\w*": ("renderers", "embree")}
 # Outside libraries that only one room may include.
 DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
          r"^lib(av(?!util/tx\.h)|sw)": ("renderers", "movie_module"), r"^libavutil/tx\.h": ("audio", "signal"), r"^kissfft/": ("audio", "signal"),
-         r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("core", "script"), r"^zmq": ("sync", "mirror"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "signal"), r"^ode/": ("physics", "engine"),
+         r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("scripts", "engine"), r"^zmq": ("sync", "mirror"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "signal"), r"^ode/": ("physics", "engine"),
          r"^netcdf\.h": ("audio", "netcdf_module")}
 
 

@@ -11,7 +11,7 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
-FOLDERS = ["core", "renderers", "audio", "sync", "physics", "dis", "app", "examples", "tests"]
+FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "app", "examples", "tests"]
 MOST, MOST_OPENING = 80, 15
 
 # Comments, strings and characters; raw strings first.
@@ -57,8 +57,8 @@ def functions(text):
 # What is defined at the left margin, as clang-format has it: types, then variables and functions.
 DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) =|"
                      r"(?:[A-Za-z_][\w:<>,&*\[\] ]*?[&* ])(\w+)(?= ?[=({;\[]))", re.M)
-PROGRAMS = ["app", "sync/web_module", "tests/bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "renderers", "scenarios",
-                                                              "stability", "sync")]
+PROGRAMS = ["app", "sync/web_module", "tests/bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "documents", "renderers", "scenarios",
+                                                              "scripts", "stability", "sync")]
 IN_PLACE = {"auto", "bool", "char", "const", "double", "float", "int", "TEST", "TEST_F", "TEST_P", "INSTANTIATE_TEST_SUITE_P", "main"}
 INSTEAD = {"verb_no_bench.cpp"}  # compiled where others are not
 

@@ -4,8 +4,8 @@
 #include <string>
 #include <unordered_set>
 
-#include <rtsg/core/command_list.h>
-#include <rtsg/core/scene_builder.h>
+#include <rtsg/documents/command_list.h>
+#include <rtsg/documents/scene_builder.h>
 
 namespace rtsg {
 

@@ -7,7 +7,7 @@
 
 #include <memory>
 
-#include <rtsg/core/filter.h>
+#include <rtsg/documents/filter.h>
 #include <rtsg/renderers/tessellate.h>
 
 namespace rtsg {

@@ -1,7 +1,7 @@
 // Rigid bodies: what a frame of a thousand takes while they fall, lie on each other, and rest.
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/physics/rigid_body_physics.h>
 
 #include "bench_bodies.h"

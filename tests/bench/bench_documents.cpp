@@ -16,10 +16,10 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include <rtsg/core/command_list.h>
-#include <rtsg/core/filter.h>
-#include <rtsg/core/loader.h>
-#include <rtsg/core/writer.h>
+#include <rtsg/documents/command_list.h>
+#include <rtsg/documents/filter.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/writer.h>
 #include <rtsg/renderers/mesh_file.h>
 #include <rtsg/sync/scene_file.h>
 

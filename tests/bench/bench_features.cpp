@@ -4,8 +4,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/tessellate.h>
 #include <rtsg/renderers/tessellator.h>

@@ -8,8 +8,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/renderers/parallel_for.h>

@@ -5,9 +5,9 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/replica.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/image.h>
 
 #include "bench.h"

@@ -9,8 +9,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_renderer.h>
 
 #include "bare_embree.h"

@@ -12,8 +12,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <rtsg/core/filter.h>
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/filter.h>
+#include <rtsg/documents/loader.h>
 
 #include "bench.h"
 

@@ -14,8 +14,8 @@
 #include <rtsg/audio/convolver.h>
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/audio/world_geometry.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/parallel_for.h>
 #include <rtsg/renderers/shared_world.h>
 

@@ -3,8 +3,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_tracer.h>
 #include <rtsg/renderers/shared_world.h>
 

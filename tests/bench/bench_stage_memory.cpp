@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #include <rtsg/audio/sound_renderer.h>
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_renderer.h>
 
 #include "bench_stage.h"

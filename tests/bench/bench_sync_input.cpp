@@ -5,9 +5,9 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/frame_input.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/input_replica.h>

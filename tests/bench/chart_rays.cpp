@@ -3,7 +3,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/image.h>
 
 #include "bench.h"

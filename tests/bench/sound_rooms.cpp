@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 #include "bench.h"
 

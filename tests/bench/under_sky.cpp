@@ -14,8 +14,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/shared_world.h>
 
 #include "bench.h"

@@ -7,9 +7,9 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/behaviour.h>
-#include <rtsg/core/loader.h>
-#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/scripts/run_scripts.h>
 
 #include "support/long_form.h"
 #include "support/random_edits.h"

@@ -7,8 +7,8 @@
 #include <fmt/format.h>
 
 #include <rtsg/audio/sound_renderer.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_renderer.h>
 #include <rtsg/renderers/picking.h>
 

@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/field_text.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/documents/loader.h>
 
 namespace rtsg::test {
 

@@ -9,10 +9,10 @@
 
 #include <rtsg/core/dead_reckoning.h>
 #include <rtsg/core/dis_input.h>
-#include <rtsg/core/loader.h>
-#include <rtsg/core/scene_builder.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/dis/dis_network.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/scene_builder.h>
 
 #include "sync/codec/input_wire.h"
 

@@ -5,9 +5,9 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/dis/dis_network.h>
+#include <rtsg/documents/loader.h>
 
 namespace rtsg {
 

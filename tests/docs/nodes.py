@@ -12,9 +12,9 @@ import sys
 
 ROOT = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent.parent)
 # Types that act in another way than by a behaviour of theirs, and the file that has it.
-ELSEWHERE = {"Anchor": "core/src/behaviour/pointing.cpp", "Script": "core/src/script/engine.cpp", "Inline": "core/src/document/inline.cpp",
-             "InlineGeometry": "core/src/document/inline_geometry.cpp",
-             "FontLibrary": "core/src/document/font_reports.cpp", "Text": "renderers/src/text", "Analyser": "audio/src", "AudioClip": "audio/src", "AudioDestination": "audio/src",
+ELSEWHERE = {"Anchor": "core/src/behaviour/pointing.cpp", "Script": "scripts/src/engine/engine.cpp", "Inline": "documents/src/build/inline.cpp",
+             "InlineGeometry": "documents/src/build/inline_geometry.cpp",
+             "FontLibrary": "documents/src/media/font_reports.cpp", "Text": "renderers/src/text", "Analyser": "audio/src", "AudioClip": "audio/src", "AudioDestination": "audio/src",
              "BiquadFilter": "audio/src", "BufferAudioSource": "audio/src", "ChannelMerger": "audio/src",
              "ChannelSelector": "audio/src", "ChannelSplitter": "audio/src", "Convolver": "audio/src", "Delay": "audio/src",
              "DynamicsCompressor": "audio/src", "Gain": "audio/src", "ListenerPointSource": "audio/src",

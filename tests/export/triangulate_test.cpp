@@ -8,11 +8,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
-#include <rtsg/core/writer.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/writer.h>
 #include <rtsg/renderers/shared_world.h>
 
-#include "triangulate.h"
+#include "export/triangulate.h"
 
 namespace rtsg {
 namespace {

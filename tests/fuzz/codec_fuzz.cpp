@@ -12,8 +12,8 @@
 #include <ranges>
 #include <span>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/change_codec.h>
 
 namespace {

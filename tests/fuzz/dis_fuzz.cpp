@@ -8,9 +8,9 @@
 #include <vector>
 
 #include <rtsg/core/dis_pdu.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/dis/dis_network.h>
+#include <rtsg/documents/loader.h>
 
 #include "sync/codec/input_wire.h"
 

@@ -12,9 +12,9 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <rtsg/core/loader.h>
-#include <rtsg/core/scene_exporter.h>
-#include <rtsg/core/writer.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/scene_exporter.h>
+#include <rtsg/documents/writer.h>
 #include <rtsg/sync/scene_file.h>
 
 namespace {

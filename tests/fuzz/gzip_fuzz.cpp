@@ -1,7 +1,7 @@
 // Packed bytes of any kind: no crash, no hang, never more memory than the limit.
 #include <cstdint>
 
-#include "document/gzip.h"
+#include "read/gzip.h"
 #include "reading.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -2,7 +2,7 @@
 // nest, and what was imported can be written and read again without an error.
 #include <cstdint>
 
-#include "document/import.h"
+#include "import/import.h"
 #include "reading.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

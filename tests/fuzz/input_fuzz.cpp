@@ -5,7 +5,7 @@
 #include <memory>
 #include <span>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/input_replica.h>
 

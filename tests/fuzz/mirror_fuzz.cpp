@@ -12,8 +12,8 @@
 
 #include <unistd.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/log_player.h>
 #include <rtsg/sync/log_recorder.h>
 

@@ -7,10 +7,10 @@
 #include <string>
 #include <string_view>
 
-#include <rtsg/core/loader.h>
-#include <rtsg/core/writer.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/writer.h>
 
-#include "core/document/recording_handler.h"
+#include "documents/recording_handler.h"
 
 namespace rtsg::fuzz {
 

@@ -7,8 +7,8 @@
 #include <span>
 #include <string>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 #include "mirror/request.h"
 #include "mirror/upstream.h"

@@ -7,10 +7,10 @@
 #include <span>
 #include <vector>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/replica.h>
-#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/scripts/run_scripts.h>
 
 #include "script_grammar.h"
 

@@ -12,11 +12,11 @@
 
 #include <rtsg/core/dis_input.h>
 #include <rtsg/core/field_text.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/navigation.h>
-#include <rtsg/core/run_scripts.h>
-#include <rtsg/core/scene_builder.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/scene_builder.h>
 #include <rtsg/physics/rigid_body_physics.h>
+#include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/change_codec.h>
 
 #include "scenario.h"

@@ -3,12 +3,12 @@
 
 #include <sstream>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/mobility.h>
 #include <rtsg/core/scene.h>
-#include <rtsg/core/scene_exporter.h>
-#include <rtsg/core/writer.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/scene_exporter.h>
+#include <rtsg/documents/writer.h>
 
 #include "support/shared_set.h"
 

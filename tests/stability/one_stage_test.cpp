@@ -10,8 +10,8 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/sound_renderer.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_renderer.h>
 
 #include "renderers/ray_support.h"

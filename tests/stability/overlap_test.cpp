@@ -12,9 +12,9 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/replica.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/image.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/replay.h>

@@ -13,8 +13,8 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/documents/loader.h>
 
 #include "long_form.h"
 #include "random_edits.h"

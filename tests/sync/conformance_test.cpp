@@ -11,8 +11,8 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/field_text.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/dictionary.h>
 #include <rtsg/sync/log_compact.h>

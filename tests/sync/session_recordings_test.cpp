@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <thread>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/record.h>

@@ -6,8 +6,8 @@
 
 #include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/audio/acoustic_renderer.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/shared_world.h>
 
 #include "trace/reach.h"

@@ -13,8 +13,8 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/acoustic_engine.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/shared_world.h>
 
 namespace rtsg {

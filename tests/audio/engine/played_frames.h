@@ -8,7 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/acoustic_engine.h>
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/shared_world.h>
 
 namespace rtsg::test {

@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/resource_check.h>
+#include <rtsg/documents/resource_check.h>
 
 #include "listen_scene.h"
 

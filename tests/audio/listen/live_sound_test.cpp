@@ -9,8 +9,8 @@
 #include <rtsg/audio/acoustic_tables.h>
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/audio/sound_device.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 namespace rtsg {
 namespace {

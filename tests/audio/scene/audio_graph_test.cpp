@@ -9,8 +9,8 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/sound_renderer.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 #include "heard_graph.h"
 #include "scene/process_player.h"

@@ -9,7 +9,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/sound_renderer.h>
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 
 namespace rtsg::test {
 

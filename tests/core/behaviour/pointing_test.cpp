@@ -7,8 +7,8 @@
 
 #include <rtsg/core/device_input.h>
 #include <rtsg/core/frame_input.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 #include "support/simple_space.h"
 

@@ -9,9 +9,9 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/behaviour.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 namespace rtsg {
 namespace {

@@ -5,9 +5,9 @@
 
 #include <rtsg/core/device_input.h>
 #include <rtsg/core/geospatial.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 namespace rtsg {
 namespace {

@@ -7,8 +7,8 @@
 
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/listeners.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 namespace rtsg {
 namespace {

@@ -8,8 +8,8 @@
 
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/device_input.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 #include "scene/viewer_move.h"
 #include "support/simple_space.h"

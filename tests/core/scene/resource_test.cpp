@@ -7,9 +7,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/resource.h>
-#include <rtsg/core/scene_builder.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/scene_builder.h>
 
 #include "scene/resource_url.h"
 #include "support/temp_folder.h"

@@ -13,10 +13,10 @@
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/listeners.h>
-#include <rtsg/core/loader.h>
-#include <rtsg/core/run_scripts.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/scripts/run_scripts.h>
 
 #include "scene/division.h"
 

@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 namespace rtsg {
 namespace {

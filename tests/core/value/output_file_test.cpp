@@ -11,8 +11,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/core/document_handler.h>
-#include <rtsg/core/writer.h>
+#include <rtsg/documents/document_handler.h>
+#include <rtsg/documents/writer.h>
 
 #include "support/temp_folder.h"
 

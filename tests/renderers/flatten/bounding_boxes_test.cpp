@@ -1,5 +1,5 @@
 // Bounding boxes that bboxDisplay shows: where they are, to closed forms, and what a frame reports of them.
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/world_queries.h>
 

@@ -4,9 +4,9 @@
 #include <map>
 #include <set>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/mesh.h>
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/ray_world.h>

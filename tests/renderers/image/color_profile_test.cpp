@@ -9,7 +9,7 @@
 #include <gmock/gmock.h>
 #include <zlib.h>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_renderer.h>
 
 #include "support/temp_folder.h"

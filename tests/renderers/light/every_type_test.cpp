@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include <rtsg/core/writer.h>
+#include <rtsg/documents/writer.h>
 
 #include "dds_file.h"
 #include "light_scene.h"

@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/image.h>
 
 namespace rtsg::test {

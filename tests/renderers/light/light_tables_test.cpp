@@ -7,9 +7,9 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
-#include <rtsg/core/filter.h>
-#include <rtsg/core/writer.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/filter.h>
+#include <rtsg/documents/writer.h>
 
 #include "light/light_tables.h"
 #include "renderers/light/light_scene.h"

@@ -1,6 +1,6 @@
 // Text in pictures: seen, mirrored, throwing shadows and picked; by how much of the picture it covers.
-#include <rtsg/core/scene_builder.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/scene_builder.h>
 #include <rtsg/renderers/picking.h>
 #include <rtsg/renderers/tessellate.h>
 

@@ -3,9 +3,9 @@
 
 #include <functional>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/tessellator.h>
 
 #include "mesh_check.h"

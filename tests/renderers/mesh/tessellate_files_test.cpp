@@ -2,8 +2,8 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/tessellator.h>
 
 #include "mesh_check.h"

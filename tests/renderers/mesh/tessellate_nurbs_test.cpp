@@ -5,8 +5,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/nurbs.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/tessellate.h>
 
 #include "mesh_check.h"

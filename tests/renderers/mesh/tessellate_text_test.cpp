@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <limits>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/text_measure.h>
 
 #include "mesh/tessellate_text.h"

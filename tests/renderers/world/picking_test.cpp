@@ -6,8 +6,8 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/picking.h>
 
 #include "mesh/triangle_distance.h"

@@ -2,10 +2,10 @@
 // is.
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
-#include <rtsg/core/run_scripts.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/ray_world.h>
+#include <rtsg/scripts/run_scripts.h>
 
 namespace rtsg {
 namespace {

@@ -8,9 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/world_renderer.h>
 

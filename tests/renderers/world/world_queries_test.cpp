@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/renderers/camera.h>
 #include <rtsg/renderers/world_queries.h>
 

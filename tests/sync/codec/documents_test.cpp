@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/replay.h>
 

@@ -1,7 +1,7 @@
 // Input mode over bytes: equal hashes, damage noticed and repaired, nothing trusted, few bytes.
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/replay.h>
 
 #include "input_wire.h"

@@ -8,9 +8,9 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/hash_terms.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/partial_hash.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/change_codec.h>
 
 #include "support/temp_folder.h"

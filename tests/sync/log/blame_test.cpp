@@ -4,9 +4,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
-#include <rtsg/core/world.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/world.h>
 #include <rtsg/sync/blame.h>
 #include <rtsg/sync/log.h>
 

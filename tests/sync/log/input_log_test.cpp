@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/replay.h>
 #include <rtsg/sync/replay_test.h>

@@ -2,7 +2,7 @@
 // its input tells which one it is.
 #include <cstring>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 
 #include "support/log_support.h"
 

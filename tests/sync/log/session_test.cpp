@@ -5,8 +5,8 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/log_summary.h>
 
 #include "support/log_support.h"

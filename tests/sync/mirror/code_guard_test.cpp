@@ -3,8 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/diagnostic.h>
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/change_codec.h>
 
 #include "mirror/upstream.h"

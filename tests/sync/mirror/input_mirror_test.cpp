@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/mirror_server.h>

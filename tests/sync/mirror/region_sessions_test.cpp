@@ -2,8 +2,8 @@
 // log, a scene with more places than are followed.
 #include <gtest/gtest.h>
 
-#include <rtsg/core/loader.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/session.h>
 

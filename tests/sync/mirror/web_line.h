@@ -17,7 +17,7 @@
 #include <poll.h>
 #include <sys/socket.h>
 
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/sync/web_gateway.h>
 
 #include "mirror_support.h"

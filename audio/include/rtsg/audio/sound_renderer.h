@@ -8,7 +8,7 @@
 
 // Example:
 //     #include <rtsg/audio/sound_renderer.h>
-//     #include <rtsg/core/loader.h>
+//     #include <rtsg/documents/loader.h>
 //     rtsg::Scene scene;
 //     rtsg::Diagnostics diagnostics;
 //     rtsg::loadFile(scene, "hall.x3dv", diagnostics);

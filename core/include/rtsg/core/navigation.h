@@ -17,7 +17,7 @@
 
 // Example:
 //     #include <rtsg/core/device_input.h>
-//     #include <rtsg/core/loader.h>
+//     #include <rtsg/documents/loader.h>
 //     #include <rtsg/core/navigation.h>
 //     rtsg::Scene scene;
 //     rtsg::Diagnostics diagnostics;

@@ -9,7 +9,7 @@
 // IEEE 1278.1-2012 (PDUs, heartbeats), 1278.2-2015 (UDP).
 
 // Example:
-//     #include <rtsg/core/loader.h>
+//     #include <rtsg/documents/loader.h>
 //     #include <rtsg/dis/dis_network.h>
 //     rtsg::Scene scene;
 //     rtsg::Diagnostics diagnostics;

@@ -7,7 +7,7 @@
 // scene's thread. Source: ISO/IEC 19775-1 V4.0, clause 37.
 
 // Example:
-//     #include <rtsg/core/loader.h>
+//     #include <rtsg/documents/loader.h>
 //     #include <rtsg/physics/rigid_body_physics.h>
 //     rtsg::Scene scene;
 //     rtsg::RigidBodyPhysics physics(scene);  // before or after the scene is loaded

@@ -6,7 +6,7 @@
 // own. Threading: as WorldRenderer; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
 
 // Example:
-//     #include <rtsg/core/loader.h>
+//     #include <rtsg/documents/loader.h>
 //     #include <rtsg/renderers/light_renderer.h>
 //     rtsg::Scene scene;
 //     rtsg::Diagnostics diagnostics;

@@ -3,7 +3,7 @@
 // Invariant: what is written is what the flattener gives: every shape at every place where it is seen, in triangles,
 // one unit a metre. STL, OBJ and PLY have the corners in world space; a GLB has a mesh for each geometry and material,
 // shared by its places. Colours are the materials' own; lights, viewpoints and motion stay behind, and texts of
-// scripts. Threading: the scene's thread. Source: as core/src/document/import.h.
+// scripts. Threading: the scene's thread. Source: as documents/src/import/import.h.
 #pragma once
 
 #include <filesystem>

@@ -10,7 +10,7 @@
 // graph (5.1.1), kept apart from the renderers that use it.
 
 // Example:
-//     #include <rtsg/core/loader.h>
+//     #include <rtsg/documents/loader.h>
 //     #include <rtsg/renderers/shared_world.h>
 //     rtsg::Scene scene;
 //     rtsg::Diagnostics diagnostics;

@@ -9,8 +9,8 @@
 
 namespace rtsg {
 
-/// A TextMeasure (rtsg/core/scene_builder.h), in the units of the Text; of a ScreenFontStyle in pixels. Empty where
-/// there are no lines, no fonts, or sizes that cannot be drawn. Precondition: `text` is a Text.
+/// A TextMeasure (rtsg/documents/scene_builder.h), in the units of the Text; of a ScreenFontStyle in pixels. Empty
+/// where there are no lines, no fonts, or sizes that cannot be drawn. Precondition: `text` is a Text.
 Array<float> measureText(const Scene& scene, const Node& text);
 
 }  // namespace rtsg

@@ -6,7 +6,7 @@
 
 // Example:
 //     #include <rtsg/core/device_input.h>
-//     #include <rtsg/core/loader.h>
+//     #include <rtsg/documents/loader.h>
 //     #include <rtsg/renderers/world_queries.h>
 //     rtsg::Scene scene;
 //     rtsg::Diagnostics diagnostics;

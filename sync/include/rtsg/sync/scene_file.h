@@ -5,7 +5,7 @@
 // another build is read as far as its types are known here. Threading: the scene's thread.
 
 // Example:
-//     #include <rtsg/core/loader.h>
+//     #include <rtsg/documents/loader.h>
 //     #include <rtsg/sync/scene_file.h>
 //     rtsg::Scene scene;
 //     rtsg::Diagnostics diagnostics("hall.x3dv");

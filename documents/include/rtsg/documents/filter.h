@@ -1,0 +1,116 @@
+// Filter: a document handler that passes commands on to another handler, changed or not; filters chain between a reader
+// and a writer or builder.
+//
+// Invariant: a filter keeps begin and end calls nested. Threading: one thread a stream. Source: RTSG paper 3.1.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <utility>
+
+#include <rtsg/documents/document_handler.h>
+
+namespace rtsg {
+
+/// Passes everything on; override what shall differ. Without a next handler it drops everything, which makes it a base
+/// for handlers that look at a few commands only.
+class Filter : public DocumentHandler {
+  public:
+    /// `next` must outlive the filter; null drops everything.
+    explicit Filter(DocumentHandler* next = nullptr) : next_(next) {}
+    explicit Filter(DocumentHandler& next) : next_(&next) {}
+
+    void beginDocument(const DocumentHeader& header) override {
+        if (next_) next_->beginDocument(header);
+    }
+    void endDocument() override {
+        if (next_) next_->endDocument();
+    }
+    void component(std::string_view name, int level, SourceLocation where) override {
+        if (next_) next_->component(name, level, where);
+    }
+    void meta(std::string_view name, std::string_view content, SourceLocation where) override {
+        if (next_) next_->meta(name, content, where);
+    }
+    void unit(std::string_view category, std::string_view name, double conversionFactor,
+              SourceLocation where) override {
+        if (next_) next_->unit(category, name, conversionFactor, where);
+    }
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
+        if (next_) next_->beginNode(type, def, field, where);
+    }
+    void endNode(SourceLocation where) override {
+        if (next_) next_->endNode(where);
+    }
+    void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
+        if (next_) next_->useNode(def, field, where);
+    }
+    void setField(std::string_view name, Value value, SourceLocation where) override {
+        if (next_) next_->setField(name, std::move(value), where);
+    }
+    void declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) override {
+        if (next_) next_->declareField(field, std::move(value), where);
+    }
+    void isConnection(std::string_view nodeField, std::string_view protoField, SourceLocation where) override {
+        if (next_) next_->isConnection(nodeField, protoField, where);
+    }
+    void beginProto(std::string_view name, SourceLocation where) override {
+        if (next_) next_->beginProto(name, where);
+    }
+    void beginProtoBody(SourceLocation where) override {
+        if (next_) next_->beginProtoBody(where);
+    }
+    void endProto(SourceLocation where) override {
+        if (next_) next_->endProto(where);
+    }
+    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                     const std::vector<std::string>& url, SourceLocation where) override {
+        if (next_) next_->externProto(name, fields, url, where);
+    }
+    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
+               SourceLocation where) override {
+        if (next_) next_->route(fromNode, fromField, toNode, toField, where);
+    }
+    void importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,
+                    SourceLocation where) override {
+        if (next_) next_->importNode(inlineDef, exportedName, localName, where);
+    }
+    void exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) override {
+        if (next_) next_->exportNode(localName, exportedName, where);
+    }
+    void comment(std::string_view text, SourceLocation where) override {
+        if (next_) next_->comment(text, where);
+    }
+    void documentation(const Documentation& about, SourceLocation where) override {
+        if (next_) next_->documentation(about, where);
+    }
+
+  private:
+    DocumentHandler* next_;
+};
+
+/// Counts what passes.
+class CountFilter final : public Filter {
+  public:
+    using Filter::Filter;
+
+    std::size_t nodes() const { return nodes_; }
+    std::size_t uses() const { return uses_; }
+    std::size_t routes() const { return routes_; }
+    std::size_t protos() const { return protos_; }
+    const std::map<std::string, std::size_t, std::less<>>& nodesByType() const { return byType_; }
+
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override;
+    void useNode(std::string_view def, std::string_view field, SourceLocation where) override;
+    void beginProto(std::string_view name, SourceLocation where) override;
+    void externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
+                     const std::vector<std::string>& url, SourceLocation where) override;
+    void route(std::string_view fromNode, std::string_view fromField, std::string_view toNode, std::string_view toField,
+               SourceLocation where) override;
+
+  private:
+    std::size_t nodes_ = 0, uses_ = 0, routes_ = 0, protos_ = 0;
+    std::map<std::string, std::size_t, std::less<>> byType_;
+};
+
+}  // namespace rtsg

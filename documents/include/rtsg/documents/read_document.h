@@ -1,0 +1,39 @@
+// Reads a document of any encoding, plain or gzip, as a stream of commands to a handler.
+//
+// Threading: one thread, which may have others help it with long lists. Never throws for bad input: it is in the
+// diagnostics, with positions. Source: RTSG paper 3.1.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <string_view>
+
+#include <rtsg/documents/document_handler.h>
+
+namespace rtsg {
+
+/// Reports bytes read of bytes in all; for progress bars.
+using Progress = std::function<void(std::uint64_t done, std::uint64_t total)>;
+
+/// Detects the encoding from the content (after gunzip), never from the name alone.
+Encoding detectEncoding(std::string_view head);
+
+struct ReadOptions {
+    Progress progress{};
+    /// How many threads read a list of numbers that is more than 4 MiB of text, 0: one a core; of more than 8, 8 do.
+    /// What comes out is the same. The handler, the diagnostics and the progress are called by the caller's thread
+    /// alone.
+    unsigned threads = 0;
+    bool headerless = false;  // ClassicVRML may come without its header's line
+};
+
+/// Parses one document, already in memory and unpacked, into commands. The view must stay valid during the call.
+/// Returns false if the document was so broken that reading stopped early; what was read before has been pushed.
+bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+                  const ReadOptions& options = {});
+/// Same for a file, plain or gzip; "-" is standard input.
+bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
+                      const ReadOptions& options = {});
+
+}  // namespace rtsg

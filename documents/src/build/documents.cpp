@@ -1,0 +1,254 @@
+// What a running scene asks for: instances of prototypes, whose declarations are read once more with one instance after
+// them; pieces; another world; nodes as text.
+#include <rtsg/core/document_services.h>
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/navigation.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/documents/scene_builder.h>
+#include <rtsg/documents/scene_exporter.h>
+#include <rtsg/documents/world.h>
+#include <rtsg/documents/writer.h>
+
+#include "builder_state.h"
+
+namespace rtsg {
+
+namespace {
+
+/// Those of this library.
+class Documents final : public DocumentServices {
+  public:
+    Result<NodeId> makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
+                                         const Resources* resources) const override;
+    Result<Piece> makePiece(Scene& scene, std::string_view text, NodeId scope,
+                            const Resources* resources) const override;
+    Result<Piece> makePieceOfUrls(Scene& scene, NodeId script, const std::vector<std::string>& urls,
+                                  const Resources* resources) const override;
+    Result<> serve(Scene& scene, const DocumentRequest& request, const Resources* resources) const override;
+    std::string nodeText(const Scene& scene, NodeId node, bool xml) const override;
+    std::vector<std::string> profileNames() const override;
+    NodeId localNode(const Scene& scene, NodeId scope, std::string_view name) const override {
+        return resolveLocalName(scene, scope, name);
+    }
+};
+
+/// Of `Name#2`, the second prototype of that name that the scene has met: `Name`.
+std::string_view declaredName(const NodeType& type) {
+    return std::string_view(type.name).substr(0, type.name.find('#'));
+}
+
+bool mentions(std::string_view text, std::string_view word) {
+    const auto isPart = [](char c) { return c > ' ' && !std::string_view("{}[]\"',#.").contains(c); };
+    for (auto at = text.find(word); at != text.npos; at = text.find(word, at + 1)) {
+        const std::size_t end = at + word.size();
+        if ((at == 0 || !isPart(text[at - 1])) && (end == text.size() || !isPart(text[end]))) return true;
+    }
+    return false;
+}
+
+/// The declaration of `wanted`, after those of the prototypes that it is made of, in the order in which they came.
+std::string declarations(const Scene& scene, const NodeType& wanted) {
+    std::vector<const NodeType*> kept{&wanted};
+    for (std::size_t i = scene.typeCount(); i-- > builtinTypes().size();) {
+        const NodeType& type = scene.type(TypeIndex{static_cast<std::uint16_t>(i)});
+        const bool isPrototype = type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
+        if (!isPrototype || type.declaration.empty() || type.name.contains('#')) continue;
+        if (declaredName(type) == declaredName(wanted)) continue;
+        for (const NodeType* user : kept)
+            if (mentions(user->declaration, type.name)) {
+                kept.push_back(&type);
+                break;
+            }
+    }
+    std::string text;
+    for (std::size_t i = kept.size(); i-- > 0;) text += kept[i]->declaration + '\n';
+    return text;
+}
+
+}  // namespace
+
+Result<NodeId> Documents::makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
+                                                const Resources* resources) const {
+    const NodeType& wanted = scene.type(type);
+    if (wanted.declaration.empty())
+        return fail(fmt::format("{} is declared inside of another prototype: it can only be made there", wanted.name));
+    const std::string text =
+        fmt::format("#X3D V4.0 utf8\n{}\n{} {{ }}\n", declarations(scene, wanted), declaredName(wanted));
+    Diagnostics diagnostics{wanted.name};
+    BuildOptions options;
+    options.resources = resources ? *resources : Resources();
+    options.detached = true;
+    options.scope = scope;
+    SceneBuilder builder(scene, diagnostics, options);
+    readDocument(text, builder, diagnostics);
+    builder.finish();
+    if (builder.roots().size() == 1 && scene.node(builder.roots()[0]).typeIndex() == type) return builder.roots()[0];
+    for (const NodeId made : builder.roots())
+        if (auto gone = scene.destroyNode(made); !gone) return std::unexpected(std::move(gone.error()));
+    for (const Diagnostic& d : diagnostics.all())
+        if (d.severity == Severity::error) return fail(fmt::format("{} cannot be made: {}", wanted.name, d.format()));
+    return fail(fmt::format("{} cannot be made from its declaration", wanted.name));
+}
+
+// ---- pieces --------------------------------------------------------------------------------------------------------
+
+namespace {
+
+/// A piece that a program reads again and again has the same faults; told each time they would fill what is kept.
+void appendNew(Diagnostics& to, const Diagnostics& from) {
+    for (const Diagnostic& one : from.all()) {
+        const bool known = std::ranges::any_of(to.all(), [&](const Diagnostic& d) {
+            return d.where.line == one.where.line && d.where.column == one.where.column && d.text == one.text &&
+                   d.file == one.file;
+        });
+        if (!known) to.add(one);
+    }
+}
+
+/// Of what is wrong the first error is the reason, if nothing is left; else the scene's diagnostics have all of it.
+Result<DocumentServices::Piece> pieceOf(Scene& scene, const SceneBuilder& builder, bool complete,
+                                        const Diagnostics& diagnostics) {
+    if (!complete && builder.roots().empty()) {
+        const auto first = std::ranges::find(diagnostics.all(), Severity::error, &Diagnostic::severity);
+        return fail(first == diagnostics.all().end() ? std::string("nothing usable is in it") : first->format());
+    }
+    appendNew(scene.diagnostics(), diagnostics);
+    return DocumentServices::Piece{builder.roots(), builder.names()};
+}
+
+BuildOptions detachedOptions(NodeId scope, const Resources* resources) {
+    BuildOptions options;
+    options.resources = resources ? *resources : Resources();
+    options.detached = true;
+    options.scope = scope;
+    return options;
+}
+
+struct OpenedFile {
+    std::filesystem::path file;
+    std::string fragment;
+};
+/// The first url that leads to a file which may be read.
+Result<OpenedFile> openFirst(const Scene& scene, NodeId script, const std::vector<std::string>& urls,
+                             const Resources& resources) {
+    std::string why;
+    const Node* node = scene.find(script);
+    for (const std::string& url : urls) {
+        const auto opened = resources.open(resources.folderOf(scene, node ? node->scope() : NodeId{}), url);
+        if (opened && !opened->path().empty()) return OpenedFile{opened->path(), opened->fragment()};
+        why += (why.empty() ? "" : "; ") + (opened ? "only files can be loaded" : opened.error().text);
+    }
+    return fail(why.empty() ? "there is no url" : why);
+}
+
+}  // namespace
+
+Result<DocumentServices::Piece> Documents::makePiece(Scene& scene, std::string_view text, NodeId scope,
+                                                     const Resources* resources) const {
+    Diagnostics diagnostics{"text"};
+    SceneBuilder builder(scene, diagnostics, detachedOptions(scope, resources));
+    const bool complete = readDocument(text, builder, diagnostics, {.headerless = true});
+    builder.finish();
+    return pieceOf(scene, builder, complete, diagnostics);
+}
+
+Result<DocumentServices::Piece> Documents::makePieceOfUrls(Scene& scene, NodeId script,
+                                                           const std::vector<std::string>& urls,
+                                                           const Resources* resources) const {
+    if (!resources) return fail("this scene may open no files");
+    const auto opened = openFirst(scene, script, urls, *resources);
+    if (!opened) return std::unexpected(opened.error());
+    Diagnostics diagnostics{opened->file.string()};
+    // Its own urls start from its own folder; what may be opened stays the same.
+    const Resources beside(opened->file.parent_path(), resources->policy());
+    const Node* node = scene.find(script);
+    BuildOptions options = detachedOptions(node ? node->scope() : NodeId{}, &beside);
+    options.file = opened->file;
+    SceneBuilder builder(scene, diagnostics, options);
+    const bool complete = readDocumentFile(opened->file, builder, diagnostics);
+    builder.finish();
+    return pieceOf(scene, builder, complete, diagnostics);
+}
+
+// ---- between frames ------------------------------------------------------------------------------------------------
+
+namespace {
+
+Result<> serveWorld(Scene& scene, const DocumentRequest& request, const Resources* resources) {
+    // `#Name` alone is a viewpoint of this world.
+    for (const std::string& url : request.urls) {
+        if (!url.starts_with('#')) continue;
+        const Node* view = scene.find(resolveLocalName(scene, {}, std::string_view(url).substr(1)));
+        const FieldIndex bind = view ? view->type().findExact("set_bind") : kNoField;
+        if (bind == kNoField) return fail(fmt::format("no viewpoint is named {}", url.substr(1)));
+        return scene.sendEvent(view->id(), bind, Value(true));
+    }
+    if (!resources) return fail("this scene may open no files");
+    const auto opened = openFirst(scene, request.script, request.urls, *resources);
+    if (!opened) return std::unexpected(opened.error());
+    LoadOptions options;
+    options.resources = Resources(opened->file.parent_path(), resources->policy());
+    Diagnostics diagnostics{opened->file.string()};
+    const bool loaded = loadWorld(scene, opened->file, diagnostics, options);
+    scene.diagnostics().append(diagnostics);
+    if (!loaded) return fail(fmt::format("{} holds no world; this one stays", urlForMessage(opened->file.string())));
+    if (opened->fragment.empty()) return {};
+    DocumentRequest view = request;
+    view.urls = {'#' + opened->fragment};
+    return serveWorld(scene, view, resources);
+}
+
+}  // namespace
+
+Result<> Documents::serve(Scene& scene, const DocumentRequest& request, const Resources* resources) const {
+    switch (request.kind) {
+        case DocumentRequest::Kind::piece: {
+            auto piece = makePieceOfUrls(scene, request.script, request.urls, resources);
+            if (!piece) return std::unexpected(std::move(piece.error()));
+            return scene.sendEvent(request.target, request.field,
+                                   Value(Array<NodeId>(std::span<const NodeId>(piece->roots))));
+        }
+        case DocumentRequest::Kind::world:
+            return serveWorld(scene, request, resources);
+        case DocumentRequest::Kind::replacement:
+            return replaceWorld(scene, Fragment{request.nodes, {}, request.names});
+    }
+    return {};
+}
+
+// ---- nodes as text -------------------------------------------------------------------------------------------------
+
+std::string Documents::nodeText(const Scene& scene, NodeId node, bool xml) const {
+    std::string text;
+    Diagnostics ignored;
+    const Encoding encoding = xml ? Encoding::xml : Encoding::classicVrml;
+    const auto writer = makeWriter(encoding, [&](std::string_view piece) { text += piece; }, ignored);
+    SceneExporter(scene, ignored).writeNode(*writer, node, encoding);
+    // Less what a file has around it: of ClassicVRML a line with its version and one with its profile.
+    std::size_t from = text.find(xml ? "<Scene" : "PROFILE ");
+    if (from != text.npos) from = text.find('\n', from);
+    const std::size_t to = xml ? text.find("</Scene") : text.size();
+    if (from == text.npos || to == text.npos || from >= to) return {};
+    const std::string_view inside = std::string_view(text).substr(from, to - from);
+    const std::size_t first = inside.find_first_not_of(" \n"), last = inside.find_last_not_of(" \n");
+    return first == inside.npos ? std::string() : std::string(inside.substr(first, last + 1 - first));
+}
+
+std::vector<std::string> Documents::profileNames() const {
+    std::vector<std::string> names;
+    for (const Profile& profile : supportedProfiles()) names.push_back(profile.name);
+    return names;
+}
+
+// --------------------------------------------------------------------------------------------------------------------
+
+void registerDocuments(Scene& scene) {
+    static const auto documents = std::make_shared<const Documents>();
+    if (&scene.documents() != documents.get()) scene.setDocuments(documents);
+}
+
+}  // namespace rtsg

@@ -1,0 +1,41 @@
+// Loads a whole document into a scene: finds the encoding, unpacks, reads, builds, then follows its Inlines.
+#include <rtsg/documents/loader.h>
+
+#include <memory>
+
+#include <rtsg/documents/scene_builder.h>
+
+namespace rtsg {
+
+namespace {
+
+/// What the document's urls may open is what its scripts may, too.
+BuildOptions buildOptions(Scene& scene, const LoadOptions& options, const Resources& otherwise) {
+    BuildOptions result;
+    result.loadInlines = options.loadInlines;
+    result.resources = options.resources ? *options.resources : otherwise;
+    scene.setScriptResources(std::make_shared<const Resources>(*result.resources));
+    return result;
+}
+
+}  // namespace
+
+bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics, const LoadOptions& options) {
+    if (diagnostics.file().empty()) diagnostics.setFile(file == "-" ? "<stdin>" : file.string());
+    BuildOptions build = buildOptions(scene, options, Resources::ofFile(file));
+    if (file != "-") build.file = file;
+    SceneBuilder builder(scene, diagnostics, build);
+    const bool complete = readDocumentFile(file, builder, diagnostics, {options.progress, options.threads});
+    builder.finish();
+    return complete || !builder.roots().empty();
+}
+
+bool loadText(Scene& scene, std::string_view text, Diagnostics& diagnostics, const std::filesystem::path& base,
+              const LoadOptions& options) {
+    SceneBuilder builder(scene, diagnostics, buildOptions(scene, options, Resources(base)));
+    const bool complete = readDocument(text, builder, diagnostics, {options.progress, options.threads});
+    builder.finish();
+    return complete || !builder.roots().empty();
+}
+
+}  // namespace rtsg

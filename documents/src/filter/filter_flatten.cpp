@@ -1,0 +1,148 @@
+// Builds a scene of a document, and passes on what stands in the place of prototypes' instances, or of Inlines.
+#include <algorithm>
+#include <array>
+#include <tuple>
+#include <unordered_map>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/placement.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/documents/scene_builder.h>
+#include <rtsg/documents/scene_exporter.h>
+
+#include "build/inline_lights.h"
+#include "filter_parts.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+BuildOptions buildOptions(const FilterContext& context, bool loadInlines) {
+    BuildOptions options;
+    options.file = context.file;
+    options.resources = context.resources ? *context.resources : Resources::ofFile(context.file);
+    options.loadInlines = loadInlines;
+    return options;
+}
+
+/// What the scene does not keep.
+class WithVersion final : public Filter {
+  public:
+    WithVersion(DocumentHandler& next, std::string version) : Filter(next), version_(std::move(version)) {}
+    void beginDocument(const DocumentHeader& header) override {
+        DocumentHeader own = header;
+        // A later version has all that an earlier one has; VRML97's nodes are X3D's.
+        if (version_.starts_with('3') || version_.starts_with('4')) own.version = version_;
+        Filter::beginDocument(own);
+    }
+
+  private:
+    const std::string version_;
+};
+
+struct SceneOfDocument {
+    Scene scene;
+    SceneBuilder builder;
+    SceneOfDocument(const FilterContext& context, bool loadInlines)
+        : builder(scene, context.diagnostics, buildOptions(context, loadInlines)) {}
+};
+
+/// 7.2.2: nothing in an Inline is bound by itself. A warning for each kind of which the first one will come from what
+/// is a Group now. `places`: of the document's own Inlines, in their order.
+void tellOfBinding(const Scene& scene, const std::vector<SourceLocation>& places, Diagnostics& diagnostics) {
+    struct First {
+        const Node* node = nullptr;
+        SourceLocation where;  // of the node, or of the document's Inline that it comes from
+    };
+    constexpr std::array<std::string_view, 4> kinds = {"X3DViewpointNode", "X3DBackgroundNode", "NavigationInfo",
+                                                       "Fog"};
+    std::array<First, kinds.size()> firsts;
+    std::unordered_map<std::uint32_t, SourceLocation> inlines;
+    scene.forEachNode([&](const Node& node) {
+        if (node.is(x3d::Inline::type) && !node.scope() && inlines.size() < places.size())
+            inlines.emplace(node.id().value, places[inlines.size()]);
+    });
+    scene.forEachNode([&](const Node& node) {
+        const auto kind = std::ranges::find_if(kinds, [&](std::string_view one) { return node.type().isA(one); });
+        if (kind == kinds.end() || node.type().kind != NodeType::Kind::builtin) return;
+        SourceLocation where = scene.placeOf(node.id()).where;
+        const Node* outermost = &node;
+        while (outermost->scope()) outermost = &scene.node(outermost->scope());
+        if (isInlined(scene, node)) {
+            const auto found = inlines.find(outermost->id().value);
+            if (found == inlines.end()) return;
+            where = found->second;
+        } else if (outermost != &node) {
+            where = scene.placeOf(outermost->id()).where;
+        }
+        First& first = firsts[static_cast<std::size_t>(kind - kinds.begin())];
+        const auto order = [](const SourceLocation& at) { return std::tuple(at.line, at.column); };
+        if (!first.node || order(where) < order(first.where)) first = {&node, where};
+    });
+    for (const First& first : firsts)
+        if (first.node && isInlined(scene, *first.node))
+            diagnostics.warning(first.where,
+                                fmt::format("the {} of the Inline is bound by itself now, as the first one "
+                                            "outside of Inlines is",
+                                            first.node->type().name));
+}
+
+class Flatten final : private SceneOfDocument, public Filter {
+  public:
+    Flatten(DocumentHandler& next, const FilterContext& context, const ExportOptions& options)
+        : SceneOfDocument(context, options.expandInlines),
+          Filter(builder),
+          next_(next),
+          diagnostics_(context.diagnostics),
+          options_(options) {}
+
+    void beginDocument(const DocumentHeader& header) override {
+        version_ = header.version;
+        Filter::beginDocument(header);
+    }
+    void beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) override {
+        if (type == "Inline" && protos_ == 0) inlines_.push_back(where);
+        Filter::beginNode(type, def, field, where);
+    }
+    void beginProto(std::string_view name, SourceLocation where) override {
+        ++protos_;
+        Filter::beginProto(name, where);
+    }
+    void endProto(SourceLocation where) override {
+        --protos_;
+        Filter::endProto(where);
+    }
+    void endDocument() override {
+        Filter::endDocument();
+        builder.finish();
+        if (options_.expandInlines) {
+            tellOfBinding(scene, inlines_, diagnostics_);
+            keepInlineLights(scene, inlines_, diagnostics_);
+        }
+        WithVersion last(next_, version_);
+        ExportOptions options = options_;
+        options.listsVisible = version_.starts_with('3');
+        SceneExporter(scene, diagnostics_, options).write(last);
+    }
+
+  private:
+    DocumentHandler& next_;
+    Diagnostics& diagnostics_;
+    const ExportOptions options_;
+    std::string version_;
+    std::vector<SourceLocation> inlines_;  // of the document itself, in its order
+    std::size_t protos_ = 0;
+};
+
+}  // namespace
+
+FilterPtr makeFlattenProtos(DocumentHandler& next, const FilterContext& context) {
+    return std::make_unique<Flatten>(next, context, ExportOptions{.expandPrototypes = true});
+}
+
+FilterPtr makeFlattenInlines(DocumentHandler& next, const FilterContext& context) {
+    return std::make_unique<Flatten>(next, context, ExportOptions{.expandInlines = true});
+}
+
+}  // namespace rtsg::detail

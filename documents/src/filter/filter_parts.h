@@ -1,0 +1,47 @@
+// Filters that have files of their own; makeFilter() finds them by name.
+//
+// Threading: one thread a stream.
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include <rtsg/documents/filters.h>
+
+namespace rtsg::detail {
+
+using FilterPtr = std::unique_ptr<DocumentHandler>;
+
+/// Leaves out comments and what authors say about declarations.
+FilterPtr makeDropComments(DocumentHandler& next);
+/// Leaves out the values of built-in nodes' fields that are the fields' defaults.
+FilterPtr makeDropDefaults(DocumentHandler& next);
+/// Leaves out metadata nodes, WorldInfo and META.
+FilterPtr makeDropMetadata(DocumentHandler& next);
+/// Leaves out the names that nothing refers to.
+FilterPtr makeDropNames(DocumentHandler& next);
+/// Leaves out Scripts and the routes to and from them.
+FilterPtr makeDropScripts(DocumentHandler& next);
+/// Renames DEFs to n1, n2, ... in the order in which they appear.
+FilterPtr makeShortNames(DocumentHandler& next);
+/// Replaces each number of fields of floats by the shortest decimal that is at most `error` away.
+FilterPtr makeQuantise(double error, DocumentHandler& next);
+/// Renames as "OLD:NEW,OLD:NEW" says, in the document and not within prototypes.
+Result<FilterPtr> makeRename(std::string_view pairs, DocumentHandler& next, Diagnostics& diagnostics);
+/// Keeps the nodes whose DEF or type is among "NAME,NAME", with all that is in them.
+Result<FilterPtr> makeSelect(std::string_view names, DocumentHandler& next, Diagnostics& diagnostics);
+/// Puts the document into other units, "length:0.001,angle:0.0174"; into those of the standard if there are none.
+Result<FilterPtr> makeUnits(std::string_view units, DocumentHandler& next);
+/// Reports what is in the document.
+FilterPtr makeStatistics(DocumentHandler& next, Diagnostics& diagnostics);
+/// Nodes that are equal, names aside, become one node that is used again.
+FilterPtr makeShare(DocumentHandler& next);
+/// Points, colours, normals and texture coordinates that are equal become one; triangles without indices get some.
+FilterPtr makeIndex(DocumentHandler& next);
+/// Transforms that nothing moves go into the coordinates below them, or become one.
+FilterPtr makeFlattenTransforms(DocumentHandler& next);
+/// Instances of prototypes become the nodes that they are; or Inlines become Groups of what they load.
+FilterPtr makeFlattenProtos(DocumentHandler& next, const FilterContext& context);
+FilterPtr makeFlattenInlines(DocumentHandler& next, const FilterContext& context);
+
+}  // namespace rtsg::detail

@@ -1,0 +1,299 @@
+// Which kind of file some bytes are, and what the importers share.
+#include "import.h"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+
+#include <rtsg/documents/filter.h>
+
+#include "commands/value_numbers.h"
+#include "value/number_text.h"
+
+namespace rtsg::detail {
+
+namespace {
+
+struct Magic {
+    std::string_view start, what;
+};
+constexpr std::array kNotRead = std::to_array<Magic>({
+    {std::string_view("\xE0\x00\x00\x01", 4), "X3D in the binary encoding (X3DB, Fast Infoset)"},
+    {"<?xml encoding='finf'", "X3D in the binary encoding (X3DB, Fast Infoset)"},
+    {"\x89PNG", "a picture (PNG)"},
+    {"\xFF\xD8\xFF", "a picture (JPEG)"},
+    {"GIF8", "a picture (GIF)"},
+    {"PK\x03\x04", "a ZIP archive"},
+    {"%PDF", "a PDF document"},
+    {"Kaydara FBX", "an FBX file"},
+    {"; FBX", "an FBX file"},
+    {"BLENDER", "a Blender file"},
+    {"OFF\n", "an OFF file"},
+    {"#Inventor", "an Open Inventor file"},
+    {"#VRML V1.0", "VRML 1.0, which is another language than VRML97"},
+    {"RTSGrec1", "a log or a scene in RTSG's binary encoding (rtsg convert and rtsg replay read them)"},
+    {"RIFF", "a sound or a film (RIFF)"},
+    {"\x7F"
+     "ELF",
+     "a program"},
+});
+
+bool isAnyOf(std::string_view word, std::initializer_list<std::string_view> words) {
+    return std::ranges::find(words, word) != words.end();
+}
+
+/// Of what begins neither as a text document does nor as anything else that is known. (A zero byte within a document is
+/// its reader's to name.)
+std::string_view strange(std::string_view head) {
+    if (head.starts_with("\xEF\xBB\xBF")) head.remove_prefix(3);
+    const bool isUtf16 = head.starts_with("\xFE\xFF") || head.starts_with("\xFF\xFE") ||
+                         head.starts_with(std::string_view("<\0", 2)) || head.starts_with(std::string_view("\0<", 2));
+    // By its first sign, which may follow spaces.
+    if (const std::size_t sign = isUtf16 ? head.find_first_of("<#{") : head.npos;
+        sign != head.npos && head[sign] != '<')
+        return "ClassicVRML or JSON in UTF-16, which by their standards are in UTF-8 alone";
+    const std::size_t start = std::min(head.find_first_not_of(" \t\r\n"), head.size());
+    if (isUtf16 || start == head.size() || std::string_view("<{#").contains(head[start])) return {};
+    if (head.contains('\0'))
+        return "no text, and of no binary kind that is known here (a binary STL file has 84 bytes, and 50 for each "
+               "facet "
+               "that it counts)";
+    return head[start] == '[' ? "a list of JSON, which is no X3D" : std::string_view();
+}
+
+/// The first key of a JSON object.
+std::string_view firstKey(std::string_view text) {
+    const std::size_t brace = text.find_first_not_of(" \t\r\n");
+    if (brace == text.npos || text[brace] != '{') return {};
+    const std::size_t quote = text.find_first_not_of(" \t\r\n", brace + 1);
+    if (quote == text.npos || text[quote] != '"') return {};
+    const std::size_t close = text.find('"', quote + 1);
+    return close == text.npos ? std::string_view() : text.substr(quote + 1, close - quote - 1);
+}
+
+bool looksLikeObj(std::string_view head) {
+    LineScanner lines(head);
+    while (lines.nextLine()) {
+        const std::string_view word = lines.word();
+        if (word.empty() || word[0] == '#') continue;
+        if (isAnyOf(word, {"mtllib", "usemtl"})) return true;
+        float number = 0;
+        if (isAnyOf(word, {"v", "vn", "vt"})) return lines.number(number) && lines.number(number);
+        if (!isAnyOf(word, {"o", "g", "s", "f", "l"})) return false;
+    }
+    return false;
+}
+
+}  // namespace
+
+FileKind fileKind(std::string_view head, std::uint64_t size) {
+    if (head.starts_with("glTF")) return FileKind::glb;
+    for (const Magic& magic : kNotRead)
+        if (head.starts_with(magic.start)) return FileKind::notRead;
+    if (head.starts_with("ply\n") || head.starts_with("ply\r")) return FileKind::ply;
+    if (head.starts_with("#X3D") || head.starts_with("#VRML")) return FileKind::document;
+    constexpr std::size_t stlHead = 84, stlFacet = 50;
+    if (head.size() >= stlHead && size >= stlHead) {
+        std::uint32_t facets = 0;
+        std::memcpy(&facets, head.data() + 80, sizeof(facets));
+        if (facets > 0 && size == stlHead + stlFacet * std::uint64_t{facets}) return FileKind::stl;
+    }
+    if (!strange(head).empty()) return FileKind::notRead;
+    const std::size_t start = head.find_first_not_of(" \t\r\n");
+    if (start == head.npos || head[start] == '<') return FileKind::document;
+    if (head[start] == '{')
+        return isAnyOf(firstKey(head), {"asset", "scene", "scenes", "nodes", "meshes", "accessors", "bufferViews",
+                                        "buffers", "materials", "textures", "images", "samplers", "cameras", "skins",
+                                        "animations", "extensionsUsed", "extensionsRequired", "extensions", "extras"})
+                   ? FileKind::gltf
+                   : FileKind::document;
+    const std::string_view text = head.substr(start);
+    if (text.starts_with("solid") && (text.find("facet") != text.npos || text.find("endsolid") != text.npos))
+        return FileKind::stl;
+    return looksLikeObj(head) ? FileKind::obj : FileKind::document;
+}
+
+std::string whyNotRead(std::string_view head) {
+    for (const Magic& magic : kNotRead)
+        if (head.starts_with(magic.start)) return "it is " + std::string(magic.what) + ", and is not read here";
+    return "it is " + std::string(strange(head)) + ", and is not read here";
+}
+
+namespace {
+
+/// Puts 0 in the place of numbers that are not finite, which no text could say and no tree could hold.
+class FiniteNumbers final : public Filter {
+  public:
+    using Filter::Filter;
+    std::size_t changed() const { return changed_; }
+
+    void setField(std::string_view name, Value value, SourceLocation where) override {
+        makeFinite(value);
+        Filter::setField(name, std::move(value), where);
+    }
+
+  private:
+    void makeFinite(Value& value) {
+        const auto isBad = [](auto number) { return !std::isfinite(number); };
+        std::ptrdiff_t bad = 0;
+        seeNumbers(value, [&](auto numbers) { bad = std::ranges::count_if(numbers, isBad); });
+        if (bad == 0) return;  // as ever: nothing is copied
+        changeNumbers(value, [&](auto numbers) { std::ranges::replace_if(numbers, isBad, 0); });
+        changed_ += static_cast<std::size_t>(bad);
+    }
+    std::size_t changed_ = 0;
+};
+
+struct Import {
+    bool (*run)(const ImportInput&, DocumentHandler&, Diagnostics&) = nullptr;
+    std::string_view name;
+};
+
+Import importOf(FileKind kind) {
+    switch (kind) {
+        case FileKind::stl:
+            return {importStl, "STL"};
+        case FileKind::obj:
+            return {importObj, "OBJ"};
+        case FileKind::ply:
+            return {importPly, "PLY"};
+        case FileKind::gltf:
+        case FileKind::glb:
+            return {importGltf, "glTF"};
+        case FileKind::document:
+        case FileKind::notRead:
+            break;
+    }
+    return {};
+}
+
+}  // namespace
+
+bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
+    const Import import = importOf(kind);
+    if (!import.run) return false;
+    FiniteNumbers finite(handler);
+    const bool usable = import.run(input, finite, diagnostics);
+    if (finite.changed())
+        diagnostics.error({}, std::to_string(finite.changed()) + " numbers of the " + std::string(import.name) +
+                                  " file are not finite; 0 is taken instead");
+    return usable;
+}
+
+void beginImported(DocumentHandler& handler, std::string_view from, std::string_view version) {
+    DocumentHeader header;
+    header.encoding = Encoding::xml;
+    header.version = version;
+    header.profile = "Full";
+    header.valuesFirst = true;
+    handler.beginDocument(header);
+    handler.meta("translated", from, {});
+}
+
+namespace {
+
+void writeTexCoords(DocumentHandler& handler, ImportedMesh& mesh) {
+    if (mesh.namedTexCoords.empty()) {
+        if (mesh.texCoords.empty()) return;
+        mesh.namedTexCoords.push_back({{}, std::move(mesh.texCoords)});
+    }
+    const bool several = mesh.namedTexCoords.size() > 1;
+    if (several) handler.beginNode("MultiTextureCoordinate", {}, "texCoord", {});
+    for (ImportedMesh::Named& one : mesh.namedTexCoords) {
+        handler.beginNode("TextureCoordinate", {}, "texCoord", {});
+        if (!one.mapping.empty()) handler.setField("mapping", Value(String(one.mapping)), {});
+        handler.setField("point", Value(std::move(one.texCoords)), {});
+        handler.endNode({});
+    }
+    if (several) handler.endNode({});
+}
+
+}  // namespace
+
+void writeMesh(DocumentHandler& handler, ImportedMesh mesh) {
+    const bool isPoints = mesh.faces.empty();
+    handler.beginNode(isPoints         ? "PointSet"
+                      : mesh.triangles ? "IndexedTriangleSet"
+                                       : "IndexedFaceSet",
+                      {}, "geometry", {});
+    if (!isPoints) {
+        if (!mesh.solid) handler.setField("solid", Value(false), {});
+        if (!mesh.smooth) handler.setField("normalPerVertex", Value(false), {});
+        handler.setField(mesh.triangles ? "index" : "coordIndex", Value(std::move(mesh.faces)), {});
+        if (!mesh.normalIndex.empty()) handler.setField("normalIndex", Value(std::move(mesh.normalIndex)), {});
+        if (!mesh.texCoordIndex.empty()) handler.setField("texCoordIndex", Value(std::move(mesh.texCoordIndex)), {});
+    }
+    const auto property = [&](const char* type, const char* field, const char* values, Value value) {
+        handler.beginNode(type, {}, field, {});
+        handler.setField(values, std::move(value), {});
+        handler.endNode({});
+    };
+    if (mesh.pointsGiven) {
+        handler.useNode(mesh.pointsName, "coord", {});
+    } else {
+        handler.beginNode("Coordinate", mesh.pointsName, "coord", {});
+        handler.setField("point", Value(std::move(mesh.points)), {});
+        handler.endNode({});
+    }
+    if (!mesh.normals.empty()) property("Normal", "normal", "vector", Value(std::move(mesh.normals)));
+    if (!mesh.tangents.empty() && !isPoints) property("Tangent", "tangent", "vector", Value(std::move(mesh.tangents)));
+    if (!isPoints) writeTexCoords(handler, mesh);
+    if (!mesh.colors.empty()) property("ColorRGBA", "color", "color", Value(std::move(mesh.colors)));
+    handler.endNode({});
+}
+
+void LineScanner::skipBlanks() {
+    for (; p_ != end_; ++p_) {
+        if (*p_ == '\\' && end_ - p_ > 1 && (p_[1] == '\n' || (p_[1] == '\r' && end_ - p_ > 2 && p_[2] == '\n'))) {
+            p_ += p_[1] == '\r' ? 2 : 1;
+            ++line_;
+        } else if (*p_ != ' ' && *p_ != '\t') {
+            return;
+        }
+    }
+}
+
+bool LineScanner::nextLine() {
+    if (line_ != 0) {
+        while (p_ != end_ && *p_ != '\n') {
+            skipBlanks();
+            if (p_ != end_ && *p_ != '\n') ++p_;
+        }
+        if (p_ != end_) ++p_;
+    }
+    ++line_;
+    return p_ != end_;
+}
+
+std::string_view LineScanner::word() {
+    skipBlanks();
+    const char* start = p_;
+    while (p_ != end_ && *p_ != ' ' && *p_ != '\t' && *p_ != '\n' && *p_ != '\r') ++p_;
+    return {start, static_cast<std::size_t>(p_ - start)};
+}
+
+std::string_view LineScanner::rest() {
+    skipBlanks();
+    const char* start = p_;
+    while (p_ != end_ && *p_ != '\n') ++p_;
+    std::string_view text(start, static_cast<std::size_t>(p_ - start));
+    while (!text.empty() && isSpace(text.back())) text.remove_suffix(1);
+    return text;
+}
+
+bool LineScanner::number(float& out) {
+    skipBlanks();
+    return p_ != end_ && scanReal(p_, end_, out) == NumberStatus::ok;
+}
+
+bool LineScanner::integer(std::int64_t& out) {
+    skipBlanks();
+    const auto [stop, error] = std::from_chars(p_, end_, out);
+    if (error != std::errc()) return false;
+    p_ = stop;
+    return true;
+}
+
+}  // namespace rtsg::detail

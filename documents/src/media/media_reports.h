@@ -1,0 +1,28 @@
+// MediaReports: tells sound sources and films how long what their urls lead to plays, as an edit of their _duration.
+//
+// Threading: the scene's thread; note() from within a frame, answer() between frames. Source: ISO/IEC 19775-1 V4.0
+// 16.4.2, 18.4.2 (duration_changed).
+#pragma once
+
+#include <set>
+
+#include <rtsg/core/resource.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/documents/media_measures.h>
+
+namespace rtsg {
+
+class MediaReports {
+  public:
+    /// Of a scene that runs already: what nobody has looked at yet.
+    explicit MediaReports(const Scene& scene);
+    void note(const Scene& scene, const ChangeSet& set);
+    /// `others`: for files whose header nobody here reads; may be empty. What has urls and no length is told. Returns
+    /// the number of edits.
+    std::size_t answer(Scene& scene, const Resources& resources, const MediaLength& others, Diagnostics& diagnostics);
+
+  private:
+    std::set<std::uint32_t> asked_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,183 @@
+// Documents in memory and in files: which encoding they are in, gzip, and what is wrong with their bytes.
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <rtsg/documents/read_document.h>
+
+#include "gzip.h"
+#include "reader_bytes.h"
+#include "reader_common.h"
+#include "reader_html.h"
+#include "reader_utf8.h"
+#include "text_feed.h"
+#include "value/text_position.h"
+
+namespace rtsg {
+
+namespace {
+
+detail::ReaderOptions readerOptions(const ReadOptions& options) {
+    return {options.progress, detail::splitting(options.threads), options.headerless};
+}
+
+constexpr std::size_t kBytesLimit = std::size_t{4} << 30;  // of what says nothing of its size: packed files, pipes
+
+}  // namespace
+
+Encoding detectEncoding(std::string_view head) {
+    if (head.starts_with("\xFE\xFF") || head.starts_with("\xFF\xFE")) return Encoding::xml;
+    head = detail::withoutBom(head);
+    if (head.starts_with("#VRML")) return Encoding::vrml97;
+    const auto start = std::ranges::find_if_not(head, [](char c) { return std::strchr(" \t\r\n", c) && c; });
+    if (start != head.end() && *start == '<') return Encoding::xml;
+    if (start != head.end() && *start == '{') return Encoding::json;
+    return Encoding::classicVrml;
+}
+
+namespace {
+
+/// A text file that is no scene could be taken for ClassicVRML, and its words would come out as errors one by one.
+bool isHeaded(std::string_view text) {
+    return detectEncoding(text) != Encoding::classicVrml || detail::withoutBom(text).starts_with("#X3D");
+}
+
+}  // namespace
+
+namespace {
+
+/// Of a document whose text comes as it is needed.
+bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
+              Diagnostics& diagnostics, const detail::ReaderOptions& options) {
+    feed.fill(detail::TextFeed::kHead);
+    const auto text = [&] { return std::string_view(feed.begin(), feed.end()); };
+    const detail::FileKind kind = detail::fileKind(text(), feed.size());
+    if (kind == detail::FileKind::notRead) {
+        diagnostics.error({}, detail::whyNotRead(text()), DiagnosticCode("not-a-scene"));
+        return false;
+    }
+    if (kind != detail::FileKind::document) {
+        feed.fill();
+        if (!feed.failure().empty()) diagnostics.error({}, feed.failure(), DiagnosticCode("gzip"));
+        return detail::importFile(kind, {text(), beside}, handler, diagnostics);
+    }
+    const Encoding encoding = detectEncoding(text());
+    const bool utf8 = encoding != Encoding::xml || !detail::isOtherXmlEncoding(detail::withoutBom(text()));
+    if (utf8) feed.skip(text().size() - detail::withoutBom(text()).size());
+    if (text().empty()) {
+        diagnostics.error({1, 1}, "the document is empty");
+        return false;
+    }
+    bool complete = false;
+    if (encoding == Encoding::xml && detail::isHtml(text())) {
+        feed.fill();
+        const std::string xml = detail::xmlOfHtml(text(), diagnostics);
+        if (xml.empty()) return false;
+        detail::TextFeed own(xml);
+        complete = detail::readXml(own, true, handler, diagnostics, options);
+    } else if (encoding == Encoding::xml) {
+        complete = detail::readXml(feed, utf8, handler, diagnostics, options);
+    } else if (encoding == Encoding::json) {
+        complete = detail::readJson(feed, handler, diagnostics, options);
+    } else {
+        complete = detail::readClassic(feed, handler, diagnostics, options);
+    }
+    if (feed.invalid())
+        diagnostics.error(feed.firstInvalid(), std::to_string(feed.invalid()) +
+                                                   " bytes are not valid UTF-8 (or zero), the first here; U+FFFD is "
+                                                   "taken instead");
+    if (!feed.failure().empty()) diagnostics.error({}, feed.failure(), DiagnosticCode("gzip"));
+    return complete;
+}
+
+}  // namespace
+
+bool readDocument(std::string_view text, DocumentHandler& handler, Diagnostics& diagnostics,
+                  const ReadOptions& options) {
+    return detail::readText(text, {}, handler, diagnostics, readerOptions(options));
+}
+
+bool detail::readText(std::string_view text, const OpenBeside& beside, DocumentHandler& handler,
+                      Diagnostics& diagnostics, const detail::ReaderOptions& options) {
+    std::string clean;
+    const bool utf8 =
+        fileKind(text.substr(0, TextFeed::kHead), text.size()) == FileKind::document && !isOtherXmlEncoding(text);
+    const std::size_t bad = utf8 ? detail::findInvalidUtf8(text, options.splitting) : text.npos;
+    if (bad != text.npos) {
+        std::size_t count = 0;
+        const std::string_view body = detail::withoutBom(text);
+        const SourceLocation where = detail::TextPosition(body.data()).of(text.data() + bad);
+        clean = detail::replaceInvalidUtf8(text, count);
+        diagnostics.error(where, std::to_string(count) +
+                                     " bytes are not valid UTF-8 (or zero), the first here; U+FFFD is "
+                                     "taken instead");
+        text = clean;
+    }
+    TextFeed feed(text);
+    return readFeed(feed, beside, handler, diagnostics, options);
+}
+
+namespace detail {
+
+OpenBeside openBeside(Resources resources, std::filesystem::path folder) {
+    if (folder.empty()) folder = resources.folder();
+    return [resources = std::move(resources), folder = std::move(folder)](std::string_view url) -> Result<std::string> {
+        auto file = resources.open(folder, url);
+        if (!file) return std::unexpected(file.error());
+        return file->read();
+    };
+}
+
+bool readSceneBytes(std::string_view bytes, DocumentHandler& handler, Diagnostics& diagnostics,
+                    const SceneBytes& options) {
+    std::string unpacked;
+    if (isGzip(bytes)) {
+        if (!gunzip(bytes, unpacked, diagnostics, options.limit)) return false;
+        bytes = unpacked;
+    }
+    const FileKind kind = fileKind(bytes.substr(0, TextFeed::kHead), bytes.size());
+    if (options.mustBeHeaded && kind == FileKind::document && !isHeaded(bytes)) {
+        diagnostics.error({}, "it starts neither with #X3D or #VRML, nor as XML or JSON");
+        return false;
+    }
+    return readText(bytes, options.beside, handler, diagnostics, readerOptions({}));
+}
+
+}  // namespace detail
+
+bool detail::readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside& beside,
+                                    DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options) {
+    auto feed = TextFeed::of(descriptor, kBytesLimit, block);
+    if (!feed) {
+        diagnostics.error({}, "cannot read " + diagnostics.file() + ": " + feed.error().text, DiagnosticCode("file"));
+        return false;
+    }
+    return readFeed(**feed, beside, handler, diagnostics, options);
+}
+
+bool readDocumentFile(const std::filesystem::path& file, DocumentHandler& handler, Diagnostics& diagnostics,
+                      const ReadOptions& options) {
+    constexpr std::size_t block = 1 << 20;
+    const auto cannot = [&](const std::string& why) {
+        diagnostics.error({}, "cannot read " + file.string() + ": " + why, DiagnosticCode("file"));
+        return false;
+    };
+    if (file == "-")
+        return detail::readDescriptorInBlocks(STDIN_FILENO, block, {}, handler, diagnostics, readerOptions(options));
+    const int descriptor = ::open(file.c_str(), O_RDONLY | O_CLOEXEC);
+    if (descriptor < 0) return cannot(std::strerror(errno));
+    struct stat status{};
+    const bool isFolder = fstat(descriptor, &status) == 0 && S_ISDIR(status.st_mode);
+    const bool complete =
+        isFolder ? cannot("it is a folder")
+                 : detail::readDescriptorInBlocks(descriptor, block, detail::openBeside(Resources::ofFile(file), {}),
+                                                  handler, diagnostics, readerOptions(options));
+    ::close(descriptor);
+    return complete;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,43 @@
+// What the writers share: buffered output, and values laid out over lines.
+//
+// Threading: one thread a writer.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <utility>
+
+#include <rtsg/core/field_text.h>
+#include <rtsg/documents/writer.h>
+
+#include "commands/reader_types.h"
+#include "commands/spelled_name.h"
+#include "value/field_text_printer.h"
+
+namespace rtsg::detail {
+
+/// Bytes of text at which a writer hands over what it has.
+constexpr std::size_t kFlushAt = 1 << 16;
+
+std::size_t arraySize(const Value& value);
+
+/// Appends a value; an MF value that does not fit one line is broken into lines that start at `indent` spaces. XML text
+/// is not escaped yet. `full` is called every so often within long values, and may empty `out`.
+void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std::size_t indent,
+                   const std::function<void()>& full = {});
+
+/// Columns of an indent; a bounded number, or deep nesting would cost the square of its depth.
+constexpr std::size_t spaces(std::size_t levels) {
+    return 2 * (levels < 40 ? levels : 40);
+}
+
+/// The version to write: the header's, if it is one of X3D.
+std::string x3dVersion(const DocumentHeader& header);
+
+std::string_view accessWord(Access access, bool vrml97);
+
+std::unique_ptr<DocumentHandler> makeClassicWriter(TextSink sink, Diagnostics& diagnostics, bool vrml97);
+std::unique_ptr<DocumentHandler> makeXmlWriter(TextSink sink, Diagnostics& diagnostics);
+std::unique_ptr<DocumentHandler> makeJsonWriter(TextSink sink, Diagnostics& diagnostics);
+
+}  // namespace rtsg::detail

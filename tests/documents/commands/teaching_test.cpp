@@ -1,0 +1,103 @@
+// Diagnostics that say what may have been meant, and how it is written.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <rtsg/documents/loader.h>
+
+#include "commands/suggestion.h"
+#include "core/scene_check.h"
+
+namespace rtsg {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+std::string problemsOf(std::string_view text) {
+    Scene scene;
+    Diagnostics problems("test");
+    loadText(scene, text, problems);
+    return test::allText(problems);
+}
+
+TEST(Suggestion, FindsWhatIsNearAndNothingElse) {
+    const std::vector<std::string_view> known = {"Transform", "translation", "rotation", "Box", "Cone", "Group"};
+    EXPECT_EQ(detail::nearest("Trasnform", known), "Transform");
+    EXPECT_EQ(detail::nearest("transform", known), "Transform");
+    EXPECT_EQ(detail::nearest("translaton", known), "translation");
+    EXPECT_EQ(detail::nearest("box", known), "Box");
+    EXPECT_EQ(detail::nearest("Bax", known), "Box");
+    EXPECT_EQ(detail::nearest("Sphere", known), "");
+    EXPECT_EQ(detail::nearest("", known), "");
+    EXPECT_EQ(detail::nearest("x", known), "");
+    EXPECT_EQ(detail::nearest(std::string(10'000, 'a'), known), "");
+}
+
+TEST(Teaching, NamesWhatWasMeantInEveryEncoding) {
+    const std::string classic = problemsOf(
+        "#X3D V4.0 utf8\nTrasnform { }\nTransform { translaton 1 2 3 }\nDEF C TimeSensor { }\nDEF T Transform { }\n"
+        "ROUTE C.fraction_chaged TO T.set_translaton\nScript { inputOutput SFFloat speed 1 spede 2 }\n");
+    EXPECT_THAT(classic, HasSubstr("unknown node type Trasnform (did you mean Transform?); it is kept"));
+    EXPECT_THAT(classic, HasSubstr("Transform has no field 'translaton' (did you mean translation?)"));
+    EXPECT_THAT(classic, HasSubstr("TimeSensor C has no field 'fraction_chaged' (did you mean fraction_changed?)"));
+    EXPECT_THAT(classic, HasSubstr("Script has no field 'spede' (did you mean speed?)"));
+    const std::string xml =
+        problemsOf("<X3D version='4.0'><Scene><Trasnform/><Transform translaton='1 2 3'/></Scene></X3D>");
+    EXPECT_THAT(xml, HasSubstr("unknown node type Trasnform (did you mean Transform?)"));
+    EXPECT_THAT(xml, HasSubstr("has no field 'translaton' (did you mean translation?)"));
+    EXPECT_EQ(xml.find("unknown node type"), xml.rfind("unknown node type")) << "reader and builder say it once";
+}
+
+TEST(Teaching, SaysWhatAWordThatIsNoneOfAFieldsIsTakenFor) {
+    EXPECT_THAT(
+        problemsOf(
+            "#X3D V4.0 utf8\nTextureProperties { boundaryModeS \"FOO\" }\nFontStyle { style \"FAT\" }\nFontStyle { "
+            "justify [ \"LEFT\" ] }\n"),
+        AllOf(HasSubstr("warning: 'FOO' is none of the values of boundaryModeS (CLAMP, CLAMP_TO_EDGE, "
+                        "CLAMP_TO_BOUNDARY, MIRRORED_REPEAT, REPEAT): taken as REPEAT"),
+              HasSubstr("'FAT' is none of the values of style (PLAIN, BOLD, ITALIC, BOLDITALIC): taken as PLAIN"),
+              HasSubstr("'LEFT' is none of the values of justify (MIDDLE, BEGIN, END, FIRST)")));
+}
+
+TEST(Teaching, NamesTheFieldThatNodesWereMeantFor) {
+    EXPECT_THAT(
+        problemsOf("#X3D V4.0 utf8\nTransform { childrn [ Shape { } ] }\n"),
+        HasSubstr("test:2:13: warning: Transform has no field 'childrn' (did you mean children?); what is in it is "
+                  "kept under its name"));
+    EXPECT_THAT(
+        problemsOf("<X3D version='4.0'><Scene><Shape><Box containerField='geomtry'/></Shape></Scene></X3D>"),
+        HasSubstr("containerField: Shape has no field 'geomtry' (did you mean geometry?); 'geometry' is taken"));
+    EXPECT_THAT(
+        problemsOf("<X3D version='4.0'><Scene><Shape><Material containerField='geomtry'/></Shape></Scene></X3D>"),
+        HasSubstr("Shape has no field 'geomtry' (did you mean geometry?); what is in it is kept"));
+}
+
+TEST(Teaching, NamesWhatIsWrongInXml) {
+    EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo title='a & b'/></Scene></X3D>"),
+                HasSubstr("a '&' that begins no reference is written &amp;"));
+    EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo title='a &amp; b'><Box></WorldInfo></Scene></X3D>"),
+                Not(HasSubstr("begins no reference")));
+    EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><Box DEF='my box'/></Scene></X3D>"),
+                HasSubstr("DEF 'my box' has white space in it"));
+    const std::string classic = problemsOf("#X3D V4.0 utf8\nTransform { children\n DEF my box Shape { } }");
+    EXPECT_THAT(classic, HasSubstr("test:3:9: error: a name has no white space: 'DEF my box' could be 'DEF my_box'"));
+    EXPECT_EQ(std::ranges::count(classic, '\n'), 1) << classic;
+    EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo info='one two'/></Scene></X3D>"),
+                HasSubstr("the strings of a list stand in double quotes; this is taken as one"));
+}
+
+TEST(Teaching, NamesMissingAndTrailingCommasOfJsonWithTheirPlace) {
+    const char* const head = "{\"X3D\":{\"@version\":\"4.0\",\"Scene\":{\"-children\":[\n";
+    const auto body = [&](const char* text) { return problemsOf(std::string(head) + text + "]}}}"); };
+    EXPECT_EQ(body("{\"Box\":{\"@size\":[1,2,3],\"@solid\":true}}"), "");
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1,2,3]\n\"@solid\":true}}"),
+                HasSubstr("test:3:1: error: a comma is missing before this"));
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1 2,3]}}"), HasSubstr("test:2:20: error: a comma is missing before this"));
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1,2,3],}}"),
+                HasSubstr("test:2:25: error: there is nothing between the last comma and this bracket"));
+    EXPECT_THAT(body("{\"Box\":{\"@size\":[1,,2,3]}}"), HasSubstr("test:2:20: error: a comma too many"));
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,464 @@
+// glTF files: what they become, where it moves and how its textures are looked up, and what is wrong with them.
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <map>
+#include <numbers>
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+#include <glm/glm.hpp>
+#include <glm/gtc/matrix_transform.hpp>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+
+#include "core/scene_check.h"
+#include "import/gltf_file.h"
+#include "import/import.h"
+#include "imported.h"
+
+namespace rtsg {
+namespace {
+
+using test::binaryStl;
+using test::Imported;
+using test::put;
+using testing::HasSubstr;
+using testing::Not;
+
+/// One triangle, a camera, a light and an animation; the buffer is built beside it.
+struct Gltf {
+    std::string buffer;
+    std::string json(const std::string& uri) const {
+        return R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[
+          {"name":"root","children":[1,2],"rotation":[0,0,0.7071067811865476,0.7071067811865476],"translation":[1,2,3],"mesh":0},
+          {"camera":0,"matrix":[0,0,-2,0, 0,2,0,0, 2,0,0,0, 5,6,7,1]},
+          {"mesh":0,"extensions":{"KHR_lights_punctual":{"light":0}}}],
+          "cameras":[{"type":"perspective","perspective":{"yfov":1,"aspectRatio":0.5,"znear":0.1}}],
+          "extensions":{"KHR_lights_punctual":{"lights":[{"type":"spot","color":[1,0.5,0],"intensity":7,"spot":{"outerConeAngle":0.5}}]}},
+          "meshes":[{"primitives":[{"attributes":{"POSITION":0,"TEXCOORD_0":2},"indices":1,"material":0}]}],
+          "materials":[{"doubleSided":true,"alphaMode":"MASK","alphaCutoff":0.25,"pbrMetallicRoughness":{"baseColorFactor":[1,0,0,0.5],
+             "metallicFactor":0.25,"baseColorTexture":{"index":0}}}],
+          "textures":[{"source":0,"sampler":0}],"images":[{"bufferView":3,"mimeType":"image/png"}],"samplers":[{"wrapS":33071}],
+          "animations":[{"channels":[{"sampler":0,"target":{"node":0,"path":"translation"}}],
+             "samplers":[{"input":3,"output":4,"interpolation":"STEP"}]}],
+          "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},
+             {"bufferView":1,"componentType":5123,"count":3,"type":"SCALAR"},
+             {"bufferView":2,"componentType":5121,"count":3,"type":"VEC2","normalized":true},
+             {"bufferView":4,"componentType":5126,"count":2,"type":"SCALAR"},
+             {"bufferView":4,"byteOffset":8,"componentType":5126,"count":2,"type":"VEC3"}],
+          "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":36},{"buffer":0,"byteOffset":36,"byteLength":6},
+             {"buffer":0,"byteOffset":44,"byteLength":12,"byteStride":4},{"buffer":0,"byteOffset":56,"byteLength":4},
+             {"buffer":0,"byteOffset":60,"byteLength":32}],
+          "buffers":[{"byteLength":92)" +
+               uri + "}]}";
+    }
+    Gltf() {
+        for (const float number : {0.f, 0.f, 0.f, 1.f, 0.f, 0.f, 0.f, 1.f, 0.f}) put(buffer, number);
+        for (const std::uint16_t index : {2, 1, 0}) put(buffer, index);
+        buffer.resize(44, '\0');
+        for (const int byte : {0, 0, 9, 9, 255, 0, 9, 9, 0, 255, 9, 9}) put(buffer, static_cast<std::uint8_t>(byte));
+        buffer += "\x89PNG";
+        for (const float number : {0.f, 2.f, 1.f, 2.f, 3.f, 4.f, 5.f, 6.f}) put(buffer, number);
+    }
+    std::string glb() const {
+        std::string text = json(""), bytes = "glTF";
+        text.resize((text.size() + 3) / 4 * 4, ' ');
+        put(bytes, std::uint32_t{2});
+        put(bytes, static_cast<std::uint32_t>(12 + 8 + text.size() + 8 + buffer.size()));
+        put(bytes, static_cast<std::uint32_t>(text.size()));
+        bytes += "JSON" + text;
+        put(bytes, static_cast<std::uint32_t>(buffer.size()));
+        return bytes + std::string("BIN\0", 4) + buffer;
+    }
+};
+
+TEST(ImportGltf, JsonAndGlbGiveTheSameSceneByHand) {
+    const Gltf file;
+    const Imported binary(file.glb());
+    const Imported text(
+        file.json(",\"uri\":\"data:application/octet-stream;base64," + detail::toBase64(file.buffer) + "\""));
+    EXPECT_EQ(binary.problems, "");
+    EXPECT_EQ(text.problems, "");
+    EXPECT_EQ(binary.commands, text.commands);
+    const std::string& c = binary.commands;
+    EXPECT_THAT(c,
+                HasSubstr("begin Transform DEF node0\nset rotation SFRotation 0 0 1 1.5707964\n"
+                          "set translation SFVec3f 1 2 3\nbegin Group DEF mesh0 in children\nbegin Shape in children"));
+    EXPECT_THAT(
+        c, HasSubstr("set alphaMode SFString \"MASK\"\nset alphaCutoff SFFloat 0.25\nbegin PhysicalMaterial in "
+                     "material\nset baseColor SFColor 1 0 0\nset transparency SFFloat 0.5\nset metallic SFFloat 0.25\n"
+                     "set roughness SFFloat 1\n"));
+    EXPECT_THAT(c,
+                HasSubstr("begin ImageTexture DEF texture0 in baseTexture\nset repeatS SFBool FALSE\nset url MFString "
+                          "[\"data:image/png;base64,iVBORw==\"]"));
+    EXPECT_THAT(c, HasSubstr("set solid SFBool FALSE\nset normalPerVertex SFBool FALSE\nset index MFInt32 [2, 1, 0]"));
+    EXPECT_THAT(c, HasSubstr("set point MFVec3f [0 0 0, 1 0 0, 0 1 0]"));
+    EXPECT_THAT(c, HasSubstr("set point MFVec2f [0 1, 1 1, 0 0]")) << "v counts from the other side";
+    // A quarter turn about y, twice as large; of the narrower side's angle.
+    EXPECT_THAT(
+        c, HasSubstr("begin Transform in children\nset rotation SFRotation 0 1 0 1.5707964\nset scale SFVec3f 2 2 2\n"
+                     "set translation SFVec3f 5 6 7\nbegin Viewpoint in children"));
+    const float angle = static_cast<float>(2 * std::atan(std::tan(.5) * .5));
+    EXPECT_THAT(c, HasSubstr("set fieldOfView SFFloat " + printFieldText(Value(angle))));
+    EXPECT_THAT(c, HasSubstr("begin SpotLight in children\nset color SFColor 1 0.5 0\nset intensity SFFloat 7"));
+    EXPECT_THAT(c, HasSubstr("use mesh0 in children"));
+    EXPECT_THAT(c, HasSubstr("begin TimeSensor DEF animation0\nset cycleInterval SFTime 2"));
+    EXPECT_THAT(c, HasSubstr("set key MFFloat [0, 1, 1]\nset keyValue MFVec3f [1 2 3, 1 2 3, 4 5 6]"));
+    EXPECT_THAT(c, HasSubstr("route animation0.fraction_changed animation0_0.set_fraction"));
+}
+
+TEST(ImportGltf, WhatDoesNotFitIsNamedAndNothingIsReadBeyondIt) {
+    const Gltf file;
+    const std::string good =
+        file.json(",\"uri\":\"data:application/octet-stream;base64," + detail::toBase64(file.buffer) + "\"");
+    const auto spoiled = [&](const char* from, const char* to) {
+        std::string text = good;
+        const std::size_t at = text.find(from);
+        EXPECT_NE(at, text.npos) << from;
+        return Imported(text.replace(at, std::strlen(from), to));
+    };
+    EXPECT_THAT(spoiled("\"count\":3,\"type\":\"VEC3\"", "\"count\":4000000000,\"type\":\"VEC3\"").problems,
+                HasSubstr("reaches beyond its buffer view"));
+    EXPECT_THAT(spoiled("\"byteLength\":36", "\"byteLength\":3600").problems, HasSubstr("reaches beyond its buffer"));
+    EXPECT_THAT(spoiled("\"children\":[1,2]", "\"children\":[1,0]").problems, HasSubstr("are no tree"));
+    EXPECT_THAT(spoiled("\"version\":\"2.0\"", "\"version\":\"1.0\"").problems, HasSubstr("glTF 1.0 is not read"));
+    EXPECT_THAT(spoiled("{\"asset\"", "{\"extensionsRequired\":[\"KHR_draco_mesh_compression\"],\"asset\"").problems,
+                HasSubstr("requires KHR_draco_mesh_compression, which is not read"));
+    EXPECT_THAT(spoiled("\"indices\":1", "\"indices\":3").problems, Not(testing::IsEmpty()));
+    EXPECT_THAT(spoiled("base64,", "base64,***").problems, HasSubstr("is no base64 text"));
+    EXPECT_THAT(spoiled("data:application/octet-stream;base64,", "elsewhere.bin?").problems,
+                HasSubstr("no other file may be opened"));
+    EXPECT_THAT(spoiled("\"mesh\":0}", "\"mesh\":7}").problems, HasSubstr("names number 7 of its meshes"));
+    EXPECT_THAT(spoiled("\"cameras\":[", "\n \"cameras\":,[").problems,
+                HasSubstr("test:6:12: error: the glTF file's JSON is not well-formed, at its byte"));
+    EXPECT_THAT(spoiled("\"intensity\":7", "\"intensity\":1e999").problems, HasSubstr("number in the glTF file"));
+    EXPECT_THAT(
+        spoiled("{\"asset\"", "{\"extensionsUsed\":[\"KHR_lights_punctual\",\"EXT_a\",\"EXT_b\"],\"asset\"").problems,
+        HasSubstr("the glTF file uses EXT_a, EXT_b, which is not read"));
+    // A picture in KTX2 is taken where there is no other: whoever shows it says whether it is read.
+    const char* basis = "{\"extensionsRequired\":[\"KHR_texture_basisu\"],\"asset\"";
+    const char* image = "\"image/png\"";
+    std::string alone = good;
+    alone.replace(alone.find("{\"asset\""), 8, basis).replace(alone.find(image), 11, "\"image/ktx2\"");
+    const std::string source = "\"textures\":[{\"source\":0";
+    alone.replace(alone.find(source), source.size(),
+                  "\"textures\":[{\"extensions\":{\"KHR_texture_basisu\":{\"source\":0}}");
+    EXPECT_EQ(Imported(alone).problems, "");
+    EXPECT_THAT(Imported(alone).commands, HasSubstr("set url MFString [\"data:image/ktx2;base64,iVBORw==\"]"));
+    Gltf holed;
+    const float nan = std::numeric_limits<float>::quiet_NaN();
+    std::memcpy(holed.buffer.data() + 4, &nan, sizeof(nan));
+    EXPECT_THAT(Imported(holed.glb()).problems, HasSubstr("numbers of the glTF file are not finite"));
+    EXPECT_THAT(Imported(holed.glb()).commands, HasSubstr("set point MFVec3f [0 0 0, 1 0 0, 0 1 0]"));
+    const Imported far = spoiled("[1,2,3]", "[1e300,-2,0]");
+    EXPECT_THAT(far.problems, HasSubstr("1 numbers of the glTF file are not finite; 0 is taken instead"));
+    EXPECT_THAT(far.commands, HasSubstr("set translation SFVec3f 0 -2 0"));
+    const std::string glb = file.glb();
+    for (std::size_t size = 4; size < glb.size(); size += 7) {
+        const Imported cut(std::string_view(glb).substr(0, size));
+        EXPECT_NE(cut.problems, "") << size;
+    }
+}
+
+/// A glTF file that is put together piece by piece.
+class GltfParts {
+  public:
+    template <class T>
+    int accessor(int componentType, const char* type, std::size_t components, const std::vector<T>& values) {
+        const std::size_t offset = buffer_.size();
+        for (const T value : values) put(buffer_, value);
+        while (buffer_.size() % 4 != 0) buffer_ += '\0';
+        views_ += fmt::format("{}{{\"buffer\":0,\"byteOffset\":{},\"byteLength\":{}}}", count_ ? "," : "", offset,
+                              values.size() * sizeof(T));
+        accessors_ += fmt::format("{}{{\"bufferView\":{},\"componentType\":{},\"count\":{},\"type\":\"{}\"}}",
+                                  count_ ? "," : "", count_, componentType, values.size() / components, type);
+        return count_++;
+    }
+    int floats(const char* type, std::size_t components, const std::vector<float>& values) {
+        return accessor(5126, type, components, values);
+    }
+    std::string text(const std::string& rest) const {
+        return fmt::format(
+            "{{\"asset\":{{\"version\":\"2.0\"}},\"buffers\":[{{\"byteLength\":{},\"uri\":"
+            "\"data:application/octet-stream;base64,{}\"}}],\"bufferViews\":[{}],\"accessors\":[{}],{}}}",
+            buffer_.size(), detail::toBase64(buffer_), views_, accessors_, rest);
+    }
+
+  private:
+    std::string buffer_, views_, accessors_;
+    int count_ = 0;
+};
+
+TEST(ImportGltf, TargetsMoveThePointsAndTheirWeightsMayBeAnimated) {
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+    const int first = parts.floats("VEC3", 3, {0, 0, 1, 0, 0, 0, 0, 0, 0});
+    const int second = parts.floats("VEC3", 3, {0, 0, 0, 0, 2, 0, 0, 0, 0});
+    const int times = parts.floats("SCALAR", 1, {0, 2});
+    const int weights = parts.floats("SCALAR", 1, {1, 0, 0, .5f});
+    const std::string rest = fmt::format(
+        "\"meshes\":[{{\"weights\":[0.5,1],\"primitives\":[{{\"attributes\":{{\"POSITION\":{}}},\"targets\":[{{"
+        "\"POSITION\":"
+        "{}}},{{\"POSITION\":{}}}]}}]}}],\"nodes\":[{{\"mesh\":0}},{{\"mesh\":0}},{{\"mesh\":0,\"weights\":[0,0]}}],"
+        "\"scenes\":[{{\"nodes\":[0,1,2]}}],\"animations\":[{{\"channels\":[{{\"sampler\":0,\"target\":{{\"node\":1,"
+        "\"path\":"
+        "\"weights\"}}}}],\"samplers\":[{{\"input\":{},\"output\":{}}}]}}]",
+        points, first, second, times, weights);
+    const Imported file(parts.text(rest));
+    EXPECT_EQ(file.problems, "");
+    const std::string& c = file.commands;
+    EXPECT_THAT(c, HasSubstr("begin Coordinate in coord\nset point MFVec3f [0 0 0.5, 1 2 0, 0 1 0]"));
+    EXPECT_THAT(c, HasSubstr("begin Coordinate DEF node1_points0 in coord\nset point MFVec3f [0 0 0.5, 1 2 0, 0 1 0]"));
+    EXPECT_THAT(c, HasSubstr("begin Coordinate in coord\nset point MFVec3f [0 0 0, 1 0 0, 0 1 0]"))
+        << "weights of a node";
+    EXPECT_THAT(c,
+                HasSubstr("begin CoordinateInterpolator DEF animation0_0_part0\nset key MFFloat [0, 1]\nset keyValue "
+                          "MFVec3f [0 0 1, 1 0 0, 0 1 0, 0 0 0, 1 1 0, 0 1 0]"));
+    EXPECT_THAT(c, HasSubstr("route animation0_0_part0.value_changed node1_points0.point"));
+}
+
+// 3.7.2.1: they serve normal textures alone, and only beside normals; targets move them.
+TEST(ImportGltf, TangentsAreTakenWhereNormalTexturesAre) {
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+    const int normals = parts.floats("VEC3", 3, {0, 0, 1, 0, 0, 1, 0, 0, 1});
+    const int tangents = parts.floats("VEC4", 4, {1, 0, 0, 1, 0, 1, 0, -1, -1, 0, 0, 1});
+    const int moves = parts.floats("VEC3", 3, {0, 2, 0, 0, 0, 0, 1, 0, 0});
+    const auto commands = [&](const std::string& attributes, const char* material, const char* version = "4.0") {
+        const Imported file(parts.text(fmt::format(
+                                "\"images\":[{{\"uri\":\"n.png\"}}],\"textures\":[{{\"source\":0}}],\"materials\":[{{"
+                                "\"normalTexture\":{{"
+                                "\"index\":0}}}},{{}}],\"meshes\":[{{\"weights\":[0.5],\"primitives\":[{{\"material\":{"
+                                "},\"attributes\":{{"
+                                "\"POSITION\":{}{}}},\"targets\":[{{\"TANGENT\":{}}}]}}]}}],\"nodes\":[{{\"mesh\":0}}]",
+                                material, points, attributes, moves)),
+                            version);
+        EXPECT_EQ(file.problems, "");
+        return file.commands;
+    };
+    const std::string normal = fmt::format(",\"NORMAL\":{}", normals),
+                      tangent = fmt::format(",\"TANGENT\":{}", tangents);
+    const std::string both = commands(normal + tangent, "0", "4.1");
+    EXPECT_THAT(both, HasSubstr("begin Tangent in tangent\nset vector MFVec4f [1 1 0 1, 0 1 0 -1, -0.5 0 0 1]"));
+    for (const std::string& other : {commands(normal + tangent, "1"), commands(tangent, "0"), commands(normal, "0")})
+        EXPECT_THAT(other, Not(HasSubstr("Tangent")));
+}
+
+/// 18.4.10: Tc' = S R T Tc about the origin, and rows of a matrix as they stand; in double precision.
+Vec2d lookedUp(const Node& node, Vec2d tc) {
+    if (node.is(x3d::TextureTransformMatrix3D::type)) {
+        const Matrix4f& m = node.get(x3d::TextureTransformMatrix3D::matrix);
+        const auto at = [&](std::size_t row, std::size_t column) { return double{m.elements[4 * row + column]}; };
+        return {tc.x * at(0, 0) + tc.y * at(1, 0) + at(3, 0), tc.x * at(0, 1) + tc.y * at(1, 1) + at(3, 1)};
+    }
+    using T = x3d::TextureTransform;
+    EXPECT_EQ(node.get(T::center), Vec2f(0));
+    tc += Vec2d(node.get(T::translation));
+    const double c = std::cos(double{node.get(T::rotation)}), n = std::sin(double{node.get(T::rotation)});
+    return Vec2d(node.get(T::scale)) * Vec2d(c * tc.x - n * tc.y, n * tc.x + c * tc.y);
+}
+
+// KHR_texture_transform, with v downwards: u' = offset + scale, then a turn from v to u. Two textures with ways of
+// their own, and one that takes the coordinates as they are.
+TEST(ImportGltf, TexturesAreLookedUpInTheirSetsAndMovedAsTheFileSays) {
+    struct Way {
+        double rotation, x, y, scaleX, scaleY;
+    };
+    const Way ways[] = {{0, .25, -.5, 2, 3}, {.7, .1, .2, 1, 1},   {-2, .5, .25, -1.5, -1.5}, {1.2, .3, .4, 2, .5},
+                        {.5, 1, 0, 0, 2},    {0, .125, .25, 1, 1}, {3, 0, 0, 1, 1},           {0, 0, 0, 1, -1}};
+    for (const Way& a : ways)
+        for (const Way& b : {ways[3], ways[1]}) {
+            if (&a == &ways[3] || &a == &ways[1]) continue;
+            GltfParts parts;
+            const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+            const int first = parts.floats("VEC2", 2, {.1f, .2f, .3f, .4f, .5f, .6f});
+            const int second = parts.floats("VEC2", 2, {.7f, .8f, .9f, .15f, .25f, .35f});
+            const auto moved = [](const Way& w, const char* set) {
+                return fmt::format(
+                    "\"extensions\":{{\"KHR_texture_transform\":{{\"rotation\":{},\"offset\":[{},{}],\"scale\":[{},{}]"
+                    "{}}}}}",
+                    w.rotation, w.x, w.y, w.scaleX, w.scaleY, set);
+            };
+            const std::string text = parts.text(fmt::format(
+                "\"extensionsRequired\":[\"KHR_texture_transform\"],\"images\":[{{\"uri\":\"n.png\"}}],\"textures\":[{{"
+                "\"source\":0}}],\"materials\":[{{\"pbrMetallicRoughness\":{{\"baseColorTexture\":{{\"index\":0,"
+                "\"texCoord\":1,{}}},\"metallicRoughnessTexture\":{{\"index\":0}}}},\"emissiveTexture\":{{\"index\":0,{"
+                "}}},"
+                "\"normalTexture\":{{\"index\":0,\"texCoord\":1}}}}],\"meshes\":[{{\"primitives\":[{{\"material\":0,"
+                "\"attributes\":{{\"POSITION\":{},\"TEXCOORD_0\":{},\"TEXCOORD_1\":{}}}}}]}}],\"nodes\":[{{\"mesh\":0}}"
+                "]",
+                moved(a, ""), moved(b, ",\"texCoord\":0"), points, first, second));
+            Scene scene;
+            Diagnostics problems("test");
+            ASSERT_TRUE(loadText(scene, text, problems));
+            EXPECT_EQ(test::allText(problems), "");
+            std::map<std::string, const Node*> coordinates, transforms;
+            const Node* material = nullptr;
+            scene.forEachNode([&](const Node& node) {
+                if (node.is(x3d::TextureCoordinate::type))
+                    coordinates[node.get(x3d::TextureCoordinate::mapping).str()] = &node;
+                if (node.is(x3d::TextureTransform::type))
+                    transforms[node.get(x3d::TextureTransform::mapping).str()] = &node;
+                if (node.is(x3d::TextureTransformMatrix3D::type))
+                    transforms[node.get(x3d::TextureTransformMatrix3D::mapping).str()] = &node;
+                if (node.is(x3d::PhysicalMaterial::type)) material = &node;
+            });
+            ASSERT_TRUE(material);
+            EXPECT_EQ(coordinates.size(), 4u);
+            using P = x3d::PhysicalMaterial;
+            const auto expectLookup = [&](const String& mapping, Vec2d uv, const Way& w) {
+                const Node* const coordinate = coordinates[mapping.str()];
+                const Node* const transform = transforms[mapping.str()];
+                ASSERT_TRUE(coordinate && transform) << mapping.str();
+                const Vec2d found = lookedUp(*transform, Vec2d(coordinate->get(x3d::TextureCoordinate::point)[1]));
+                const double c = std::cos(w.rotation), n = std::sin(w.rotation);
+                EXPECT_NEAR(found.x, w.x + c * w.scaleX * uv.x + n * w.scaleY * uv.y, 2e-6) << w.rotation;
+                EXPECT_NEAR(1 - found.y, w.y - n * w.scaleX * uv.x + c * w.scaleY * uv.y, 2e-6) << w.rotation;
+            };
+            const Way still{0, 0, 0, 1, 1};
+            expectLookup(material->get(P::baseTextureMapping), {.9, .15}, a);
+            expectLookup(material->get(P::emissiveTextureMapping), {.3, .4}, b);
+            expectLookup(material->get(P::metallicRoughnessTextureMapping), {.3, .4}, still);
+            expectLookup(material->get(P::normalTextureMapping), {.9, .15}, still);
+            EXPECT_EQ(material->get(P::occlusionTextureMapping), String());
+        }
+}
+
+TEST(ImportGltf, WhatHasNoSuchCoordinatesSaysSoAndTakesTheFirst) {
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+    const int first = parts.floats("VEC2", 2, {0, 0, 1, 0, 0, 1});
+    const auto file = [&](const std::string& attributes) {
+        return Imported(parts.text(fmt::format(
+            "\"images\":[{{\"uri\":\"n.png\"}}],\"textures\":[{{\"source\":0}}],\"materials\":[{{"
+            "\"pbrMetallicRoughness\":{{\"baseColorTexture\":{{\"index\":0,\"texCoord\":3}}}}}}],\"meshes\":[{{"
+            "\"primitives\":[{{\"material\":0,\"attributes\":{{\"POSITION\":{}{}}}}}]}}],\"nodes\":[{{\"mesh\":0}}]",
+            points, attributes)));
+    };
+    const Imported one = file(fmt::format(",\"TEXCOORD_0\":{}", first));
+    EXPECT_THAT(one.problems, HasSubstr("has no TEXCOORD_3, which its material asks for; the first set is taken"));
+    EXPECT_THAT(one.commands, HasSubstr("set baseTextureMapping SFString \"TEXCOORD_3\""));
+    EXPECT_THAT(one.commands, HasSubstr("begin TextureCoordinate in texCoord\nset mapping SFString \"TEXCOORD_3\"\n"
+                                        "set point MFVec2f [0 1, 1 1, 0 0]"));
+    EXPECT_THAT(one.commands, Not(HasSubstr("Transform in textureTransform")));
+    const Imported none = file("");
+    EXPECT_THAT(none.problems, HasSubstr("has no TEXCOORD_3"));
+    EXPECT_THAT(none.commands, Not(HasSubstr("TextureCoordinate")));
+}
+
+/// Where a skin's point is, by the formula of glTF, in double precision and with matrices throughout.
+glm::dvec3 skinned(const std::vector<glm::dmat4>& joints, const std::vector<glm::dmat4>& inverse, const glm::dvec3& p,
+                   const std::array<double, 2>& weights) {
+    glm::dvec3 result(0);
+    for (std::size_t i = 0; i < 2; ++i) result += weights[i] * glm::dvec3(joints[i] * inverse[i] * glm::dvec4(p, 1));
+    return result;
+}
+
+glm::dmat4 matrixOf(const Node& node) {
+    const auto get = [&]<class T>(const char* field, T) {
+        return *static_cast<const T*>(node.storage(node.type().findExact(field)));
+    };
+    const auto turn = [](const Rotation& r) {
+        return glm::rotate(glm::dmat4(1), double(r.angle), glm::dvec3(r.x, r.y, r.z));
+    };
+    const glm::dvec3 center(get("center", Vec3f()));
+    const glm::dmat4 oriented = turn(get("scaleOrientation", Rotation{}));
+    return glm::translate(glm::dmat4(1), glm::dvec3(get("translation", Vec3f())) + center) *
+           turn(get("rotation", Rotation{})) * oriented * glm::scale(glm::dmat4(1), glm::dvec3(get("scale", Vec3f()))) *
+           glm::inverse(oriented) * glm::translate(glm::dmat4(1), -center);
+}
+
+TEST(ImportGltf, SkinsMoveAsTheirJointsDo) {
+    // Two joints below a node that is none, bound in another pose than the one the file has them in.
+    const auto place = [](double angle, const glm::dvec3& t, double scale) {
+        return glm::translate(glm::dmat4(1), t) *
+               glm::rotate(glm::dmat4(1), angle, glm::normalize(glm::dvec3(1, 2, 3))) *
+               glm::scale(glm::dmat4(1), glm::dvec3(scale));
+    };
+    const std::vector<glm::dmat4> inverse{glm::inverse(place(.3, {1, 0, 0}, 1)),
+                                          glm::inverse(place(-.7, {1, 2, 0}, 2))};
+    std::vector<float> matrices;
+    for (const glm::dmat4& m : inverse)
+        for (int c = 0; c < 4; ++c)
+            for (int r = 0; r < 4; ++r) matrices.push_back(static_cast<float>(m[c][r]));
+    const std::vector<float> at{0, 0, 0, 1, 0, 0, 0, 1, 0};
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, at);
+    const int joints = parts.accessor<std::uint8_t>(5121, "VEC4", 4, {0, 1, 0, 0, 0, 1, 0, 0, 1, 0, 0, 0});
+    const int weights = parts.floats("VEC4", 4, {.5f, .5f, 0, 0, 1, 0, 0, 0, .75f, .25f, 0, 0});
+    const int bind = parts.floats("MAT4", 16, matrices);
+    const int times = parts.floats("SCALAR", 1, {0, 2});
+    const double half = std::sqrt(.5);
+    const int turns = parts.floats("VEC4", 4, {0, 0, 0, 1, 0, 0, float(half), float(half)});
+    const int moves = parts.floats("VEC3", 3, {0, 1, 0, 3, 1, 2});
+    const std::string text = parts.text(fmt::format(
+        "\"meshes\":[{{\"primitives\":[{{\"attributes\":{{\"POSITION\":{},\"JOINTS_0\":{},\"WEIGHTS_0\":{}}}}}]}}],"
+        "\"skins\":[{{\"joints\":[2,3],\"inverseBindMatrices\":{}}}],"
+        "\"nodes\":[{{\"mesh\":0,\"skin\":0,\"translation\":[9,9,9]}},{{\"children\":[2],\"translation\":[0,0,1],"
+        "\"scale\":"
+        "[2,2,2]}},{{\"children\":[3],\"translation\":[1,0,0]}},{{\"translation\":[0,1,0],\"scale\":[1,2,1]}}],"
+        "\"scenes\":[{{\"nodes\":[0,1]}}],\"animations\":[{{\"channels\":[{{\"sampler\":0,\"target\":{{\"node\":2,"
+        "\"path\":"
+        "\"rotation\"}}}},{{\"sampler\":1,\"target\":{{\"node\":3,\"path\":\"translation\"}}}}],\"samplers\":[{{"
+        "\"input\":{},"
+        "\"output\":{}}},{{\"input\":{},\"output\":{}}}]}}]",
+        points, joints, weights, bind, times, turns, times, moves));
+    Scene scene;
+    Diagnostics problems("test");
+    ASSERT_TRUE(loadText(scene, text, problems));
+    EXPECT_EQ(test::allText(problems), "");
+    const double start = 100;
+    scene.newFrame(start);
+    for (const double t : {0.0, .5, 1.0, 1.75}) {
+        scene.newFrame(start + t);
+        const glm::dmat4 above =
+            glm::translate(glm::dmat4(1), glm::dvec3(0, 0, 1)) * glm::scale(glm::dmat4(1), glm::dvec3(2));
+        const Node& clock = scene.node(scene.findName("animation0"));
+        const double phase = clock.get(x3d::TimeSensor::fraction_changed);
+        const glm::dmat4 first = above * glm::translate(glm::dmat4(1), glm::dvec3(1, 0, 0)) *
+                                 glm::rotate(glm::dmat4(1), phase * std::numbers::pi / 2, glm::dvec3(0, 0, 1));
+        const glm::dmat4 second = first * glm::translate(glm::dmat4(1), glm::dvec3(3 * phase, 1, 2 * phase)) *
+                                  glm::scale(glm::dmat4(1), glm::dvec3(1, 2, 1));
+        const Node& a = scene.node(scene.findName("node0_figure0_joint0"));
+        const Node& b = scene.node(scene.findName("node0_figure0_joint1"));
+        const std::vector<glm::dmat4> ours{matrixOf(a), matrixOf(a) * matrixOf(b)};
+        const std::vector<glm::dmat4> none{glm::dmat4(1), glm::dmat4(1)};
+        for (std::size_t i = 0; i < 3; ++i) {
+            const glm::dvec3 p(at[3 * i], at[3 * i + 1], at[3 * i + 2]);
+            const std::array<double, 2> w = i == 0   ? std::array{.5, .5}
+                                            : i == 1 ? std::array{1.0, 0.0}
+                                                     : std::array{.25, .75};
+            const glm::dvec3 expected = skinned({first, second}, inverse, p, w);
+            EXPECT_NEAR(glm::distance(skinned(ours, none, p, w), expected), 0, 2e-5) << t << " point " << i;
+        }
+    }
+    const Node& joint = scene.node(scene.findName("node0_figure0_joint0"));
+    EXPECT_EQ(Value(joint.get(x3d::HAnimJoint::skinCoordIndex)), Value(Array<std::int32_t>{0, 1, 2}));
+    EXPECT_EQ(Value(joint.get(x3d::HAnimJoint::skinCoordWeight)), Value(Array<float>{.5f, 1, .25f}));
+}
+
+TEST(ImportGltf, IsFoundByItsContentInsideAnInline) {
+    const std::filesystem::path folder =
+        std::filesystem::path(testing::TempDir()) / ("import_inline_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / "a.glb", std::ios::binary) << Gltf().glb();
+    std::ofstream(folder / "b.stl", std::ios::binary) << binaryStl({{0, 0, 0, 1, 0, 0, 1, 1, 0}});
+    std::ofstream(folder / "scene.x3dv")
+        << "#X3D V4.0 utf8\nDEF A Inline { url \"a.glb\" }\nInline { url \"b.stl\" }\n";
+    Scene scene;
+    Diagnostics problems("scene");
+    EXPECT_TRUE(loadFile(scene, folder / "scene.x3dv", problems));
+    EXPECT_EQ(test::allText(problems), "");
+    EXPECT_GT(scene.nodeCount(), 20u);
+    std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,138 @@
+// Values that a Script computes with: rotations, lists, matrices, and how they are made. ISO/IEC 19777-1 V3.3 clause 7.
+#include <cmath>
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "script_scene.h"
+
+namespace rtsg {
+namespace {
+
+using test::evaluated;
+using test::ScriptScene;
+
+TEST(ScriptValues, RotationsAgreeWithDoublePrecisionFormulas) {
+    ScriptScene s(
+        "outputOnly SFVec3f turned outputOnly SFRotation product outputOnly SFRotation half outputOnly SFRotation "
+        "between",
+        R"(
+        function initialize() {
+            var a = new SFRotation(0, 0, 1, Math.PI / 2), b = new SFRotation(1, 0, 0, Math.PI / 2);
+            turned = a.multVec(new SFVec3f(1, 0, 0));
+            product = a.multiply(b);
+            half = new SFRotation(0, 1, 0, 0).slerp(new SFRotation(0, 1, 0, 1), 0.5);
+            between = new SFRotation(new SFVec3f(1, 0, 0), new SFVec3f(-2, 0, 0));
+        })");
+    s.frame();
+    const Vec3f turned = s.get<Vec3f>("turned");
+    EXPECT_NEAR(turned.x, 0, 1e-6);
+    EXPECT_NEAR(turned.y, 1, 1e-6);
+    // Quaternions (0 0 s c)(s 0 0 c) = (1/2 1/2 1/2 1/2): 120 degrees about the diagonal.
+    const Rotation product = s.get<Rotation>("product");
+    EXPECT_NEAR(product.x, std::sqrt(1 / 3.0), 1e-6);
+    EXPECT_NEAR(product.y, std::sqrt(1 / 3.0), 1e-6);
+    EXPECT_NEAR(product.angle, 2 * M_PI / 3, 1e-6);
+    EXPECT_NEAR(s.get<Rotation>("half").angle, 0.5, 1e-6);
+    EXPECT_NEAR(s.get<Rotation>("between").angle, M_PI, 1e-6);
+    EXPECT_NEAR(s.get<Rotation>("between").x, 0, 1e-6);
+}
+
+TEST(ScriptValues, ValuesAreMadeWithNewOrWithout) {
+    EXPECT_EQ(evaluated("SFVec3f(1, 2, 3).add(new SFVec3f(1, 1, 1))"), "2 3 4");
+    EXPECT_EQ(evaluated("SFVec3f(1, 2, 3) instanceof SFVec3f && new SFVec3f().constructor === SFVec3f"), "true");
+    EXPECT_EQ(evaluated("SFRotation(0, 1, 0, 2)"), "0 1 0 2");
+    EXPECT_EQ(evaluated("SFColor(.5, 0, 1)"), "0.5 0 1");
+    EXPECT_EQ(evaluated("SFImage(1, 1, 1, [7])"), "1 1 1 7");
+    EXPECT_EQ(evaluated("MFInt32(1, 2, 3)"), "[1, 2, 3]");
+    EXPECT_EQ(evaluated("MFVec3f(SFVec3f(1, 2, 3))[0].y"), "2");
+    EXPECT_EQ(evaluated("(class extends SFVec3f { twice() { return this.multiply(2); } }) && "
+                        "new (class extends SFVec3f { twice() { return this.multiply(2); } })(1, 2, 3).twice()"),
+              "2 4 6");
+}
+
+TEST(ScriptValues, ArraysHaveNoHoles) {
+    EXPECT_EQ(evaluated("(m => { m[3] = new SFVec3f(1, 2, 3); m[1].x = 5; return m; })(new MFVec3f())"),
+              "[0 0 0, 5 0 0, 0 0 0, 1 2 3]");
+    EXPECT_EQ(evaluated("(m => { m[5] = 1; return m.length + ' ' + m[2] + ' ' + m[9]; })(MFInt32(7))"),
+              "6 0 undefined");
+    EXPECT_EQ(evaluated("(m => { m[2] = 'c'; return m; })(MFString('a'))"), R"(["a", "", "c"])");
+    EXPECT_EQ(evaluated("MFString('a' + String.fromCharCode(34) + 'b', String.fromCharCode(92))"), R"(["a\"b", "\\"])");
+    ScriptScene s("outputOnly MFString names outputOnly MFVec2f points outputOnly MFBool flags",
+                  "function initialize() { names[2] = 'c'; points[1] = new SFVec2f(1, 2); flags[1] = true; }");
+    s.frame();
+    EXPECT_EQ(s.get<Array<String>>("names"), (Array<String>{String(""), String(""), String("c")}));
+    EXPECT_EQ(s.get<Array<Vec2f>>("points"), (Array<Vec2f>{{0, 0}, {1, 2}}));
+    EXPECT_EQ(s.get<Array<bool>>("flags"), (Array<bool>{false, true}));
+    EXPECT_EQ(s.problems(), "");
+}
+
+TEST(ScriptValues, MatricesHaveTheirMethods) {
+    const std::string rounded = ".components().map(c => Math.round(c * 1e6) / 1e6 + 0).join(' ')";
+    const std::string made =
+        "(m => { m.setTransform(SFVec3f(1, 2, 3), SFRotation(0, 0, 1, Math.PI / 2), SFVec3f(2, 3, 4)); return m; })"
+        "(new SFMatrix4d())";
+    // A point is a row from the left: scaled, turned about z, moved.
+    EXPECT_EQ(evaluated(made + ".multVecMatrix(SFVec3d(1, 1, 1))" + rounded), "-2 4 7");
+    EXPECT_EQ(evaluated(made + ".multVecMatrix(SFVec3f(0, 0, 0))" + rounded), "1 2 3");
+    // A direction is turned and scaled, and stays where it is.
+    EXPECT_EQ(evaluated(made + ".multDirMatrix(SFVec3d(1, 1, 1))" + rounded), "-3 2 4");
+    EXPECT_EQ(evaluated(made + ".multMatrixDir(SFVec3f(1, 1, 1))" + rounded), "2 -3 4");
+    EXPECT_EQ(evaluated("(m => { try { return m.multDirMatrix(SFVec2f(1, 1)); } catch (e) { return e.name; } })"
+                        "(SFMatrix4f())"),
+              "TypeError");
+    EXPECT_EQ(evaluated(made + ".det4().toFixed(6)"), "24.000000");
+    EXPECT_EQ(evaluated("(m => m.multRight(m.inverse()))(" + made + ")" + rounded), "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+    EXPECT_EQ(evaluated(made + ".transpose()" + rounded), "0 -3 0 1 2 0 0 2 0 0 4 3 0 0 0 1");
+    EXPECT_EQ(evaluated("((m, t, r, s) => { m.getTransform(t, r, s); return [t, r.angle.toFixed(6), s" + rounded +
+                        "].join(', '); })(" + made + ", SFVec3d(), SFRotation(), SFVec3d())"),
+              "1 2 3, 1.570796, 2 3 4");
+    EXPECT_EQ(evaluated("SFMatrix3f(SFVec3f(1, 2, 3), SFVec3f(4, 5, 6), SFVec3f(7, 8, 9))"), "1 2 3 4 5 6 7 8 9");
+    const std::string plane =
+        "(m => { m.setTransform(SFVec2f(1, 2), Math.PI / 2, SFVec2f(2, 3)); return m; })"
+        "(new SFMatrix3d())";
+    EXPECT_EQ(evaluated(plane + ".multVecMatrix(SFVec2d(1, 1))" + rounded), "-2 4");
+    EXPECT_EQ(evaluated(plane + ".multDirMatrix(SFVec2d(1, 1))" + rounded), "-3 2");
+    EXPECT_EQ(evaluated("((m, t, r, s) => { m.getTransform(t, r, s); return [t, r.z.toFixed(6), s" + rounded +
+                        "].join(', '); })(" + plane + ", SFVec2d(), SFVec3d(), SFVec2d())"),
+              "1 2, 1.570796, 2 3");
+    EXPECT_EQ(evaluated("SFMatrix3f(0, 1, 0, 1, 0, 0, 0, 0, 1).inverse()"), "0 1 0 1 0 0 0 0 1");
+    EXPECT_EQ(evaluated("SFMatrix3f(0, 1, 0, 1, 0, 0, 0, 0, 1).det3()"), "-1");
+    EXPECT_EQ(evaluated("SFMatrix3f(1, 2, 3, 4, 5, 6, 7, 8, 10).multMatrixVec(SFVec3f(1, 0, 0))"), "1 4 7");
+    EXPECT_EQ(evaluated("SFMatrix3f(1, 2, 3, 4, 5, 6, 7, 8, 10).multVecMatrix(SFVec3f(1, 0, 0))"), "1 2 3");
+    EXPECT_EQ(evaluated("(m => { try { return m.inverse(); } catch (e) { return e.name; } })"
+                        "(SFMatrix3f(1, 1, 1, 1, 1, 1, 1, 1, 1))"),
+              "RangeError");
+}
+
+/// 19777-1 clause 7 and 14772-1 C.6.19: matrices that are no field's value, by row and column.
+TEST(ScriptValues, MatricesByRowAndColumn) {
+    EXPECT_EQ(evaluated("X3DMatrix3()"), "1 0 0 0 1 0 0 0 1");
+    EXPECT_EQ(evaluated("new X3DMatrix4(1, 2)"), "1 2 0 0 0 1 0 0 0 0 1 0 0 0 0 1");
+    EXPECT_EQ(evaluated("(m => { m[1][2] = 5; return [m[0][1], m[1][2], m, m.transpose()].join(', '); })"
+                        "(X3DMatrix3(1, 2, 3, 4, 9, 6, 7, 8, 10))"),
+              "2, 5, 1 2 3 4 9 5 7 8 10, 1 4 7 2 9 8 3 5 10");
+    EXPECT_EQ(evaluated("(m => { const row = m[3]; m.setTransform(SFVec3f(1, 2, 3)); row[0] += 4; return m; })"
+                        "(new VrmlMatrix())"),
+              "1 0 0 0 0 1 0 0 0 0 1 0 5 2 3 1");
+    EXPECT_EQ(evaluated("VrmlMatrix(1, 2, 3, 4, 0, 1, 0, 2, 0, 0, 1, 5, -2, 4, 0, 1).multRight("
+                        "X3DMatrix4(1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 4))"),
+              "1 4 9 16 0 2 0 8 0 0 3 20 -2 8 0 4");
+    EXPECT_EQ(evaluated("X3DMatrix3(0, 1, 0, 1, 0, 0, 0, 0, 1).inverse() instanceof X3DMatrix3"), "true");
+    EXPECT_EQ(evaluated("SFMatrix3f(X3DMatrix3(1, 2, 3, 4, 5, 6, 7, 8, 9))"), "1 2 3 4 5 6 7 8 9");
+    EXPECT_EQ(evaluated("X3DMatrix4(SFMatrix4f()).equals(X3DMatrix4())"), "true");
+}
+
+/// 19777-1 clause 7: a rotation's components that are not given are 0, but for y.
+TEST(ScriptValues, NamesAndDefaultsOfTheStandard) {
+    EXPECT_EQ(evaluated("SFRotation()"), "0 1 0 0");
+    EXPECT_EQ(evaluated("new SFRotation(1)"), "1 1 0 0");
+    EXPECT_EQ(evaluated("(r => { r.length = 1; return r[0]; })(new MFRotation())"), "0 0 1 0") << "the field's default";
+    EXPECT_EQ(evaluated("SFVec3d(1, 2, 3).multiple(2)"), "2 4 6");
+    EXPECT_EQ(evaluated("(v => [v.x, v.y].map(c => c.toFixed(6)).join(' '))"
+                        "(SFRotation(0, 0, 1, Math.PI / 2).multiVec(SFVec3f(1, 0, 0)))"),
+              "0.000000 1.000000");
+}
+
+}  // namespace
+}  // namespace rtsg
