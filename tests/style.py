@@ -11,7 +11,7 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
-FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "app", "examples", "tests"]
+FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "app", "bench", "examples", "tests"]
 MOST, MOST_OPENING = 80, 15
 
 # Comments, strings and characters; raw strings first.
@@ -57,7 +57,7 @@ def functions(text):
 # What is defined at the left margin, as clang-format has it: types, then variables and functions.
 DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) =|"
                      r"(?:[A-Za-z_][\w:<>,&*\[\] ]*?[&* ])(\w+)(?= ?[=({;\[]))", re.M)
-PROGRAMS = ["app", "sync/web_module", "tests/bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "documents", "renderers", "scenarios",
+PROGRAMS = ["app", "sync/web_module", "bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "documents", "renderers", "scenarios",
                                                               "scripts", "stability", "sync")]
 IN_PLACE = {"auto", "bool", "char", "const", "double", "float", "int", "TEST", "TEST_F", "TEST_P", "INSTANTIATE_TEST_SUITE_P", "main"}
 INSTEAD = {"verb_no_bench.cpp"}  # compiled where others are not
@@ -80,7 +80,7 @@ MATCHERS = re.compile(r"\b(?:EXPECT|ASSERT)_THAT\(|\btesting::(?:HasSubstr|Eleme
 def shared_names():
     for program in PROGRAMS:
         homes = {}
-        pattern = "*.cpp" if program in ("app", "tests/bench") else "**/*.cpp"
+        pattern = "*.cpp" if program in ("app", "bench") else "**/*.cpp"
         for path in sorted((ROOT / program).glob(pattern)):
             for name in set(own_names(path.read_text())) if path.name not in INSTEAD else ():
                 other = homes.setdefault(name, path)

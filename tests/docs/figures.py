@@ -23,7 +23,7 @@ TEST = re.compile(r"`([A-Z]\w+(?:\.\w+)?|tests/[\w./]+)`")
 def reported():
     """Bench -> the string literals of the sources that report it."""
     benches = {}
-    for path in sorted((ROOT / "tests" / "bench").glob("*.cpp")):
+    for path in sorted((ROOT / "bench").glob("*.cpp")):
         text = re.sub(r'"\s*\n\s*"', "", path.read_text())  # literals that go on in the next line
         literals = set(re.findall(r'"((?:[^"\\\n]|\\.)*)"', text))
         for bench in re.findall(r'report\(\s*\{\s*"([^"]+)"', text):
