@@ -9,7 +9,7 @@
 
 #include <fmt/format.h>
 
-#include <rtsg/documents/filter.h>
+#include <rtsg/documents/filters.h>
 #include <rtsg/documents/resource_check.h>
 #include <rtsg/documents/scene_builder.h>
 #include <rtsg/documents/scene_exporter.h>

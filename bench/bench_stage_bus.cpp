@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 

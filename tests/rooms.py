@@ -21,12 +21,12 @@ ROOMS = {
 }
 # Public headers without a .cpp of their name.
 HEADERS = {
-    "core": {"behaviour": "scene", "frame_input": "scene", "script": "scene", "placement": "scene", "x3d": "value", "check": "value"},
+    "core": {"behaviour": "scene", "scene": "scene", "script_language": "scene", "viewer_pose": "scene", "frame_input": "scene", "script": "scene", "placement": "scene", "x3d": "value", "check": "value"},
     "documents": {"document_handler": "commands", "media_measures": "media", "profile": "commands", "read_document": "read"},
     "scripts": {"run_scripts": "engine"},
-    "renderers": {"paged_array": "flatten", "ray": "embree", "shading": "light", "tessellate": "mesh", "text_measure": "mesh"},
+    "renderers": {"render_settings": "light", "paged_array": "flatten", "ray": "embree", "shading": "light", "tessellate": "mesh", "text_measure": "mesh"},
     "sync": {"byte_buffer": "codec", "change_codec": "codec", "log": "log", "stream_mode": "codec"},
-    "audio": {"acoustic_box": "walls", "acoustic_geometry": "walls", "paged_array": "walls", "panning": "signal"},
+    "audio": {"acoustic_box": "walls", "acoustic_geometry": "walls", "trace_result": "trace", "paged_array": "walls", "panning": "signal"},
     "physics": {},
     "dis": {"dis_transport": "network"},
 }

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>

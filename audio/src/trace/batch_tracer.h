@@ -17,7 +17,7 @@
 
 #include <glm/glm.hpp>
 
-#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/trace_result.h>
 
 #include "batch_task.h"
 #include "directions.h"

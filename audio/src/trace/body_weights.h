@@ -15,8 +15,8 @@
 #include <glm/glm.hpp>
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/echogram.h>
+#include <rtsg/audio/trace_result.h>
 
 namespace rtsg {
 

@@ -10,8 +10,8 @@
 
 #include <glm/glm.hpp>
 
-#include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/echogram.h>
+#include <rtsg/audio/trace_result.h>
 
 #include "body_weights.h"
 #include "edge_pair_way.h"

@@ -16,7 +16,7 @@
 #include "edge_paths.h"
 #include "wave_levels.h"
 
-#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/trace_result.h>
 
 namespace rtsg {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/trace_result.h>
 
 #include "edge_pairs.h"
 #include "wave_levels.h"

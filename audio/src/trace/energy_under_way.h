@@ -13,7 +13,7 @@
 
 #include <glm/glm.hpp>
 
-#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/trace_result.h>
 
 #include "band_classes.h"
 

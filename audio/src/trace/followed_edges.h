@@ -14,8 +14,8 @@
 
 #include <glm/glm.hpp>
 
-#include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/echogram.h>
+#include <rtsg/audio/trace_result.h>
 
 #include "edge_route.h"
 #include "followed_images.h"

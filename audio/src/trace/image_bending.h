@@ -5,7 +5,7 @@
 #pragma once
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/trace_result.h>
 
 #include "wave_levels.h"
 

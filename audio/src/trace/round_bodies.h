@@ -11,7 +11,7 @@
 #include <vector>
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/trace_result.h>
 
 #include "edge_sources.h"
 

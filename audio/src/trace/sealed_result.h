@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/trace_result.h>
 #include <rtsg/audio/world_geometry.h>
 
 namespace rtsg {

@@ -9,7 +9,7 @@
 #include <glm/glm.hpp>
 
 #include <rtsg/audio/acoustic_geometry.h>
-#include <rtsg/audio/acoustic_tracer.h>
+#include <rtsg/audio/trace_result.h>
 
 namespace rtsg {
 

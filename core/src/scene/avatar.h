@@ -9,9 +9,12 @@
 #include <optional>
 #include <span>
 
-#include <rtsg/core/navigation.h>
+#include <rtsg/core/node_type.h>
+#include <rtsg/core/viewer_pose.h>
 
 namespace rtsg {
+
+class Scene;
 
 /// NavigationInfo::avatarSize, metres.
 struct Avatar {

@@ -16,6 +16,7 @@
 #include <fmt/format.h>
 #include <pthread.h>
 
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/scene.h>
 
 namespace rtsg {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <optional>
 
-#include <rtsg/core/navigation.h>
 #include <rtsg/core/scene.h>
+#include <rtsg/core/viewer_pose.h>
 #include <rtsg/core/x3d.h>
 
 #include "places.h"

@@ -4,7 +4,9 @@
 
 #include <optional>
 
-#include <rtsg/core/navigation.h>
+#include <rtsg/core/diagnostic.h>
+#include <rtsg/core/node_type.h>
+#include <rtsg/core/viewer_pose.h>
 
 namespace rtsg {
 

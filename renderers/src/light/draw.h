@@ -10,6 +10,7 @@
 #include "emitters.h"
 #include "lamps.h"
 #include "light_tables.h"
+#include "picture_scene.h"
 #include "plain_surfaces.h"
 #include "sky_light.h"
 #include "trace_scene.h"
@@ -17,18 +18,6 @@
 #include "world/large_rays.h"
 
 namespace rtsg::trace {
-
-/// What a picture is of, besides the camera that it is seen through.
-struct Part {
-    Vec3d headlight{0, 0, -1};  // where it shines to; 0: there is none
-    std::vector<bool> hidden;   // slots that are not there; empty: none
-    bool over = false;          // something is seen where nothing is: no background of its own makes it clear
-    bool windows = true;        // Viewports cut: the picture is not one that a scene draws for itself
-};
-
-/// Reads `state` and `world`, which must outlive it.
-TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
-                          const RenderSettings& settings, Part part);
 
 /// Draws what GeneratedCubeMapTextures show, along the world's axes.
 /// `part`: slots that are not there, as Part::hidden.

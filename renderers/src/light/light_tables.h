@@ -18,8 +18,9 @@
 #include <variant>
 #include <vector>
 
-#include <rtsg/renderers/light_tracer.h>
+#include <rtsg/renderers/flattener.h>
 #include <rtsg/renderers/paged_array.h>
+#include <rtsg/renderers/render_settings.h>
 
 #include "mesh/told_once.h"
 #include "texture_store.h"
@@ -136,7 +137,7 @@ class LightTables {
     /// The same one until something changes that it holds.
     std::shared_ptr<const LightState> latest();
 
-    const LightTracer::Counts& counts() const { return counts_; }
+    const LightCounts& counts() const { return counts_; }
     const Diagnostics& diagnostics() const { return said_; }
     void tellOfDamage();
 
@@ -198,7 +199,7 @@ class LightTables {
     Diagnostics diagnostics_;  // of this apply() so far
     Diagnostics said_;         // since the start, each once
     ToldOnce told_;
-    LightTracer::Counts counts_;
+    LightCounts counts_;
 
     PagedArrayWriter<trace::SlotShading, trace::kSlotBits> shading_;
     PagedArrayWriter<std::shared_ptr<const trace::MaterialEntry>> materials_;

@@ -8,9 +8,12 @@
 
 #include <cstdint>
 
-#include "surface_packet.h"
+#include "lanes3.h"
+#include "trace_scene.h"
 
 namespace rtsg::trace {
+
+struct SurfacePacket;
 
 /// What one light sends to sixteen points.
 struct alignas(64) Incoming {

@@ -9,17 +9,11 @@
 #include <cstdint>
 #include <limits>
 
+#include "lanes3.h"
 #include "trace_scene.h"
 #include "world/ray_boxes.h"
 
 namespace rtsg::trace {
-
-struct alignas(64) Lanes3 {
-    float x[16], y[16], z[16];
-    void set(int lane, const Vec3f& v) { x[lane] = v.x, y[lane] = v.y, z[lane] = v.z; }
-    void add(int lane, const Vec3f& v) { x[lane] += v.x, y[lane] += v.y, z[lane] += v.z; }
-    Vec3f get(int lane) const { return {x[lane], y[lane], z[lane]}; }
-};
 
 struct alignas(64) SurfacePacket {
     std::uint32_t mask = 0;            // lanes that hit something

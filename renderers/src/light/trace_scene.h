@@ -14,10 +14,10 @@
 #include <vector>
 
 #include <rtsg/renderers/camera.h>
-#include <rtsg/renderers/light_tracer.h>
 #include <rtsg/renderers/material.h>
 #include <rtsg/renderers/paged_array.h>
 #include <rtsg/renderers/ray_world.h>
+#include <rtsg/renderers/render_settings.h>
 
 #include "world/primary_rays.h"
 

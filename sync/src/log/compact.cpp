@@ -1,4 +1,5 @@
 // A log written again, shorter: from one time to another, with frames merged.
+#include <rtsg/core/change_composer.h>
 #include <rtsg/sync/log_compact.h>
 
 #include <fmt/format.h>

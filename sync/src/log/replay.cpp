@@ -1,4 +1,5 @@
 // Brings a log back into a scene, checks each state, and tells where two logs part.
+#include <rtsg/core/change_composer.h>
 #include <rtsg/sync/replay.h>
 
 #include <algorithm>

@@ -7,6 +7,7 @@
 
 #include <glm/gtc/quaternion.hpp>
 
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/geospatial.h>
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/x3d.h>

@@ -15,6 +15,8 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <rtsg/core/change_composer.h>
+
 #include "questions.h"
 #include "superseded.h"
 

@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/core/behaviour.h>
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 

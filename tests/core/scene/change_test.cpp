@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>

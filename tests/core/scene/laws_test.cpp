@@ -1,6 +1,7 @@
 // The laws of the change bus, as seeded property tests: a failing seed is in the test's message.
 #include <gtest/gtest.h>
 
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/scene.h>
 
 #include "support/random_edits.h"

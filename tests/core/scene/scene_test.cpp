@@ -7,6 +7,7 @@
 #include <thread>
 
 #include <rtsg/core/behaviour.h>
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/device_input.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>

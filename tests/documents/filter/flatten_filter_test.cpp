@@ -7,7 +7,7 @@
 
 #include <unistd.h>
 
-#include <rtsg/documents/filter.h>
+#include <rtsg/documents/filters.h>
 #include <rtsg/documents/writer.h>
 
 #include "core/scene_check.h"

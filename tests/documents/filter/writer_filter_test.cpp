@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <rtsg/documents/filter.h>
+#include <rtsg/documents/filters.h>
 
 #include "documents/reading.h"
 

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/documents/filter.h>
+#include <rtsg/documents/filters.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/documents/writer.h>
 

@@ -8,7 +8,7 @@
 #include <gmock/gmock.h>
 
 #include <rtsg/core/x3d.h>
-#include <rtsg/documents/filter.h>
+#include <rtsg/documents/filters.h>
 #include <rtsg/documents/writer.h>
 
 #include "light/light_tables.h"

@@ -1,4 +1,5 @@
 // Lossy streams: the bound holds for ever, nothing drifts, what rests is exact, and everybody agrees on the hash.
+#include <rtsg/core/change_composer.h>
 #include <rtsg/sync/lossy_scene.h>
 
 #include <cmath>

@@ -1,4 +1,5 @@
 // Predicted columns: whatever the values and wherever a reader starts, what comes out is what went in.
+#include <rtsg/core/change_composer.h>
 #include <rtsg/sync/change_codec.h>
 
 #include <algorithm>

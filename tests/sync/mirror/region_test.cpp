@@ -8,6 +8,7 @@
 
 #include <glm/gtc/matrix_transform.hpp>
 
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/field_text.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>

@@ -8,6 +8,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/change_composer.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/mirror_relay.h>

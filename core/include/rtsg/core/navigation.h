@@ -17,8 +17,8 @@
 
 // Example:
 //     #include <rtsg/core/device_input.h>
-//     #include <rtsg/documents/loader.h>
 //     #include <rtsg/core/navigation.h>
+//     #include <rtsg/documents/loader.h>
 //     rtsg::Scene scene;
 //     rtsg::Diagnostics diagnostics;
 //     rtsg::loadFile(scene, "hall.x3dv", diagnostics);
@@ -33,23 +33,15 @@
 #include <optional>
 #include <vector>
 
-#include <glm/gtc/quaternion.hpp>
-
 #include <rtsg/core/diagnostic.h>
 #include <rtsg/core/value.h>
+#include <rtsg/core/viewer_pose.h>
 
 namespace rtsg {
 
 class Node;
 class Scene;
 class SpaceQueries;
-
-/// From where, and which way: along -Z of `orientation`, a unit quaternion, with +Y up.
-struct ViewerPose {
-    Vec3d position{0};
-    glm::dquat orientation{1, 0, 0, 0};
-    friend bool operator==(const ViewerPose&, const ViewerPose&) = default;
-};
 
 enum class NavigationType : std::uint8_t { none, walk, fly, examine, lookAt };
 

@@ -1,0 +1,84 @@
+// What a trace of sound is asked for, and what comes of it.
+//
+// Threading: values.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <vector>
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/echogram.h>
+#include <rtsg/audio/image_sources.h>
+#include <rtsg/audio/room_metrics.h>
+#include <rtsg/audio/room_openings.h>
+
+namespace rtsg {
+
+struct TraceOptions {
+    /// By default as high as the candidates allow and is worth it: images are exact where rays are noisy (flutter
+    /// echoes above all), but of walls that scatter they have little.
+    int imageOrder = 1000;
+    std::size_t maxImageCandidates = 60'000;
+    /// What is scattered and then mirrored so many times at most, 0 to 3, is connected with the images of the listener
+    /// that are worth most; all else that is mirrored is left to the ball.
+    int connectedOrder = 3;
+    std::uint64_t rays = 20'000;
+    /// Independent parts that the rays are divided into, for the confidence intervals; at least 2.
+    int batches = 16;
+    /// Length of the echogram; 0: until 65 dB are gone: 1 s to a minute, or 10 s where that takes 4,000 reflections.
+    double maxSeconds = 0;
+    double binsPerSecond = 1000;
+    /// Of the ball, m; 0: by the room, half a metre in one of 100 m^3, three metres in one of 100,000 m^3.
+    double receiverRadius = 0;
+    std::uint64_t seed = 1;
+    Air air;
+    /// Sound bends round edges (see trace/edge_sources.h), 0 to 2 of them in a row; with 2 also round a third one of
+    /// the same body, along its faces; and, but with 0, round cylinders and spheres (see trace/round_bodies.h).
+    int diffractionOrder = 2;
+    /// Of the rays that escape, so many at most are told of each batch and run: TraceResult::exits.
+    int exits = 0;
+    /// Of what is radiated; paths to the images and rays alike.
+    SourcePattern pattern = {};
+    /// Asked now and then while rays are traced, on any thread and on several at once; once it says false tracing ends
+    /// soon, and what it gave is no result.
+    std::function<bool()> goOn = {};
+};
+
+/// Pairs of edges round which sound goes, where it does not come straight.
+struct EdgePairCount {
+    std::size_t heard = 0;
+    std::size_t leftOut = 0;  // there were too many: the shortest ways were looked at
+};
+
+struct TraceResult {
+    std::vector<Arrival> arrivals;         // exact part
+    EdgeField edges;                       // and what of it edges bend
+    std::vector<EnergyHistogram> batches;  // random part: equally good estimates of the same
+    std::uint64_t rays = 0;
+    /// Bands that were traced; walls treat the others as one of them, so that these cost nothing.
+    int bandsTraced = 0;
+    int imageOrder = 0;     // that was complete within maxImageCandidates
+    double imageShare = 0;  // of energy that the paths of images keep at best, at least
+    std::size_t imageCandidates = 0;
+    EdgePairCount edgePairs;
+    double seconds = 0;         // length of the echogram
+    double receiverRadius = 0;  // used
+    double receiverVolume = 0;  // m^3 of the ball that are seen from the listener
+    /// More than 0 in bands of which something might have arrived by chance; where nothing of them did, the figures
+    /// have no interval.
+    Bands tried{};
+    /// Shares of the emitted energy: absorbed by surfaces and air, gone to infinity, still on its way at maxSeconds.
+    Bands absorbed{}, escaped{}, truncated{};
+    /// Of the rays that escaped as many as were asked for, each with the same chance; some thousand at most.
+    std::vector<EscapedRay> exits;
+
+    /// Whether nothing arrived at all.
+    bool silent() const;
+    Echogram echogram() const;
+    /// Without the times whose decay the end of the echogram cuts: T30, T20 and EDT are NaN when more than -45, -35,
+    /// -20 dB of a band's energy was still on its way then, and with EDT all other figures.
+    MetricsEstimate metrics() const;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,111 @@
+// What a picture by rays is made with, and what is said of one that was made.
+//
+// Threading: values.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include <rtsg/renderers/camera.h>
+#include <rtsg/renderers/color.h>
+#include <rtsg/renderers/flattener.h>
+#include <rtsg/renderers/ray_world.h>
+
+namespace rtsg {
+
+/// Which lights cast shadows: those whose `shadows` field says so; all but the headlight, whatever the fields say;
+/// none; or (automatic) as the fields say if that of any light says TRUE, and else all: authors seldom set the field.
+enum class Shadows : std::uint8_t { authored, all, none, automatic };
+
+/// Whitted: lights, mirrors and glass, X3D's ambient terms for the rest. Path: unbiased, light between surfaces and
+/// from the sky included, ambient terms left out; colours that would send on more light than they get are smaller
+/// (bsdf.h): highlights beside bright diffuse colours, PhysicalMaterial's white at grazing views. Raster: not of this
+/// tracer.
+enum class Integrator : std::uint8_t { whitted, path, raster };
+
+/// Bits of RenderSettings::layers: what a picture tells of its pixels besides their colours, in Picture::layers. It is
+/// of the first surface that lets less than half of what is behind it through, or bends it; where there is none, Z is
+/// infinite and all else 0. depth, position, normal, node and motion are those of the pixel's middle, the others a mean
+/// over samples; all are of the picture's own instant, whatever its shutter.
+enum DataLayer : std::uint32_t {
+    kDepth = 1,       // "Z": metres along the view, of panoramas from the eye
+    kPosition = 2,    // "P.X", "P.Y", "P.Z": world, metres
+    kNormal = 4,      // "N.X" ...: as it is shaded, in world space, on the eye's side
+    kAlbedo = 8,      // "albedo.R" ...: diffuseColor, baseColor, or what an unlit one shows; with textures, as light
+    kNode = 16,       // "node.id": NodeId of the Shape, an integer
+    kObjects = 32,    // "CryptoObject00.R" ...: Cryptomatte 1.2 of RenderSettings::nameOf(shape)
+    kMaterials = 64,  // "CryptoMaterial00.R" ...: of nameOf(appearance)
+    /// "motion.X", "motion.Y": from a pixel's middle to where what it shows was in the picture before, in pixels to the
+    /// right and up; 0 where that is not known. Of what is infinitely far, by the eye's turning.
+    kMotion = 128
+};
+constexpr std::uint32_t kAllLayers = 255;
+
+/// What a relative error is relative to, besides a pixel's value: darker differences are not seen.
+constexpr float kErrorFloor = 0.01f;
+
+/// What things have moved from since: the world and the eye of the picture before.
+struct PictureBefore {
+    std::shared_ptr<const WorldVersion> world;  // of the same RayWorld
+    Camera camera;
+};
+
+struct RenderSettings {
+    Integrator integrator = Integrator::whitted;
+    int width = 1280, height = 720;
+    int samplesPerPixel = 1;  // 1: through the pixels' centres; more: a scrambled (0,2)-sequence
+    /// If above 0, tiles of 16 x 16 pixels are sampled until their relative standard error (RenderStats::error) is at
+    /// most this, and that of no block of 4 x 4 more than a tenth above it, with at most samplesPerPixel samples a
+    /// pixel; Picture::interval tells how well each pixel is known.
+    float error = 0;
+    std::uint64_t seed = 1;      // of the scrambling
+    float cutoff = 1 / 1024.0f;  // of whitted: rays that could add less than this share (1e-6 at least) are left out
+    int maxDepth = 250;          // of whitted: mirrorings and refractions on one way, should its weight not run out
+    Shadows shadows = Shadows::automatic;
+    /// In which space light is computed (docs/color.md). The picture is of the display's space, or linear if that is
+    /// asked for. Paths compute in linear light always: automatic means that, display is an error.
+    ColorSpace colorSpace = ColorSpace::automatic;
+    /// Whether closed bodies that ClipPlanes cut (11.4.1) are filled there, in their material's own colours; else one
+    /// looks into them.
+    bool caps = false;
+    unsigned threads = 0;      // 0: one a core
+    std::uint32_t layers = 0;  // DataLayers
+    /// The share, up to 1, of the time since the picture before in which the shutter was open; it closes at this one's
+    /// instant. What has moved (instances, each as a rigid or evenly stretched thing, and the eye) is blurred along its
+    /// way; lights, lines, points, volumes and what deforms stay where they are in the end. Needs several samples.
+    float shutter = 0;
+    /// Of `shutter` and kMotion; null: nothing has moved. LightRenderer knows its own.
+    std::shared_ptr<const PictureBefore> before;
+    /// Of kObjects and kMaterials: asked before the rays are traced, by the thread that asks for the picture. Empty, or
+    /// what returns an empty name: the node's number. LightRenderer takes DEF names where it is on the scene's thread.
+    std::function<std::string(NodeId)> nameOf;
+    /// Called now and then, from any thread but never from two at once, with the share done; false cancels.
+    std::function<bool(double)> progress;
+};
+
+struct RenderStats {
+    std::uint64_t primaryRays = 0, shadowRays = 0, secondaryRays = 0;
+    double seconds = 0;
+    /// The share of the picture's, and the largest share of a pixel's, lines of sight that was cut off by
+    /// RenderSettings::maxDepth (whitted) or 10,000 bounces (path) before its weight had run out: how much darker than
+    /// it is something may show.
+    double missing = 0, missingMost = 0;
+    /// Of RenderSettings::error: the relative standard error that was reached, root mean square over the pixels: each
+    /// pixel's is that of its brightest channel over (value + kErrorFloor). The share of pixels in blocks that ran out
+    /// of samples, and how many samples a pixel got on average.
+    double error = 0, unreached = 0, samples = 0;
+    /// The share of pixels that were taken from the picture before (LightRenderer), as nothing of what they show can
+    /// have changed. Rays are those that were traced; all else is told of the whole picture.
+    double kept = 0;
+    bool cancelled = false;
+};
+
+/// How many materials, lights and textures have been read since the start; for tests of the invariant.
+struct LightCounts {
+    std::uint64_t materialsRead = 0, lightsRead = 0;
+    std::size_t materials = 0, lights = 0;
+};
+
+}  // namespace rtsg
