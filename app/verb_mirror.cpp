@@ -11,6 +11,8 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/terminal.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/mirror_client.h>
 #include <rtsg/sync/record_log.h>
 
@@ -473,6 +475,8 @@ void Mirroring::printJson() const {
 
 int Mirroring::run() {
     if (auto ok = options_.outputs.check({options_.key}); !ok) return printError(ok.error()), kBad;
+    registerDocuments(replica_);
+    runScripts(replica_);
     replica_.setScriptResources(std::make_shared<const Resources>(resources_));
     auto wanted = clientOptions(options_);
     if (!wanted) return printError(wanted.error()), kBad;

@@ -13,6 +13,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <rtsg/documents/loader.h>
+#include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/log_check.h>
 #include <rtsg/sync/log_compact.h>
 #include <rtsg/sync/log_summary.h>
@@ -107,6 +109,8 @@ class Replaying {
           resources_(options.outputs.resources.ofFile(options.log)) {}
 
     int run() {
+        registerDocuments(replayer_.scene());
+        runScripts(replayer_.scene());
         replayer_.scene().setScriptResources(std::make_shared<const Resources>(resources_));
         if (auto ok = begin(); !ok) return printError(ok.error()), kBad;
         if (replayer_.frames() == 0)

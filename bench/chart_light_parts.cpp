@@ -15,7 +15,7 @@
 
 #include "bench.h"
 #include "charts.h"
-#include "light/path_parts.h"
+#include "lighting/path_parts.h"
 #include "panel_room.h"
 #include "under_sky.h"
 

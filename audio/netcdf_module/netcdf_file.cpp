@@ -1,5 +1,5 @@
 // The module librtsg_netcdf.so: netCDF-4 files by the netCDF library. Links nothing of ours, throws nothing.
-#include "signal/netcdf_file.h"
+#include "sound_io/netcdf_file.h"
 
 #include <algorithm>
 #include <cerrno>

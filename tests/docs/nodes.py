@@ -2,7 +2,7 @@
 """Is docs/nodes.md true of the node tables and of the behaviours that there are?
 
 Every node type that acts, by the @acts tags of core/spec, has one row there. A row that says "runs" must name a type that
-core/src/behaviour has a behaviour for, or one of ELSEWHERE; a row that says "holds" one that has none. Where a clause names the node's own section (9.4.2),
+the core has a behaviour for, or one of ELSEWHERE; a row that says "holds" one that has none. Where a clause names the node's own section (9.4.2),
 it is the one of its place: sections stand in the order of the alphabet within a component.
 Exit status 1, a line for each row at fault.
 """
@@ -11,8 +11,9 @@ import re
 import sys
 
 ROOT = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else pathlib.Path(__file__).parent.parent.parent)
+BEHAVIOURS = ("behaviour", "sensors", "animation")  # rooms of core that have behaviours
 # Types that act in another way than by a behaviour of theirs, and the file that has it.
-ELSEWHERE = {"Anchor": "core/src/behaviour/pointing.cpp", "Script": "scripts/src/engine/engine.cpp", "Inline": "documents/src/build/inline.cpp",
+ELSEWHERE = {"Anchor": "core/src/sensors/pointing.cpp", "Script": "scripts/src/engine/engine.cpp", "Inline": "documents/src/build/inline.cpp",
              "InlineGeometry": "documents/src/build/inline_geometry.cpp",
              "FontLibrary": "documents/src/media/font_reports.cpp", "Text": "renderers/src/text", "Analyser": "audio/src", "AudioClip": "audio/src", "AudioDestination": "audio/src",
              "BiquadFilter": "audio/src", "BufferAudioSource": "audio/src", "ChannelMerger": "audio/src",
@@ -23,7 +24,7 @@ ELSEWHERE = {"Anchor": "core/src/behaviour/pointing.cpp", "Script": "scripts/src
              **{name: "physics/src/engine" for name in (
                  "BallJoint", "CollidableOffset", "CollidableShape", "CollisionSensor", "DoubleAxisHingeJoint", "MotorJoint", "RigidBody",
                  "RigidBodyCollection", "SingleAxisHingeJoint", "SliderJoint", "UniversalJoint")},
-             "TextureProjector": "renderers/src/light", "TextureProjectorParallel": "renderers/src/light"}
+             "TextureProjector": "renderers/src/tables", "TextureProjectorParallel": "renderers/src/tables"}
 
 
 def tables():
@@ -59,7 +60,7 @@ def places():
 
 def behaviours():
     found = set()
-    for path in (ROOT / "core" / "src" / "behaviour").glob("*.cpp"):
+    for path in (path for room in BEHAVIOURS for path in (ROOT / "core" / "src" / room).glob("*.cpp")):
         text = path.read_text()
         if path.name != "mobility.cpp":
             found |= set(re.findall(r"(?:push_back\(\{|add\(|bindable<)x3d::(\w+)", text))

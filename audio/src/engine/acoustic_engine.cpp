@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "acoustic_engine_impl.h"
-#include "trace/reach.h"
+#include "response/reach.h"
 
 namespace rtsg {
 namespace {

@@ -4,7 +4,7 @@
 #include <new>
 #include <utility>
 
-#include "signal/thread_priority.h"
+#include "sound_io/thread_priority.h"
 
 namespace rtsg {
 

@@ -15,13 +15,13 @@
 
 #include <rtsg/audio/convolver.h>
 
+#include "edges/arrival_pan.h"
+#include "images/followed_edges.h"
+#include "images/followed_images.h"
 #include "ring.h"
 #include "signal/delay_line.h"
 #include "signal/head_filter.h"
 #include "signal/pole_bank.h"
-#include "trace/arrival_pan.h"
-#include "trace/followed_edges.h"
-#include "trace/followed_images.h"
 
 namespace rtsg {
 

@@ -8,10 +8,10 @@
 
 #include <rtsg/renderers/parallel_for.h>
 
-#include "signal/thread_priority.h"
-#include "trace/followed_edges.h"
-#include "trace/reach.h"
-#include "trace/sealed_result.h"
+#include "images/followed_edges.h"
+#include "response/reach.h"
+#include "response/sealed_result.h"
+#include "sound_io/thread_priority.h"
 
 namespace rtsg {
 namespace {

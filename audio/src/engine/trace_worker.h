@@ -21,7 +21,7 @@
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/world_geometry.h>
 
-#include "trace/followed_images.h"
+#include "images/followed_images.h"
 
 namespace rtsg {
 

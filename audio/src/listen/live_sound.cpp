@@ -19,7 +19,7 @@
 
 #include "audio_events.h"
 #include "sealed_text.h"
-#include "signal/thread_priority.h"
+#include "sound_io/thread_priority.h"
 
 namespace rtsg {
 namespace {

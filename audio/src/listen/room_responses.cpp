@@ -13,7 +13,7 @@
 
 #include <rtsg/core/output_file.h>
 
-#include "signal/netcdf_file.h"
+#include "sound_io/netcdf_file.h"
 
 namespace rtsg {
 namespace {

@@ -16,10 +16,10 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "audio_events.h"
+#include "response/places.h"
+#include "response/sealed_result.h"
 #include "scene/source_pattern.h"
 #include "sealed_text.h"
-#include "trace/places.h"
-#include "trace/sealed_result.h"
 #include "unheard_text.h"
 
 namespace rtsg {

@@ -170,7 +170,7 @@ void takeState(Cascade& cascade, const Node& node, const dis::Pdu& pdu, std::spa
     // A PDU that says when it was true is taken from then on, if that can be: clocks may differ.
     const double age = ageOf(pdu.header, cascade.now());
     const bool isDated = (pdu.header.timestamp & 1) && age >= 0 && age < kDisTimeout<Espdu>;
-    cascade.store(node, Espdu::_state, wordsOf(bytes));
+    cascade.store(node, Espdu::_state, rtsg::wordsOf(bytes));
     cascade.store(node, Espdu::_stateTime, Time{cascade.now() - (isDated ? age : 0)});
     tell(cascade, node, Espdu::marking, String(state.marking));
     tellNumber(cascade, node, Espdu::forceID, state.force);

@@ -8,9 +8,9 @@
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
+#include "input/viewer_move.h"
 #include "scene/places.h"
 #include "scene/view_pose.h"
-#include "scene/viewer_move.h"
 
 namespace rtsg::behaviours {
 

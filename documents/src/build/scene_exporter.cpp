@@ -14,7 +14,7 @@
 #include <rtsg/documents/read_document.h>
 
 #include "builder_state.h"
-#include "value/field_text_printer.h"
+#include "text/field_text_printer.h"
 
 namespace rtsg {
 

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "value/number_text.h"
+#include "text/number_text.h"
 
 namespace rtsg::detail {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "value/text_position.h"
+#include "text/text_position.h"
 
 namespace rtsg::detail {
 

@@ -10,7 +10,7 @@
 #include <rtsg/documents/filter.h>
 
 #include "commands/value_numbers.h"
-#include "value/number_text.h"
+#include "text/number_text.h"
 
 namespace rtsg::detail {
 

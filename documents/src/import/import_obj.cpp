@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "import.h"
-#include "value/utf8.h"
+#include "text/utf8.h"
 
 namespace rtsg::detail {
 

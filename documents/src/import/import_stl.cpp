@@ -4,7 +4,7 @@
 #include <unordered_map>
 
 #include "import.h"
-#include "value/utf8.h"
+#include "text/utf8.h"
 
 namespace rtsg::detail {
 

@@ -11,9 +11,9 @@
 #include <tmmintrin.h>
 #endif
 
-#include "value/number_text.h"
-#include "value/text_pieces.h"
-#include "value/text_position.h"
+#include "text/number_text.h"
+#include "text/text_pieces.h"
+#include "text/text_position.h"
 
 namespace rtsg::detail {
 

@@ -10,8 +10,8 @@
 
 #include <rtsg/core/diagnostic.h>
 
+#include "text/splitting.h"
 #include "text_feed.h"
-#include "value/splitting.h"
 
 namespace rtsg::detail {
 

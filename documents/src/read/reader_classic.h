@@ -14,8 +14,8 @@
 #include "commands/spelled_name.h"
 #include "commands/units.h"
 #include "reader_common.h"
+#include "text/text_position.h"
 #include "text_feed.h"
-#include "value/text_position.h"
 
 namespace rtsg::detail {
 

@@ -6,7 +6,7 @@
 #include <functional>
 
 #include "commands/reader_types.h"
-#include "value/field_text_parser.h"
+#include "text/field_text_parser.h"
 
 namespace rtsg::detail {
 

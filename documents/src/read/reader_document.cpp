@@ -14,8 +14,8 @@
 #include "reader_common.h"
 #include "reader_html.h"
 #include "reader_utf8.h"
+#include "text/text_position.h"
 #include "text_feed.h"
-#include "value/text_position.h"
 
 namespace rtsg {
 

@@ -13,7 +13,7 @@
 
 #include "json_outline.h"
 #include "reader_element.h"
-#include "value/text_position.h"
+#include "text/text_position.h"
 
 namespace rtsg::detail {
 

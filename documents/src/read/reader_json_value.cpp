@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "reader_json.h"
-#include "value/find_bytes.h"
+#include "text/find_bytes.h"
 
 namespace rtsg::detail {
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "value/utf8.h"
+#include "text/utf8.h"
 
 namespace rtsg::detail {
 

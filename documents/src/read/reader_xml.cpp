@@ -8,8 +8,8 @@
 #include <cstring>
 #include <new>
 
-#include "value/find_bytes.h"
-#include "value/text_pieces.h"
+#include "text/find_bytes.h"
+#include "text/text_pieces.h"
 
 namespace rtsg::detail {
 

@@ -13,8 +13,8 @@
 #include <expat.h>
 
 #include "reader_element.h"
+#include "text/text_position.h"
 #include "text_feed.h"
-#include "value/text_position.h"
 
 namespace rtsg::detail {
 

@@ -15,7 +15,7 @@
 #include "gzip.h"
 #include "import/import.h"
 #include "reader_utf8.h"
-#include "value/text_position.h"
+#include "text/text_position.h"
 
 namespace rtsg::detail {
 

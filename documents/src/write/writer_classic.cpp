@@ -7,7 +7,7 @@
 
 #include "commands/units.h"
 #include "commands/versions.h"
-#include "value/number_text.h"
+#include "text/number_text.h"
 #include "writer_common.h"
 
 namespace rtsg::detail {

@@ -12,7 +12,7 @@
 
 #include "commands/reader_types.h"
 #include "commands/spelled_name.h"
-#include "value/field_text_printer.h"
+#include "text/field_text_printer.h"
 
 namespace rtsg::detail {
 

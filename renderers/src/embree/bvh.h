@@ -23,8 +23,8 @@
 
 #include "clusters.h"
 #include "embree.h"
-#include "instance_tree.h"
 #include "long_triangles.h"
+#include "trees/instance_tree.h"
 
 namespace rtsg::bvh {
 

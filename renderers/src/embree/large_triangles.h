@@ -15,7 +15,7 @@
 
 #include <rtsg/renderers/ray.h>
 
-#include "tree_view.h"
+#include "trees/tree_view.h"
 
 namespace rtsg::bvh {
 

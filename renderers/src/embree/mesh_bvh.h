@@ -14,8 +14,8 @@
 
 #include "bvh.h"
 #include "bvh_watch.h"
-#include "versions.h"
-#include "worker.h"
+#include "trees/versions.h"
+#include "trees/worker.h"
 
 namespace rtsg::bvh {
 

@@ -4,10 +4,10 @@
 #include <cstring>
 #include <utility>
 
-#include "packet_avx512.h"
 #include "passed_hits.h"
-#include "rays_together.h"
 #include "top.h"
+#include "trees/packet_avx512.h"
+#include "trees/rays_together.h"
 
 namespace rtsg::bvh {
 

@@ -6,7 +6,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "flattener_impl.h"
-#include "mesh/particles.h"
+#include "tessellate/particles.h"
 
 namespace rtsg {
 

@@ -14,17 +14,17 @@ namespace rtsg {
 
 namespace {
 
-using Bytes = std::span<const std::uint8_t>;
+using ByteSpan = std::span<const std::uint8_t>;
 
 constexpr std::size_t kMostBytes = std::size_t{1} << 24;  // of a profile
 
-std::uint32_t big16(Bytes bytes, std::size_t at) {
+std::uint32_t big16(ByteSpan bytes, std::size_t at) {
     return std::uint32_t{bytes[at]} << 8 | bytes[at + 1];
 }
-std::uint32_t big32(Bytes bytes, std::size_t at) {
+std::uint32_t big32(ByteSpan bytes, std::size_t at) {
     return big16(bytes, at) << 16 | big16(bytes, at + 2);
 }
-bool begins(Bytes bytes, std::string_view with) {
+bool begins(ByteSpan bytes, std::string_view with) {
     return bytes.size() >= with.size() &&
            std::equal(with.begin(), with.end(), bytes.begin(),
                       [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; });
@@ -32,7 +32,7 @@ bool begins(Bytes bytes, std::string_view with) {
 
 // ---- where the profile lies ------------------------------------------------------------------------------------
 
-std::vector<std::uint8_t> inflated(Bytes packed) {
+std::vector<std::uint8_t> inflated(ByteSpan packed) {
     std::vector<std::uint8_t> result(std::min(kMostBytes, 64 * packed.size() + 4096));
     uLongf length = result.size();
     if (uncompress(result.data(), &length, packed.data(), packed.size()) != Z_OK) return {};
@@ -40,17 +40,17 @@ std::vector<std::uint8_t> inflated(Bytes packed) {
     return result;
 }
 
-std::vector<std::uint8_t> ofPng(Bytes file) {
+std::vector<std::uint8_t> ofPng(ByteSpan file) {
     for (std::size_t at = 8; at + 12 <= file.size();) {
         const std::size_t length = big32(file, at);
         if (length > file.size() - at - 12) return {};
-        const Bytes content = file.subspan(at + 8, length);
-        const Bytes type = file.subspan(at + 4, 4);
+        const ByteSpan content = file.subspan(at + 8, length);
+        const ByteSpan type = file.subspan(at + 4, 4);
         if (begins(type, "IDAT")) return {};
         if (begins(type, "iCCP")) {
             const auto end = std::ranges::find(content, std::uint8_t{0});  // of its name in the file
             if (content.end() - end < 2) return {};
-            return inflated(Bytes(end + 2, content.end()));
+            return inflated(ByteSpan(end + 2, content.end()));
         }
         at += 12 + length;
     }
@@ -58,7 +58,7 @@ std::vector<std::uint8_t> ofPng(Bytes file) {
 }
 
 /// It comes in segments, numbered from 1.
-std::vector<std::uint8_t> ofJpeg(Bytes file) {
+std::vector<std::uint8_t> ofJpeg(ByteSpan file) {
     using namespace std::string_view_literals;
     constexpr std::string_view kName = "ICC_PROFILE\0"sv;
     constexpr std::uint8_t kScan = 0xDA, kApp2 = 0xE2;
@@ -71,10 +71,10 @@ std::vector<std::uint8_t> ofJpeg(Bytes file) {
         }
         const std::size_t length = big16(file, at + 2);
         if (file[at + 1] == kScan || length < 2 || length > file.size() - at - 2) break;
-        const Bytes content = file.subspan(at + 4, length - 2);
+        const ByteSpan content = file.subspan(at + 4, length - 2);
         if (file[at + 1] == kApp2 && begins(content, kName) && content.size() >= kName.size() + 2) {
             if (content[kName.size()] != next++) return {};
-            const Bytes part = content.subspan(kName.size() + 2);
+            const ByteSpan part = content.subspan(kName.size() + 2);
             result.insert(result.end(), part.begin(), part.end());
         }
         at += 2 + length;
@@ -82,19 +82,19 @@ std::vector<std::uint8_t> ofJpeg(Bytes file) {
     return result;
 }
 
-std::vector<std::uint8_t> ofWebp(Bytes file) {
+std::vector<std::uint8_t> ofWebp(ByteSpan file) {
     for (std::size_t at = 12; at + 8 <= file.size();) {
         const std::size_t length = std::size_t{file[at + 4]} | std::size_t{file[at + 5]} << 8 |
                                    std::size_t{file[at + 6]} << 16 | std::size_t{file[at + 7]} << 24;
         if (length > file.size() - at - 8) return {};
-        const Bytes content = file.subspan(at + 8, length);
+        const ByteSpan content = file.subspan(at + 8, length);
         if (begins(file.subspan(at), "ICCP")) return {content.begin(), content.end()};
         at += 8 + length + length % 2;
     }
     return {};
 }
 
-std::vector<std::uint8_t> profileIn(Bytes file) {
+std::vector<std::uint8_t> profileIn(ByteSpan file) {
     if (begins(file, "\x89PNG")) return ofPng(file);
     if (begins(file, "\xFF\xD8\xFF")) return ofJpeg(file);
     if (begins(file, "RIFF") && file.size() >= 12 && begins(file.subspan(8), "WEBP")) return ofWebp(file);
@@ -106,31 +106,31 @@ std::vector<std::uint8_t> profileIn(Bytes file) {
 class Profile {
   public:
     static constexpr std::size_t kHead = 128;
-    explicit Profile(Bytes bytes) : bytes_(bytes) {}
+    explicit Profile(ByteSpan bytes) : bytes_(bytes) {}
     bool isWhole() const { return bytes_.size() >= kHead + 4 && begins(bytes_.subspan(36), "acsp"); }
     bool isFor(std::string_view space) const { return begins(bytes_.subspan(16), space); }
     /// What a tag points at; empty: it is not there.
-    Bytes tag(std::string_view name) const {
+    ByteSpan tag(std::string_view name) const {
         const std::size_t count = std::min<std::size_t>(big32(bytes_, kHead), (bytes_.size() - kHead - 4) / 12);
         for (std::size_t i = 0; i < count; ++i) {
             const std::size_t entry = kHead + 4 + 12 * i;
             if (!begins(bytes_.subspan(entry), name)) continue;
             const std::size_t at = big32(bytes_, entry + 4), length = big32(bytes_, entry + 8);
-            return at <= bytes_.size() && length <= bytes_.size() - at ? bytes_.subspan(at, length) : Bytes();
+            return at <= bytes_.size() && length <= bytes_.size() - at ? bytes_.subspan(at, length) : ByteSpan();
         }
         return {};
     }
 
   private:
-    Bytes bytes_;
+    ByteSpan bytes_;
 };
 
-double fixedAt(Bytes tag, std::size_t at) {
+double fixedAt(ByteSpan tag, std::size_t at) {
     return static_cast<std::int32_t>(big32(tag, at)) / 65536.0;
 }
 
 /// A parametric curve (10.18). Precondition: it has as many numbers as its kind asks for.
-double parametric(Bytes tag, std::uint32_t kind, double x) {
+double parametric(ByteSpan tag, std::uint32_t kind, double x) {
     const auto p = [&](std::size_t i) { return fixedAt(tag, 12 + 4 * i); };
     const double g = p(0);
     const auto power = [&](double base) { return std::pow(std::max(base, 0.0), g); };
@@ -149,7 +149,7 @@ double parametric(Bytes tag, std::uint32_t kind, double x) {
 }
 
 /// The light of a number from 0 to 1, by a curve's tag; none: it is no such curve.
-std::optional<double> lightOf(Bytes tag, double x) {
+std::optional<double> lightOf(ByteSpan tag, double x) {
     if (tag.size() < 12) return std::nullopt;
     if (begins(tag, "para")) {
         constexpr std::array<std::size_t, 5> kNumbers{1, 3, 4, 5, 7};
@@ -168,7 +168,7 @@ std::optional<double> lightOf(Bytes tag, double x) {
     return ((1 - share) * big16(tag, 12 + 2 * below) + share * big16(tag, 14 + 2 * below)) / 65535;
 }
 
-bool hasSrgbCurve(Bytes tag) {
+bool hasSrgbCurve(ByteSpan tag) {
     for (const double x : {.25, .5, .75}) {
         constexpr double kSeen = .02;  // sRGB's own curve is .01 off the power of 2.2 that stands for it in many files
         const auto light = lightOf(tag, x);
@@ -188,7 +188,7 @@ bool isSrgb(const Profile& profile) {
                                     Primary{"gXYZ", "gTRC", {.3851, .7169, .0971}},
                                     Primary{"bXYZ", "bTRC", {.1431, .0606, .7141}}};
     for (const Primary& primary : kPrimaries) {
-        const Bytes color = profile.tag(primary.color);
+        const ByteSpan color = profile.tag(primary.color);
         if (color.size() < 20 || !hasSrgbCurve(profile.tag(primary.curve))) return false;
         for (std::size_t i = 0; i < 3; ++i)
             if (!(std::abs(fixedAt(color, 8 + 4 * i) - primary.xyz[i]) < .01)) return false;
@@ -198,7 +198,7 @@ bool isSrgb(const Profile& profile) {
 
 /// The description's text: all of an older one, the first language of a newer one, without what is not ASCII.
 std::string nameOf(const Profile& profile) {
-    const Bytes tag = profile.tag("desc");
+    const ByteSpan tag = profile.tag("desc");
     std::string name;
     const auto add = [&](std::uint32_t letter) {
         constexpr std::size_t kMost = 60;
@@ -217,7 +217,7 @@ std::string nameOf(const Profile& profile) {
 
 }  // namespace
 
-std::string foreignColorProfile(Bytes file) {
+std::string foreignColorProfile(ByteSpan file) {
     const std::vector<std::uint8_t> found = profileIn(file);
     const Profile profile(found);
     if (!profile.isWhole() || isSrgb(profile)) return {};

@@ -6,11 +6,11 @@
 #include <cstring>
 #include <functional>
 
-#include "embree/packet_avx512.h"
 #include "embree/passed_hits.h"
 #include "mesh/simd8.h"
 #include "ray_boxes.h"
 #include "ray_view_impl.h"
+#include "trees/packet_avx512.h"
 
 namespace rtsg {
 

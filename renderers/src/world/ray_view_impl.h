@@ -9,8 +9,8 @@
 
 #include <rtsg/renderers/ray_view.h>
 
-#include "embree/strokes.h"
 #include "embree/top.h"
+#include "trees/strokes.h"
 
 namespace rtsg {
 

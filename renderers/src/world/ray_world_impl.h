@@ -16,13 +16,13 @@
 #include <rtsg/renderers/ray_world.h>
 
 #include "embree/mesh_bvh.h"
-#include "embree/paged.h"
-#include "embree/strokes.h"
 #include "embree/top.h"
-#include "embree/versions.h"
-#include "embree/worker.h"
 #include "mesh/told_once.h"
 #include "ray_view_impl.h"
+#include "trees/paged.h"
+#include "trees/strokes.h"
+#include "trees/versions.h"
+#include "trees/worker.h"
 
 namespace rtsg {
 

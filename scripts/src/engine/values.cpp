@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "value/utf8.h"
+#include "text/utf8.h"
 
 namespace rtsg::script {
 

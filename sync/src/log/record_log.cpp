@@ -15,6 +15,8 @@
 #include <fmt/format.h>
 #include <pthread.h>
 
+#include <rtsg/core/change_composer.h>
+
 namespace rtsg {
 
 namespace {

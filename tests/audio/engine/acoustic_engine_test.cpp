@@ -10,7 +10,7 @@
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/shared_world.h>
 
-#include "trace/reach.h"
+#include "response/reach.h"
 
 namespace rtsg {
 namespace {

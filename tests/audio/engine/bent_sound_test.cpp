@@ -12,8 +12,8 @@
 #include <gtest/gtest.h>
 
 #include <rtsg/audio/acoustic_engine.h>
-#include <rtsg/audio/wedge.h>
 #include <rtsg/core/x3d.h>
+#include "edges/wedge.h"
 
 #include "played_frames.h"
 

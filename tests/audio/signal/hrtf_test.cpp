@@ -14,7 +14,7 @@
 #include <rtsg/audio/impulse_response.h>
 
 #include "audio/listen/listen_scene.h"
-#include "signal/netcdf_file.h"
+#include "sound_io/netcdf_file.h"
 
 namespace rtsg {
 namespace {

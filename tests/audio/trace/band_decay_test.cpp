@@ -1,7 +1,7 @@
 // Energies of one band from a time on.
 #include <gtest/gtest.h>
 
-#include "trace/band_decay.h"
+#include "response/band_decay.h"
 
 namespace rtsg::trace {
 namespace {

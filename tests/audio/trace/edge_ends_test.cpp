@@ -9,9 +9,9 @@
 
 #include <gtest/gtest.h>
 
-#include "trace/edge_ends.h"
-#include "trace/edge_parts.h"
-#include "trace/edge_paths.h"
+#include "edges/edge_ends.h"
+#include "edges/edge_parts.h"
+#include "edges/edge_paths.h"
 #include "walled.h"
 
 namespace rtsg {

@@ -1,7 +1,7 @@
 // Edges on one line: which are one, and how far that reaches.
 #include <gtest/gtest.h>
 
-#include "trace/edge_overlaps.h"
+#include "edges/edge_overlaps.h"
 
 namespace rtsg {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "audio/trace/trace_options.h"
 #include "audio/triangle_geometry.h"
-#include "trace/energy_under_way.h"
+#include "rays/energy_under_way.h"
 
 namespace rtsg {
 namespace {

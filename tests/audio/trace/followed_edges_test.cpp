@@ -6,11 +6,11 @@
 
 #include <gtest/gtest.h>
 
-#include <rtsg/audio/wedge.h>
+#include "edges/wedge.h"
 
+#include "edges/edge_route.h"
+#include "images/followed_edges.h"
 #include "signal/pole_bank.h"
-#include "trace/edge_route.h"
-#include "trace/followed_edges.h"
 #include "walled.h"
 
 namespace rtsg {

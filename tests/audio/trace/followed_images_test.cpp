@@ -10,7 +10,7 @@
 #include <rtsg/audio/image_sources.h>
 
 #include "audio/triangle_geometry.h"
-#include "trace/followed_images.h"
+#include "images/followed_images.h"
 
 namespace rtsg {
 namespace {

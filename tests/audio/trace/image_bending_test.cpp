@@ -9,9 +9,9 @@
 
 #include <gtest/gtest.h>
 
+#include "edges/edge_route.h"
+#include "images/mirror_world.h"
 #include "rigid_body.h"
-#include "trace/edge_route.h"
-#include "trace/mirror_world.h"
 #include "walled.h"
 
 namespace rtsg {

@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
+#include "response/listener_choice.h"
 #include "signal/random.h"
-#include "trace/listener_choice.h"
 
 namespace rtsg::trace {
 namespace {

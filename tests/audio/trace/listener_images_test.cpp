@@ -1,6 +1,6 @@
 // Images of listeners that scattering walls are connected with: the right ones, each path counted once, whatever is
 // found.
-#include "trace/listener_images.h"
+#include "response/listener_images.h"
 
 #include <cmath>
 

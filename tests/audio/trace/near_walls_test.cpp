@@ -9,7 +9,7 @@
 #include "audio/trace/scattered.h"
 #include "audio/trace/trace_options.h"
 #include "audio/triangle_geometry.h"
-#include "trace/near_walls.h"
+#include "rays/near_walls.h"
 #include "walls/even_direction.h"
 
 namespace rtsg {

@@ -11,7 +11,7 @@
 #include <rtsg/audio/image_sources.h>
 
 #include "audio/triangle_geometry.h"
-#include "trace/places.h"
+#include "response/places.h"
 #include "walled.h"
 
 namespace rtsg {

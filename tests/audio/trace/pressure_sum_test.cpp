@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "trace/pressure_sum.h"
+#include "response/pressure_sum.h"
 
 namespace rtsg {
 namespace {

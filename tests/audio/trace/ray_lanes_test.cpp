@@ -1,5 +1,5 @@
 // Sixteen rays side by side: what walls make of them is what they would make of each alone.
-#include "trace/ray_lanes.h"
+#include "rays/ray_lanes.h"
 
 #include <cmath>
 #include <numbers>

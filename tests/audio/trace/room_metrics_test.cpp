@@ -11,7 +11,7 @@
 
 #include <rtsg/audio/room_metrics.h>
 
-#include "trace/decay_slopes.h"
+#include "response/decay_slopes.h"
 
 #include "audio/triangle_geometry.h"
 

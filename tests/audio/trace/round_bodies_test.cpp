@@ -10,11 +10,11 @@
 
 #include <gtest/gtest.h>
 
+#include "edges/edge_route.h"
+#include "images/followed_edges.h"
 #include "rigid_round.h"
 #include "round_levels.h"
 #include "round_shapes.h"
-#include "trace/edge_route.h"
-#include "trace/followed_edges.h"
 #include "walled.h"
 
 namespace rtsg {

@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "trace/surface_waves.h"
+#include "round_bodies/surface_waves.h"
 
 namespace rtsg {
 namespace {

@@ -10,8 +10,8 @@
 
 #include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/impulse_response.h>
-#include <rtsg/audio/wedge.h>
 #include <rtsg/audio/world_geometry.h>
+#include "edges/wedge.h"
 
 namespace rtsg::test {
 

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "trace/wave_levels.h"
+#include "response/wave_levels.h"
 #include "walled.h"
 
 namespace rtsg {

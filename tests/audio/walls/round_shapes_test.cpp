@@ -10,8 +10,8 @@
 #include <gtest/gtest.h>
 
 #include "audio/trace/round_shapes.h"
-#include "walls/round_shapes.h"
-#include "walls/wall_edges.h"
+#include "geometry/round_shapes.h"
+#include "geometry/wall_edges.h"
 
 namespace rtsg {
 namespace {

@@ -9,8 +9,8 @@
 
 #include <gtest/gtest.h>
 
-#include "walls/straight_edges.h"
-#include "walls/wall_edges.h"
+#include "geometry/straight_edges.h"
+#include "geometry/wall_edges.h"
 
 namespace rtsg {
 namespace {

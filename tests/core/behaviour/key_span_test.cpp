@@ -1,5 +1,5 @@
 // Where a fraction lies among keys: as std::upper_bound finds it, in order or not, with keys that come twice.
-#include "behaviour/key_span.h"
+#include "animation/key_span.h"
 
 #include <algorithm>
 #include <limits>

@@ -10,7 +10,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
-#include "scene/pick_report.h"
+#include "input/pick_report.h"
 #include "support/convex_gauge.h"
 #include "support/simple_space.h"
 

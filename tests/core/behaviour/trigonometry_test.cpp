@@ -1,5 +1,5 @@
 // Sine, cosine and arc tangent beside those of the mathematical library in long doubles.
-#include "behaviour/trigonometry.h"
+#include "animation/trigonometry.h"
 
 #include <limits>
 #include <random>

@@ -1,5 +1,5 @@
 // Avatars against closed forms: planes and balls whose meetings with rays are known in one line.
-#include "scene/avatar.h"
+#include "input/avatar.h"
 
 #include <cmath>
 #include <random>

@@ -7,8 +7,8 @@
 
 #include <gtest/gtest.h>
 
-#include "scene/chunk_pool.h"
-#include "scene/node_arena.h"
+#include "storage/chunk_pool.h"
+#include "storage/node_arena.h"
 
 namespace rtsg {
 namespace {

@@ -1,5 +1,5 @@
 // Triangles against convex bodies: closed forms, and random ones against a nested search.
-#include "scene/convex_body.h"
+#include "input/convex_body.h"
 
 #include <cmath>
 #include <random>

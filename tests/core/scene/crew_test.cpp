@@ -1,5 +1,5 @@
 // A crew runs every part of a job once, whether its helpers are awake, asleep or about to fall asleep.
-#include "scene/crew.h"
+#include "storage/crew.h"
 
 #include <atomic>
 #include <chrono>

@@ -11,7 +11,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
-#include "scene/viewer_move.h"
+#include "input/viewer_move.h"
 #include "support/simple_space.h"
 
 namespace rtsg {

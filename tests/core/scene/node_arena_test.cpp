@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "scene/node_arena.h"
+#include "storage/node_arena.h"
 #include "support/no_threads.h"
 
 namespace rtsg {

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-#include "scene/state.h"
+#include "state/state.h"
 
 namespace rtsg {
 namespace {

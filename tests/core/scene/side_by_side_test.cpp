@@ -18,7 +18,7 @@
 #include <rtsg/documents/loader.h>
 #include <rtsg/scripts/run_scripts.h>
 
-#include "scene/division.h"
+#include "storage/division.h"
 
 namespace rtsg {
 namespace {

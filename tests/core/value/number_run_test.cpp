@@ -10,7 +10,7 @@
 
 #include <rtsg/core/field_text.h>
 
-#include "value/number_run.h"
+#include "text/number_run.h"
 
 namespace rtsg::detail {
 namespace {

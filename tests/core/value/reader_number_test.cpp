@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "value/number_text.h"
+#include "text/number_text.h"
 
 namespace rtsg::detail {
 namespace {

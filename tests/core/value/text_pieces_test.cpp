@@ -4,8 +4,8 @@
 
 #include <gtest/gtest.h>
 
-#include "value/text_pieces.h"
-#include "value/utf8.h"
+#include "text/text_pieces.h"
+#include "text/utf8.h"
 
 namespace rtsg {
 namespace {

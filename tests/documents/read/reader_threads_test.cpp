@@ -16,7 +16,7 @@
 #include "core/scene_check.h"
 #include "documents/recording_handler.h"
 #include "read/reader_bytes.h"
-#include "value/number_pieces.h"
+#include "text/number_pieces.h"
 
 namespace rtsg {
 namespace {

@@ -1,6 +1,6 @@
 // The tree over instances against a loop over all of them.
-#include "embree/instance_tree.h"
-#include "embree/packet_avx512.h"
+#include "trees/instance_tree.h"
+#include "trees/packet_avx512.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
 // Packets whose rays run together and packets whose rays do not: each meets what its rays meet one by one, whether
 // told that it is coherent or not, whichever of its lanes are active.
-#include "embree/rays_together.h"
+#include "trees/rays_together.h"
 
 #include <gtest/gtest.h>
 
-#include "embree/packet_avx512.h"
 #include "renderers/ray_support.h"
+#include "trees/packet_avx512.h"
 
 namespace rtsg {
 namespace {

@@ -1,9 +1,9 @@
 // What versions pin, what they do not, and which mask bits are theirs.
-#include "embree/versions.h"
+#include "trees/versions.h"
 
 #include <gtest/gtest.h>
 
-#include "embree/paged.h"
+#include "trees/paged.h"
 
 namespace rtsg::bvh {
 namespace {

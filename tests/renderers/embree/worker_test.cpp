@@ -1,5 +1,5 @@
 // A worker runs its jobs in their order, on a thread of its own or, where there is none, for who waits for them.
-#include "embree/worker.h"
+#include "trees/worker.h"
 
 #include <stdexcept>
 #include <thread>

@@ -10,7 +10,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "light/adaptive.h"
+#include "path/adaptive.h"
 #include "renderers/light/light_scene.h"
 
 namespace rtsg {

@@ -1,5 +1,5 @@
 // Eight surfaces at a time: the numbers of one at a time, and samples whose weights are what their values say.
-#include "light/bsdf8.h"
+#include "texture/bsdf8.h"
 
 #include <cmath>
 #include <numbers>

@@ -1,5 +1,5 @@
 // One function behind value, density and samples: chi-square tests, reciprocity, energy; in double where it integrates.
-#include "light/bsdf.h"
+#include "texture/bsdf.h"
 
 #include <cmath>
 #include <numbers>

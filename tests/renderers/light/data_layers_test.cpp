@@ -18,7 +18,7 @@
 #include <rtsg/core/x3d.h>
 
 #include "image/image_files.h"
-#include "light/data_layers.h"
+#include "picture/data_layers.h"
 #include "renderers/light/light_scene.h"
 
 namespace rtsg {

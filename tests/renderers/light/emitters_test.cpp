@@ -6,9 +6,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "light/emitters.h"
-#include "light/light_tables.h"
+#include "lighting/emitters.h"
 #include "renderers/light/light_scene.h"
+#include "tables/light_tables.h"
 
 namespace rtsg {
 namespace {

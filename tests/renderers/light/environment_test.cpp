@@ -9,8 +9,8 @@
 #include <rtsg/renderers/full_traversal.h>
 #include <rtsg/renderers/shading.h>
 
-#include "light/environment.h"
 #include "light_scene.h"
+#include "lighting/environment.h"
 #include "support/temp_folder.h"
 
 namespace rtsg {

@@ -6,8 +6,8 @@
 
 #include <gtest/gtest.h>
 
-#include "light/lane_gather.h"
-#include "light/lane_queue.h"
+#include "lighting/lane_gather.h"
+#include "path/lane_queue.h"
 
 namespace rtsg::trace {
 namespace {

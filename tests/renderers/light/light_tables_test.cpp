@@ -11,9 +11,9 @@
 #include <rtsg/documents/filters.h>
 #include <rtsg/documents/writer.h>
 
-#include "light/light_tables.h"
 #include "renderers/light/light_scene.h"
 #include "support/temp_folder.h"
+#include "tables/light_tables.h"
 
 namespace rtsg {
 namespace {

@@ -11,9 +11,9 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
-#include "light/texture_store.h"
 #include "light_scene.h"
 #include "support/temp_folder.h"
+#include "texture/texture_store.h"
 
 namespace rtsg {
 namespace {

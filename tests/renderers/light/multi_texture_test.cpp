@@ -3,8 +3,8 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "light/generated_coordinates.h"
 #include "light_scene.h"
+#include "texture/generated_coordinates.h"
 
 namespace rtsg {
 namespace {

@@ -7,7 +7,7 @@
 
 #include <gtest/gtest.h>
 
-#include "light/packet_kernels.h"
+#include "surface/packet_kernels.h"
 
 namespace rtsg::trace {
 namespace {

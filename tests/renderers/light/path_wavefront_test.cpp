@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "light/path_parts.h"
+#include "lighting/path_parts.h"
 #include "renderers/light/light_scene.h"
 
 namespace rtsg {

@@ -8,9 +8,9 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "light/light_tables.h"
-#include "light/plain_surfaces.h"
 #include "renderers/light/light_scene.h"
+#include "surface/plain_surfaces.h"
+#include "tables/light_tables.h"
 
 namespace rtsg {
 namespace {

@@ -1,5 +1,5 @@
 // Sample points: evenly spread within a pixel, over squares of pixels, and over seeds; and what that does to noise.
-#include "light/sample_points.h"
+#include "lighting/sample_points.h"
 
 #include <array>
 #include <cmath>
@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "light/packet_random.h"
 #include "light_scene.h"
+#include "lighting/packet_random.h"
 
 namespace rtsg {
 namespace {

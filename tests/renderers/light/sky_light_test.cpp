@@ -12,9 +12,9 @@
 #include <rtsg/renderers/irradiance.h>
 #include <rtsg/renderers/space_texture.h>
 
-#include "light/bsdf.h"
-#include "light/sky_light.h"
+#include "lighting/sky_light.h"
 #include "renderers/light/light_scene.h"
+#include "texture/bsdf.h"
 
 namespace rtsg {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-#include "light/surface_branches.h"
+#include "surface/surface_branches.h"
 
 namespace rtsg::trace {
 namespace {

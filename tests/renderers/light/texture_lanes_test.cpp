@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-#include "light/texture_lanes.h"
+#include "surface/texture_lanes.h"
 
 namespace rtsg::trace {
 namespace {

@@ -10,8 +10,8 @@
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/light_renderer.h>
 
-#include "light/texture_store.h"
 #include "support/temp_folder.h"
+#include "texture/texture_store.h"
 
 namespace rtsg {
 namespace {

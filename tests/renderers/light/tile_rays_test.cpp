@@ -1,5 +1,5 @@
 // Groups of samples that are traced together: each gets, bit for bit, what it gets alone.
-#include "light/tile_rays.h"
+#include "packet/tile_rays.h"
 
 #include <algorithm>
 #include <bit>
@@ -8,8 +8,8 @@
 
 #include <gtest/gtest.h>
 
-#include "light/draw.h"
 #include "light_scene.h"
+#include "picture/draw.h"
 
 namespace rtsg {
 namespace {

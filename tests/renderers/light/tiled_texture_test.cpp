@@ -11,8 +11,8 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
-#include "light/texture_store.h"
 #include "support/temp_folder.h"
+#include "texture/texture_store.h"
 
 namespace rtsg {
 namespace {

@@ -1,6 +1,6 @@
 // Pictures that follow each other: what is taken from the last one is what tracing anew gives, bit for bit, and what
 // cannot have changed is not traced.
-#include "light/trail.h"
+#include "packet/trail.h"
 
 #include <random>
 

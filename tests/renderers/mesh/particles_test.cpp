@@ -1,5 +1,5 @@
 // Where particles are, in double precision against closed forms: flight, emitters, wind, walls; and how they are drawn.
-#include "mesh/particles.h"
+#include "tessellate/particles.h"
 
 #include <functional>
 

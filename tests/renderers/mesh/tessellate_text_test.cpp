@@ -8,8 +8,8 @@
 #include <rtsg/documents/loader.h>
 #include <rtsg/renderers/text_measure.h>
 
-#include "mesh/tessellate_text.h"
 #include "mesh_check.h"
+#include "shapes/tessellate_text.h"
 #include "support/made_font.h"
 #include "text/fonts.h"
 

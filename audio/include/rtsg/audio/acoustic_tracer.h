@@ -8,7 +8,7 @@
 //                                                           next-event estimation to the listener or its image, points
 //   all others (more mirrors, or ways to images that are not known):   track length in a ball around the listener
 // The ball yields the mean over what of it is seen from the listener. Rays end by Russian roulette, never by a
-// threshold. Places on walls: see trace/places.h. Energy that leaves the geometry is counted as escaped. Below its
+// threshold. Places on walls: see response/places.h. Energy that leaves the geometry is counted as escaped. Below its
 // Schroeder frequency rays are no model of a room: phase is not kept. Several listeners share the rays of a source:
 // each result is right, but chance does not move them independently. Threading: const; batches run in parallel,
 // results are the same for any number of threads.
@@ -35,7 +35,7 @@ class AcousticTracer {
     /// unit power that radiates alike in all directions.
     TraceResult trace(const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options) const;
     /// A result for each listener, all from the same rays. Their expectations are those of a trace for each; intervals
-    /// may be wider, as not every listener is looked for from every wall (see trace/batch_tracer.h). Echograms are as
+    /// may be wider, as not every listener is looked for from every wall (see rays/batch_tracer.h). Echograms are as
     /// long as that of the farthest.
     std::vector<TraceResult> trace(const glm::dvec3& source, std::span<const glm::dvec3> listeners,
                                    const TraceOptions& options) const;

@@ -5,7 +5,7 @@
 // its image in the wall that it touches are two. A candidate counts when the mirror path that leaves the listener
 // towards it ends in the source after the same motion, so nothing is counted twice and no valid path of the given order
 // is missed. Paths pass straight through walls that let sound pass; that does not count in the order. Places on walls:
-// see trace/places.h. Source: Allen and Berkley 1979; Borish 1984; differs in the merging and in the check by
+// see response/places.h. Source: Allen and Berkley 1979; Borish 1984; differs in the merging and in the check by
 // retracing. Threading: pure function over const geometry.
 #pragma once
 

@@ -2,7 +2,8 @@
 //
 // Never for bad input, which gives a Result or a diagnostic. The checks stay in release builds; their cost is one
 // comparison, so they stand where a wrong call would otherwise read memory that is none. Threading: any.
-//     RTSG_CHECK_LT(field, type.fields.size());  ->  scene_edits.cpp:12: check failed: field < type.fields.size(): 9 < 4
+//     RTSG_CHECK_LT(field, type.fields.size());  ->  scene_edits.cpp:12: check failed: field < type.fields.size(): 9 <
+//     4
 #pragma once
 
 #include <cstddef>

@@ -39,7 +39,6 @@
 
 namespace rtsg {
 
-class Node;
 class Scene;
 class SpaceQueries;
 
@@ -49,13 +48,6 @@ enum class NavigationType : std::uint8_t { none, walk, fly, examine, lookAt };
 /// bound, is EXAMINE.
 NavigationType navigationType(const Scene& scene);
 
-/// Of a Viewpoint or OrthoViewpoint, in the coordinates around the node: its fields, and where the user has gone from
-/// there, while it is bound. Nothing for other nodes.
-std::optional<ViewerPose> viewOf(const Node& viewpoint);
-/// The same where the user has gone anywhere; else nothing.
-std::optional<ViewerPose> movedView(const Node& viewpoint);
-/// As a Viewpoint has it; the angle is at most pi.
-Rotation orientationOf(const ViewerPose& pose);
 /// In world coordinates; of the default viewpoint if none is bound.
 ViewerPose viewerPose(const Scene& scene);
 

@@ -6,7 +6,7 @@
 //
 // A tree of pages. The writer changes pages in place which no version has seen, and copies others, so a version is
 // never written to and may be read from any thread while the writer goes on. Elements that were never changed are T{}.
-// Light and sound keep their tables so. What rays read is in pages of another kind (src/embree/paged.h).
+// Light and sound keep their tables so. What rays read is in pages of another kind (src/trees/paged.h).
 // Threading: the writer on one thread; versions from any number.
 #pragma once
 

@@ -1,0 +1,304 @@
+// Turns energy over time into pressure: sharp arrivals, shaped noise, filtered in octave bands; and back.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <utility>
+
+#include <rtsg/audio/ambisonics.h>
+#include <rtsg/audio/impulse_response.h>
+#include <rtsg/audio/panning.h>
+
+#include "arrival_pan.h"
+#include "edge_waves.h"
+#include "response/band_classes.h"
+#include "signal/fft.h"
+#include "signal/fractional_delay.h"
+#include "signal/random.h"
+#include "signal/sphere_ear.h"
+
+namespace rtsg {
+namespace {
+
+constexpr double kFourPi = 4 * std::numbers::pi;
+/// Width of the transition between neighbouring bands, octaves.
+constexpr double kTransition = 0.5;
+
+/// Normally distributed numbers that do not depend on the standard library's taste.
+double gaussian(Random& random) {
+    const double u = 1 - random.uniform(), v = random.uniform();
+    return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
+}
+
+}  // namespace
+
+ArrivalPan panOfEar(double right, int ear, double radius, double speedOfSound) {
+    return {stereoGains({right, 0, 0})[static_cast<std::size_t>(ear)],
+            sphereEarDelay(right, ear, radius, speedOfSound)};
+}
+
+ArrivalPan panOf(const glm::dvec3& direction, int channel, const ImpulseResponseOptions& options) {
+    if (options.channels == ImpulseResponseOptions::Channels::mono) return {};
+    if (options.channels == ImpulseResponseOptions::Channels::ambisonic) {
+        const glm::dvec3 local = inListenersFrame(direction, options);
+        std::array<double, ambisonicChannels(kMaxAmbisonicOrder)> gains;
+        ambisonicGains(options.ambisonicOrder, ambisonicAxes(local), gains);
+        return {gains[static_cast<std::size_t>(channel)], 0};
+    }
+    const double right = glm::dot(direction, options.listenerRight);
+    if (options.channels == ImpulseResponseOptions::Channels::binaural)
+        return panOfEar(right, channel, options.headRadius, options.speedOfSound);
+    return {stereoGains({right, 0, 0})[static_cast<std::size_t>(channel)], 0};
+}
+
+namespace {
+
+/// When every band has less than `share` of its energy left, s.
+double usefulDuration(const Echogram& echogram, double share) {
+    const Bands total = echogram.total();
+    Bands left{};
+    const auto enough = [&] {
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            if (left[b] > share * total[b]) return true;
+        return false;
+    };
+    std::size_t arrival = echogram.arrivals.size(), k = echogram.late.bins.size();
+    while (arrival > 0 || k > 0) {
+        const double binTime = echogram.late.startOf(k);
+        if (k == 0 || (arrival > 0 && echogram.arrivals[arrival - 1].seconds > binTime)) {
+            --arrival;
+            for (std::size_t b = 0; b < kBandCount; ++b) left[b] += echogram.arrivals[arrival].energy[b];
+            if (enough()) return echogram.arrivals[arrival].seconds;
+        } else {
+            --k;
+            for (std::size_t b = 0; b < kBandCount; ++b) left[b] += echogram.late.bins[k][b];
+            if (enough()) return binTime;
+        }
+    }
+    return 0;
+}
+
+/// Until the last wave by an edge has faded that has more than that share of the energy; 0 without.
+std::size_t framesOfWaves(const Echogram& echogram, const ImpulseResponseOptions& options) {
+    const Bands total = echogram.total();
+    const double all = kFourPi * *std::max_element(total.begin(), total.end());
+    double last = -1;
+    for (const EdgeWave& wave : echogram.edges.waves) {
+        const bool counts = std::ranges::any_of(wave.pressure, [&](const std::complex<float>& tone) {
+            return static_cast<double>(std::norm(tone)) > options.cutShare * all;
+        });
+        if (counts) last = std::max(last, wave.seconds);
+    }
+    return last < 0 ? 0 : static_cast<std::size_t>(last * options.sampleRate) + edgeWaveFrames(options.sampleRate);
+}
+
+/// An arrival through a head: samples from `first` on, by ear.
+struct HeadArrival {
+    std::ptrdiff_t first = 0;
+    Hrtf::Ears ears;
+};
+
+/// What of the arrivals is pulses, with their energies where nothing bends: all but what edges alone bring.
+std::vector<Arrival> pulsesOf(const Echogram& echogram) {
+    std::vector<Arrival> pulses;
+    pulses.reserve(echogram.arrivals.size());
+    for (const Arrival& arrival : echogram.arrivals) {
+        pulses.push_back(arrival);
+        pulses.back().energy = echogram.straightEnergy(arrival);
+    }
+    return pulses;
+}
+
+/// By arrival, as far as they are early; empty without a head.
+std::vector<HeadArrival> throughHead(std::span<const Arrival> arrivals, const ImpulseResponseOptions& options) {
+    std::vector<HeadArrival> result;
+    if (!options.hrtf) return result;
+    for (const Arrival& arrival : arrivals) {
+        if (arrival.seconds > arrivals.front().seconds + options.hrtfSeconds) break;
+        const double position = arrival.seconds * options.sampleRate - static_cast<double>(options.hrtf->early());
+        const double whole = std::floor(position), earlier = whole - position;
+        HeadArrival& placed = result.emplace_back();
+        placed.first = static_cast<std::ptrdiff_t>(whole);
+        if (arrival.order < options.firstOrder) continue;
+        options.hrtf->at(inListenersFrame(arrival.direction, options), placed.ears, {earlier, earlier});
+    }
+    return result;
+}
+
+/// Adds an arrival to the samples of one band.
+void addArrival(const Arrival& arrival, const HeadArrival* head, std::size_t band, int channel,
+                const ImpulseResponseOptions& options, std::span<float> samples) {
+    static const SincTable sinc;
+    const double pressure = std::sqrt(kFourPi * arrival.energy[band]);
+    if (head) {
+        const std::vector<float>& ear = head->ears[static_cast<std::size_t>(channel)];
+        for (std::size_t i = 0; i < ear.size(); ++i) {
+            const std::ptrdiff_t at = head->first + static_cast<std::ptrdiff_t>(i);
+            if (at >= 0 && at < std::ssize(samples))
+                samples[static_cast<std::size_t>(at)] += static_cast<float>(pressure) * ear[i];
+        }
+        return;
+    }
+    const ArrivalPan pan = panOf(arrival.direction, channel, options);
+    const double position = std::max(0.0, (arrival.seconds + pan.delay) * options.sampleRate);
+    const double whole = std::floor(position);
+    const auto amplitude = static_cast<float>(pan.gain * pressure);
+    for (int k = 0; k < 2 * SincTable::kHalf; ++k) {
+        const double at = whole - (SincTable::kHalf - 1) + k;
+        if (at >= 0 && at < static_cast<double>(samples.size()))
+            samples[static_cast<std::size_t>(at)] += amplitude * sinc.tap(position - whole, k);
+    }
+}
+
+/// On the octave axis on which band b spans b - 1/2 ... b + 1/2.
+double octaveOf(double hz) {
+    return std::log2(hz / 1000) + kBand1k;
+}
+
+double weightAt(int band, double octave) {
+    const auto rise = [](double x) {  // 0 below an edge, 1 above
+        const double u = std::clamp(x / kTransition + 0.5, 0.0, 1.0);
+        const double s = std::sin(u * std::numbers::pi / 2);
+        return s * s;
+    };
+    const double lower = band == 0 ? 1 : rise(octave - (band - 0.5));
+    const double upper = band == kBandCount - 1 ? 0 : rise(octave - (band + 0.5));
+    return lower - upper;
+}
+
+class BandFilters {
+  public:
+    /// Of each class of bands together.
+    BandFilters(const RealFft& fft, int sampleRate, const trace::BandClasses& classes) : bins_(fft.bins()) {
+        for (std::size_t c = 0; c < classes.count; ++c) weights_[c].resize(bins_);
+        weights_[classes.of[0]][0] = 1;
+        for (std::size_t i = 1; i < bins_; ++i) {
+            const double octave = octaveOf(static_cast<double>(i) * sampleRate / static_cast<double>(fft.size()));
+            // No others have a share here.
+            const int middle = std::clamp(static_cast<int>(std::lround(octave)), 0, kBandCount - 1);
+            for (int b = std::max(0, middle - 1); b <= std::min(kBandCount - 1, middle + 1); ++b)
+                weights_[classes.of[static_cast<std::size_t>(b)]][i] += static_cast<float>(weightAt(b, octave));
+        }
+    }
+    const std::vector<float>& operator[](std::size_t c) const { return weights_[c]; }
+
+  private:
+    std::size_t bins_;
+    std::array<std::vector<float>, kBandCount> weights_;
+};
+
+}  // namespace
+
+double bandWeight(int band, double hz) {
+    if (hz <= 0) return band == 0 ? 1 : 0;
+    return weightAt(band, octaveOf(hz));
+}
+
+ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& asked) {
+    using Channels = ImpulseResponseOptions::Channels;
+    ImpulseResponseOptions options = asked;
+    if (options.channels != Channels::binaural)
+        options.hrtf = nullptr;
+    else if (!options.hrtf)
+        options.hrtf = Hrtf::sphere(options.sampleRate, options.headRadius, options.speedOfSound);
+    const bool ambisonic = options.channels == Channels::ambisonic;
+    const int channelCount = ambisonic ? ambisonicChannels(std::clamp(options.ambisonicOrder, 0, kMaxAmbisonicOrder))
+                             : options.channels == Channels::mono ? 1
+                                                                  : 2;
+    const double rate = options.sampleRate;
+    const std::vector<Arrival> pulses = pulsesOf(echogram);
+    const std::vector<HeadArrival> heads = throughHead(pulses, options);
+    const auto farEar = static_cast<std::size_t>(
+        options.channels == Channels::binaural ? std::ceil(2 * options.headRadius / options.speedOfSound * rate) : 0);
+    std::size_t throughEars = 0;
+    for (const HeadArrival& head : heads) throughEars = std::max(throughEars, head.ears[0].size());
+    const std::size_t useful = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
+                               2 * SincTable::kHalf + 64 + farEar + throughEars;
+    const std::size_t frames = std::max(useful, framesOfWaves(echogram, options));
+    const auto kept = RealFft::kept(RealFft::sizeFor(frames + 4096));
+    const RealFft& fft = *kept;
+    const trace::BandClasses classes = trace::bandClasses(pulses, std::span(&echogram.late, 1));
+    const BandFilters filters(fft, options.sampleRate, classes);
+
+    const auto endOf = [&](std::size_t bin) {
+        return std::min(frames, static_cast<std::size_t>(std::llround(echogram.late.startOf(bin + 1) * rate)));
+    };
+
+    ImpulseResponse result;
+    result.sampleRate = options.sampleRate;
+    for (int channel = 0; channel < channelCount; ++channel) {
+        // In a diffuse field a channel of degree l carries 1 / (2 l + 1) of the pressure's energy.
+        const double diffuseShare = ambisonic ? 1.0 / (2 * ambisonicDegree(channel) + 1) : 1;
+        // One noise for all bands: equal bands then leave it as it is.
+        Random random(Random::mix(options.seed, static_cast<std::uint64_t>(channel)));
+        std::vector<float> noise(frames);
+        std::vector<float> scale;  // per bin: makes the noise's energy in it exactly 1
+        for (std::size_t k = 0, i = 0; k < echogram.late.bins.size() && i < frames; ++k) {
+            const std::size_t end = endOf(k);
+            double energy = 0;
+            for (; i < end; ++i) {
+                noise[i] = static_cast<float>(gaussian(random));
+                energy += static_cast<double>(noise[i]) * static_cast<double>(noise[i]);
+            }
+            scale.push_back(energy > 0 ? static_cast<float>(1 / std::sqrt(energy)) : 0.0f);
+        }
+
+        RealFft::Spectrum sum(fft.bins()), spectrum;
+        std::vector<float> band(fft.size());
+        for (std::size_t c = 0; c < classes.count; ++c) {
+            const std::size_t b = classes.first[c];
+            std::fill(band.begin(), band.end(), 0.0f);
+            for (std::size_t k = 0, i = 0; k < scale.size(); ++k) {
+                const std::size_t end = endOf(k);
+                const float amplitude =
+                    scale[k] * static_cast<float>(std::sqrt(kFourPi * diffuseShare * echogram.late.bins[k][b]));
+                for (; i < end; ++i) band[i] = noise[i] * amplitude;
+            }
+            for (std::size_t i = 0; i < pulses.size(); ++i) {
+                const Arrival& arrival = pulses[i];
+                if (arrival.order < options.firstOrder || !(arrival.energy[b] > 0)) continue;
+                addArrival(arrival, i < heads.size() ? &heads[i] : nullptr, b, channel, options,
+                           std::span(band).first(frames));
+            }
+            fft.forward(band, spectrum);
+            for (std::size_t i = 0; i < fft.bins(); ++i) sum[i] += spectrum[i] * filters[c][i];
+        }
+        fft.inverse(std::move(sum), band);
+        result.channels.emplace_back(band.begin(), band.begin() + static_cast<std::ptrdiff_t>(frames));
+    }
+    addEdgeWaves(echogram, options, result.channels);
+    return result;
+}
+
+EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond) {
+    EnergyHistogram histogram{binsPerSecond, {}};
+    const auto kept = RealFft::kept(RealFft::sizeFor(samples.size() + 4096));
+    const RealFft& fft = *kept;
+    const BandFilters filters(fft, sampleRate, trace::bandClasses([](std::size_t a, std::size_t b) { return a == b; }));
+    std::vector<float> padded(fft.size()), band(fft.size());
+    std::copy(samples.begin(), samples.end(), padded.begin());
+    RealFft::Spectrum all, filtered(fft.bins());
+    fft.forward(padded, all);
+    histogram.bins.resize(static_cast<std::size_t>(static_cast<double>(samples.size()) * binsPerSecond / sampleRate) +
+                          1);
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        // The energy of an impulse in this band, so that a flat spectrum reads the same in all of them.
+        double width = 0;
+        for (std::size_t i = 0; i < fft.bins(); ++i) {
+            filtered[i] = all[i] * filters[b][i];
+            const double w = static_cast<double>(filters[b][i]);
+            width += w * w * (i == 0 || i + 1 == fft.bins() ? 1 : 2);
+        }
+        width /= static_cast<double>(fft.size());
+        fft.inverse(filtered, band);
+        for (std::size_t i = 0; i < samples.size(); ++i) {
+            const double pressure = static_cast<double>(band[i]);
+            histogram.bins[static_cast<std::size_t>(static_cast<double>(i) * binsPerSecond / sampleRate)][b] +=
+                pressure * pressure / (kFourPi * width);
+        }
+    }
+    return histogram;
+}
+
+}  // namespace rtsg

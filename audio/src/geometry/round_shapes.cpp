@@ -1,0 +1,454 @@
+// Looks for spheres, and in what is left follows parallel edges from facet to facet as long as they lie on one circle.
+#include "round_shapes.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <numbers>
+#include <numeric>
+#include <optional>
+#include <utility>
+
+namespace rtsg {
+namespace {
+
+constexpr std::uint32_t kNoRound = MeshEdge::kNotRound;
+constexpr double kShapePi = std::numbers::pi;
+/// Of the radius, that corners may be off the circle or the sphere.
+constexpr double kOff = 4e-3;
+/// A circle has so many edges at least; any three lie on one.
+constexpr std::size_t kFewest = 4;
+/// A facet beside a round part that is so many times as wide is flat.
+constexpr double kFlatBeside = 1.5;
+/// Of parallel edges in one mesh each is tried with each other.
+constexpr std::size_t kMostParallel = 4096;
+/// A sphere has so many corners at least.
+constexpr std::size_t kFewestCorners = 40;
+
+/// An edge that may be one of many.
+struct Gentle {
+    std::uint32_t number = 0;  // of the MeshEdge
+    glm::dvec3 from{0}, to{0}, axis{0}, faceA{0}, faceB{0}, outward{0};
+    double turn = 0;
+    bool used = false;
+};
+
+glm::dvec3 faceFrom(const Vec3f& place, const Gentle& edge) {
+    const glm::dvec3 way = glm::dvec3(place) - edge.from, across = way - edge.axis * glm::dot(way, edge.axis);
+    const double length = glm::length(across);
+    return length > 0 ? across / length : glm::dvec3(0);
+}
+
+std::vector<Gentle> gentleOf(const std::vector<MeshEdge>& edges) {
+    std::vector<Gentle> result;
+    for (std::uint32_t i = 0; i < edges.size(); ++i) {
+        if (!edges[i].mayBeRound) continue;
+        Gentle one;
+        one.turn = turnOf(edges[i]);
+        if (one.turn > kMostRoundTurn) continue;
+        one.number = i;
+        one.from = edges[i].from;
+        one.to = edges[i].to;
+        one.axis = glm::normalize(one.to - one.from);
+        one.faceA = faceFrom(edges[i].besideA, one);
+        one.faceB = faceFrom(edges[i].besideB, one);
+        one.outward = glm::normalize(-one.faceA - one.faceB);
+        result.push_back(one);
+    }
+    return result;
+}
+
+/// Edges of one direction, and places square to it.
+class Parallel {
+  public:
+    Parallel(std::vector<Gentle*> edges, const glm::dvec3& axis) : edges_(std::move(edges)), axis_(axis) {
+        for (const Gentle* edge : edges_) {
+            const auto [low, high] = std::minmax({glm::dot(edge->from, axis), glm::dot(edge->to, axis)});
+            places_.push_back({edge->from - axis * glm::dot(edge->from, axis), low, high});
+        }
+    }
+
+    void find(std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
+        for (auto& next : next_) next.assign(edges_.size(), kNoRound);
+        for (std::uint32_t i = 0; i < edges_.size(); ++i) link(i);
+        for (std::uint32_t i = 0; i < edges_.size(); ++i) {
+            if (edges_[i]->used) continue;
+            const std::vector<std::uint32_t> row = rowFrom(i);
+            if (row.size() < kFewest) continue;
+            if (const std::optional<MeshRound> round = cylinderOf(row)) {
+                for (const std::uint32_t one : row) {
+                    edges_[one]->used = true;
+                    roundOf[edges_[one]->number] = static_cast<std::uint32_t>(rounds.size());
+                }
+                rounds.push_back(*round);
+            }
+        }
+    }
+
+  private:
+    /// Of an edge the place square to the axis, and along that from where to where.
+    struct Place {
+        glm::dvec3 across{0};
+        double low = 0, high = 0;
+    };
+
+    /// Looks for the edge at the far end of both facets.
+    void link(std::uint32_t i) {
+        const Gentle& edge = *edges_[i];
+        const Place& at = places_[i];
+        std::array<double, 2> nearest{1e300, 1e300};
+        for (std::uint32_t k = 0; k < edges_.size(); ++k) {
+            const Gentle& other = *edges_[k];
+            if (k == i || !together(at, places_[k])) continue;
+            const glm::dvec3 way = places_[k].across - at.across;
+            const double distance = glm::length(way);
+            for (std::size_t side = 0; side < 2; ++side) {
+                const glm::dvec3& face = side == 0 ? edge.faceA : edge.faceB;
+                if (!(distance > 0) || distance >= nearest[side] || glm::dot(way, face) < (1 - 1e-5) * distance)
+                    continue;
+                if (std::min(glm::dot(other.faceA, face), glm::dot(other.faceB, face)) > -1 + 1e-5) continue;
+                nearest[side] = distance;
+                next_[side][i] = k;
+            }
+        }
+    }
+    /// Whether both begin and end together: of the strips of a sphere neighbours do not.
+    static bool together(const Place& a, const Place& b) {
+        const double most = 2e-3 * (a.high - a.low);
+        return std::abs(a.low - b.low) < most && std::abs(a.high - b.high) < most;
+    }
+
+    /// Through three places square to the axis; none if they are on a line.
+    struct Circle {
+        glm::dvec3 center{0};
+        double radius = 0;
+    };
+    Circle circle(std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
+        const glm::dvec3 p = places_[a].across, u = places_[b].across - p, v = places_[c].across - p;
+        const glm::dvec3 n = glm::cross(u, v);
+        const double twice = 2 * glm::dot(n, n);
+        if (!(twice > 0)) return {};
+        const glm::dvec3 off = (glm::dot(u, u) * glm::cross(v, n) + glm::dot(v, v) * glm::cross(n, u)) / twice;
+        return {p + off, glm::length(off)};
+    }
+    bool isOn(const Circle& circle, std::uint32_t i) const {
+        const glm::dvec3 way = places_[i].across - circle.center;
+        return std::abs(glm::length(way) - circle.radius) < kOff * circle.radius &&
+               glm::dot(way, edges_[i]->outward) > 0.95 * circle.radius;
+    }
+
+    double facet(std::uint32_t a, std::uint32_t b) const { return glm::distance(places_[a].across, places_[b].across); }
+    static bool isAsWide(double a, double b) { return std::abs(a - b) < 0.1 * std::max(a, b); }
+
+    /// In order round what may be a circle, from an edge to both sides; of a whole one, each once.
+    std::vector<std::uint32_t> rowFrom(std::uint32_t i) const {
+        const std::uint32_t before = next_[0][i], after = next_[1][i];
+        if (before == kNoRound || after == kNoRound || before == after) return {};
+        const double wide = facet(i, after);
+        std::vector<std::uint32_t> row{i};
+        if (!isAsWide(wide, facet(i, before))) return {};
+        for (const std::uint32_t first : {after, before}) {
+            std::uint32_t last = i, at = first;
+            while (at != kNoRound && !edges_[at]->used && std::ranges::find(row, at) == row.end()) {
+                // What goes on as an oval is none; what ends in something flat, or at an edge, is.
+                const double next = facet(last, at);
+                if (next > kFlatBeside * wide) break;
+                if (!isAsWide(wide, next)) return {};
+                row.push_back(at);
+                const std::uint32_t on0 = next_[0][at], on1 = next_[1][at];
+                last = std::exchange(at, on0 == last ? on1 : on1 == last ? on0 : kNoRound);
+            }
+            if (first == after) std::ranges::reverse(row);
+        }
+        return row;
+    }
+
+    std::optional<MeshRound> cylinderOf(const std::vector<std::uint32_t>& row) const {
+        const auto n = static_cast<std::uint32_t>(row.size());
+        const bool whole = next_[0][row.front()] == row.back() || next_[1][row.front()] == row.back();
+        const Circle on = circle(row[0], row[n / 3], row[whole ? 2 * n / 3 : n - 1]);
+        MeshRound round;
+        RoundBody& body = round.body;
+        double low = -1e300, high = 1e300, arc = 0;
+        for (std::size_t k = 0; k < row.size(); ++k) {
+            if (!isOn(on, row[k])) return {};
+            low = std::max(low, places_[row[k]].low);
+            high = std::min(high, places_[row[k]].high);
+            if (k == 0) continue;
+            const double facet =
+                std::acos(std::clamp(glm::dot(outward(row[k - 1], on), outward(row[k], on)), -1.0, 1.0));
+            arc += facet;
+            body.facet = std::max(body.facet, facet);
+        }
+        if (!(high > low) || body.facet > 1.2 * kMostRoundTurn || !turnsEvenly(row, whole, body.facet)) return {};
+        body.center = on.center + axis_ * (0.5 * (low + high));
+        body.radius = on.radius;
+        body.axis = axis_;
+        body.halfLength = 0.5 * (high - low);
+        body.halfArc = whole ? kShapePi : 0.5 * arc;
+        const glm::dvec3 first = outward(row.front(), on);
+        glm::dvec3 side = glm::cross(axis_, first);
+        if (glm::dot(side, outward(row[1], on)) < 0) side = -side;
+        body.middle = std::cos(body.halfArc) * first + std::sin(body.halfArc) * side;
+        return round;
+    }
+    /// By as much as from a facet to the next at each edge, but for the ends of a part.
+    bool turnsEvenly(const std::vector<std::uint32_t>& row, bool whole, double facet) const {
+        const std::size_t ends = whole ? 0 : 1;
+        return std::all_of(row.begin() + static_cast<std::ptrdiff_t>(ends),
+                           row.end() - static_cast<std::ptrdiff_t>(ends),
+                           [&](std::uint32_t i) { return std::abs(edges_[i]->turn - facet) < 0.35 * facet; });
+    }
+    glm::dvec3 outward(std::uint32_t i, const Circle& on) const {
+        return glm::normalize(places_[i].across - on.center);
+    }
+
+    std::vector<Gentle*> edges_;
+    std::vector<Place> places_;
+    glm::dvec3 axis_;
+    std::array<std::vector<std::uint32_t>, 2> next_;
+};
+
+/// Of a line the direction, in steps; the same for both ways along it.
+std::array<std::int64_t, 3> roundedDirection(const glm::dvec3& axis) {
+    std::array<std::int64_t, 3> steps{};
+    int sign = 0;
+    for (int i = 0; i < 3; ++i) {
+        steps[static_cast<std::size_t>(i)] = std::llround(axis[i] * 1024);
+        if (sign == 0 && steps[static_cast<std::size_t>(i)] != 0)
+            sign = steps[static_cast<std::size_t>(i)] < 0 ? -1 : 1;
+    }
+    if (sign < 0)
+        for (std::int64_t& step : steps) step = -step;
+    return steps;
+}
+
+void findCylinders(std::vector<Gentle>& gentle, std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
+    using Direction = std::pair<std::array<std::int64_t, 3>, Gentle*>;
+    std::vector<Direction> byDirection;  // and of one direction as they come
+    for (Gentle& edge : gentle)
+        if (!edge.used) byDirection.emplace_back(roundedDirection(edge.axis), &edge);
+    std::ranges::sort(byDirection);
+    for (auto first = byDirection.begin(); first != byDirection.end();) {
+        const auto last =
+            std::find_if(first, byDirection.end(), [&](const Direction& d) { return d.first != first->first; });
+        std::vector<Gentle*> edges;
+        for (; first != last; ++first) edges.push_back(first->second);
+        if (edges.size() < kFewest || edges.size() > kMostParallel) continue;
+        glm::dvec3 axis(0);
+        for (const Gentle* edge : edges)
+            axis += glm::dot(edge->axis, edges.front()->axis) < 0 ? -edge->axis : edge->axis;
+        Parallel(std::move(edges), glm::normalize(axis)).find(rounds, roundOf);
+    }
+}
+
+/// Counts keys; of two that fall together both.
+class KeyCounts {
+  public:
+    explicit KeyCounts(std::size_t keys) : counts_(std::bit_ceil(4 * keys)) {}
+
+    template <std::size_t kParts>
+    static std::uint64_t keyOf(const std::array<std::int64_t, kParts>& parts) {
+        std::uint64_t sum = 0;
+        for (const std::int64_t part : parts) {
+            sum = (sum ^ static_cast<std::uint64_t>(part)) * 0x9E3779B97F4A7C15ull;
+            sum ^= sum >> 29;
+        }
+        return sum;
+    }
+    void add(std::uint64_t key) {
+        std::uint16_t& count = counts_[key & (counts_.size() - 1)];
+        if (count < 0xFFFF) ++count;
+    }
+    std::size_t at(std::uint64_t key) const { return counts_[key & (counts_.size() - 1)]; }
+
+  private:
+    std::vector<std::uint16_t> counts_;
+};
+
+/// Of places on a grid the number of the one that is nearest; 0 of what is none.
+std::int64_t stepOf(double value, double step, double offset) {
+    const double at = value / step + offset;
+    return std::abs(at) < 1e15 ? std::lrint(at) : 0;
+}
+
+/// Such that no border of either grid is at whole numbers, where places often are.
+double gridOffset(std::size_t grid) {
+    return 0.25 + 0.5 * static_cast<double>(grid);
+}
+
+/// Direction, and from where to where along that; on two grids, one of which has no border near it.
+std::array<std::uint64_t, 2> alongKeys(const MeshEdge& edge) {
+    constexpr double kDirection = 1.0 / 2048;
+    const glm::dvec3 from = edge.from, way = glm::dvec3(edge.to) - from;
+    const double length = glm::length(way);
+    // The same for both ways along it.
+    const glm::dvec3 size = glm::abs(way);
+    const double largest = size.x >= size.y && size.x >= size.z ? way.x : size.y >= size.z ? way.y : way.z;
+    const glm::dvec3 axis = way / std::copysign(length, largest);
+    const auto [low, high] = std::minmax({glm::dot(from, axis), glm::dot(from + way, axis)});
+    std::array<std::uint64_t, 2> keys{};
+    for (std::size_t i = 0; i < 2; ++i) {
+        const double offset = gridOffset(i), along = 0.006 * length;
+        keys[i] = KeyCounts::keyOf(std::array{stepOf(axis.x, kDirection, offset), stepOf(axis.y, kDirection, offset),
+                                              stepOf(axis.z, kDirection, offset), stepOf(low, along, offset),
+                                              stepOf(high, along, offset)});
+    }
+    return keys;
+}
+
+/// The sphere through the corners of both facets; `none` if it is larger than that.
+std::array<std::uint64_t, 2> sphereKeys(const MeshEdge& edge, double largest, std::uint64_t none) {
+    constexpr double kCoarse = 0.04;
+    const glm::dvec3 from = edge.from, u = glm::dvec3(edge.to) - from, v = glm::dvec3(edge.besideA) - from,
+                     w = glm::dvec3(edge.besideB) - from;
+    const double volume = 2 * glm::dot(u, glm::cross(v, w));
+    const glm::dvec3 off =
+        (glm::dot(u, u) * glm::cross(v, w) + glm::dot(v, v) * glm::cross(w, u) + glm::dot(w, w) * glm::cross(u, v)) /
+        (std::abs(volume) > 0 ? volume : 1e-300);
+    if (!(glm::length(off) < largest)) return {none, none};
+    const glm::dvec3 center = from + off;
+    std::array<std::uint64_t, 2> keys{};
+    for (std::size_t i = 0; i < 2; ++i) {
+        const double offset = gridOffset(i);
+        int octave = 0;
+        std::frexp(glm::length(off) * (1 + offset), &octave);
+        const double step = std::ldexp(kCoarse, octave);
+        keys[i] = KeyCounts::keyOf(
+            std::array{stepOf(center.x, step, offset), stepOf(center.y, step, offset), stepOf(center.z, step, offset)});
+    }
+    return keys;
+}
+
+/// Edges that hang together by their corners, and what sphere all of them are on.
+class Spheres {
+  public:
+    explicit Spheres(std::vector<Gentle>& gentle) : gentle_(gentle), parent_(gentle.size()) {
+        std::iota(parent_.begin(), parent_.end(), 0u);
+        std::vector<std::pair<std::array<double, 3>, std::uint32_t>> byCorner;
+        byCorner.reserve(2 * gentle.size());
+        for (std::uint32_t i = 0; i < gentle.size(); ++i)
+            for (const glm::dvec3& p : {gentle[i].from, gentle[i].to}) byCorner.push_back({{p.x, p.y, p.z}, i});
+        std::ranges::sort(byCorner);
+        for (std::size_t k = 1; k < byCorner.size(); ++k)
+            if (byCorner[k].first == byCorner[k - 1].first)
+                parent_[root(byCorner[k].second)] = root(byCorner[k - 1].second);
+    }
+
+    void find(std::vector<MeshRound>& rounds, std::vector<std::uint32_t>& roundOf) {
+        std::map<std::uint32_t, std::vector<std::uint32_t>> parts;
+        for (std::uint32_t i = 0; i < gentle_.size(); ++i) parts[root(i)].push_back(i);
+        for (const auto& [first, part] : parts)
+            if (const std::optional<MeshRound> round = sphereOf(part)) {
+                for (const std::uint32_t i : part) {
+                    gentle_[i].used = true;
+                    roundOf[gentle_[i].number] = static_cast<std::uint32_t>(rounds.size());
+                }
+                rounds.push_back(*round);
+            }
+    }
+
+  private:
+    std::uint32_t root(std::uint32_t i) {
+        while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+        return i;
+    }
+    /// The middle of the box about it, if it reaches as far on all sides.
+    std::optional<MeshRound> sphereOf(const std::vector<std::uint32_t>& part) const {
+        if (part.size() < kFewestCorners) return {};
+        glm::dvec3 low(1e300), high(-1e300);
+        for (const std::uint32_t i : part)
+            for (const glm::dvec3& p : {gentle_[i].from, gentle_[i].to})
+                low = glm::min(low, p), high = glm::max(high, p);
+        MeshRound round;
+        RoundBody& body = round.body;
+        body.sphere = true;
+        body.center = 0.5 * (low + high);
+        double sum = 0;
+        for (const std::uint32_t i : part)
+            sum += glm::distance(gentle_[i].from, body.center) + glm::distance(gentle_[i].to, body.center);
+        body.radius = sum / (2.0 * static_cast<double>(part.size()));
+        for (const std::uint32_t i : part) {
+            const Gentle& edge = gentle_[i];
+            for (const glm::dvec3& p : {edge.from, edge.to})
+                if (std::abs(glm::distance(p, body.center) - body.radius) > kOff * body.radius) return {};
+            if (glm::dot(edge.outward, edge.from - body.center) < 0.8 * body.radius) return {};
+            body.facet = std::max(body.facet, edge.turn);
+        }
+        return round;
+    }
+
+    std::vector<Gentle>& gentle_;
+    std::vector<std::uint32_t> parent_;
+};
+
+}  // namespace
+
+void markUnlikelyRound(std::vector<MeshEdge>& edges) {
+    // Of fewer each is looked at.
+    constexpr std::size_t kMany = 4096;
+    if (edges.size() < kMany) return;
+    glm::dvec3 low(1e300), high(-1e300);
+    for (const MeshEdge& edge : edges)
+        low = glm::min(low, glm::dvec3(edge.from)), high = glm::max(high, glm::dvec3(edge.from));
+    const glm::dvec3 size = high - low;
+    const double largest = std::min({size.x, size.y, size.z});  // of a sphere that is whole
+    std::array<std::vector<std::array<std::uint64_t, 2>>, 2> keys;
+    for (std::uint64_t i = 0; i < edges.size(); ++i) {
+        keys[0].push_back(alongKeys(edges[i]));
+        keys[1].push_back(sphereKeys(edges[i], 0.51 * largest, i));
+    }
+    for (MeshEdge& edge : edges) edge.mayBeRound = false;
+    for (std::size_t shape = 0; shape < 2; ++shape)
+        for (std::size_t grid = 0; grid < 2; ++grid) {
+            KeyCounts counts(edges.size());
+            for (const auto& key : keys[shape]) counts.add(key[grid]);
+            for (std::size_t i = 0; i < edges.size(); ++i)
+                if (counts.at(keys[shape][i][grid]) >= (shape == 0 ? kFewest : kFewestCorners / 2))
+                    edges[i].mayBeRound = true;
+        }
+}
+
+std::vector<MeshRound> roundsOf(std::vector<MeshEdge>& edges) {
+    std::vector<MeshRound> rounds;
+    std::vector<Gentle> gentle = gentleOf(edges);
+    if (gentle.size() < kFewest) return rounds;
+    std::vector<std::uint32_t> roundOf(edges.size(), kNoRound);
+    Spheres(gentle).find(rounds, roundOf);
+    findCylinders(gentle, rounds, roundOf);
+    for (std::size_t i = 0; i < edges.size(); ++i) edges[i].round = roundOf[i];
+    return rounds;
+}
+
+bool placedRound(const MeshRound& round, const WorldFromLocal& m, RoundBody& result) {
+    constexpr double kOval = 4e-3;
+    result = round.body;
+    result.center = m * glm::dvec4(round.body.center, 1);
+    const glm::dmat3 linear(m[0], m[1], m[2]);
+    const auto sameSize = [&](double a, double b) { return std::abs(a - b) <= kOval * std::max(a, b); };
+    if (round.body.sphere) {
+        const double scale = glm::length(linear[0]);
+        result.radius *= scale;
+        const double most = kOval * scale * scale;
+        return scale > 0 && sameSize(scale, glm::length(linear[1])) && sameSize(scale, glm::length(linear[2])) &&
+               std::abs(glm::dot(linear[0], linear[1])) < most && std::abs(glm::dot(linear[1], linear[2])) < most &&
+               std::abs(glm::dot(linear[2], linear[0])) < most;
+    }
+    const glm::dvec3 side = glm::cross(round.body.axis, round.body.middle);
+    const glm::dvec3 along = linear * round.body.axis, u = linear * round.body.middle, v = linear * side;
+    const double length = glm::length(along), scale = glm::length(u);
+    if (!(length > 0) || !(scale > 0) || !sameSize(scale, glm::length(v))) return false;
+    if (std::abs(glm::dot(u, v)) > kOval * scale * scale || std::abs(glm::dot(u, along)) > kOval * scale * length ||
+        std::abs(glm::dot(v, along)) > kOval * scale * length)
+        return false;
+    result.axis = along / length;
+    result.middle = u / scale;
+    result.radius *= scale;
+    result.halfLength *= length;
+    return true;
+}
+
+}  // namespace rtsg

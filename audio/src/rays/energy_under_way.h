@@ -1,0 +1,40 @@
+// EnergyUnderWay: about how much of what a source sends is still under way, by the metres that it has gone.
+//
+// Where walls differ much in what they take, or some are missing, late energy is that of the few rays that met the
+// right walls: single rays sent at random tell little of it. Here a fixed number of them goes on all the time: those
+// with much energy are followed several times over, in place of those with little. What comes of it guides rays and
+// weighs nothing itself. Source: Kahn and Harris 1951, splitting and Russian roulette; Booth and Hendricks 1984, weight
+// windows. Threading: const once made.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/trace_result.h>
+
+#include "response/band_classes.h"
+
+namespace rtsg::trace {
+
+class EnergyUnderWay {
+  public:
+    /// As far as `metres`. Nothing is known, as nothing is gained, where all walls take alike.
+    EnergyUnderWay(const AcousticGeometry& geometry, const BandClasses& classes, const glm::dvec3& source,
+                   const TraceOptions& options, double metres);
+
+    bool known() const { return !shares_.empty(); }
+    /// What a ray ought to have after so many metres, as a share of what it was sent with, in the band that has most
+    /// left: the mean of all; but below -40 dB, where T20 and T30 need little of what comes, fewer rays have more.
+    double at(double metres) const {
+        return shares_[std::min(static_cast<std::size_t>(metres * stepsPerMetre_), shares_.size() - 1)];
+    }
+
+  private:
+    double stepsPerMetre_ = 1;
+    std::vector<double> shares_;  // within equal steps
+};
+
+}  // namespace rtsg::trace

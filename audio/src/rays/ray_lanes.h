@@ -1,0 +1,293 @@
+// RayLanes: the rays of a batch that are under way, sixteen side by side.
+//
+// What all of them do at a wall is computed for all at once, in steps that compilers make vectors of. A lane without a
+// ray, or whose ray met nothing, computes along; nobody looks at what comes of it.
+// Threading: one thread an object.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <limits>
+
+#include <glm/glm.hpp>
+
+#include "batch_task.h"
+#include "response/directions.h"
+#include "signal/random.h"
+
+namespace rtsg::trace {
+
+/// Calls `visit` with the number of each bit that is set, lowest first.
+template <class Visit>
+void forEachBit(std::uint32_t bits, const Visit& visit) {
+    for (; bits != 0; bits &= bits - 1) visit(std::countr_zero(bits));
+}
+
+/// A bit for each lane of which this is true.
+template <class Test>
+std::uint32_t lanesWhere(const Test& test) {
+    std::uint32_t lanes = 0;
+    for (int i = 0; i < AcousticRays::kMost; ++i) {
+        const bool is = test(i);
+        lanes |= std::uint32_t{is} << i;
+    }
+    return lanes;
+}
+
+/// Pairs of numbers in [0, 1), with 32 bits each.
+inline void drawPairs(Random& random, double (&first)[AcousticRays::kMost], double (&second)[AcousticRays::kMost]) {
+    // A number from 1 to 2 has these bits above its fraction's; taking 1 away is exact.
+    constexpr std::uint64_t kOne = std::bit_cast<std::uint64_t>(1.0);
+    for (int i = 0; i < AcousticRays::kMost; ++i) {
+        const std::uint64_t bits = random.next();
+        first[i] = std::bit_cast<double>(kOne | (bits >> 32) << 20) - 1;
+        second[i] = std::bit_cast<double>(kOne | (bits & 0xFFFFFFFF) << 20) - 1;
+    }
+}
+
+template <std::size_t N>
+class RayLanes {
+  public:
+    static constexpr int kMost = AcousticRays::kMost;
+    using Vectors = AcousticRays::Vectors;
+
+    enum class Event : std::uint8_t { emitted, diffuse, mirror };
+
+    /// From where they were last; `facing`: of the surface there, towards where they go; `except`: its plane.
+    AcousticRays rays;
+    Vectors before;  // where they came from to there
+    alignas(64) double energy[N][kMost] = {};
+    alignas(64) double travelled[kMost] = {};  // metres
+    double scatteredAt[kMost] = {};            // what it had travelled when it was scattered last, if ever
+    double roulette[kMost] = {};               // share of what a ray starts with at which it is played next
+    Event last[kMost] = {};
+    int mirrorOrder[kMost] = {};        // reflections while all were mirror-like
+    MirrorSequence mirrors[kMost];      // since the last reflection that was not mirror-like
+    double mirrorShare[kMost] = {};     // at most, of energy that they left
+    bool onlyMirrors[kMost] = {};       // so far
+    std::int32_t wallsMet[kMost] = {};  // as far as they scatter
+    std::int32_t parts[kMost] = {};     // that one that was sent has been split into
+    bool isPart[kMost] = {};
+    bool again[kMost] = {};  // it goes to a wall where one that it is a part of has been
+
+    Energy<N> energyOf(int i) const { return column(energy, i); }
+    void start(int i, const glm::dvec3& origin, const glm::dvec3& direction, const Energy<N>& with, double playedAt) {
+        rays.origin.set(i, origin), before.set(i, origin), rays.facing.set(i, glm::dvec3(0));
+        rays.direction.set(i, direction);
+        rays.except[i] = kNoPlane;
+        for (std::size_t b = 0; b < N; ++b) energy[b][i] = with[b];
+        travelled[i] = 0, scatteredAt[i] = -std::numeric_limits<double>::infinity();
+        roulette[i] = playedAt, last[i] = Event::emitted;
+        mirrorOrder[i] = 0, mirrors[i] = {}, mirrorShare[i] = 1, onlyMirrors[i] = true, wallsMet[i] = 0;
+        parts[i] = 1, isPart[i] = again[i] = false;
+    }
+    void copy(int from, int to) {
+        const auto copyVector = [&](Vectors& v) { v.set(to, v[from]); };
+        copyVector(rays.origin), copyVector(rays.direction), copyVector(rays.facing), copyVector(before);
+        rays.except[to] = rays.except[from];
+        for (std::size_t b = 0; b < N; ++b) energy[b][to] = energy[b][from];
+        travelled[to] = travelled[from], scatteredAt[to] = scatteredAt[from];
+        roulette[to] = roulette[from], last[to] = last[from];
+        mirrorOrder[to] = mirrorOrder[from], mirrors[to] = mirrors[from], mirrorShare[to] = mirrorShare[from];
+        onlyMirrors[to] = onlyMirrors[from], wallsMet[to] = wallsMet[from];
+        parts[to] = parts[from], isPart[to] = isPart[from], again[to] = again[from];
+    }
+
+    /// A ray on its way to a wall that it will meet once more.
+    struct Part {
+        glm::dvec3 origin, direction, facing, before;
+        std::uint32_t except;
+        Energy<N> energy;
+        double travelled, scatteredAt, roulette;
+        Event last;
+        int mirrorOrder;
+        MirrorSequence mirrors;
+        double mirrorShare;
+        bool onlyMirrors;
+        std::int32_t wallsMet, parts;
+    };
+
+    // What follows is of the walls that were met last.
+
+    /// Moves rays to what they met. `met`: a bit for each that met something; of others `hits` means nothing. Rays can
+    /// be split if `keepsWay`.
+    void arrive(std::uint32_t met, const AcousticHits& hits, const std::vector<Shares<N>>& walls,
+                bool keepsWay = false) {
+        alignas(64) double distance[kMost] = {};
+        const Shares<N>* shares[kMost];
+        if (keepsWay) keepWay();
+        for (int i = 0; i < kMost; ++i) {
+            const AcousticHit& hit = hits[static_cast<std::size_t>(i)];
+            const bool any = (met >> i & 1) != 0;
+            distance[i] = any ? hit.distance : 0;
+            normal_.set(i, hit.normal);
+            shares[i] = &walls[any ? hit.material : 0];
+            rays.except[i] = hit.plane;
+        }
+        Vectors &o = rays.origin, &d = rays.direction, &n = normal_, &f = rays.facing;
+        for (int i = 0; i < kMost; ++i) {
+            before.x[i] = o.x[i], before.y[i] = o.y[i], before.z[i] = o.z[i];
+            o.x[i] += d.x[i] * distance[i], o.y[i] += d.y[i] * distance[i], o.z[i] += d.z[i] * distance[i];
+            travelled[i] += distance[i];
+            cosine_[i] = d.x[i] * n.x[i] + d.y[i] * n.y[i] + d.z[i] * n.z[i];
+            const double side = cosine_[i] > 0 ? -1.0 : 1.0;
+            f.x[i] = side * n.x[i], f.y[i] = side * n.y[i], f.z[i] = side * n.z[i];
+        }
+        for (std::size_t b = 0; b < N; ++b)
+            for (int i = 0; i < kMost; ++i) {
+                diffuse_[b][i] = energy[b][i] * shares[i]->diffuse[b];
+                mirror_[b][i] = energy[b][i] * shares[i]->mirror[b];
+                through_[b][i] = energy[b][i] * shares[i]->through[b];
+            }
+        addUp(diffuse_, diffuseSum_), addUp(mirror_, mirrorSum_), addUp(through_, throughSum_);
+    }
+    Energy<N> scattered(int i) const { return column(diffuse_, i); }
+    /// Share of what is scattered, of all that the wall leaves.
+    double scattering(int i) const { return diffuseSum_[i] / (diffuseSum_[i] + mirrorSum_[i] + throughSum_[i]); }
+    /// By lane, the most that the wall leaves of any band.
+    void leftMost(double (&most)[kMost]) const {
+        for (int i = 0; i < kMost; ++i) most[i] = 0;
+        for (std::size_t b = 0; b < N; ++b)
+            for (int i = 0; i < kMost; ++i) {
+                const double all = diffuse_[b][i] + mirror_[b][i] + through_[b][i];
+                most[i] = all > most[i] ? all : most[i];
+            }
+    }
+    /// Makes what the wall leaves so many times as much.
+    void scale(int i, double factor) {
+        for (std::size_t b = 0; b < N; ++b) diffuse_[b][i] *= factor, mirror_[b][i] *= factor, through_[b][i] *= factor;
+        diffuseSum_[i] *= factor, mirrorSum_[i] *= factor, throughSum_[i] *= factor;
+    }
+    /// Splits a ray into so many that go on by chance each for itself, before it does; this is what the others are.
+    Part split(int i, int into) {
+        parts[i] *= into;
+        Part part{before[i],         rays.direction[i], way_.facing[i], way_.before[i], way_.except[i], energyOf(i),
+                  way_.travelled[i], scatteredAt[i],    roulette[i],    last[i],        mirrorOrder[i], mirrors[i],
+                  mirrorShare[i],    onlyMirrors[i],    wallsMet[i],    parts[i]};
+        for (double& e : part.energy) e /= into;
+        scale(i, 1.0 / into);
+        return part;
+    }
+    void start(int i, const Part& part) {
+        rays.origin.set(i, part.origin), before.set(i, part.before), rays.facing.set(i, part.facing);
+        rays.direction.set(i, part.direction);
+        rays.except[i] = part.except;
+        for (std::size_t b = 0; b < N; ++b) energy[b][i] = part.energy[b];
+        travelled[i] = part.travelled, scatteredAt[i] = part.scatteredAt;
+        roulette[i] = part.roulette, last[i] = part.last;
+        mirrorOrder[i] = part.mirrorOrder, mirrors[i] = part.mirrors, mirrorShare[i] = part.mirrorShare;
+        onlyMirrors[i] = part.onlyMirrors, wallsMet[i] = part.wallsMet;
+        parts[i] = part.parts, isPart[i] = again[i] = true;
+    }
+    /// Rays whose wall leaves any energy, of these; and those of which something is scattered.
+    std::uint32_t left(std::uint32_t of) const {
+        return of & lanesWhere([this](int i) { return diffuseSum_[i] + mirrorSum_[i] + throughSum_[i] > 0; });
+    }
+    std::uint32_t scatters(std::uint32_t of) const {
+        return of & lanesWhere([this](int i) { return diffuseSum_[i] > 0; });
+    }
+
+    /// Chooses how each goes on, with chances that are its shares of energy: `choice`, in [0, 1). What is scattered
+    /// goes where `across` and `round` say, see cosineDirections().
+    void goOn(const double (&choice)[kMost], const double (&across)[kMost], const double (&round)[kMost],
+              std::span<const ReflectingPlane> planes) {
+        alignas(64) std::int64_t event[kMost];
+        for (int i = 0; i < kMost; ++i) {
+            const double d = diffuseSum_[i], m = mirrorSum_[i], t = throughSum_[i], at = choice[i] * (d + m + t);
+            // Rounding may put the choice past the last share; a share of nothing is never chosen.
+            const bool scatters = (d > 0) & ((at < d) | (m + t <= 0));
+            const bool reflects = (m > 0) & ((at < d + m) | (t <= 0));
+            event[i] = scatters ? kScatters : reflects ? kReflects : kPasses;
+        }
+        turn(event, across, round);
+        weigh(event);
+        for (int i = 0; i < kMost; ++i) {
+            const bool scatters = event[i] == kScatters;
+            mirrors[i] = scatters ? MirrorSequence() : mirrors[i];
+            scatteredAt[i] = scatters ? travelled[i] : scatteredAt[i];
+        }
+        for (int i = 0; i < kMost; ++i) {
+            const bool scatters = event[i] == kScatters;
+            onlyMirrors[i] = onlyMirrors[i] & !scatters;
+            last[i] = scatters ? Event::diffuse : last[i];
+        }
+        forEachBit(lanesWhere([&](int i) { return event[i] == kReflects; }), [&](int i) {
+            const std::uint32_t plane = rays.except[i];
+            last[i] = Event::mirror;
+            ++mirrorOrder[i];
+            mirrors[i].append(plane);
+            if (plane < planes.size()) mirrorShare[i] *= planes[plane].mirrors;
+        });
+    }
+    /// Of these, those that have less than `of` times what the next Russian roulette is for.
+    std::uint32_t faint(std::uint32_t lanes, double of) const {
+        return lanes & lanesWhere([&](int i) {
+                   double most = energy[0][i];
+                   for (std::size_t b = 1; b < N; ++b) most = energy[b][i] > most ? energy[b][i] : most;
+                   return !(most >= roulette[i] * of);
+               });
+    }
+
+  private:
+    static constexpr std::int64_t kScatters = 0, kReflects = 1, kPasses = 2;
+    using Energies = double[N][kMost];
+
+    /// Where rays are on their way to the wall that is met next, for parts of them that go there once more.
+    void keepWay() {
+        way_.before = before, way_.facing = rays.facing;
+        std::copy_n(rays.except, kMost, way_.except);
+        std::copy_n(travelled, kMost, way_.travelled);
+    }
+
+    static Energy<N> column(const Energies& of, int i) {
+        Energy<N> result;
+        for (std::size_t b = 0; b < N; ++b) result[b] = of[b][i];
+        return result;
+    }
+    static void addUp(const Energies& energies, double (&sum)[kMost]) {
+        for (int i = 0; i < kMost; ++i) sum[i] = energies[0][i];
+        for (std::size_t b = 1; b < N; ++b)
+            for (int i = 0; i < kMost; ++i) sum[i] += energies[b][i];
+    }
+    void turn(const std::int64_t (&event)[kMost], const double (&across)[kMost], const double (&round)[kMost]) {
+        cosineDirections(rays.facing, across, round, scattered_);
+        const auto along = [&](double(&direction)[kMost], double(&facing)[kMost], const double(&away)[kMost],
+                               const double(&normal)[kMost]) {
+            for (int i = 0; i < kMost; ++i) {
+                const double mirrored = direction[i] - normal[i] * (2 * cosine_[i]);
+                direction[i] = event[i] == kScatters ? away[i] : event[i] == kReflects ? mirrored : direction[i];
+                facing[i] = event[i] == kPasses ? -facing[i] : facing[i];
+            }
+        };
+        along(rays.direction.x, rays.facing.x, scattered_.x, normal_.x);
+        along(rays.direction.y, rays.facing.y, scattered_.y, normal_.y);
+        along(rays.direction.z, rays.facing.z, scattered_.z, normal_.z);
+    }
+    /// Gives each the energy of what it does, over the chance of that.
+    void weigh(const std::int64_t (&event)[kMost]) {
+        for (std::size_t b = 0; b < N; ++b)
+            for (int i = 0; i < kMost; ++i) {
+                const double all = diffuseSum_[i] + mirrorSum_[i] + throughSum_[i];
+                if constexpr (N == 1) {
+                    energy[b][i] = all;
+                    continue;
+                }
+                const bool scatters = event[i] == kScatters, reflects = event[i] == kReflects;
+                const double part = scatters ? diffuse_[b][i] : reflects ? mirror_[b][i] : through_[b][i];
+                const double chance = scatters ? diffuseSum_[i] : reflects ? mirrorSum_[i] : throughSum_[i];
+                energy[b][i] = part * (all / chance);
+            }
+    }
+
+    struct {
+        Vectors before, facing;
+        std::uint32_t except[kMost];
+        double travelled[kMost];
+    } way_ = {};
+    Vectors normal_, scattered_;
+    alignas(64) double cosine_[kMost] = {};  // of the normal with the way there
+    alignas(64) Energies diffuse_ = {}, mirror_ = {}, through_ = {};
+    alignas(64) double diffuseSum_[kMost] = {}, mirrorSum_[kMost] = {}, throughSum_[kMost] = {};
+};
+
+}  // namespace rtsg::trace

@@ -1,0 +1,23 @@
+// MPEG audio (mp3 and its kin) by libmpg123 itself, which libsndfile lets write to standard error.
+//
+// Samples are those that libsndfile gives of an undamaged file. What is no frame of sound is skipped and told.
+// Threading: pure functions.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <rtsg/audio/sound_file.h>
+
+#include "sound_bytes.h"
+
+namespace rtsg {
+
+/// Whether it begins as MPEG audio does, or with the tag (ID3v2) that is put before it.
+bool isMpegSound(const SoundBytes& file);
+/// As readSoundBytes().
+Result<SoundBuffer> readMpegSound(SoundBytes file, std::uint64_t maxSamples, std::string& damage);
+/// By its header (Xing, LAME), or from its size and first frames.
+Result<double> mpegSoundSeconds(SoundBytes file);
+
+}  // namespace rtsg

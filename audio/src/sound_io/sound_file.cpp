@@ -1,0 +1,262 @@
+// Reads sound files by libsndfile, MPEG audio by libmpg123; writes WAV; resamples whole sounds by libsoxr.
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <memory>
+
+#include <fmt/format.h>
+#include <sndfile.h>
+#include <soxr.h>
+
+#include <rtsg/audio/sound_file.h>
+#include <rtsg/core/output_file.h>
+
+#include "mpeg_sound.h"
+#include "sound_bytes.h"
+#include "sound_length.h"
+
+namespace rtsg {
+namespace {
+
+struct Close {
+    void operator()(SNDFILE* file) const { sf_close(file); }
+};
+using File = std::unique_ptr<SNDFILE, Close>;
+
+SF_VIRTUAL_IO virtualFile() {
+    SF_VIRTUAL_IO io{};
+    io.get_filelen = [](void* data) -> sf_count_t { return static_cast<SoundBytes*>(data)->size; };
+    io.tell = [](void* data) -> sf_count_t { return static_cast<SoundBytes*>(data)->at; };
+    io.seek = [](sf_count_t offset, int whence, void* data) -> sf_count_t {
+        return static_cast<SoundBytes*>(data)->seek(offset, whence);
+    };
+    io.read = [](void* to, sf_count_t count, void* data) -> sf_count_t {
+        return static_cast<SoundBytes*>(data)->read(to, count);
+    };
+    io.write = [](const void*, sf_count_t, void*) { return sf_count_t{0}; };
+    return io;
+}
+
+bool isOgg(const SF_INFO& info) {
+    return (info.format & SF_FORMAT_TYPEMASK) == SF_FORMAT_OGG;
+}
+
+/// What libsndfile gave up at, or left out, of a sound that it has read.
+std::string damageOf(SNDFILE* file, const SF_INFO& info, const SoundBytes& bytes, const SoundBuffer& sound) {
+    if (info.frames < 0 || info.frames == SF_COUNT_MAX)
+        return isOgg(info)
+                   ? fmt::format("it ends after {:.3g} s, before the page that ends an Ogg stream", sound.seconds())
+                   : "";
+    const double promised = static_cast<double>(info.frames) * promisedShare(bytes);
+    std::string missing = missingSound(promised, sound);
+    if (missing.empty() && sf_error(file) != SF_ERR_NO_ERROR) missing = unreadableFrom(sound);
+    return missing;
+}
+
+constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 29;
+
+Result<SoundBuffer> readAll(SoundBytes bytes, std::uint64_t maxSamples, std::string& damage) {
+    if (isMpegSound(bytes)) return readMpegSound(std::move(bytes), maxSamples, damage);
+    SF_INFO info{};
+    SF_VIRTUAL_IO io = virtualFile();
+    const File opened(sf_open_virtual(&io, SFM_READ, &info, &bytes));
+    SNDFILE* file = opened.get();
+    if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)));
+    if (info.channels < 1 || info.channels > 64 || info.samplerate < 1 || info.samplerate > 1'000'000)
+        return fail(fmt::format("sound has {} channels at {} Hz", info.channels, info.samplerate));
+    SoundBuffer sound;
+    sound.sampleRate = info.samplerate;
+    sound.channels = info.channels;
+    // In pieces: the header's length may be a lie.
+    constexpr sf_count_t kPiece = 1 << 16;
+    for (;;) {
+        const std::size_t at = sound.samples.size();
+        sound.samples.resize(at + static_cast<std::size_t>(kPiece * info.channels));
+        const sf_count_t got = std::max<sf_count_t>(0, sf_readf_float(file, sound.samples.data() + at, kPiece));
+        sound.samples.resize(at + static_cast<std::size_t>(got * info.channels));
+        if (sound.samples.size() > maxSamples) return tooManySamples(maxSamples);
+        if (got < kPiece) break;
+    }
+    for (float& sample : sound.samples)
+        if (!std::isfinite(sample)) sample = 0;
+    damage = damageOf(file, info, bytes, sound);
+    return sound;
+}
+
+}  // namespace
+
+float SoundBuffer::peak() const {
+    float result = 0;
+    for (const float sample : samples) result = std::max(result, std::abs(sample));
+    return result;
+}
+
+Result<SoundBuffer> readSound(const std::string& path, std::uint64_t maxSamples, std::string* damage) {
+    std::ifstream file(path, std::ios::binary);
+    std::error_code error;
+    const std::uintmax_t size = std::filesystem::file_size(path, error);
+    if (!file || error)
+        return fail(fmt::format("cannot read sound: {}", error ? error.message() : std::strerror(errno)), {}, path);
+    SoundBytes bytes;
+    bytes.size = static_cast<std::int64_t>(size);
+    bytes.readAt = [&](std::uint64_t offset, std::span<char> to) {
+        file.clear();
+        file.seekg(static_cast<std::streamoff>(offset)).read(to.data(), static_cast<std::streamsize>(to.size()));
+        return static_cast<std::size_t>(file.gcount());
+    };
+    std::string found;
+    auto sound = readAll(std::move(bytes), maxSamples, damage ? *damage : found);
+    if (!sound) sound.error().file = path;
+    return sound;
+}
+
+Result<SoundBuffer> readSoundBytes(std::string_view bytes, std::uint64_t maxSamples, std::string* damage) {
+    std::string found;
+    return readAll(SoundBytes::of(bytes), maxSamples, damage ? *damage : found);
+}
+
+Result<double> soundSeconds(const Resource& resource) {
+    SoundBytes source = SoundBytes::of(resource);
+    if (isMpegSound(source)) return mpegSoundSeconds(std::move(source));
+    SF_INFO info{};
+    SF_VIRTUAL_IO io = virtualFile();
+    const File file(sf_open_virtual(&io, SFM_READ, &info, &source));
+    if (!file) return fail(fmt::format("cannot read sound: {}", sf_strerror(nullptr)));
+    // An Ogg stream says at its end how long it is.
+    std::string damage;
+    if (isOgg(info) && info.frames == SF_COUNT_MAX) {
+        const auto sound = readAll(SoundBytes::of(resource), kMostSamples, damage);
+        return sound ? Result<double>(sound->seconds()) : std::unexpected(sound.error());
+    }
+    if (info.samplerate < 1 || info.frames < 0 || info.frames == SF_COUNT_MAX)
+        return fail("the header does not say how long the sound is");
+    return static_cast<double>(info.frames) / info.samplerate;
+}
+
+Result<> checkSoundName(const std::string& path) {
+    std::string extension = std::filesystem::path(path).extension().string();
+    for (char& c : extension)
+        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    if (extension == ".wav") return {};
+    return fail("no kind of sound that can be written has such a name; there is: .wav", {}, path);
+}
+
+Result<> writeWav(const std::string& path, const SoundBuffer& sound, WavFormat format) {
+    if (auto ok = checkSoundName(path); !ok) return ok;
+    if (sound.channels < 1 || sound.sampleRate < 1) return fail("a sound without channels or rate", {}, path);
+    const float peak = sound.peak();
+    for (const float sample : sound.samples)
+        if (!std::isfinite(sample)) return fail("the sound holds values that are no numbers", {}, path);
+    if (format != WavFormat::float32 && peak > 1)
+        return fail(fmt::format("the sound's peak of {:.3f} is beyond full scale", peak), {}, path);
+    SF_INFO info{};
+    info.channels = sound.channels;
+    info.samplerate = sound.sampleRate;
+    info.format = SF_FORMAT_WAV | (format == WavFormat::pcm16   ? SF_FORMAT_PCM_16
+                                   : format == WavFormat::pcm24 ? SF_FORMAT_PCM_24
+                                                                : SF_FORMAT_FLOAT);
+    auto out = OutputFile::create(path);
+    if (!out) return std::unexpected(out.error());
+    File file(sf_open_fd(out->descriptor(), SFM_WRITE, &info, SF_FALSE));
+    if (!file) return fail(fmt::format("cannot write sound: {}", sf_strerror(nullptr)), {}, path);
+    // The PEAK chunk holds the time of writing.
+    sf_command(file.get(), SFC_SET_ADD_PEAK_CHUNK, nullptr, SF_FALSE);
+    const auto frames = static_cast<sf_count_t>(sound.frames());
+    if (sf_writef_float(file.get(), sound.samples.data(), frames) != frames)
+        return fail(fmt::format("cannot write sound: {}", sf_strerror(file.get())), {}, path);
+    if (sf_close(file.release()) != 0) return fail("cannot write sound", {}, path);
+    return out->commit();
+}
+
+SoundBuffer mixToMono(const SoundBuffer& sound) {
+    if (sound.channels == 1) return sound;
+    SoundBuffer mono{sound.sampleRate, 1, std::vector<float>(sound.frames())};
+    const auto channels = static_cast<std::size_t>(sound.channels);
+    for (std::size_t i = 0; i < mono.samples.size(); ++i) {
+        float sum = 0;
+        for (std::size_t c = 0; c < channels; ++c) sum += sound.samples[i * channels + c];
+        mono.samples[i] = sum / static_cast<float>(channels);
+    }
+    return mono;
+}
+
+SoundBuffer spread(const SoundBuffer& sound, int channels) {
+    if (sound.channels == channels) return sound;
+    const auto own = static_cast<std::size_t>(sound.channels), all = static_cast<std::size_t>(channels);
+    SoundBuffer wide{sound.sampleRate, channels, std::vector<float>(sound.frames() * all)};
+    for (std::size_t i = 0; i < sound.frames(); ++i)
+        for (std::size_t c = 0; c < all; ++c)
+            if (own == 1 || c < own) wide.samples[i * all + c] = sound.samples[i * own + (own == 1 ? 0 : c)];
+    return wide;
+}
+
+Result<SoundBuffer> resample(const SoundBuffer& sound, int sampleRate) {
+    if (sound.sampleRate == sampleRate || sound.samples.empty()) {
+        SoundBuffer same = sound;
+        same.sampleRate = sampleRate;
+        return same;
+    }
+    // Beyond, the converter's filters grow without end.
+    constexpr double kMostRatio = 256;
+    const double ratio = static_cast<double>(sampleRate) / sound.sampleRate;
+    const auto cannot = [&](const std::string& why) {
+        return fail(fmt::format("cannot convert from {} to {} Hz{}", sound.sampleRate, sampleRate, why));
+    };
+    if (!(ratio <= kMostRatio && ratio >= 1 / kMostRatio)) return cannot("");
+    const soxr_io_spec_t floats = soxr_io_spec(SOXR_FLOAT32_I, SOXR_FLOAT32_I);
+    const soxr_quality_spec_t best = soxr_quality_spec(SOXR_VHQ, 0);
+    const char* error = nullptr;
+    const std::unique_ptr<soxr, void (*)(soxr_t)> converter(
+        soxr_create(sound.sampleRate, sampleRate, static_cast<unsigned>(sound.channels), &error, &floats, &best,
+                    nullptr),
+        soxr_delete);
+    if (!converter || error) return cannot(fmt::format(": {}", error ? error : "no memory"));
+    const auto channels = static_cast<std::size_t>(sound.channels);
+    SoundBuffer result{sampleRate, sound.channels, {}};
+    result.samples.resize((static_cast<std::size_t>(std::ceil(static_cast<double>(sound.frames()) * ratio)) + 1) *
+                          channels);
+    // In pieces: the converter keeps a copy of what it is given at once. After the last one it gives what it holds
+    // back.
+    constexpr std::size_t kPiece = 1 << 16;
+    std::size_t taken = 0, made = 0, used = 0, some = 0;
+    do {
+        const std::size_t piece = std::min(kPiece, sound.frames() - taken);
+        error =
+            soxr_process(converter.get(), piece > 0 ? sound.samples.data() + taken * channels : nullptr, piece, &used,
+                         result.samples.data() + made * channels, result.samples.size() / channels - made, &some);
+        if (error) return cannot(fmt::format(": {}", error));
+        taken += used, made += some;
+    } while (used > 0 || some > 0);
+    result.samples.resize(made * channels);
+    return result;
+}
+
+float normalise(SoundBuffer& sound, float limit) {
+    const float peak = sound.peak();
+    if (!(peak > limit)) return 1;
+    const float factor = limit / peak;
+    for (float& sample : sound.samples) sample = std::clamp(sample * factor, -limit, limit);
+    return factor;
+}
+
+Result<double> differenceDb(const SoundBuffer& reference, const SoundBuffer& other) {
+    if (reference.channels != other.channels || reference.sampleRate != other.sampleRate)
+        return fail(fmt::format("{} channels at {} Hz and {} at {} Hz", reference.channels, reference.sampleRate,
+                                other.channels, other.sampleRate));
+    const double lengths[] = {reference.seconds(), other.seconds()};
+    if (std::abs(lengths[0] - lengths[1]) > 1e-3 * std::max(lengths[0], lengths[1]))
+        return fail(fmt::format("{:.4g} s and {:.4g} s long", lengths[0], lengths[1]));
+    double signal = 0, difference = 0;
+    for (std::size_t i = 0; i < std::max(reference.samples.size(), other.samples.size()); ++i) {
+        const double a = i < reference.samples.size() ? reference.samples[i] : 0;
+        const double b = i < other.samples.size() ? other.samples[i] : 0;
+        signal += a * a;
+        difference += (a - b) * (a - b);
+    }
+    return difference == 0 ? -std::numeric_limits<double>::infinity() : 10 * std::log10(difference / signal);
+}
+
+}  // namespace rtsg

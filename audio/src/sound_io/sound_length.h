@@ -1,0 +1,25 @@
+// How long a sound is by what its file says, and what is missing of it where the file is damaged or was cut short.
+//
+// libsndfile takes what a WAV, AIFF or AU file says to be what there is of it. Threading: pure functions.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include <rtsg/audio/sound_file.h>
+
+#include "sound_bytes.h"
+
+namespace rtsg {
+
+/// By how much the sound in a WAV, RF64, W64, AIFF or AU file is longer by its header than what there is of it; 1 where
+/// it is not, where the header does not say, and for other files.
+double promisedShare(const SoundBytes& file);
+/// A text, empty unless more than `tolerated` frames are missing of the `promised` ones (0 or less: not known).
+std::string missingSound(double promised, const SoundBuffer& sound, double tolerated = 0);
+/// A text: it ends with an error.
+std::string unreadableFrom(const SoundBuffer& sound);
+/// The error of readSound().
+std::unexpected<Diagnostic> tooManySamples(std::uint64_t maxSamples);
+
+}  // namespace rtsg

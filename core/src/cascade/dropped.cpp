@@ -1,0 +1,150 @@
+// What scripts have made and dropped again: found and destroyed between frames.
+//
+// Only nodes that scripts have made are ever looked at, so the cost follows their number and not the scene's. One is
+// kept if something else refers to it: a field of a node that is kept, a route to or from one, a name outside of the
+// bodies of dropped instances, a variable of a script that is kept, or the application (Scene::hold). What scripts'
+// variables refer to is what the engine finds in a whole collection of its garbage, which follows from the program's
+// run alone: so the same nodes go in every run. They go as edits before the frame, which replicas and logs get like any
+// others. A look waits until as many are new as there were after the last one, and a thousand: so it costs each node
+// that is made a bounded share.
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include <rtsg/core/resource.h>
+
+#include "state/state.h"
+
+namespace rtsg {
+
+namespace {
+
+constexpr std::size_t kFewest = 1000;
+/// A node's shortest text: `Q{}`, of a PROTO.
+constexpr std::size_t kShortestText = 3;
+
+}  // namespace
+
+Result<> Scene::State::mayScriptsMake(std::size_t textBytes) {
+    const std::uint64_t most =
+        (scriptOptions.resources ? scriptOptions.resources->policy() : ResourcePolicy{}).maximumNodes;
+    const std::size_t more = 1 + textBytes / kShortestText;
+    if (scriptMade.size() + more > most) std::erase_if(scriptMade, [&](NodeId id) { return !find(id); });
+    if (scriptMade.size() + more <= most) return {};
+    return fail(fmt::format("scripts may make {} nodes that are there at a time: {} are, and this may be {} more", most,
+                            scriptMade.size(), more));
+}
+
+Result<NodeId> ScriptPrograms::createNode(Scene& scene, std::string_view type, NodeId scope) {
+    if (auto may = scene.state_->mayScriptsMake(); !may) return std::unexpected(may.error());
+    // Of a PROTO: with its body.
+    return scene.state_->madeByScript([&] { return scene.createNode(type, scope); });
+}
+
+Result<DocumentServices::Piece> ScriptPrograms::createPiece(Scene& scene, std::string_view text, NodeId script) {
+    if (auto may = scene.state_->mayScriptsMake(text.size()); !may) return std::unexpected(may.error());
+    const Node* node = scene.find(script);
+    return scene.state_->madeByScript([&] {
+        return scene.documents().makePiece(scene, text, node ? node->scope() : NodeId{},
+                                           scene.state_->scriptOptions.resources.get());
+    });
+}
+
+Result<DocumentServices::Piece> ScriptPrograms::createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls,
+                                                                  NodeId script) {
+    if (auto may = scene.state_->mayScriptsMake(); !may) return std::unexpected(may.error());
+    return scene.state_->madeByScript([&] {
+        return scene.documents().makePieceOfUrls(scene, script, urls, scene.state_->scriptOptions.resources.get());
+    });
+}
+
+void Scene::hold(NodeId id) {
+    if (!state_->refuseForeign() && state_->find(id)) ++state_->held[id.value];
+}
+
+void Scene::letGo(NodeId id) {
+    if (state_->refuseForeign()) return;
+    const auto found = state_->held.find(id.value);
+    if (found != state_->held.end() && --found->second == 0) state_->held.erase(found);
+}
+
+bool Scene::isHeld(NodeId id) const {
+    return state_->held.contains(id.value);
+}
+
+std::vector<bool> Scene::State::findReferred(const std::vector<NodeId>& candidates) {
+    std::vector<bool> reached(candidates.size());
+    std::vector<NodeId> pending;
+    const auto place = [&](NodeId id) -> std::ptrdiff_t {
+        const auto found = std::ranges::lower_bound(candidates, id);
+        return found != candidates.end() && *found == id ? found - candidates.begin() : -1;
+    };
+    const auto reach = [&](NodeId id) {
+        const std::ptrdiff_t i = place(id);
+        if (i < 0 || reached[static_cast<std::size_t>(i)]) return;
+        reached[static_cast<std::size_t>(i)] = true;
+        pending.push_back(id);
+    };
+    // By script: what its variables hold.
+    std::map<NodeId, std::vector<NodeId>> variables;
+    scripts->findHeld(candidates, [&](NodeId script, NodeId node) { variables[script].push_back(node); });
+    for (const auto& [script, nodes] : variables)
+        if (place(script) < 0)
+            for (const NodeId id : nodes) reach(id);
+    for (const NodeId id : candidates) {
+        const Node& node = *find(id);
+        const Node::Links* links = node.links_.get();
+        bool referred = held.contains(id.value) || (links && !links->name.empty() && place(node.scope_) < 0);
+        std::vector<ParentRef> above;
+        if (node.parent_.node) above.push_back(node.parent_);
+        if (links) links->parents.appendTo(above);
+        for (const ParentRef& p : above) {
+            // The root's stacks only point.
+            const FieldDef& def = find(p.node)->type_->fields[p.field];
+            referred = referred || (place(p.node) < 0 && !(def.hidden && def.aspect != Aspect::structure));
+        }
+        if (links) {
+            for (const RouteGroup& group : links->out)
+                for (const OutgoingRoute& r : group.targets.items())
+                    referred = referred || (r.to.node && place(r.to.node) < 0);
+            for (const IncomingRoute& r : links->in.items()) referred = referred || (r.from && place(r.from) < 0);
+        }
+        if (referred) reach(id);
+    }
+    while (!pending.empty()) {
+        const Node& node = *find(pending.back());
+        pending.pop_back();
+        reach(node.scope_);
+        for (const FieldIndex i : node.type_->nodeFields()) {
+            if (!node.type_->fields[i].readable()) continue;
+            if (node.type_->fields[i].type == FieldType::SFNode)
+                reach(*static_cast<const NodeId*>(node.storage(i)));
+            else
+                for (const NodeId child : *static_cast<const Array<NodeId>*>(node.storage(i))) reach(child);
+        }
+        if (node.links_) {
+            for (const RouteGroup& group : node.links_->out)
+                for (const OutgoingRoute& r : group.targets.items()) reach(r.to.node);
+            for (const IncomingRoute& r : node.links_->in.items()) reach(r.from);
+        }
+        if (const auto own = variables.find(node.id_); own != variables.end())
+            for (const NodeId id : own->second) reach(id);
+    }
+    return reached;
+}
+
+void Scene::State::destroyDropped() {
+    if (!scripts || scriptMade.size() < scriptMadeBefore + std::max(kFewest, scriptMadeBefore)) return;
+    std::erase_if(scriptMade, [&](NodeId id) { return !find(id); });
+    const std::vector<bool> referred = findReferred(scriptMade);
+    std::vector<NodeId> kept;
+    for (std::size_t i = 0; i < scriptMade.size(); ++i)
+        if (referred[i])
+            kept.push_back(scriptMade[i]);
+        else
+            (void)owner.destroyNode(scriptMade[i]);  // one may have gone by another's shutdown()
+    scriptMade.swap(kept);
+    scriptMadeBefore = scriptMade.size();
+}
+
+}  // namespace rtsg

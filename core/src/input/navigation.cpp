@@ -1,0 +1,559 @@
+// What navigation makes of a frame's keys, wheels and pointers, before the frame begins.
+#include <rtsg/core/navigation.h>
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_set>
+
+#include <rtsg/core/device_input.h>
+#include <rtsg/core/geospatial.h>
+#include <rtsg/core/x3d.h>
+
+#include "avatar.h"
+#include "scene/rotations.h"
+#include "scene/view_pose.h"
+#include "state/state.h"
+#include "viewer_move.h"
+
+namespace rtsg {
+
+namespace {
+
+using Root = x3d::RtsgScene;
+using Key = NavigationState::Key;
+
+constexpr double kTurnRate = M_PI / 4;      // radians a second, of keys
+constexpr double kOrbitPerHalf = M_PI / 2;  // radians, of a drag by half the picture's smaller side
+constexpr double kWheelStep = .9;           // of the distance to the centre
+constexpr double kWheelSeconds = .25;       // at NavigationInfo's speed
+
+/// Of a frame's queue, what navigation answers.
+struct Devices {
+    double seconds = 0;  // since the frame before
+    Vec2d wheel{0};
+    std::vector<KeyInput> keys;
+    std::optional<PointerInput> pointer;  // number 0
+    bool anyMoved = true;                 // geometry or views, since the frame before
+};
+
+const Node* boundInfo(const Scene& scene) {
+    const Node* info = topOfStack(scene, "_navigationStack");
+    return info && info->is(x3d::NavigationInfo::type) ? info : nullptr;
+}
+
+/// Half the angle that the picture's smaller side shows.
+double halfAngle(const Node& view) {
+    return std::clamp(fieldOfViewOf(&view), 1e-6, M_PI - 1e-6) / 2;
+}
+
+/// Whether a sensor or an Anchor has hold of what the pointer does.
+bool isHeld(const Scene& scene, std::int32_t device) {
+    for (const NodeId id : scene.node(scene.root()).get(Root::_pointed)) {
+        const Node* node = scene.find(id);
+        const FieldIndex holder = node ? node->type().findExact("_holder") : kNoField;
+        if (holder != kNoField && node->get(Field<std::int32_t>{holder}) == device + 1) return true;
+    }
+    return false;
+}
+bool wasDown(const Scene& scene, std::int32_t device) {
+    constexpr std::size_t kRow = 9;  // device, buttons, kind, bearing
+    const auto& rows = scene.node(scene.root()).get(Root::_pointers);
+    for (std::size_t k = 0; k + kRow <= rows.size(); k += kRow)
+        if (rows[k] == device) return (static_cast<std::uint32_t>(rows[k + 1]) & PointerInput::kPrimary) != 0;
+    return false;
+}
+
+std::uint32_t keyBit(ActionKey key) {
+    switch (key) {
+        case ActionKey::up:
+            return Key::kUp;
+        case ActionKey::down:
+            return Key::kDown;
+        case ActionKey::left:
+            return Key::kLeft;
+        case ActionKey::right:
+            return Key::kRight;
+        case ActionKey::alt:
+            return Key::kAlt;
+        default:
+            return 0;
+    }
+}
+std::optional<ViewpointChoice> choiceOf(ActionKey key) {
+    switch (key) {
+        case ActionKey::home:
+            return ViewpointChoice::first;
+        case ActionKey::end:
+            return ViewpointChoice::last;
+        case ActionKey::pageUp:
+            return ViewpointChoice::previous;
+        case ActionKey::pageDown:
+            return ViewpointChoice::next;
+        default:
+            return std::nullopt;
+    }
+}
+
+/// 23.4.7: whether what is in a ViewpointGroup is to be chosen from where the viewer is.
+bool isOffered(const Scene& scene, const Node& group) {
+    using G = x3d::ViewpointGroup;
+    if (!group.get(G::displayed)) return false;
+    const Vec3f size = group.get(G::size);
+    if (size == Vec3f(0) || size.x < 0 || size.y < 0 || size.z < 0) return true;  // no box
+    const auto world = worldAround(scene, group.id());
+    if (!world) return false;
+    const glm::dvec3 viewer = glm::inverse(*world) * glm::dvec4(viewerPose(scene).position, 1);
+    const glm::dvec3 away = glm::abs(viewer - glm::dvec3(group.get(G::center)));
+    return glm::all(glm::lessThanEqual(away * 2.0, glm::dvec3(size)));
+}
+
+/// None if there is none; `current` counts as before the first if it is none of them.
+NodeId chosenViewpoint(const Scene& scene, NodeId current, ViewpointChoice choice) {
+    const std::vector<NodeId> all = viewpoints(scene);
+    if (all.empty()) return {};
+    const auto at = std::ranges::find(all, current);
+    switch (choice) {
+        case ViewpointChoice::first:
+            return all.front();
+        case ViewpointChoice::last:
+            return all.back();
+        case ViewpointChoice::previous:
+            return at == all.begin() || at == all.end() ? all.back() : *(at - 1);
+        case ViewpointChoice::next:
+            return at == all.end() || at + 1 == all.end() ? all.front() : *(at + 1);
+    }
+    return {};
+}
+
+/// One frame's navigation from one viewpoint.
+class Navigator {
+  public:
+    Navigator(const Scene& scene, SpaceQueries* queries, const Node& view, const ViewFields& fields,
+              const glm::dmat4& world)
+        : scene_(scene),
+          queries_(queries),
+          view_(view),
+          fields_(fields),
+          world_(world),
+          worldNormal_(glm::transpose(glm::dmat3(world))),
+          info_(boundInfo(scene)),
+          type_(navigationType(scene)),
+          before_(NavigationState::fromValue(scene.node(scene.root()).get(Root::_navigation))),
+          state_(before_),
+          start_(*viewOf(view)),
+          pose_(start_) {
+        if (state_.viewpoint == view.id()) return;
+        state_.walking = state_.dragging = false;
+        state_.fallSpeed = 0;
+    }
+
+    /// `bind`: the viewpoint that a key asks for.
+    std::optional<ViewerMove> answer(const Devices& devices, NodeId& bind) {
+        ViewerMove move;
+        move.viewpoint = view_.id();
+        const bool rests = type_ == NavigationType::none || !view_.get(fields_.transition).empty();
+        if (!rests) steer(devices);
+        readKeys(devices.keys, bind);
+        if (devices.pointer) readPointer(*devices.pointer, move, rests);
+        if (type_ == NavigationType::none) state_ = {};
+        if (move.kind == ViewerMove::Kind::stay && pose_ != start_) move.kind = ViewerMove::Kind::place;
+        if (bind && bind == view_.id()) goBack(move);
+        move.offset = target_ ? *target_ : relative(authorsView(view_, fields_), pose_);
+        const bool idle = state_.held == 0 && !state_.dragging && !state_.walking;
+        state_.viewpoint = idle ? NodeId{} : view_.id();
+        if (idle) state_ = {};
+        move.state = state_;
+        if (!isFinite(move.offset)) return std::nullopt;
+        if (move.kind == ViewerMove::Kind::stay && state_ == before_) return std::nullopt;
+        return move;
+    }
+
+  private:
+    /// The viewpoint is bound already: back to where its author put it.
+    void goBack(ViewerMove& move) {
+        if (userOffset(view_, fields_) == ViewerPose{}) return;
+        move.kind = ViewerMove::Kind::animate;
+        target_ = ViewerPose{};
+    }
+
+    bool isDown(Key key) const { return (state_.held & key) != 0; }
+    /// -1, 0 or 1
+    double between(Key less, Key more) const { return double(isDown(more)) - double(isDown(less)); }
+    double speed() const {
+        const double speed = (info_ ? info_->get(x3d::NavigationInfo::speed) : 1.0f) * geoFactor();
+        return std::isfinite(speed) && speed > 0 ? speed : 0;
+    }
+    /// 25.3.11: who is higher above the ellipsoid goes faster; on the ground as NavigationInfo has it, a tenth of the
+    /// height a second far above it.
+    double geoFactor() const {
+        if (!view_.is(x3d::GeoViewpoint::type)) return 1;
+        const auto reference = GeoReference::of(scene_, view_);
+        const auto place = reference ? geoPlace(scene_, view_) : std::unexpected(reference.error());
+        if (!place) return 1;
+        const GeoSystem& own = reference->system();
+        const Vec3d there = reference->fromScene(Vec3d(*place * glm::dvec4(pose_.position, 1)));
+        GeoSystem geodetic;
+        geodetic.ellipsoid = own.ellipsoid;
+        const double height = geodetic.fromGeocentric(own.toGeocentric(there)).z;
+        return (1 + std::max(0.0, height) / 10) * double{view_.get(x3d::GeoViewpoint::speedFactor)};
+    }
+    Avatar avatar() const {
+        Avatar avatar;
+        if (!info_) return avatar;
+        const auto& size = info_->get(x3d::NavigationInfo::avatarSize);
+        double* const parts[] = {&avatar.radius, &avatar.height, &avatar.step};
+        for (std::size_t i = 0; i < std::min<std::size_t>(3, size.size()); ++i)
+            if (std::isfinite(size[i]) && size[i] >= 0) *parts[i] = size[i];
+        return avatar;
+    }
+
+    // ---- steering ----------------------------------------------------------------------------------------------
+
+    void steer(const Devices& devices) {
+        if (type_ == NavigationType::examine || type_ == NavigationType::lookAt)
+            examine(devices);
+        else
+            travel(devices);
+        if (devices.pointer) drag(*devices.pointer);
+    }
+
+    glm::dvec3 center() const { return centerOfRotation(scene_, view_, fields_); }
+
+    void orbit(double right, double up) {
+        if (right != 0 || up != 0) pose_ = orbited(pose_, center(), -right, up);
+    }
+    void examine(const Devices& devices) {
+        const double turn = kTurnRate * devices.seconds;
+        orbit(between(Key::kLeft, Key::kRight) * turn, between(Key::kDown, Key::kUp) * turn);
+        if (devices.wheel.y != 0)
+            pose_.position = center() + (pose_.position - center()) * std::pow(kWheelStep, -devices.wheel.y);
+    }
+
+    void travel(const Devices& devices) {
+        const bool walks = type_ == NavigationType::walk;
+        glm::dvec3 ahead = pose_.orientation * glm::dvec3(0, 0, -1), up = pose_.orientation * glm::dvec3(0, 1, 0);
+        const glm::dvec3 aside = pose_.orientation * glm::dvec3(1, 0, 0);
+        if (walks) {
+            const glm::dvec3 given = ahead;
+            ahead.y = 0;
+            if (!(glm::length(ahead) > 1e-9)) ahead = {up.x * -given.y, 0, up.z * -given.y};
+            ahead = glm::length(ahead) > 1e-9 ? glm::normalize(ahead) : glm::dvec3(0, 0, -1);
+            up = glm::dvec3(0);
+        }
+        const double length = speed() * devices.seconds, wheel = speed() * kWheelSeconds;
+        const bool alt = isDown(Key::kAlt);
+        const double forward = between(Key::kDown, Key::kUp), right = between(Key::kLeft, Key::kRight);
+        glm::dvec3 motion = ahead * (-devices.wheel.y * wheel) + aside * (devices.wheel.x * wheel);
+        motion += (alt && !walks ? up : ahead) * (forward * length);
+        if (alt) motion += aside * (right * length);
+        const double left = alt ? 0 : -right * kTurnRate * devices.seconds;
+        if (left != 0) pose_ = turned(pose_, left, 0);
+        if (walks && (left != 0 || motion != glm::dvec3(0))) state_.walking = true;
+        go(motion, walks, devices);
+    }
+
+    void go(const glm::dvec3& motion, bool walks, const Devices& devices) {
+        const bool moves = motion != glm::dvec3(0);
+        if (!queries_) {
+            pose_.position += motion;
+            return;
+        }
+        const Avatar size = avatar();
+        const CastRay cast = [this](const glm::dvec3& from, const glm::dvec3& direction, double length) {
+            return this->cast(from, direction, length);
+        };
+        const glm::dvec3 there = moves ? slideBy(pose_.position, motion, size, walks, cast) : pose_.position;
+        if (!walks || !state_.walking || !(moves || state_.fallSpeed != 0 || devices.anyMoved)) {
+            pose_.position = there;
+            return;
+        }
+        const Stand stand = standOrFall(there, state_.fallSpeed, devices.seconds, size, cast);
+        state_.fallSpeed = stand.fallSpeed;
+        if (!stand.blocked) pose_.position = stand.eye;
+    }
+
+    /// The first surface that collides (23.4.2), all in the coordinates around the viewpoint.
+    std::optional<Met> cast(const glm::dvec3& from, const glm::dvec3& direction, double length) {
+        const glm::dvec3 origin = world_ * glm::dvec4(from, 1), along = glm::dmat3(world_) * direction;
+        const double stretch = glm::length(along);
+        if (!(stretch > 0) || !std::isfinite(stretch) || !std::isfinite(origin.x + origin.y + origin.z))
+            return std::nullopt;
+        for (const Crossing& crossing : queries_->obstacles(origin, along / stretch, length * stretch)) {
+            if (!stopsAvatars(scene_, crossing.path)) continue;
+            Met met{glm::length(crossing.point - origin) / stretch, worldNormal_ * crossing.normal};
+            if (!(glm::length(met.normal) > 0)) continue;
+            met.normal = glm::normalize(met.normal);
+            if (glm::dot(met.normal, direction) > 0) met.normal = -met.normal;
+            return met;
+        }
+        return std::nullopt;
+    }
+
+    // ---- devices -----------------------------------------------------------------------------------------------
+
+    /// A sensor that has the keys has them all (21.2).
+    void readKeys(const std::vector<KeyInput>& keys, NodeId& bind) {
+        const bool taken = scene_.find(scene_.node(scene_.root()).get(Root::_keyFocus)) != nullptr;
+        for (const KeyInput& key : keys) {
+            const std::uint32_t bit = keyBit(key.action);
+            state_.held = key.down && !taken ? state_.held | bit : state_.held & ~bit;
+            const auto choice = choiceOf(key.action);
+            if (choice && key.down && !taken && type_ != NavigationType::none)
+                bind = chosenViewpoint(scene_, view_.id(), *choice);
+        }
+        if (taken) state_.held = 0;
+    }
+
+    /// From the middle of the picture, to the right and up, in halves of its smaller side.
+    std::optional<Vec2d> placeOf(const PointerInput& pointer) const {
+        if (pointer.kind != PointerInput::Kind::ray) return std::nullopt;
+        const ViewerPose eye = transformed(world_, start_);
+        const glm::dquat back = glm::conjugate(eye.orientation);
+        const glm::dvec3 direction = back * pointer.direction;
+        Vec2d place = Vec2d(direction) / (-direction.z * std::tan(halfAngle(view_)));
+        if (view_.is(x3d::OrthoViewpoint::type)) {
+            const auto& field = view_.get(x3d::OrthoViewpoint::fieldOfView);
+            Vec2d low(-1), high(1);
+            for (int i = 0; i < 2 && field.size() == 4; ++i)
+                low[i] = field[std::size_t(i)], high[i] = field[std::size_t(i) + 2];
+            const Vec2d half = (high - low) * .5;
+            place = (Vec2d(back * (pointer.origin - eye.position)) - (low + high) * .5) / std::min(half.x, half.y);
+        } else if (!(direction.z < 0)) {
+            return std::nullopt;
+        }
+        return std::isfinite(place.x + place.y) ? std::optional(place) : std::nullopt;
+    }
+
+    void drag(const PointerInput& pointer) {
+        const auto place = placeOf(pointer);
+        if (!state_.dragging || !place || *place == state_.at || isHeld(scene_, pointer.device)) return;
+        const Vec2d by = *place - state_.at;
+        if (type_ == NavigationType::examine || type_ == NavigationType::lookAt)
+            orbit(by.x * kOrbitPerHalf, by.y * kOrbitPerHalf);
+        else
+            pose_ = turned(pose_, by.x * halfAngle(view_), -by.y * halfAngle(view_));
+        state_.dragged = true;
+    }
+
+    void readPointer(const PointerInput& pointer, ViewerMove& move, bool rests) {
+        const bool down = (pointer.buttons & PointerInput::kPrimary) != 0, was = wasDown(scene_, pointer.device);
+        const auto place = placeOf(pointer);
+        if (place) state_.at = *place;
+        if (down && !was) {
+            state_.dragging = place.has_value();
+            state_.dragged = false;
+        } else if (was && isHeld(scene_, pointer.device)) {
+            state_.dragging = false;
+        }
+        if (down) return;
+        const bool clicked = was && state_.dragging && !state_.dragged;
+        state_.dragging = state_.dragged = false;
+        state_.at = Vec2d(0);
+        if (clicked && !rests && type_ == NavigationType::lookAt && pointer.hit) lookAt(*pointer.hit, move);
+    }
+
+    /// 23.4.4: to where the whole box of the shape is seen, whose middle becomes the centre of rotation.
+    void lookAt(const PointerHit& hit, ViewerMove& move) {
+        if (!queries_) return;
+        const glm::dmat4 back = glm::inverse(world_);
+        for (const ShapeBox& box : queries_->boxes()) {
+            if (box.path != hit.path) continue;
+            const glm::dmat4 place = back * box.worldFromShape;
+            const glm::dvec3 middle = place * glm::dvec4((box.low + box.high) * .5, 1);
+            double radius = 0;
+            for (int i = 0; i < 8; ++i) {
+                const glm::dvec3 corner(i & 1 ? box.low.x : box.high.x, i & 2 ? box.low.y : box.high.y,
+                                        i & 4 ? box.low.z : box.high.z);
+                radius = std::max(radius, glm::length(glm::dvec3(place * glm::dvec4(corner, 1)) - middle));
+            }
+            glm::dvec3 away = pose_.position - middle;
+            if (!(glm::length(away) > 0)) away = pose_.orientation * glm::dvec3(0, 0, 1);
+            away = glm::normalize(away);
+            const ViewerPose there{middle + away * (radius / std::sin(halfAngle(view_))), lookAlong(-away, pose_)};
+            move.kind = ViewerMove::Kind::look;
+            move.center = middle;
+            target_ = relative(authorsView(view_, fields_), there);
+            return;
+        }
+    }
+
+    const Scene& scene_;
+    SpaceQueries* queries_;
+    const Node& view_;
+    const ViewFields fields_;
+    const glm::dmat4 world_;
+    const glm::dmat3 worldNormal_;  // from the world's normals to those around the viewpoint
+    const Node* info_;
+    NavigationType type_;
+    const NavigationState before_;
+    NavigationState state_;
+    const ViewerPose start_;
+    ViewerPose pose_;
+    std::optional<ViewerPose> target_;  // of an animation, as an offset
+};
+
+/// The bound viewpoint, if one can move from it.
+struct BoundView {
+    const Node* view = nullptr;
+    ViewFields fields;
+    glm::dmat4 world{1};
+};
+std::optional<BoundView> boundView(const Scene& scene) {
+    const Node* view = topOfStack(scene, "_viewpointStack");
+    const auto fields = view ? viewFields(*view) : std::nullopt;
+    const auto world = fields ? worldAround(scene, view->id()) : std::nullopt;
+    if (!world) return std::nullopt;
+    return BoundView{view, *fields, *world};
+}
+
+}  // namespace
+
+// ---- poses -------------------------------------------------------------------------------------------------------
+
+ViewerPose viewerPose(const Scene& scene) {
+    Places places(scene);
+    const Viewer viewer = places.viewer(scene.root());
+    return {viewer.position, viewer.orientation};
+}
+
+NavigationType navigationType(const Scene& scene) {
+    const Node* info = boundInfo(scene);
+    if (!info) return NavigationType::examine;
+    for (const String& type : info->get(x3d::NavigationInfo::type_)) {
+        if (type.view() == "WALK") return NavigationType::walk;
+        if (type.view() == "FLY") return NavigationType::fly;
+        if (type.view() == "LOOKAT") return NavigationType::lookAt;
+        if (type.view() == "NONE") return NavigationType::none;
+        if (type.view() == "EXAMINE" || type.view() == "ANY") return NavigationType::examine;
+    }
+    return NavigationType::examine;
+}
+
+// ---- viewpoints and moves of applications ------------------------------------------------------------------------
+
+std::vector<NodeId> viewpoints(const Scene& scene) {
+    std::vector<NodeId> found, pending;
+    std::unordered_set<std::uint32_t> seen;
+    const Node* layer = scene.find(scene.node(scene.root()).get(Root::_activeLayer));
+    pending.push_back(layer ? layer->id() : scene.root());
+    while (!pending.empty()) {
+        const Node* node = scene.find(pending.back());
+        pending.pop_back();
+        if (!node || !seen.insert(node->id().value).second) continue;
+        if (viewFields(*node)) {
+            found.push_back(node->id());
+            continue;
+        }
+        if (isLayer(*node) && node != layer) continue;  // it has a viewer of its own
+        if (node->is(x3d::ViewpointGroup::type) && !isOffered(scene, *node)) continue;
+        std::vector<NodeId> below;
+        for (FieldIndex i = 0; i < node->type().fieldCount(); ++i) {
+            const FieldDef& field = node->type().fields[i];
+            if (sf(field.type) != FieldType::SFNode || !field.readable() || !isPlace(node->type(), i)) continue;
+            if (node->id() == scene.root() && i != Root::children.index) continue;
+            if (field.type == FieldType::SFNode)
+                below.push_back(node->get(Field<NodeId>{i}));
+            else
+                for (const NodeId child : node->get(Field<Array<NodeId>>{i})) below.push_back(child);
+        }
+        pending.insert(pending.end(), below.rbegin(), below.rend());
+    }
+    return found;
+}
+
+Result<> bindViewpoint(Scene& scene, ViewpointChoice choice) {
+    const Node* bound = topOfStack(scene, "_viewpointStack");
+    const Node* chosen = scene.find(chosenViewpoint(scene, bound ? bound->id() : NodeId{}, choice));
+    if (!chosen) return fail("there is no viewpoint");
+    return scene.sendEvent(chosen->id(), chosen->type().findExact("set_bind"), Value(true));
+}
+
+Result<> moveViewer(Scene& scene, const ViewerPose& pose, bool animated) {
+    if (!isFinite(pose)) return fail("a viewer's pose is not finite");
+    const auto bound = boundView(scene);
+    if (!bound) return fail("no viewpoint is bound from which a viewer could move");
+    ViewerMove move;
+    move.kind = animated ? ViewerMove::Kind::animate : ViewerMove::Kind::place;
+    move.viewpoint = bound->view->id();
+    const ViewerPose local = transformed(glm::inverse(bound->world), {pose.position, glm::normalize(pose.orientation)});
+    move.offset = relative(authorsView(*bound->view, bound->fields), local);
+    if (!isFinite(move.offset)) return fail("a viewer's pose is out of reach");
+    return scene.sendEvent(scene.root(), Root::navigate.index, move.toValue());
+}
+
+Result<> viewAll(Scene& scene, SpaceQueries& queries) {
+    const auto bound = boundView(scene);
+    if (!bound) return fail("no viewpoint is bound from which a viewer could move");
+    Vec3d low(INFINITY), high(-INFINITY);
+    for (const ShapeBox& box : queries.boxes())
+        for (int i = 0; i < 8; ++i) {
+            const glm::dvec3 corner(i & 1 ? box.low.x : box.high.x, i & 2 ? box.low.y : box.high.y,
+                                    i & 4 ? box.low.z : box.high.z);
+            const glm::dvec3 at = box.worldFromShape * glm::dvec4(corner, 1);
+            low = glm::min(low, at);
+            high = glm::max(high, at);
+        }
+    const double radius = glm::length(high - low) / 2;
+    if (!(radius > 0) || !std::isfinite(radius)) return fail("there is nothing to be seen");
+    ViewerPose pose = viewerPose(scene);
+    const glm::dvec3 back = pose.orientation * glm::dvec3(0, 0, 1);
+    pose.position = (low + high) * .5 + back * (radius / std::sin(halfAngle(*bound->view)));
+    return moveViewer(scene, pose);
+}
+
+// ---- a frame -----------------------------------------------------------------------------------------------------
+
+void Scene::State::navigate(double t) {
+    const auto bound = boundView(owner);
+    if (!bound) return;
+    Devices devices;
+    devices.seconds = started ? std::max(0.0, t - now) : 0;
+    constexpr std::uint32_t kSpace = aspectBit(Aspect::structure) | aspectBit(Aspect::transform) |
+                                     aspectBit(Aspect::view) | aspectBit(Aspect::geometry);
+    devices.anyMoved = ((touched | touchedBefore) & kSpace) != 0;
+    QueuedEvent* given = nullptr;
+    for (QueuedEvent& event : inputQueue) {
+        if (event.node != owner.root()) continue;
+        if (event.field == Root::navigate.index) {
+            given = &event;
+        } else if (event.field == Root::wheel.index) {
+            const auto& steps = event.value.as<Array<double>>();
+            if (steps.size() >= 2 && std::isfinite(steps[0] + steps[1])) devices.wheel += Vec2d(steps[0], steps[1]);
+        } else if (event.field == Root::key.index) {
+            if (const auto key = KeyInput::fromValue(event.value.as<Array<std::int32_t>>()))
+                devices.keys.push_back(*key);
+        } else if (event.field == Root::pointer.index) {
+            const auto pointer = PointerInput::fromValue(event.value.as<Array<double>>());
+            if (pointer && pointer->device == 0) devices.pointer = *pointer;
+        }
+    }
+    auto stated = given ? ViewerMove::fromValue(given->value.as<Array<double>>()) : Result<ViewerMove>(ViewerMove{});
+    if (!stated) return;
+    if (given) {
+        // It is about what is bound; where a recorded frame is run anew in a scene that has changed, that has another
+        // number.
+        stated->viewpoint = bound->view->id();
+        if (stated->state && stated->state->viewpoint) stated->state->viewpoint = bound->view->id();
+        given->value = Value(stated->toValue());
+    }
+    if (!navigates || stated->state) return;  // a recorded one has all that happens in this frame
+    if (given) {
+        // An application's own counts; of the devices, which keys are down.
+        devices.seconds = 0;
+        devices.wheel = Vec2d(0);
+        devices.pointer.reset();
+    }
+    NodeId bind;
+    auto move = Navigator(owner, queries, *bound->view, bound->fields, bound->world).answer(devices, bind);
+    viewerMoved = move.has_value();
+    if (given && move) {
+        stated->state = move->state;
+        given->value = Value(stated->toValue());
+    } else if (move) {
+        inputQueue.push_back({owner.root(), Root::navigate.index, Value(move->toValue())});
+    }
+    if (const Node* chosen = owner.find(bind); chosen && bind != bound->view->id())
+        inputQueue.push_back({bind, chosen->type().findExact("set_bind"), Value(true)});
+}
+
+}  // namespace rtsg

@@ -1,0 +1,69 @@
+// Poses of viewpoints: their authors', where users have gone from there, and how they lie in the world.
+#include <rtsg/core/viewer_pose.h>
+
+#include <rtsg/core/geospatial.h>
+#include <rtsg/core/x3d.h>
+
+#include "rotations.h"
+#include "view_pose.h"
+
+namespace rtsg {
+
+ViewerPose authorsView(const Node& viewpoint, const ViewFields& fields) {
+    const Rotation r = viewpoint.get(fields.orientation);
+    const glm::dvec3 axis(r.x, r.y, r.z);
+    // A GeoViewpoint is where its coordinates are: see geoPlace().
+    ViewerPose pose;
+    if (fields.position.index != kNoField) pose.position = Vec3d(viewpoint.get(fields.position));
+    if (glm::length(axis) > 0) pose.orientation = glm::angleAxis(double(r.angle), glm::normalize(axis));
+    return pose;
+}
+
+glm::dvec3 centerOfRotation(const Scene& scene, const Node& viewpoint, const ViewFields& fields) {
+    if (fields.centerOfRotation.index != kNoField) return glm::dvec3(viewpoint.get(fields.centerOfRotation));
+    const auto reference = GeoReference::of(scene, viewpoint);
+    const auto place = reference ? geoPlace(scene, viewpoint) : std::unexpected(reference.error());
+    if (!place) return glm::dvec3(0);
+    const Vec3d center = reference->toScene(viewpoint.get(x3d::GeoViewpoint::centerOfRotation));
+    return glm::transpose(glm::dmat3(*place)) * (center - glm::dvec3((*place)[3]));
+}
+
+double fieldOfViewOf(const Node* viewpoint) {
+    if (viewpoint && viewpoint->is(x3d::Viewpoint::type)) return viewpoint->get(x3d::Viewpoint::fieldOfView);
+    if (viewpoint && viewpoint->is(x3d::GeoViewpoint::type)) return viewpoint->get(x3d::GeoViewpoint::fieldOfView);
+    return M_PI / 4;
+}
+
+ViewerPose userOffset(const Node& viewpoint, const ViewFields& fields) {
+    const Vec4d& q = viewpoint.get(fields.userTurn);
+    const ViewerPose offset{viewpoint.get(fields.userPosition), glm::dquat(q.w, q.x, q.y, q.z)};
+    return isFinite(offset) ? offset : ViewerPose{};
+}
+
+std::optional<glm::dmat4> worldAround(const Scene& scene, NodeId node) {
+    Places places(scene);
+    const glm::dmat4 world = places.worldFromLocal(node, scene.root());
+    const double volume = glm::determinant(world);
+    return volume != 0 && std::isfinite(volume) ? std::optional(world) : std::nullopt;
+}
+
+std::optional<ViewerPose> viewOf(const Node& viewpoint) {
+    const auto fields = viewFields(viewpoint);
+    if (!fields) return std::nullopt;
+    const auto moved = movedView(viewpoint);
+    return moved ? moved : authorsView(viewpoint, *fields);
+}
+
+std::optional<ViewerPose> movedView(const Node& viewpoint) {
+    const auto fields = viewFields(viewpoint);
+    if (!fields || !viewpoint.get(fields->isBound)) return std::nullopt;
+    const ViewerPose offset = userOffset(viewpoint, *fields);
+    if (offset == ViewerPose{}) return std::nullopt;
+    return composed(authorsView(viewpoint, *fields), offset);
+}
+
+Rotation orientationOf(const ViewerPose& pose) {
+    return toRotation(pose.orientation);
+}
+
+}  // namespace rtsg

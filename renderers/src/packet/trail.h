@@ -1,0 +1,118 @@
+// Trail: where a picture's rays have been, so that the next one traces only what cannot be as it was.
+//
+// A tile remembers boxes around what its rays started from, met and lost; a state of the world differs from another in
+// boxes around the instances that are other than they were, and in the balls and cones of such lights. A tile none of
+// whose rays can have come into such a box, and none of whose surfaces such a light shines on, is as it was, bit for
+// bit. Where something is different that nothing is around (the sun, the sky, a fog), or where rays go ways that nobody
+// writes down (paths, volumes, generated cubes), only a picture of the very same state is kept.
+// Invariant: a picture with a trail is the one without. Threading: one picture at a time; its tiles on any threads.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <rtsg/renderers/picture.h>
+
+#include "tables/light_tables.h"
+
+namespace rtsg::trace {
+
+struct SurfacePacket;
+
+/// Where a light shines at most: a ball, or a cone of it. Ray space.
+struct LightReach {
+    Vec3f apex{0}, direction{0, 0, -1};
+    float radius = 0, halfAngle = 0;  // metres, radians; a half angle from pi / 2 on: the ball
+    bool meets(const Bounds& surfaces) const;
+};
+
+/// Boxes (ray space) around all that a tile's rays have touched, or could have.
+struct TileReach {
+    Bounds eyes, first, later;  // where primary rays start, what they meet, what all later ones meet
+    Bounds lost, lostLater;     // directions of primary and of later rays that meet nothing
+    /// After a packet was traced; bits by lane.
+    void note(const RayPacket16& rays, std::uint32_t active, std::uint32_t hits, const SurfacePacket& surfaces,
+              bool primary);
+    /// Whether a ray of the tile, but for those to lights, may have come into a box.
+    bool meets(const Bounds& box) const;
+    bool isLitBy(const LightReach& light) const { return light.meets(first) || light.meets(later); }
+};
+
+/// In what two states differ.
+struct Differences {
+    struct Box {
+        Bounds around;  // an instance, ray space
+        bool castsShadow = true;
+    };
+    bool everywhere = false;
+    std::vector<Box> boxes;          // before and now
+    std::vector<LightReach> lights;  // that are other than they were, before and now
+    bool none() const { return !everywhere && boxes.empty() && lights.empty(); }
+};
+Differences differences(const LightState& before, const RayView& worldBefore, const LightState& now,
+                        const RayView& world);
+
+/// Whether tiles are as they were. The differences must outlive it, and not be everywhere. Threading: const.
+class Untouched {
+  public:
+    /// `lights`: of both pictures, but for the differences.
+    Untouched(const Differences& differences, const std::vector<TraceLight>& lights);
+    bool operator()(const TileReach& reach) const;
+    /// Few enough to ask every tile about: some are taken together.
+    const std::vector<Differences::Box>& boxes() const { return boxes_; }
+
+  private:
+    struct ShadowLight {
+        TraceLight light;
+        LightReach reach;
+    };
+    const Differences& differences_;
+    std::vector<ShadowLight> lights_;
+    std::vector<Differences::Box> boxes_;
+    Bounds all_;
+};
+
+/// What a tile adds to RenderStats.
+struct TileStats {
+    double samples = 0, error = 0, unreached = 0;  // sums over pixels; of `error` the squares
+    double missing = 0, missingMost = 0;
+};
+
+class Trail {
+  public:
+    /// One of the pictures that the last one was laid together of: of each layer of a LayerSet one.
+    struct Part {
+        Camera camera;
+        Picture picture;
+        RenderStats stats;
+        std::vector<TileReach> reaches;  // by tile; empty: not written down
+        std::vector<TileStats> tiles;
+    };
+
+    /// Before a picture of these, and after it: `complete` is false of one that was cancelled. What is kept holds them.
+    void begin(std::shared_ptr<const LightState> light, std::shared_ptr<const WorldVersion> world,
+               const RenderSettings& settings);
+    void end(bool complete);
+
+    /// The next part of this picture, in the order of drawing: what the last picture had there, to be replaced.
+    Part& next(const Camera& camera);
+    /// Of that part: whether the last picture shows the same.
+    bool isSame() const { return usable_ && differences_.none(); }
+    /// Of that part: in what it differs, if tiles can be kept; null: they cannot.
+    const Differences* kept() const { return usable_ && !differences_.everywhere ? &differences_ : nullptr; }
+
+  private:
+    std::shared_ptr<const LightState> light_;
+    std::shared_ptr<const WorldVersion> world_;
+    RenderSettings settings_;
+    Differences differences_;
+    std::vector<std::unique_ptr<Part>> parts_;
+    std::size_t drawn_ = 0;
+    bool known_ = false;   // there is a last picture, with the same settings
+    bool usable_ = false;  // and of the present part too, with the same camera
+};
+
+}  // namespace rtsg::trace

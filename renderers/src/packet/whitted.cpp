@@ -1,0 +1,321 @@
+// Whitted's recursion, unrolled: a tile's rays of one depth are traced in packets of sixteen and queue those of the
+// next.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "surface/packet_kernels.h"
+#include "surface/surface_branches.h"
+#include "surface/surface_packet.h"
+#include "tile_rays.h"
+#include "trail.h"
+#include "volume_march.h"
+
+namespace rtsg::trace {
+
+namespace {
+
+constexpr int kMostStraight = 250;
+/// Shadows that are left out add up to the cutoff at most, of however many lights; of few each to a fourth of it.
+constexpr std::size_t kFewLights = 4;
+constexpr float kSmallShare = .1f;     // of a pixel
+constexpr float kLeastCutoff = 1e-6f;  // so that the number of rays of a sample has a bound
+
+class Tile {
+    using Turn = TileLoop::Turn;
+
+  public:
+    Tile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+         std::span<TileResult> groups)
+        : scene_(scene),
+          settings_(settings),
+          x0_(x0),
+          y0_(y0),
+          counts_(groups[0]),
+          loop_(scene, camera, settings, x0, y0, groups) {}
+
+    void run() {
+        if (scene_.primary) find();
+        loop_.run([this](std::span<TilePacket> packets) { trace(packets); });
+    }
+
+  private:
+    /// What the tile's primary rays meet of what rests.
+    void find() {
+        static_assert(kTileSide == bvh::kTilePixelsAside);
+        const int samples = settings_.samplesPerPixel;
+        known_.resize(static_cast<std::size_t>(samples));
+        std::vector<bvh::TilePlaces> inTile;
+        if (samples > 1) {
+            places_.resize(known_.size()), inTile.resize(known_.size());
+            findPlaces(counts_.seed, x0_, y0_, places_);
+            for (std::size_t s = 0; s < known_.size(); ++s)
+                for (int block = 0; block < kTilePixels / 16; ++block)
+                    for (int i = 0; i < 16; ++i) {
+                        const int x = block % 4 * 4 + i % 4 - kTileSide / 2, y = block / 4 * 4 + i / 4 - kTileSide / 2;
+                        inTile[s].x[block][i] = places_[s].u[block][i] + static_cast<float>(x);
+                        inTile[s].y[block][i] = places_[s].v[block][i] + static_cast<float>(y);
+                    }
+            loop_.usePlaces(places_);
+        }
+        isKnown_ =
+            scene_.primary->find(x0_ / kTileSide, y0_ / kTileSide, known_, samples > 1 ? inTile.data() : nullptr);
+    }
+
+    /// Where a colour that a ray finds goes. `linear`: it is light, otherwise display values; `whole`: what is light is
+    /// not yet part of a share, so its weight counts as one.
+    void add(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, Vec3f color, bool linear, float coverage,
+             bool whole = true) {
+        loop_.sumOf(pixel).a += coverage * (weight.x + weight.y + weight.z) / 3;
+        if (scene_.space == ColorSpace::automatic && (linear || (task && task->linear))) {
+            const bool within = task && task->linear;
+            if (!linear) color = linearFromSrgb(color);
+            loop_.resultOf(pixel).addLight(pixel % kTilePixels, weight * color, !within && whole ? weight : Vec3f(0));
+            return;
+        }
+        loop_.sumOf(pixel) += Vec4f(weight * color, 0);
+    }
+    /// What is seen of a surface, straight or through others. Of what is mixed with something before or behind it a
+    /// display value above white counts as white, as it does where browsers mix.
+    Vec3f seenOf(const SurfacePacket& s, int lane, const PathTask* task) const {
+        const Vec3f radiance = s.radiance.get(lane);
+        const bool light = scene_.space == ColorSpace::linear || (s.linear >> lane & 1u) || (task && task->linear);
+        const bool mixed = task || s.coverage[lane] * s.opacity[lane] < 1;
+        return light || !mixed || (task && task->depth > 0) ? radiance : glm::min(radiance, Vec3f(1));
+    }
+    /// Whether what has no space of its own is to be light: sky and fog.
+    bool asLight(const PathTask* task) const { return scene_.space == ColorSpace::linear || (task && task->linear); }
+
+    void trace(std::span<TilePacket> packets) {
+        std::uint32_t hits[TileLoop::kTogether];
+        for (std::size_t i = 0; i < packets.size(); ++i)
+            hits[i] = isKnown_ && !packets[i].tasks
+                          ? scene_.primary->intersect(
+                                packets[i].rays, known_[static_cast<std::size_t>(packets[i].sample)], packets[i].block)
+                          : scene_.world->intersect(packets[i].rays, !packets[i].tasks);
+        for (std::size_t i = 0; i < packets.size(); ++i)
+            if (hits[i]) fetchSurfaces(scene_, packets[i].rays, hits[i], packets[i].tasks, surfaces_[i]);
+        if (TileReach* reach = counts_.reach)
+            for (std::size_t i = 0; i < packets.size(); ++i)
+                reach->note(packets[i].rays, packets[i].active, hits[i], surfaces_[i], !packets[i].tasks);
+        for (std::size_t i = 0; i < packets.size(); ++i)
+            if (hits[i]) light(packets[i], hits[i], surfaces_[i]);
+        for (std::size_t i = 0; i < packets.size(); ++i) take(packets[i], hits[i], surfaces_[i]);
+    }
+
+    void light(const TilePacket& packet, std::uint32_t hits, SurfacePacket& surfaces) {
+        Shares shares;
+        addLights(scene_, surfaces, counts_.shadowRays, findShares(packet, hits, surfaces, shares) ? &shares : nullptr);
+    }
+    /// False: none is so small that a closer look pays; those that are not count as if they were whole, whatever goes
+    /// with them. So does what counts as light: it is encoded before it is seen, which makes much of little.
+    bool findShares(const TilePacket& packet, std::uint32_t hits, const SurfacePacket& s, Shares& shares) const {
+        if (scene_.space == ColorSpace::linear || (!packet.tasks && !s.special)) return false;
+        bool anySmall = false;
+        shares.least = cutoff_ / static_cast<float>(std::max(kFewLights, scene_.lightGroups.lights.size()));
+        std::fill(std::begin(shares.of), std::end(shares.of), Shares::kWhole);
+        for (std::uint32_t rest = hits & ~s.linear; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            float share = 1;
+            if (packet.tasks) {
+                const PathTask& task = packet.tasks[lane];
+                if (task.linear) continue;
+                share = std::max({task.weight.x, task.weight.y, task.weight.z});
+            }
+            if (s.special >> lane & 1u) share *= s.coverage[lane] * s.opacity[lane];
+            if (!(share < kSmallShare)) continue;
+            shares.of[lane] = share;
+            anySmall = true;
+        }
+        return anySmall;
+    }
+
+    /// Adds what a packet has found to its pixels.
+    void take(const TilePacket& packet, std::uint32_t hits, SurfacePacket& surfaces) {
+        const RayPacket16& rays = packet.rays;
+        const PathTask* tasks = packet.tasks;
+        marched_ = !scene_.volumes.empty() && march(rays, tasks, packet.pixels);
+        for (std::uint32_t rest = packet.active & ~hits; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            const PathTask* task = tasks ? tasks + lane : nullptr;
+            const bool light = asLight(task);
+            const Vec3f direction(rays.directionX[lane], rays.directionY[lane], rays.directionZ[lane]);
+            const Vec4f sky = task && task->depth > 0 ? scene_.fromFar(direction, task->lights, light)
+                                                      : scene_.skyColor(direction, light);
+            Vec3f weight = task ? task->weight : Vec3f(1);
+            if (marched_) weight *= left_[lane];
+            add(packet.pixels[lane], task, weight, Vec3f(sky), light, sky.a);
+        }
+        if (!hits) return;
+        if (!scene_.environments.lights.empty()) addEnvironments(scene_, surfaces);
+        if (surfaces.special) findPoints(scene_, surfaces);
+        const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces.linear;
+        if (!tasks && !surfaces.special && oneSpace && !marched_ && !isFogged(hits, surfaces)) {
+            packetKernels().addToPixels(surfaces, hits, &loop_.sumOf(packet.pixels[0]).x);
+            return;
+        }
+        if (surfaces.special) branches_.find(surfaces, hits & surfaces.special);
+        for (std::uint32_t rest = hits & surfaces.special & surfaces.thin; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            branches_.behind.set(lane, RayView::leave(pointBehind(scene_, surfaces, lane), -surfaces.view.get(lane)));
+        }
+        for (std::uint32_t rest = hits; rest; rest &= rest - 1) finish(packet, surfaces, std::countr_zero(rest));
+    }
+
+    /// Whether anything that was met lies in a fog.
+    bool isFogged(std::uint32_t hits, const SurfacePacket& s) const {
+        if (!scene_.fogs.any()) return false;
+        for (; hits; hits &= hits - 1) {
+            if (scene_.fogs.of(s.lights[std::countr_zero(hits)]).fog.type != FogType::none) return true;
+            if (s.oneInstance) return false;
+        }
+        return false;
+    }
+
+    /// Adds what volumes send on the way to what the rays met, and finds what they leave of that. False: none is near.
+    bool march(const RayPacket16& rays, const PathTask* tasks, const std::uint16_t* pixels) {
+        const std::uint32_t met = meetBox(rays, scene_.volumeBounds);
+        if (!met) return false;
+        for (int lane = 0; lane < 16; ++lane) {
+            left_[lane] = 1;
+            if (!rays.active[lane] || !(met >> lane & 1u)) continue;
+            const PathTask* task = tasks ? tasks + lane : nullptr;
+            const bool light = asLight(task);
+            const VolumeLight found = marchVolumes(scene_, rays.ray(lane), light, task ? task->line : 0);
+            left_[lane] = found.left;
+            if (!(found.left < 1)) continue;
+            // The radiance is complete, so it is no share of a weight; what it covers is.
+            add(pixels[lane], task, task ? task->weight : Vec3f(1), found.radiance, light, 1 - found.left);
+        }
+        return true;
+    }
+
+    /// Adds what a lane's surface sends and queues the rays it asks for.
+    void finish(const TilePacket& packet, const SurfacePacket& s, int lane) {
+        const PathTask* tasks = packet.tasks;
+        const std::uint16_t pixel = packet.pixels[lane];
+        const float t = s.distance[lane];
+        Vec3f weight(1);
+        float fog = 1;
+        if (tasks) {
+            const PathTask& task = tasks[lane];
+            weight = task.weight;
+            if (task.absorption != Vec3f(0)) weight *= glm::exp(-task.absorption * t);
+        }
+        if (marched_) weight *= left_[lane];
+        if (scene_.fogs.any())
+            fog = s.fogLeft(scene_, lane, packet.rays.at(lane, t), t + (tasks ? tasks[lane].line : 0));
+        if (!(s.special >> lane & 1u)) {
+            const PathTask* task = tasks ? tasks + lane : nullptr;
+            add(pixel, task, weight * fog, seenOf(s, lane, task), s.linear >> lane & 1u, 1);
+            addFog(pixel, task, weight, fog, s.lights[lane]);
+            return;
+        }
+        branch(packet, s, lane, weight, fog);
+    }
+    void addFog(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, float fog, std::uint32_t scope) {
+        if (!(fog < 1)) return;
+        const bool light = asLight(task);
+        add(pixel, task, weight * (1 - fog), scene_.fogs.of(scope).color(light), light, 1);
+    }
+
+    /// Adds what a surface sends itself, and the fog before it.
+    void addOwn(std::uint16_t pixel, const PathTask* task, const SurfacePacket& s, int lane, const Vec3f& weight,
+                float fog) {
+        const Vec3f shown = weight * s.coverage[lane], solid = shown * s.opacity[lane] * fog;
+        add(pixel, task, solid * branches_.body.get(lane), seenOf(s, lane, task), s.linear >> lane & 1u, 0, false);
+        // What is mirrored covers by what its ray meets, also where `body` is whole.
+        const Vec3f covered = solid * branches_.covering.get(lane);
+        loop_.sumOf(pixel).a += (covered.x + covered.y + covered.z) / 3;
+        addFog(pixel, task, shown * branches_.whole.get(lane), fog, s.lights[lane]);
+    }
+
+    void branch(const TilePacket& packet, const SurfacePacket& s, int lane, const Vec3f& weight, float fog) {
+        const std::uint16_t pixel = packet.pixels[lane];
+        const float coverage = s.coverage[lane], opacity = s.opacity[lane];
+        const bool glass = branches_.glass >> lane & 1u;
+        const PathTask* task = packet.tasks ? packet.tasks + lane : nullptr;
+        addOwn(pixel, task, s, lane, weight, fog);
+        // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
+        // its own colour. What it lets pass straight goes on as the ray came.
+        const bool root = scene_.space == ColorSpace::automatic && (s.linear >> lane & 1u) && !(task && task->linear);
+        if (root)
+            loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0),
+                                           weight * fog * coverage * branches_.whole.get(lane));
+
+        const PathTask& from = task ? *task : kFromEye;
+        // Rays are filled in where they wait: to copy what was just written in parts takes as long as many sums.
+        const auto queue = [&](Turn how, const Vec3f& share, const Lanes3& start, const Vec3f& towards,
+                               const auto& fill) {
+            if (!(std::max({share.x, share.y, share.z}) >= cutoff_)) return;
+            PathTask& next = loop_.push(how, from);
+            next.origin = start.get(lane), next.direction = towards, next.weight = share;
+            next.travelled = from.travelled + s.distance[lane];
+            next.pixel = pixel;
+            fill(next);
+        };
+        const auto turn = [&](PathTask& next) {
+            next.depth = static_cast<std::uint16_t>(from.depth + 1);
+            next.line = 0;
+            next.lights = s.lights[lane];
+            next.linear = from.linear || root;
+        };
+
+        const bool deeper = from.depth < settings_.maxDepth;
+        const auto cut = [&](const Vec3f& share) {
+            const float most = std::max({share.x, share.y, share.z});
+            loop_.sumOf(pixel).a += (share.x + share.y + share.z) / 3;  // dark, and not clear
+            if (most >= cutoff_) loop_.resultOf(pixel).addMissing(pixel % kTilePixels, most);
+        };
+        const Vec3f mirrored = weight * coverage * branches_.mirror.get(lane);
+        if (mirrored != Vec3f(0)) {
+            if (deeper)
+                queue(Turn::mirrored, mirrored * fog, branches_.before, branches_.mirrored.get(lane), turn);
+            else
+                cut(mirrored * fog);
+        }
+        const Vec3f entering = weight * coverage * branches_.passing.get(lane) * (1 - opacity);
+        if (glass && entering != Vec3f(0)) {
+            if (!deeper)
+                cut(entering * fog);
+            else if (branches_.refracts >> lane & 1u)
+                queue(Turn::bent, entering * fog, branches_.behind, branches_.bent.get(lane), [&](PathTask& next) {
+                    turn(next);
+                    next.absorption = s.back >> lane & 1u ? Vec3f(0) : s.material[lane]->absorption;
+                });
+        }
+        const Vec3f straight = weight * (1 - coverage) + (glass ? Vec3f(0) : entering);
+        if (straight != Vec3f(0) && from.passes >= kMostStraight) {
+            cut(straight);
+        } else if (straight != Vec3f(0)) {
+            queue(Turn::none, straight, branches_.behind, -s.view.get(lane), [&](PathTask& next) {
+                next.passes = static_cast<std::uint16_t>(from.passes + 1);
+                next.line = from.line + s.distance[lane];
+            });
+        }
+    }
+
+    inline static const PathTask kFromEye{};
+    const TraceScene& scene_;
+    const RenderSettings& settings_;
+    const float cutoff_ = std::max(settings_.cutoff, kLeastCutoff);
+    const int x0_, y0_;
+    TileResult& counts_;  // of all groups
+    TileLoop loop_;
+    SurfacePacket surfaces_[TileLoop::kTogether]{};  // unused lanes stay finite
+    SurfaceBranches branches_;                       // of the packet at hand
+    bool isKnown_ = false;
+    std::vector<bvh::TileHits> known_;  // by sample: what primary rays meet of what rests
+    std::vector<SamplePlaces> places_;  // of more than one
+    bool marched_ = false;              // volumes are near the packet at hand:
+    float left_[16] = {};               // what they leave
+};
+
+}  // namespace
+
+void whittedTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
+                 std::span<TileResult> groups) {
+    Tile(scene, camera, settings, x0, y0, groups).run();
+}
+
+}  // namespace rtsg::trace

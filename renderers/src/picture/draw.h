@@ -1,0 +1,67 @@
+// One picture through one camera: what it is of, and the loop over its tiles.
+//
+// Threading: re-entrant; a picture's tiles are drawn by several threads.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <rtsg/renderers/picture.h>
+
+#include "lighting/emitters.h"
+#include "lighting/lamps.h"
+#include "lighting/sky_light.h"
+#include "lighting/trace_scene.h"
+#include "packet/trail.h"
+#include "picture_scene.h"
+#include "surface/plain_surfaces.h"
+#include "tables/light_tables.h"
+#include "world/large_rays.h"
+
+namespace rtsg::trace {
+
+/// Draws what GeneratedCubeMapTextures show, along the world's axes.
+/// `part`: slots that are not there, as Part::hidden.
+void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+               const std::vector<bool>& part, TraceScene& scene);
+
+/// What paths look for, and what they need not look at closely.
+struct Sources {
+    std::shared_ptr<const Emitters> emitters;
+    Lamps lamps;
+    std::shared_ptr<const SkyLight> sky;
+    std::optional<PlainSurfaces> plain;
+    std::optional<LargeRays> large;
+};
+/// Finds them, and tells the scene of those that there are, which must outlive it.
+void lookForLight(TraceScene& scene, Sources& sources);
+
+/// What a picture takes from the last one.
+struct Kept {
+    Trail::Part* last = nullptr;      // where its tiles are, and to be; null: nothing is written down
+    std::vector<std::uint8_t> tiles;  // which of them stay; empty: none
+};
+
+/// `stats` and `kept` may be null.
+Picture drawPicture(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, RenderStats* stats,
+                    const Kept* kept = nullptr);
+
+/// All of the above. `trail`: of the picture before, which must have begun; null: there is none.
+Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                 const Part& part, RenderStats& stats, Trail* trail);
+
+/// The layers of a LayerSet one over the other, each from its own viewpoint; that of `camera` is given (35.2).
+Picture drawLayers(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+                   RenderStats& stats, Trail* trail);
+
+/// As LightTracer::render(), of a picture that follows others.
+Result<Picture> drawNext(const std::shared_ptr<const LightState>& state,
+                         const std::shared_ptr<const WorldVersion>& world, const Camera& camera,
+                         const RenderSettings& settings, RenderStats& stats, Trail& trail);
+
+/// What a camera shows of a viewpoint; null: the standard's default one.
+Camera cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
+                double aspect);
+
+}  // namespace rtsg::trace

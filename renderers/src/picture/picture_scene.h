@@ -1,0 +1,25 @@
+// What a picture is of: the scene as integrators see it, made of a version of light's tables.
+//
+// Threading: re-entrant.
+#pragma once
+
+#include <vector>
+
+#include "lighting/trace_scene.h"
+#include "tables/light_tables.h"
+
+namespace rtsg::trace {
+
+/// What a picture is of, besides the camera that it is seen through.
+struct Part {
+    Vec3d headlight{0, 0, -1};  // where it shines to; 0: there is none
+    std::vector<bool> hidden;   // slots that are not there; empty: none
+    bool over = false;          // something is seen where nothing is: no background of its own makes it clear
+    bool windows = true;        // Viewports cut: the picture is not one that a scene draws for itself
+};
+
+/// Reads `state` and `world`, which must outlive it.
+TraceScene makeTraceScene(const LightState& state, const RayView& world, const Camera& camera,
+                          const RenderSettings& settings, Part part);
+
+}  // namespace rtsg::trace

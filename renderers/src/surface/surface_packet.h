@@ -1,0 +1,55 @@
+// What is made of the hits of a packet, and what light leaves them: shading, shadows, what shines through.
+//
+// Threading: a packet belongs to one tile.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+#include "lighting/trace_scene.h"
+#include "surface_lanes.h"
+
+namespace rtsg::trace {
+
+/// Fills the packet for the lanes in `mask`, which hit something.
+void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32_t mask, const PathTask* tasks,
+                   SurfacePacket& out);
+
+/// Fills `exact` and `error`, once.
+void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
+
+/// Where rays go straight on from what they met. Precondition: findPoints().
+HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& surfaces, int lane);
+
+/// Whether light may pass straight through an instance.
+bool letsThrough(const TraceScene& scene, std::uint32_t instance);
+
+/// What part of light a surface lets through straight at a hit of a ray of this direction: 0 if opaque there. The side
+/// that the ray meets decides, as it does for what an eye there sees.
+Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
+
+/// Clear surfaces that a ray towards a light passes; behind more it is dark. Only those that take nothing at all, such
+/// as the empty parts of textures, become so many before nothing is left.
+constexpr int kMostPassed = 10'000;
+
+/// What is left of light along a ray, which ends at tMax or goes on for ever. `world`: what it may meet.
+Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind = RayKind::shadow);
+
+/// What an opaque surface itself sends out at a hit, in linear light. `footprint`: metres, of a pixel there.
+Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint);
+
+/// What a packet's colours count in their pixels.
+struct Shares {
+    static constexpr float kWhole = std::numeric_limits<float>::infinity();  // never too little
+    alignas(64) float of[16];
+    float least;  // shadows that change a pixel by less are left out
+};
+/// Adds the light of the lights, shadows included, into `radiance`, which is set to the emission. `shares`: where some
+/// count little; null: all are as if they counted much.
+void addLights(const TraceScene& scene, SurfacePacket& surfaces, std::uint64_t& shadowRays,
+               const Shares* shares = nullptr);
+
+/// Adds the light of EnvironmentLights to it, without shadows; for what follows no bounces.
+void addEnvironments(const TraceScene& scene, SurfacePacket& surfaces);
+
+}  // namespace rtsg::trace

@@ -1,0 +1,53 @@
+// What rays pass as if it were not there: behind ClipPlanes, of other layers, around a cube that is drawn; and on their
+// way to a light whatever that does not illuminate.
+//
+// Threading: the filters are const.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "light_tables.h"
+#include "lighting/trace_scene.h"
+
+namespace rtsg::trace {
+
+/// What ClipPlanes and Viewports cut off; null: nothing. `eye`: the picture's; null: none whose edges matter.
+std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world,
+                                            const RenderSettings& settings, const Camera* eye);
+
+/// The slots that `hidden` says besides what another filter leaves out, which may be null.
+std::shared_ptr<const RayFilter> hidingFilter(std::vector<bool> hidden, std::shared_ptr<const RayFilter> other,
+                                              const RayView& world, const RenderSettings& settings);
+
+/// Leaves out the instances that are not in a scope.
+class ScopeFilter : public RayFilter {
+  public:
+    virtual bool isOutside(std::uint32_t slot) const = 0;
+};
+/// Of each of `scopes` (numbers of LightState), besides what another filter leaves out, which may be null; null where
+/// no instance that casts shadows is outside. Looks at every instance once.
+std::vector<std::shared_ptr<const ScopeFilter>> scopeFilters(std::span<const std::uint32_t> scopes,
+                                                             const std::shared_ptr<const RayFilter>& other,
+                                                             const LightState& state, const RayView& world,
+                                                             const RenderSettings& settings);
+
+/// What rays towards a light may meet. The scene must outlive it.
+class ViewOfLight {
+  public:
+    ViewOfLight(const TraceScene& scene, const TraceLight& light) : view_(scene.world) {
+        if (light.scope) view_ = &own_.emplace(*scene.lensed, light.scope);
+    }
+    ViewOfLight(const ViewOfLight&) = delete;
+    ViewOfLight& operator=(const ViewOfLight&) = delete;
+    const RayView& operator*() const { return *view_; }
+
+  private:
+    std::optional<LensedView> own_;
+    const RayView* view_;
+};
+
+}  // namespace rtsg::trace
