@@ -334,7 +334,7 @@ Clock::time_point Session::dueAt(std::uint64_t slot) const {
 std::uint64_t Session::rest(std::uint64_t slot, std::uint64_t last) {
     const double until = (running_.restsUntil() - from_) * options_.fps;
     const double told = static_cast<double>(slot) + std::floor(kTimeIsTold * options_.fps);
-    const double end = std::min({until - 1, told, static_cast<double>(last) + 1});
+    const double end = std::min({until - 1, told, static_cast<double>(last)});
     if (!(end > static_cast<double>(slot))) return slot;
     const auto next = static_cast<std::uint64_t>(end);
     server_->wait(dueAt(next));

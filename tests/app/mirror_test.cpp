@@ -38,6 +38,67 @@ TEST_F(Mirror, FollowsUntilTheServerLeaves) {
     EXPECT_THAT(readFile(saved), HasSubstr("DEF BOX Transform"));
 }
 
+/// A frame is encoded once, and its bytes are what goes to mirrors and into every log.
+TEST_F(Mirror, LogsHoldWhatIsSent) {
+    const std::string served = folder / "served.rlog", mirrored = folder / "mirrored.rlog";
+    serve({"--for", "2s", "--record", served, "--keyframe-seconds", "0.3"}, "ipc://" + folder / "socket");
+    Program mirror({"mirror", "--json", endpoint, "--record", mirrored, "--render", folder / "p%03d.png", "--size",
+                    "16x16", "--wait", "60s"},
+                   streams());
+    const Outcome followed = mirror.wait(), origin = server->wait();
+    EXPECT_EQ(followed.status, 0) << followed.err;
+    EXPECT_EQ(origin.status, 0) << origin.err;
+    EXPECT_GT(json::parse(followed.out).at("frames"), 20);
+    EXPECT_EQ(json::parse(followed.out).at("encoded"), 0);
+    EXPECT_EQ(json::parse(lastLine(origin.out)).at("log_encoded"), 0);
+    for (const std::string& log : {served, mirrored}) {
+        const Outcome verified = rtsg({"replay", "--verify", "--json", log});
+        EXPECT_EQ(verified.status, 0) << verified.err;
+    }
+}
+
+/// A scene in which nothing happens: a frame now and then tells its time; what a mirror asks for is answered at once.
+TEST_F(Mirror, AStillSceneIsLeftAlone) {
+    const std::string still = folder / "still.x3dv";
+    writeFile(still, "#X3D V4.0 utf8\nPROFILE Immersive\nDEF BOX Transform { children Shape { geometry Box { } } }\n");
+    serve({"--for", "5s", "--upstream", "edits"}, "ipc://" + folder / "socket", still);
+    const Outcome edits = rtsg({"mirror", "--json", endpoint, "--edit", "BOX.translation=1 0 0@0.5", "--for", "2s"});
+    EXPECT_EQ(edits.status, 0) << edits.err;
+    const json report = json::parse(edits.out);
+    EXPECT_EQ(report.at("accepted"), 1);
+    EXPECT_LE(report.at("frames"), 12) << "of 30 a second";
+    EXPECT_EQ(report.at("equal"), true);
+    const Outcome rest = server->wait();
+    EXPECT_EQ(rest.status, 0) << rest.err;
+    EXPECT_LE(json::parse(lastLine(rest.out)).at("frames"), 30) << "of 150";
+    EXPECT_GE(json::parse(lastLine(rest.out)).at("t"), 4.9);
+}
+
+/// Pictures of the time before an edit show what was before it, though no frame came then.
+TEST_F(Mirror, PicturesOfARestShowTheRest) {
+    const std::string still = folder / "still.x3dv";
+    writeFile(still,
+              "#X3D V4.0 utf8\nPROFILE Immersive\nBackground { skyColor 0 0 0 }\nViewpoint { }\nDEF BOX Transform { translation 50 0 0 "
+              "children Shape { appearance Appearance { material Material { emissiveColor 1 1 1 } } geometry Box { size 9 9 1 } } }\n");
+    serve({"--for", "30s", "--upstream", "edits"}, "ipc://" + folder / "socket", still);
+    Program watching({"mirror", "--json", endpoint, "--render", folder / "p%02d.png", "--fps", "10", "--size", "8x8", "--for", "3s"},
+                     streams());
+    const Outcome edits = rtsg({"mirror", endpoint, "--edit", "BOX.translation=0 0 0@1.5", "--for", "2s"});
+    EXPECT_EQ(edits.status, 0) << edits.err;
+    const Outcome watched = watching.wait();
+    ASSERT_EQ(watched.status, 0) << watched.err;
+    // The state that each shows changes once, and within a frame of when it was asked for.
+    const auto states = json::parse(watched.out).at("picture_states").get<std::vector<std::uint64_t>>();
+    ASSERT_EQ(states.size(), 30u);
+    std::vector<std::string> pictures;
+    for (int k = 0; k < 30; ++k) pictures.push_back(readFile(folder / fmt::format("p{:02}.png", k)));
+    const auto changed = std::ranges::find_if(pictures, [&](const std::string& p) { return p != pictures.front(); });
+    const auto at = changed - pictures.begin();
+    EXPECT_GT(at, 8) << "it began a little before the other";
+    EXPECT_LT(at, 19);
+    for (auto p = changed; p != pictures.end(); ++p) EXPECT_EQ(*p, pictures.back());
+}
+
 TEST_F(Mirror, WhatItsUserAsksForIsTheirsInTheLog) {
     const std::string log = folder / "authors.rlog";
     serve({"--for", "30s", "--record", log, "--upstream", "events"}, "ipc://" + folder / "socket");
