@@ -324,12 +324,12 @@ bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
 
 /// Where nothing is to be done by the clock, until something comes.
 std::chrono::milliseconds Mirroring::longestPoll() const {
-    constexpr std::chrono::milliseconds kOften{50}, kSeldom{1000};
+    constexpr std::chrono::milliseconds kOften{50}, kSeldom{2000};
     const bool waits = !joined() || requests_.open() || !requests_.firstUnsent().empty() || options_.outputs.isLive() ||
                        controls_ < options_.control.size() || saidLost_ || !client_->inStep();
     if (waits) return kOften;
     const double left = std::min(duration_ - reached(), duration_ - secondsSince(joinedAt_));
-    return std::clamp(std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * std::min(left, 1.))), kOften, kSeldom);
+    return std::clamp(std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * std::min(left, 2.))), kOften, kSeldom);
 }
 
 void Mirroring::follow() {

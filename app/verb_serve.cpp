@@ -33,7 +33,7 @@ using Clock = std::chrono::steady_clock;
 
 /// Of a scene that rests mirrors get a frame each so many seconds, which tells them the time and that the server lives:
 /// a little more often than it would have to ping them.
-constexpr double kTimeIsTold = .9;
+constexpr double kTimeIsTold = 1.4;
 
 struct ServeArguments {
     std::string scene, resume, endpoint = "tcp://127.0.0.1:*", duration, record, key, upstream = "none", block = "0";

@@ -303,7 +303,7 @@ std::chrono::milliseconds MirrorClient::Impl::longestSleep() const {
     const bool settled = connected_ && clock_.samples() >= kFewSamples && requests_.empty() && !bisection_.running();
     if (!settled) return 100ms;
     if (quiet_) return 250ms;
-    const Clock::time_point due = std::min({pinged_ + kPingLater, heard_ + heartbeat_ + kQuiet, Clock::now() + 1000ms});
+    const Clock::time_point due = std::min({pinged_ + kPingLater, heard_ + heartbeat_ + kQuiet, Clock::now() + 2000ms});
     return std::max(20ms, std::chrono::ceil<std::chrono::milliseconds>(due - Clock::now()));
 }
 

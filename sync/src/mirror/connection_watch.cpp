@@ -122,7 +122,7 @@ bool ConnectionWatch::endless(int descriptor, Connection& connection, bool drain
     if (!connection.counted) return endlessLocal(connection, drained);
     if (std::exchange(connection.delivered, false)) {
         // Since the look more may have come, and all of it may have been delivered: as of now, and not of the look.
-        connection.settled = bytesRead(descriptor).value_or(connection.come);
+        connection.come = connection.settled = bytesRead(descriptor).value_or(connection.come);
         connection.stirs = false;
         return false;
     }

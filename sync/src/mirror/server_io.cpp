@@ -32,7 +32,7 @@ constexpr int kBacklog = 4096;                                        // connect
 constexpr int kLinger = 200;                                          // ms
 constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for what peers have not been sent
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
-constexpr auto kTick = 10ms, kLongestSleep = 1000ms;              // between looks at all peers, at least and at most
+constexpr auto kTick = 10ms, kLongestSleep = 2000ms;              // between looks at all peers, at least and at most
 constexpr auto kTickCosts = 50us;                                 // a peer: so that looking takes some percent at most
 constexpr auto kSettle = 5ms;                                     // between statistics of more peers
 constexpr std::size_t kFewPeers = 16;                             // than these

@@ -81,7 +81,7 @@ struct MirrorServerOptions {
     /// How long peers that ask for MirrorWhenSlow::block may hold up a frame; after that they count as coalesce.
     std::chrono::milliseconds blockFor{0};
     /// A peer is pinged after this much silence, and forgotten after `peerTimeout` without a sign of it.
-    std::chrono::milliseconds heartbeat{1000}, peerTimeout{10000};
+    std::chrono::milliseconds heartbeat{1500}, peerTimeout{10000};
 };
 
 struct MirrorServerStatistics {
