@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Five rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository.
+"""Six rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository and in the change log.
 
 Each .cpp opens with a comment: a sentence that says what is in it; each header with one of at most 15 lines. No function is longer
 than 80 lines, from its first line to its closing brace. What sources of one program keep to themselves has names of its own, as builds
 from nothing compile several sources at once. Who uses gmock's matchers includes them, as builds without precompiled headers have no others.
+What is under "Unreleased" in CHANGELOG.md are items of one line, of at most 120 characters.
 Exit status 1 and a line for each file or function that breaks one.
 """
 import pathlib
@@ -12,7 +13,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
 FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "app", "bench", "examples", "tests"]
-MOST, MOST_OPENING = 80, 15
+MOST, MOST_OPENING, MOST_ITEM = 80, 15, 120
 
 # Comments, strings and characters; raw strings first.
 SKIPPED = re.compile(r'R"([^(\s]*)\(.*?\)\1"|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])+\'(?![\w])|//[^\n]*|/\*.*?\*/', re.DOTALL)
@@ -88,6 +89,18 @@ def shared_names():
                     yield f"{path.relative_to(ROOT)}: {name} is a name of {other.relative_to(ROOT)} too, which may be compiled with it"
 
 
+def changelog_items():
+    """The faults of what is under "Unreleased"."""
+    unreleased = False
+    for number, line in enumerate((ROOT / "CHANGELOG.md").read_text().splitlines(), 1):
+        if line.startswith("## "):
+            unreleased = line == "## Unreleased"
+        elif unreleased and line and not line.startswith(("- ", "### ")):
+            yield f"CHANGELOG.md:{number}: is neither an item of one line nor the heading of an area"
+        elif unreleased and len(line) > MOST_ITEM:
+            yield f"CHANGELOG.md:{number}: the item has {len(line)} characters, more than {MOST_ITEM}"
+
+
 def main():
     files = sorted(str(path.relative_to(ROOT)) for folder in FOLDERS for path in (ROOT / folder).rglob("*")
                    if path.suffix in (".cpp", ".h") and "node_modules" not in path.parts)
@@ -108,6 +121,7 @@ def main():
     if count < 3000:
         problems.append(f"only {count} functions were found: this script does not see them")
     problems += shared_names()
+    problems += changelog_items()
     print("\n".join(problems) if problems else f"{len(files)} files, {count} functions: none too long")
     return 1 if problems else 0
 
