@@ -3,7 +3,8 @@
 //
 // Every write goes through beginWrite (which takes the old value out of the hash and remembers the field), then
 // writes; seal() puts the new values into the hash and into the ChangeSet. So a field written a hundred times
-// in a frame is hashed and sent once.
+// in a frame is hashed and sent once. ChangeSets and the memory behind them are used again: a steady frame allocates
+// nothing.
 #pragma once
 
 #include <algorithm>

@@ -1,6 +1,7 @@
 // Lane: what one thread notes while it works on a frame. The scene's own thread has one that is part of Scene::State;
-// others have theirs for as long as parts of a cascade run side by side (side_by_side.cpp), and what they noted is put
-// behind each other in the order that one thread would have had.
+// others have theirs for as long as parts of a cascade run side by side (side_by_side.cpp), and their notes are joined
+// in the order in which one thread would have made them. The seal gives most of what a lane wrote to the
+// thread that ran it, which has the nodes at hand.
 //
 // Threading: one thread at a time.
 #pragma once

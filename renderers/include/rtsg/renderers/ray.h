@@ -22,8 +22,9 @@ struct Ray {
     float tMax = std::numeric_limits<float>::infinity();
 };
 
-/// What a ray stands for. A Shape whose castShadow is FALSE lets shadow rays through, and those only; one that is
-/// wholly transparent (Instance::clear) those of eyes and shadows. What asks what is there, such as a pointer, is a
+/// What a ray stands for. Each instance has a mask of the kinds that it stops, so one hierarchy serves eyes and ears.
+/// A Shape whose castShadow is FALSE lets shadow rays through, and those only; one that is wholly transparent
+/// (Instance::clear) lets rays of eyes and of shadows through. A query for what is there, such as a pointer's, is a
 /// view.
 enum class RayKind : std::uint32_t { view = 1, shadow = 2, sound = 4, eye = 8 };
 
