@@ -42,7 +42,8 @@ Result<> OutputsBehind::follow() {
         if (!taken) return std::unexpected(taken.error());
         if (*taken == RecordQueue::Taken::ended || (interrupted() && outputs_)) break;
         if (*taken == RecordQueue::Taken::nothingYet) continue;
-        // What belongs to the instant before has come: an Inline that it loaded is a set of its own.
+        // A set of a later instant means that the previous instant is complete; Inlines that it loaded came as sets of
+        // their own.
         if (outputs_ && set->time != copy.now() && !outputs_->frame()) break;  // finish() says why
         if (set->isSnapshot() && copy.sequence() != 0)
             if (auto ok = copy.reset(); !ok) return ok;

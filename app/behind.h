@@ -21,7 +21,7 @@ class OutputsBehind final : public OutputMaker {
   public:
     /// Begins with the scene's present state.
     OutputsBehind(const Scene& scene, OutputArguments arguments, Resources resources);
-    /// What waits is not made any more.
+    /// Pictures and sound that wait are not made any more.
     ~OutputsBehind() override;
 
     /// The scene's next step. That it cannot be kept, the thread finds out.

@@ -37,7 +37,7 @@ void printTable(const std::vector<FieldStep>& steps, const std::string& path, do
     fmt::print("{:>15} {:>17}  {:<{}}  {}\n", "states", "t (s)", terminalText(path), kLongestValue, "by");
     for (std::size_t first = 0, last = 0; first < steps.size(); first = last + 1) {
         last = first;
-        // What somebody set is not hidden behind what they set next; what the scene drives is one motion.
+        // Each value that somebody set has a line of its own; changes that the scene itself drives share one.
         while (last + 1 < steps.size() && !steps[first].wasSet && byWhom(steps[last + 1]) == byWhom(steps[first]))
             ++last;
         const auto range = [&](const std::string& a, const std::string& b) {

@@ -1,4 +1,4 @@
-// What all verbs share: diagnostics, progress, interruption, durations, JSON text.
+// Shared by all verbs: diagnostics, progress, interruption, durations, JSON text.
 #include "cli.h"
 
 #include <algorithm>
@@ -23,7 +23,7 @@
 namespace rtsg::app {
 
 void print(const Diagnostics& diagnostics, std::string_view said) {
-    // By which part each was told first: what a file's reader says of a value, a picture need not say again.
+    // The part that reported each first: a picture need not repeat what a file's reader has said about a value.
     static std::unordered_map<std::string, DiagnosticCode> toldBy;
     std::unordered_map<std::string, std::size_t> times;
     std::vector<const std::string*> lines;  // in their order

@@ -1,5 +1,5 @@
-// What all verbs share: options, diagnostics on stderr, progress, JSON. A verb is a function that fills a CLI
-// subcommand and says what to run.
+// Shared by all verbs: options, diagnostics on stderr, progress, JSON. A verb is a function that fills a CLI subcommand
+// and says what to run.
 #pragma once
 
 #include <functional>
@@ -42,8 +42,8 @@ Verb addRelay(Command& program);
 Verb addHelp(Command& program);
 Verb addCompletion(Command& program);
 
-/// `file:line:col: error: text`, one a line, on stderr, each once; then how many were left out. Of subscribers that
-/// failed, the one whose failure the caller tells of itself (`said`) is not named again.
+/// `file:line:col: error: text`, one a line, on stderr, each once; then how many were left out. The failure of a
+/// subscriber that the caller reports itself (`said`) is not repeated.
 void print(const Diagnostics& diagnostics, std::string_view said = {});
 /// "1 frame", "2 frames".
 std::string framesText(std::uint64_t count);
@@ -68,10 +68,10 @@ struct ResourceArguments {
     std::vector<std::string> allow, limits;
 
     void addTo(Command& command);
-    /// Of a scene or log that the user named: below its own folder, the working folder, --base and --allow. Throws
-    /// UsageError.
+    /// The resources of a scene or log that the user named: files below its own folder, the working folder, --base and
+    /// --allow. Throws UsageError.
     Resources ofFile(const std::string& file) const;
-    /// Of what others send: below --base and --allow, else nothing.
+    /// The resources of a scene that others send: files below --base and --allow, and nothing else.
     Resources ofReplica() const;
 
   private:
@@ -85,11 +85,11 @@ struct NetworkArguments {
     void addTo(Command& command);
 };
 
-/// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it. What is made of
-/// one with errors is made of the rest of it: see statusOf().
+/// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it. A scene with
+/// errors is used as far as it can be read: see statusOf().
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources);
 
-/// Errors of what a running scene loaded later count like those of load(). `file`: the scene's.
+/// Errors of files that a running scene loaded later count like those of load(). `file` is the scene's.
 void noteDamage(const std::string& file, std::size_t errors);
 
 /// An event that was asked for has been refused, and that was said.

@@ -142,8 +142,8 @@ void Command::footer(const std::string& text) {
 
 namespace {
 
-/// What the verb does not take: an option by its name, else the word that is one too many. The parser's own text
-/// lists them all, the values of unknown options too, and backwards.
+/// Names the argument that the verb does not take: an option by its name, else the word that is one too many. The
+/// parser's own text lists all of them backwards, the values of unknown options too.
 std::string notExpected(const CLI::App& program, const CLI::ExtrasError& error) {
     const auto verbs = program.get_subcommands();
     const CLI::App& command = verbs.empty() ? program : *verbs.front();

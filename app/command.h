@@ -25,7 +25,7 @@ struct UsageError : std::runtime_error {
     UsageError(const std::string& option, const std::string& text) : std::runtime_error(option + ": " + text) {}
 };
 
-/// What an option names cannot be had or used, as a scene that cannot be read; exit status 1.
+/// Something that an option names cannot be had or used, such as a scene that cannot be read; exit status 1.
 struct InputError : std::runtime_error {
     InputError(const std::string& option, const std::string& text) : std::runtime_error(option + ": " + text) {}
 };
@@ -33,7 +33,7 @@ struct InputError : std::runtime_error {
 class Option {
   public:
     Option* required();
-    /// The variable's value at this moment is said in the help.
+    /// Shows the variable's present value in the help.
     Option* preset();
     Option* range(int least, int most);
     Option* range(std::uint64_t least, std::uint64_t most);
@@ -77,17 +77,18 @@ class Command {
     Option* addFlag(const std::string& names, bool& into, const std::string& description);
     void footer(const std::string& text);
 
-    /// Of the program. The exit status if that was all: help or version were asked for and printed. Throws UsageError.
+    /// Parses the program's arguments. Returns the exit status if help or version were asked for, which are then
+    /// printed. Throws UsageError.
     std::optional<int> parse(int argc, char** argv);
-    /// Of a verb: it is the one that was typed.
+    /// Whether this verb is the one that was typed.
     bool parsed() const;
-    /// Of the program: the verb that was typed; null before it.
+    /// The verb of the program that was typed; null before parse().
     const Command* parsedVerb() const;
     /// The options that were typed, by their long names: "--output"; arguments by theirs.
     std::vector<std::string> given() const;
     std::string name() const;
     std::string description() const;
-    /// Of the program: what `rtsg --help` or `rtsg VERB --help` says.
+    /// The program's text of `rtsg --help` or `rtsg VERB --help`.
     std::string help() const;
     std::string help(const std::string& verb) const;
 

@@ -1,4 +1,4 @@
-// Reads the parser's tables, and finds what was meant by what was typed.
+// Reads the parser's tables, and guesses what a mistyped word meant.
 #include "command_table.h"
 
 #include <algorithm>

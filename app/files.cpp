@@ -33,7 +33,7 @@ bool isFile(const std::string& name) {
     return !fs::exists(status) || fs::is_regular_file(status);
 }
 
-/// Of a name with a place for a number, as %04d: the file has it with one of the numbers.
+/// Whether the file has the name `pattern`, which has a place for a number such as %04d, with one of the numbers.
 bool isOneOf(const fs::path& file, const fs::path& pattern) {
     const std::string name = file.filename().string();
     std::error_code error;
@@ -89,14 +89,14 @@ std::string beginOf(const std::string& file) {
     return begin;
 }
 
-/// One of ours or of those that --export writes, whole or damaged, or nothing yet.
+/// Whether the file is a log, ours or one that --export writes, whole or damaged, or is empty.
 bool isLogToReplace(const std::string& file) {
     const std::string begin = beginOf(file);
     return begin.empty() || begin.starts_with("\x89MCAP") || fs::path(file).extension() == ".mcap" ||
            isLogOrNamedSo(file);
 }
 
-/// Texts have no zero bytes; sounds, pictures and most other files have. What is written in SOFA may replace its like.
+/// Texts have no zero bytes; sounds, pictures and most other files have. A SOFA file may be replaced by another.
 bool isBinary(const std::string& file) {
     return fs::path(file).extension() != ".sofa" && beginOf(file).contains('\0');
 }

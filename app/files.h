@@ -1,8 +1,9 @@
-// What a verb reads and writes, looked at before any work: nothing that was not meant to go is overwritten.
+// Checks the files that a verb reads and writes before any work, so that nothing is overwritten that was not meant to
+// be.
 //
-// Inputs and outputs are told apart by the files that their names lead to, through whatever links. Pictures, sounds and
-// reports are replaced, reports in the place of a log, a scene or a binary file, as all logs and scenes, only with
-// --force. A log takes the place of logs only. What is no regular file (a pipe, /dev/null) is let be.
+// Inputs and outputs are told apart by the files that their names lead to, through any links. Pictures, sounds and
+// reports are replaced. Logs and scenes are replaced only with --force; so is a log, a scene or a binary file by a
+// report. A log takes the place of logs only. Names that are no regular files (a pipe, /dev/null) are not checked.
 #pragma once
 
 #include <filesystem>
@@ -33,7 +34,8 @@ inline Existing existing(bool force) {
 /// another output. Fails where something is there already and is to be kept.
 Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<OutputName>& outputs, bool force);
 
-/// A log by how it begins, or by its name: one that is damaged there, or empty, is told as a log.
+/// Whether the file is a log by its beginning or by its name, so that one whose beginning is damaged, or that is empty,
+/// counts as a log.
 bool isLogOrNamedSo(const std::string& file);
 
 /// On standard error, if the log is the last of several files: where the session's earlier states are.
@@ -41,7 +43,7 @@ void tellOfEarlierPieces(const std::string& log);
 
 /// Throws UsageError where an output is one of the files that are used.
 void keepFiles(const std::vector<std::filesystem::path>& used, const std::vector<OutputName>& outputs);
-/// The same of those that urls of the scene open; once that is loaded.
+/// The same for files that urls of the scene open; to be called once it is loaded.
 void keepResources(const Scene& scene, const Resources& resources, const std::vector<OutputName>& outputs);
 
 }  // namespace rtsg::app

@@ -1,4 +1,4 @@
-// Takes what the user says of microphones and streams apart, and opens it.
+// Parses the options for microphones and streams, and opens their sources.
 #include "given_sounds.h"
 
 #include <sys/stat.h>
@@ -17,7 +17,7 @@ namespace rtsg::app {
 
 namespace {
 
-/// As those of clips are limited.
+/// The limit that holds for clips, too.
 constexpr std::uint64_t kMostSamples = std::uint64_t{1} << 29;
 
 struct GivenSource {
@@ -100,7 +100,7 @@ ClipLibrary::Given openSource(const GivenSource& source, bool live, double secon
     return std::make_shared<const SoundBuffer>(std::move(sound));
 }
 
-/// Who hears what is given to an ID: the nodes of the scene that have it.
+/// Checks that the scene has nodes with the ID that a sound is given to.
 void checkId(const GivenSource& source, const Scene& scene) {
     const bool stream = source.option == "--stream";
     std::set<std::string> known;
@@ -162,7 +162,7 @@ std::pair<std::string, std::string> parseSent(const std::string& given) {
     return {given.substr(0, split), given.substr(split + 1)};
 }
 
-/// The sum of those called `id`, in as many channels as the one with the most has.
+/// The sum of the streams called `id`, with as many channels as the one that has most.
 std::optional<SoundBuffer> sumOf(const std::vector<StreamedSound>& streams, const std::string& id) {
     std::optional<SoundBuffer> sum;
     for (const StreamedSound& stream : streams) {

@@ -22,8 +22,8 @@ struct GivenSoundArguments {
     std::vector<std::string> microphones, streams;
 
     void addTo(Command& command);
-    /// What can be said without opening anything. `inputs` of the verb: standard input serves one only. Throws
-    /// UsageError.
+    /// Checks what can be checked without opening anything. `inputs` are those of the verb: standard input can be only
+    /// one of them. Throws UsageError.
     void check(const std::vector<std::string>& inputs) const;
     /// Names of files and pipes, which nothing is to be written over. Throws UsageError.
     std::vector<std::string> files() const;

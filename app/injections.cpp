@@ -150,7 +150,7 @@ Result<Injections> Injections::parse(Scene& scene, const std::vector<std::string
         all.push_back({parseSeconds(text.substr(at + 1)), text, text.substr(0, equals),
                        text.substr(equals + 1, at - equals - 1)});
     }
-    // What one leaves out is as the one before in time had it.
+    // Sorted by time, since an event takes what it leaves out from the one before.
     std::ranges::stable_sort(all, {}, &Given::time);
     for (const Given& one : all) {
         const std::size_t first = result.all_.size();

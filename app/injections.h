@@ -28,8 +28,9 @@ class Injections {
         Value value;
         bool isNow = false;  // the value is the scene's time when it is sent
     };
-    /// The next one that is due at `t`, each once; null when none is. Its target is what has the name now: another
-    /// world may have come since. Where nothing fit for it has, it is still what had the name when it was parsed.
+    /// The next one that is due at `t`, each once; null when none is. Its target is the node that has the name now,
+    /// since another world may have come. If no suitable node has it, the target is still the one that had the name
+    /// when it was parsed.
     const Injection* next(double t);
     /// Error: names the first that is due only after `end`, seconds.
     Result<> checkWithin(double end) const;
@@ -37,8 +38,8 @@ class Injections {
     const Injection* findInput() const;
     /// The first that has not been due; null if each has.
     const Injection* waiting() const { return next_ == all_.size() ? nullptr : &all_[next_]; }
-    /// Queues those that are due for the frame at `t`, which is `start` later on the scene's clock. What the scene
-    /// refuses goes to standard error, and the program ends with kBad.
+    /// Queues those that are due for the frame at `t`, which is `start` later on the scene's clock. Events that the
+    /// scene refuses are reported on standard error, and the program ends with kBad.
     void sendUntil(double t, double start);
 
   private:

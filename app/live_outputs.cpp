@@ -135,7 +135,7 @@ double LiveOutputs::elapsedAt(const WorldState& state, std::size_t& stretch) con
 double LiveOutputs::dueAt(double elapsed) const {
     return std::floor(elapsed * arguments_.picturesPerSecond + kRounding);
 }
-/// Of those that are asked for.
+/// The last due picture of those that are asked for.
 double LiveOutputs::lastDueAt(double elapsed) const {
     return std::min(dueAt(elapsed), std::ceil(arguments_.seconds * arguments_.picturesPerSecond - kRounding) - 1);
 }
@@ -169,8 +169,8 @@ Result<> LiveOutputs::hear(const WorldState& state) {
     const bool again = !heard_.empty() && heard_.back() == std::pair(elapsed, state.sequence);
     if (again || soundMade_ >= arguments_.seconds) return {};
     if (stretchHeard_ != before && elapsed > soundMade_) {
-        // What came between the last state that was heard and the time to which the scene went back: or sound would be
-        // short of it.
+        // The time between the last state that was heard and the moment when the scene went back is made, too, or sound
+        // would lack it.
         WorldState late = state;
         late.time = soundAt_ + (elapsed - soundMade_);
         if (auto ok = hearTo(late); !ok) return ok;
@@ -258,7 +258,7 @@ Result<> LiveOutputs::write() {
                   }});
 }
 
-/// The state that the sound at this time was made from: the last of those that are of one time.
+/// The state from which the sound at this time was made; the last one if several states have that time.
 std::uint64_t LiveOutputs::heardAt(double elapsed) const {
     auto heard = std::ranges::lower_bound(heard_, elapsed, {}, &std::pair<double, std::uint64_t>::first);
     if (heard == heard_.end()) return 0;

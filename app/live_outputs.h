@@ -2,10 +2,10 @@
 // state there is (SharedWorld::latest()), states merged.
 //
 // Invariant: a picture is of one whole state, taken at times k / F if the one before is made by then, else skipped and
-// counted; files are numbered without holes. Sound is as long as the scene's time: places follow the newest state.
-// Where that time goes back (a log that is played again) they go on, as if that took no time.
-// With --listen device it is played instead. One flattening and one BVH serve all.
-// Threading: all calls on the scene's thread, which must call frame() now and then for states to be handed over.
+// counted; files are numbered without holes. Sound is as long as the scene's time: places follow the newest state. If
+// that time goes back (a log that is played again) they go on, as if that took no time. With --listen device it is
+// played instead. One flattening and one BVH serve all. Threading: all calls on the scene's thread, which must call
+// frame() now and then for states to be handed over.
 #pragma once
 
 #include <atomic>
@@ -75,7 +75,7 @@ class LiveOutputs final : public OutputMaker {
     Result<> problem_;              // the first
     ElapsedTime time_;
     double elapsed_ = 0;  // of time_, when it was last looked at
-    /// What times are counted from, before they went back for the first time, the second, and so on.
+    /// The starts from which times are counted: before time went back for the first time, for the second, and so on.
     std::vector<double> starts_;
 
     std::uint64_t stateNow_;  // guarded by mutex_

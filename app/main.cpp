@@ -52,7 +52,7 @@ int wrongUsage(const Command& program, const UsageError& error) {
     return kUsage;
 }
 
-/// What was printed may be what was asked for, in a file on a full disk.
+/// Whether all output was written: it may be the result that was asked for, in a file on a full disk.
 bool wroteOutput() {
     errno = 0;
     const bool failed = std::ferror(stdout) != 0;

@@ -29,7 +29,7 @@ struct PictureArguments {
     void addTo(Command& command);
     /// Throws UsageError for what is wrong or not built in.
     ImageOptions parse() const;
-    /// As --tessellation has it; throws UsageError.
+    /// The value of --tessellation. Throws UsageError.
     TessellationError tessellationError() const;
     /// Throws UsageError if such a picture does not fit into the file's format.
     static void checkSize(const std::string& file, const ImageOptions& options);
@@ -51,7 +51,7 @@ struct SoundArguments {
     void addTo(Command& command);
     /// Without what is given: GivenSoundArguments::open().
     ListenOptions parse() const;
-    /// What the sound is made from besides the scene.
+    /// The files from which the sound is made, besides the scene.
     std::vector<std::string> files() const;
 };
 

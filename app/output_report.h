@@ -12,7 +12,7 @@
 
 namespace rtsg::app {
 
-/// What was made, for the reports of verbs.
+/// The account of what was made, for the reports of verbs.
 struct OutputReport {
     /// The scene's number of the state that each picture shows; of the one that the sound up to the same instant was
     /// made from (0: there is none); and the instant, in seconds from the start.
@@ -43,10 +43,11 @@ struct OutputReport {
     std::string text() const;
 };
 
-/// Of RenderStats::kept; empty for none.
+/// The text for RenderStats::kept; empty for 0.
 std::string keptText(double share);
 
-/// What a picture lacks of --error, whose pixels have run out of samples in the share `unreached`; empty: nothing.
+/// Says by how much a picture misses --error if the share `unreached` of its pixels ran out of samples; empty if it
+/// does not.
 std::string missingError(double error, double unreached);
 
 /// "1.4 of 4 s of sound", after a comma unless it is the first that is missing; empty if nothing is.

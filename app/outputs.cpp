@@ -1,4 +1,4 @@
-// What is made of a scene that something else drives: pictures, sound, a log, a document.
+// Makes pictures, sound, a log or a document of a scene that something else drives.
 #include "outputs.h"
 
 #include <algorithm>
@@ -71,7 +71,7 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     std::unique_ptr<Outputs> outputs(new Outputs(world, arguments));
     outputs->elapsed_ = ElapsedTime(world.scene().now());
     outputs->resources_ = resources;
-    // A picture of the end needs nothing of what was before: its geometry is made then.
+    // A picture of the end needs no earlier geometry: this is made only then.
     if (arguments.animated())
         if (auto ok = outputs->attachLight(); !ok) return std::unexpected(ok.error());
     if (!arguments.listen.empty()) {

@@ -1,11 +1,11 @@
-// What --render, --listen and --save make of a scene that something drives: a file, a mirror or a log.
+// Carries out --render, --listen and --save for a scene that something drives: a file, a mirror or a log.
 //
 // Outputs makes every picture that is due and all of the sound, on the scene's thread; OutputsBehind (behind.h) the
 // same on a thread of its own, however late; LiveOutputs (live_outputs.h) of the newest state, at the machine's own
 // pace. Invariant: pictures are taken at even distances of scene time if the file's name holds a place for a number
-// (%04d) or is a .mp4 or .gif; else one is taken at the end. Of T seconds at F pictures a second these are the ones at
-// k / F < T, and sound is T long to the sample; OutputReport says what is not. Where the scene's time goes back (a log
-// that is played again) they go on from there, as if that took no time. Threading: the scene's thread.
+// (%04d) or is a .mp4 or .gif; else one is taken at the end. For T seconds at F pictures a second these are the
+// pictures at k / F < T, and sound is T long to the sample; OutputReport says what is missing. If the scene's time goes
+// back (a log that is played again) they go on from there, as if that took no time. Threading: the scene's thread.
 #pragma once
 
 #include <atomic>
@@ -30,7 +30,7 @@ namespace rtsg::app {
 /// The present state as a document.
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing);
 
-/// Scene time from a start on. Where it goes back (a log that is played again), that takes no time.
+/// Scene time from a start on. If it goes back (a log that is played again), that takes no time.
 class ElapsedTime {
   public:
     explicit ElapsedTime(double start = 0) : start_(start), last_(start) {}
@@ -40,14 +40,14 @@ class ElapsedTime {
         last_ = now;
         return now - start_;
     }
-    /// What a time is counted from now.
+    /// The start from which time is counted now.
     double start() const { return start_; }
 
   private:
     double start_, last_;
 };
 
-/// Of a picture that an interruption ended.
+/// The error for a picture that an interruption ended.
 inline std::unexpected<Diagnostic> notWritten(const std::string& file) {
     return fail("interrupted: the picture was not written", {}, file);
 }
@@ -103,7 +103,7 @@ class Outputs final : public OutputMaker {
   private:
     Outputs(WorldOnDemand& world, const OutputArguments& arguments)
         : world_(world), scene_(world.scene()), arguments_(arguments), files_(pictureFiles(arguments_)) {}
-    /// What is to be made of one state.
+    /// The outputs that are to be made of one state.
     struct Job {
         std::shared_ptr<const WorldState> state;
         bool picture = false;

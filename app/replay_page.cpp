@@ -158,7 +158,7 @@ std::string readSmallFile(const std::filesystem::path& file) {
     return {std::istreambuf_iterator<char>(in), {}};
 }
 
-/// As PNG within the page. What cannot be read is said in its place.
+/// Puts a picture into the page as PNG. If it cannot be read, the page says so in its place.
 std::string pageFigure(const Result<Picture>& picture, std::string_view caption, const ToneMap& toneMap = {}) {
     std::string body;
     if (!picture) {

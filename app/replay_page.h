@@ -1,4 +1,4 @@
-// What a replay test leaves for people and for machines: one self-contained HTML page, and JUnit XML.
+// Writes the results of a replay test: one self-contained HTML page for people, and JUnit XML for machines.
 //
 // Invariant: the page needs no other file and no network; all text in it is escaped. Threading: any thread.
 #pragma once

@@ -22,8 +22,8 @@ namespace rtsg::app {
 
 namespace {
 
-/// What the file is called that was made when it is not the reference itself: beside nothing of the user's, in the
-/// current folder.
+/// The name of the file that a test makes beside the reference: it is in the current folder, away from the user's own
+/// files.
 std::string actualName(const std::string& reference) {
     const std::filesystem::path path(reference);
     return path.stem().string() + ".actual" + path.extension().string();
@@ -255,7 +255,7 @@ void printOutcome(const ReplayOutcome& outcome, bool json) {
     fmt::print(stderr, "  and {} more field{}\n", more, more == 1 ? "" : "s");
 }
 
-/// What is to be compared has to be made. Throws UsageError where arguments contradict each other.
+/// Asks for the outputs that are to be compared. Throws UsageError if arguments contradict each other.
 void askForWhatIsExpected(const ReplayTestArguments& arguments, OutputArguments& outputs) {
     if (arguments.update && arguments.rerun.empty())
         throw UsageError("--update", "needs --rerun SCENE: there is no scene to record");
@@ -383,7 +383,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     Diagnostics diagnostics(arguments.rerun);
     if (!arguments.rerun.empty())
         test.build = [&](Scene& scene) -> Result<> {
-            // What is left of a scene with errors is no reference.
+            // For --update a scene with errors is refused: what is left of it is no reference.
             return buildScene(scene, arguments.rerun, diagnostics, resources, arguments.update);
         };
     test.check = [](const Scene&) { return interrupted() ? Result<>(fail("interrupted")) : Result<>(); };

@@ -29,7 +29,7 @@ struct ReplayTestArguments {
 
 /// --field, --ignore and --tolerance.
 void addFieldSelection(Command& command, FieldSelection& selection);
-/// Of FieldComparison::ignoredInVain().
+/// Warns of the patterns that FieldComparison::ignoredInVain() names.
 void warnOf(const std::vector<std::string>& ignoredInVain);
 /// Throws UsageError.
 void check(const FieldSelection& selection);
@@ -44,7 +44,7 @@ std::optional<Divergence> fromStart(std::optional<Divergence> divergence, double
 
 /// {"frame":…,"t":…,"node":…,"field":…,"text":…} or null.
 std::string toJson(const std::optional<Divergence>& divergence);
-/// Of two logs that were compared, in which no state is missing for it.
+/// Warns of damage in two logs that were compared, although no state is missing because of it.
 void warnOfDamage(const std::string& a, const std::string& b, const std::array<std::string, 2>& damage);
 /// "compared":…,"in_one_alone":…,"damage":[…,…]: members of an object.
 std::string toJson(const ComparedStates& states);

@@ -1,7 +1,7 @@
 // Requests: what the user of `rtsg mirror` asks of the origin, each when the replica has come so far since it joined.
 //
 // --set sends events, --edit changes fields, --undo and --redo take the user's edits back and do them again, --lock
-// keeps nodes for the user. Of what is due at one time locks go first, then edits, events, undo and redo.
+// keeps nodes for the user. Among requests that are due at one time, locks go first, then edits, events, undo and redo.
 // Threading: the replica's thread.
 #pragma once
 
@@ -27,7 +27,7 @@ class Requests {
     Result<> parse(Scene& replica);
     /// Sends what is due `since` seconds after the replica joined, whose clock is at `now`.
     void turn(MirrorClient& client, double since, double now);
-    /// Counts the answers. What is refused, or was not all taken back, goes to standard error.
+    /// Counts the answers. Requests that were refused, or not wholly taken back, are reported on standard error.
     void takeVerdicts(MirrorClient& client);
     /// Verdicts are still to come.
     bool open() const { return accepted + refused < sent; }

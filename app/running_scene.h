@@ -39,14 +39,14 @@ class RunningScene {
   public:
     /// Throws UsageError as ResourceArguments::ofFile() and StartTime::seconds().
     RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start);
-    /// Ends the scene's programs, and prints what is to say of their shutdown().
+    /// Ends the scene's programs, and prints the diagnostics of their shutdown().
     ~RunningScene();
     RunningScene(const RunningScene&) = delete;
     RunningScene& operator=(const RunningScene&) = delete;
 
     /// Before load(): addresses that DIS nodes may use; else none.
     void allowNetwork(const NetworkArguments& network) { allowedAddresses_ = network.dis; }
-    /// Reads the file and prints what there is to say of it. False if nothing usable was in it.
+    /// Reads the file and prints its diagnostics. False if nothing usable was in it.
     bool load();
     /// Instead of load(): goes on with the session in a log, at the time after its last state; start() is the log's.
     Result<ResumedSession> resume(const std::string& log);
@@ -66,7 +66,7 @@ class RunningScene {
     double start() const { return start_; }
     /// When it does something by itself next, as Scene::restsUntil(), but counted from the start.
     double restsUntil() const;
-    /// Of the last frame.
+    /// The time of the last frame.
     double time() const { return time_; }
     /// One frame. Returns its set; Inlines that were loaded are sets of their own, published as well.
     std::shared_ptr<const ChangeSet> frame(double t);
@@ -78,7 +78,7 @@ class RunningScene {
     std::uint64_t run(const Pace& pace, const std::string& label,
                       const std::function<bool(std::uint64_t, const ChangeSet&)>& after);
 
-    /// What was to say since load(); `said`: the failure of a subscriber that the verb tells of itself.
+    /// Prints the diagnostics since load(). `said` is the failure of a subscriber that the verb reports itself.
     void printDiagnostics(std::string_view said = {});
 
   private:

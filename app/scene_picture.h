@@ -7,8 +7,8 @@
 
 namespace rtsg::app {
 
-/// Of a copy of the scene, as --render would make it but for its exposure: `scene` itself gets no subscriber. Errors:
-/// as LightRenderer::picture(); what cannot be copied.
+/// A picture of a copy of the scene, as --render would make it but for its exposure: `scene` itself gets no subscriber.
+/// Errors: those of LightRenderer::picture(); a scene that cannot be copied.
 Result<Picture> pictureOf(const Scene& scene, const OutputArguments& outputs, const Resources& resources);
 
 }  // namespace rtsg::app

@@ -1,4 +1,4 @@
-// Plays a log to mirrors, in time and as it is told.
+// Plays a log to mirrors in real time, as commands say.
 #include "serve_log.h"
 
 #include <chrono>

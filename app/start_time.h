@@ -10,7 +10,7 @@
 
 namespace rtsg::app {
 
-/// Where simulated time begins unless --at says otherwise: 2000-01-01, the same in every run. It is a whole number of
+/// The start of simulated time unless --at says otherwise: 2000-01-01, the same in every run. It is a whole number of
 /// days after 1970, so a loop that divides a day (1 s, 2.5 s, 12 s …) is at its beginning when it starts at 0.
 inline constexpr double kSimulatedStart = 946'684'800;
 

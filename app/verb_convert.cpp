@@ -135,7 +135,7 @@ int convert(const ConvertArguments& options) {
     };
     std::vector<std::unique_ptr<DocumentHandler>> chain;
     DocumentHandler* first = filtered(options, (*writer)->handler(), diagnostics, chain);
-    // What the document loads is no place for its copy.
+    // The copy must not replace a file that the document loads.
     std::optional<DocumentFiles> used;
     if (std::filesystem::exists(options.out)) first = &used.emplace(*first, Resources::ofFile(options.in));
     const bool ok =

@@ -58,7 +58,7 @@ void printCounts(const std::map<std::string, std::size_t>& counts) {
     for (const auto& [name, n] : counts) fmt::print("    {:<24} {:>7} nodes\n", terminalText(name), n);
 }
 
-/// Of all instances: a mesh that is used twice counts twice.
+/// Counts the triangles of all instances: a mesh that is used twice counts twice.
 void countTriangles(Scene& scene, const Resources& resources, Counts& c) {
     const SharedWorld world(scene, worldOptions(resources));  // no rays are asked for: no BVH is built
     const InstanceDelta all = world.flattener().snapshot();

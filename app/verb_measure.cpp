@@ -91,7 +91,7 @@ void tellOfLights(const Scene& scene, const LightState& state, Diagnostics& into
     }
 }
 
-/// What a value lacks.
+/// Whether a value is whole; warns of what it lacks.
 bool isWhole(const MeasureArguments& options, const std::string& place, const Irradiance& found) {
     constexpr double kOfError = .1;
     if (found.missing > kOfError * options.error)

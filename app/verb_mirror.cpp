@@ -47,7 +47,7 @@ std::vector<std::string> missingParts(const Scene& replica, const std::vector<st
     for (const std::string& part : parts) {
         std::uint32_t number = 0;
         if (constexpr std::string_view region = "region:"; part.starts_with(region)) {
-            // Of these it is the node at the centre, if one is named.
+            // A region is missing if it names a node as its centre that is not there.
             const std::string name = part.substr(region.size(), part.find(',') - region.size());
             double radius = 0;
             const bool isName = std::from_chars(name.data(), name.data() + name.size(), radius).ec != std::errc();
@@ -66,7 +66,7 @@ double secondsSince(Clock::time_point start) {
     return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// Of less a session's own messages would fill it.
+/// At a lower rate the messages of the session itself would fill the link.
 constexpr std::uint64_t kLeastRate = 1000;
 
 Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
@@ -90,7 +90,7 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     result.framesPerSecond = options.fps;
     result.maxRecord = options.maxRecord;
     result.mostBytesPerSecond = options.maxRate;
-    // What is made of every frame wants every frame, however late.
+    // Outputs that are made of every frame need every frame, however late.
     const bool everyFrame = options.outputs.any() && !options.outputs.isLive();
     const std::string lag = !options.maxLag.empty() ? options.maxLag : everyFrame ? "0" : "250ms";
     result.maxLag = std::chrono::milliseconds(static_cast<std::int64_t>(1000 * parseSeconds(lag)));
@@ -105,7 +105,7 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
     return result;
 }
 
-/// What is made of the replica: a log of every frame; pictures and sound of every frame, behind the replica's back, or
+/// The outputs of the replica: a log of every frame; pictures and sound of every frame on a thread of their own, or
 /// with --live of the newest state.
 class Made {
   public:
@@ -182,7 +182,7 @@ class Mirroring {
         if (std::exchange(time_, replica_.now()) != replica_.now()) movedAt_ = Clock::now();
         since_ = elapsed_.at(replica_.now());
     }
-    /// What is made is as long as the scene's time that goes by.
+    /// Whether an output's length is that of the scene's time that goes by.
     bool hasLength() const {
         const OutputArguments& outputs = options_.outputs;
         return !outputs.listen.empty() || !outputs.record.empty() || outputs.animated();
@@ -339,7 +339,7 @@ void Mirroring::follow() {
         const std::size_t applied = client.poll(longestPoll());
         for (const Diagnostic& d : client.takeDiagnostics())
             if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
-        // Who has no room for us now may have some in a while.
+        // A server that has no room for us now may have some in a while.
         if (!client.refusal().empty() && (!client.turnedAway() || secondsSince(heard_) >= patience_)) {
             fail(fmt::format("{} refused: {}", options_.endpoint, client.refusal()));
             break;
@@ -367,7 +367,8 @@ void Mirroring::sayWhetherHeard() {
                lost ? "the server, or the origin that it relays, is not heard: waiting for it" : "heard again");
 }
 
-/// What is known to be missing may still be on its way, and on a slow link for long: the origin goes on meanwhile.
+/// Waits for records that are known to be missing: on a slow link they may be on their way for long, while the origin
+/// goes on.
 void Mirroring::catchUp() {
     constexpr double kMost = 10;  // times the patience
     MirrorClient& client = *client_;
@@ -379,7 +380,7 @@ void Mirroring::catchUp() {
         if (client.poll(std::chrono::milliseconds(50)) > 0 || client.receiving()) came = Clock::now();
 }
 
-/// What was asked for may be carried out after we have seen enough.
+/// Waits for answers: a request may be carried out after the time of --for.
 void Mirroring::awaitAnswers() {
     if (!joined()) return;
     const auto end = Clock::now();
@@ -426,7 +427,7 @@ void Mirroring::finish() {
     good_ = good_ && equal_ && statistics.divergences == 0 && requests_.refused + requests_.unsent == 0;
 }
 
-/// Of hashes where both are in the same state.
+/// Compares the hashes if both are in the same state.
 std::string Mirroring::comparison() const {
     const MirrorStatistics& statistics = client_->statistics();
     if (statistics.equal && !equal_)

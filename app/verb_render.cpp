@@ -66,7 +66,7 @@ void addEye(const RenderArguments& options, ImageOptions& image) {
     image.eyeDistance = options.eyeDistance;
 }
 
-/// `all`: over the frames, the worst of what is missing and of errors, the mean of samples and of what was kept.
+/// `all` has, over the frames, the largest missing light and error, and the means of samples and of kept pixels.
 void tellResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
                 const RayWorld::Stats& rays, const std::optional<Flattener::Cuts>& cuts) {
     if (options.json) {
@@ -118,7 +118,7 @@ int render(const RenderArguments& options) {
     // The picture before the first one is not made; what things have moved from since must be known all the same.
     const double before = time - 1 / options.fps;
     const bool remembers = (image.settings.shutter > 0 || (image.settings.layers & kMotion)) && before >= 0;
-    // Geometry follows from the first state that is seen: of those before it nothing is drawn.
+    // Geometry is made from the first state that is seen, since nothing is drawn of earlier ones.
     running.runTo(remembers ? before : time);
     SharedWorld& world = running.world().get();
     LightRenderer light(world, LightRenderer::Options(running.resources()));

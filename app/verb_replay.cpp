@@ -224,7 +224,7 @@ class Replaying {
                 std::chrono::milliseconds(20), until - std::chrono::steady_clock::now()));
     }
 
-    /// Whose hashes the states were compared with, where it is not this program's kind.
+    /// Names the log's format, if it is not this program's own: the states' hashes were compared by that.
     std::string format() const {
         const unsigned version = replayer_.head().formatVersion;
         return version == kFormatVersion ? std::string()
@@ -293,7 +293,7 @@ bool holds(const OptionNames& names, std::string_view option) {
     return std::ranges::find(names, option) != names.end();
 }
 
-/// What `replay` does with a log, and the options that have a meaning then.
+/// Something that `replay` does with a log, and the options that have a meaning then.
 struct ReplayMode {
     OptionNames asks;  // any of these asks for it
     OptionNames takes;
@@ -314,7 +314,7 @@ const std::vector<ReplayMode>& replayModes() {
     return modes;
 }
 
-/// What asks for the mode, as it was typed; empty for one that nothing asks for.
+/// The option, as it was typed, that asks for the mode; empty if none does.
 std::string_view askingFor(const ReplayMode& mode, const OptionNames& given) {
     const auto found = std::ranges::find_if(given, [&](std::string_view option) { return holds(mode.asks, option); });
     return found == given.end() ? std::string_view() : *found;
@@ -348,7 +348,7 @@ void checkTogether(const std::vector<std::string>& typed) {
     static const OptionNames always = {"LOG", "--json", "--force", "--base", "--allow", "--limit"};
     for (const std::string_view option : given) {
         if (holds(mode.asks, option) || holds(mode.takes, option) || holds(always, option)) continue;
-        // What no mode names is of outputs.
+        // Options that no mode names belong to outputs.
         const bool named = std::ranges::any_of(
             replayModes(), [&](const ReplayMode& m) { return holds(m.asks, option) || holds(m.takes, option); });
         if (mode.makesOutputs && !named) continue;

@@ -84,7 +84,7 @@ class RunMade {
         arguments_.picturesPerSecond = options.fps;
         arguments_.seconds = parseSeconds(options.duration);
     }
-    /// After each frame; false if it is of no use to go on.
+    /// To be called after each frame; false if it is useless to go on.
     bool follow(std::uint64_t frame) {
         if (!arguments_.any()) return true;
         if (frame == 0) {
@@ -125,7 +125,7 @@ class RunMade {
     std::optional<OutputReport> report_;
 };
 
-/// Of a viewpoint that pictures are to be seen from and that is not there: false if it cannot come any more either.
+/// Checks the viewpoint of pictures. False if it is not there and cannot come any more.
 bool checkViewpoint(const Scene& scene, const OutputArguments& outputs) {
     const std::string& name = outputs.picture.viewpoint;
     if (name.empty() || outputs.render.empty()) return true;

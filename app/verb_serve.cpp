@@ -187,7 +187,7 @@ class Session {
     int close();
 
   private:
-    /// What is served: where urls start from is nobody's concern.
+    /// The name of what is served, without the folder that urls start from.
     const std::string& name() const { return resumed_ ? options_.resume : running_.file(); }
     const std::string& logFile() const { return resumed_ ? options_.resume : options_.record; }
     void lookAtLog();

@@ -55,8 +55,8 @@ std::string asSarif(const std::vector<Diagnostics>& files) {
         rules, results);
 }
 
-/// As load(), with the checks that look at a document as a whole; what Inlines load is checked where it is validated
-/// itself.
+/// Does what load() does, and checks the document as a whole. Files that Inlines load are checked when they are
+/// validated themselves.
 bool loadAndCheck(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
     bool usable = false;
     Diagnostics missing(diagnostics.file());

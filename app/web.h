@@ -29,9 +29,9 @@ class Web {
     static Result<Web> start(const WebArguments& arguments, const MirrorServer& server,
                              const std::optional<MirrorKeys>& keys);
 
-    /// Where the page is; empty if it was not asked for.
+    /// The address of the page; empty if none was asked for.
     std::string url() const { return gateway_ ? gateway_->url() : std::string(); }
-    /// What browsers wait for, and what there is to say of them.
+    /// Serves what browsers wait for, and prints what is to be said about them.
     void service(const Scene& scene, const Resources& resources);
     /// After the server's end, so that its goodbye gets through.
     void end() { gateway_.reset(); }

@@ -85,7 +85,7 @@ struct Place {
     }
 };
 
-/// What the viewer shows of an appearance: one colour.
+/// The one colour that the viewer shows for an appearance.
 std::string colorOf(const Scene& scene, NodeId appearance) {
     Color color{1, 1, 1};
     float opacity = 1;
@@ -338,7 +338,7 @@ struct McapExport::Impl : InstanceSubscriber {
         for (const NodeId id : delta.geometriesRemoved) meshes.erase(id.value);
     }
 
-    /// Of those on `list` that are still there and due: calls `each`. Of all of them if `whole`.
+    /// Calls `each` for the things on `list` that still exist and are due; for all things if `whole`.
     static void visit(Things& things, std::vector<std::uint32_t>& list, bool Thing::* due, bool whole,
                       const auto& each) {
         if (whole)

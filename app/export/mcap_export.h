@@ -6,9 +6,9 @@
 //   /rtsg/changes  rtsg.Changes: every frame with its hash and every change in it
 //
 // A frame costs what changed in it; past some hundred shapes, a whole message once a second of scene time is all that
-// grows with the scene. Invariant: time stamps are scene time. What is scaled or sheared is so in /scene, since frames
-// only turn and move. Viewers that jump get the last message of each topic: one that holds only what has changed is
-// followed by a whole one within seconds. Threading: the scene's thread.
+// grows with the scene. Invariant: time stamps are scene time. Scale and shear are in /scene, since frames only turn
+// and move. Viewers that jump get the last message of each topic: one that holds only what has changed is followed by a
+// whole one within seconds. Threading: the scene's thread.
 #pragma once
 
 #include <memory>

@@ -1,8 +1,8 @@
-// A filter of documents that makes triangles of geometry: boxes, spheres, faces, grids, extrusions, NURBS, text.
+// A filter of documents that turns geometry into triangles: boxes, spheres, faces, grids, extrusions, NURBS, text.
 //
-// Each geometry node becomes an IndexedTriangleSet of what is drawn, with normals, texture coordinates and colours.
-// Those that a ROUTE moves, that are connected with a PROTO's interface, or whose coordinates others use stay as they
-// are, and so do lines and points. The document is in memory until it ends. Threading: one thread a stream.
+// Each geometry node becomes an IndexedTriangleSet with normals, texture coordinates and colours. Nodes that a ROUTE
+// moves, that are connected with a PROTO's interface, or whose coordinates others use stay as they are, and so do lines
+// and points. The document is in memory until it ends. Threading: one thread a stream.
 #pragma once
 
 #include <memory>

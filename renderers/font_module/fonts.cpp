@@ -68,7 +68,7 @@ const FcChar8* fc(const char* text) {
     return reinterpret_cast<const FcChar8*>(text);
 }
 
-/// What fontconfig takes for nearest; `needed`: a character it should have, or 0.
+/// The font that fontconfig finds nearest; `needed` is a character that it should have, or 0.
 Pattern match(const std::string& family, bool bold, bool italic, char32_t needed) {
     const Pattern wanted(FcPatternCreate());
     if (!family.empty()) FcPatternAddString(wanted.get(), FC_FAMILY, fc(family.c_str()));

@@ -75,7 +75,7 @@ bool writeHeader(Writing& writing, const Sheet& sheet, const std::vector<SheetCh
     return good && writing.done(exr_write_header(file));
 }
 
-/// Where the library finds the numbers of a block of lines. It has the channels in an order of its own.
+/// Tells the library where the numbers of a block of lines are. It has the channels in an order of its own.
 void pointTo(exr_encode_pipeline_t& pipeline, const Sheet& sheet, const std::vector<SheetChannel>& channels) {
     for (int i = 0; i < pipeline.channel_count; ++i) {
         exr_coding_channel_info_t& info = pipeline.channels[i];

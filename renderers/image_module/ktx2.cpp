@@ -23,7 +23,7 @@ using Bytes = std::span<const std::uint8_t>;
 constexpr std::uint8_t kIdentifier[] = {0xAB, 'K', 'T', 'X', ' ', '2', '0', 0xBB, '\r', '\n', 0x1A, '\n'};
 constexpr std::size_t kHeaderSize = 80, kIndexEntry = 24;
 
-/// What a texel (or a block of 4 x 4) is made of.
+/// The form of a texel, or of a block of 4 x 4.
 enum class Texel : std::uint8_t { u8, u16, f16, f32, rgb9e5, rg11b10, rgb10a2, dxt, dx10 };
 
 struct Form {
@@ -99,7 +99,7 @@ bool ofEightBits(const Form& form) {
     return form.texel == Texel::u8 || (isBlock(form) && !hasFloats(form));
 }
 
-/// What the file's head says.
+/// The statements of the file's head.
 struct Ktx2Head {
     const Form* form = nullptr;
     std::uint32_t scheme = 0;  // of supercompression
@@ -167,7 +167,7 @@ std::string readDescriptor(Bytes file, Ktx2Head& head) {
     if (transfer > srgb)
         return fmt::format("a KTX2 file with the transfer function {} is not read; linear (1) and sRGB (2) are",
                            transfer);
-    // What says nothing is taken as other pictures are.
+    // A file that does not say so is taken as other pictures are.
     head.display = head.form->srgb || transfer == srgb || (transfer == unspecified && !hasFloats(*head.form));
     head.premultiplied = (flags & 1) != 0;
     return {};
@@ -372,7 +372,7 @@ void floatsOf(const Form& form, const std::uint8_t* at, float* out) {
     }
 }
 
-/// Where each channel of the picture comes from: a channel of the texel, or 0 (kZero) or 1 (kOne).
+/// The source of each channel of the picture: a channel of the texel, or 0 (kZero) or 1 (kOne).
 constexpr int kZero = -1, kOne = -2;
 std::vector<int> channelsOf(const Ktx2Head& head) {
     std::vector<int> result;

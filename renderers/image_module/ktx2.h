@@ -21,9 +21,9 @@ bool isKtx2(std::span<const std::uint8_t> bytes);
 /// Decodes a DDS file of one picture into rows from the top; an error is a sentence.
 using DdsReader = std::function<std::string(std::span<const std::uint8_t> file, FilePixels& out)>;
 
-/// As ImageFiles::readMemory(). The six sides of a cube lie as those of a DDS file: +x +y +z above -x -y -z. Without a
-/// KTXswizzle one channel is grey and two are grey and alpha, as in X3D (18.2.1). Errors: damage, with the byte where
-/// it is; a form of pixels that is not read, by name.
+/// Does what ImageFiles::readMemory() does. The six sides of a cube lie as those of a DDS file: +x +y +z above -x -y
+/// -z. Without a KTXswizzle one channel is grey and two are grey and alpha, as in X3D (18.2.1). Errors: damage, with
+/// the byte where it is; a form of pixels that is not read, by name.
 std::string readKtx2(std::span<const std::uint8_t> file, const ReadRequest& request, const DdsReader& blocks,
                      FilePixels& out);
 

@@ -30,7 +30,7 @@ bool begin(int width, int height, int channels, bool eightBits, const ReadReques
         out.values.resize(numbers);
     return true;
 }
-/// Where a row's numbers begin.
+/// The index at which a row's numbers begin.
 std::size_t placeOf(const FilePixels& out, int y, const ReadRequest& request) {
     const int at = request.bottomRowFirst ? out.height - 1 - y : y;
     return static_cast<std::size_t>(at) * static_cast<std::size_t>(out.width) * static_cast<std::size_t>(out.channels);

@@ -50,7 +50,7 @@ struct JpegWriting {
     static JpegWriting& of(j_compress_ptr jpeg) { return *static_cast<JpegWriting*>(jpeg->client_data); }
 };
 
-/// As much room again as is full. Nothing is thrown through the library.
+/// Doubles the room. Nothing is thrown through the library.
 void makeRoom(j_compress_ptr jpeg) {
     JpegWriting& writing = JpegWriting::of(jpeg);
     constexpr std::size_t kFirst = 1 << 16;

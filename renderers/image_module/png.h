@@ -14,8 +14,8 @@ namespace rtsg {
 /// Whether these first bytes are those of a PNG file.
 bool isPng(std::span<const std::uint8_t> bytes);
 
-/// What is damaged in the chunks that pixels are read from, with the byte where it is, or in the pixels themselves;
-/// empty: nothing. `check`: ReadRequest's, asked before pixels are looked at.
+/// Describes damage in the chunks that pixels are read from, with the byte where it is, or in the pixels themselves;
+/// empty if there is none. `check` is ReadRequest's, and is asked before pixels are looked at.
 std::string damageOfPng(std::span<const std::uint8_t> file,
                         const std::function<std::string(int width, int height, int layers, bool eightBits)>& check);
 

@@ -8,7 +8,7 @@
 
 namespace rtsg {
 
-/// As ImageFiles::openTiles().
+/// Does what ImageFiles::openTiles() does.
 std::string openTiledPicture(ByteSource source, const std::string& name, std::unique_ptr<TiledPicture>& out);
 
 }  // namespace rtsg

@@ -57,7 +57,7 @@ extern "C" __attribute__((visibility("default"))) const char* RTSG_ENCODE_WEBP_S
     WebpPicture own;
     WebPConfig config;
     if (!own.begun || !WebPConfigInit(&config)) return "libwebp is of another version than its headers";
-    // As OpenImageIO has it, through which these files were written once.
+    // OpenImageIO's settings, so that files are the same as those that it writes.
     config.quality = 100, config.method = 6;
     WebPPicture& picture = own.picture;
     picture.width = sheet.width, picture.height = sheet.height;

@@ -50,7 +50,7 @@ std::string FilmFile::open(std::int64_t most) {
     av_dict_free(&options);
     if (opened < 0) return "no film that can be read: " + textOfError(opened);
     format_.reset(format);
-    // What a head does not say is found out by decoding a little.
+    // Data that the head lacks are found by decoding a little.
     std::vector<AVDictionary*> streams(format_->nb_streams, nullptr);
     for (AVDictionary*& each : streams) av_dict_set_int(&each, "max_pixels", most, 0);
     avformat_find_stream_info(format_.get(), streams.empty() ? nullptr : streams.data());

@@ -8,7 +8,7 @@
 
 namespace rtsg {
 
-/// As MovieFiles::make().
+/// Does what MovieFiles::make() does.
 std::string makeFilm(MovieSink sink, const FilmShape& shape, std::unique_ptr<MovieMaker>& out);
 
 }  // namespace rtsg

@@ -1,11 +1,11 @@
-// What a film is heard by.
+// Reads the sound of a film.
 #pragma once
 
 #include "image/movie_files.h"
 
 namespace rtsg {
 
-/// As MovieFiles::readSound().
+/// Does what MovieFiles::readSound() does.
 std::string readFilmSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSound& out);
 
 }  // namespace rtsg

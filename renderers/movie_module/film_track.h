@@ -16,7 +16,7 @@ struct FilmTrack {
 /// AAC of 96 kbit/s a channel, of one or two channels; adds its stream to a film whose header is not written yet.
 std::string encodeSound(const FileSound& sound, AVFormatContext& format, FilmTrack& out);
 
-/// What an encoder has ready, behind what is there. False, with the reason: it failed.
+/// Appends the packets that an encoder has ready. False, with the reason, if it failed.
 bool takePackets(AVCodecContext& codec, std::vector<Owned<AVPacket>>& into, std::string& error);
 
 }  // namespace rtsg

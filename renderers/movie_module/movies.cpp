@@ -115,7 +115,7 @@ class Film final : public MovieFile {
     /// The next picture in the order in which they are shown; false at the end.
     bool decode(AVFrame& frame, double& time) {
         if (!decoder_.next(file_.format(), frame)) return false;
-        // What says no time follows the one before.
+        // A picture without a time follows the one before.
         time = frame.best_effort_timestamp == AV_NOPTS_VALUE
                    ? lastTime_ + frameLength_
                    : static_cast<double>(frame.best_effort_timestamp) * decoder_.timeBase;

@@ -25,8 +25,8 @@ class AnyTypes {
         if (const NodeId id = node("X3DChildNode", 5))
             (void)scene_.insertChild(scene_.root(), x3d::RtsgScene::children, id);
     }
-    /// Writes a field, sends an event, adds or removes a route, moves or destroys a node. What the scene refuses
-    /// counts.
+    /// Writes a field, sends an event, adds or removes a route, moves or destroys a node. Edits that the scene refuses
+    /// count.
     void edit() {
         if (nodes_.empty()) return grow();
         switch (pick(12)) {

@@ -33,7 +33,8 @@ inline Gauge coneGauge(double r, double halfHeight) {
         return std::max(side / std::hypot(2 * halfHeight, r), -halfHeight - p.y);
     };
 }
-/// Of every plane through three of the points that has all others on one side. Precondition: they are not in a plane.
+/// The gauge of every plane through three of the points that has all others on one side. Precondition: the points are
+/// not in one plane.
 inline Gauge hullGauge(const std::vector<glm::dvec3>& points) {
     std::vector<std::pair<glm::dvec3, double>> planes;
     for (std::size_t i = 0; i < points.size(); ++i)

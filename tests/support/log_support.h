@@ -38,7 +38,7 @@ class LogFolder : public testing::Test {
     ~LogFolder() override { std::filesystem::remove_all(folder); }
     std::filesystem::path file(std::string_view name = "a.rlog") const { return folder / name; }
 
-    /// What a state was at each number.
+    /// The state at each number.
     struct Recorded {
         std::map<std::uint64_t, std::string> dumps;
         std::map<std::uint64_t, double> times;

@@ -68,7 +68,7 @@ struct MadeFont {
     static std::string profile() { return number(0x00010000, 4) + words({2, 4, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0}); }
 };
 
-/// As a url.
+/// The font as a url.
 inline std::string fontUrl(const std::string& bytes) {
     constexpr char digits[] = "0123456789ABCDEF";
     std::string url = "data:font/ttf,";

@@ -1,5 +1,5 @@
-// Where Boxes and Spheres are, for tests of pointers without a renderer: every Shape is looked at for every ray, in
-// double precision, with transforms multiplied here. For tests of triangles also TriangleSets.
+// Finds Boxes and Spheres, for tests of pointers without a renderer: every Shape is looked at for every ray, in double
+// precision, with transforms multiplied here. For tests of triangles it finds TriangleSets, too.
 #pragma once
 
 #include <algorithm>

@@ -38,7 +38,8 @@ class Subject {
     /// For Delivery::polled: takes what happened since, merged.
     virtual void poll() = 0;
     virtual void detach() = 0;
-    /// Of the last state it took: with Delivery::immediate the scene's newest, after detach() that of detaching.
+    /// The last state that it took: with Delivery::immediate the scene's newest, after detach() the state at that
+    /// moment.
     virtual SubscriberState state() = 0;
     /// Why it could not go on; empty while it can.
     virtual std::string failure() const = 0;

@@ -119,7 +119,7 @@ class TcpProxy {
         for (; !way_.empty() && way_.front().due <= Clock::now(); way_.pop_front())
             (void)give(way_.front().to, way_.front().bytes);
     }
-    /// Of bytes that may pass now; what was not used in time is lost.
+    /// Adds to the bytes that may pass now; what is not used in time is lost.
     void earn() {
         const Clock::time_point now = Clock::now();
         const std::chrono::duration<double> since = now - std::exchange(earned_, now);

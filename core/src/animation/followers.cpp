@@ -1,9 +1,9 @@
 // Followers: chasers and dampers (ISO/IEC 19775-1 V4.0, clause 39). One template each for all types.
 //
 // Both answer in closed form for any time, so nothing depends on the frame rate, and their state changes with their
-// inputs alone. What the clause leaves open: a chaser answers a step with half a cosine, as others do; a damper is a
-// chain of first-order filters solved exactly; orientations are filtered as rotation vectors from the destination,
-// which is exact about one axis; colours component by component.
+// inputs alone. Where the clause is open: a chaser answers a step with half a cosine, as others do; a damper is a chain
+// of first-order filters, solved exactly; orientations are filtered as rotation vectors from the destination, which is
+// exact about one axis; colours component by component.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -60,7 +60,7 @@ template <>
 struct Motion<Rotation> {
     using Wide = glm::dquat;
     using Delta = glm::dvec3;
-    /// By `angle` about an axis of this length.
+    /// The quaternion that turns by `angle` about an axis of this length.
     static Wide turned(const glm::dvec3& axis, double length, double angle) {
         if (!(length > 0)) return {1, 0, 0, 0};
         const SineCosine half = sineCosine(angle / 2);
@@ -72,7 +72,7 @@ struct Motion<Rotation> {
         const double square = glm::dot(axis, axis);
         return turned(axis, square == 1 ? 1 : std::sqrt(square), r.angle);
     }
-    /// Of a quaternion of any length, so that none needs to be normalised.
+    /// The rotation of a quaternion of any length, so that quaternions need not be normalised.
     static Rotation narrow(Wide q) {
         if (q.w < 0) q = -q;
         const double s = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z);
@@ -193,15 +193,15 @@ struct Chaser {
     using T = ValueOf<N>;
     using E = ElementOf<N>;
     using M = Motion<E>;
-    /// More than this many steps on the way are not told apart.
+    /// Steps that are closer together than the duration over this number are merged.
     static constexpr double kMostSteps = 256;
 
-    /// 39.3.1: from 0 on, and finite; what is none of these is no delay.
+    /// 39.3.1: a duration is finite and not negative; any other value counts as 0.
     static double duration(const Node& node) {
         const double d = node.get(N::duration).seconds;
         return d > 0 && std::isfinite(d) ? d : 0;
     }
-    /// 0 at the step, 1 after `duration`.
+    /// The response to a step: 0 when it happens, 1 after `duration`.
     static double response(double t, double duration) {
         if (t >= duration) return 1;
         return t <= 0 ? 0 : .5 - .5 * std::cos(std::numbers::pi * t / duration);
@@ -339,7 +339,7 @@ struct Damper {
         const double tau = node.get(N::tau).seconds;
         return tau > 0 && std::isfinite(tau) ? tau : 0;
     }
-    /// What the filters held at `_since`, as distances from the destination; and what is left of them later.
+    /// The values of the filters at `_since`, as distances from the destination, and what is left of these later.
     class Course {
       public:
         /// `s`: time since then / tau.
@@ -352,7 +352,7 @@ struct Damper {
             const auto& filters = node.get(N::_filters);
             for (std::size_t e = 0; e < each_; ++e) to_[e] = M::widen(goal_[e]);
             for (std::size_t i = 0; i < std::min(began_.size(), filters.size()); ++i)
-                // Of one that was at rest all filters hold the same.
+                // The filters of a follower that was at rest all hold the same.
                 began_[i] = i >= each_ && filters[i] == filters[i - each_]
                                 ? began_[i - each_]
                                 : M::from(to_[i % each_], M::widen(filters[i]));

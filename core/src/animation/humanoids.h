@@ -1,5 +1,4 @@
-// What HAnimMotion and HAnimPose have in common: the humanoids that they are in, and their joints. ISO/IEC 19775-1
-// V4.0, 26.3.2.
+// Finds the humanoids that an HAnimMotion or HAnimPose is in, and their joints. ISO/IEC 19775-1 V4.0, 26.3.2.
 #pragma once
 
 #include <functional>
@@ -16,7 +15,8 @@ void forEachHumanoidOf(const Scene& scene, const Node& node, FieldIndex field,
 /// The humanoid's `joints` by their names, those without one left out; of two of one name the first. Valid until one of
 /// them is written.
 std::unordered_map<std::string_view, const Node*> jointsByName(const Scene& scene, const Node& humanoid);
-/// Sends it the value, unless it has it already. What a joint does not accept is told of as the asker's fault.
+/// Sends the value to the joint, unless it has it already. A value that the joint does not accept is reported as the
+/// asker's fault.
 template <class T>
 void setJoint(Cascade& cascade, const Node& asker, const Node& joint, Field<T> field, const T& value) {
     if (joint.get(field) == value) return;

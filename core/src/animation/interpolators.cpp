@@ -23,7 +23,7 @@ namespace {
         if (!std::isfinite(out[i])) out[i] = static_cast<float>(double(a[i]) + (double(b[i]) - double(a[i])) * w);
 }
 
-/// Of a few: what is not finite leaves no 0 when it is multiplied by it.
+/// Tests few numbers at once: a number that is not finite does not give 0 when it is multiplied by 0.
 template <std::size_t count>
 bool areFinite(const float* values) {
     float none = 0;
@@ -31,7 +31,7 @@ bool areFinite(const float* values) {
     return none == 0;
 }
 
-/// Of long lists, many at a time.
+/// Tests long lists, many numbers at a time.
 bool areFinite(const float* values, std::size_t count) {
     constexpr std::uint32_t kExponent = 0x7f800000;
     unsigned bad = 0;
@@ -137,7 +137,7 @@ void interpolateGeo(Cascade& cascade, const Node& node, FieldIndex field, EventV
     cascade.emit(node, N::value_changed, Vec3f(reference->toScene(coordinates)));
 }
 
-/// As many values a key as there are: coordinates and normals.
+/// Interpolates several values for each key, as coordinates and normals have them.
 template <class N, auto Mix>
 void interpolateMany(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     if (field != N::set_fraction.index) return;

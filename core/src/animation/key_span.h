@@ -1,4 +1,4 @@
-// Where among its keys an interpolator's fraction lies. ISO/IEC 19775-1 V4.0, 19.3.1.
+// Finds the two keys of an interpolator between which a fraction lies. ISO/IEC 19775-1 V4.0, 19.3.1.
 #pragma once
 
 #include <cmath>
@@ -19,7 +19,7 @@ struct Span {
 /// 19.3.1: outside the keys the end values hold; among equal keys the last one counts, so a step is a step.
 inline Span locate(const Array<float>& key, std::size_t count, float fraction) {
     const float* const keys = key.data();
-    // As std::upper_bound, look by look, but without branches: which way each goes nobody can foresee.
+    // The comparisons of std::upper_bound, but without branches, since no processor could predict these.
     std::size_t after = 0;
     for (std::size_t left = count; left > 0;) {
         const std::size_t half = left / 2;

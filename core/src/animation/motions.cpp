@@ -33,7 +33,7 @@ struct Channel {
 struct Track {
     std::size_t first = 0, count = 0;
 };
-/// What `channels`, `joints` and `values` say.
+/// The motion data that `channels`, `joints` and `values` describe.
 struct Sheet {
     std::vector<Channel> channels;
     std::vector<Track> tracks;
@@ -166,7 +166,7 @@ bool isEnabledIn(const Scene& scene, const Node& humanoid, const Node& node) {
 
 void poseHumanoids(Cascade& cascade, const Node& node, const Sheet& sheet, std::int32_t frame) {
     const Scene& scene = cascade.scene();
-    // What this sets in motion may write the fields that are read here.
+    // Keeps the values: the events that are sent here may write the field from which they are read.
     const auto values = node.get(M::values);
     const auto enabled = node.get(M::channelsEnabled);
     const Row row{sheet, values.span().subspan(std::size_t(frame) * sheet.channels.size(), sheet.channels.size()),
@@ -260,7 +260,7 @@ void motionOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventVa
         return;
     }
     if (field == M::enabled.index) {
-        // What has played to its end begins anew.
+        // Enabling a motion that has played to its end starts it again.
         if (!value.as<bool>() || !node.get(M::_isOver)) return;
         const Range range = rangeOf(node, static_cast<std::size_t>(std::max(node.get(M::frameCount), 1)));
         cascade.store(node, M::_isOver, false);
@@ -275,7 +275,7 @@ void motionOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventVa
         if (field == shown) cascade.store(node, M::_isStale, true);
 }
 
-/// What a humanoid lets move it has changed: its motions show their frames again.
+/// The humanoid's motions or joints have changed, so its motions show their frames again.
 void humanoidOnEvent(Cascade& cascade, const Node& humanoid, FieldIndex field, EventValue) {
     using H = x3d::HAnimHumanoid;
     if (field != H::motions.index && field != H::motionsEnabled.index && field != H::joints.index) return;

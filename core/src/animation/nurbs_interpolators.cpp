@@ -68,7 +68,7 @@ void position(Cascade& cascade, const Node& node, FieldIndex field, EventValue e
         cascade.emit(node, N::value_changed, Vec3f(curve->at(within(curve->basis, fraction))));
 }
 
-/// What turns the z axis along the curve: the shortest way there.
+/// Sends the shortest rotation that turns the z axis along the curve.
 void orientation(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
     using N = x3d::NurbsOrientationInterpolator;
     if (field != N::set_fraction.index) return;

@@ -22,7 +22,7 @@ namespace {
 using PoseNode = x3d::HAnimPose;
 using J = x3d::HAnimJoint;
 
-/// What `_task` says.
+/// The values of `_task`.
 enum Task : std::int32_t { kNothing, kToThePose, kToTheDefaults };
 
 struct Placed {

@@ -71,7 +71,8 @@ struct Spline {
         const double speed = node.get(N::normalizeVelocity) ? size(given) : 0;
         return speed > 0 ? given * (length() / speed) : given;
     }
-    /// What unequal distances of keys make of the tangent, where the path arrives at the key and where it leaves.
+    /// The factor by which unequal distances of keys change the tangent, on the side where the path arrives at the key
+    /// or on the side where it leaves.
     double factor(std::size_t i, bool leaving) const {
         const bool isEnd = i == 0 || i == last;
         if (isEnd && !closed) return 1;
@@ -139,8 +140,8 @@ Quaternion exponential(const glm::dvec3& v) {
     const glm::dvec3 u = v * (std::sin(angle) / angle);
     return {std::cos(angle), u.x, u.y, u.z};
 }
-/// Along the arc between the two as they are, which may be the longer one. Of opposite ones, where no arc is singled
-/// out, the chord.
+/// Interpolates along the arc between the two as they are, which may be the longer one. Between opposite ones, which
+/// have no single arc, it takes the chord.
 Quaternion slerp(const Quaternion& a, const Quaternion& b, double w) {
     const double cosine = std::clamp(glm::dot(a, b), -1.0, 1.0), angle = std::acos(cosine), sine = std::sin(angle);
     if (!(sine > 1e-9)) return w < .5 ? a : b;

@@ -49,7 +49,7 @@ double stop(Cascade& cascade, const Node& node) {
     return node.get(TimeSensor::startTime).seconds > cascade.now() ? node.get(TimeSensor::startTime).seconds : kNever;
 }
 
-/// What has become of one that runs by `until`. False: its last cycle is over, and all is said.
+/// Runs an active sensor on to `until`. False: its last cycle is over, and its last events are sent.
 bool goOn(Cascade& cascade, const Node& node, double until) {
     const double interval = node.get(TimeSensor::cycleInterval).seconds,
                  cycleStart = node.get(TimeSensor::_cycleStart).seconds;

@@ -29,7 +29,7 @@ const Node& rootOf(const Cascade& cascade) {
     return cascade.scene().node(cascade.scene().root());
 }
 
-/// Of a layer or the root.
+/// The binding stack of this kind that a layer or the root holds.
 Stack stackOf(const Node& holder, BindableKind kind) {
     return {holder.type().findExact(kStackNames[static_cast<int>(kind)])};
 }
@@ -46,7 +46,7 @@ void setEmptied(Cascade& cascade, const Node& holder, BindableKind kind, bool em
     cascade.store(holder, emptiedOf(holder), holder.get(emptiedOf(holder)) ^ 1 << static_cast<int>(kind));
 }
 
-/// Where the node's kind is bound: in its layer, on the first way up; else in the root.
+/// The node that holds the stack for `id`: its layer, on the first path upwards, or else the root.
 const Node& holderOf(Cascade& cascade, NodeId id) {
     const Node* layer = layerOf(cascade.scene(), id);
     return layer ? *layer : rootOf(cascade);
@@ -78,7 +78,7 @@ void announceBound(Cascade& cascade, NodeId id, bool bound) {
     const Time now{cascade.now()};
     if (isBound != kNoField) cascade.emitStorage(node, isBound, &bound);
     if (bindTime != kNoField) cascade.emitStorage(node, bindTime, &now);
-    // What has said another thing at this timestamp says it at the next, from its onTime.
+    // A node that has already sent something else at this timestamp sends this at the next one, from its onTime.
     if (isBound != kNoField && node.get(Field<bool>{isBound}) != bound) cascade.wake(node);
     bindNavigation(cascade, node, bound);
     if (!bound) stopTransition(cascade, node);
@@ -147,7 +147,7 @@ struct Bindable {
             return node.get(N::isBound) ? cascade.now() : kNever;
         }
         if (stack.empty()) {
-            // What was bound before is not bound anew by itself.
+            // A node that was bound before is not bound again by itself.
             if (isEmptied(holder, kind) || node.get(N::bindTime).seconds != 0) return kNever;
             if (isInlined(cascade.scene(), node) || !isInScene(cascade.scene(), node.id())) return kNever;
             stack.push_back(node.id());
@@ -170,8 +170,8 @@ BuiltinBehaviour bindable() {
              .beyond = N::set_bind.index}};
 }
 
-/// Takes what is no longer in the layer off the top of a stack, as if it were unbound (7.2.2); who comes to the top is
-/// bound. Of those below the top each is looked at when it comes there.
+/// Takes nodes that are no longer in the layer off the top of a stack, as if they were unbound (7.2.2); the node that
+/// comes to the top is bound. Nodes below the top are looked at when they come there.
 void unbindWhatHasLeft(Cascade& cascade, const Node& holder, BindableKind kind) {
     const Scene& scene = cascade.scene();
     Array<NodeId> stack = holder.get(stackOf(holder, kind));
@@ -185,7 +185,7 @@ void unbindWhatHasLeft(Cascade& cascade, const Node& holder, BindableKind kind) 
     if (!stack.empty()) announceBound(cascade, stack[0], true);
 }
 
-/// 35.4.2: 0 is what is in no layer; what is no layer's number is taken as that.
+/// 35.4.2: 0 stands for what is in no layer; a number that no layer has is taken as 0.
 double layerSetOnTime(Cascade& cascade, const Node& node) {
     if (!isInScene(cascade.scene(), node.id())) return kNever;
     for (const NodeId other : rootOf(cascade).get(x3d::RtsgScene::children))
@@ -198,7 +198,7 @@ double layerSetOnTime(Cascade& cascade, const Node& node) {
                      fmt::format("activeLayer is {}, and there are {} layers: 0 is active", number, layers.size()));
     else if (number >= 1)
         active = layers[static_cast<std::size_t>(number - 1)];
-    // What stands there may be no layer, or a PROTO instance that makes one.
+    // The node there may be no layer, or a PROTO instance that stands for one.
     const Node* layer = cascade.scene().effectiveNode(active);
     active = layer && isLayer(*layer) ? layer->id() : NodeId{};
     const Node& root = rootOf(cascade);

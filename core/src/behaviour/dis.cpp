@@ -1,6 +1,6 @@
-// Distributed interactive simulation: ISO/IEC 19775-1 V4.0, clause 28. What is heard comes in as an event of the root
-// (rtsg/core/dis_input.h); what an entity does between two of its PDUs follows from the last one and the clock. Nodes
-// that write are read by whoever has a network. timestamp and the age of a PDU: IEEE 1278.1-2012, 6.2.88;
+// Distributed interactive simulation: ISO/IEC 19775-1 V4.0, clause 28. PDUs that are heard come in as events of the
+// root (rtsg/core/dis_input.h); the motion of an entity between two of its PDUs follows from the last one and the
+// clock. Whoever has a network reads the nodes that write. timestamp and the age of a PDU: IEEE 1278.1-2012, 6.2.88;
 // timeouts 6.1.8.
 #include <algorithm>
 #include <cmath>
@@ -33,7 +33,8 @@ template <class T>
 void tell(Cascade& cascade, const Node& node, Field<T> field, const T& value) {
     if (!(node.get(field) == value)) cascade.emit(node, field, value);
 }
-/// Of what fields hold as signed numbers.
+/// Sends an unsigned number through a field of signed ones; one that is too large for it becomes the largest, with a
+/// warning.
 template <class T>
 void tellNumber(Cascade& cascade, const Node& node, Field<std::int32_t> field, T value) {
     if constexpr (sizeof(T) > 4) {
@@ -295,7 +296,7 @@ double espduOnTime(Cascade& cascade, const Node& node) {
     return std::min(end, reckon(cascade, node));
 }
 
-/// What happens to an entity that no network speaks for: its own events are the truth, which a writer sends on.
+/// Handles events to an entity that no network speaks for: its own events are the truth, and a writer sends them on.
 void espduOnEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     for (std::size_t i = 0; i < kParts; ++i)
         if (field == kSetPart[i].index) return setPart(cascade, node, i, value.as<float>());
@@ -398,7 +399,7 @@ void hearAs(Cascade& cascade, const Node& node, const HeardPdu& heard, const aut
     if (take(*pdu)) tellHeard<N>(cascade, node, pdu->header, heard.hadRtpHeader);
 }
 
-/// Whoever listens has found entities, or lost some: they are told of in the frame that follows.
+/// The network has found or lost entities: the manager reports them in the next frame.
 double managerOnTime(Cascade& cascade, const Node& node) {
     using M = x3d::DISEntityManager;
     const Array<NodeId> added = node.get(M::_added), removed = node.get(M::_removed);

@@ -20,7 +20,7 @@ double tellTextSizes(Cascade& cascade, const Node& node) {
     using T = x3d::Text;
     constexpr std::size_t kHead = 5;  // textBounds and origin
     const Array<float> sizes = node.get(T::_measured);
-    // Nothing is known of one without glyphs, or that nobody has measured: it has no lines and no size.
+    // A Text without glyphs, or that nobody has measured, has no lines and no size.
     const bool isKnown = sizes.size() >= kHead;
     const Vec2f bounds = isKnown ? Vec2f(sizes[0], sizes[1]) : Vec2f(0);
     const Vec3f origin = isKnown ? Vec3f(sizes[2], sizes[3], sizes[4]) : Vec3f(0);

@@ -1,7 +1,7 @@
 // The clocks of sounds and films: ISO/IEC 19775-1 V4.0, 8.2.4 (time-dependent nodes), 16.4 (sound sources), 18.4.2
-// (MovieTexture). How long a file plays is found out between frames by whoever loads (InlineLoader) and stands in
-// _duration; so replays and replicas need no files. What plays for ever is active until its stopTime. What a
-// DynamicsCompressor takes away (16.4.11) is found by whoever makes the sound, in the same way.
+// (MovieTexture). The loader finds the length of a file between frames (InlineLoader) and stores it in _duration, so
+// replays and replicas need no files. A source that plays for ever is active until its stopTime. The renderer of sound
+// finds the reduction of a DynamicsCompressor (16.4.11) in the same way.
 #include <algorithm>
 #include <cmath>
 
@@ -49,7 +49,7 @@ bool loops(const Node& node) {
     return node.is(x3d::BufferAudioSource::type) && node.get(x3d::BufferAudioSource::loop);
 }
 
-/// What a file or a buffer says of itself.
+/// Sends the length that the file or the buffer states.
 template <class N>
 void tellLength(Cascade& cascade, const Node& node) {
     if constexpr (requires { N::duration_changed; }) {
@@ -94,7 +94,8 @@ double onTime(Cascade& cascade, const Node& node) {
     const bool stopping = end > start && now >= end;
     if (!node.get(N::isActive)) {
         if (start > now) return start;
-        // What is over is over; but what is shorter than a frame is still told.
+        // A clip that has ended does not begin again; but one that began and ended since the last frame still sends its
+        // events.
         if (stopping || (!loops(node) && now - start >= cycle && start <= cascade.previous())) return kNever;
         if (cascade.hasSent(node, N::isActive.index)) return now;  // that it ended: it begins at the next timestamp
         cascade.store(node, N::_pausedTotal, Time{0});

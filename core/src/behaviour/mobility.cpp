@@ -51,7 +51,7 @@ TypeFacts factsOf(const NodeType& type) {
     const std::size_t count = type.fields.size();
     const bool isScript = isScriptType(type);
     facts.reaches = isScript;
-    // Of a PROTO, its body may.
+    // A PROTO instance does not act itself, but nodes of its body may.
     facts.acts = isScript ? Acts::always : type.acts == Acts::unstated ? Acts::never : type.acts;
     facts.own.resize(count);
     facts.settable.resize(count);
@@ -144,7 +144,7 @@ struct Mobility::State {
         return true;
     }
 
-    /// Where a change of `field` leads next.
+    /// Adds the fields that a change of `field` may change next.
     void successors(const Node& node, FieldIndex field, std::vector<FieldRef>& out) {
         const TypeFacts& f = factsFor(node.typeIndex());
         if (f.set[field] != kNoField) out.push_back({node.id(), f.set[field]});
@@ -166,7 +166,7 @@ struct Mobility::State {
         return false;
     }
 
-    /// What HAnimMotions and HAnimPoses of a humanoid move.
+    /// The joints that HAnimMotions and HAnimPoses of a humanoid may move.
     Script jointsOf(const Node& humanoid) const {
         using H = x3d::HAnimHumanoid;
         Script reach;

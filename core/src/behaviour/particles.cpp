@@ -17,7 +17,7 @@ namespace {
 
 using P = x3d::ParticleSystem;
 
-/// What the emitters have in common, and what only some of them have.
+/// Reads the fields that all emitters have, and those that only some have.
 template <class E>
 void readEmitter(const Node& emitter, EmissionSpan& span) {
     span.speed = emitter.get(E::speed), span.variation = emitter.get(E::variation);
@@ -55,7 +55,8 @@ bool readAnyEmitter(const Node& emitter, EmissionSpan& span) {
     }
 }
 
-/// How the system would emit now; a count of 0: it does not. What is out of range emits nothing, and is told of.
+/// The way in which the system would emit now; a count of 0 means that it does not. An emitter with a value out of
+/// range emits nothing, and is reported.
 EmissionSpan wanted(Cascade& cascade, const Node& system, const Node& emitter) {
     EmissionSpan span;
     span.count = std::max(0, system.get(P::maxParticles));

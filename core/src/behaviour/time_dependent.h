@@ -1,4 +1,4 @@
-// What all X3DTimeDependentNodes have in common: ISO/IEC 19775-1 V4.0, 8.2.4. S: a type with the fields of one, and
+// The clock of all X3DTimeDependentNodes: ISO/IEC 19775-1 V4.0, 8.2.4. S: a type with the fields of one, and
 // _pausedTotal.
 #pragma once
 
@@ -23,20 +23,20 @@ bool pausesBy(double now, const Node& node) {
     return pause > node.get(S::resumeTime).seconds && pause <= now && pause >= node.get(S::startTime).seconds;
 }
 
-/// Until when one ran that is to stop now: its stopTime, or the pause before it that nobody has seen.
+/// The time until which a node ran that is to stop now: its stopTime, or a pause before that, in which no frame fell.
 template <class S>
 double endOf(const Node& node) {
     const double stop = node.get(S::stopTime).seconds;
     return !node.get(S::isPaused) && pausesBy<S>(stop, node) ? node.get(S::pauseTime).seconds : stop;
 }
 
-/// For how long one that is active has run by `time`, without its pauses.
+/// The time that an active node has run by `time`, without its pauses.
 template <class S>
 double activeBy(double time, const Node& node) {
     return std::max(0.0, time - node.get(S::startTime).seconds - node.get(S::_pausedTotal).seconds);
 }
 
-/// Time stands still from `at` on; never before what has been told.
+/// Pauses the node from `at` on, but not before the time that has already been sent.
 template <class S>
 void pauseAt(Cascade& cascade, const Node& node, double at) {
     cascade.emit(node, S::isPaused, true);
@@ -67,9 +67,9 @@ bool handlePause(Cascade& cascade, const Node& node, bool stopping) {
     return false;
 }
 
-/// Events with times that have passed: the node is told of them only now, so it does now what it would have done then
-/// (8.4.1). At once, so that a set_startTime behind a set_stopTime of this timestamp begins it anew (8.2.4.3). `finish`
-/// says what is left to say at the end.
+/// Handles events with times that have passed: the node does now what it would have done then (8.4.1). It does so at
+/// once, so that a set_startTime behind a set_stopTime of this timestamp begins it anew (8.2.4.3). `finish` sends what
+/// is left to send at the end.
 template <class S, class Finish>
 void heedTime(Cascade& cascade, const Node& node, FieldIndex field, const Finish& finish) {
     if (!node.get(S::isActive)) return;

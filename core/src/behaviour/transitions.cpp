@@ -140,7 +140,7 @@ void arriveAt(Cascade& cascade, const Node& viewpoint, const std::optional<Viewe
 void stopTransition(Cascade& cascade, const Node& viewpoint) {
     const auto fields = viewFields(viewpoint);
     if (!fields || viewpoint.get(fields->transition).empty()) return;
-    // What is kept is where the user was to come, not how far that got.
+    // Keeps the place at which the transition would have ended, not the place that it had reached.
     if (const auto transition = Transition::fromValue(viewpoint.get(fields->transition)))
         storeOffset(cascade, viewpoint, *fields, transition->to);
     endTransition(cascade, viewpoint, *fields);

@@ -44,8 +44,8 @@ void timeTrigger(Cascade& cascade, const Node& node, FieldIndex field, EventValu
     if (field == N::set_boolean.index) cascade.emit(node, N::triggerTime, Time{cascade.now()});
 }
 
-/// What `_index` holds: the place in the sequence, times two, and 1 if the interval of the last fraction is still the
-/// one that has been told.
+/// The content of `_index`: the place in the sequence times two, plus 1 if the interval of the last fraction is still
+/// the one whose value has been sent.
 struct Place {
     std::int32_t index = 0;
     bool isTold = false;
@@ -53,8 +53,8 @@ struct Place {
     std::int32_t stored() const { return index * 2 + (isTold ? 1 : 0); }
 };
 
-/// 30.2.4, 30.3.1: the value of the newest key passed, once for each interval between keys, and of equal keys the first
-/// one's; next and previous go round, and what they or other keys say is told of by the next fraction again.
+/// 30.2.4, 30.3.1: sends the value of the newest key passed, once for each interval between keys; of equal keys, the
+/// first one's. next and previous go round. After these, or new keys, the next fraction sends its value again.
 template <class N>
 void sequencer(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) {
     const auto& key = node.get(N::key);

@@ -1,5 +1,5 @@
-// Fields whose words are no closed list: the standard allows others, so that no reader complains, and a node that knows
-// none of those it has says at run time what it takes instead. ISO/IEC 19775-1 V4.0, 23.4.4, 38.3.1.
+// Fields whose words are no closed list: the standard allows others, so readers do not complain. A node that knows none
+// of its words warns at run time, and names the word that it takes instead. ISO/IEC 19775-1 V4.0, 23.4.4, 38.3.1.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 
 namespace rtsg::behaviours {
 
-/// `known`: the word that is taken instead comes first. Nothing is said where there are no words.
+/// `known` begins with the word that is taken instead. An empty list gives no warning.
 inline void warnOfWords(Cascade& cascade, const Node& node, const char* field, const Array<String>& words,
                         std::initializer_list<std::string_view> known) {
     const auto isKnown = [&](const String& word) { return std::ranges::find(known, word.view()) != known.end(); };

@@ -1,5 +1,5 @@
-// What scripts ask for between two frames: kept in a hidden field of the root until the next frame begins, so that who
-// takes over from a snapshot does it, too.
+// Keeps what scripts ask for between two frames in a hidden field of the root until the next frame begins, so that a
+// scene that takes over from a snapshot does it, too.
 #include <charconv>
 
 #include <fmt/format.h>
@@ -21,7 +21,7 @@ void append(Array<String>& out, std::uint64_t number) {
     out.push_back(String(std::to_string(number)));
 }
 
-/// As strings one after the other: numbers, and before each list how many there are.
+/// Appends a request as strings: its numbers, and each list after its length.
 void append(Array<String>& out, const DocumentRequest& request) {
     append(out, static_cast<std::uint64_t>(request.kind));
     append(out, request.script.value);
@@ -83,7 +83,7 @@ Result<> ScriptPrograms::request(Scene& scene, const DocumentRequest& request) {
     return scene.set(scene.root(), Root::_requests, std::move(waiting));
 }
 
-/// What is asked for meanwhile waits for the next frame.
+/// Serves the requests that wait. New ones that come meanwhile wait for the next frame.
 void Scene::State::serveRequests() {
     const Array<String> waiting = find(owner.root())->get(Root::_requests);
     if (waiting.empty() || !behavioursEnabled) return;

@@ -1,12 +1,12 @@
-// What scripts have made and dropped again: found and destroyed between frames.
+// Finds nodes that scripts have made and dropped again, and destroys them between frames.
 //
-// Only nodes that scripts have made are ever looked at, so the cost follows their number and not the scene's. One is
+// Only nodes that scripts have made are ever looked at, so the cost follows their number and not the scene's. A node is
 // kept if something else refers to it: a field of a node that is kept, a route to or from one, a name outside of the
-// bodies of dropped instances, a variable of a script that is kept, or the application (Scene::hold). What scripts'
-// variables refer to is what the engine finds in a whole collection of its garbage, which follows from the program's
-// run alone: so the same nodes go in every run. They go as edits before the frame, which replicas and logs get like any
-// others. A look waits until as many are new as there were after the last one, and a thousand: so it costs each node
-// that is made a bounded share.
+// bodies of dropped instances, a variable of a script that is kept, or the application (Scene::hold). The engine finds
+// the nodes that scripts' variables refer to in a full collection of its garbage, which follows from the program's run
+// alone. So the same nodes are destroyed in every run. This happens as edits before the frame, which replicas and logs
+// get like any others. The next search waits until as many nodes are new as there were after the last one, and at least
+// a thousand, so that it costs a bounded share for each node that is made.
 #include <algorithm>
 
 #include <fmt/format.h>
@@ -37,7 +37,7 @@ Result<> Scene::State::mayScriptsMake(std::size_t textBytes) {
 
 Result<NodeId> ScriptPrograms::createNode(Scene& scene, std::string_view type, NodeId scope) {
     if (auto may = scene.state_->mayScriptsMake(); !may) return std::unexpected(may.error());
-    // Of a PROTO: with its body.
+    // An instance of a PROTO is made with its body.
     return scene.state_->madeByScript([&] { return scene.createNode(type, scope); });
 }
 

@@ -84,7 +84,8 @@ void Scene::State::noteUse(TypeIndex type, const Behaviour& behaviour) {
     if (recording) newUses.push_back(use);
 }
 
-/// What is pending now is what the application did; what comes later in the frame, the cascade can do again.
+/// Records the edits that are pending now: these are the application's own. The cascade can repeat what comes later in
+/// the frame.
 void Scene::State::captureInput(bool running) {
     const auto free = std::ranges::find_if(inputPool, [](const auto& one) { return one.use_count() == 1; });
     if (free != inputPool.end()) {
@@ -233,7 +234,7 @@ void Scene::State::playEffects(Cascade& cascade, const BehaviourCall& call) {
 
 Result<> Scene::State::adoptUses(std::span<const BehaviourUse> list, bool all) {
     ++linkEdits;  // what may run on other threads may be another
-    // What is registered here and not there does nothing, until it is registered there too.
+    // A behaviour that is registered here and not there does nothing until it is registered there, too.
     for (std::size_t i = 0; all && i < uses.size();) {
         const TypeIndex type = uses[i].type;
         if (std::ranges::find(list, type, &BehaviourUse::type) != list.end()) {

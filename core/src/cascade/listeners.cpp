@@ -50,7 +50,7 @@ std::uint64_t Scene::hearingEdits() const {
 }
 
 std::vector<bool> Scene::areInWorld(std::span<const NodeId> ids) const {
-    // Upwards, depth first, each node once whoever stands below it; the hierarchy has no cycles.
+    // Goes upwards, depth first, and visits each node once; the hierarchy has no cycles.
     const State& s = *state_;
     std::unordered_map<std::uint32_t, bool> known{{root().value, true}};
     std::vector<bool> result;
@@ -98,7 +98,7 @@ struct Listeners::State final : Subscriber {
         bool inWorld = false, ended = false;
     };
     using EarPtr = std::shared_ptr<Ear>;
-    /// What an ear is to be told, once the whole set has been looked at.
+    /// A call to a listener that is due once the whole set has been looked at.
     struct Call {
         EarPtr ear;
         FieldEvent field;
@@ -196,7 +196,7 @@ void Listeners::State::gatherNodes(const ChangeSet& set, std::vector<Call>& call
     }
 }
 
-/// Who has come into the world, left it, or is gone.
+/// Gathers nodes that have come into the world, left it, or been destroyed.
 void Listeners::State::gatherMoves(const ChangeSet& set, std::vector<Call>& calls) {
     std::vector<EarPtr> asked;
     std::vector<NodeId> ids;
@@ -258,7 +258,7 @@ Result<> Listeners::State::apply(const Scene&, const ChangeSet& set) {
                 if (ear->onWorld) calls.push_back({ear, {}, {}});
     }
     for (const Call& one : calls) call(one, set.time);
-    // Nothing will be heard of what is gone.
+    // Destroyed nodes send nothing more.
     for (const Change& change : set.changes)
         if (change.kind == ChangeKind::destroyNode && isHeard(change.node))
             for (const EarPtr& ear : std::vector<EarPtr>(byNode.at(change.node.value))) end(ear->id);

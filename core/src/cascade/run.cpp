@@ -15,7 +15,7 @@ namespace {
 
 /// Sensors are evaluated again while events reach them; a network that never settles is cut off here.
 constexpr int kMaximumRounds = 100;
-/// Of what was warned of, so that it is told once.
+/// So many warnings are remembered, so that each is given once.
 constexpr std::size_t kMostRemembered = 10'000;
 
 /// Sorted, each once. Mostly they are: all comparisons are made at a time, which compilers make vectors of.
@@ -68,7 +68,7 @@ void Cascade::emitStorage(const Node& node, FieldIndex field, const void* value)
     s.send(lane_, target, field);
 }
 
-// What most events of most frames do, without a stack frame; all else is emitStorage.
+// Handles the usual case of most events without a stack frame; all others go to emitStorage.
 template <std::size_t size>
 [[gnu::aligned(64)]] void Cascade::emitPlain(const Node& node, FieldIndex field, const void* value) {
     Scene::State& s = *scene_.state_;
@@ -118,7 +118,7 @@ Result<> Cascade::deliver(NodeId id, FieldIndex field, const Value& value) {
     if (def.access == Access::inputOutput && s.hasGone(*node, field)) return {};
     if (s.currentCall != Scene::State::kNoCall)
         s.recordEffect(BehaviourEffect::Kind::deliver, id, field, value.storage());
-    // What other behaviours do about it is theirs.
+    // Effects of other behaviours that follow from this are not recorded as this call's.
     const std::size_t call = std::exchange(s.currentCall, Scene::State::kNoCall);
     s.deliver(*this, *node, field, value.storage());
     s.currentCall = call;
@@ -202,7 +202,7 @@ void Scene::State::warn(const Node& node, const std::string& text) {
         deliverInput(cascade, node, field, value);
         return true;
     }
-    // Who listens may edit: afterwards the node may be gone, and the value with the one that it came from.
+    // A listener may edit the scene: afterwards the node may be gone, and the value with the node that it came from.
     const NodeId id = node.id_;
     const Value kept = Value::fromStorage(def.type, value);
     listener(now, node, field, kept);
@@ -242,7 +242,7 @@ bool Scene::State::bodyTakes(Cascade& cascade, Node& node, FieldIndex field, con
     return find(id) == &node && (taken || !refused);
 }
 
-/// Of an inputOnly field.
+/// Delivers an event to an inputOnly field.
 void Scene::State::deliverInput(Cascade& cascade, Node& node, FieldIndex field, const void* value) {
     Lane& lane = cascade.lane_;
     const TypeEntry& entry = types[node.typeIndex_.value];
@@ -251,8 +251,8 @@ void Scene::State::deliverInput(Cascade& cascade, Node& node, FieldIndex field, 
     if (field == entry.addChildren || field == entry.removeChildren)
         deliverChildren(cascade, node, field, value, entry);
     if (entry.behaviour.onTime) wake(lane, node);
-    // An inputOnly field of a PROTO instance hands the event on to its body at once: it has no storage. What comes of
-    // that may destroy the instance.
+    // An inputOnly field of a PROTO instance has no storage and hands the event on to its body at once. That may
+    // destroy the instance.
     const NodeId id = node.id_;
     if (const RouteGroup* group = groupOf(node, field)) {
         const auto items = group->targets.items();
@@ -265,8 +265,9 @@ void Scene::State::deliverInput(Cascade& cascade, Node& node, FieldIndex field, 
     if (behavioursEnabled && behaviour.onEvent) onEvent(behaviour, cascade, node, field, value);
 }
 
-/// As deliver, for what nearly all events reach: a field of plain bytes of a node that does nothing about it and that
-/// nobody hears of, or an input that a behaviour waits for and nobody else. False, and nothing is done, for all others.
+/// Does what deliver() does for nearly all events: those to a field of plain bytes of a node that does not react and
+/// that nobody hears, and those to an input that only a behaviour waits for. Returns false, and does nothing, for all
+/// others.
 [[gnu::always_inline]] inline bool Scene::State::deliverAtOnce(Cascade& cascade, Node& node, FieldIndex field,
                                                                const FieldDef& def, const void* value) {
     Lane& lane = cascade.lane_;
@@ -383,7 +384,7 @@ void Scene::State::deliverChildren(Cascade& cascade, Node& node, FieldIndex fiel
 [[gnu::aligned(64)]] void Scene::State::sendAlong(Cascade& cascade, const std::vector<Emission>& list,
                                                   std::size_t first, std::size_t end, std::size_t firstTarget,
                                                   std::size_t endTarget) {
-    // What is read of a node's routes is one cache line, which comes while the events before it are on their way.
+    // One cache line of a node's routes is read, and is fetched while earlier events are delivered.
     constexpr std::size_t kAhead = 6;
     for (std::size_t i = first; i < end; ++i) {
         if (i + kAhead < end) __builtin_prefetch(list[i + kAhead].group, 1);
@@ -401,8 +402,8 @@ void Scene::State::runRoutes(Cascade& cascade) {
     waiting.clear();
 }
 
-/// What the nodes some places on keep in lists lies anywhere in memory; it comes while those before them are at work.
-/// So do the nodes themselves, sooner, as they say where.
+/// Fetches the lists of the node some places on, which lie anywhere in memory, while earlier nodes are at work. The
+/// nodes themselves are fetched sooner, since they hold the addresses of their lists.
 void Scene::State::fetchAhead(std::span<const NodeId> nodes) const {
     constexpr std::size_t kNode = 8, kLists = 4;
     if (const Node* node = nodes.size() > kNode ? find(nodes[kNode]) : nullptr)
@@ -446,7 +447,7 @@ void Scene::State::tick(Cascade& cascade, std::span<const NodeId> nodes) {
     }
 }
 
-/// Those whose time it is, and, if anything has moved, those that wait for that.
+/// Gathers the nodes whose time has come and, if anything has moved, those that wait for that.
 void Scene::State::gatherDue() {
     due.assign(active.begin(), active.end());
     while (!sleepers.empty() && sleepers.top().first <= now) {
@@ -491,7 +492,7 @@ void Scene::State::runTime(Cascade& cascade) {
         woken.clear();
         asksLast = first = !due.empty();
     }
-    // What has come to them since they hear of in the next frame.
+    // Nodes that events have reached since then are called in the next frame.
     woken.insert(woken.end(), late.begin(), late.end());
     late.clear();
     makeAscending(nextActive);
@@ -505,7 +506,7 @@ Result<> Scene::State::checkAccepted(const NodeType& type, FieldIndex field, Nod
     const FieldDef& def = type.fields[field];
     if (def.accepts.empty() || !child) return {};
     const Node* stands = owner.effectiveNode(child);
-    // What could not be loaded, or is of a type that nobody knows, is taken on trust.
+    // A node that could not be loaded, or whose type nobody knows, is accepted.
     if (!stands || stands->type_->kind != NodeType::Kind::builtin) return {};
     for (const std::string& one : def.accepts)
         if (stands->type_->isA(one)) return {};
@@ -540,7 +541,7 @@ void Scene::State::beginScripts(Cascade& cascade) {
         return any;
     };
     if (call(woken, ScriptPhase::initialize)) {
-        // What initialize() sends has an earlier timestamp than all else (29.2.2).
+        // Events that initialize() sends have an earlier timestamp than all others (29.2.2).
         ++stamp;
         announced.clear();
     }

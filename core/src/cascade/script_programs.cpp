@@ -1,4 +1,4 @@
-// Where the cascade meets the programs of Script nodes.
+// Connects the cascade with the programs of Script nodes.
 #include <rtsg/core/x3d.h>
 
 #include "state/state.h"

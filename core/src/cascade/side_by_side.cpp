@@ -38,7 +38,7 @@ Crew* Scene::State::crewFor(std::uint64_t expectedWork) {
 }
 
 void Scene::State::callCrew() {
-    // By the first round: there is one in every frame, so that where nothing happens any more nobody wakes.
+    // The first round decides, since every frame has one: if nothing happens any more, no helper wakes.
     if (crew && std::max(roundWork[0].ticks, roundWork[0].routes) >= kWorthDividing) crew->attend();
 }
 
@@ -244,7 +244,7 @@ bool Scene::State::isLaidOut(std::size_t run, const std::vector<Emission>& sentN
     return run < laidOut.size() && std::ranges::equal(sentNow, laidOut[run], isSame);
 }
 
-/// Of lanes beside the scene's the answer is there: each has compared its own.
+/// The lanes beside the scene's have already compared their own emissions.
 bool Scene::State::areLaidOut() const {
     if (emissionRuns.size() != laidOut.size() || !isLaidOut(0, *emissionRuns[0])) return false;
     for (std::size_t run = 1; run < emissionRuns.size(); ++run)
@@ -279,7 +279,7 @@ bool Scene::State::layOutStretches(unsigned parts) {
         if (++goodTurns == kMostPatience) patience = kPatience;
         return stretches.size() > 1;
     }
-    // To divide costs about as much as a frame: not each time, where it does not last.
+    // Dividing costs about as much as a frame, so it is not tried each time if it does not last.
     goodTurns = 0;
     if (untilDivided > 0) {
         --untilDivided;
@@ -296,7 +296,7 @@ void Scene::State::runStretches(Cascade& cascade, Lane& lane, std::span<const st
         sendAlong(cascade, *emissionRuns[one.run], one.first, one.last + 1, one.firstTarget, one.endTarget);
         mark(lane);
     }
-    // What they led to, each turn after all of the one before.
+    // Then follow the events that these led to, each turn after the whole turn before it.
     std::size_t sent = 0;
     for (std::size_t number = 0; sent < lane.emissions.size();) {
         for (std::size_t k = 0; k < own.size(); ++k, ++number) {

@@ -13,12 +13,13 @@ namespace rtsg {
 namespace {
 
 constexpr glm::dvec3 kUp(0, 1, 0);
-/// Of the avatar's size: so much within it lie the outermost rays, so that a wall it slides along is not in their way.
+/// The outermost rays start at this share of the avatar's radius, so that a wall along which it slides does not stop
+/// them.
 constexpr double kWithin = .999;
-/// Of a step: what is exactly as high is climbed.
+/// Added to the height of a step, so that one of exactly that height is climbed.
 constexpr double kStepMargin = 1e-3;
 
-/// Where rays start, relative to the eye, for a motion along `direction`.
+/// The starts of rays, relative to the eye, for a motion along `direction`.
 std::vector<glm::dvec3> startsOf(const glm::dvec3& direction, const Avatar& avatar, bool walks) {
     glm::dvec3 side = glm::cross(direction, kUp);
     side = glm::length(side) > 1e-9 ? glm::normalize(side) : glm::dvec3(1, 0, 0);
@@ -96,7 +97,7 @@ Stand standOrFall(glm::dvec3 eye, double fallSpeed, double seconds, const Avatar
     const double drop = below->distance - avatar.height;
     const double step = avatar.step * (1 + kStepMargin);
     if (-drop > step) return {eye, 0, true};
-    // Down a stair as up one; who is in the air already falls.
+    // One walks down a stair as up one; one who is already in the air falls.
     if (drop <= 0 || (drop <= step && fallSpeed == 0)) {
         constexpr double kTouches = 1e-6;  // of the height: what rays are good for
         if (std::abs(drop) > kTouches * std::max(1.0, avatar.height)) eye.y -= drop;

@@ -1,8 +1,8 @@
 // How an avatar moves among surfaces: a cylinder that walks (23.2.4: collisions, steps, gravity), or a ball that flies.
 //
-// Everything is in the coordinates around the viewpoint, with +Y up. Surfaces are felt by rays along the way, an
-// avatar's radius apart at most, so what is thinner may slip between them. Pure functions of what is given.
-// Source: ISO/IEC 19775-1 V4.0 23.2.4, 23.4.4.
+// Everything is in the coordinates around the viewpoint, with +Y up. Rays along the way find surfaces; they are an
+// avatar's radius apart at most, so thinner things may slip between them. Pure functions of their arguments. Source:
+// ISO/IEC 19775-1 V4.0 23.2.4, 23.4.4.
 #pragma once
 
 #include <functional>
@@ -29,8 +29,8 @@ struct Met {
 /// `direction` is a unit vector.
 using CastRay = std::function<std::optional<Met>(const glm::dvec3& origin, const glm::dvec3& direction, double length)>;
 
-/// Where the eye gets to that wants to go by `motion`: up to `radius` from what is in the way, and along that. Of one
-/// who walks what is lower than a step, and slopes up to 60 degrees, are ground and not in the way.
+/// The place that an eye reaches that wants to go by `motion`: it stops at `radius` from what is in the way, and slides
+/// along that. For one who walks, things lower than a step and slopes up to 60 degrees are ground, and not in the way.
 glm::dvec3 slideBy(glm::dvec3 eye, glm::dvec3 motion, const Avatar& avatar, bool walks, const CastRay& cast);
 
 /// Whether what lies at the end of a path from a root node stops avatars: no Collision on it is switched off, and of
@@ -43,7 +43,7 @@ struct Stand {
     bool blocked = false;  // the ground is higher than a step
 };
 constexpr double kGravity = 9.80665;
-/// On the ground below, or on the way down to it after `seconds`; without ground one does not fall.
+/// The stand on the ground below, or on the way down to it after `seconds`; without ground one does not fall.
 Stand standOrFall(glm::dvec3 eye, double fallSpeed, double seconds, const Avatar& avatar, const CastRay& cast);
 
 /// Round `center`: by `across` about +Y, and by `over` about the view's own axis to the right. Radians.

@@ -118,7 +118,7 @@ ConvexBody ConvexBody::hull(std::vector<Vec3d> points) {
     return body;
 }
 
-/// The point of the body that is farthest along a direction. Of hulls nobody asks.
+/// The point of the body that is farthest along a direction. Nobody asks this for hulls.
 Vec3d ConvexBody::support(const Vec3d& direction) const {
     const double x = direction.x, y = direction.y, z = direction.z;
     if (kind_ == Kind::box) return {std::copysign(half_.x, x), std::copysign(half_.y, y), std::copysign(half_.z, z)};
@@ -129,7 +129,7 @@ Vec3d ConvexBody::support(const Vec3d& direction) const {
     return half_.x * across - half_.y * y > half_.y * y ? Vec3d(rx, -half_.y, rz) : Vec3d(0, half_.y, 0);
 }
 
-/// By the smallest value that what is inside where it is at most 0 has along the segment; it is convex.
+/// Finds the smallest value along the segment of a convex function that is at most 0 inside the body.
 bool ConvexBody::segmentMeets(const Vec3d& from, const Vec3d& to) const {
     const Vec3d along = to - from;
     double first = 0, last = 1;
@@ -148,7 +148,7 @@ bool ConvexBody::segmentMeets(const Vec3d& from, const Vec3d& to) const {
         return std::hypot(p.x, p.z) <= (kind_ == Kind::cone ? slope * (h - p.y) : r);
     };
     if (inside(first) || inside(last)) return true;
-    // Where x^2 + z^2 + upright (y - top)^2 is least.
+    // The place where x^2 + z^2 + upright (y - top)^2 is least.
     const double y = from.y - (kind_ == Kind::cone ? h : 0);
     const double a = along.x * along.x + along.z * along.z + upright * along.y * along.y;
     const double b = from.x * along.x + from.z * along.z + upright * y * along.y;

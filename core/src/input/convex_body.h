@@ -1,10 +1,11 @@
 // Whether a triangle meets a closed convex body: box, ball, cylinder, cone, or the hull of points.
 //
 // Bodies are solid and lie as the X3D primitives do: about the origin, the axis along y, a cone's apex above. Answers
-// are those of double precision for a body that is larger by a billionth, so that what touches meets; a triangle may
-// have no area. A triangle meets a convex body if one of its edges does, or if it has any one point of the body's
-// section with its plane: of solids of revolution and boxes both are closed forms. Of hulls the distance is asked.
-// Threading: const. Source: Gilbert, Johnson, Keerthi, IEEE J. Robotics and Automation 4(2), 1988 (hulls).
+// are those of double precision for a body that is larger by a billionth, so that a triangle that touches meets it; a
+// triangle may have no area. A triangle meets a convex body if one of its edges does, or if it contains any one point
+// of the body's section with its plane: for solids of revolution and boxes both are closed forms. For hulls the
+// distance is computed. Threading: const. Source: Gilbert, Johnson, Keerthi, IEEE J. Robotics and Automation 4(2), 1988
+// (hulls).
 #pragma once
 
 #include <array>
@@ -25,9 +26,9 @@ class ConvexBody {
     /// Precondition: at least one point.
     static ConvexBody hull(std::vector<Vec3d> points);
 
-    /// In the body's coordinates. What is not finite meets nothing.
+    /// Whether a triangle in the body's coordinates meets it; one that is not finite never does.
     bool meets(const Triangle& triangle) const;
-    /// How many points are looked at for each triangle; 1 of what is none.
+    /// The number of points that are looked at for each triangle; 1 for a body that is no hull.
     std::size_t pointCount() const { return kind_ == Kind::hull ? points_.size() : 1; }
 
   private:

@@ -21,8 +21,9 @@ namespace {
 
 using Root = x3d::RtsgScene;
 
-/// What a PointerInput is as numbers: these, then a hit's, then the numbers of the nodes on its path; if the picture
-/// has placed any of them, a 0 and for each its place on the path and a matrix, column by column.
+/// The layout of a PointerInput as numbers: these, then those of a hit, then the numbers of the nodes on its path. If
+/// the picture has placed any of these nodes, a 0 follows, and for each its place on the path and a matrix, column by
+/// column.
 enum PointerNumber : std::size_t { kDevice, kButtons, kKind, kBearing, kHasHit = kBearing + 6, kHit, kPath = kHit + 8 };
 constexpr std::size_t kLongestPath = 10'000, kByPicture = 13;
 
@@ -126,7 +127,7 @@ Result<PointerInput> PointerInput::fromValue(const Array<double>& v) {
     const Vec3d a = at(kBearing), b = at(kBearing + 3);
     if (input.kind == Kind::ray) {
         const double largest = std::max({std::abs(b.x), std::abs(b.y), std::abs(b.z)});
-        // A button that is let go counts wherever its pointer is.
+        // The release of a button counts wherever its pointer is.
         if (!isFinite(a) || !isFinite(b) || !(largest > 0)) return input.kind = Kind::absent, input;
         input.origin = a;
         input.direction = b;
@@ -258,8 +259,8 @@ constexpr std::size_t kMostWaiting = 256;
 
 }  // namespace
 
-/// Of a pointer: moves are one move, and the press or release that follows them is what counts; what follows that
-/// waits.
+/// Merges the moves of a pointer into one. The press or release that follows them is taken with it, and later events
+/// wait.
 void Scene::State::deferPointers() {
     struct Pointer {
         std::uint32_t buttons = 0;
@@ -339,7 +340,7 @@ void Scene::State::deferKeys() {
         diagnostics.warning({}, fmt::format("keys came faster than frames could take them: {} are left out", refused));
 }
 
-/// What a pointer has hold of goes on in its own layer, whatever lies over it now.
+/// The layer of the sensor that the pointer has hold of: a drag stays in its own layer, whatever lies over it now.
 std::optional<NodeId> Scene::State::layerHeld(std::int32_t device) const {
     for (const NodeId id : find(owner.root())->get(Root::_pointed)) {
         const Node* node = find(id);
@@ -351,7 +352,7 @@ std::optional<NodeId> Scene::State::layerHeld(std::int32_t device) const {
 }
 
 void Scene::State::castRays() {
-    // Who is asked may have to bring its geometry up to date first, and so send events that come in behind these.
+    // The queries may have to bring their geometry up to date first, and so send events, which are queued behind these.
     for (std::size_t i = 0; i < inputQueue.size(); ++i) {
         if (inputQueue[i].node != owner.root() || inputQueue[i].field != Root::pointer.index) continue;
         auto given = PointerInput::fromValue(inputQueue[i].value.as<Array<double>>());
@@ -370,7 +371,7 @@ void Scene::State::castRays() {
             given->origin = bearing.origin;
             given->direction = bearing.direction;
         }
-        // What somebody else says it met counts only where nobody can look.
+        // A hit that came with the event counts only if nobody here can cast the ray.
         if (queries) given->hit.reset();
         if (queries && given->kind == PointerInput::Kind::ray)
             given->hit = queries->firstHit(given->origin, given->direction);
@@ -378,7 +379,7 @@ void Scene::State::castRays() {
     }
 }
 
-/// 23.4.2: which Collision nodes the avatar is in contact with; told when that changes.
+/// 23.4.2: finds the Collision nodes that the avatar touches; sends an event when they change.
 void Scene::State::feelContacts() {
     constexpr std::uint32_t kShapes = aspectBit(Aspect::structure) | aspectBit(Aspect::transform) |
                                       aspectBit(Aspect::view) | aspectBit(Aspect::geometry);
@@ -392,7 +393,7 @@ void Scene::State::feelContacts() {
     Places fresh(owner);
     std::vector<NodeId> touchedNodes;
     for (const std::vector<NodeId>& path : queries->within(fresh.viewer(owner.root()).position, radius)) {
-        // Of what does not collide those above a Collision that says so feel nothing either.
+        // Where a Collision switches collisions off, the Collisions above it feel nothing either.
         if (!stopsAvatars(owner, path)) continue;
         for (const NodeId id : path)
             if (const Node* node = find(id); node && node->is(x3d::Collision::type)) touchedNodes.push_back(id);

@@ -1,4 +1,4 @@
-// What navigation makes of a frame's keys, wheels and pointers, before the frame begins.
+// Moves the viewer by a frame's keys, wheels and pointers, before the frame begins.
 #include <rtsg/core/navigation.h>
 
 #include <algorithm>
@@ -27,7 +27,7 @@ constexpr double kOrbitPerHalf = M_PI / 2;  // radians, of a drag by half the pi
 constexpr double kWheelStep = .9;           // of the distance to the centre
 constexpr double kWheelSeconds = .25;       // at NavigationInfo's speed
 
-/// Of a frame's queue, what navigation answers.
+/// The events of a frame's queue that navigation answers.
 struct Devices {
     double seconds = 0;  // since the frame before
     Vec2d wheel{0};
@@ -46,7 +46,7 @@ double halfAngle(const Node& view) {
     return std::clamp(fieldOfViewOf(&view), 1e-6, M_PI - 1e-6) / 2;
 }
 
-/// Whether a sensor or an Anchor has hold of what the pointer does.
+/// Whether a sensor or an Anchor has hold of the pointer.
 bool isHeld(const Scene& scene, std::int32_t device) {
     for (const NodeId id : scene.node(scene.root()).get(Root::_pointed)) {
         const Node* node = scene.find(id);
@@ -94,7 +94,7 @@ std::optional<ViewpointChoice> choiceOf(ActionKey key) {
     }
 }
 
-/// 23.4.7: whether what is in a ViewpointGroup is to be chosen from where the viewer is.
+/// 23.4.7: whether the viewpoints in a ViewpointGroup may be chosen from where the viewer is.
 bool isOffered(const Scene& scene, const Node& group) {
     using G = x3d::ViewpointGroup;
     if (!group.get(G::displayed)) return false;
@@ -183,8 +183,8 @@ class Navigator {
         const double speed = (info_ ? info_->get(x3d::NavigationInfo::speed) : 1.0f) * geoFactor();
         return std::isfinite(speed) && speed > 0 ? speed : 0;
     }
-    /// 25.3.11: who is higher above the ellipsoid goes faster; on the ground as NavigationInfo has it, a tenth of the
-    /// height a second far above it.
+    /// 25.3.11: the higher the viewer is above the ellipsoid, the faster he goes: at the NavigationInfo's speed on the
+    /// ground, at a tenth of the height a second far above it.
     double geoFactor() const {
         if (!view_.is(x3d::GeoViewpoint::type)) return 1;
         const auto reference = GeoReference::of(scene_, view_);
@@ -530,8 +530,8 @@ void Scene::State::navigate(double t) {
     auto stated = given ? ViewerMove::fromValue(given->value.as<Array<double>>()) : Result<ViewerMove>(ViewerMove{});
     if (!stated) return;
     if (given) {
-        // It is about what is bound; where a recorded frame is run anew in a scene that has changed, that has another
-        // number.
+        // The event is about the bound viewpoint, which has another number if a recorded frame is run anew in a changed
+        // scene.
         stated->viewpoint = bound->view->id();
         if (stated->state && stated->state->viewpoint) stated->state->viewpoint = bound->view->id();
         given->value = Value(stated->toValue());

@@ -1,5 +1,5 @@
-// What a pick sensor has met in a frame, as the value of an event of the scene's root, so that it is recorded and
-// mirrored as what devices do is.
+// The result of a pick sensor in a frame, as the value of an event of the scene's root, so that it is recorded and
+// mirrored like events of devices.
 //
 // Source: ISO/IEC 19775-1 V4.0, clause 38.
 #pragma once
@@ -11,7 +11,8 @@
 
 namespace rtsg {
 
-/// Of a point sensor the points alone mean something; of primitives and volumes there are none.
+/// A place where a pick sensor meets a surface. A PointPickSensor fills in the point alone; sensors of primitives and
+/// volumes have none.
 struct PickedSurface {
     Vec3f point{0}, normal{0}, texCoord{0};  // in the sensor's coordinates
 };

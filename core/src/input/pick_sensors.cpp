@@ -1,10 +1,10 @@
-// What pick sensors meet (ISO/IEC 19775-1 V4.0, clause 38), found out when a frame begins (38.2.2) of what the frame
-// before has left, and told as events of the root: replicas and replays need no geometry.
+// Finds what pick sensors meet (ISO/IEC 19775-1 V4.0, clause 38) when a frame begins (38.2.2), in the state that the
+// last frame left, and sends it as events of the root: replicas and replays need no geometry.
 //
 // Primitives are solid whatever sides of them are drawn (38.4.4), a volume is the convex hull of its geometry (38.4.5).
-// Where the clause says nothing: a sensor stands where its first path leads; "BOUNDS" is about the boxes of the two
-// geometries, each along the axes of its own coordinates, "GEOMETRY" about surfaces; what is picked is told in order of
-// its distance by "ALL", too, and "ANY" is the closest; points are in the sensor's coordinates.
+// Where the clause says nothing: a sensor stands where its first path leads; "BOUNDS" compares the boxes of the two
+// geometries, each along the axes of its own coordinates, "GEOMETRY" their surfaces; "ALL", too, reports in order of
+// distance, and "ANY" reports the closest; points are in the sensor's coordinates.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -96,7 +96,7 @@ bool isPrimitive(const Node& geometry) {
            geometry.is(x3d::Sphere::type);
 }
 
-/// In the geometry's own coordinates; of what is no primitive, about `corners`, which may be none.
+/// The box of a geometry in its own coordinates; if it is no primitive, the box of `corners`, which may be empty.
 Box boundsOf(const Node& geometry, std::span<const Vec3d> corners) {
     const auto about = [](const Vec3d& half) { return Box{-half, half}; };
     if (geometry.is(x3d::Box::type)) return about(Vec3d(geometry.get(x3d::Box::size)) * .5);
@@ -192,8 +192,9 @@ class Picking final : private TriangleTest {
         return isOf(geometry);
     }
 
-    /// What is told of a Shape on this path: the last node on it that belongs to the document of the pick target, so
-    /// that nobody is handed the inside of a PROTO instance or an Inline. None: it is not to be picked.
+    /// The node that is reported for a Shape on this path: the last one on it that belongs to the document of the pick
+    /// target, so that nobody is handed the inside of a PROTO instance or an Inline. None if the Shape is not to be
+    /// picked.
     NodeId pickable(const Path& path) const {
         const auto& targets = sensor_.get(N::pickTarget);
         const auto isTarget = [&](NodeId id) { return std::ranges::find(targets, id) != targets.end(); };
@@ -213,7 +214,7 @@ class Picking final : private TriangleTest {
             anyLabels = true;
             if (!labelsMatch(*labels, sensor_.get(N::objectType), sensor_.get(N::matchCriterion).view())) return {};
         }
-        // What is in no pickable object goes by every label.
+        // A Shape that is in no pickable object matches every label.
         if (!anyLabels && (sensor_.get(N::objectType).empty() || contains(sensor_.get(N::objectType), "NONE")))
             return {};
         return told;
@@ -234,7 +235,7 @@ class Picking final : private TriangleTest {
         elements.resize(kMostElements);
     }
 
-    /// 38.4.1: what is closest to the first vertex of its segment comes first.
+    /// 38.4.1: the hit that is closest to the first vertex of its segment comes first.
     void pickByLines(const Node& geometry) {
         if (!accepts(geometry)) return;
         std::vector<Segment> segments = segmentsOf(scene_, geometry);
@@ -298,7 +299,8 @@ class Picking final : private TriangleTest {
         return paths;
     }
 
-    /// Of a volume those of what it is drawn as; of lines and points all that they might use.
+    /// The corners of a geometry: for a VolumePickSensor those of its triangles, for lines and points all that they
+    /// might use.
     std::span<const Vec3d> cornersOf(const Node& geometry) {
         if (isPrimitive(geometry)) return {};
         if (!std::is_same_v<N, x3d::VolumePickSensor>) return coordinates_ = coordinatesOf(scene_, geometry);
@@ -438,7 +440,8 @@ bool Scene::State::isPickSensor(TypeIndex type) {
 }
 
 void Scene::State::pick() {
-    // What a sensor is about has aspects of its own; labels and switches of sensors and groups have none.
+    // The aspects of fields on which a sensor's answer depends. Labels and switches of sensors and groups have the
+    // aspect none.
     constexpr std::uint32_t kConcerned = aspectBit(Aspect::structure) | aspectBit(Aspect::transform) |
                                          aspectBit(Aspect::view) | aspectBit(Aspect::geometry) |
                                          aspectBit(Aspect::none);

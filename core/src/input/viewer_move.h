@@ -1,5 +1,5 @@
-// Where the viewer has got to in a frame, as the value of an event of the scene's root, so that it is recorded and
-// mirrored as what devices do is; and what navigation goes on from in the next one.
+// The place that the viewer has reached in a frame, as the value of an event of the scene's root, so that it is
+// recorded and mirrored like events of devices; and the state from which navigation goes on in the next frame.
 #pragma once
 
 #include <optional>
@@ -10,7 +10,7 @@
 
 namespace rtsg {
 
-/// Of RtsgScene::_navigation.
+/// The content of RtsgScene::_navigation.
 struct NavigationState {
     enum Key : std::uint32_t { kUp = 1, kDown = 2, kLeft = 4, kRight = 8, kAlt = 16, kAllKeys = 31 };
     NodeId viewpoint;        // whose user it is about
@@ -23,7 +23,7 @@ struct NavigationState {
 
     static constexpr std::size_t kNumbers = 8;
     Array<double> toValue() const;
-    /// What is none is as if nobody had navigated yet.
+    /// A value that is no such state counts as if nobody had navigated yet.
     static NavigationState fromValue(const Array<double>& value);
     friend bool operator==(const NavigationState&, const NavigationState&) = default;
 };

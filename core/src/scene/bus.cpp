@@ -29,7 +29,7 @@ constexpr std::size_t kBacklog = 256, kOverdue = 320, kMost = 384;
 
 constexpr const char* kUnmerged = "there was no memory to merge what it had not taken";
 
-/// Who is told of subscribers that failed, whichever thread they failed on.
+/// Reports subscribers that failed, on whatever thread.
 class Reports {
   public:
     void setReporter(std::function<void(const Diagnostic&)> reporter) {
@@ -60,11 +60,11 @@ class Reports {
 
 using Sets = std::vector<std::shared_ptr<const ChangeSet>>;
 
-/// What a polled subscriber has not taken yet, oldest first: some sets merged into one, then sets as they came. The
-/// composer belongs to whoever holds the cursor's `merging`, all else to who holds its `mutex`.
+/// The sets that a polled subscriber has not taken yet, oldest first: some merged into one, then sets as they came. The
+/// composer belongs to whoever holds the cursor's `merging`, everything else to whoever holds its `mutex`.
 class Backlog {
   public:
-    /// What is merged has sets after it.
+    /// No set waits. Merged sets always have others after them.
     bool empty() const { return waiting() == 0; }
     /// The state that the newest set leads to. Precondition: !empty().
     std::uint64_t to() const { return sets_.back()->to; }
@@ -79,7 +79,7 @@ class Backlog {
     /// The oldest set, to be merged next. Precondition: waiting() > 0.
     std::shared_ptr<const ChangeSet> oldest() const { return sets_[first_]; }
     std::uint64_t generation() const { return generation_; }
-    /// Nothing but `merging` is held: the set and the composer are nobody else's.
+    /// Only `merging` is held: nobody else has the set and the composer.
     void merge(const ChangeSet& set, std::uint64_t generation) {
         freshen(generation);
         merged_->add(set);
@@ -101,7 +101,7 @@ class Backlog {
     }
 
   private:
-    /// What was cleared is in the composer until somebody comes who may touch it.
+    /// Drops from the composer what clear() was meant to drop: only now is the caller allowed to touch it.
     void freshen(std::uint64_t generation) {
         if (std::exchange(mergedOf_, generation) != generation) merged_ = std::make_unique<ChangeComposer>();
     }
@@ -212,7 +212,8 @@ struct Attachment::Cursor {
         backlog.dropOldest(generation);
         return true;
     }
-    /// Of those that could not be merged for: told by the scene's thread, as the merger's may have no memory to do so.
+    /// Reports a subscriber whose sets could not be merged. The scene's thread does so, since the merger's may lack the
+    /// memory.
     void tellUnmerged() {
         std::string name;
         {
@@ -368,7 +369,8 @@ void Bus::State::joinAll() {
 
 void Bus::State::handOut(const std::shared_ptr<const ChangeSet>& set) {
     if (joining != 0) joinAll();
-    // By index: a subscriber may attach or detach others while it runs; who attaches has this state already.
+    // The loop goes by index, as a subscriber may attach or detach others while it runs; one that attaches has this
+    // state already.
     bool anyGone = false;
     const std::size_t count = cursors.size(), before = restarts;
     for (std::size_t i = 0; i < count; ++i) {
@@ -437,7 +439,7 @@ std::size_t Bus::inDelivery() const {
 }
 
 void Bus::beforeRestart() {
-    // By index: a subscriber may detach others, or attach them.
+    // The loop goes by index, as a subscriber may detach others, or attach them.
     for (std::size_t i = 0; i < state_->cursors.size(); ++i) {
         const auto cursor = state_->cursors[i];
         cursor->tellBeforeRestart();

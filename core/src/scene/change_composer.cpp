@@ -93,7 +93,7 @@ struct ChangeComposer::State {
     std::unordered_map<Key, std::vector<std::size_t>, KeyHash> childOps;    // not yet under a setField
     std::unordered_map<std::uint32_t, std::vector<std::size_t>> insertsOf;  // of children created in this set
     std::map<RouteKey, std::size_t> addedRoutes;
-    // Parts of scenes have nodes that go and come again. What such a node was before is not known here: it stays, and
+    // In parts of scenes nodes go and come back. The former state of such a node is not known here: the node stays, and
     // all of its fields are set.
     std::map<std::uint32_t, std::size_t> destroyed;  // of nodes from before this set: the slot
     std::map<std::uint32_t, TypeIndex> reborn;
@@ -320,8 +320,8 @@ void ChangeComposer::add(const ChangeSet& set) {
     for (const Change& change : set.changes) s.add(change);
     if (set.authors)
         for (const Authored& one : *set.authors) s.authors.insert_or_assign({one.node.value, one.field}, one.author);
-    // What came and went leaves dead slots behind; when they are most, what is alive moves together. So the memory
-    // follows the merged set, and the cost of moving is spread over the changes that made it necessary.
+    // Changes that cancel each other leave dead slots behind. When most slots are dead, the live ones move together. So
+    // the memory follows the merged set, and the cost of moving is spread over the changes that made it necessary.
     constexpr std::size_t kFewDead = 1024;
     if (s.dead > kFewDead && s.dead > s.slots.size() / 2) {
         ChangeSet live;

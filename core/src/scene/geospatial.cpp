@@ -1,4 +1,4 @@
-// Where the nodes of the Geospatial component lie in a scene: their systems and GeoOrigins.
+// Places the nodes of the Geospatial component in a scene, by their systems and GeoOrigins.
 #include <cmath>
 
 #include <glm/gtc/matrix_transform.hpp>
@@ -88,8 +88,8 @@ Result<glm::dmat4> geoPlace(const Scene& scene, const Node& node) {
     } else if (node.is(x3d::GeoViewpoint::type)) {
         place = reference->placeOf(node.get(x3d::GeoViewpoint::position));
     } else if (node.is(x3d::GeoTransform::type)) {
-        // 25.3.10: what is below has geographic coordinates as well; it is turned, scaled and moved in the plane that
-        // touches the ellipsoid at geoCenter.
+        // 25.3.10: the children have geographic coordinates as well; they are turned, scaled and moved in the plane
+        // that touches the ellipsoid at geoCenter.
         using T = x3d::GeoTransform;
         const glm::dmat4 ground = reference->placeOf(node.get(T::geoCenter));
         const Rotation orientation = node.get(T::scaleOrientation);

@@ -17,7 +17,7 @@ const detail::ArrayHeader* headerAt(const void* storage) {
 }  // namespace
 
 FieldKey fieldKey(const FieldDef& field) {
-    // With the zero behind it: a public field may have the same name.
+    // A hidden field's name counts with the zero behind it, since a public field may have the same name.
     return XXH3_64bits(field.name.c_str(), field.name.size() + (field.hidden ? 1 : 0));
 }
 

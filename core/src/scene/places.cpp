@@ -16,8 +16,8 @@ namespace rtsg {
 
 namespace {
 
-/// The fields by which a type moves what is below it: Transform, and whoever has the like (CADPart, EspduTransform,
-/// HAnimJoint, HAnimSite, types of users). kNoField in `rotation` for all others.
+/// The fields by which a type moves its children: those of Transform and similar types (CADPart, EspduTransform,
+/// HAnimJoint, HAnimSite, types of users). `rotation` is kNoField for all others.
 struct PlaceFields {
     FieldIndex translation = kNoField, rotation = kNoField, scale = kNoField, scaleOrientation = kNoField,
                center = kNoField;
@@ -153,7 +153,7 @@ const Node* layerOf(const Scene& scene, NodeId id) {
 
 namespace {
 
-/// Whose stacks count: the active layer, or the root.
+/// The node whose binding stacks count: the active layer, or the root.
 const Node& activeHolder(const Scene& scene) {
     const Node& root = scene.node(scene.root());
     const Node* layer = scene.find(root.get(x3d::RtsgScene::_activeLayer));
@@ -251,7 +251,7 @@ void Places::computeViewer() {
     viewer_ = {};  // 23.4.6: where a viewer stands who is given no viewpoint
     const Node* view = topOfStack(scene_, "_viewpointStack");
     if (!view) return;
-    // The root asks, who is told nothing; those that follow the viewer are.
+    // The root is the asker, and is told nothing; the nodes that follow the viewer are told.
     const glm::dmat4& world = worldFromLocal(view->id(), scene_.root());
     viewer_.viewpoint = view->id();
     viewer_.orientation = turnOf(world);

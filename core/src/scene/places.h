@@ -19,11 +19,12 @@ class Places {
   public:
     explicit Places(const Scene& scene) : scene_(scene) {}
 
-    /// Of what is in the node, that is, with its own translation and the like. `asker` will be told when it changes.
+    /// The transform of what is in the node, its own translation and the like included. `asker` is told when it
+    /// changes.
     const glm::dmat4& worldFromLocal(NodeId node, NodeId asker) { return ask(node, asker).worldFromLocal; }
-    /// Whether all Switches and LODs above it show it. As above.
+    /// Whether all Switches and LODs above the node show it; `asker` is told likewise.
     bool isShown(NodeId node, NodeId asker) { return ask(node, asker).shown; }
-    /// Both, on all paths but the first. As above.
+    /// Both for all paths but the first; `asker` is told likewise.
     std::span<const Standing> otherPlaces(NodeId node, NodeId asker) { return ask(node, asker).others; }
     const Viewer& viewer(NodeId asker);
 
@@ -34,9 +35,9 @@ class Places {
     bool watchesAny() const { return !isWatched_.empty(); }
     /// Whether a place that somebody has asked for hangs on the node.
     bool isWatched(NodeId node) const { return node.value < isWatched_.size() && isWatched_[node.value]; }
-    /// Who asked for what has changed since the last call, each once; in no order.
+    /// Takes the askers whose answers have changed since the last call, each once, in no order.
     void takeConcerned(std::vector<NodeId>& out);
-    /// Who waits, some of them more than once.
+    /// Visits all askers, some of them more than once.
     template <class F>
     void forEachAsker(const F& visit) const {
         for (const auto& [id, place] : places_)
@@ -100,7 +101,7 @@ bool isLayer(const Node& node);
 /// The layer that the node is in, on the first path up; the root if it is in none; null if it is not in the
 /// scene.
 const Node* layerOf(const Scene& scene, NodeId id);
-/// What is bound in the active layer, by the name of its stack; null if nothing is.
+/// The node that is bound in the active layer's stack of this name; null if none is.
 const Node* topOfStack(const Scene& scene, std::string_view stack);
 
 }  // namespace rtsg

@@ -8,7 +8,7 @@
 
 namespace rtsg::detail {
 
-/// As hashOfBytes, of at most 16 bytes.
+/// Computes hashOfBytes() of at most 16 bytes.
 template <std::size_t size>
 [[gnu::always_inline]] inline Hash128 hashOfSize(const void* bytes, std::uint64_t seed) {
     static_assert(size <= 16);
@@ -17,7 +17,7 @@ template <std::size_t size>
     return {hash.low64, hash.high64};
 }
 
-/// As fieldTerm, zero where `value` is the type's default `fallback`.
+/// Computes fieldTerm(), which is zero if `value` is the type's default `fallback`.
 template <std::size_t size>
 [[gnu::always_inline]] inline Hash128 plainTermOfSize(NodeId node, FieldKey field, const void* value,
                                                       const void* fallback) {

@@ -157,7 +157,7 @@ Result<std::filesystem::path> Resources::locate(const std::filesystem::path& fro
     if (named.is_relative() && from.empty())
         return fail(fmt::format("'{}' is relative, and nothing says to which folder; --base does", url));
     std::filesystem::path full = named.is_absolute() ? named : from / named;
-    // Nothing is touched that is outside by its name alone; what links make of the rest shows once it is opened.
+    // A file that is outside by its name alone is not touched; where links lead shows once a file is opened.
     const auto normal = full.lexically_normal();
     const bool inside =
         allows(normal) || std::ranges::any_of(policy_.roots, [&](const auto& root) {
@@ -254,7 +254,8 @@ std::vector<std::filesystem::path> Resources::foldersOf(const Scene& scene, cons
     const Node* at = &node;
     for (int steps = 0; at && steps < kMostSteps; ++steps) {
         const auto routes = scene.routesTo(at->id());
-        // Of both directions of an inputOutput IS, the one that comes from the instance around the node.
+        // An IS connection of inputOutput fields has two directions: takes the one that comes from the instance around
+        // the node.
         const auto from = std::ranges::find_if(
             routes, [&](const Route& r) { return r.isConnection && r.toField == field && r.fromNode == at->scope(); });
         if (from == routes.end()) break;

@@ -24,7 +24,7 @@ std::string percentDecoded(std::string_view text);
 struct DataUrl {
     std::string mediaType, bytes;
 };
-/// Of `data:[type][;base64],...`; nothing if it is malformed.
+/// Decodes `data:[type][;base64],...`; nothing if it is malformed.
 std::optional<DataUrl> decodeDataUrl(std::string_view url);
 
 }  // namespace rtsg::detail

@@ -9,7 +9,7 @@
 
 namespace rtsg {
 
-/// Of a unit quaternion; the angle is at most pi. No rotation has +z as its axis.
+/// The rotation of a unit quaternion; its angle is at most pi. The identity has +z as its axis.
 inline Rotation toRotation(glm::dquat q) {
     if (q.w < 0) q = -q;
     const double s = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z);

@@ -25,8 +25,8 @@ class StateHash {
     UInt128 sum_ = 0;
 };
 
-/// By how much many terms change a hash. Where a StateHash is two numbers with a carry between them at every step, here
-/// carries are counted apart: in a long loop this takes half as many instructions.
+/// The amount by which many terms change a hash. A StateHash is two numbers with a carry between them at every step;
+/// here carries are counted apart, which takes half as many instructions in a long loop.
 class TermSum {
   public:
     void add(Hash128 term) {
@@ -45,7 +45,7 @@ class TermSum {
     std::uint64_t low_ = 0, high_ = 0, carries_ = 0;
 };
 
-/// Of all fields of a type, in their order.
+/// The keys of all fields of a type, in their order.
 std::vector<FieldKey> fieldKeys(const NodeType& type);
 /// The same for built-in types, made once.
 const FieldKey* builtinFieldKeys(TypeIndex type);

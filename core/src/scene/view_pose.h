@@ -56,13 +56,13 @@ inline ViewerPose transformed(const glm::dmat4& matrix, const ViewerPose& pose) 
     return {matrix * glm::dvec4(pose.position, 1), glm::normalize(turnOf(matrix) * pose.orientation)};
 }
 
-/// What the fields say.
+/// The pose that the viewpoint's fields describe, without the user's way from there.
 ViewerPose authorsView(const Node& viewpoint, const ViewFields& fields);
 /// In the coordinates that the pose is in.
 glm::dvec3 centerOfRotation(const Scene& scene, const Node& viewpoint, const ViewFields& fields);
-/// Of the smaller side of the picture, radians; of what has none a Viewpoint's default.
+/// The field of view of the picture's smaller side, in radians; for nodes that have none, a Viewpoint's default.
 double fieldOfViewOf(const Node* viewpoint);
-/// Where the user has gone from there; the stored numbers may be anything, and then it is nowhere.
+/// The way of the user from the author's pose. The stored numbers may be anything; bad ones count as no way at all.
 ViewerPose userOffset(const Node& viewpoint, const ViewFields& fields);
 /// From the coordinates around a node to the world's; nothing if there is no way back.
 std::optional<glm::dmat4> worldAround(const Scene& scene, NodeId node);

@@ -1,11 +1,11 @@
-// Where a pointer's ray meets the invisible plane, cylinder, disk or sphere that a drag goes along, and what that
-// turns.
+// Finds where a pointer's ray meets the invisible plane, cylinder, disk or sphere along which a drag moves, and the
+// translation or rotation that follows.
 //
-// All in the sensor's own coordinates at the time when the drag began, in double precision; the Y axis is the
-// cylinder's, the plane is parallel to Z = 0, the sphere is about the origin. Each answer follows from the first and
-// the present ray alone (but for turns of a disk, which are counted), so however a pointer got where it is, it means
-// the same. Beyond the edge of what can be seen of a cylinder or a sphere it goes on turning by the way that the ray
-// has moved away. Threading: pure functions. Source: ISO/IEC 19775-1 V4.0 20.4.1 to 20.4.3.
+// All numbers are in the sensor's own coordinates at the time when the drag began, in double precision. The Y axis is
+// the cylinder's, the plane is parallel to Z = 0, the sphere is about the origin. Each answer follows from the first
+// and the present ray alone (except that turns of a disk are counted), so the way of the pointer in between does not
+// matter. Beyond the visible edge of a cylinder or a sphere, the drag goes on turning by the distance that the ray has
+// moved away. Threading: pure functions. Source: ISO/IEC 19775-1 V4.0 20.4.1 to 20.4.3.
 #pragma once
 
 #include <optional>
@@ -37,7 +37,8 @@ std::optional<OnCylinder> onCylinder(const DragRay& ray, double radius, bool far
 /// Whether `point`, on the ray, is where it leaves the cylinder about the Y axis rather than where it enters it.
 bool leavesCylinder(const DragRay& ray, const glm::dvec3& point);
 
-/// Of length `radius`; beyond the edge it goes on round the back. None if the ray has no direction.
+/// The point on the sphere, at distance `radius` from its middle; beyond the edge it goes on round the back. Nothing if
+/// the ray has no direction.
 std::optional<glm::dvec3> onSphere(const DragRay& ray, double radius, bool far);
 bool leavesSphere(const DragRay& ray, const glm::dvec3& point);
 /// The shortest turn from one direction to another; for opposite ones about an axis that is always the same.

@@ -61,7 +61,7 @@ glm::dvec3 boxCenter(const Node& node, const x3d::GeoProximitySensor*, const Geo
     return reference->toScene(node.get(N::geoCenter)) + node.get(N::center);
 }
 
-/// 22.4.1: the centre of rotation is told while the NavigationInfo that is bound has LOOKAT among its types.
+/// 22.4.1: the centre of rotation is sent while the bound NavigationInfo has LOOKAT among its types.
 bool letsLookAt(const Scene& scene) {
     const Node* info = topOfStack(scene, "_navigationStack");
     if (!info || !info->is(x3d::NavigationInfo::type)) return true;  // the default's are EXAMINE and ANY
@@ -69,7 +69,7 @@ bool letsLookAt(const Scene& scene) {
                                [](const String& type) { return type.view() == "LOOKAT" || type.view() == "ANY"; });
 }
 
-/// Where the viewer is for a sensor: in the coordinates of the place in which the viewer is in its box, else of the one
+/// The viewer as a sensor sees it: in the coordinates of the place whose box holds the viewer, or else of the place
 /// whose box is nearest.
 struct Sight {
     glm::dmat4 local{1};
@@ -86,7 +86,7 @@ Sight sightOf(Cascade& cascade, const Node& node, const glm::dvec3& viewer, cons
         Sight sight{glm::inverse(world)};
         sight.position = sight.local * glm::dvec4(viewer, 1);
         sight.distance = distanceTo(center, node.get(N::size), sight.position);
-        // Who is outside, and was, tells nothing either way.
+        // Whether the place is shown does not matter if the viewer is outside, and was outside before.
         const bool matters = sight.distance == 0 || wasInside;
         if (sight.distance < nearest.distance && (!matters || isShown())) nearest = sight;
         return nearest.distance == 0;
@@ -110,7 +110,7 @@ double proximityOnTime(Cascade& cascade, const Node& node) {
     const bool inside = sight.distance == 0, was = node.get(N::isActive);
     enterOrExit<N>(cascade, node, inside);
     if (!inside && !was) return kUntilMoved;
-    // What has left the hierarchy knows where the viewer was, and no more.
+    // A sensor that has left the hierarchy cannot tell where the viewer is: its outputs keep their values.
     const bool edge = inside != was, lost = !std::isfinite(sight.distance);
     const auto send = [&](auto field, const auto& value) {
         sendIfNew(cascade, node, field, lost ? node.get(field) : value, edge);
@@ -159,7 +159,7 @@ bool isSeen(const Node& node, const glm::dmat4& world, const Viewer& viewer, con
     });
 }
 
-/// 22.4.3: the box against the view's volume; what is in between may hide it from the eye, but not from here.
+/// 22.4.3: tests the box against the view's volume. Things in between do not count, though they may hide it.
 double visibilityOnTime(Cascade& cascade, const Node& node) {
     using N = x3d::VisibilitySensor;
     const Vec3f size = node.get(N::size);

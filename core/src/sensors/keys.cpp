@@ -38,8 +38,8 @@ void take(Cascade& cascade, const Node& node) {
     if (before) disable(cascade, *before);
 }
 
-/// In a scene's first frame those that it was loaded with are still to come into being: one that is enabled by an event
-/// is so after them.
+/// In a scene's first frame the sensors of the document are still to be started: one that an event enables comes after
+/// them.
 void silenceOthers(Cascade& cascade, const Node& node) {
     std::vector<NodeId> others;
     cascade.scene().forEachNode([&](const Node& other) {
@@ -82,7 +82,7 @@ std::string utf8(char32_t c) {
     return {byte(0xF0 | c >> 18), byte(0x80 | (c >> 12 & 0x3F)), byte(0x80 | (c >> 6 & 0x3F)), byte(0x80 | (c & 0x3F))};
 }
 
-/// 21.4.1. Of several keys that are held the first to go down and the first to come up count as active and not.
+/// 21.4.1. If several keys are held, isActive becomes TRUE when the first goes down, and FALSE when the first comes up.
 void press(Cascade& cascade, const Node& node, const KeyInput& key) {
     using N = x3d::KeySensor;
     if (node.get(N::isActive) != key.down) cascade.emit(node, N::isActive, key.down);
@@ -105,7 +105,7 @@ bool isContinuation(char c) {
     return (static_cast<unsigned char>(c) & 0xC0u) == 0x80;
 }
 
-/// 21.4.2. Of the clause's two ways to end a text this is the end of a line; `typed` is UTF-8.
+/// 21.4.2. The clause has two ways to end a text; here the end of a line does. `typed` is UTF-8.
 void type(Cascade& cascade, const Node& node, std::string_view typed) {
     using N = x3d::StringSensor;
     constexpr std::size_t kLongest = std::size_t{64} << 10;
@@ -127,7 +127,7 @@ void type(Cascade& cascade, const Node& node, std::string_view typed) {
         }
     }
     if (full) cascade.warn(node, "holds 64 KiB, and takes no more until its text is ended");
-    // Active from the first character to the end. What is typed and ended at one timestamp was never under way.
+    // Active from the first character to the end. A text that is typed and ended at one timestamp was never active.
     const bool active = !isFinal && (node.get(N::isActive) || text != before);
     if (node.get(N::isActive) != active) cascade.emit(node, N::isActive, active);
     if (!isFinal) {

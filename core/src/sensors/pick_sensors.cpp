@@ -36,7 +36,7 @@ void tellAny(Cascade& cascade, const Node& node, const PickReport& report) {
     (void)((node.is(N::type) && (tell<N>(cascade, node, report), true)) || ...);
 }
 
-/// What has been switched off is active no longer.
+/// A sensor that has been switched off is no longer active.
 template <class N>
 double pickSensorOnTime(Cascade& cascade, const Node& node) {
     warnOfWords(cascade, node, "sortOrder", {node.get(N::sortOrder)}, {"CLOSEST", "ANY", "ALL", "ALL_SORTED"});

@@ -168,7 +168,7 @@ glm::dquat turnOf(const Rotation& r) {
 DragRay turned(const glm::dquat& by, const DragRay& ray) {
     return {by * ray.origin, by * ray.direction};
 }
-/// As floats, too.
+/// Whether the numbers are finite, also as floats.
 bool isFinite(const glm::dvec3& v) {
     return glm::length(v) < double(std::numeric_limits<float>::max());
 }
@@ -442,7 +442,7 @@ class PointerEvent {
             if (bind != kNoField) (void)cascade_.deliver(view->id(), bind, Value(true));
             return;
         }
-        // Of those that lead nowhere an Anchor tells only where none of its urls is for the application to load.
+        // An Anchor reports urls that lead nowhere only if it has no url for the application to load.
         const Array<String>& urls = anchor.get(x3d::Anchor::url);
         if (!urls.empty() && std::ranges::all_of(urls, [](const String& url) { return url.view().starts_with('#'); }))
             cascade_.warn(anchor, "there is no viewpoint '" + urls[0].str().substr(1) + "' to bind");

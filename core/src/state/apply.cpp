@@ -304,7 +304,8 @@ Result<> Scene::apply(std::shared_ptr<const ChangeSet> set) {
         if (auto ok = s.adoptUses(set->input->runState->behaviours, true); !ok) return ok;
         s.adoptRunState(*set->input->runState);
     }
-    // Who does not know which hash the state has here, as the set comes from a stream of other node types, says 0.
+    // A set with hash 0 comes from a stream with other node types, whose reader does not know the hash of the state
+    // here.
     if (set->hash == Hash128{} && hash() != Hash128{}) {
         auto own = std::make_shared<ChangeSet>(*set);
         own->hash = hash();
@@ -361,7 +362,7 @@ Result<> Scene::State::applyChanges(std::span<const Change> changes, std::span<c
         if (!pending && isRun(changes.subspan(i))) i += writeSealedRun(changes.subspan(i));
         if (i == changes.size()) break;
         const Change& change = changes[i];
-        // Nodes that go together may still refer to each other: all let go before any is destroyed.
+        // Nodes that are destroyed together may refer to each other: all drop their references before any is destroyed.
         if (change.kind == ChangeKind::destroyNode && !released) {
             released = true;
             if (auto ok = releaseDestroyed(changes); !ok) return ok;

@@ -37,7 +37,7 @@ std::string Scene::dump() const {
             }
             text += '\n';
         }
-        // Which field's routes were there first is no part of the state, other than the order of those of one field.
+        // The order among routes of different fields is no part of the state; that among routes of one field is.
         std::vector<Route> routes = routesFrom(node.id());
         std::ranges::stable_sort(routes, {}, &Route::fromField);
         for (const Route& r : routes)

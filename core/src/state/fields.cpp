@@ -164,7 +164,7 @@ void Scene::State::forgetTerms() {
     expected = expectedEnd = nullptr;
 }
 
-/// Of a value that is shared, or wide. Returns by how much the hash grows.
+/// Seals a value that is shared or wide. Returns by how much the hash grows.
 Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& change) const {
     change.value = node.value(entry.field);
     detail::StateHash grown(termOf(node, entry.field));
@@ -173,13 +173,13 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
     return grown.value();
 }
 
-// All that it calls is made part of it, but for what is marked otherwise: calls are most of what a term costs.
+// Everything that it calls is inlined, unless marked otherwise, since calls would be most of a term's cost.
 [[gnu::flatten]] Scene::State::SealedPart Scene::State::sealPiece(WrittenFields::Piece one, Change* changes) {
     // All in locals: the bytes written below might be anything, for all a compiler knows.
     const std::size_t count = one.count;
     WrittenField* const entries = one.begin;
     std::size_t voids = 0;
-    // Of the type of the last node: most are followed by more of their kind.
+    // Keys of the last node's type, since most nodes are followed by others of their type.
     TypeIndex keyedType;
     const FieldKey* keys = nullptr;
     const NodeTable::View table = nodeTable.view();
@@ -249,8 +249,9 @@ Hash128 Scene::State::sealShared(const Node& node, WrittenField& entry, Change& 
     return {.grown = sum.value(), .voids = voids};
 }
 
-/// Each part gets what was written in the lane of its number, as far as that is not much more than others get: whoever
-/// ran that part has the nodes at hand. What is left, and what the scene's thread wrote, goes to those with the least.
+/// Each part gets the fields that were written in the lane of its number, unless that is much more than others get: the
+/// thread that ran the lane has these nodes at hand. The rest, and the fields that the scene's thread wrote, go to the
+/// parts with the least.
 void Scene::State::dealSeal(std::size_t count, unsigned parts) {
     const std::size_t even = (count + parts - 1) / parts, most = even + even / 4;
     sealShares.resize(parts);

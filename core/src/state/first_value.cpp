@@ -1,6 +1,6 @@
-// What an interpolator's output reads as before its first input: ISO/IEC 19775-1 V4.0, 19.2.2. Kept up to date where
-// keys and their values are written, so that who reads, and whoever has a copy of the state, needs to know nothing of
-// it.
+// Gives an interpolator's output its value before the first input: ISO/IEC 19775-1 V4.0, 19.2.2. It is kept up to date
+// where keys and their values are written, so that readers, and holders of a copy of the state, need to know nothing
+// about it.
 #include "writing.h"
 
 namespace rtsg {

@@ -12,7 +12,7 @@
 namespace rtsg {
 
 Scene::Scene() : state_(std::make_unique<State>(*this)), bus_(std::make_unique<Bus>(*this)) {
-    // The root is there from the start and in no ChangeSet; only what is put into it is.
+    // The root exists from the start and is in no ChangeSet; only its content is.
     state_->allocate(root(), x3d::RtsgScene::type, {});
     state_->firstNewId = state_->nextId;
 }
@@ -61,7 +61,7 @@ const Node& Scene::node(NodeId id, std::source_location caller) const {
 }
 const Node* Scene::effectiveNode(NodeId id) const {
     const Node* node = find(id);
-    // What an InlineGeometry has loaded is in its place, too.
+    // The geometry that an InlineGeometry has loaded stands for it, too.
     while (node && (node->type().kind == NodeType::Kind::proto || node->type().kind == NodeType::Kind::externProto ||
                     node->is(x3d::InlineGeometry::type))) {
         const FieldIndex body = node->type().body();

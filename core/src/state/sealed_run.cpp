@@ -1,9 +1,8 @@
 // Writing the plain values that a sealed set brings: the path that every change of a mirror and of a replay takes.
 //
-// It is as fast as it is short. What changes of one field of one type have in common is looked up once, nodes are
-// fetched ahead, and of two terms that a change costs the older one is known if the set before had it. A set that
-// writes what the set before wrote reads and writes half as much memory, which is what counts where many replicas take
-// turns.
+// The data that changes of one field of one type share are looked up once, and nodes are fetched ahead. A change costs
+// two terms of the hash, of which the older one is known if the set before had it. A set that writes what the set
+// before wrote reads and writes half as much memory, which matters where many replicas take turns.
 #include <algorithm>
 #include <array>
 
@@ -12,7 +11,7 @@
 
 namespace rtsg {
 
-/// What all changes of a field of nodes of one type have in common.
+/// The data that all changes of one field of nodes of one type share.
 struct Scene::State::KnownField {
     const NodeType* nodeType = nullptr;
     WrittenField entry;  // without what is the node's and the value's own
@@ -70,7 +69,7 @@ class Scene::State::NodesAhead {
         if (i % kBlock == 0) lookUp(i + 2 * kBlock);
         return nodes_[i % (2 * kBlock)];
     }
-    /// Where in their blocks the next ones are likely to be written.
+    /// Says at which offset in their blocks the next nodes are likely to be written.
     void expect(std::size_t offset) { target_ = sizeof(Node) + offset; }
 
   private:
@@ -91,9 +90,8 @@ class Scene::State::NodesAhead {
     std::size_t next_ = 0;
 };
 
-/// In a set that is applied no field is marked as written: entries of one node are in a list, in which this sees
-/// whether a field comes again. True as well where the list is so long that to go through it for every field would take
-/// too long.
+/// An applied set marks no field as written: entries of one node form a list, in which this looks for the field. Also
+/// true if the list is so long that going through it for every field would take too long.
 bool Scene::State::isNamedBefore(FieldIndex field, std::uint32_t newest) const {
     constexpr int kMost = 64;
     int steps = 0;
@@ -134,7 +132,7 @@ template <std::size_t size>
     } else {
         sum.subtract(detail::plainTermOfSize<size>(id, known.key, target, known.fallback));
     }
-    // Of the bytes that come, not of those just stored, for which a processor would wait.
+    // The term of the incoming bytes: a processor would have to wait for those just stored.
     const Hash128 after = detail::plainTermOfSize<size>(id, known.key, value, known.fallback);
     sum.add(after);
     *entry = known.entry;
@@ -146,7 +144,7 @@ template <std::size_t size>
     std::memcpy(target, value, size);
 }
 
-/// Those from `begin` on that are all of this field of nodes of this type. Returns where they end.
+/// Writes the changes from `begin` on that are all of this field of nodes of this type. Returns where they end.
 template <std::size_t size>
 [[gnu::flatten]] std::size_t Scene::State::writeAlike(std::span<const Change> changes, std::size_t begin,
                                                       NodesAhead& nodes, const KnownField& known) {
@@ -168,8 +166,8 @@ template <std::size_t size>
     return i;
 }
 
-/// Whether it is worth trying: where a set leaves the order of the last one, the terms of what came before that place
-/// are not kept for the next.
+/// Whether it is worth trying: if a set leaves the order of the last one, the terms before that place are not kept for
+/// the next set.
 bool Scene::State::mayRepeat(std::span<const Change> changes) const {
     if (sealed->size() != changes.size() || written->size() > 0 || nextEntry != pieceBegin) return false;
     const auto isLike = [](const Change& change, const WrittenField& entry) {
@@ -183,7 +181,7 @@ bool Scene::State::mayRepeat(std::span<const Change> changes) const {
     });
 }
 
-/// Those from the first on that are all of this field of nodes of this type.
+/// Writes the changes from the first on that are all of this field of nodes of this type.
 template <std::size_t size>
 [[gnu::flatten]] std::size_t Scene::State::rewriteAlike(std::span<const Change> changes,
                                                         std::span<WrittenField> entries, const KnownField& known) {
@@ -198,7 +196,7 @@ template <std::size_t size>
     const auto lookUp = [&](std::size_t i) {
         Node* const node = table.find(changes[i].node);
         ahead[i % kAhead] = node;
-        // Of null: nothing. The rest of a node is not needed.
+        // Fetches the field alone, as the rest of the node is not needed; for null this does nothing.
         __builtin_prefetch(reinterpret_cast<const std::byte*>(node) + sizeof(Node) + alike.offset, 1);
     };
     for (std::size_t i = 0; i < std::min(kAhead, count); ++i) lookUp(i);

@@ -44,7 +44,7 @@ struct Scene::State : Scene::Lane {
     /// those types (TypeEntry::begun).
     void showFirst(Lane& lane, Node& node, FieldIndex field);
 
-    /// What an edit gives a PROTO instance, its body has, through all levels of IS.
+    /// Gives a value that an edit has set in a PROTO instance to its body, through all levels of IS.
     Result<> passToBody(NodeId id, FieldIndex field);
 
     Scene& owner;
@@ -61,7 +61,7 @@ struct Scene::State : Scene::Lane {
     std::uint32_t nextId = 1;
     [[gnu::always_inline]] Node* find(NodeId id) const { return nodeTable.find(id); }
     Node& allocate(NodeId id, TypeIndex type, NodeId scope);
-    /// With the type's defaults, which a node whose type's own are shared has yet to retain. Nothing is counted.
+    /// Makes a node with the type's defaults; the caller has to retain shared ones. Nothing is counted.
     Node& makeNode(NodeId id, TypeIndex typeIndex, const NodeType& type, NodeId scope);
     static void retainDefaults(Node& node);
     void release(Node& node);
@@ -69,7 +69,7 @@ struct Scene::State : Scene::Lane {
     void dropLinks(Node& node);
     std::size_t bytesOf(const Node& node) const { return sizeof(Node) + node.type_->blockSize(); }
     Node::Links& links(Node& node);
-    /// Null if nobody hears of the field. Of most fields the node itself says so, and its links are not read.
+    /// Null if nobody hears of the field. For most fields the node itself tells, and its links are not read.
     static RouteGroup* groupOf(Node& node, FieldIndex field) {
         return node.heardOf_ & Node::Links::heardBit(field) ? node.links_->outOf(field) : nullptr;
     }
@@ -125,7 +125,7 @@ struct Scene::State : Scene::Lane {
     std::uint32_t firstNewId = 1;  // ids from here on were created since the last seal
     bool noting = true;            // false while a sealed set is applied: nothing of it is pending
     std::vector<DefinedType> newTypes;
-    /// What became of a node since the last seal, and whether the application did it.
+    /// A node that was made, destroyed or renamed since the last seal, and whether the application did so.
     struct NodeEdit {
         NodeId node;
         bool external = true;
@@ -156,7 +156,7 @@ struct Scene::State : Scene::Lane {
                        std::size_t size);
     void endPiece(Lane& lane);
     [[gnu::noinline]] void moreRoom(Lane& lane);
-    /// As many as calls of newEntry since the last seal. Ends the piece of the scene's lane.
+    /// The number of calls of newEntry since the last seal. Ends the piece of the scene's lane.
     std::size_t countWritten();
     template <class F>
     void forEachWritten(const F& visit) const {
@@ -185,7 +185,7 @@ struct Scene::State : Scene::Lane {
     void prefetchPlace(NodeId id) const { nodeTable.prefetch(id); }
     /// Writes what comes from a sealed set, and is not plain: into the hash at once, and not pending.
     void writeSealed(Node& node, FieldIndex field, const Value& value);
-    /// As many from the first on as are plain values of fields that are there; returns how many.
+    /// Writes the changes from the first on that are plain values of fields that exist; returns how many.
     std::size_t writeSealedRun(std::span<const Change> changes);
     struct KnownField;
     class NodesAhead;
@@ -196,14 +196,14 @@ struct Scene::State : Scene::Lane {
     template <std::size_t size>
     void writeSealedPlain(Node& node, const KnownField& known, const void* value, detail::TermSum& sum);
     const WrittenField* findSealed(const Node& node, FieldIndex field, std::uint32_t next);
-    /// The same of a set that writes just what the last one wrote, in its order, as most do of what moves: its entries
-    /// and what is noted with nodes hold on, and only terms and values are written.
+    /// The same for a set that writes exactly what the last one wrote, in its order, as most sets of moving scenes do:
+    /// the entries and the notes with nodes stay valid, and only terms and values are written.
     std::size_t rewriteSealed(std::span<const Change> changes);
     bool mayRepeat(std::span<const Change> changes) const;
     template <std::size_t size>
     std::size_t rewriteAlike(std::span<const Change> changes, std::span<WrittenField> entries, const KnownField& known);
-    /// Where the plain values of the last set went, for one that gives all of them anew (apply_again.cpp). It is there
-    /// from the second such set on; entries of the last set are not, then.
+    /// The addresses of the last set's plain values, for a set that gives all of them again (apply_again.cpp). From the
+    /// second such set on this replaces the entries of the last set.
     struct Targets {
         struct Target {
             std::byte* at = nullptr;
@@ -268,7 +268,8 @@ struct Scene::State : Scene::Lane {
     /// Precondition: detached, children released.
     void destroy(Node& node, bool record);
     Result<> checkThread() const;
-    /// For calls that return no Result: counts them; reportForeign, on the scene's thread, tells.
+    /// For calls that return no Result: counts those from other threads; reportForeign reports them on the scene's
+    /// thread.
     bool refuseForeign();
     void reportForeign();
     std::atomic<std::size_t> foreignCalls{0};
@@ -279,14 +280,14 @@ struct Scene::State : Scene::Lane {
     /// For what replaces the state: an error inside a frame.
     Result<> checkOutsideFrame() const;
     bool onOwnThread() const { return thread == currentThread(); }
-    /// As checkThread; an edit from within the cascade is noted.
+    /// Does what checkThread does, and notes an edit from within the cascade.
     Result<> checkEdit();
     bool hasPending() const;
     std::shared_ptr<const ChangeSet> seal();
     std::shared_ptr<const std::vector<Authored>> takeAuthors();
     /// After the first `behind` changes; what comes later is written over.
     void appendFieldChanges(ChangeSet& set, std::size_t behind);
-    /// What some entries make of the hash.
+    /// The contribution of some entries to the hash.
     struct SealedPart {
         Hash128 grown;
         std::size_t voids = 0;  // changes of what is no longer there, kNoField
@@ -329,7 +330,7 @@ struct Scene::State : Scene::Lane {
     SpaceQueries* queries = nullptr;
     std::size_t collisionNodes = 0;
     std::vector<NodeId> pickSensors;  // ascending
-    /// Of geometry that pick sensors pick by, until any geometry changes.
+    /// The corners of geometry by which pick sensors pick, kept until any geometry changes.
     std::map<NodeId, std::vector<Vec3d>> pickCorners;
     std::vector<QueuedEvent> deferredInput;  // for the frame after this one
     /// Before a frame at `t` begins: what of the queue it takes, what pointers and the avatar meet, and where the
@@ -361,7 +362,7 @@ struct Scene::State : Scene::Lane {
     std::unordered_map<std::uint32_t, std::uint32_t> held;  // by the application: how often
     /// Destroys what scripts have made and nothing refers to any longer, once there is enough that is new to look at.
     void destroyDropped();
-    /// Of `candidates`, sorted, those that something else refers to.
+    /// Marks those of the sorted `candidates` that something else refers to.
     std::vector<bool> findReferred(const std::vector<NodeId>& candidates);
     std::vector<Authored> authors;    // since the last seal
     std::vector<NodeId> active, due;  // nodes with onTime; active is sorted
@@ -453,7 +454,8 @@ struct Scene::State : Scene::Lane {
     /// Until nothing is on its way.
     void runRoutes(Cascade& cascade);
     /// Emissions go along their routes, from the `first` on up to before `end`: the first one from its route
-    /// `firstTarget` on, the last one up to before `endTarget`. What they lead to may be added to the list.
+    /// `firstTarget` on, the last one up to before `endTarget`. Emissions that follow from these may be added to the
+    /// list.
     void sendAlong(Cascade& cascade, const std::vector<Emission>& list, std::size_t first, std::size_t end,
                    std::size_t firstTarget = 0, std::size_t endTarget = SIZE_MAX);
     /// One emission along its routes, from the `first` of them on up to before `last`.
@@ -474,7 +476,7 @@ struct Scene::State : Scene::Lane {
     std::uint64_t dividedAt = 0;  // linkEdits then
     std::vector<NodeId> sources;  // of the division, ascending
     unsigned patience = 2, untilDivided = 0, goodTurns = 0;
-    /// What of the emissions at hand goes to one part: whole ones, but for some targets of the first and the last.
+    /// Emissions at hand that go to one part: whole ones, except that the first and the last may lack some targets.
     struct Stretch {
         unsigned part = 0;
         std::size_t run = 0;  // of emissionRuns
@@ -483,7 +485,7 @@ struct Scene::State : Scene::Lane {
     std::vector<Stretch> stretches;
     /// The emissions at hand, in order: those of the scene's lane, and of lanes beside it.
     std::vector<const std::vector<Emission>*> emissionRuns;
-    /// What they were when `stretches` were laid out: most frames send what the last one sent.
+    /// The emissions for which `stretches` were laid out: most frames send what the last one sent.
     std::vector<std::vector<Emission>> laidOut;
     bool isLaidOut(std::size_t run, const std::vector<Emission>& sentNow) const;
     bool areLaidOut() const;
@@ -495,14 +497,14 @@ struct Scene::State : Scene::Lane {
     bool localLast = false;
     bool areKnownLocal(std::span<const NodeId> nodes) const;
     std::vector<std::vector<std::size_t>> stretchesOf;  // by part
-    /// Of the rounds of the frame before: what they cost. Later rounds are not divided.
+    /// The costs of the last frame's rounds. Later rounds are not divided.
     struct RoundWork {
         std::uint64_t ticks = 0, routes = 0;
     };
     std::array<RoundWork, 3> roundWork;
     /// Null if one thread is to do all.
     Crew* crewFor(std::uint64_t expectedWork);
-    /// A frame begins: who is likely to have work in it wakes.
+    /// A frame begins: wakes the threads that are likely to have work in it.
     void callCrew();
     /// Whether the cascade may be divided now: nobody listens in on it or edits what others read.
     bool mayDivide() const;
@@ -510,7 +512,7 @@ struct Scene::State : Scene::Lane {
     enum class Local : std::uint8_t { no, now, untilEdited };
     Local areLocal(std::span<const NodeId> nodes) const;
     bool areLocalBeside(std::span<const NodeId> nodes, Crew& some);
-    /// As tick and runRoutes; `round` as in runTime.
+    /// Do what tick and runRoutes do, on several threads if that pays; `round` is as in runTime.
     void tickAll(Cascade& cascade, std::span<const NodeId> nodes, std::size_t round);
     void runAllRoutes(Cascade& cascade, std::size_t round);
     bool tickBeside(Cascade& cascade, std::span<const NodeId> nodes, Crew& some);
@@ -524,7 +526,7 @@ struct Scene::State : Scene::Lane {
     bool mayReachBeside(const Node& node, FieldIndex field) const;
     void beginBeside(Lane& lane);
     void mark(Lane& lane);
-    /// What the lane noted up to its mark of this number, from the one before on, comes next.
+    /// Appends what the lane noted between the mark before this number and the mark of this number.
     void takeOver(Lane& lane, std::size_t number);
     void endBeside(Lane& lane);
     void warn(const Node& node, const std::string& text);
@@ -535,13 +537,13 @@ struct Scene::State : Scene::Lane {
     /// `pending`: as an edit of this scene's own, which the next set tells; else as part of a set that has told it.
     Result<> applyChange(const Change& change, bool pending);
     Result<> applyCreation(const Change& change, bool pending);
-    /// As many from the first on as create nodes of one type in the order of their numbers, none of them pending;
-    /// returns how many.
+    /// Creates nodes for the changes from the first on that create nodes of one type in the order of their numbers,
+    /// none of them pending; returns how many.
     std::size_t applyCreationRun(std::span<const Change> changes);
     Result<> applyField(Node& node, const Change& change, bool pending);
     Result<> applyChildOp(Node& node, const Change& change);
     Result<> applyRouteOp(const Node& node, const Change& change, bool pending);
-    /// Of the nodes that a set creates.
+    /// The bytes of the nodes that a set creates.
     std::size_t bytesToCome(std::span<const Change> changes) const;
     Result<> applyChanges(std::span<const Change> changes, std::span<const DefinedType> defined, bool pending);
     Result<> releaseDestroyed(std::span<const Change> changes);

@@ -54,7 +54,7 @@ void Scene::State::addTypeEntry(const NodeType& type) {
         type.isA("X3DInterpolatorNode")) {
         entry.key = type.findExact("key");
         entry.keyValue = type.findExact("keyValue");
-        // Of a GeoPositionInterpolator, in the numbers of its keys.
+        // The output of a GeoPositionInterpolator that has the numbers of its key values.
         entry.interpolated = type.findExact("geovalue_changed");
         if (entry.interpolated == kNoField) entry.interpolated = type.findExact("value_changed");
         entry.begun = type.findExact("_begun");

@@ -25,7 +25,7 @@ struct TypeEntry {
     bool takesInputs = false;  // of these, or addChildren or removeChildren
     bool isScript = false;
     bool isInstance = false;  // of a PROTO
-    /// Of an interpolator: see showFirst().
+    /// The fields of an interpolator, for showFirst().
     FieldIndex key = kNoField, keyValue = kNoField, interpolated = kNoField, begun = kNoField;
     bool keepsLists = false;  // what its behaviour remembers is in arrays
 };

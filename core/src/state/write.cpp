@@ -209,7 +209,7 @@ void Scene::State::appendCreations(std::vector<Change>& out) const {
 
 void Scene::State::appendOtherEdits(std::vector<Change>& out) {
     out.insert(out.end(), childOps.begin(), childOps.end());
-    // Of several of one node the last.
+    // If a node was renamed several times, the last entry counts.
     std::ranges::reverse(renamedNodes);
     std::ranges::stable_sort(renamedNodes, {}, &NodeEdit::node);
     renamedNodes.erase(std::ranges::unique(renamedNodes, {}, &NodeEdit::node).begin(), renamedNodes.end());
@@ -246,7 +246,7 @@ void Scene::State::appendOtherEdits(std::vector<Change>& out) {
 std::shared_ptr<ChangeSet> Scene::State::freshSet() {
     for (auto& pooled : pool)
         if (pooled.use_count() == 1) {
-            // Taking it synchronises with the thread that let go of it last; its count alone would not.
+            // Copying the pointer synchronises with the thread that dropped it last; reading its count alone would not.
             std::shared_ptr<ChangeSet> set = pooled;
             // Its changes stay until they are written over, which saves making them anew.
             std::vector<Change> changes;
@@ -262,7 +262,7 @@ std::shared_ptr<ChangeSet> Scene::State::freshSet() {
     return set;
 }
 
-/// Of several of one field the last.
+/// Takes the authors since the last seal; the last one of a field counts.
 std::shared_ptr<const std::vector<Authored>> Scene::State::takeAuthors() {
     std::vector<Authored> all = std::exchange(authors, {});
     const auto place = [](const Authored& one) { return std::pair(one.node.value, one.field); };

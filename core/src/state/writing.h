@@ -1,4 +1,4 @@
-// Writing a field, inlined: the path that every event and every edit takes. What is rare is called.
+// Writes a field, inlined: the path that every event and every edit takes. Rare cases are calls.
 //
 // The first write of a field in a frame notes its value before, or the term of it if the last frame wrote it too
 // (fields.cpp). Shared by the files of this folder that write in loops.

@@ -16,8 +16,8 @@ constexpr std::size_t slotsOf(std::size_t bytes) {
     return (bytes + ChunkPool::kSmallest - 1) / ChunkPool::kSmallest;
 }
 
-/// The first `count` slots in a row, from a multiple of the power of two that holds so many: what is given back then
-/// fits again.
+/// Finds the first `count` free slots in a row that start at a multiple of the power of two that holds so many, so that
+/// freed slots fit again.
 template <std::size_t size>
 std::optional<std::size_t> firstFree(const std::bitset<size>& used, std::size_t count) {
     const std::bitset<size> row = ~std::bitset<size>() >> (size - count);

@@ -1,9 +1,9 @@
 // ChunkPool: memory for the chunks of scenes that fill no huge page (2 MiB) by themselves, cut from pages that all
 // scenes of the process share.
 //
-// What a frame writes lies in many small pages where a scene is small and was not used a moment ago, and to find each
-// of them takes the processor longer than the write: of a thousand replicas in turn, most of what a write costs.
-// Threading: any.
+// The nodes of small scenes would otherwise lie in many small pages. Finding such a page takes the processor longer
+// than the write if the scene was not used a moment ago: with a thousand replicas in turn, that is most of the cost of
+// a write. Threading: any.
 #pragma once
 
 #include <bitset>
@@ -30,7 +30,7 @@ class ChunkPool {
     std::byte* take(std::size_t bytes);
     /// `bytes` as given to take.
     void giveBack(std::byte* chunk, std::size_t bytes);
-    /// That it holds, in use or not.
+    /// The pages that it holds, in use or not.
     std::size_t pages() const;
 
   private:

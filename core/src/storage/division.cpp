@@ -43,7 +43,7 @@ void Division::name(std::span<const NodeId> sources, std::span<const Edge> edges
         if (reached_[indexOf(edge.from)]) continue;
         from = from == kNone || from == part ? part : kSeveral;
     }
-    // Who is only listened to goes with whoever comes before.
+    // A source that only listeners hear goes to the part of the source before it.
     std::uint8_t last = 0;
     for (const NodeId id : sources) {
         if (parts_[id.value] == kNone) parts_[id.value] = last;

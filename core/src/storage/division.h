@@ -16,15 +16,15 @@ namespace rtsg {
 
 class Division {
   public:
-    /// partOf() what is in none, and what sends to several.
+    /// The values of partOf() for nodes that are in no part, and for nodes that send to several.
     static constexpr std::uint8_t kNone = 255, kSeveral = 254;
     static constexpr unsigned kMostParts = 128;
     struct Edge {
         NodeId from, to;
     };
 
-    /// Replaces what there is. `edges`: all that lead from the sources on, those of the sources in their order. False
-    /// if most of it would be in one part: then there is nothing to gain, and no node is in any.
+    /// Divides anew. `edges` are all that lead on from the sources, those of the sources in their order. False if most
+    /// of the work would be in one part: then nothing can be gained, and no node is in any part.
     bool divide(std::span<const NodeId> sources, std::span<const Edge> edges, unsigned parts);
     std::uint8_t partOf(NodeId id) const { return id.value < parts_.size() ? parts_[id.value] : kNone; }
     void clear() { parts_.clear(); }

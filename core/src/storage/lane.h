@@ -24,7 +24,8 @@ struct alignas(128) Scene::Lane {
     // ---- writing: entries go into `entryRoom`; those from `pieceBegin` on are in no piece yet ----
     WrittenFields::Chunk entryRoom;
     WrittenField *nextEntry = nullptr, *entryEnd = nullptr, *pieceBegin = nullptr;
-    // In what was sealed last: what the next write is if this frame is like the last one, and the end.
+    // The entry among those sealed last that the next write repeats if this frame is like the last one, and the end of
+    // these.
     WrittenField *expected = nullptr, *expectedEnd = nullptr;
     std::uint32_t touched = 0;      // aspectBit()s of fields written since the last seal
     bool writingExternally = true;  // false while the cascade runs

@@ -56,7 +56,7 @@ bool NodeArena::Expected::makeReady() {
 void NodeArena::expect(std::size_t bytes) {
 #ifdef MADV_POPULATE_WRITE
     constexpr std::size_t kPays = 8 * kHugePage;  // for a thread
-    // What was expected and has not been needed is still there.
+    // Memory that was prepared earlier and has not been used counts.
     const std::size_t unentered = expected_ ? (expected_->pages - entered_) * kHugePage : 0;
     if (bytes < left_ + unentered + kPays || std::thread::hardware_concurrency() < 2) return;
     const std::size_t pages = (bytes + kHugePage - 1) / kHugePage;
@@ -90,7 +90,7 @@ bool NodeArena::enterPage() {
     return true;
 }
 
-/// Of what was freed, or of a page or chunk to come.
+/// Takes a freed block, or memory of the next page or chunk.
 void* NodeArena::allocateElsewhere(std::size_t grains) {
     if (grains < free_.size() && free_[grains]) {
         Free* block = free_[grains];

@@ -86,8 +86,8 @@ class ParentList {
     std::unique_ptr<Counts> many_;  // to the number of times; used instead of few_, never empty
 };
 
-/// In memory of its own, in the order in which nodes came by theirs: an event finds the next ones beside its own,
-/// however full of holes the heap is that a scene is loaded into.
+/// Links lie in memory of their own, in the order in which nodes got them: an event finds the next ones beside its own,
+/// however fragmented the heap is when a scene is loaded.
 struct alignas(64) Node::Links {
     RouteGroups out;
     FewRoutes<IncomingRoute> in;

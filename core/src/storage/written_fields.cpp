@@ -57,7 +57,7 @@ void WrittenFields::append(Piece piece, std::uint32_t slot) {
 }
 
 void WrittenFields::clear() {
-    // What one large frame took (loading, say) is not kept for the small ones that follow.
+    // The memory of one large frame, such as loading, is not kept for the small ones that follow.
     constexpr std::uint32_t kAlways = 16;
     if (chunks_.size() > std::max(kAlways, 8 * taken_)) chunks_.resize(std::max(kAlways, taken_));
     if (tables_.size() > 1) tables_.erase(tables_.begin(), tables_.end() - 1);

@@ -259,7 +259,7 @@ bool FieldTextParser::parseImage(Image& out, bool last) {
     std::size_t count = 0;
     // `0 0 0` is the empty image, the default: it has one representation.
     if (head[0] != 0 || head[1] != 0 || head[2] != 0) out.words.append(head);
-    // What a pixel of so many components cannot hold; of four it is a whole word.
+    // The bits that a pixel of so many components cannot have; a pixel of four components uses the whole word.
     const std::uint32_t beyond = head[2] >= 1 && head[2] <= 3 ? ~((1u << 8 * head[2]) - 1) : 0;
     bool reported = false, toldBeyond = false;
     for (std::uint64_t i = 0; i < pixels; ++i) {

@@ -1,9 +1,8 @@
 // Parses one field value at a position in a longer text; the readers' workhorse.
 //
 // Invariant: linear in the text consumed, memory within a constant of what the text spells out; never reads at or
-// behind `end`. What is wrong is reported once per value. Threading: one thread a
-// parser; others may help it within a long list: NumberPieces.
-// Source: ISO/IEC 19776-1 V3.3 clause 5, 19776-2 V3.3 annex A.
+// behind `end`. Faults are reported once for each value. Threading: one thread a parser; others may help it within a
+// long list: NumberPieces. Source: ISO/IEC 19776-1 V3.3 clause 5, 19776-2 V3.3 annex A.
 #pragma once
 
 #include <memory>
@@ -62,7 +61,7 @@ class FieldTextParser {
     const char* p;
 
   private:
-    /// What touches the end of the text may go on in what comes; then it is looked at again.
+    /// Asks for more text: a word that touches the end of the text may go on in it, and is then read again.
     bool grow() {
         const char* const before = end_;
         end_ = report_.more(end_);

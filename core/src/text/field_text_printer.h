@@ -1,4 +1,4 @@
-// What printing values shares with the writers.
+// The parts of printing values that the writers use, too.
 //
 // Threading: none of its own.
 #pragma once

@@ -27,7 +27,7 @@ class GatheredNumbers {
     ~GatheredNumbers() { std::free(memory_); }
 
     std::size_t size() const { return size_; }
-    /// Where the next numbers go: at least `least`. Throws std::bad_alloc.
+    /// Room for the next numbers, at least `least`. Throws std::bad_alloc.
     std::span<S> room(std::size_t least) {
         if (capacity_ - size_ < least) grow(size_ + least);
         return {data() + size_, capacity_ - size_};
@@ -78,7 +78,7 @@ class GatheredNumbers {
         return memory_ ? reinterpret_cast<S*>(static_cast<std::byte*>(memory_) + sizeof(ArrayHeader)) : few_.data();
     }
     void grow(std::size_t least) {
-        // What nobody has written to is not there yet: much room costs nothing, and seldom has to be copied.
+        // Memory that nobody has written to takes no pages yet: much room costs nothing, and seldom has to be copied.
         const std::size_t times = capacity_ < std::size_t{1} << 23 ? 4 : 2;
         std::size_t capacity = std::max(least, times * capacity_);
         if (capacity > kManyBytes / sizeof(S)) capacity = std::max(capacity, kRemappedBytes / sizeof(S));
@@ -91,7 +91,7 @@ class GatheredNumbers {
         if (first && size_) std::memcpy(data(), few_.data(), size_ * sizeof(S));
         if (capacity >= kRemappedBytes / sizeof(S)) askForLargePages();
     }
-    /// Else giving out small ones takes a third of the time.
+    /// With small pages, the system would take a third of the time to hand them out.
     void askForLargePages() {
         const auto page = std::uintptr_t(::sysconf(_SC_PAGESIZE));
         const std::uintptr_t intoPage = reinterpret_cast<std::uintptr_t>(memory_) % page;

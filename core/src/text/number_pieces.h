@@ -61,7 +61,7 @@ class NumberPieces {
     void end() { ended_ = true; }
     /// No piece is left, and none will come.
     bool isEmpty() const { return ended_ && pieces_.empty(); }
-    /// Where reading one by one has to end: where the next piece begins.
+    /// The place where reading one by one has to end, since the next piece begins there.
     const char* limit(const char* end) const { return pieces_.empty() ? end : pieces_.front().begin; }
     /// If a piece begins at `p`, which is between two numbers, its numbers are appended, and `p` moves behind them.
     bool take(const char*& p, GatheredNumbers<S>& numbers);

@@ -1,10 +1,10 @@
 // Scanning runs of plain numbers: decimals of at most sixteen characters with white space or commas between them, found
 // 64 bytes at a time.
 //
-// Invariant: what is taken is what scanReal and scanInteger would take, bit for bit; before anything else (a comment, a
-// bracket, what is no number, the last bytes of the text) a run ends, and they see to it. Where the ends of numbers are
-// is known before the numbers are looked at, so that one need not wait for the one before it. Threading: pure
-// functions.
+// Invariant: the numbers are those that scanReal and scanInteger would read, bit for bit. A run ends before anything
+// else (a comment, a bracket, something that is no number, the last bytes of the text), which is left to these. The
+// ends of numbers are found before the numbers are read, so that none has to wait for the one before it. Threading:
+// pure functions.
 #pragma once
 
 #include <bit>
@@ -26,7 +26,7 @@ constexpr std::size_t kRunMost = 32;
 
 #if defined(__SSE4_1__)
 
-/// Of 64 bytes, a bit for each that is white space or a comma.
+/// Marks by a bit each of 64 bytes that is white space or a comma.
 inline std::uint64_t spacesOf64(const char* p) {
     // The five differ in their lower four bits, which look each of them up; what else stands there has other ones.
     const __m128i known = _mm_setr_epi8(' ', 0, 0, 0, 0, 0, 0, 0, 0, '\t', '\n', 0, ',', '\r', 0, 0);
@@ -117,7 +117,7 @@ std::size_t scanRun(const char*& p, const char* end, S* out, std::size_t most) {
         const std::uint64_t before = spaces << 1 | 1;
         std::uint64_t starts = ~spaces & before, ends = spaces & ~before;
         const char* const look = p;
-        // What ends behind these 64 bytes is looked at again.
+        // A number that ends behind these 64 bytes is read again.
         const int open = std::popcount(starts) - std::popcount(ends);
         p = look + (open ? 63 - std::countl_zero(starts) : 64);
         bool plain = true;  // numbers with exponents seldom come alone

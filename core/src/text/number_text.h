@@ -20,7 +20,7 @@ namespace rtsg::detail {
 
 enum class NumberStatus : std::uint8_t { ok, malformed, notFinite };
 
-/// What may follow a number or a word: white space, comma, brackets, braces, quotes, comments.
+/// The characters that may follow a number or a word: white space, comma, brackets, braces, quotes, comments.
 constexpr std::array<bool, 256> kSeparator = [] {
     std::array<bool, 256> table{};
     for (const char c : {' ', '\t', '\r', '\n', ',', '[', ']', '{', '}', '"', '#', '\0'})

@@ -15,8 +15,8 @@ struct Splitting {
     std::size_t piece = std::size_t{1} << 17;  // bytes of text that a thread takes at a time
 };
 
-/// For so many threads; 0: as many as the processor runs. More than 8 are of no use, since one of them brings the text
-/// for all, and each takes memory for what it reads ahead.
+/// Splitting for so many threads; 0: as many as the processor runs. More than 8 are useless, since one of them fetches
+/// the text for all, and each takes memory for reading ahead.
 inline Splitting splitting(unsigned threads) {
     constexpr unsigned most = 8;
     if (threads == 0) threads = std::max(1u, std::thread::hardware_concurrency());

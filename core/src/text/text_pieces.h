@@ -1,7 +1,7 @@
-// Going through a long text by several threads, which take pieces of it, the oldest first.
+// Reads a long text by several threads, which take pieces of it, the oldest first.
 //
-// Invariant: what is said of the text is said in its order, by the thread that asks. Threading: all calls are that
-// thread's; the others see the text of pieces, which nobody changes, and what a piece says of itself.
+// Invariant: reports come in the order of the text, from the thread that asks. Threading: all calls are that thread's;
+// the others see the text of pieces, which nobody changes, and the piece's own data.
 #pragma once
 
 #include <condition_variable>
@@ -31,7 +31,7 @@ class PieceReaders {
   public:
     /// Starts as many threads beside the reader's own as the system lets it.
     PieceReaders(unsigned threads, std::function<void(TextPiece&)> read);
-    /// Waits for what is at work.
+    /// Waits for threads that are at work.
     ~PieceReaders();
     PieceReaders(const PieceReaders&) = delete;
     PieceReaders& operator=(const PieceReaders&) = delete;
@@ -57,7 +57,8 @@ class PieceReaders {
 /// Looks ahead for the place where something is out of the ordinary.
 class PieceWalk {
   public:
-    /// Where the piece that begins at `begin` ends, at `most` or before; `begin` itself if it cannot be told.
+    /// Finds where the piece that begins at `begin` ends, at `most` or before; returns `begin` itself if that cannot be
+    /// told.
     using Cut = const char* (*)(const char* begin, const char* most);
     /// `look` moves a piece's stop to its end, or to where the ordinary ends.
     PieceWalk(const char* from, const Splitting& splitting, Cut cut, std::function<void(TextPiece&)> look);

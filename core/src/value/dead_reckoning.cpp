@@ -9,8 +9,7 @@ namespace rtsg::dis {
 
 namespace {
 
-/// What multiplies the unit matrix, the cross product and the dyad of the rotation rate in a matrix that turns with it:
-/// exp(Wt) and its integrals.
+/// The factors of the unit matrix, the cross product and the dyad of the rotation rate in exp(Wt) and its integrals.
 struct Weights {
     double unit = 0, cross = 0, dyad = 0;
     glm::dvec3 operator()(const glm::dvec3& rate, const glm::dvec3& v) const {
@@ -22,7 +21,7 @@ struct Weights {
 // less than 1e-16 of the sum.
 constexpr double kSmallAngle = 0.25;
 
-/// Of the integral from 0 to t of exp(W s) ds.
+/// The weights of the integral from 0 to t of exp(W s) ds.
 Weights integralOf(double rate, double t) {
     const double x = rate * t, y = x * x;
     if (std::abs(x) < kSmallAngle)
@@ -32,7 +31,7 @@ Weights integralOf(double rate, double t) {
     return {std::sin(x) / rate, (1 - std::cos(x)) / (rate * rate), (x - std::sin(x)) / (rate * rate * rate)};
 }
 
-/// Of the integral from 0 to t of s exp(W s) ds.
+/// The weights of the integral from 0 to t of s exp(W s) ds.
 Weights momentOf(double rate, double t) {
     const double x = rate * t, y = x * x, t2 = t * t;
     if (std::abs(x) < kSmallAngle)

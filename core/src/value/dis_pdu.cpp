@@ -97,7 +97,7 @@ void passDescriptor(Stream& s, auto& descriptor) {
     pass(s, descriptor.warhead, descriptor.fuse, descriptor.quantity, descriptor.rate);
 }
 
-/// 6.2.94: the value of an articulated part is a float and padding. What another kind of record has there is no number.
+/// 6.2.94: the value of an articulated part is a float and padding. Other kinds of records have no number there.
 void passArticulation(PduReader& s, Articulation& part) {
     pass(s, part.designator, part.change, part.attachedTo, part.type);
     if (part.designator != 0) return s.skip(8);
@@ -248,7 +248,7 @@ double secondsOf(std::uint32_t timestamp) {
 
 std::uint32_t timestampOf(double secondsSince1970, bool isAbsolute) {
     const double ofHour = secondsSince1970 - 3600 * std::floor(secondsSince1970 / 3600);
-    // What rounds up to the hour is its beginning.
+    // A time that rounds up to the full hour is the hour's beginning.
     const auto units = static_cast<std::uint64_t>(std::max(0.0, ofHour * 2147483648.0 / 3600)) & 0x7fffffff;
     return static_cast<std::uint32_t>(units << 1) | (isAbsolute ? 1u : 0u);
 }

@@ -1,7 +1,7 @@
-// What somebody who misspelled a name may have meant.
+// Guesses what somebody who misspelled a name meant.
 //
-// Threading: pure functions. Source: edit distance with transpositions (Damerau 1964), of which a third of the letters
-// may differ, two at most for short words.
+// Threading: pure functions. Source: edit distance with transpositions (Damerau 1964); a third of the letters may
+// differ, two at most in short words.
 #pragma once
 
 #include <string>

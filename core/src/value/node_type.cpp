@@ -44,8 +44,8 @@ bool FieldDef::inRange(const Value& value) const {
     return allInRange<float>(*this, data, count);
 }
 
-/// What the nearest abstract type of the tables says that says anything; otherwise it may act and write whatever it
-/// can, and holds children if it is bounded.
+/// Takes the tags of the nearest abstract type of the tables that has any. Without one, the type may act and write
+/// whatever it can, and holds children if it is bounded.
 void NodeType::takeTags() {
     const SpecTags* actor = nullptr;
     const SpecTags* place = nullptr;

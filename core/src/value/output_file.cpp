@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What `file` leads to, whether or not that exists. A circle of links is left as it is: opening it fails.
+/// The file that `file` leads to, whether or not it exists. A circle of links is left as it is: opening it fails.
 fs::path followLinks(fs::path file) {
     std::error_code error;
     for (int links = 0; links < 40 && fs::is_symlink(fs::symlink_status(file, error)); ++links) {
@@ -138,7 +138,7 @@ bool sameFile(const fs::path& a, const fs::path& b) {
     struct stat first{}, second{};
     const bool one = ::stat(a.c_str(), &first) == 0, other = ::stat(b.c_str(), &second) == 0;
     if (one || other) return one && other && first.st_dev == second.st_dev && first.st_ino == second.st_ino;
-    // Of a relative name of nothing it would tell no more than the name.
+    // weakly_canonical() leaves a relative name of a missing file unchanged, so the name is made absolute first.
     const auto place = [](const fs::path& file) {
         std::error_code error;
         const fs::path whole = fs::weakly_canonical(fs::absolute(followLinks(file), error), error);

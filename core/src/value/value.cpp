@@ -1,4 +1,4 @@
-// What is known of each field type (size, name, whether shared), and copying, comparing and destroying values.
+// The table of field types (size, name, whether shared), and copying, comparing and destroying values.
 #include <rtsg/core/value.h>
 
 #include <algorithm>
@@ -75,7 +75,7 @@ bool equalArrays(FieldType element, const Header* a, const Header* b) {
     return true;
 }
 
-/// What the elements of a shared type's array are. Strings count as bytes: SFBool has that size and no sharing.
+/// The type of the elements of a shared type's array. Strings count as bytes: SFBool has that size and no sharing.
 FieldType elementOf(FieldType type) {
     if (type == FieldType::SFString) return FieldType::SFBool;
     if (type == FieldType::SFImage) return FieldType::SFInt32;

@@ -66,7 +66,7 @@ void DisNetwork::Stations::receive(double t) {
     deliver(t);
 }
 
-/// Noise is told of a few times only, so that it hides no other warning.
+/// Noise is reported a few times only, so that it hides no other warning.
 void DisNetwork::Stations::leaveOut(const DisAddress& address, std::string_view what, const std::string& why) {
     constexpr std::size_t kMostTold = 8;
     ++counts_.unreadable;
@@ -108,7 +108,7 @@ void DisNetwork::Stations::takePdu(const DisAddress& address, std::span<const st
     }
 }
 
-/// Until the node's readInterval is over. Of states only the last one counts.
+/// Keeps a PDU until the node's readInterval is over. Only the last one of several states counts.
 void DisNetwork::Stations::keep(Station& station, HeardPdu pdu, bool isState) {
     if (!(station.readInterval > 0)) return;
     const auto typeOf = [](const HeardPdu& one) { return one.bytes[2]; };

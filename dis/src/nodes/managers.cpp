@@ -16,7 +16,8 @@ namespace {
 using Espdu = x3d::EspduTransform;
 using Mapping = x3d::DISEntityTypeMapping;
 
-/// How many of its numbers a mapping says and the entity has; -1 if one is another. 0 stands for any.
+/// The number of fields in which a mapping names what the entity has; -1 if one differs. 0 in a mapping matches
+/// anything.
 int fitOf(const Node& mapping, const EntityType& type) {
     const std::pair<std::int32_t, std::int32_t> numbers[] = {
         {mapping.get(Mapping::kind), type.kind},
@@ -47,7 +48,7 @@ const Node* mappingFor(const Scene& scene, const Node& manager, const EntityType
     return best;
 }
 
-/// What is said to the manager in its next frame.
+/// Appends a node to a field, which is sent to the manager in its next frame.
 void append(Scene& scene, NodeId manager, Field<Array<NodeId>> field, NodeId node) {
     Array<NodeId> list = scene.node(manager).get(field);
     list.push_back(node);
@@ -96,7 +97,7 @@ void DisNetwork::Stations::add(Manager& manager, const EntityState& state, doubl
     }
     append(scene_, manager.node, x3d::DISEntityManager::_added, entity);
     manager.entities.emplace(state.id, Manager::Entity{entity, t});
-    // The PDU that told of it is its first one.
+    // The PDU by which the entity became known is its first.
     note(scene_.node(entity));
     look(scene_.node(entity));
     dirty_.erase(entity.value);
@@ -125,8 +126,8 @@ void DisNetwork::Stations::loseSilent(Manager& manager, double t) {
     }
 }
 
-/// Who is gone, and hangs nowhere once that has been said, is destroyed with its model; what hangs somewhere is its
-/// owner's.
+/// Destroys the nodes of entities that are gone, with their models, once that has been reported and if they hang
+/// nowhere. A node that hangs somewhere belongs to whoever put it there.
 void DisNetwork::Stations::clearRemoved() {
     std::erase_if(removed_, [&](auto& one) {
         const Node* node = scene_.find(one.first);

@@ -17,7 +17,7 @@ using Espdu = x3d::EspduTransform;
 
 constexpr std::size_t kMarkingBytes = 11;
 
-/// What a field of 32 bits says, as far as the PDU's has room: the lower bits.
+/// The lower bits of a field of 32 bits, as many as the PDU has room for.
 template <class T, class N>
 T fieldOf(const Node& node, N field) {
     return static_cast<T>(node.get(field));

@@ -1,4 +1,4 @@
-// What the network knows of each DIS node of a scene: where it listens or sends, for whom, and when next.
+// The network's record of each DIS node of a scene: where it listens or sends, for whom, and when next.
 //
 // Stations follow the scene by its bus; the rest is found in the nodes' fields when it is needed. Threading: the
 // scene's thread.
@@ -23,7 +23,7 @@ namespace dis {
 
 enum class Mode : std::uint8_t { standAlone, reader, writer };
 
-/// Of an entity (then the radio is -1), or of one of its radios.
+/// The identity of an entity (then the radio is -1), or of one of its radios.
 struct Identity {
     EntityId entity;
     std::int32_t radio = -1;
@@ -38,7 +38,7 @@ struct Station {
     Identity identity;
     double readInterval = 0, writeInterval = 0, nextRead = -1e300, nextWrite = -1e300;
     std::vector<HeardPdu> waiting;
-    // Of a writer: what has happened since it last sent.
+    // The events of a writer since it last sent.
     bool hasFired = false, hasDetonated = false, hasCollided = false, hasSignal = false;
 };
 
@@ -54,9 +54,9 @@ struct Manager {
     double nextLook = -1e300;
 };
 
-/// Whose place the PDU is for: an entity or a radio. Those of collisions and detonations are for several.
+/// The entities or radios that the PDU is about. PDUs of collisions and detonations are about several.
 std::vector<Identity> identitiesOf(const Pdu& pdu);
-/// What a writer has to say of itself; none for what is no such node.
+/// The PDU with a writer's own state; nothing for other nodes.
 std::optional<Pdu> stateOf(const Scene& scene, const Station& station, std::string& problem);
 Pdu fireOf(const Node& node, const EntityId& id);
 Pdu detonationOf(const Node& node, const EntityId& id);

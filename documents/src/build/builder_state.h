@@ -19,7 +19,7 @@ namespace rtsg {
 
 /// Stands for the Script being read, which exists only once its fields are known.
 constexpr NodeId kSelf{0xFFFFFFFF};
-/// What a DEF means that an unknown type of node has: there is no node, and USE and ROUTE need not complain again.
+/// Stands for the DEF of a node of unknown type: there is no node, and USE and ROUTE need not report it again.
 constexpr NodeId kOfUnknownType{0xFFFFFFFE};
 /// How deep PROTO instances, and declarations, may stand in each other's bodies.
 constexpr std::size_t kMaximumProtoDepth = 64;
@@ -35,8 +35,8 @@ class LoadSession {
         Environment* prototypes = nullptr;  // its PROTOs, once asked for
     };
 
-    /// The file behind `url`, seen from the folder `from`. What the policy refuses, a missing file or one without
-    /// usable content fails.
+    /// The file behind `url`, seen from the folder `from`. Fails for a file that the policy refuses, that is missing,
+    /// or that has no usable content.
     Result<File*> open(const Resources& resources, const std::filesystem::path& from, std::string_view url);
     Environment* newEnvironment(const Environment* outer = nullptr, std::size_t visible = 0) {
         return &environments_.emplace_back(outer, visible);
@@ -44,7 +44,7 @@ class LoadSession {
     const DocumentSource* keep(DocumentSource source) { return &sources_.emplace_back(std::move(source)); }
 
   private:
-    /// By where the file is and by the folder that its own urls start from, which a link may make another.
+    /// The files by their place and by the folder from which their own urls start, which may differ because of a link.
     std::map<std::pair<std::string, std::filesystem::path>, std::unique_ptr<File>> files_;
     std::deque<Environment> environments_;
     std::deque<DocumentSource> sources_;
@@ -153,8 +153,9 @@ struct SceneBuilder::State {
     bool hasLayerSet = false;  // one was built
     bool isTrial = false;      // instancing into a scratch scene, for diagnostics only
 
-    // The PROTO declaration being recorded. What is open in it, outermost first: the interface of a PROTO (i), its
-    // body (b) or a node (n); what would not nest is left out, so that a recording can always be replayed.
+    // The PROTO declaration being recorded, and the parts that are open in it, outermost first: the interface of a
+    // PROTO (i), its body (b) or a node (n). Commands that would not nest are left out, so that a recording can always
+    // be replayed.
     std::unique_ptr<ProtoDeclaration> recording;
     std::string recordingOpen;
     CommandList* recordingDefault = nullptr;

@@ -1,5 +1,5 @@
-// What a running scene asks for: instances of prototypes, whose declarations are read once more with one instance after
-// them; pieces; another world; nodes as text.
+// Does what a running scene asks for: makes instances of prototypes, by reading a declaration again with one instance
+// after it; reads pieces and other worlds; writes nodes as text.
 #include <rtsg/core/document_services.h>
 
 #include <algorithm>
@@ -36,7 +36,8 @@ class Documents final : public DocumentServices {
     }
 };
 
-/// Of `Name#2`, the second prototype of that name that the scene has met: `Name`.
+/// The name in the declaration. A type called `Name#2`, the second prototype of that name in the scene, was declared as
+/// `Name`.
 std::string_view declaredName(const NodeType& type) {
     return std::string_view(type.name).substr(0, type.name.find('#'));
 }
@@ -98,7 +99,8 @@ Result<NodeId> Documents::makePrototypeInstance(Scene& scene, TypeIndex type, No
 
 namespace {
 
-/// A piece that a program reads again and again has the same faults; told each time they would fill what is kept.
+/// A piece that a program reads again and again has the same faults. Reported each time, they would fill the
+/// diagnostics.
 void appendNew(Diagnostics& to, const Diagnostics& from) {
     for (const Diagnostic& one : from.all()) {
         const bool known = std::ranges::any_of(to.all(), [&](const Diagnostic& d) {
@@ -109,7 +111,8 @@ void appendNew(Diagnostics& to, const Diagnostics& from) {
     }
 }
 
-/// Of what is wrong the first error is the reason, if nothing is left; else the scene's diagnostics have all of it.
+/// If nothing usable was read, the first error is the reason for the failure; otherwise all diagnostics go to the
+/// scene.
 Result<DocumentServices::Piece> pieceOf(Scene& scene, const SceneBuilder& builder, bool complete,
                                         const Diagnostics& diagnostics) {
     if (!complete && builder.roots().empty()) {

@@ -1,4 +1,4 @@
-// What a document imports and exports, as a program reads and changes it: ISO/IEC 19775-1 V4.0, 4.4.6, and 19775-2.
+// Lets programs read and change what a document imports and exports: ISO/IEC 19775-1 V4.0, 4.4.6, and 19775-2.
 #include <algorithm>
 #include <span>
 

@@ -66,7 +66,7 @@ Result<LoadSession::File*> LoadSession::open(const Resources& resources, const s
             file->diagnostics.error({}, text.error().text);
     }
     if (!file->commands.empty()) return file.get();
-    // What a file that is no scene holds is nobody's business: not a word of it is repeated.
+    // No word of a file that is no scene is repeated, since its content is nobody's business.
     const auto& problems = file->diagnostics.all();
     const bool within = !problems.empty() && problems[0].where.line > 0;
     return fail(
@@ -189,7 +189,7 @@ struct InlineLoader::State final : Subscriber {
     }
     std::string subscriberName() const override { return "InlineLoader"; }
 
-    /// Where the document of `scope` came from, as the urls say that Inlines around it were loaded from.
+    /// The source of the document of `scope`, by the urls from which the Inlines around it were loaded.
     DocumentSource sourceOf(NodeId scope) const {
         const Node* node = scene.find(scope);
         while (node && !isInline(*node)) node = scene.find(node->scope());
@@ -234,7 +234,8 @@ struct InlineLoader::State final : Subscriber {
             if (auto ok = scene.destroyNode(node); !ok) diagnostics.error({}, ok.error().text);
     }
 
-    /// As its fields ask for. Imports from there on outwards: documents around may export the names on.
+    /// Loads or unloads an Inline as its fields ask. Imports are then renewed from there outwards, since documents
+    /// around it may export its names on.
     void fill(NodeId id) {
         if (load(id)) loaded[id.value] = urlsOf(scene.node(id));
         for (NodeId scope = scene.node(id).scope();; scope = scene.node(scope).scope()) {
@@ -252,7 +253,8 @@ struct InlineLoader::State final : Subscriber {
             refreshing.erase(node.id().value);
     }
 
-    /// Reads again what is due; what cannot be opened any more stays as it is until it can be. Returns how many.
+    /// Reads again the Inlines that are due; one that cannot be opened any more stays as it is until it can be. Returns
+    /// their number.
     std::size_t refresh() {
         std::vector<NodeId> due;
         for (auto at = refreshing.begin(); at != refreshing.end();) {

@@ -15,8 +15,8 @@ namespace rtsg {
 /// refers to (a node handed to a PROTO from outside). Linear.
 std::vector<NodeId> ownContent(const Scene& scene, NodeId holder, std::span<const NodeId> roots);
 
-/// Of the loaded document in `holder`, an InlineGeometry, only its first geometry stays, with what is below it; the
-/// rest is destroyed. False, and nothing stays, if there is none.
+/// Keeps only the first geometry, with everything below it, of the document that was loaded into the InlineGeometry
+/// `holder`, and destroys the rest. Returns false, with everything destroyed, if there is no geometry.
 bool keepGeometry(Scene& scene, NodeId holder, std::string_view url, Diagnostics& diagnostics, SourceLocation where);
 
 /// Gives `solid` and `smooth` on to the geometry that was loaded. Whether that changed anything.

@@ -45,7 +45,7 @@ class InlineLights {
         return node.is(x3d::Inline::type) && !node.get(x3d::Inline::global);
     }
 
-    /// What hangs below the node in the hierarchy: of a prototype's instance the first node of its body.
+    /// Visits the nodes below a node in the hierarchy; below a PROTO instance that is the first node of its body.
     template <class Visit>
     static void forEachBelow(const Node& node, const Visit& visit) {
         const NodeType& type = node.type();
@@ -121,7 +121,7 @@ class InlineLights {
     bool canBeLocal(NodeId light, NodeId limit) {
         const Node& node = scene_.node(light);
         const FieldIndex global = node.type().findExact("global");
-        // What a PROTO declares is said once for all its instances.
+        // A light in a PROTO's body cannot be changed here: the body is declared once for all instances.
         for (NodeId scope = node.scope(); scope; scope = scene_.node(scope).scope())
             if (!scene_.node(scope).is(x3d::Inline::type)) return false;
         if (std::ranges::any_of(scene_.routesTo(light), [&](const Route& r) { return r.toField == global; }))

@@ -1,4 +1,4 @@
-// What lights of Inlines do once these are Groups.
+// Keeps what lights of Inlines light when the Inlines become Groups.
 //
 // Invariant: after keepInlineLights() each light shines on what it shone on, or a warning says which Inline's does not.
 // Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 9.4.2 (`global` of an Inline), 17.2.1 (of a light).

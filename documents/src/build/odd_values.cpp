@@ -1,5 +1,5 @@
-// Names values that a document gives and that mean nothing where they stand: words that lists do not have, directions
-// without a length, layers that are not there; each with what is done instead.
+// Reports values of a document that have no meaning where they stand, such as unknown words, directions without a
+// length and missing layers; each with the value that is used instead.
 #include <algorithm>
 #include <array>
 #include <span>
@@ -52,14 +52,14 @@ std::string_view trimmed(std::string_view word) {
     return word;
 }
 
-/// Collects what is to be said of a node.
+/// Collects the reports about a node.
 class OddValues {
   public:
     explicit OddValues(const Node& node) : node_(node) {}
 
     std::vector<std::string> take() { return std::move(found_); }
 
-    /// Of each text, and where it is a list of two by a comma, of each of these.
+    /// Checks each text, and both parts of a text that is two words with a comma between them.
     void checkWords(std::string_view field, const Array<String>& texts, Words known, std::string_view instead) {
         for (const String& text : texts) {
             const std::string_view all = text.view();

@@ -82,7 +82,7 @@ std::shared_ptr<NodeType> makeProtoType(const ProtoDeclaration& proto, std::stri
     body.access = Access::initializeOnly;
     body.aspect = Aspect::structure;
     body.hidden = true;
-    // Of an EXTERNPROTO's instance: the url that led to the PROTO, where the urls in its body start from.
+    // Instances of an EXTERNPROTO keep the url that led to the PROTO, since the urls in its body are relative to it.
     if (proto.external && !taken("loadedUrl")) {
         FieldDef& loaded = type->fields.emplace_back();
         loaded.name = "loadedUrl";

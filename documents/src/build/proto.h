@@ -1,9 +1,9 @@
-// What the SceneBuilder knows about prototypes: declarations and the environments in which their names are visible.
+// The prototypes that a SceneBuilder knows: declarations, and the environments in which their names are visible.
 //
 // Invariant: a declaration sees only what stands before it in the text (its environment up to `visible`), so a PROTO
-// cannot contain itself by name; recursion through EXTERNPROTO is caught while instancing. All of this lives as long
-// as the LoadSession; what outlives it is NodeType::declaration.
-// Source: ISO/IEC 19775-1 V4.0 4.4.4 (prototypes), 4.4.5 (external prototypes).
+// cannot contain itself by name; recursion through EXTERNPROTO is caught while instancing. All of this lives as long as
+// the LoadSession; what outlives it is NodeType::declaration. Source: ISO/IEC 19775-1 V4.0 4.4.4 (prototypes), 4.4.5
+// (external prototypes).
 #pragma once
 
 #include <deque>

@@ -22,7 +22,7 @@ void SceneBuilder::beginProto(std::string_view name, SourceLocation where) {
         s.recordingOpen += 'i';
         return s.recorder().beginProto(name, where);
     }
-    // What stands in a PROTO body was declared once, when the PROTO was.
+    // Prototypes within a PROTO's body were declared once, together with it.
     if (s.scope().proto && !s.scope().declarationsOnly) {
         s.skipProtoDepth = 1;
         return;
@@ -349,7 +349,7 @@ void SceneBuilder::State::expand(OpenNode& instance) {
 }
 
 void SceneBuilder::State::checkUnusedProtos() {
-    // What is wrong in a PROTO that nobody uses would otherwise stay unsaid.
+    // Otherwise errors in a PROTO that nobody uses would not be reported.
     const Environment& declared = *scopes.front()->environment;
     bool unused = false;
     for (std::size_t i = 0; i < declared.size(); ++i) unused |= !declared.at(i)->external && !declared.at(i)->instanced;

@@ -223,8 +223,8 @@ void SceneBuilder::useNode(std::string_view def, std::string_view field, SourceL
     }
     const NodeId id = found->second;
     if (id == kOfUnknownType || parent->kind == OpenNode::Kind::unknown) return;
-    // Scripts and PROTO instances may refer to anything, themselves included; a child may not be its own ancestor. What
-    // a PROTO's body makes of it is looked at there.
+    // Scripts and PROTO instances may refer to anything, themselves included; a child may not be its own ancestor. The
+    // use of it in a PROTO's body is checked there.
     const bool tells = parent->kind == OpenNode::Kind::script || parent->kind == OpenNode::Kind::instance;
     for (std::size_t i = scope.openBase; i < s.openCount; ++i) {
         const OpenNode& above = s.open[i];

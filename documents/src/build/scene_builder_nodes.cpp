@@ -1,4 +1,4 @@
-// What the commands of SceneBuilder are made of: open nodes, scopes, places for children, checks of values, Scripts.
+// The parts of SceneBuilder's commands: open nodes, scopes, places for children, checks of values, Scripts.
 
 #include <algorithm>
 #include <cmath>
@@ -170,7 +170,7 @@ bool acceptsType(const FieldDef& def, const NodeType* child) {
 
 }  // namespace
 
-/// A node of a type that nobody knows: what is in it is built, and has its names, but belongs to no field of it.
+/// Opens a node of unknown type: its content is built, with names, but belongs to no field of it.
 void SceneBuilder::State::openUnknown(std::string_view type, std::string_view def, SourceLocation where) {
     warning(where, detail::unknownType(type));
     if (!def.empty()) scope().names.insert_or_assign(std::string(def), kOfUnknownType);
@@ -278,7 +278,7 @@ void SceneBuilder::State::storeChildren(OpenNode& node) {
             tell(stored.error());
             continue;
         }
-        // Of a list the others stay.
+        // The other nodes of a list stay.
         for (const NodeId child : one.nodes)
             if (const auto added = scene.insertChild(node.id, one.field, child); !added) tell(added.error());
     }

@@ -165,7 +165,7 @@ static bool isDeclared(const NodeType& type, const FieldDef& def) {
     return !base || base->findExact(def.name) == kNoField;
 }
 
-/// Whether a document can hold the value; else that is said, and the field is left out.
+/// Whether a document can hold the value; if not, this is reported, and the field is left out.
 bool SceneExporter::State::canBeSaid(const Node& node, FieldIndex field, const Value& value) const {
     const std::optional<double> number = detail::firstNotFinite(value);
     if (!number) return true;
@@ -220,7 +220,7 @@ void SceneExporter::State::walk(DocumentHandler* handler) {
     const FieldIndex rootChildren = scene.node(scene.root()).type().findExact("children");
     for (const NodeId root : childrenOf(scene.node(scene.root()), rootChildren)) walkFrom(root, {}, handler, begun);
     if (hidden.empty()) return;
-    // What prototypes have besides their first node: it acts, and is not shown.
+    // The nodes of a prototype's body after the first: they act and are not shown.
     if (handler) handler->beginNode("Switch", {}, {}, {});
     for (std::size_t i = 0; i < hidden.size(); ++i)  // it grows
         walkFrom(hidden[i], "children", handler, begun);
@@ -281,7 +281,7 @@ void SceneExporter::State::walkFrom(NodeId rootNode, std::string_view rootField,
         }
         const auto field = static_cast<FieldIndex>(at.field);
         const FieldDef& def = type.fields[field];
-        // Of an Inline its content, and what a Group has as well.
+        // Writes the content of an Inline, and the fields that a Group has as well.
         const bool isContent = isExpanded(*at.node) && field == type.body();
         if (isExpanded(*at.node) && !isContent && !groupHas(def)) {
             ++at.field;

@@ -67,7 +67,7 @@ std::vector<bool> below(const Scene& scene, std::vector<NodeId> starts) {
     return reached;
 }
 
-/// Leaves what is in `kept`, and an empty document. What devices do goes on. Errors: the scene takes no edits here.
+/// Leaves the nodes in `kept`, and an empty document. Input of devices goes on. Error: the scene takes no edits here.
 Result<> clear(Scene& scene, const std::vector<bool>& kept) {
     const NodeId root = scene.root();
     if (auto ok = scene.set(root, Root::children, Array<NodeId>()); !ok) return ok;

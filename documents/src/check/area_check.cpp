@@ -13,7 +13,7 @@ class AreaCount {
     AreaCount(const Array<Vec3f>& points, const Array<std::int32_t>* index) : points_(points), index_(index) {}
 
     std::size_t size() const { return index_ ? index_->size() : points_.size(); }
-    /// Of so many corners each.
+    /// Takes each run of `corners` corners as a face.
     void inRuns(std::size_t corners) {
         for (std::size_t i = 0; i + corners <= size(); i += corners) face(i, i + corners);
     }

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::size_t kNone = ValidatedNode::kNone;
 
-/// Whose field takes so many values.
+/// A field that takes a fixed number of values.
 struct Fixed {
     const char *type, *field;
     std::size_t count;

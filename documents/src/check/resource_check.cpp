@@ -36,7 +36,7 @@ std::string problemOf(const Scene& scene, const Node& node, FieldIndex field, co
     return problem;
 }
 
-/// What a source of sound streams from, which may be a file.
+/// Whether the field names what a source of sound streams from; this may be a file.
 bool isStream(const NodeType& type, const FieldDef& field) {
     return field.name == "streamIdentifier" && type.isA("X3DSoundSourceNode");
 }

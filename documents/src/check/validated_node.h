@@ -56,7 +56,7 @@ struct ValidatedNode {
         const bool isOne = found != given.end() && found->second.value.holds<Array<T>>();
         return isOne ? &found->second.value.as<Array<T>>() : nullptr;
     }
-    /// Where the field was given, or else `otherwise`.
+    /// The place where the field was given; `otherwise` if it was not.
     SourceLocation at(const char* name, SourceLocation otherwise) const {
         const auto found = given.find(name);
         return found == given.end() ? otherwise : found->second.where;

@@ -1,5 +1,5 @@
-// What a document says that no single value shows: nodes beyond its profile, indices beyond their points, keys without
-// values, nodes with no place at the top, scripts that cannot be parsed.
+// Finds faults of a document that no single value shows: nodes beyond its profile, indices beyond their points, keys
+// without values, nodes that may not stand at the top, scripts that cannot be parsed.
 //
 // Threading: one thread a stream. Source: ISO/IEC 19775-1 V4.0, 7.2.5 (head), annexes A to H (profiles), 11.2, 19.2.
 #pragma once

@@ -1,4 +1,4 @@
-// Where a scene keeps what its document says of itself: hidden fields of the root and of Inlines.
+// Keeps a document's statements about itself in the scene, in hidden fields of the root and of Inlines.
 //
 // Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 7.2.5.
 #pragma once
@@ -20,7 +20,7 @@ inline void setHidden(Scene& scene, NodeId node, FieldIndex field, Value value) 
     RTSG_CHECK_EQ(set ? std::string() : set.error().text, std::string());
 }
 
-/// Of the documents that were loaded: the first one's profile, and what each added to the rest.
+/// The head of all documents that were loaded: the profile of the first one, and everything else from each.
 DocumentHead headOf(const Scene& scene);
 void appendHead(Scene& scene, const DocumentHead& head);
 

@@ -1,7 +1,7 @@
 // A whole document in memory, as a tree that filters change before they pass it on.
 //
-// Invariant: items are numbered; an item's contents are lists of numbers, so neither depth nor order costs a stack.
-// What is taken out of its list is gone. Threading: one thread a document.
+// Invariant: items are numbered; an item's contents are lists of numbers, so neither depth nor order costs a stack. An
+// item that is taken out of its list is gone. Threading: one thread a document.
 #pragma once
 
 #include <optional>
@@ -59,7 +59,8 @@ class DocumentTree : public DocumentHandler {
     /// Calls `enter(index)` before an item's contents and `leave(index)` behind them; `enter` says whether to go in.
     template <class Enter, class Leave>
     void walk(Index from, Enter enter, Leave leave) const;
-    /// What refers to the names of one scope (0: the document; a PROTO's body), not those of prototypes within.
+    /// The references to names of one scope (0: the document; else a PROTO's body), without those of prototypes within
+    /// it.
     struct Uses {
         std::size_t uses = 0;  // USE
         bool linked = false;   // ROUTE, IMPORT, EXPORT

@@ -1,8 +1,8 @@
 // A Script or shader in the body of a PROTO, held back until its end: an IS may connect fields before or behind their
 // declarations, and handlers hear of a connection directly behind the declaration.
 //
-// Invariant: whatever the order in the file, the same commands come out, in the file's order but for connections.
-// Scripts in node-valued fields of the Script are told with it. Threading: one thread a document.
+// Invariant: whatever the order in the file, the same commands come out, in the file's order except for connections.
+// Scripts in node-valued fields of the Script come with it. Threading: one thread a document.
 #pragma once
 
 #include <cstddef>
@@ -25,7 +25,7 @@ class HeldScript {
     DocumentHandler& next() const { return next_; }
     /// To be called for each node that begins in it, itself the first; returns its number.
     std::size_t count() { return nodes_++; }
-    /// Of declared fields of the node of that number.
+    /// Keeps the IS connections of the declared fields of the node with that number.
     void connect(std::size_t node, Connections connections) { connections_.emplace(node, std::move(connections)); }
     void tell() const;
 

@@ -1,4 +1,4 @@
-// What readers know of types while they read: fields of nodes, PROTOs and Scripts, and which nodes a field accepts.
+// Looks up types for readers: fields of nodes, PROTOs and Scripts, and which nodes a field accepts.
 #include "reader_types.h"
 
 #include <algorithm>

@@ -1,9 +1,9 @@
-// What a reader must know of types to read values: built-in tables, the prototypes declared so far, and the fields
-// that Scripts and shaders declare for themselves; and of names, which type each DEF has.
+// The types that a reader must know to read values: built-in tables, the prototypes declared so far, and the fields
+// that Scripts and shaders declare for themselves. It also knows the type of each DEF.
 //
 // Invariant: looking up costs the same however deep prototypes nest. A DEF is visible in its own scope only, a
-// prototype also in the scopes within (4.4.4.4, 4.4.7). Threading: one thread a document.
-// Source: ISO/IEC 19775-1 V4.0 4.4.2.2, 4.4.4; renamed fields of VRML97: 19775-1 annex of changes.
+// prototype also in the scopes within (4.4.4.4, 4.4.7). Threading: one thread a document. Source: ISO/IEC 19775-1 V4.0
+// 4.4.2.2, 4.4.4; renamed fields of VRML97: 19775-1 annex of changes.
 #pragma once
 
 #include <array>
@@ -84,7 +84,8 @@ std::string_view formerName(const NodeType& type, std::string_view field, std::s
 FieldRef findField(const DeclaredFields& fields, std::string_view name);
 /// May a node of type `child` be the value of `field`? Unknown types may.
 bool accepts(const FieldRef& field, const NodeType* child);
-/// What is said of a node that stands where its type does not belong: it is kept under its name, the field is not set.
+/// The message about a node that stands where its type does not belong: it is kept under its name, and the field is not
+/// set.
 std::string surplus(std::string_view field, std::string_view parent);
 std::string misplaced(std::string_view child, std::string_view field, std::string_view parent);
 
@@ -107,7 +108,7 @@ class ReaderTypes {
     void pushScope() { scopes_.emplace_back(); }
     void popScope();
 
-    /// Of the document; decides which names of nodes are taken.
+    /// Sets the version of the document, which decides which names are those of built-in nodes.
     void setVersion(std::string_view version) { version_ = version; }
     /// findField() as the document's version has it: a CADLayer's `visible` was a list before X3D 4.0, one value a
     /// child.
@@ -118,8 +119,8 @@ class ReaderTypes {
     /// False, and nothing happens, if there is such a PROTO in this very scope. `name` is what the file calls it.
     bool declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name);
     bool declareProto(const std::shared_ptr<const ProtoType>& proto) { return declareProto(proto, proto->name); }
-    /// Gives an EXTERNPROTO the name it gets. Where that of a later version's node is taken, the node is what it means
-    /// if all its fields are the node's: then, as where there is such a type already, nothing is declared.
+    /// Chooses the name of an EXTERNPROTO. If it is that of a later version's node and all its fields are that node's,
+    /// it means the node: then nothing is declared, as when there is such a type already.
     enum class Extern : std::uint8_t { declared, renamed, isBuiltin, isThere };
     Extern declareExtern(const std::shared_ptr<ProtoType>& proto);
     bool declaredHere(std::string_view proto) const;

@@ -11,11 +11,11 @@
 
 namespace rtsg::detail {
 
-/// What is said of a type that nobody knows; the readers and the builder say the same.
+/// The message about an unknown type, which the readers and the builder share.
 std::string unknownType(std::string_view type);
 /// "Transform has no field 'translaton' (did you mean translation?)".
 std::string noField(const NodeShape& shape, std::string_view field);
-/// What is said of a field that versions of X3D before had, and that is left out; empty where none had it.
+/// The message about a field that earlier versions of X3D had, and that is left out; empty if none had it.
 std::string droppedField(const NodeShape& shape, std::string_view field);
 /// The same where the field was given nodes.
 inline std::string noFieldForNodes(const NodeShape& shape, std::string_view field) {

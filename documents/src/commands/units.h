@@ -1,5 +1,5 @@
-// Units of documents: UNIT statements say in what a document counts lengths, angles, masses and forces; what comes out
-// of a reader is in metres, radians, kilograms and newtons, and a writer turns it back into the document's units.
+// Units of documents: UNIT statements give the units of lengths, angles, masses and forces in a document. Readers
+// convert values to metres, radians, kilograms and newtons, and writers convert them back to the document's units.
 //
 // Invariant: a value that was read and is written in the same units has the digits it had. Fields of prototypes and
 // Scripts have no unit; which field of a node counts in what is in the node tables. Threading: one thread an object.
@@ -14,7 +14,7 @@ namespace rtsg::detail {
 
 class Units {
   public:
-    /// Of a UNIT statement; categories that are none change nothing.
+    /// Takes a UNIT statement; unknown categories change nothing.
     void set(std::string_view category, double factor);
     /// Are all of them the standard's own?
     bool areStandard() const { return length_ == 1 && angle_ == 1 && mass_ == 1 && force_ == 1; }

@@ -11,8 +11,8 @@
 
 namespace rtsg::detail {
 
-/// Leaves out whole nodes, what is in them, and what refers to them by name. A DEF that occurs first inside one that is
-/// left out is lost with it; its USEs are left out too.
+/// Leaves out whole nodes with their content, and everything that refers to them by name. A DEF that occurs first
+/// inside one that is left out is lost with it; its USEs are left out too.
 class DropNodes : public Filter {
   public:
     using Filter::Filter;

@@ -26,7 +26,7 @@ BuildOptions buildOptions(const FilterContext& context, bool loadInlines) {
     return options;
 }
 
-/// What the scene does not keep.
+/// Adds the version of X3D, which the scene does not keep.
 class WithVersion final : public Filter {
   public:
     WithVersion(DocumentHandler& next, std::string version) : Filter(next), version_(std::move(version)) {}
@@ -48,8 +48,8 @@ struct SceneOfDocument {
         : builder(scene, context.diagnostics, buildOptions(context, loadInlines)) {}
 };
 
-/// 7.2.2: nothing in an Inline is bound by itself. A warning for each kind of which the first one will come from what
-/// is a Group now. `places`: of the document's own Inlines, in their order.
+/// 7.2.2: nothing in an Inline is bound by itself. Warns of each kind of bindable node whose first one now comes from a
+/// former Inline. `places` are those of the document's own Inlines, in their order.
 void tellOfBinding(const Scene& scene, const std::vector<SourceLocation>& places, Diagnostics& diagnostics) {
     struct First {
         const Node* node = nullptr;

@@ -58,7 +58,7 @@ class FlattenTransforms final : public TreeFilter {
 
     void change() override {
         uses_ = usesIn(0);
-        // From the outermost ones inwards; what is inside one that goes is done with it.
+        // The Transforms to be looked at, from the outermost inwards; those inside a flattened one are done with it.
         std::vector<Index> waiting{0};
         while (!waiting.empty()) {
             const Index parent = waiting.back();
@@ -81,7 +81,7 @@ class FlattenTransforms final : public TreeFilter {
     bool isReferred(const Item& item) const { return !item.def.empty() && uses_.contains(item.def); }
     bool isShared(Index index) const { return isReferred((*this)[index]); }
 
-    /// A CADLayer of before X3D 4.0 says of each child whether it is visible.
+    /// A CADLayer before X3D 4.0 has a `visible` for each child.
     bool countsItsChildren(Index index) const {
         return std::ranges::any_of((*this)[index].items, [&](Index in) {
             const Item& one = (*this)[in];
@@ -124,8 +124,8 @@ class FlattenTransforms final : public TreeFilter {
                turned * glm::scale(Matrix(1), scale) * glm::transpose(turned) * glm::translate(Matrix(1), -center);
     }
 
-    /// What is in the Transform goes into `now`, in its order, or a USE might come before its DEF. Transforms within it
-    /// are taken along, without recursion.
+    /// Moves the children of the Transform into `now`, in their order, since a USE might otherwise come before its DEF.
+    /// Transforms among them are flattened too, without recursion.
     void flatten(Index root, const Matrix& above, std::vector<Index>& now, std::vector<Index>& waiting) {
         struct Open {
             Index transform;

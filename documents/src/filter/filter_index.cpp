@@ -130,7 +130,7 @@ class IndexFilter final : public TreeFilter {
         keepOnly<ColorRGBA>(value, kept);
         keepOnly<Vec3d>(value, kept);
     }
-    /// Of each list its own: those with no indices of their own get a copy of the points'.
+    /// Gives each list indices of its own; one that has none gets a copy of those of the points.
     void separately(Index node) {
         if (!hasOnly(node, {"coord", "normal", "color", "texCoord"})) return;
         const Item* points = valueOf(node, "coordIndex");

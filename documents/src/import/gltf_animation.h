@@ -23,7 +23,8 @@ class GltfAnimations {
     void writeChannel(const nlohmann::json& sampler, const std::vector<float>& times, double length,
                       const std::string& path, const std::string& clock, const std::string& def,
                       const std::string& target, const GltfSkin::Joint* joint);
-    /// Of what weighs more and less over time, the points at each key: between keys both go along straight lines.
+    /// Writes animated weights of morph targets as the points at each key; between keys, weights and points both change
+    /// linearly.
     void writeWeights(const nlohmann::json& sampler, const std::vector<float>& times, double length,
                       const std::string& clock, const std::string& def, std::size_t nodeIndex);
 

@@ -227,8 +227,8 @@ const json& GltfFile::list(const json& object, const char* key) {
     return found != object.end() && found->is_array() ? *found : kNoList;
 }
 
-/// What is computed from numbers that are not finite would be anything: 0 is taken for them here. Those that are passed
-/// on as they are meet importFile().
+/// Replaces numbers that are not finite by 0, since values computed from them would be meaningless. Numbers that are
+/// passed on unchanged are checked by importFile().
 void GltfFile::makeFinite(std::vector<float>& numbers) {
     std::size_t changed = 0;
     for (float& number : numbers)
@@ -282,7 +282,7 @@ std::string_view GltfFile::bufferView(std::size_t index, std::size_t* stride) {
     return all.substr(offset, size);
 }
 
-/// Where the elements of an accessor are; nothing if it does not fit.
+/// The elements of an accessor in their buffer; nothing if they do not fit.
 std::optional<GltfFile::Elements> GltfFile::elementsOf(const json& accessor, std::size_t components) {
     const auto view = index(accessor, "bufferView");
     const std::size_t count = index(accessor, "count").value_or(0), type = index(accessor, "componentType").value_or(0);
@@ -312,7 +312,7 @@ bool GltfFile::forEach(const json& accessor, std::size_t components, const Take&
     return true;
 }
 
-/// As they are in the file, where they are of the type wanted.
+/// Copies elements unchanged if the file has them in the type that is wanted.
 template <class T, class To>
 bool GltfFile::copyAll(const json& accessor, std::size_t components, std::size_t type, To& into) {
     if (index(accessor, "componentType") != type) return false;

@@ -1,7 +1,7 @@
-// A glTF 2.0 file taken apart: its JSON, its buffers, and the numbers that accessors name.
+// A parsed glTF 2.0 file: its JSON, its buffers, and the numbers that accessors name.
 //
-// Invariant: every index and every range is checked against what there is; what does not fit is reported once and gives
-// empty arrays. Threading: one thread a file. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.6 (accessors), 4 (GLB).
+// Invariant: every index and every range is checked; one that does not fit is reported once and gives empty arrays.
+// Threading: one thread a file. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.6 (accessors), 4 (GLB).
 #pragma once
 
 #include <cstring>
@@ -20,7 +20,7 @@ class GltfFile {
     /// False if it is no glTF 2.0.
     bool open();
 
-    /// The object `index` of a list of the root; null, which is said, if there is none. SIZE_MAX asks for none.
+    /// The object `index` of a list of the root; null, with a report, if there is none. SIZE_MAX asks for none.
     const nlohmann::json* item(const char* list, std::size_t index);
     const nlohmann::json& root() const { return root_; }
     /// An index or another count of an object; nothing if it is absent or negative.
@@ -34,8 +34,8 @@ class GltfFile {
     static const nlohmann::json& object(const nlohmann::json& object, const char* key);
     static const nlohmann::json& list(const nlohmann::json& object, const char* key);
 
-    /// Of an accessor, all components one behind the other; `components` is how many make an element. Integers that
-    /// count as fractions are such; sparse accessors are filled in.
+    /// All components of an accessor, one after the other; `components` is set to their number in an element.
+    /// Normalised integers become fractions; sparse accessors are filled in.
     std::vector<float> floats(std::size_t accessor, std::size_t& components);
     /// The same straight into an array, of an accessor of floats with as many components as `T` has that is not sparse;
     /// nothing for others.
@@ -57,7 +57,8 @@ class GltfFile {
         bool normalized;
     };
     std::optional<Elements> elementsOf(const nlohmann::json& accessor, std::size_t components);
-    /// As many elements, of such a size, of components of such a type: none where that is not so.
+    /// Elements that can be copied unchanged, since they have the number and the type of components that are wanted;
+    /// nothing if they do not.
     struct Plain {
         const char* first;
         std::size_t count, stride;

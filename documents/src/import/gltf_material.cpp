@@ -39,7 +39,7 @@ GltfLookup lookupOf(const json& reference) {
     return result;
 }
 
-/// What a lookup does to (s, t) = (u, 1 - v): the images of (1, 0) and (0, 1), and of the origin.
+/// The map of a texture lookup on (s, t) = (u, 1 - v): the images of (1, 0) and (0, 1), and of the origin.
 struct Moved {
     Vec2d s, t, origin;
     explicit Moved(const GltfLookup& by) {
@@ -99,7 +99,8 @@ void GltfMaterials::writeTransforms(const std::vector<GltfMapping>& mappings) {
     if (std::ranges::none_of(mappings, [](const GltfMapping& m) { return m.lookup.moves(); })) return;
     if (mappings.size() == 1) return writeTransform(out_, mappings.front(), "textureTransform");
     const GltfNode all(out_, "MultiTextureTransform", "textureTransform");
-    // Of those that do not move too: a texture without one of its name would take the first.
+    // Writes transforms that do not move anything as well: a texture without a transform of its name would take the
+    // first one.
     for (const GltfMapping& mapping : mappings) writeTransform(out_, mapping, "textureTransform");
 }
 
@@ -153,7 +154,7 @@ void GltfMaterials::writeTexture(const json& reference, const std::string& field
     if (textureGiven_.contains(*index)) return out_.useNode(def, field, {});
     const json* texture = file_.item("textures", *index);
     auto source = texture ? GltfFile::index(*texture, "source") : std::nullopt;
-    // A KTX2 file alone: whoever shows it says whether its pixels are read.
+    // There is only a KTX2 file: the renderer reports if it cannot read its pixels.
     if (texture && !source)
         source =
             GltfFile::index(GltfFile::object(GltfFile::object(*texture, "extensions"), "KHR_texture_basisu"), "source");

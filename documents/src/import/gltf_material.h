@@ -30,7 +30,7 @@ struct GltfMapping {
 class GltfMaterials {
   public:
     GltfMaterials(GltfFile& file, DocumentHandler& out) : file_(file), out_(out) {}
-    /// Of null the material that glTF has where none is named.
+    /// Writes the Appearance of a material; for null, of the default material of glTF.
     void writeAppearance(const nlohmann::json* material);
     /// Those of a material, or of null; none where all textures take the first set as it is.
     static std::vector<GltfMapping> mappingsOf(const nlohmann::json* material);

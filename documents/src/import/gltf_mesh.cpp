@@ -157,7 +157,7 @@ void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, boo
     mesh.normals = attribute<Vec3f>(attributes, "NORMAL", count);
     morph(primitive, "NORMAL", form.weights, mesh.normals);
     const bool smooth = !mesh.normals.empty();
-    // Of what moves, normals are made from where the points are.
+    // Moving meshes get no normals here: these follow from where their points are.
     if (skinned || !form.points.empty()) mesh.normals = {};
     if (!mesh.normals.empty() && usesTangents(primitive)) {
         mesh.tangents = attribute<Vec4f>(attributes, "TANGENT", count);

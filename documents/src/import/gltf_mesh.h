@@ -35,7 +35,7 @@ class GltfMeshes {
     template <class T>
     Array<T> attribute(const nlohmann::json& attributes, const char* name, std::size_t points);
     Array<Vec2f> texCoords(const nlohmann::json& attributes, std::size_t set, std::size_t points);
-    /// As the material's textures look them up.
+    /// Reads the sets of texture coordinates that the material's textures use.
     void takeTexCoords(const nlohmann::json& attributes, const nlohmann::json* material, ImportedMesh& mesh);
     void writeLines(ImportedMesh& mesh, const Array<std::int32_t>& indices, std::size_t mode);
 

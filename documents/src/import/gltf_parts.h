@@ -1,4 +1,4 @@
-// What the parts of the import of glTF share: a node of the output, and values as X3D has them.
+// Shared by the parts of the import of glTF: a node of the output, and values in X3D's form.
 //
 // Threading: one thread an import. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.5.3.
 #pragma once
@@ -35,7 +35,7 @@ class GltfNode {
     DocumentHandler& out_;
 };
 
-/// What a quaternion (x y z w) turns, as X3D has it.
+/// A quaternion (x y z w) as a rotation of X3D.
 Rotation rotationOf(const double* quaternion);
 Vec3f vectorOf(const std::vector<double>& three);
 /// The DEF of a node that something moves.

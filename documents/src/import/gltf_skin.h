@@ -16,7 +16,7 @@
 
 namespace rtsg::detail {
 
-/// What a node of the file does by itself, and its parts.
+/// The transform of a node of the file without its parents', as a matrix and in parts.
 struct GltfPlace {
     glm::dvec3 translation{0}, scale{1};
     glm::dquat rotation{1, 0, 0, 0};
@@ -44,7 +44,7 @@ class GltfSkin {
         double factor = 1;
     };
 
-    /// `above`: the node that each node hangs below, or kNone. No joints where the skin cannot be had, which is said.
+    /// `above` has the parent of each node, or kNone. There are no joints, and a report, if the skin cannot be read.
     GltfSkin(GltfFile& file, std::size_t skin, const std::vector<std::size_t>& above);
     const std::vector<Joint>& joints() const { return joints_; }
 

@@ -44,8 +44,8 @@ bool isAnyOf(std::string_view word, std::initializer_list<std::string_view> word
     return std::ranges::find(words, word) != words.end();
 }
 
-/// Of what begins neither as a text document does nor as anything else that is known. (A zero byte within a document is
-/// its reader's to name.)
+/// Describes a file that begins neither like a text document nor like anything else that is known. A zero byte within a
+/// document is reported by its reader.
 std::string_view strange(std::string_view head) {
     if (head.starts_with("\xEF\xBB\xBF")) head.remove_prefix(3);
     const bool isUtf16 = head.starts_with("\xFE\xFF") || head.starts_with("\xFF\xFE") ||

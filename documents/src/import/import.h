@@ -20,7 +20,7 @@ enum class FileKind : std::uint8_t { document, stl, obj, ply, gltf, glb, notRead
 
 /// By the first bytes of a file; `size` is that of all of it, 0 if that is not known.
 FileKind fileKind(std::string_view head, std::uint64_t size);
-/// Of a file that is not read: what it is, as a sentence.
+/// Says in a sentence what a file is that cannot be read.
 std::string whyNotRead(std::string_view head);
 
 /// The content of a file beside the one that is read: a material library, a buffer.
@@ -39,7 +39,7 @@ bool importPly(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
 bool importGltf(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics);
 bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics);
 
-/// What an imported document begins with.
+/// Begins an imported document: its header and statements.
 void beginImported(DocumentHandler& handler, std::string_view from, std::string_view version = "4.0");
 
 /// One shape's triangles, polygons or points; empty lists are left out.

@@ -40,7 +40,7 @@ std::optional<Number> numberType(std::string_view name) {
     return found == rows.end() ? std::nullopt : std::optional(found->number);
 }
 
-/// What a vertex's property is; a face's list of vertices is `indices`.
+/// The meaning of a vertex's property; `indices` is a face's list of vertices.
 enum class Meaning : std::uint8_t { none, x, y, z, nx, ny, nz, s, t, red, green, blue, alpha, indices };
 
 Meaning meaningOf(std::string_view name) {
@@ -109,7 +109,7 @@ class PlyReader {
         diagnostics_.error({lines_.line(), 1}, std::move(text));
         return false;
     }
-    /// What has been read is used.
+    /// Reports a file that ends within an element. What was read before is used.
     bool ended(const Element& element) {
         error("the file ends within its " + std::to_string(element.count) + " elements '" + element.name +
               "'; those before are used");

@@ -49,7 +49,7 @@ void readBinary(std::string_view bytes, PointIndex& points) {
     }
 }
 
-/// Of each facet three corners are taken.
+/// Reads a text STL; a facet has three corners.
 void readText(std::string_view text, PointIndex& points, std::string& name, Diagnostics& diagnostics) {
     LineScanner lines(text);
     Vec3f corners[3];

@@ -1,8 +1,8 @@
-// isFontFile: whether bytes have the form of a font, before anything is made of them.
+// isFontFile: whether bytes have the form of a font, before they are used.
 //
-// What is looked at is the directory of tables alone: that each lies within the file, and that those are there without
-// which no glyph has a form. What is in the tables is for the library that draws them. Threading: pure.
-// Source: ISO/IEC 14496-22 (Open Font Format) 4.5, W3C WOFF 1.0 section 3 and WOFF 2.0 section 4.
+// It looks at the directory of tables alone: each table must lie within the file, and those must exist without which no
+// glyph has a form. The content of the tables is left to the library that draws them. Threading: pure. Source: ISO/IEC
+// 14496-22 (Open Font Format) 4.5, W3C WOFF 1.0 section 3 and WOFF 2.0 section 4.
 #pragma once
 
 #include <string>

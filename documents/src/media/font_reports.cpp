@@ -130,7 +130,7 @@ std::size_t linkFontStyles(Scene& scene) {
 
 FontReports::FontReports(const Scene& scene) {
     scene.forEachNode([&](const Node& node) { noteNode(node); });
-    // Who loaded the document has read and linked them, and said what cannot be read.
+    // The loader of the document has read and linked these libraries, and reported those that cannot be read.
     unread_.clear();
     linking_ = false;
 }

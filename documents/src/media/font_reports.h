@@ -2,9 +2,10 @@
 // one of its families, as edits of hidden fields. So replays and replicas draw the same letters without the files.
 //
 // A style takes the first of its families that is SERIF, SANS or TYPEWRITER (these stay as they are) or that a
-// FontLibrary of its own execution context, with a font, lists; letters of either case are equal. Of several such
-// libraries it is the one that was made first. Threading: the scene's thread; note() from within a frame, answer()
-// between frames. Source: ISO/IEC CD 19775-1 V4.1 15.4 (FontLibrary); what the draft leaves open as X_ITE has it.
+// FontLibrary of its own execution context, with a font, lists; letters of either case are equal. If there are several
+// such libraries, the one that was made first counts. Threading: the scene's thread; note() from within a frame,
+// answer() between frames. Source: ISO/IEC CD 19775-1 V4.1 15.4 (FontLibrary); where the draft is open, X_ITE is
+// followed.
 #pragma once
 
 #include <set>
@@ -16,7 +17,7 @@ namespace rtsg {
 
 class FontReports {
   public:
-    /// Of a scene that runs already: libraries that are there are not read again.
+    /// For a scene that runs already: libraries that it has are not read again.
     explicit FontReports(const Scene& scene);
     void note(const Scene& scene, const ChangeSet& set);
     /// Returns the number of edits.
@@ -29,8 +30,8 @@ class FontReports {
     bool linking_ = false;  // families, libraries or fonts are others
 };
 
-/// Reads the font of a FontLibrary, from the first of its urls that leads to one, or lets it go where `load` is FALSE.
-/// Whether it has another one now. What cannot be read is an error at `where`.
+/// Reads the font of a FontLibrary from the first of its urls that leads to one, or drops it if `load` is FALSE.
+/// Returns whether it has another font now. A file that cannot be read is an error at `where`.
 bool readFont(Scene& scene, NodeId library, const Resources& resources, Diagnostics& diagnostics, SourceLocation where);
 /// Links all styles of the scene to libraries. Returns the number of edits. Linear.
 std::size_t linkFontStyles(Scene& scene);

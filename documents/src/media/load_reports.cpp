@@ -62,7 +62,7 @@ void LoadReports::note(const Scene& scene, const Change& change) {
         return;
     }
     const std::string& name = node->type().fields[change.field].name;
-    // What is new is looked at by its sensor anyway.
+    // New nodes are looked at by their sensor anyway.
     if ((name != "url" && name != "load") || change.node.value >= firstCreated_) return;
     for (const ParentRef& parent : scene.parents(change.node))
         if (parent.field == S::children.index && scene.node(parent.node).is(S::type))

@@ -1,6 +1,6 @@
-// LoadReports: tells LoadSensors what became of the urls that they watch (9.4.3): an Inline has content or has none, a
-// FontLibrary a font; of anything else one of its urls can be opened, or none can. What the file then holds is for
-// those to say who read it.
+// LoadReports: tells LoadSensors what became of the urls that they watch (9.4.3). An Inline has content or none, a
+// FontLibrary has a font or none; for any other node, one of its urls can be opened or none can. Readers of the file
+// report what is wrong in it.
 //
 // Threading: the scene's thread; note() from within a frame, answer() between frames.
 #pragma once
@@ -14,7 +14,7 @@ namespace rtsg {
 
 class LoadReports {
   public:
-    /// Of a scene that runs already: sensors that wait for an answer.
+    /// For a scene that runs already: finds the sensors that wait for an answer.
     explicit LoadReports(const Scene& scene);
     void note(const Scene& scene, const ChangeSet& set);
     /// After Inlines were loaded. Returns the number of edits.

@@ -43,7 +43,7 @@ std::optional<double> waveSeconds(const MediaBytes& file) {
         } else if (name == "fact" && held >= 4 && size >= 4) {
             samples = littleEndian(bytes, 8, 4);
         } else if (name == "data") {
-            // Of packed formats the header says how many samples there are; of all others their bytes do.
+            // The header states the number of samples of packed formats; that of all others follows from their bytes.
             constexpr std::uint64_t kPcm = 1, kFloat = 3, kExtensible = 0xFFFE;
             const bool plain = format == kPcm || format == kFloat || format == kExtensible;
             if (!plain && samples > 0) return ratio(double(samples), double(rate));

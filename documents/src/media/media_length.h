@@ -11,15 +11,15 @@
 
 namespace rtsg {
 
-/// A file of which parts are asked for: films are long, and what is looked for is short.
+/// A file that is read in parts: films are long, and only short pieces are needed.
 struct MediaBytes {
     std::uint64_t size = 0;
     /// So many bytes from there on; fewer where the file ends.
     std::function<std::string(std::uint64_t offset, std::size_t length)> read;
 };
 
-/// Seconds, of a WAVE file or one of the MP4 family; nothing for all else and for what is broken, nor where more than
-/// ten thousand chunks are passed before the header comes.
+/// The seconds of a WAVE file or one of the MP4 family. Nothing for other files, for broken ones, and if more than ten
+/// thousand chunks come before the header.
 std::optional<double> mediaSeconds(const MediaBytes& file);
 
 }  // namespace rtsg

@@ -32,7 +32,8 @@ std::optional<MediaFields> mediaFields(const Node& node) {
     return std::nullopt;
 }
 
-/// Of the first url that leads to something whose length can be told; else -1, and `why` says so of each.
+/// The length of the first url's file whose length can be found. If there is none, returns -1, and `why` has the reason
+/// for each url.
 double secondsOf(const Scene& scene, const Node& node, const MediaFields& fields, const Resources& resources,
                  const MediaLength& others, std::string& why) {
     if (!node.get(fields.load)) return -1;

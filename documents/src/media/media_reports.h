@@ -14,11 +14,11 @@ namespace rtsg {
 
 class MediaReports {
   public:
-    /// Of a scene that runs already: what nobody has looked at yet.
+    /// For a scene that runs already: finds the nodes whose files nobody has looked at yet.
     explicit MediaReports(const Scene& scene);
     void note(const Scene& scene, const ChangeSet& set);
-    /// `others`: for files whose header nobody here reads; may be empty. What has urls and no length is told. Returns
-    /// the number of edits.
+    /// `others` is asked for files whose header nobody here reads; it may be empty. Nodes with urls and no length are
+    /// reported. Returns the number of edits.
     std::size_t answer(Scene& scene, const Resources& resources, const MediaLength& others, Diagnostics& diagnostics);
 
   private:

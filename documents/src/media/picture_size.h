@@ -14,8 +14,8 @@ struct PictureSize {
     std::uint32_t width = 0, height = 0;
 };
 
-/// Of a PNG, JPEG or GIF file; nothing for all else, for what is broken and for what has no pixels, nor where a JPEG
-/// file has more than a thousand segments before the one that says it.
+/// The size of a PNG, JPEG or GIF file. Nothing for other files, for broken ones, for pictures without pixels, and for
+/// a JPEG file with more than a thousand segments before the one that states the size.
 std::optional<PictureSize> pictureSize(const MediaBytes& file);
 
 }  // namespace rtsg

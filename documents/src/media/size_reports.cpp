@@ -26,7 +26,7 @@ float ratioOf(double width, double height) {
     return width > 0 && height > 0 ? static_cast<float>(width / height) : 0.0f;
 }
 
-/// Of the first url that leads to a picture whose header says it.
+/// The aspect ratio of the first url's picture whose header states it.
 float ratioOfFile(const Scene& scene, const Node& texture, const Resources& resources) {
     using I = x3d::ImageTexture;
     if (!texture.get(I::load)) return 0;

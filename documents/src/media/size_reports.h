@@ -16,7 +16,7 @@ namespace rtsg {
 
 class SizeReports {
   public:
-    /// Of a scene that runs already: what nobody has looked at yet.
+    /// For a scene that runs already: finds the nodes that nobody has looked at yet.
     explicit SizeReports(const Scene& scene);
     void note(const Scene& scene, const ChangeSet& set);
     /// All Texts are to be looked at: somebody has come who knows fonts. `heardAlone`: but those of whose sizes nobody

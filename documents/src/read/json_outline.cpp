@@ -22,7 +22,7 @@ namespace {
 constexpr std::size_t kDeepest = 4'000'000;
 
 #if defined(__SSSE3__)
-/// Of 64 bytes, a bit each: commas, white space, and whatever else ends a number.
+/// Marks 64 bytes by a bit each: commas, white space, and other bytes that end a number.
 struct Masks {
     std::uint64_t comma = 0, space = 0, other = 0;
     explicit Masks(const char* p) {
@@ -48,8 +48,8 @@ struct Turns {
     bool isDue = false;     // a number is what has to come
     bool isDueAtOther = false;
 
-    /// Moves behind these bytes; false if they are out of turn. Of those with one that may stand in no list of numbers
-    /// it looks at what is before that, and does not move.
+    /// Moves behind these bytes; false if numbers and commas do not alternate in them. If they hold a byte that may
+    /// stand in no list of numbers, it looks at those before it, and does not move.
     bool take(const Masks& masks) {
         const std::uint64_t number = ~(masks.comma | masks.space | masks.other);
         const std::uint64_t starts = number & ~(number << 1 | std::uint64_t{inNumber});
@@ -68,7 +68,7 @@ struct Turns {
     }
 };
 
-/// Of a piece that begins behind a comma: behind which of its commas the last is that all is in turn up to.
+/// Finds, in a piece that begins behind a comma, the last comma up to which numbers and commas alternate.
 void lookAtTurns(TextPiece& piece) {
     constexpr std::ptrdiff_t each = 64;
     Turns turns{.isDue = true};
@@ -140,7 +140,7 @@ class Outliner {
         feed_.release(released_ = p_);
     }
 
-    /// What is at p_; returns what makes it impossible to go on.
+    /// Reads the token at p_. Returns what makes it impossible to go on, if anything does.
     const char* token() {
         const char c = *p_;
         if (c == ',' || c == ':') {

@@ -19,19 +19,19 @@ constexpr std::uint64_t kLongArray = 1 << 14;
 
 /// Offsets count from the feed's begin().
 struct JsonOutline {
-    /// Where objects start of which a "@member" stands behind one that is an object or an array; ascending.
+    /// The starts of objects in which a "@member" stands behind a member that is an object or an array; ascending.
     std::vector<std::uint64_t> late;
     /// Arrays of more than kLongArray bytes without strings and brackets within; ascending.
     struct Plain {
         std::uint64_t begin, end;  // of the brackets
     };
     std::vector<Plain> plain;
-    /// Where reading ends: at the end of the text, or where it is not well-formed JSON.
+    /// The place where reading ends: the end of the text, or the first place that is not well-formed JSON.
     std::uint64_t end = 0;
     bool complete = true;
 };
 
-/// Tells what is wrong. `release`: what has been looked at is not needed again.
+/// Reports faults. `release` says that text is not needed again once it has been looked at.
 JsonOutline outlineJson(TextFeed& text, bool release, Diagnostics& diagnostics, const Splitting& splitting);
 
 }  // namespace rtsg::detail

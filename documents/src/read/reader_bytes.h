@@ -23,7 +23,7 @@ OpenBeside openBeside(Resources resources, std::filesystem::path folder);
 bool readText(std::string_view text, const OpenBeside& beside, DocumentHandler& handler, Diagnostics& diagnostics,
               const ReaderOptions& options);
 
-/// As readDocumentFile, of an open file, which is read so many bytes at a time.
+/// Does what readDocumentFile() does for an open file, which it reads so many bytes at a time.
 bool readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside& beside, DocumentHandler& handler,
                             Diagnostics& diagnostics, const ReaderOptions& options);
 

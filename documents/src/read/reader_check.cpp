@@ -1,4 +1,4 @@
-// What the tables say against a value: out of range, an axis without length, an unknown word, an incomplete group.
+// Checks values against the tables: numbers out of range, axes without length, unknown words, incomplete groups.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -60,7 +60,7 @@ std::string wordComplaint(const FieldDef& field, const String* words, std::size_
         std::string known;
         for (const std::string& word : field.allowed)
             if (!word.empty()) known.append(known.empty() ? "" : ", ").append(word);
-        // What reads a single word takes one that it does not know as the default.
+        // Code that reads a single word takes the default for a word that it does not know.
         std::string text = "'";
         text.append(words[i].view()).append("' is none of the values of ").append(field.name);
         text.append(" (").append(known).append(")");

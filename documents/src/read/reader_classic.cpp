@@ -44,7 +44,8 @@ ClassicReader::ClassicReader(TextFeed& text, DocumentHandler& handler, Diagnosti
       splitting_(options.splitting),
       headerless_(options.headerless) {}
 
-/// What lies far enough behind is given back; positions are counted up to there first, since they go on from there.
+/// Gives back text that lies far enough behind. Lines and columns are counted up to there first, since counting goes on
+/// from there.
 void ClassicReader::progress(const char* p) {
     meter_.at(feed_.done(p));
     constexpr std::ptrdiff_t kept = 1 << 20;
@@ -178,7 +179,7 @@ void ClassicReader::pop() {
             handler_->endProto(where);
             lists_ = outerLists_.back();
             outerLists_.pop_back();
-            // Only now: a prototype is unknown inside its own body, which rules out recursion (4.4.4.4).
+            // Declared only now: a prototype is unknown inside its own body, which rules out recursion (4.4.4.4).
             if (!frame.proto->name.empty()) types_.declareProto(frame.proto, frame.proto->calledInFile);
             break;
     }

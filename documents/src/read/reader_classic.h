@@ -1,11 +1,10 @@
 // Reader of ClassicVRML (#X3D Vn utf8) and VRML97 (#VRML V2.0 utf8): text in, document commands out.
 //
 // Invariant: an explicit stack, never recursion; each byte is looked at a bounded number of times; commands to the
-// handler nest whatever the input. After an error reading goes on at the next place that makes sense: behind the
-// value, the unknown node's braces, or the stray token. Of the text a megabyte is kept behind the place where reading
-// is and as much before it as a token needs: no pointer into it outlives its statement. Threading: one thread a
-// document. Source: ISO/IEC 19776-2 V3.3 annex A; ISO/IEC 14772-1:1997 annex A. Both dialects' keywords are taken in
-// either.
+// handler nest whatever the input. After an error reading goes on at the next place that makes sense: behind the value,
+// the unknown node's braces, or the stray token. A megabyte of text is kept behind the place of reading, and as much
+// before it as a token needs: no pointer into the text outlives its statement. Threading: one thread a document.
+// Source: ISO/IEC 19776-2 V3.3 annex A; ISO/IEC 14772-1:1997 annex A. Both dialects' keywords are taken in either.
 #pragma once
 
 #include <optional>

@@ -303,9 +303,9 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     handler_->setField(field.name, std::move(value), here);
 }
 
-/// Behind the name of a field that the open node does not have, or has been given before. What nodes are there are kept
-/// with their names, though they are in no field; other values are kept, as text, in nodes of unknown types.
-/// `ifNoNodes`: the error then, if it is one.
+/// Reads what follows the name of a field that the open node does not have, or has been given before. Nodes there are
+/// kept with their names, though they are in no field; other values are kept as text in nodes of unknown types.
+/// `ifNoNodes` is the error then, if it is one.
 void ClassicReader::unknownField(std::string_view name, const char* where, const std::string& ifNoNodes) {
     skipSpace();
     const bool isList = p_ != end_ && *p_ == '[';
@@ -472,7 +472,7 @@ void ClassicReader::declare(DeclaredFields& fields, const NodeShape* node) {
     const FieldRef ref = findField(fields, field.name);
     const bool takesValue = ref.takesValue();
     if (node) frames_.back().given.add(ref);
-    // What is said behind a field that takes no value is about the next one.
+    // A comment behind a field that takes no value belongs to the next field.
     holdsText_ = true;
     const bool isConnected = node && peekWord() == "IS";
     holdsText_ = false;

@@ -1,4 +1,4 @@
-// What the readers share: progress, and checks of values against the spec table.
+// Shared by the readers: progress, and checks of values against the spec table.
 //
 // Threading: one thread a document.
 #pragma once
@@ -39,8 +39,8 @@ class ProgressMeter {
     std::size_t total_, next_ = kStep;
 };
 
-/// Says what is wrong with a well-formed value: outside the field's range, no allowed word, an axis that is no
-/// direction. Empty if nothing is. The value is in the standard's units.
+/// Describes the fault of a well-formed value: outside the field's range, no allowed word, an axis without direction.
+/// Empty if it has none. The value is in the standard's units.
 std::string valueComplaint(const FieldDef& field, const Value& value);
 
 /// A comment without white space at either end, and with the line ends of this system.

@@ -1,4 +1,4 @@
-// Documents in memory and in files: which encoding they are in, gzip, and what is wrong with their bytes.
+// Opens documents in memory and in files: finds their encoding, unpacks gzip, and reports faults in their bytes.
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
@@ -50,7 +50,7 @@ bool isHeaded(std::string_view text) {
 
 namespace {
 
-/// Of a document whose text comes as it is needed.
+/// Reads a document whose text is fetched as it is needed.
 bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
               Diagnostics& diagnostics, const detail::ReaderOptions& options) {
     feed.fill(detail::TextFeed::kHead);

@@ -30,9 +30,9 @@ class ElementReader : private FieldTextReport {
     /// Closes what is open. False if there was no element at all.
     bool finish();
 
-    /// Where the element being started, or the end being read, stands.
+    /// The place of the element that starts, or of the end that is being read.
     virtual SourceLocation where() = 0;
-    /// Where `at`, in the value of the attribute being parsed, stands.
+    /// The place of `at`, which is in the value of the attribute being parsed.
     virtual SourceLocation locate(const char* at) = 0;
     /// A value that was parsed before its element began, since it is too long to be an attribute's text; null if `text`
     /// is a value's text. Its place is where() then.
@@ -60,7 +60,7 @@ class ElementReader : private FieldTextReport {
         is,
         leaf
     };
-    /// Of a Script or shader: its source text, and what connects fields that it declares.
+    /// The source text of a Script or shader, and the connections of the fields that it declares.
     struct Source {
         static constexpr std::size_t kNotHeld = ~std::size_t{0};
         std::size_t number = kNotHeld;  // among the nodes of held_

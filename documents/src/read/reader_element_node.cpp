@@ -17,7 +17,7 @@ bool isOrganisational(std::string_view name) {
     return name == "DEF" || name == "USE" || name == "containerField" || name.starts_with("xmlns") ||
            name.find(':') != name.npos;
 }
-/// Those that HTML gives to any element, which are fields of nodes that have one of that name.
+/// Attributes that HTML gives to any element. They are fields of a node that has a field of that name.
 bool isOfHtml(std::string_view name) {
     return name == "class" || name == "id" || name == "style";
 }
@@ -81,8 +81,8 @@ FieldRef ElementReader::placeFor(const NodeShape& child, const char* containerFi
     return placeIn(parent.shape, child, containerField);
 }
 
-/// The field of a node of shape `parent` that `child` goes into. Where none takes it, the field that the file names, or
-/// that it would be in by default: the node is kept, though no field of its parent is set.
+/// The field of a node of shape `parent` into which `child` goes. If no field takes it, this is the field that the file
+/// names, or the default one: the node is kept, though no field of its parent is set.
 FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child, const char* containerField) {
     const NodeType* type = child.standsFor();
     const std::string_view usual = type ? std::string_view(type->containerField) : "children";
@@ -282,7 +282,7 @@ void ElementReader::tellDeclaration(Frame& frame) {
     handler_->declareField(*field, nodesFollow ? std::nullopt : std::optional(Value::zero(field->type)), frame.open);
 }
 
-/// Of the fields that a Script declares, all of which are known by now.
+/// Reports the connections of the fields that a Script declares, all of which are known by now.
 void ElementReader::tellConnections(Frame& frame) {
     HeldScript::Connections connections;
     for (auto& [name, protos] : frame.source->connections) {

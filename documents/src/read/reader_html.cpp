@@ -26,7 +26,7 @@ bool startsWith(std::string_view text, std::string_view word) {
     return lower(text.substr(0, word.size())) == word;
 }
 
-/// Where a tag of that name begins, from `from` on; npos if nowhere.
+/// The place where the next tag of that name begins, from `from` on; npos if there is none.
 std::size_t findTag(std::string_view text, std::string_view tag, std::size_t from) {
     for (std::size_t at = text.find('<', from); at != text.npos; at = text.find('<', at + 1)) {
         if (!startsWith(text.substr(at), tag)) continue;
@@ -36,7 +36,7 @@ std::size_t findTag(std::string_view text, std::string_view tag, std::size_t fro
     return text.npos;
 }
 
-/// Names as X3D spells them, by what they are in lower case.
+/// The names in X3D's spelling, by their lower case.
 const std::unordered_map<std::string, std::string>& elementNames() {
     static const std::unordered_map<std::string, std::string> names = [] {
         std::unordered_map<std::string, std::string> result;
@@ -196,7 +196,7 @@ class PageReader {
         }
         out_ += '\'';
     }
-    /// What is in a script is no markup.
+    /// Reads a script's content, which is no markup.
     void source() {
         std::size_t end = findTag(page_, "</script", at_);
         if (end == page_.npos) end = page_.size();

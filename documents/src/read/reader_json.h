@@ -1,10 +1,9 @@
 // Reader of the JSON encoding: a first look (json_outline.h) matches brackets, so that the second can go through the
 // text once, in blocks, and forget what is behind it.
 //
-// Invariant: an explicit stack throughout; nothing outside of what the first look let through is read. Beside a few
-// megabytes of the text, memory grows with the largest attribute, and with objects whose attributes stand behind their
-// other members. Threading: one thread a document. Source: X3D JSON encoding, ISO/IEC 19776-5 draft: "@name"
-// attributes,
+// Invariant: an explicit stack throughout; only text that the first look has passed is read. Beside a few megabytes of
+// the text, memory grows with the largest attribute, and with objects whose attributes stand behind their other
+// members. Threading: one thread a document. Source: X3D JSON encoding, ISO/IEC 19776-5 draft: "@name" attributes,
 // "-field" nodes, "#comment", "#sourceCode".
 #pragma once
 
@@ -127,7 +126,7 @@ class JsonReader final : private ElementReader {
     /// Starts the element whose object is at p_.
     void element(const std::string& name, const std::string& containerField);
     void attributesInFront(const std::string& name);
-    /// What is neither an attribute nor a node. Returns where it ends.
+    /// Reads a value that is neither an attribute nor a node. Returns where it ends.
     const char* scalar(const std::string& key) {
         if (key != "encoding" && key != "JSON schema") complain(p_, "'" + key.substr(0, 80) + "' is unknown here");
         return std::max(valueEnd(p_), std::min(p_ + 1, end_));
@@ -142,11 +141,11 @@ class JsonReader final : private ElementReader {
         return {};
     }
 
-    /// A value as the text of an XML attribute; false for null and for what is no attribute.
+    /// A value as the text of an XML attribute; false for null and for values that are no attribute.
     bool attributeText(const char* value, const char* end, std::string& out);
 
-    /// Whether the array at `value` is worth reading in place. Where brackets within it cannot
-    /// be made white space, there may be none. Sets listEnd_.
+    /// Whether the array at `value` is worth reading in place. If brackets within it cannot be turned into white space,
+    /// it must have none. Sets listEnd_.
     bool isLong(const char* value);
     void longValue(const std::string& name, FieldType type);
 

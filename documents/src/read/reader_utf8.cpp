@@ -1,4 +1,4 @@
-// What the beginning of a text says of its encoding.
+// Finds the encoding of a text from its beginning.
 #include "reader_utf8.h"
 
 #include <algorithm>

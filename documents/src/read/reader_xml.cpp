@@ -15,7 +15,7 @@ namespace rtsg::detail {
 
 namespace {
 
-// Where expat is; 2.9 gives 64 bits on all machines, and warns of what it had before.
+// The position of expat. From 2.9 on it has 64 bits on all machines, and warns of the older function.
 #if XML_MAJOR_VERSION > 2 || XML_MINOR_VERSION >= 9
 std::int64_t byteIndex(XML_Parser parser) {
     return XML_GetCurrentByteIndex64(parser);
@@ -66,7 +66,7 @@ XmlReader::XmlReader(TextFeed& text, bool utf8, DocumentHandler& handler, Diagno
 
 namespace {
 
-/// A fieldValue says before its value, in all files that there are, which field it is of.
+/// In all known files, a fieldValue names its field before its value.
 std::string_view fieldOf(std::string_view tag) {
     const std::size_t name = tag.find(" name=");
     if (name == tag.npos || name + 7 >= tag.size()) return {};
@@ -164,15 +164,15 @@ bool XmlReader::feedAll() {
             if (last) return true;
             at = to;
         }
-        // What expat could not finish it keeps and reads again: within a long tag larger parts make the work grow with
-        // its length, not with the square of it.
+        // Expat keeps a token that it could not finish, and reads it again with the next part. Larger parts within a
+        // long tag make the work grow with the tag's length, not with its square.
         const bool isLong = in_ == In::opaque || (in_ == In::quoted && tag_ < before);
         part = isLong ? std::min<std::size_t>(2 * part, 1 << 30) : kPart;
         release(in_ == In::quoted || in_ == In::tag ? std::min(tag_, at) : at);
     }
 }
 
-/// What the `<` at `opened_` begins, with this character behind it.
+/// Tells what the `<` at `opened_` begins, by the character behind it.
 XmlReader::In XmlReader::whatBegins(char next) {
     if (next == '?') return In::instruction;
     if (next != '!') return In::tag;
@@ -277,7 +277,7 @@ const char* XmlReader::scan(const char* p, const char* to) {
     return nullptr;
 }
 
-/// The first of what may end a value, or is to be looked at in one; by several threads where the value is long.
+/// Finds the first character that may end a value, or needs a look in it; by several threads if the value is long.
 const char* XmlReader::findMark(const char* from, const char* end) const {
     const char quote = quote_;
     const auto find = [quote](const char* begin, const char* stop) { return findAnyOf(begin, stop, quote, '<', '&'); };
@@ -293,7 +293,7 @@ const char* XmlReader::findMark(const char* from, const char* end) const {
     return find(p, end);
 }
 
-/// Of the attribute whose value starts at `quote`: its type, if it is a list of numbers.
+/// The type of the attribute whose value starts at `quote`, if it is a list of numbers.
 FieldType XmlReader::typeOfLong(const char* quote) const {
     const bool again = longTag_ == tag_;  // then what is before its last long value may be gone
     const char* const from = again ? longEnd_ : tag_ + 1;
@@ -429,7 +429,7 @@ const char* XmlReader::readLong(const char* quote) {
     return stop;
 }
 
-/// Where in the text the byte is that expat counts as this one.
+/// The place in the text of the byte that expat counts as this one.
 std::uint64_t XmlReader::textIndex(std::uint64_t index) const {
     for (auto s = skipped_.rbegin(); s != skipped_.rend(); ++s)
         if (index >= s->index) return index + s->more;
@@ -470,7 +470,8 @@ SourceLocation XmlReader::where() {
     return {static_cast<std::uint32_t>(lineNumber(parser_)), static_cast<std::uint32_t>(columnNumber(parser_) + 1)};
 }
 
-/// Where `at`, in the value of the attribute being parsed, stands in the text; null: where the element starts.
+/// The place in the text of `at`, which is in the value of the attribute being parsed; of null, the start of the
+/// element.
 SourceLocation XmlReader::locate(const char* at) {
     if (!utf8_) return where();
     if (const Early* early = earlyHere()) return early->tagAt;

@@ -34,7 +34,7 @@ class XmlReader final : private ElementReader {
     static constexpr std::ptrdiff_t kLong = 1 << 16;  // an attribute from which on it is read past expat
     static constexpr std::ptrdiff_t kKept = 1 << 20;  // of the text behind the place where reading is
 
-    /// What the text before the next attribute value is inside of, as far as it has been looked at.
+    /// The construct that the text before the next attribute value is in, as far as it has been looked at.
     enum class In : std::uint8_t { content, comment, section, instruction, declaration, tag, quoted, opaque };
     struct Skipped {
         std::uint64_t index;  // of expat's bytes
@@ -79,13 +79,14 @@ class XmlReader final : private ElementReader {
     const char* opened_ = nullptr;  // the `<` of a tag, or the quote of a value
     const char* tag_ = nullptr;     // the `<` of the tag that the value is in
     char quote_ = 0;
-    // Of text in memory: the last value that was looked through to its end, and where that, a `<` or a `&` is.
+    // For text in memory: the start of the last value that was searched through, and the place of its end, of a `<` or
+    // of a `&`.
     mutable const char *wholeQuote_ = nullptr, *wholeEnd_ = nullptr;
     int depth_ = 0;          // of brackets in a declaration
     std::uint64_t fed_ = 0;  // bytes that expat has been given
     std::deque<Skipped> skipped_;
     std::vector<Early> early_;
-    // Of the tag that has had a long value: its text may be gone.
+    // The tag that has had a long value; its text may be gone.
     const char* longTag_ = nullptr;
     const char* longEnd_ = nullptr;  // of its last long value
     std::string longElement_, longField_;

@@ -55,8 +55,8 @@ ssize_t readSome(int descriptor, char* to, std::size_t most) {
 }
 
 constexpr std::size_t kPackedBlock = 1 << 16;
-/// Memory comes by pages; of a long text by large ones, if the system has them, since most of what reading costs it is
-/// giving out small ones and taking them back.
+/// The system gives memory in pages; a long text gets large ones, if the system has them, since handing out small ones
+/// and taking them back is most of the cost of reading.
 constexpr std::size_t kLargePage = 1 << 21, kLongText = 1 << 24;
 
 }  // namespace
@@ -216,7 +216,7 @@ bool TextFeed::more() {
             if (failure_.empty()) failure_ = "there are no more addresses for its text; what was read is used";
         } else {
             got = read(to, s.block);
-            // What decides the encoding is looked at in one.
+            // The bytes that decide the encoding must be there together.
             for (std::size_t some = got; s.filled == 0 && s.pending == 0 && got < kHead && some != 0; got += some)
                 some = read(to + got, s.block);
             if (s.filled == 0 &&

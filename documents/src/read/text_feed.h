@@ -1,8 +1,8 @@
 // The text of a document as it arrives: in pieces, one behind the other at addresses that never change, so that readers
-// keep pointers into it; what they have done with is given back to the system.
+// keep pointers into it; text that they have finished goes back to the system.
 //
-// Invariant: of a file [begin(), end()) is valid UTF-8, unless it is XML that names another encoding (bytes that are
-// not are replaced, and counted); what is before the last release() is gone. Memory in use is what was read and not
+// Invariant: [begin(), end()) of a file is valid UTF-8, unless it is XML that names another encoding (invalid bytes are
+// replaced, and counted); text before the last release() is gone. Memory in use is the text that was read and not
 // released. A file is read, not mapped: whoever truncated a mapped file would end the process. Threading: one thread a
 // feed.
 #pragma once
@@ -23,8 +23,8 @@ class TextFeed {
 
     /// All of it is there already; the view must outlive the feed.
     explicit TextFeed(std::string_view text);
-    /// Of an open file, plain or gzip, whose first bytes decide; of at most `limit` bytes unpacked. `block`: how much
-    /// is read at a time. The caller closes the descriptor, afterwards.
+    /// Opens the text of an open file, which is plain or gzip, as its first bytes say. It may have `limit` bytes at
+    /// most, unpacked. `block` bytes are read at a time. The caller closes the descriptor afterwards.
     static Result<std::unique_ptr<TextFeed>> of(int descriptor, std::uint64_t limit, std::size_t block = 1 << 20);
     /// Another feed of the same text, from begin() as it is now. Null where the text can be had only once (a pipe).
     std::unique_ptr<TextFeed> again() const;

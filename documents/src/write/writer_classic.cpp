@@ -191,7 +191,7 @@ class ClassicWriter final : public DocumentHandler {
 
   private:
     enum class Kind : std::uint8_t { node, interface, body };
-    /// Where something starts: the text, at the right column, and the indent of its line.
+    /// The text to which something is written, at the right column, and the indent of its line.
     struct Place {
         std::string* text;
         std::size_t indent;

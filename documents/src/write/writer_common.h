@@ -1,4 +1,4 @@
-// What the writers share: buffered output, and values laid out over lines.
+// Shared by the writers: buffered output, and values laid out over lines.
 //
 // Threading: one thread a writer.
 #pragma once

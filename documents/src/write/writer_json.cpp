@@ -200,7 +200,7 @@ class JsonWriter final : public DocumentHandler {
         statement("EXPORT", {{"localDEF", local}, {"AS", exported}});
     }
 
-    /// Where there is a list that it may stand in, there; else as a member of what is open.
+    /// Writes a comment into a list, if there is one that may hold it, or else as a member of the open object.
     void comment(std::string_view text, SourceLocation) override {
         if (frames_.empty() && !sceneOpen_) {
             comments_ += (comments_.empty() ? "" : ",\n  ") + inQuotes(text);
@@ -349,7 +349,7 @@ class JsonWriter final : public DocumentHandler {
             const auto found = std::ranges::find(frame.members, key, &Member::key);
             return found == frame.members.end() ? Rope() : std::move(found->items);
         };
-        // What is said within the interface comes before it, or a reader would find it in the body.
+        // A comment within the interface is written before it, since a reader would otherwise find it in the body.
         if (frame.proto)
             for (Member& one : frame.members)
                 if (one.key == "#comment") {

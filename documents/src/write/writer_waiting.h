@@ -1,7 +1,7 @@
 // Text that waits in a writer until what stands before it is known: in pieces, joined while they are short, and in a
 // file without a name once there are many.
 //
-// Invariant: of what is settled the longest list stays in memory, and 16 MiB beside it, unless no such file can be had.
+// Invariant: of settled text, the longest list and 16 MiB beside it stay in memory, unless no such file can be had.
 // Pieces of one rope keep their order. Threading: one thread a writer.
 #pragma once
 

@@ -128,7 +128,7 @@ class XmlWriter final : public DocumentHandler {
         if (nodes) return;  // NULL and the empty list are what a node without such children has
         if (frame.shape.type && field == "url" && declaresFields(*frame.shape.type) && keepSource(value)) return;
         if (frame.shape.unknown && value.holds<String>()) {
-            // As it was read.
+            // The field's name as it was read.
             const std::string name = spellName(field, Spelling::attribute);
             if (frame.unknownGiven.insert(name).second)
                 writeAttribute(frame, attribute(name, value.as<String>().view(), where), where);
@@ -347,7 +347,7 @@ class XmlWriter final : public DocumentHandler {
         newLine(frame.indent - 1);
         write("<ProtoInterface>");
     }
-    /// Of a node without a gap: something comes between its tags.
+    /// Closes the start tag of a node that has something between its tags.
     void closeTag(Frame& frame) {
         if (!frame.tagOpen) return;
         frame.tagOpen = false;
@@ -450,8 +450,9 @@ class XmlWriter final : public DocumentHandler {
         newLine();
         return {};
     }
-    /// What all readers choose by themselves need not be said. Of an instance that is `children`, whatever node it
-    /// stands for: not all of them look into the PROTO. Of a node of unknown type nothing better is known.
+    /// A containerField that all readers choose by themselves need not be written. For a PROTO instance that is
+    /// `children`, whatever node it stands for, since not all readers look into the PROTO. For a node of unknown type
+    /// nothing better is known.
     std::string containerField(const NodeShape& parent, std::string_view field, const NodeShape& child) const {
         constexpr std::string_view kUnsaid = "children";
         if (child.unknown && field == kUnsaid) return {};

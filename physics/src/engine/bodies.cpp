@@ -1,4 +1,4 @@
-// What a body's fields say to the engine, and what the engine says to them.
+// Hands the fields of bodies to the engine, and the engine's results back to the fields.
 #include <cmath>
 
 #include <fmt/format.h>
@@ -25,7 +25,7 @@ bool isSame(const Vec3f& a, const Vec3f& b) {
     return a.x == b.x && a.y == b.y && a.z == b.z;
 }
 
-/// What applies at each step; those that are no numbers are left out, and told.
+/// The sum of forces or torques at each step. Values that are not finite are left out, and `sound` becomes false.
 glm::dvec3 sumOf(const Array<Vec3f>& all, bool& sound) {
     glm::dvec3 sum(0);
     for (const Vec3f& one : all) {
@@ -103,7 +103,7 @@ void RigidBodyPhysics::Engine::setWorld(World& world, const Node& node) {
     dWorldSetQuickStepNumIterations(world.world, std::clamp(node.get(C::iterations), 1, 1000));
 }
 
-/// What may change in flight without building anything.
+/// Sets what may change in motion without building anything anew.
 void RigidBodyPhysics::Engine::setBody(Body& body, const Node& node, const Node& collection) {
     using C = x3d::RigidBodyCollection;
     const dBodyID b = body.body;

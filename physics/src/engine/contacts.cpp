@@ -1,4 +1,4 @@
-// Who touches whom, what that does to bodies, and what CollisionSensors say of it (37.4.3 to 37.4.6).
+// Finds which bodies touch, joins them by contacts, and reports to CollisionSensors (37.4.3 to 37.4.6).
 #include <algorithm>
 #include <cmath>
 
@@ -43,7 +43,7 @@ bool has(const Surface& surface, std::string_view name) {
     return std::ranges::any_of(*surface.applied, [&](const String& one) { return one.view() == name; });
 }
 
-/// Of the first against the second, where they touch.
+/// The velocity of the first body relative to the second, where they touch.
 glm::dvec3 speedAt(dBodyID a, dBodyID b, const dContactGeom& point) {
     glm::dvec3 speed(0);
     dVector3 v;
@@ -179,7 +179,7 @@ void RigidBodyPhysics::Engine::join(World& world, const Hit& hit, const Node& co
     dJointAttach(dJointCreateContact(world.world, world.contacts, &contact), a, b);
 }
 
-/// What set_contacts brought, by its own fields.
+/// Joins bodies by the Contacts that set_contacts brought, as the fields of these say.
 void RigidBodyPhysics::Engine::joinGiven(World& world) {
     const std::size_t index = static_cast<std::size_t>(&world - worlds_.data());
     const auto given = given_.find(world.id.value);

@@ -1,9 +1,10 @@
 // The engine of one scene: ODE's worlds, bodies, geometries and joints beside the nodes that they stand for.
 //
-// Bodies are in doubles here and in floats in their fields. As long as a field holds what was written last, the doubles
-// go on; else somebody has set it, and the field counts. Everything is built anew when the structure changes (bodies,
-// joints, collidables, shapes come or go, or what cannot change in flight), from the fields and the doubles. Threading:
-// the scene's thread; steps of several scenes wait for each other, as ODE has one source of random numbers.
+// Bodies are in doubles here and in floats in their fields. As long as a field holds the value that was written last,
+// the doubles count; otherwise somebody has set the field, and it counts. Everything is built anew when the structure
+// changes (bodies, joints, collidables, shapes come or go, or what cannot change in flight), from the fields and the
+// doubles. Threading: the scene's thread; steps of several scenes wait for each other, as ODE has one source of random
+// numbers.
 #pragma once
 
 #include <cstdint>
@@ -36,15 +37,15 @@ struct Pose {
     }
 };
 
-/// Of a field; one without an axis turns nothing.
+/// The quaternion of a field; a rotation without an axis becomes the identity.
 glm::dquat toQuaternion(const Rotation& rotation);
-/// Of a unit quaternion, the angle at most pi.
+/// The field of a unit quaternion; its angle is at most pi.
 Rotation toField(glm::dquat turn);
 bool isFinite(const Pose& pose);
 
 constexpr std::size_t kNone = SIZE_MAX;
 
-/// What a body's fields hold.
+/// The values that a body's fields hold.
 struct Written {
     Vec3f position{0}, linearVelocity{0}, angularVelocity{0};
     Rotation orientation;
@@ -75,7 +76,7 @@ struct Geom {
     bool isOn = true;
 };
 
-/// Where a joint's bodies were when it was made, for the day when all is built anew.
+/// The poses of a joint's bodies when it was made, for when everything is built anew.
 struct JointStart {
     std::vector<float> signature;  // of what it was made from
     Pose first, second;
@@ -102,10 +103,10 @@ struct Hit {
     dContactGeom point{};
 };
 
-/// What a node was used for.
+/// The purpose that a node was used for.
 enum class Use : std::uint8_t { structure, world, joint, parameters, leaf, body };
 
-/// What a geometry is in ODE's terms; false, with what is to say, if it is nothing that can be hit.
+/// Makes ODE's geometry of a node; false, with the reason in `problem`, if it is nothing that can be hit.
 struct GeomMaker {
     const Scene& scene;
     Tessellator& tessellator;

@@ -1,4 +1,5 @@
-// What a Shape is to the engine: boxes, balls and cylinders as such, all else as the triangles that are drawn of it.
+// Makes the engine's geometry of a Shape: boxes, balls and cylinders as such, all others as the triangles that are
+// drawn.
 #include <cmath>
 
 #include <rtsg/core/x3d.h>

@@ -29,7 +29,7 @@ dReal limited(double value, double low, double high) {
     return value >= low ? std::min(value, high) : low;  // NaN: low
 }
 
-/// What a joint is made from, which cannot change in flight: the world's point and axes.
+/// The world's point and axes from which a joint is made, and which cannot change in motion.
 std::vector<Vec3f> frameOf(const Node& node) {
     using namespace x3d;
     if (node.is(BallJoint::type)) return {node.get(BallJoint::anchorPoint)};

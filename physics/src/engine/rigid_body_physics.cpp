@@ -30,8 +30,8 @@ void keepMessage(int, const char* text, va_list parts) {
     if (engineMessage().empty()) engineMessage() = line;
 }
 
-/// What ODE holds for impossible: it would end the process next. Nothing here should lead to it; what does ends the
-/// engine of one scene.
+/// A state that ODE holds to be impossible: it would end the process next. Nothing here should lead to it; if something
+/// does, it ends the engine of one scene.
 struct EngineFault {
     std::string text;
 };
@@ -140,7 +140,7 @@ RigidBodyPhysics::Counts RigidBodyPhysics::Engine::counts() const {
     return counts;
 }
 
-/// What somebody has changed since; the engine's own events are among it.
+/// Notes what somebody has changed since the last frame. The engine's own events are among the changes.
 Result<> RigidBodyPhysics::Engine::apply(const Scene& scene, const ChangeSet& changes) {
     if (changes.isSnapshot()) return {};
     for (const Change& change : changes.changes) {
@@ -220,7 +220,7 @@ void RigidBodyPhysics::Engine::advance(Cascade& cascade) {
     if (isStale_) build();
     const double from = time_ == cascade.now() ? time_ : cascade.previous();
     time_ = cascade.now();
-    // Who was set, and rests, wakes; of those that move the fields are looked at as they are.
+    // A resting body whose fields were set wakes. The fields of moving bodies are read in any case.
     for (const auto& [id, wakes] : dirty_) {
         const std::size_t index = findBody(id);
         const Node* node = scene_.find(id);
@@ -273,7 +273,7 @@ void RigidBodyPhysics::Engine::frame(double count) {
             for (const std::size_t index : world.bodies) {
                 Body& body = bodies_[index];
                 const Node* node = scene_.find(body.id);
-                // What has been set in this frame holds at its time.
+                // A value that was set in this frame holds at the frame's time.
                 if (node && takeField(body, *node)) body.isStuck = false, placeBody(body), wake(body);
                 const bool awake = body.body && dBodyIsEnabled(body.body);
                 isAwake_ = isAwake_ || awake;

@@ -120,7 +120,7 @@ bool RigidBodyPhysics::Engine::setMass(const Node& node, Body& body) {
         if (modelled) dMassSetSphereTotal(&all, mass, radius);
     } else if (model && model->is(x3d::Cone::type)) {
         const double r = model->get(x3d::Cone::bottomRadius), h = model->get(x3d::Cone::height);
-        // Of a solid cone about its centre of mass, a quarter of the height above the bottom.
+        // The moments of inertia of a solid cone about its centre of mass, a quarter of the height above the bottom.
         const double across = mass * (3 * r * r / 20 + 3 * h * h / 80), along = mass * 3 * r * r / 10;
         modelled = sound(r) && sound(h);
         if (modelled) dMassSetParameters(&all, mass, 0, 0, 0, across, along, across, 0, 0, 0);

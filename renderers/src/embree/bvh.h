@@ -89,7 +89,7 @@ class Group {
     void commit(const Device& device);
 
     RTCScene scene() const { return scene_.get(); }
-    /// Whose the geometries are or, hidden ones, were.
+    /// The slots of the geometries; a hidden geometry has the slot that it had.
     const std::uint32_t* slots() const { return slots_.data(); }
     /// By geometry; null: none of it is cut.
     const LongTriangles* const* cuts() const { return cuts_.data(); }
@@ -121,13 +121,13 @@ class Group {
         for (std::uint32_t i = 0; i < entries_.size(); ++i)
             if (entries_[i].geometry) visit(i, entries_[i].triangles);
     }
-    /// As Embree has it. Any thread may ask.
+    /// The mask that Embree has. Any thread may ask.
     std::uint32_t mask(std::uint32_t local) const {
         return std::atomic_ref(entries_[local].mask).load(std::memory_order_relaxed);
     }
-    /// Of everything attached, made when it is first asked for. Any thread may ask.
+    /// The clusters of everything attached, made when they are first asked for. Any thread may ask.
     std::shared_ptr<const Clusters> clusters() const;
-    /// Of clusters, where somebody has asked for them.
+    /// The bytes of the clusters, if somebody has asked for these.
     std::size_t clusterBytes() const;
 
   private:

@@ -3,11 +3,11 @@
 // Embree shows no nodes, so its builder is run once more over the same triangles, down to leaves of 16, and the areas
 // of these boxes are followed. Their sum over the root's is the number of nodes a ray is expected to meet; on a knot, a
 // cylinder and a room, twisted, waved, flattened and back, that of a new tree over that of the refitted one was within
-// .07 of the ratio of ray speeds (within .25 where scattering makes huge triangles). What a new tree would have is not
-// known before, so what is watched is the change of the boxes' shares, summed without sign: nothing spoils a tree
-// without changing it. Rays ran at .9 of a rebuilt tree's speed at a change of .11 to .3, at .8 at .24 to .5.
-// Invariant: a look does not depend on scale or place. Threading: look() on one thread at a time.
-// Source: the surface area heuristic (Goldsmith and Salmon 1987); the signless change is ours.
+// .07 of the ratio of ray speeds (within .25 where scattering makes huge triangles). The sum of a new tree is not known
+// beforehand, so the change of the boxes' shares is watched, summed without sign: nothing spoils a tree without
+// changing it. Rays ran at .9 of a rebuilt tree's speed at a change of .11 to .3, at .8 at .24 to .5. Invariant: a look
+// does not depend on scale or place. Threading: look() on one thread at a time. Source: the surface area heuristic
+// (Goldsmith and Salmon 1987); the signless change is ours.
 #pragma once
 
 #include <cstddef>
@@ -22,7 +22,7 @@ namespace rtsg::bvh {
 
 class BvhWatch {
   public:
-    /// Of the mesh as it is now.
+    /// Watches a mesh, from its present state on.
     BvhWatch(RTCDevice device, const Mesh& mesh);
 
     struct Look {
@@ -35,7 +35,7 @@ class BvhWatch {
     Look look(const Array<Vec3f>& positions) const;
 
     double builtCost() const { return builtCost_; }
-    /// What a look costs, as the number of positions that it reads.
+    /// The cost of a look, as the number of positions that it reads.
     std::size_t size() const { return vertices_.size(); }
 
   private:

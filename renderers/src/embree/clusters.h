@@ -22,7 +22,7 @@ struct Cluster {
     std::uint32_t first;  // of its triangles
 };
 
-/// Where the triangles of a cluster are; in the group's frame.
+/// The triangles of a cluster, in the group's frame.
 struct ClusteredMesh {
     const Vec3f* positions = nullptr;  // 16 bytes may be read at each
     const std::int32_t* triangles = nullptr;

@@ -72,7 +72,7 @@ constexpr unsigned kAsksOfHits = RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
 constexpr unsigned kAsksOfHits = RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION;
 #endif
 
-/// What goes with the rays of one call after the other.
+/// The context that goes with the rays of several calls.
 class RayCast {
   public:
     void intersect(RTCScene scene, RTCRayHit& ray) { trace(scene, ray); }
@@ -85,7 +85,7 @@ class RayCast {
         traceInWidth<RTCRay8, RTCRay4>(valid, scene, rays);
     }
 
-    // As Embree takes them; packets of packetWidth() or fewer lanes.
+    // Calls in the form that Embree takes; packets have packetWidth() lanes or fewer.
 #if RTSG_EMBREE >= 4
     explicit RayCast(bool coherent) : flags_(coherent ? RTC_RAY_QUERY_FLAG_COHERENT : RTC_RAY_QUERY_FLAG_INCOHERENT) {
         rtcInitRayQueryContext(&context_);
@@ -124,7 +124,7 @@ class RayCast {
         context_.what = what;
     }
     static void* told(const RTCFilterFunctionNArguments& asked) { return static_cast<Context*>(asked.context)->what; }
-    /// What Embree notes as instance in the hits that it finds from here on.
+    /// Sets the instance that Embree notes in the hits that it finds from now on.
     void setInstance(unsigned instance) { context_.instID[0] = instance; }
 
   private:
@@ -141,7 +141,7 @@ class RayCast {
         }
     }
 #if RTSG_EMBREE >= 4
-    /// What goes with one call.
+    /// The arguments of one call.
     template <class Arguments>
     struct With {
         explicit With(RayCast& cast) {

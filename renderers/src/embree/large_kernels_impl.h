@@ -19,7 +19,8 @@ struct LargeKernelsOf {
     static constexpr int kLanes = W::kLanes;
     static constexpr std::uint32_t kAll = (std::uint32_t{1} << kLanes) - 1;
 
-    /// Of the sizes that a distance is computed from, what it may be off by; and shares that count as the same.
+    /// The error of a distance, as a share of the numbers that it is computed from; and the difference up to which
+    /// shares count as equal.
     static constexpr float kRounding = 0x1p-19f, kAlike = 0x1p-18f;
 
     struct V {
@@ -33,7 +34,7 @@ struct LargeKernelsOf {
         return {W::load(rows[0] + at), W::load(rows[1] + at), W::load(rows[2] + at)};
     }
 
-    /// As many rays as there are lanes.
+    /// A ray for each lane.
     struct Rays {
         V origin, direction;
         F tMin, tMax;
@@ -63,7 +64,7 @@ struct LargeKernelsOf {
             t = height * inverse;
         }
     };
-    /// Where they meet it.
+    /// The places where the rays meet the face.
     struct Meeting {
         F x, y;  // as LargeTable::Face has places
         F edge;  // up to where roundings may decide
@@ -110,7 +111,7 @@ struct LargeKernelsOf {
             clip(rays.origin.x, inverse.x, lower[0], upper[0]);
             clip(rays.origin.y, inverse.y, lower[1], upper[1]);
             clip(rays.origin.z, inverse.z, lower[2], upper[2]);
-            // What leaves a front of what bulges everywhere has all of it behind.
+            // A ray that leaves the front of a convex mesh cannot meet this mesh again.
             const std::uint32_t leaves = table.convex[b] == LargeTable::kNone
                                              ? 0
                                              : W::bits(rays.front == static_cast<std::int32_t>(table.convex[b]));
@@ -221,7 +222,7 @@ struct LargeKernelsOf {
             const Meeting m(rays, p, face);
             const F depth = m.template depth<isPair>();
             const M near = W::greater(between, depth, -m.edge);
-            // Nor may the end be on the plane: what rounding leaves of that is what is looked at.
+            // A ray that ends on the plane must not be stopped: the test allows for the rounding that is left.
             const M sure =
                 W::both(W::greater(near, depth, m.edge), W::greater(W::greater(absolute(p.height), rays.slack),
                                                                     rays.tMax - rays.slack * absolute(p.inverse), p.t));

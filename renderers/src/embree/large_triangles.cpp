@@ -1,4 +1,4 @@
-// Which triangles are few and large, and what is set up for each of them.
+// Chooses the few large triangles, and sets up the table for them.
 #include "large_triangles.h"
 
 #include <algorithm>
@@ -25,7 +25,7 @@ const LargeKernels& largeKernels() {
     return chosen;
 }
 
-/// Of the surface of everything, what boxes may have together: more rays stay open than are saved.
+/// The largest share that the boxes' surface may have of the whole: beyond it more rays stay open than are saved.
 constexpr float kMostOpen = .5f;
 
 struct Corners {
@@ -36,7 +36,7 @@ struct Corners {
             at[c] = Vec3d(triangles.positions[triangles.mesh->vertexIndex(number, c)]);
     }
     const Vec3d& operator[](int i) const { return at[i % 3]; }
-    /// Of twice the area's length.
+    /// The normal, whose length is twice the area.
     Vec3d normal() const { return glm::cross(at[1] - at[0], at[2] - at[0]); }
 };
 
@@ -169,7 +169,7 @@ void storeFloats(const Vec3d& v, float* to) {
 }
 
 LargeSpot spotOf(const Vec3d& corner, const Vec3d& second, const Vec3d& third, const Vec3f& color) {
-    // As RayView::point() has it, of numbers that are of the rays' own frame.
+    // The error bound of RayView::point(), for numbers in the rays' own frame.
     constexpr float eps = 0x1p-24f, gamma = 12 * eps / (1 - 12 * eps);
     const Vec3f error = gamma * (glm::abs(Vec3f(corner)) + glm::abs(Vec3f(second)) + glm::abs(Vec3f(third)));
     LargeSpot spot{};

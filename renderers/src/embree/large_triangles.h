@@ -1,11 +1,10 @@
 // LargeTriangles: the few large triangles of a world, walls and floors, of which all are asked sixteen rays at a time,
 // and boxes around everything else.
 //
-// A ray from anywhere to anywhere meets a box about as often as the box's surface is large, so where that is small most
-// rays of light that bounces are answered without any tree. What is told is what Embree would tell, but for the last
-// bits: a ray that runs so near an edge, a plane of its start or another triangle of the same distance that roundings
-// might decide stays open, as one does that may meet anything else, and is to be traced.
-// Invariant: bit for bit the same on any processor. Threading: immutable once made.
+// Rays from anywhere meet a box in proportion to the box's surface, so if the boxes are small, most rays of bouncing
+// light are answered without any tree. The answers are Embree's, except for the last bits. A ray stays open, and is to
+// be traced, if it may meet anything else, or if rounding might decide: near an edge, a plane of its start, or another
+// triangle at the same distance. Invariant: bit for bit the same on any processor. Threading: immutable once made.
 #pragma once
 
 #include <cstddef>
@@ -26,7 +25,7 @@ struct alignas(64) LargeSpot {
     float corner[3], red, second[3], green, third[3], blue, error[3], unused;  // colours: About::color
 };
 
-/// As the kernels read it: parallelograms of two triangles each, as most walls are, then triangles alone.
+/// The table that the kernels read: parallelograms of two triangles each, as most walls are, then single triangles.
 struct LargeTable {
     static constexpr std::size_t kFaces = 32, kBoxes = 8;
     static constexpr std::uint32_t kNone = 0xFFFFFFFF;
@@ -45,7 +44,7 @@ struct LargeTable {
     std::uint32_t convex[kBoxes];                    // the instance that is all of it and bulges everywhere; else kNone
     std::uint32_t pairCount = 0, faceCount = 0, boxCount = 0;  // pairs: parallelograms
     float size = 0;                                            // metres, of the largest sum of coordinates
-    // What is told of a hit.
+    // The data that a hit reports.
     alignas(64) float normal[3][kFaces];  // as Hit::normal
     float mirrored[kFaces];               // -1: merged triangles are inside out there
     float turn[2][kFaces];                // of each of the two: the place of `corner`, or of the one opposite, in it
@@ -60,8 +59,8 @@ struct RayRows {
     float tMin, tMax;
     std::uint32_t lanes;  // a bit each that is asked about
 };
-/// What is told of those that meet something: hits, and what the instances are called. `faces`: the same by LargeSpots,
-/// whose numbers are in place of triangles.
+/// The results for rays that meet something: hits, and the labels of their instances. `faces` has the same hits by
+/// LargeSpots, with their numbers in place of triangles.
 struct alignas(64) LargeHits {
     PacketHits16 hits, faces;
     std::int32_t label[16];
@@ -86,8 +85,7 @@ class LargeTriangles {
     /// A bit for each ray that meets one of these first; of the others those of `open` are to be traced, and the rest
     /// meet nothing. `rays` becomes a packet of them, with their hits as Embree sets them.
     std::uint32_t intersect(const RayRows& rows, RayPacket16& rays, LargeHits& hits, std::uint32_t& open) const;
-    /// The same of what lies on their way: a bit for each that cannot come through. Of the others those that are not
-    /// in `open` have nothing on their way.
+    /// Returns a bit for each ray that is blocked. Other rays that are not in `open` have nothing on their way.
     std::uint32_t occluded(const RayRows& rows, std::uint32_t& open) const;
 
     const LargeTable& table() const { return table_; }
@@ -96,7 +94,7 @@ class LargeTriangles {
     LargeTable table_;
 };
 
-/// What the machine's registers do for them.
+/// The kernels for the machine's width of registers.
 struct LargeKernels {
     std::uint32_t (*intersect)(const LargeTable& table, const RayRows& rows, RayPacket16& rays, LargeHits& hits,
                                std::uint32_t& open);

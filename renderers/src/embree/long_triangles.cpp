@@ -16,7 +16,7 @@ namespace {
 constexpr double kEmptyBox = 6;
 /// Rays that meet the mesh's box should meet so many empty ones at most; and some more before anything is done.
 constexpr double kFewEmpty = 2, kManyEmpty = 6;
-/// What cutting has to leave of all boxes' surface at most, to be worth its memory.
+/// The largest share of the boxes' surface that cutting may leave to be worth its memory.
 constexpr double kCutPays = .7;
 /// Pieces for each triangle, and for each with an empty box (of all of them: the last), at most.
 constexpr double kMostPieces = 1, kMostPiecesOfLong = 64, kMostPiecesOfAllLong = 1 << 20;
@@ -171,7 +171,7 @@ bool Cutter::measure() {
     return meshBox_ > 0 && emptyBoxes_ > kManyEmpty * meshBox_ && emptyBoxes_ > (1 - kCutPays) * boxes_;
 }
 
-/// Meshes often have a point once for each triangle; what is at the same place is the same here.
+/// Meshes often have a point once for each triangle; points at the same place are the same here.
 void Cutter::findSame() {
     const std::size_t count = positions_.size(), places = 2 * std::bit_ceil(count + 1);
     std::vector<std::uint32_t> table(places, kNowhere);
@@ -246,7 +246,7 @@ void Cutter::touch(std::uint32_t triangle, double least, bool isEmpty) {
 }
 
 /// An edge of one triangle alone stays; then so must all edges of a triangle whose long ones cannot all be cut, or its
-/// pieces would be as long as it is. What a few sweeps leave of this does no harm but to speed.
+/// pieces would be as long as it is. Cases that are left after a few sweeps only cost speed.
 void Cutter::killEdges() {
     for (EdgeTable::Edge& edge : table_.edges) edge.isDead = !edge.isShared;
     const auto spread = [&](const Touched& touched) {

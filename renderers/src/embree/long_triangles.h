@@ -19,8 +19,9 @@
 
 namespace rtsg::bvh {
 
-/// What Embree reads in place of a mesh, and what a hit on it means. The first triangles are the mesh's own; those that
-/// are cut have corners beyond all points there, which Embree leaves out. Pieces follow.
+/// The triangles that Embree reads in place of a mesh, and the meaning of a hit on them. The first triangles are the
+/// mesh's own; those that are cut have corner indices beyond all points there, so that Embree leaves them out. The
+/// pieces follow.
 struct LongTriangles {
     struct Piece {
         std::uint32_t triangle;

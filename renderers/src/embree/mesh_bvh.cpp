@@ -8,7 +8,8 @@ namespace rtsg::bvh {
 
 namespace {
 
-/// Where the watch starts, and how far it may learn: rays at .9, and at worst .8, of a rebuilt tree's speed.
+/// The change of boxes at which a tree is rebuilt: the first value, and the range in which it adapts. Rays then run at
+/// .9, and at worst .8, of a rebuilt tree's speed.
 constexpr double kLimit = .12, kLowestLimit = .06, kHighestLimit = .5;
 /// Meshes up to this many triangles are built anew at once: it takes no longer than a few refits.
 constexpr std::uint32_t kTiny = 1024;
@@ -39,7 +40,7 @@ bool sameTriangles(const Mesh& a, const Mesh& b) {
 
 }  // namespace
 
-/// What the worker does for a mesh; shared by both, so that either may go first.
+/// The worker's job for a mesh. Both share it, so that either may end first.
 struct MeshBvh::Work {
     const Device& device;
     std::shared_ptr<const Mesh> mesh;
@@ -83,7 +84,7 @@ std::unique_ptr<MeshBvh::Tree> MeshBvh::newTree(const Device& device, const std:
                                                 bool deforming) {
     auto tree = std::make_unique<Tree>();
     tree->scene = newMeshScene(device, deforming);
-    // Refits read the mesh's own points, and what is long now may be short then.
+    // Refits read the mesh's own points, and a triangle that is long now may be short then.
     if (!deforming) tree->cut = cutLongTriangles(*mesh, mesh->positions);
     tree->cutInUse = tree->cut.get();
     tree->geometry = attach(device, tree->scene.get(), {mesh, mesh->positions, tree->cut}, deforming);
@@ -208,7 +209,7 @@ void MeshBvh::take() {
     setTree(std::move(work->tree));
     committed_ = refitted_ = false;
     ++counts_.rebuilds;
-    // What it has gained shows whether it came too early or too late; not so after a jump.
+    // The gain shows whether the rebuild came too early or too late, unless the mesh jumped.
     if (work->before.change > 2 * work->limit) return;
     const double gain = watch_->builtCost() / work->before.cost;
     if (gain > .95) limit_ = std::min(limit_ * 1.25, kHighestLimit);

@@ -40,17 +40,17 @@ class MeshBvh {
     void update(std::shared_ptr<const Mesh> mesh);
 
     RTCScene scene() const { return tree_->scene.get(); }
-    /// As Group's, of the one geometry there is; null: it is not cut.
+    /// Group::cuts() of the one geometry; null if it is not cut.
     const LongTriangles* const* cuts() const { return tree_->cut ? &tree_->cutInUse : nullptr; }
     const Array<std::int32_t>& indexInUse() const { return tree_->index; }
-    /// Of the last commit, in the mesh's frame.
+    /// The bounds at the last commit, in the mesh's frame.
     const Bounds& bounds() const { return bounds_; }
     bool refitted() const { return refitted_; }
     const Counts& counts() const { return counts_; }
 
-    /// Something is being done in the background.
+    /// Whether there is work in the background.
     bool busy() const { return work_ != nullptr; }
-    /// What was being done is done: an update will take it.
+    /// Whether background work is finished, so that the next update will take it.
     bool ready() const;
     void wait() const;
 

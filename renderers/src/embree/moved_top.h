@@ -1,7 +1,7 @@
 // MovedTop: a top in which some objects are elsewhere than in the one that it was made of.
 //
-// Invariant: it answers as a Top would in which they had been moved there. What it shares with the other one (groups,
-// BVHs, pages without moved objects) must outlive it. Made from scratch: its tree holds every object.
+// Invariant: it answers as a Top would in which they had been moved there. The parts that it shares with the other one
+// (groups, BVHs, pages without moved objects) must outlive it. Made from scratch: its tree holds every object.
 // Threading: const once made; several may be made of one view at a time.
 #pragma once
 
@@ -22,7 +22,7 @@ struct TopLeaf {
 /// Those of a view but for its main one, which is in no tree.
 std::vector<TopLeaf> leavesOf(const TopView& view);
 
-/// Of what an object is made of, in its own frame.
+/// The box of an object's content, in its own frame.
 InstanceTree::Box localBox(const TopObject& object);
 
 class MovedTop {

@@ -1,6 +1,6 @@
-// PassedHits: what sixteen shadow rays pass on their way, all found in one traversal.
+// PassedHits: the surfaces that sixteen shadow rays pass on their way, all found in one traversal.
 //
-// Embree tells of hits in no order, and of some twice: of triangles that share the edge which a ray goes through.
+// Embree reports hits in no order, and some twice: those on triangles that share the edge which a ray goes through.
 // Threading: one thread's.
 #pragma once
 

@@ -178,7 +178,7 @@ bool PrimaryHits::list(const std::vector<Found>& found) {
     lists_.resize(across * static_cast<std::size_t>(tilesY()));
     std::size_t total = 0;
     for (const Found& f : found) total += f.tiles();
-    // Where tiles see this many clusters on the average, nearly all of them are left to rays.
+    // If tiles see this many clusters on average, nearly all of the tiles are left to rays.
     if (total > lists_.size() * most_) return false;
     const auto listOf = [&](int x, int y) -> List& {
         return lists_[static_cast<std::size_t>(y) * across + static_cast<std::size_t>(x)];

@@ -1,15 +1,14 @@
-// PrimaryHits: what the rays of a pinhole's picture meet first of a group, tile by tile of the picture.
+// PrimaryHits: the first hits of a pinhole picture's rays in a group, tile by tile of the picture.
 //
-// They all start in one point, so the planes through it and a triangle's edges are the same for all of them, and all
-// that a ray does is tell on which side of three planes it runs; how near the triangle is (one over the depth) is one
-// more plane. So a tile goes through the clusters that it may see from near to far, sets up sixteen triangles at once
-// and asks of each which blocks of pixels it may be in and which pixels it is in, until nothing farther can be seen.
+// All rays start in one point, so the planes through it and a triangle's edges are the same for all of them, and a ray
+// only has to tell on which side of three planes it runs; how near the triangle is (one over the depth) is one more
+// plane. So a tile goes through the clusters that it may see from near to far, sets up sixteen triangles at once and
+// asks of each which blocks of pixels it may be in and which pixels it is in, until nothing farther can be seen.
 // Invariant: the answer of a tile does not depend on others, on threads or on the processor. Triangles that share an
-// edge find the same number there with the other sign, and both take the pixels on it: nothing shows between them. What
-// is met, where on it and how far off is computed anew from its corners, as Embree's watertight rays are.
-// Threading: immutable once made; made by any thread, asked by any number.
-// Source: Olano, Greer 1997 (homogeneous edge functions); Greene 1996 (coverage by tiles); Woop, Benthin, Wald 2013
-// (watertightness).
+// edge find the same number there with the other sign, and both take the pixels on it: nothing shows between them. The
+// hit, its place and its distance are computed again from the triangle's corners, as for Embree's watertight rays.
+// Threading: immutable once made; made by any thread, asked by any number. Source: Olano, Greer 1997 (homogeneous edge
+// functions); Greene 1996 (coverage by tiles); Woop, Benthin, Wald 2013 (watertightness).
 #pragma once
 
 #include <algorithm>
@@ -35,12 +34,12 @@ struct PixelGrid {
 
 constexpr int kTilePixelsAside = 16;  // of sixteen blocks of four by four pixels, row by row, as their pixels
 
-/// Where a sample of a tile's pixels lies, in pixels from the tile's middle, by block and by pixel in the block.
+/// The places of one sample of a tile's pixels, in pixels from the tile's middle, by block and by pixel in the block.
 struct alignas(64) TilePlaces {
     float x[16][16], y[16][16];
 };
 
-/// What a sample of a tile's pixels sees, by block and by pixel in the block.
+/// The hits of one sample of a tile's pixels, by block and by pixel in the block.
 struct alignas(64) TileHits {
     static constexpr std::uint32_t kNone = 0xFFFFFFFF;
     float nearness[16][16];          // one over the depth; 0: nothing
@@ -118,7 +117,7 @@ struct PrimaryBlock {
     bool meet(const std::int32_t* valid, RayPacket16& rays) const { return picture.meet(tile, block, valid, rays); }
 };
 
-/// What the machine's registers do for them.
+/// The kernels for the machine's width of registers.
 struct PrimaryKernels {
     void (*find)(const TileFrame& frame, const PrimaryHits::Seen* seen, const PrimaryHits::Seen* end,
                  const Cluster* clusters, const ClusteredMesh* meshes, const TilePlaces* places, TileHits* hits,

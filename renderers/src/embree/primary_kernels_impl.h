@@ -26,7 +26,7 @@ struct PrimaryKernelsOf {
     RTSG_INLINE F absolute(F x) { return W::most(x, -x); }
     RTSG_INLINE F dot(const V& a, const V& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
     RTSG_INLINE F dot(const V& a, const Vec3f& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-    /// What a dot product is rounded by, in units of the last place.
+    /// The rounding error of a dot product, in units of the last place.
     RTSG_INLINE F sizes(const V& a, const Vec3f& b) {
         return absolute(a.x) * __builtin_fabsf(b.x) + absolute(a.y) * __builtin_fabsf(b.y) +
                absolute(a.z) * __builtin_fabsf(b.z);
@@ -79,8 +79,8 @@ struct PrimaryKernelsOf {
 
     // ---- tiles --------------------------------------------------------------------------------------------------
 
-    /// Of a cluster's triangles: three edges and the nearness over a tile, each as `one + x * across + y * down` at so
-    /// many pixels from the tile's middle. Edges are positive within.
+    /// A cluster's triangles over a tile: three edges and the nearness, each as `one + x * across + y * down` at so
+    /// many pixels from the tile's middle. Edges are positive inside.
     struct alignas(64) Planes {
         float across[4][16], down[4][16], one[4][16];
         float most[4][16];  // `one` and as much more as it may be anywhere in a block around its middle
@@ -186,7 +186,7 @@ struct PrimaryKernelsOf {
         __attribute__((always_inline)) F at(F x, F y) const { return (one + across * x) + down * y; }
     };
 
-    /// What a tile is asked for.
+    /// The samples that a tile is asked for.
     struct Samples {
         const TilePlaces* places;
         TileHits* hits;

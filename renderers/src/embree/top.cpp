@@ -1,4 +1,4 @@
-// What there is to trace: its objects and the tree over them.
+// The objects that are traced, and the tree over them.
 #include "top.h"
 
 #include <utility>

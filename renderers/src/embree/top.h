@@ -31,7 +31,7 @@ struct alignas(64) TopObject {
     std::uint32_t slotOf(std::uint32_t geometryId) const { return slots ? slots[geometryId] : slot; }
 };
 
-/// What Embree said of a ray, in the frame of what it hit.
+/// Embree's answer for a ray, in the frame of the object that it hit.
 struct RawHit {
     float t, u, v;
     Vec3f normal;
@@ -68,10 +68,10 @@ class TopView {
     std::uint32_t occluded(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                            PassedHits* passed = nullptr, const RayFilter* hider = nullptr) const;
 
-    /// As RayView's.
+    /// RayView's function of that name.
     void visitNear(const Vec3f& center, float radius, const NearVisitor& visit) const;
 
-    /// What was hit. Precondition: the ray hit something.
+    /// The object that was hit. Precondition: the ray hit something.
     const TopObject& objectOf(std::uint32_t objectId) const {
         return objectId == kNoInstance ? *main_ : object(objectId);
     }
@@ -87,7 +87,7 @@ class TopView {
     const TopObject& object(std::uint32_t i) const { return objects_[i / kObjectsPerPage][i % kObjectsPerPage]; }
     /// Whether it pays to trace them as coherent rays; Embree's way for these goes by the frustum around all of them.
     bool runTogether(const RayPacket16& rays, const std::int32_t* valid) const;
-    /// Of all that is in it.
+    /// Sets the size of the box around everything.
     void setSize(const InstanceTree::Box& box);
     /// A bit per lane that hit something; to be called once for each query.
     std::uint32_t metBy(RayPacket16& rays) const;
@@ -133,13 +133,13 @@ class Top {
     /// After the commit of a group that rests.
     void updateGroup(std::uint32_t object);
     void remove(std::uint32_t object);
-    /// What traces a slot; kNone: nothing does. A group's geometry that another object traces is hidden.
+    /// Sets the object that traces a slot; kNone: none does. A group's geometry that another object traces is hidden.
     void setOwner(std::uint32_t slot, std::uint32_t object);
     void commit();
 
-    /// As of the last commit.
+    /// The view as of the last commit.
     const TopView& view() const { return view_; }
-    /// What a frozen view's pages are listed in.
+    /// The lists of a frozen view's pages.
     struct Pages {
         std::vector<const TreeView::Node*> nodes;
         std::vector<const TopObject*> objects;

@@ -38,7 +38,7 @@ void leave(const Ray& ray, RTCRay& r) {
     r.dir_x = ray.direction.x, r.dir_y = ray.direction.y, r.dir_z = ray.direction.z;
 }
 
-/// What goes with rays that pass hits: those on what is hidden, and those that are noted.
+/// Goes with rays that pass some hits: hits on hidden things, and hits that are noted.
 struct Passing {
     const TopView& top;
     const RayFilter* hider;
@@ -236,7 +236,7 @@ void traverse(const TreeView& tree, const RayPacket16& rays, const std::int32_t*
         &leaf);
 }
 
-/// What the caller of a packet leaves to us.
+/// Fills in what the caller of a packet leaves to us.
 inline void complete(RayPacket16& rays, std::uint32_t mask) {
     if (kWide) return avx512::complete(rays, mask);
     for (int i = 0; i < 16; ++i) {

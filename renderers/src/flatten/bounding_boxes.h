@@ -24,8 +24,8 @@ struct WorldBox {
     friend bool operator==(const WorldBox&, const WorldBox&) = default;
 };
 
-/// Of a mesh turned and scaled, about its origin. Of a mesh that is only scaled along its axes at no cost; otherwise
-/// every corner is looked at.
+/// The bounds of a mesh that is turned and scaled about its origin. They cost nothing if it is only scaled along its
+/// axes; otherwise every corner is looked at.
 WorldBox boundsOf(const Mesh& mesh, const glm::dmat3& linear);
 /// Empty if it is not finite.
 WorldBox moved(const WorldBox& box, const Vec3d& by);
@@ -39,8 +39,8 @@ WorldBox worldBox(const Bounds& box, const WorldFromLocal& worldFromLocal);
 
 /// The twelve edges of a cube of side 1 about the origin, as lines. Always the same mesh.
 std::shared_ptr<const Mesh> boxEdges();
-/// Where boxEdges() are those of the box. One without a thickness gets a millionth of its size, so that the transform
-/// has an inverse. None if the box is empty or a point.
+/// The transform that makes boxEdges() the edges of the box. A box without thickness gets a millionth of its size, so
+/// that the transform has an inverse. None if the box is empty or a point.
 std::optional<WorldFromLocal> placeOfEdges(const WorldBox& box);
 
 /// The instance that shows a box of `owner` there.

@@ -18,7 +18,7 @@ void Flattener::Impl::begin(const Scene& now, std::uint64_t sequence) {
     scene = &now;
     ++stamp;
     if (std::exchange(startedOver, false)) {
-        // What a whole scene needed no frame will.
+        // No frame will need the memory that a whole scene needed.
         delta = InstanceDelta{};
         instances.createdNow = {};
         placed.createdNow = {};
@@ -442,7 +442,7 @@ void Flattener::Impl::finish() {
             std::shared_ptr<const Mesh> mesh = makeMesh(geometry);
             if (options.error.any()) mesh = atItsLevel(geometry, std::move(mesh));
             std::shared_ptr<const Mesh>& known = meshes[geometry.value];
-            // What is in a volume changes without its box.
+            // The content of a volume may change without its box, which is its mesh.
             const Node* node = mesh && known == mesh ? scene->find(geometry) : nullptr;
             if (!s.meshSent || !node || !roles.of(*node).isVolume) {
                 known = mesh;

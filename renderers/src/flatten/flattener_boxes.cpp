@@ -1,10 +1,10 @@
 // Bounding boxes that are displayed: which content each goes around, and its instance.
 //
 // A shape below such a node (a leaf) knows its box in the world and the innermost displayed box around it; displayed
-// boxes know the next one outwards. A leaf that comes, moves or changes makes that one larger at once; where it was
-// what held one of its sides out, the boxes of the leaves below are put together anew. What is hidden counts like all
-// else, so leaves have a hold on their geometry's mesh; what only ears meet does not count. A box whose author says how
-// large it is needs no leaves.
+// boxes know the next one outwards. A leaf that comes, moves or changes makes that box larger at once; if it was the
+// leaf that held one of the sides out, the boxes of the leaves below are joined anew. Hidden leaves count like all
+// others, so leaves have a hold on their geometry's mesh; things that only ears meet do not count. A box whose author
+// says how large it is needs no leaves.
 #include "bounding_boxes.h"
 
 #include <algorithm>
@@ -85,7 +85,8 @@ void Flattener::Impl::makeBox(std::uint32_t index) {
     box.whole = true;
     box.around = boxAround(tree[index].parent);
     handLeaves(index, index);
-    // What of them shrinks from now on is told to this one, which has not yet told the one around that it has them.
+    // From now on the shapes inside report to this box, which has not yet told the box around it that it has them: that
+    // one is computed as a whole.
     const auto around = boxes.shown.find(box.around);
     if (around == boxes.shown.end()) return;
     around->second.whole = true;

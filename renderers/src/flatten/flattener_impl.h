@@ -135,7 +135,7 @@ struct Flattener::Impl {
                    !meshSent && !meshStale && !touched;
         }
     };
-    /// Of a geometry that is cut from something curved.
+    /// The level of detail of a geometry that is cut from something curved.
     struct Detail {
         std::optional<int> level;  // none: as the Tessellator has it by itself
         double needed = 0;         // by what was looked at last
@@ -203,10 +203,10 @@ struct Flattener::Impl {
     void finish();
 
     // flattener_pixels.cpp: what depends on the picture
-    /// As localOf(), of what turns and of text in points.
+    /// localOf() for nodes that turn to the viewer and for text in points.
     bool localForEye(std::uint32_t occurrence, const Node& node, const TypeRole& role,
                      const WorldFromLocal& worldFromParent, WorldFromLocal& parentFromLocal);
-    /// Of the innermost layout from this occurrence outwards; null: it is in no LayoutLayer.
+    /// The region of the innermost layout from this occurrence outwards; null if it is in no LayoutLayer.
     const flatten::Region* regionAround(std::uint32_t occurrence) const;
     /// Marks what is laid out by `layoutsChanged`, or by another viewer.
     void followLayouts();
@@ -219,10 +219,10 @@ struct Flattener::Impl {
     void runScreened();
     /// Null if it is no ParticleSystem.
     std::shared_ptr<const Mesh> particleMesh(NodeId geometry);
-    /// Where the viewer is for a ParticleSystem, in its own space: of several places that it stands in, for the one
-    /// with the lowest path.
+    /// The viewer's place in a ParticleSystem's own space. If the system stands in several places, the one with the
+    /// lowest path counts.
     std::optional<Vec3d> eyeOf(NodeId system);
-    /// Of a layer: its own, if sights tell of one; none without a viewer.
+    /// The eye of a layer: its own, if the sights have one; none without a viewer.
     std::optional<EyePlace> eyeIn(std::uint16_t layer) const;
     /// Marks those that the viewer has moved for, or that have moved.
     void followSprites();
@@ -245,9 +245,9 @@ struct Flattener::Impl {
         if (!boxes.shown.empty()) boxes.touched.push_back(index);
     }
     void touchBoxesBelow(std::uint32_t top);
-    /// Who has one and what is in it; before meshes are made.
+    /// Finds which nodes display a box and what is in it; called before meshes are made.
     void followBoxes();
-    /// How large they are; when meshes are there.
+    /// Sets the sizes of the boxes; called when meshes are there.
     void placeBoxes();
     bool displaysBox(std::uint32_t index);
     void makeBox(std::uint32_t index);
@@ -262,7 +262,7 @@ struct Flattener::Impl {
     void forgetLeaf(std::uint32_t index);
     void followLeaf(std::uint32_t index);
     void measureLeaf(std::uint32_t index);
-    /// Of something in the box.
+    /// Notes that the bounds of something in the box have changed.
     void changeBox(std::uint32_t index, const flatten::WorldBox& was, const flatten::WorldBox& now);
     flatten::WorldBox boxOfContent(std::uint32_t top) const;
     void showBox(std::uint32_t index, DisplayedBox& box);
@@ -284,7 +284,7 @@ struct Flattener::Impl {
     void reconcile(std::uint32_t occurrence);
     void reconcileChildren(std::uint32_t occurrence);
     std::uint32_t findChild(std::uint32_t parent, NodeId child) const;
-    /// What an LOD shows: the children it has occurrences of, the one that is seen and the one that is heard.
+    /// The children of an LOD that have occurrences: the one that is seen and the one that is heard.
     struct Levels {
         NodeId seen, heard;
     };
@@ -292,7 +292,8 @@ struct Flattener::Impl {
     /// Whether eyes, ears or avatars meet the child, as a child of this parent; of an LOD: that shows these levels.
     static void setSenses(Occurrence& child, const Occurrence& parent);
     static void setSenses(Occurrence& child, const Occurrence& parent, const Levels& levels);
-    /// To those of the children of an LOD that were there before, and all below them; tells of those that differ.
+    /// Passes the senses on to the children of an LOD that were there before, and to all below them; reports those that
+    /// differ.
     void spreadSenses(std::uint32_t level);
     /// Whether a placed thing is for what can be sensed of its place.
     static bool isSensed(const Occurrence& o, PlacedKind kind);
@@ -318,17 +319,17 @@ struct Flattener::Impl {
     /// The occurrence that something placed shines, cuts or hides within, if there is one that limits it.
     std::uint32_t limitOf(std::uint32_t placed, const Node& node, const TypeRole& role) const;
     void relight(NodeId inlined);
-    /// Of a node below this one: its type's, but of a LayoutGroup's viewport, and of the part of a Viewport among
-    /// children that cuts the rest: it stands below itself.
+    /// The role of a node below this one. It is its type's, except for the viewport of a LayoutGroup, and for the part
+    /// of a Viewport among children that cuts the rest: it stands below itself.
     const TypeRole& roleBelow(std::uint32_t parent, const Node& node);
-    /// Of something placed; of a LayoutGroup's viewport with the rectangle that it divides as a square of side 1, which
-    /// has no size where there is none.
+    /// The frame of something placed. For the viewport of a LayoutGroup, the rectangle that it divides is a square of
+    /// side 1; it has no size if there is no rectangle.
     WorldFromLocal placedFrame(std::uint32_t index) const;
     void changeLocalLights(std::uint32_t light, int change);
     bool mayChange(const Node& node, Aspect aspect) const {
         return (mobility.mayChange(node) & aspectBit(aspect)) != 0;
     }
-    /// What turns to each eye is nothing to sound: what a picture shows changes none.
+    /// Sound does not meet what turns to the eye, since a picture must not change the sound.
     static bool isHeard(const Occurrence& o) { return o.heard && !(o.turned && o.seen); }
     bool isMover(const Node& node, const TypeRole& role) const;
     /// False when it is the identity.
@@ -342,7 +343,7 @@ struct Flattener::Impl {
         if (role.geographic) tellOfPlace(node);
         return role.hasTransform && flatten::localTransform(*scene, node, role, parentFromLocal);
     }
-    /// What is wrong with a geographic place, once.
+    /// Reports a wrong geographic place once.
     void tellOfPlace(const Node& node);
     bool deforms(NodeId geometry) const;
     /// Sets what it hangs below; true if that is something else.
@@ -392,7 +393,7 @@ struct Flattener::Impl {
     Diagnostics diagnostics;
     ToldOnce told;
 
-    // What the current change set touches; kept for their memory.
+    // The things that the current change set touches; the lists are kept for their memory.
     std::vector<ChildOp> childOps;
     std::vector<NodeId> reconciled, transformed, shapes, lights, inlinesChanged, geometries, layoutsChanged, rescreened;
     struct Content {

@@ -1,4 +1,4 @@
-// What the tables' @role of a type means for the hierarchy, and the transform and children of a node that has one.
+// Reads the tables' @role of a type for the hierarchy, and the transform and children of a node that has one.
 #include "flattener_roles.h"
 
 #include <algorithm>
@@ -17,7 +17,7 @@ FieldIndex findTyped(const NodeType& type, std::string_view name, FieldType fiel
                                                                                                       : kNoField;
 }
 
-/// What each @role of the node tables means here; `placed` and `children` as Role tells.
+/// The meaning of each @role of the node tables; `placed` and `children` are as Role says.
 struct NamedRole {
     std::string_view name;
     Role role;

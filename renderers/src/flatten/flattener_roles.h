@@ -1,6 +1,6 @@
-// What a node type means for the hierarchy: which of its children count, whether it has a transform, what it places.
+// The role of a node type in the hierarchy: which of its children count, whether it has a transform, what it places.
 //
-// Worked out once per type from the @role that node tables give it, so that PROTOs and users' own types work alike.
+// It is found once per type from the @role that node tables give it, so that PROTOs and users' own types work alike.
 // Source: ISO/IEC 19775-1 V4.0 10.4.4 (Transform's matrix), 10.4.3, 23.4.3, 26 (HAnim), 32 (CAD), 35 (layers).
 #pragma once
 
@@ -103,7 +103,7 @@ NodeId resolve(const Scene& scene, RoleTable& roles, NodeId id);
 /// The geometry node of a shape; a ParticleSystem stands for its own, which is made of its particles, and a volume for
 /// its own, which is the box around it.
 NodeId geometryOf(const Scene& scene, RoleTable& roles, const Node& shape);
-/// What a shape is drawn with; a volume itself.
+/// The appearance with which a shape is drawn; for a volume, the volume itself.
 NodeId appearanceOf(const Scene& scene, RoleTable& roles, const Node& shape);
 
 /// How an Appearance draws lines and points; null for the default, and for none.
@@ -115,8 +115,8 @@ bool isOfStrokeStyle(const Node& node);
 bool isClear(const Node& material);
 /// Whether nothing of a shape with them is to be seen: its inside is neither filled nor hatched, or its material
 /// isClear(), and nothing stands in for that: colours with an alpha of their own, several textures, another back,
-/// hatches, an alphaMode, what a MetadataSet says.
-/// Of geometry by a user's own type, which may colour it as it likes: never.
+/// hatches, an alphaMode, what a MetadataSet says. Never true for geometry of a user's own type, which may colour it at
+/// will.
 bool showsNothing(const Scene& scene, NodeId geometry, NodeId appearance);
 
 /// LOD: the level for a viewer at `viewer` (world); 0 without one.

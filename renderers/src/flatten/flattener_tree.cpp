@@ -260,7 +260,7 @@ void Flattener::Impl::touchGeometry(NodeId geometry) {
 }
 
 bool Flattener::Impl::isMover(const Node& node, const TypeRole& role) const {
-    // What a switch or a level of detail shows comes and goes: it must not be merged with what rests.
+    // The content of a switch or a level of detail comes and goes, so it must not be merged with what rests.
     if (role.role == Role::level || role.turns) return viewer.has_value();
     if (role.role == Role::choice) return mayChange(node, Aspect::structure);
     return role.hasTransform && mayChange(node, Aspect::transform);
@@ -439,7 +439,7 @@ void Flattener::Impl::reconcileChildren(std::uint32_t index) {
     std::size_t w = 0;
     for (const auto& [child, occurrence] : have) {
         while (w < wanted.size() && wanted[w] < child) missing.push_back(wanted[w++]);
-        // What was the proxy, and is among the children now, comes anew.
+        // A node that was the proxy and is now among the children gets a new occurrence.
         if (w < wanted.size() && wanted[w] == child && tree[occurrence].isProxy == (child == proxy))
             ++w;
         else

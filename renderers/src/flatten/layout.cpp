@@ -16,7 +16,7 @@ namespace {
 using Unit = LayoutParams::Unit;
 using Scale = LayoutParams::Scale;
 
-/// Of what knows no picture: its size, and how wide a pixel is outside of a LayoutLayer (96 to the inch).
+/// Used without a picture: its size, and the width of a pixel outside of a LayoutLayer (96 to the inch).
 constexpr int kUnknownWidth = 1280, kUnknownHeight = 720;
 constexpr double kUnknownPixel = .0254 / 96;
 

@@ -34,8 +34,8 @@ struct LayoutParams {
     std::array<Scale, 2> scale{Scale::none, Scale::none};
 };
 
-/// What is wrong with the fields is told to `problems` and taken as stated there; a size that no rectangle has is 0.
-/// Precondition: it is a Layout.
+/// Reads the fields of a Layout. Wrong ones are reported to `problems`, with the value that is taken instead; an
+/// impossible size becomes 0. Precondition: it is a Layout.
 LayoutParams readLayout(const Scene& scene, const Node& layout, Diagnostics& problems);
 
 /// A layer's whole rectangle, seen by the implicit eye of a LayoutLayer: its smaller side is 2 m.

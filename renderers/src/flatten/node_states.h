@@ -17,7 +17,7 @@ namespace rtsg::flatten {
 template <class State>
 class NodeStates {
   public:
-    /// Of those in the array; null for others.
+    /// The state of a node in the array; null for other nodes.
     State* dense(std::uint32_t id) { return id < dense_.size() ? &dense_[id] : nullptr; }
     /// Made when it is not there. `nodes`: how many there are in the scene. Valid until the next call.
     State& at(std::uint32_t id, std::size_t nodes) {

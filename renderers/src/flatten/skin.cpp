@@ -15,7 +15,7 @@ namespace rtsg::flatten {
 
 namespace {
 
-/// What no skeleton needs; what does has shared joints many times over.
+/// More joints than any real skeleton has; one that seems to have more shares joints many times over.
 constexpr std::size_t kMostJoints = 100'000;
 
 Array<Vec3f> pointsOf(const Scene& scene, NodeId coordinate) {
@@ -94,7 +94,7 @@ class Blend {
         return result;
     }
 
-    /// Of the first index of a node beyond the points.
+    /// Reports the first index of a node that is beyond the points.
     void tellOnce(const Scene& scene, const Node& node, const char* field, std::size_t i, std::int32_t index) {
         if (std::exchange(told_, true)) return;
         const std::string_view name = scene.name(node.id());
@@ -111,7 +111,7 @@ class Blend {
     std::vector<Vec3d> offset_, turned_;
 };
 
-/// What all joints of the skeleton do.
+/// Adds the motion of all joints of the skeleton.
 void addSkeleton(const Scene& scene, RoleTable& roles, const Node& humanoid, Blend& blend) {
     struct Visit {
         NodeId joint;

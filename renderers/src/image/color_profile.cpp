@@ -109,7 +109,7 @@ class Profile {
     explicit Profile(ByteSpan bytes) : bytes_(bytes) {}
     bool isWhole() const { return bytes_.size() >= kHead + 4 && begins(bytes_.subspan(36), "acsp"); }
     bool isFor(std::string_view space) const { return begins(bytes_.subspan(16), space); }
-    /// What a tag points at; empty: it is not there.
+    /// The data of a tag; empty if the tag is not there.
     ByteSpan tag(std::string_view name) const {
         const std::size_t count = std::min<std::size_t>(big32(bytes_, kHead), (bytes_.size() - kHead - 4) / 12);
         for (std::size_t i = 0; i < count; ++i) {

@@ -18,8 +18,8 @@
 
 namespace rtsg {
 
-/// What a file holds: rows from the top unless asked otherwise, layer by layer, at most 4 channels, in one of the two
-/// arrays.
+/// The pixels of a file: rows from the top unless asked otherwise, layer by layer, with at most 4 channels, in one of
+/// the two arrays.
 struct FilePixels {
     int width = 0, height = 0, channels = 0;
     int layers = 1;
@@ -57,7 +57,7 @@ struct Sheet {
     std::vector<std::pair<std::string, std::string>> notes{};
 };
 
-/// Where the bytes of a file come from; fewer than asked for at the end and after an error. From any thread.
+/// Gives the bytes of a file; fewer than asked for at the end and after an error. May be called from any thread.
 struct ByteSource {
     std::uint64_t size = 0;
     std::function<std::size_t(std::uint64_t offset, void* to, std::size_t length)> read;
@@ -110,9 +110,10 @@ Result<const ImageFiles*> imageFiles();
 
 /// The whole file of a sheet. Null: done; otherwise a sentence, which lasts until the thread's next call.
 using EncodePlain = const char* (*)(const Sheet& sheet, std::vector<unsigned char>& file);
-/// Of modules that need none of those libraries: .png and .jpg (librtsg_plain.so), and .exr (librtsg_exr.so) and .webp
-/// (librtsg_webp.so) where the headers of their libraries were there at build time. Null: a file with this extension is
-/// written by ImageFiles::encode(), which writes the same into those of all formats, but for .png its own way.
+/// The encoder of a module that needs none of those libraries: .png and .jpg (librtsg_plain.so), and .exr
+/// (librtsg_exr.so) and .webp (librtsg_webp.so) if the headers of their libraries were there at build time. Null:
+/// ImageFiles::encode() writes files with this extension; it writes the same pixels in all formats, but encodes .png
+/// its own way.
 Result<EncodePlain> plainEncoder(std::string_view extension);
 
 /// Reads a PNG, JPEG or still WebP file, all but what is asked for as floats, as ImageFiles::readMemory() would, bit
@@ -120,10 +121,10 @@ Result<EncodePlain> plainEncoder(std::string_view extension);
 /// refused. A JPEG file that ends too early is read all the same, and says so.
 using ReadPlain = bool (*)(std::span<const std::uint8_t> bytes, const ReadRequest& request, FilePixels& out,
                            std::string& refused);
-/// Of the same modules, for a file that begins so: most textures are such.
+/// The reader of the same modules for a file that begins with these bytes, as most textures do.
 Result<ReadPlain> plainReader(std::span<const std::uint8_t> bytes);
 
-/// What the modules export under these names, which change whenever this header does.
+/// The names that the modules export; they change whenever this header does.
 #define RTSG_IMAGE_FILES_SYMBOL rtsgImageFiles7
 #define RTSG_ENCODE_PNG_SYMBOL rtsgEncodePng2
 #define RTSG_ENCODE_JPEG_SYMBOL rtsgEncodeJpeg1

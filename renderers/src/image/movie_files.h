@@ -35,13 +35,13 @@ class MovieFile {
     virtual std::string frameAt(double time, bool& changed, FilePixels& out) = 0;
 };
 
-/// What a film is heard by, from its first picture to the end of its last; shorter films of sound alone as they are.
+/// The sound of a film from its first picture to the end of its last; of a file without pictures, the whole sound.
 struct FileSound {
     int sampleRate = 0, channels = 0;
     std::vector<float> samples;  // interleaved
 };
 
-/// Where a film that is made goes.
+/// The destination of a film that is made.
 struct MovieSink {
     /// At any place of it, also before what was written already; false if that failed.
     std::function<bool(std::uint64_t offset, std::span<const std::uint8_t> bytes)> write;
@@ -76,10 +76,10 @@ class MovieFiles {
     virtual std::string readSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSound& out) const = 0;
 };
 
-/// As imageFiles() does.
+/// Loads the module, as imageFiles() does.
 Result<const MovieFiles*> movieFiles();
 
-/// What the module exports under this name, which changes whenever this header does.
+/// The name that the module exports; it changes whenever this header does.
 #define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles4
 
 }  // namespace rtsg

@@ -50,7 +50,7 @@ Bytes pfm(const Picture& picture) {
     return bytes;
 }
 
-/// What only .exr holds.
+/// Adds the layers that only .exr can hold.
 void addLayers(const Picture& picture, Sheet& sheet) {
     constexpr const char* kInterval[] = {"interval.R", "interval.G", "interval.B"};
     if (!picture.interval.empty())
@@ -102,7 +102,7 @@ Picture toLinear(Picture picture) {
         const float alpha = pixel.a > 0 ? pixel.a : 1;
         const Vec3f shown = Vec3f(pixel) / alpha, light = linearFromSrgb(shown);
         if (!picture.interval.empty()) {
-            // Of the decoded ends the farther one counts, so that the interval holds both.
+            // The farther of the decoded ends counts, so that the interval holds both.
             Vec3f& interval = picture.interval[i];
             const Vec3f off = interval / alpha;
             interval = alpha * glm::max(linearFromSrgb(shown + off) - light, light - linearFromSrgb(shown - off));

@@ -18,7 +18,8 @@ namespace {
 /// Beyond this number of triangles, instances are left to bounces.
 constexpr std::size_t kMost = std::size_t{1} << 22;
 
-/// What a material emits at most, whatever its textures; 0: nothing, or not of the kind that is looked for.
+/// The largest emission of a material, whatever its textures; 0 if it emits nothing, or is not of the kind that is
+/// looked for.
 float emission(const Material& material, const Mesh& mesh) {
     if (material.transmits() || material.refractiveIndex > 0 || material.reflectivity != Vec3f(0)) return 0;
     if (!material.stages.empty() || material.hatching.present) return 0;
@@ -67,7 +68,7 @@ bool overlapInPlane(const Emitters::Emitter& a, const Emitters::Emitter& b, floa
     return true;
 }
 
-/// What a tree of such chooses evenly: every point is within it, and is lit alike from anywhere there.
+/// A cluster that the tree chooses evenly: every point is inside it, and is lit alike from anywhere in it.
 LightTree::Cluster asLikelyAsAny(const LightTree::Cluster& cluster) {
     constexpr float kFar = 1e6f;  // metres
     LightTree::Cluster result;

@@ -85,7 +85,7 @@ class Emitters {
     void add(const Source& source, std::vector<LightTree::Cluster>& clusters);
     void findContested();
 
-    /// What eight() tells, four numbers at a time.
+    /// The data that eight() returns, four numbers at a time.
     struct alignas(16) Packed {
         float numbers[20];
         explicit Packed(const Emitter& emitter);

@@ -1,13 +1,13 @@
-// Environment: what an EnvironmentLight's pictures or coefficients say comes from all around, infinitely far away.
+// Environment: the light from all around, infinitely far away, that an EnvironmentLight's pictures or coefficients
+// describe.
 //
-// One light has two descriptions in the node: of what mirrors show (specularTexture), and of what matte surfaces show
-// (diffuseTexture, else diffuseCoefficients). Where one is missing it is made from the other: what matte surfaces show
-// is the convolution with the cosine; and a light of spherical harmonics up to degree 2 that makes surfaces look as
-// described stands for pictures of mirrors. With neither, the light is 1 from everywhere.
-// Directions are unit vectors in the light's own frame; everything is linear light. Threading: immutable; what whitted
-// alone needs is made when it is first asked for. Source: ISO/IEC CD 19775-1 V4.1 17.4.2; glTF's
-// EXT_lights_image_based (coefficients are those of irradiance); Ramamoorthi & Hanrahan 2001; Karis 2013 (blurred
-// copies by roughness).
+// The node describes one light twice: as mirrors show it (specularTexture), and as matte surfaces show it
+// (diffuseTexture, else diffuseCoefficients). If one description is missing it is made from the other: matte surfaces
+// show the convolution with the cosine; and a light of spherical harmonics up to degree 2 that makes surfaces look as
+// described stands for pictures of mirrors. With neither, the light is 1 from everywhere. Directions are unit vectors
+// in the light's own frame; everything is linear light. Threading: immutable; what whitted alone needs is made when it
+// is first asked for. Source: ISO/IEC CD 19775-1 V4.1 17.4.2; glTF's EXT_lights_image_based (coefficients are those of
+// irradiance); Ramamoorthi & Hanrahan 2001; Karis 2013 (blurred copies by roughness).
 #pragma once
 
 #include <array>
@@ -35,13 +35,13 @@ class Environment {
     explicit Environment(Source source);
     const Source& source() const { return source_; }
 
-    /// What comes from a direction. `width`: radians, over which it is averaged.
+    /// The radiance from a direction, averaged over `width` radians.
     Vec3f radiance(const Vec3f& direction, float width = 0) const;
     /// The same from a place of its picture, on a side of the cube or round all. Precondition: it has one.
     Vec3f radianceInPicture(std::size_t side, Vec2f place, float width) const;
-    /// What a white matte surface shows: its irradiance over pi.
+    /// The light that a white matte surface reflects: its irradiance over pi.
     Vec3f matte(const Vec3f& normal) const;
-    /// What comes around a direction, as facets of a roughness (0 to 1) spread it for a view along their normal.
+    /// The radiance around a direction, blurred as facets of this roughness (0 to 1) do for a view along their normal.
     Vec3f blurred(const Vec3f& direction, float roughness) const;
     /// Does the work of the first matte(), and if `glossy` of the first blurred(), on all cores; else it is done when
     /// it is wanted, while others wait.

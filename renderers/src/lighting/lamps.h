@@ -22,7 +22,7 @@ class Lamps {
 
     bool empty() const { return tree_.empty(); }
     const TraceLight& operator[](std::uint32_t lamp) const { return lights_[lamp]; }
-    /// As LightTree::sample().
+    /// Calls LightTree::sample().
     LightTree::Choices sample(const simd::V8& point, const simd::V8& normal, simd::F8 u, std::uint32_t lanes) const {
         return tree_.sample(point, normal, u, lanes);
     }

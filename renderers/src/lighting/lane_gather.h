@@ -14,7 +14,7 @@ struct Q8 {
     F8 x, y, z, w;
 };
 
-/// Of four by four in each half.
+/// Transposes four by four numbers in each half.
 inline Q8 transposed(const Q8& q) {
     const F8 ab = __builtin_shufflevector(q.x, q.y, 0, 8, 1, 9, 4, 12, 5, 13),
              abHigh = __builtin_shufflevector(q.x, q.y, 2, 10, 3, 11, 6, 14, 7, 15),
@@ -40,7 +40,7 @@ inline V8 gather3(const float* const* places) {
     const Q8 q = gather4(places);
     return {q.x, q.y, q.z};
 }
-/// Of eight numbers the one that each lane says.
+/// Picks one of eight numbers for each lane.
 inline F8 oneEach(const float* eight, I8 which) {
 #ifdef __AVX2__
     __m256 from = _mm256_loadu_ps(eight);

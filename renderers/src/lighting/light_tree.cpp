@@ -187,7 +187,7 @@ namespace {
 
 // Sums are made in one order for one surface and for eight, so that both choose alike.
 
-/// Of each of eight numbers and all before it.
+/// The sums of each of eight numbers and all numbers before it.
 F8 sumsUpTo(F8 x) {
     const F8 none{};
     x += __builtin_shufflevector(none, x, 0, 8, 9, 10, 11, 12, 13, 14);
@@ -205,7 +205,7 @@ constexpr float kBelowOne = 0x1.fffffep-1f;
 I8 lanesOf8(std::uint32_t bits) {
     return ((I8{} + static_cast<std::int32_t>(bits)) & I8{1, 2, 4, 8, 16, 32, 64, 128}) != 0;
 }
-/// Of eight numbers the one that each lane says.
+/// Picks one of eight numbers for each lane.
 I8 oneEach(const std::uint32_t* numbers, I8 which) {
 #ifdef __AVX2__
     __m256i from, order;

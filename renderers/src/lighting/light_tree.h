@@ -19,7 +19,7 @@ namespace rtsg::trace {
 class LightTree {
   public:
     static constexpr std::uint32_t kNone = 0xFFFFFFFF;
-    /// Of one thing or of several together: their box, their power, and a cone that holds the normals of their shining
+    /// One emitter or several together: their box, their power, and a cone that holds the normals of their shining
     /// sides. Light falls off by 1 / max(x + y d + z d^2, least).
     struct Cluster {
         Bounds bounds;
@@ -77,7 +77,8 @@ class LightTree {
     simd::F8 importance(const Clusters& clusters, const simd::V8& point, const simd::V8& normal) const;
     static Clusters allOf(const Node& node);
     static Clusters oneOf(const Node& node, std::size_t child);
-    /// Of a way down: the node where it is, or the thing where it ends; what is left of the number to choose by.
+    /// A step on the way down: the node that it has reached, or the emitter where it ends, and what is left of the
+    /// random number.
     struct Step {
         std::uint32_t next = kNone;
         float u = 0, probability = 0;

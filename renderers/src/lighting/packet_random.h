@@ -21,7 +21,7 @@ inline void randomOfPicture(std::uint64_t seed, const int* x, const int* y, int 
     for (int at = 0; at < 16; at += 8) {
         U8 right, up, index{};
         std::memcpy(&right, x + at, sizeof right), std::memcpy(&up, y + at, sizeof up);
-        // As hilbertIndex() goes down the squares.
+        // Goes down the squares as hilbertIndex() does.
         for (unsigned i = side; i-- > 0;) {
             const U8 isRight = 0u - (right >> i & 1u), isUp = 0u - (up >> i & 1u);
             index = index << 2 | ((isRight & 3u) ^ (isUp & 1u));
@@ -98,14 +98,14 @@ class PacketRandom {
             simd::store(v + at, fraction(scrambleUpwards(sobolSecondReversed(index), low(other))));
         }
     }
-    /// As next() or nextPair(), where nobody wants the numbers.
+    /// Does what next() or nextPair() does if nobody wants the numbers.
     void skip() {
         if (together_)
             common_.nextSeed();
         else
             each([](int, std::uint64_t) {});
     }
-    /// Where a lane goes on.
+    /// The state from which a lane goes on.
     std::uint64_t state(int lane) const {
         return together_ ? common_.ofIndex(PathRandom(states_[lane]).index()).state() : states_[lane];
     }
@@ -132,7 +132,7 @@ class PacketRandom {
         return reverseBits(scrambleUpwards(load(at, reversed_), seed));
     }
 
-    // Where lanes are of different sequences, each has a seed of its own.
+    // If lanes belong to different sequences, each has a seed of its own.
 
     /// Calls take(lane, seed) with the next one's of each.
     template <class Take>

@@ -24,8 +24,8 @@ struct Probe {
     }
 };
 
-/// What it shows, by paths: a tile's pixels are as many groups of `settings.samplesPerPixel` samples, each group apart
-/// from all others, those of other `tile`s too. Precondition: 0 <= tile < 2^26.
+/// Measures the probe by paths: a tile's pixels are as many groups of `settings.samplesPerPixel` samples, each group
+/// apart from all others, those of other `tile`s too. Precondition: 0 <= tile < 2^26.
 void pathProbe(const TraceScene& scene, const Probe& probe, const RenderSettings& settings, int tile,
                TileResult& result);
 

@@ -125,7 +125,7 @@ class PathRandom {
                 fraction(scrambleUpwards(sobolSecondReversed(index), static_cast<std::uint32_t>(other)))};
     }
     std::uint64_t state() const { return state_; }
-    /// What index() leaves of it: bits of the sequence, from bit 12 on, and the number of the next call.
+    /// The state without index(): bits of the sequence, from bit 12 on, and the number of the next call.
     std::uint32_t sequenceAndCalls() const {
         return static_cast<std::uint32_t>(state_ >> 32 & (kSequence >> 32)) |
                static_cast<std::uint32_t>(state_ & kCalls);
@@ -136,7 +136,7 @@ class PathRandom {
                           (sequenceAndCalls & kLow));
     }
 
-    // What PacketRandom makes the same numbers of, for several samples at a time.
+    // For PacketRandom, which makes the same numbers for several samples at a time.
     std::uint32_t index() const { return static_cast<std::uint32_t>(state_ >> kCallBits); }
     /// Whether the other one's next calls are the same ones of the same sequence.
     bool drawsAs(const PathRandom& other) const { return ((state_ ^ other.state_) & (kSequence | kCalls)) == 0; }
@@ -144,7 +144,8 @@ class PathRandom {
     PathRandom ofIndex(std::uint32_t index) const {
         return PathRandom((state_ & (kSequence | kCalls)) | std::uint64_t{index} << kCallBits);
     }
-    /// Of the sequence and the number of the call, not of the sample. Behind the last call, it is another sequence.
+    /// A seed that depends on the sequence and the number of the call, not on the sample. After the last call another
+    /// sequence begins.
     std::uint64_t nextSeed() {
         const std::uint64_t seed = mixBits((state_ & kSequence) | (state_ & kCalls));
         if ((state_ & kCalls) == kCalls)

@@ -25,7 +25,7 @@ class Shutter {
     /// Tells the scene of it, unless nothing moves.
     void openFor(TraceScene& scene) const;
 
-    /// As traceTile().
+    /// Does what traceTile() does.
     void trace(const TraceScene& scene, const RenderSettings& settings, int x0, int y0,
                std::span<TileResult> groups) const;
 

@@ -11,7 +11,7 @@ namespace rtsg::trace {
 
 namespace {
 
-/// Of Gauss and Legendre, on [0, 1]: places and weights.
+/// Places and weights of Gauss and Legendre on [0, 1].
 constexpr double kGaussPlaces[4] = {0.069431844202974, 0.330009478207572, 0.669990521792428, 0.930568155797026};
 constexpr double kGaussWeights[4] = {0.173927422568727, 0.326072577431273, 0.326072577431273, 0.173927422568727};
 
@@ -29,7 +29,7 @@ std::vector<double> breaksOf(const Sky& sky) {
     return breaks;
 }
 
-/// What shows of the colours at this angle from the zenith, of 1: pictures may hide them.
+/// The share of the colours that shows at this angle from the zenith; pictures may hide them.
 double shownAt(const Sky& sky, double angle) {
     constexpr int kLooks = 64;
     constexpr double kLeast = 1.0 / kLooks;  // there may be a gap between the looks
@@ -48,7 +48,7 @@ double shownAt(const Sky& sky, double angle) {
     return std::max(clear / kLooks, kLeast);
 }
 
-/// Of the colours alone, whatever stands before them.
+/// The colours alone, whatever hides them.
 struct SkyColors {
     Sky sky;
     explicit SkyColors(const Sky& of) : sky(of) { sky.panorama = {}, sky.localFromWorld = glm::mat3(1); }

@@ -18,7 +18,7 @@ namespace rtsg::trace {
 class SkyBands {
   public:
     SkyBands() = default;
-    /// What the pictures of a Background leave visible of its colours.
+    /// Counts the colours of a Background where its pictures leave them visible.
     explicit SkyBands(const Sky& sky);
 
     double light() const { return light_; }  // luminance, integrated over all directions
@@ -47,7 +47,7 @@ class SkyBands {
 
 /// The first entry that is above `u`; one that has a share.
 std::size_t pickShare(std::span<const float> sums, float u);
-/// Where between two sums `u` lies, [0, 1).
+/// The place of `u` between two sums, in [0, 1).
 float insideShare(std::span<const float> sums, std::size_t at, float u);
 /// Finite, and not below 0.
 float skyLuminance(const Vec3f& color);

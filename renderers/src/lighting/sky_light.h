@@ -20,7 +20,7 @@
 
 namespace rtsg::trace {
 
-/// What comes from infinitely far, in a frame of its own.
+/// Light from infinitely far, in a frame of its own.
 struct FarLight {
     enum class Shape : std::uint8_t { cube, panorama };
     Shape shape = Shape::cube;  // of its pictures

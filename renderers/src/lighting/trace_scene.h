@@ -32,7 +32,7 @@ class Environment;
 class ScopeFilter;
 struct Volume;
 
-/// What an instance slot is drawn with.
+/// The material and the rest with which an instance slot is drawn.
 struct SlotShading {
     std::uint32_t material = 0;
     std::uint32_t lights = 0;                            // LightGroups: what reaches it
@@ -95,7 +95,7 @@ struct TraceEnvironment {
     const Environment* from = nullptr;
     Vec3f color{1}, ambient{0};
     glm::mat3 localFromWorld{1.0f};
-    /// Of a unit direction, in linear light or as a display value. `width`: radians, over which it is averaged.
+    /// The radiance from a unit direction, in linear light or as a display value, averaged over `width` radians.
     Vec3f radiance(const Vec3f& direction, bool linear, float width = 0) const;
 };
 
@@ -149,7 +149,7 @@ class GroupsOf {
 using LightGroups = GroupsOf<TraceLight>;
 using EnvironmentGroups = GroupsOf<TraceEnvironment>;
 
-/// What the distance of a place makes of its colour, by the scope that it is in.
+/// Fogs the colour of a place by its distance and scope.
 class Fogs {
   public:
     struct Entry {
@@ -223,7 +223,7 @@ struct TraceScene {
     LightGroups lightGroups;
     std::vector<std::shared_ptr<const ScopeFilter>> scopeFilters;  // that lights name
     EnvironmentGroups environments;  // bounces find their light; what shades without these adds it by addEnvironments()
-    /// Of all that is computed; automatic: of PhysicalMaterials linear, of all else display.
+    /// The space in which light is computed; automatic: linear for PhysicalMaterials, display for all others.
     ColorSpace space = ColorSpace::linear;
     const Sky* sky = nullptr;
     bool evenSky = false;  // the same in all directions: skyLinear, skyDisplay
@@ -234,17 +234,17 @@ struct TraceScene {
     bool clearAnywhere = true;   // wherever they run; or only
     std::vector<Bounds> clear;   // those that meet one of these (ray space), and
     Bounds allClear;             // so this, around them all
-    /// What GeneratedCubeMapTextures show in this picture, by node.
+    /// The content of GeneratedCubeMapTextures in this picture, by node.
     std::vector<std::pair<NodeId, SpaceTexture>> generated;
     float pixelSpread = 0;  // radians a pixel is wide in the middle of the picture, or
     float pixelSize = 0;    // metres, for an orthographic camera
-    /// Of a pixel's width: what one of its samples stands for. Were textures read as wide as the pixel by each of its
-    /// samples, they would be blurred twice.
+    /// The share of a pixel's width for which one of its samples stands. If each sample read textures as wide as the
+    /// pixel, they would be blurred twice.
     float sampleShare = 1;
     /// How wide that is (metres) where rays have come `run` metres far.
     float sampleWidth(float run) const { return sampleShare * (pixelSpread * run + pixelSize); }
 
-    /// What an instance is drawn with.
+    /// The material and the rest with which an instance is drawn.
     const SlotShading& slot(std::uint32_t instance) const {
         static const SlotShading unknown;
         return instance < slots.size() ? slots[instance] : unknown;
@@ -253,8 +253,8 @@ struct TraceScene {
         if (evenSky) return linear ? skyLinear : skyDisplay;
         return sky->color(direction, linear ? ColorSpace::linear : ColorSpace::display);
     }
-    /// What comes from infinitely far to a surface of this group of lights: of its EnvironmentLights where there are
-    /// any, else the sky.
+    /// The light from infinitely far that reaches a surface of this group of lights: that of its EnvironmentLights if
+    /// there are any, else that of the sky.
     Vec4f fromFar(const Vec3f& direction, std::uint32_t group, bool linear) const {
         if (!environments.lights.empty()) [[unlikely]]
             return fromEnvironments(direction, group, linear);
@@ -282,8 +282,8 @@ struct PathTask {
     std::uint32_t lights = 0;  // the group of lights of the surface that sent it, where depth > 0
     bool linear = false;       // what it finds counts as light; else as display values
     std::uint64_t random = 0;  // PathRandom's state; paths only
-    /// Of the surface that sampled this direction, and how likely it was, per steradian; 0: nothing else could have
-    /// found what lies there (the eye, mirrors, glass). Paths only.
+    /// The normal of the surface that sampled this direction, and the density with which it did, per steradian; 0 if
+    /// nothing else could have found what lies there (the eye, mirrors, glass). Only paths use these.
     Vec3f normal{0};
     float density = 0;
     float first = 1;  // what roulette counts as a full weight; paths only
@@ -300,7 +300,7 @@ constexpr int kTilePixels = kTileSide * kTileSide;
 
 struct TileReach;
 
-/// What a tile's samples add up to, or one group's of them.
+/// The sums of a tile's samples, or of one group of them.
 struct TileResult {
     std::uint64_t seed = 0;         // in: of its random numbers
     std::uint32_t blocks = 0xFFFF;  // in: which of its blocks of four by four pixels are sampled, a bit each
@@ -329,7 +329,7 @@ struct TileResult {
 /// counted in the first.
 void traceTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
                std::span<TileResult> groups);
-/// Of one instant, by Whitted's recursion.
+/// Traces a tile at one instant, by Whitted's recursion.
 void whittedTile(const TraceScene& scene, const Camera& camera, const RenderSettings& settings, int x0, int y0,
                  std::span<TileResult> groups);
 /// The same by path tracing: light that comes from surfaces and sky is gathered too.

@@ -1,4 +1,4 @@
-// Where a line meets a triangle, in double precision.
+// Intersects a line with a triangle, in double precision.
 #pragma once
 
 #include <optional>
@@ -7,7 +7,7 @@
 
 namespace rtsg::exact {
 
-/// Where a line through `from` meets a triangle's plane.
+/// The place where a line through `from` meets a triangle's plane.
 struct Meeting {
     Weights where;
     double distance = 0;

@@ -39,7 +39,7 @@ struct Lanes16 {
         return _mm512_cmp_ps_mask(static_cast<__m512>(a), static_cast<__m512>(b), _CMP_GT_OQ);
     }
     RTSG_INLINE M both(M a, M b) { return _kand_mask16(a, b); }
-    /// Of those of `among`.
+    /// Compares only the lanes in `among`.
     RTSG_INLINE M greater(M among, F a, F b) {
         return _mm512_mask_cmp_ps_mask(among, static_cast<__m512>(a), static_cast<__m512>(b), _CMP_GT_OQ);
     }
@@ -67,7 +67,7 @@ struct Lanes16 {
     RTSG_INLINE F columns() { return F{0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3}; }
     RTSG_INLINE F rows(int) { return F{0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3}; }
 
-    /// What `use` leaves out becomes `other`.
+    /// Copies the lanes in `use`; all others become `other`.
     RTSG_INLINE void copy(std::uint32_t* to, const std::uint32_t* from, I use, std::uint32_t other) {
         const __m512i all = _mm512_set1_epi32(static_cast<std::int32_t>(other));
         const __mmask16 mask = _mm512_movepi32_mask(reinterpret_cast<__m512i>(use));
@@ -81,7 +81,7 @@ struct Lanes16 {
             _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(places[2])), _mm_loadu_ps(places[3]), 1);
         return static_cast<F>(_mm512_insertf32x8(_mm512_castps256_ps512(low), high, 1));
     }
-    /// Of thirty-two numbers those of these places.
+    /// Looks up numbers in a table of thirty-two.
     RTSG_INLINE F lookUp(const float* table, I places) {
         return static_cast<F>(_mm512_permutex2var_ps(_mm512_loadu_ps(table), reinterpret_cast<__m512i>(places),
                                                      _mm512_loadu_ps(table + 16)));
@@ -90,7 +90,7 @@ struct Lanes16 {
     RTSG_INLINE F spread(F v) {
         return static_cast<F>(_mm512_permute_ps(static_cast<__m512>(v), j * 0x55));
     }
-    /// Of four by four in each quarter.
+    /// Transposes four by four numbers in each quarter.
     RTSG_INLINE void transpose(F& a, F& b, F& c, F& d) {
         const __m512 ab = _mm512_unpacklo_ps(static_cast<__m512>(a), static_cast<__m512>(b));
         const __m512 abHigh = _mm512_unpackhi_ps(static_cast<__m512>(a), static_cast<__m512>(b));

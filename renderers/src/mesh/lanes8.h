@@ -33,7 +33,7 @@ struct Lanes8 {
     static M atLeast(F a, F b) { return a >= b; }
     static M greater(F a, F b) { return a > b; }
     static M both(M a, M b) { return a & b; }
-    /// Of those of `among`.
+    /// Compares only the lanes in `among`.
     static M greater(M among, F a, F b) { return among & (a > b); }
     static F choose(M mask, F a, F b) { return mask ? a : b; }
     static F least(F a, F b) { return simd::min(a, b); }
@@ -71,7 +71,7 @@ struct Lanes8 {
     static F columns() { return F{0, 1, 2, 3, 0, 1, 2, 3}; }
     static F rows(int at) { return at == 0 ? F{0, 0, 0, 0, 1, 1, 1, 1} : F{2, 2, 2, 2, 3, 3, 3, 3}; }
 
-    /// What `use` leaves out becomes `other`.
+    /// Copies the lanes in `use`; all others become `other`.
     static void copy(std::uint32_t* to, const std::uint32_t* from, I use, std::uint32_t other) {
         I lanes;
         std::memcpy(&lanes, from, sizeof lanes);
@@ -84,7 +84,7 @@ struct Lanes8 {
         std::memcpy(&low, places[0], sizeof low), std::memcpy(&high, places[1], sizeof high);
         return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7);
     }
-    /// Of thirty-two numbers those of these places.
+    /// Looks up numbers in a table of thirty-two.
     static F lookUp(const float* table, I places) {
 #ifdef __AVX2__
         __m256i at;
@@ -102,7 +102,7 @@ struct Lanes8 {
     static F spread(F v) {
         return __builtin_shufflevector(v, v, j, j, j, j, 4 + j, 4 + j, 4 + j, 4 + j);
     }
-    /// Of four by four in each half.
+    /// Transposes four by four numbers in each half.
     static void transpose(F& a, F& b, F& c, F& d) {
         const F ab = __builtin_shufflevector(a, b, 0, 8, 1, 9, 4, 12, 5, 13);
         const F abHigh = __builtin_shufflevector(a, b, 2, 10, 3, 11, 6, 14, 7, 15);

@@ -149,7 +149,7 @@ inline F8 acosOf(F8 x) {
 
 /// Sine and cosine of so many turns, [0, 1).
 inline void sinCosTurns(F8 turns, F8& sine, F8& cosine) {
-    // What is left of the nearest quarter, up to pi / 4 either way: Taylor's series.
+    // The rest after the nearest quarter turn, at most pi / 4 either way, goes by Taylor's series.
     const I8 quarter = __builtin_convertvector(turns * 4.0f + 0.5f, I8);
     const F8 x = (turns - __builtin_convertvector(quarter, F8) * 0.25f) * 6.28318530718f, q = x * x;
     const F8 s = x * (1.0f + q * (-1 / 6.0f + q * (1 / 120.0f + q * (-1 / 5040.0f + q * (1 / 362880.0f)))));

@@ -20,14 +20,14 @@ struct Weights {
     double u = 0, v = 0;
 };
 
-/// Of the point of segment ab nearest to p: where along it, in [0, 1].
+/// The place along segment ab, in [0, 1], of its point nearest to p.
 inline double nearestOnSegment(const Vec3d& p, const Vec3d& a, const Vec3d& b) {
     const Vec3d ab = b - a;
     const double squared = glm::dot(ab, ab);
     return squared > 0 ? std::clamp(glm::dot(p - a, ab) / squared, 0.0, 1.0) : 0.0;
 }
 
-/// Where the foot of `p`'s perpendicular falls, if the triangle has an area to speak of and it falls inside.
+/// The foot of `p`'s perpendicular on the triangle, if that has an area to speak of and the foot falls inside.
 inline std::optional<Weights> foot(const Vec3d& p, const Triangle& t) {
     const Vec3d ab = t.b - t.a, ac = t.c - t.a, ap = p - t.a, normal = glm::cross(ab, ac);
     const double squared = glm::dot(normal, normal);

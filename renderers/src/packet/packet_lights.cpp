@@ -1,4 +1,4 @@
-// What lights do to the lanes of a packet, and their shadows: ISO/IEC 19775-1 V4.0 17.2.2.
+// Lights the lanes of a packet, with shadows: ISO/IEC 19775-1 V4.0 17.2.2.
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -21,7 +21,7 @@ using namespace simd;
 
 namespace {
 
-/// Where points lie before a projector, and where in its picture.
+/// The position of points before a projector and in its picture.
 struct InProjection {
     F8 depth, s, t;
     I8 inside;
@@ -107,7 +107,7 @@ bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float
         ray.direction = ray.origin + ray.direction - next;
         if (!(glm::dot(ray.direction, ray.direction) > 1e-20f)) return false;
     }
-    // What was left out before this hit is behind the new start: where the ray begins was moved on past that.
+    // Whatever was left out before this hit is behind the new start, so the ray begins at 0 again.
     ray.origin = next, ray.tMin = 0, ray.tMax = tMax;
     return true;
 }
@@ -153,7 +153,7 @@ std::uint32_t followClear(const TraceScene& scene, const RayView& world, RayPack
     return met;
 }
 
-/// What is left of light along a ray that nothing opaque stops.
+/// The share of light that is left along a ray that nothing opaque stops.
 Vec3f leftBehind(const TraceScene& scene, const Ray& ray, int lane, ClearWay& way) {
     Vec3f left(1);
     way.visit(ray, lane, [&](const Hit& hit) {
@@ -166,8 +166,8 @@ Vec3f leftBehind(const TraceScene& scene, const Ray& ray, int lane, ClearWay& wa
 }
 
 /// Which rays, to a light at `tMax`, are blocked, and in `clear` which of them by something that may let light through:
-/// `left` tells how much. `world`: what they may meet. What an opaque thing blocks needs no closer look, whatever else
-/// the scene holds.
+/// `left` tells how much. `world`: what they may meet. A ray that an opaque thing blocks needs no closer look, whatever
+/// else the scene holds.
 std::uint32_t findBlocked(const TraceScene& scene, const RayView& world, RayPacket16& rays, std::uint32_t tested,
                           float tMax, bool coherent, std::uint32_t& clear, Vec3f* left) {
     clear = 0;
@@ -237,9 +237,8 @@ V8 turned(const glm::mat3& m, const V8& v) {
     return to * (1.0f / max(sqrt(dot(to, to)), all(1e-30f)));
 }
 
-/// What a packet's surfaces reflect, as an eye below an uneven scale sees it: by the angles of its own space, so that
-/// what stands below the same scale is lit as if that were not there. Which side of a surface something is on is the
-/// same there.
+/// Lights a packet's surfaces as an eye below an uneven scale sees them: by the angles of the eye's own space, so that
+/// things below the same scale are lit as if it were not there. The sides of surfaces are the same in that space.
 class InEyeSpace {
   public:
     InEyeSpace(const UnevenEye& eye, SurfacePacket& surfaces) : eye_(eye), s_(surfaces) {

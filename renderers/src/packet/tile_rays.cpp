@@ -97,7 +97,7 @@ PixelBlock pixelBlock(const Camera& camera, const RenderSettings& settings, cons
             static_cast<float>(camera.visibilityLimit)};
 }
 
-/// Where rays do not start in one point: through these places of the pixels.
+/// Makes rays through these places of the pixels, for eyes whose rays do not start in one point.
 void raysThrough(const Camera& camera, const RenderSettings& settings, const PixelBlock& b, const float* inX,
                  const float* inY, RayPacket16& rays) {
     alignas(32) float u[16], v[16];
@@ -122,7 +122,7 @@ void raysThrough(const Camera& camera, const RenderSettings& settings, const Pix
     }
 }
 
-/// As far as the eye's planes and the limit of its sight allow.
+/// Bounds the rays by the eye's planes and the limit of its sight.
 void bound(const Camera& camera, RayPacket16& rays) {
     for (int lane = 0; lane < 16; ++lane) {
         if (!rays.active[lane]) continue;

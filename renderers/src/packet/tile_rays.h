@@ -1,5 +1,5 @@
-// What integrators share of a tile: the rays that it starts with, and the loop in which they and their followers go in
-// packets of sixteen.
+// Shared by the integrators of a tile: the rays that it starts with, and the loop in which these and their followers go
+// in packets of sixteen.
 #pragma once
 
 #include <algorithm>
@@ -14,11 +14,11 @@
 
 namespace rtsg::trace {
 
-/// Where a sample lies in the pixels of a tile, [0, 1)^2, by block and by pixel in the block.
+/// The places of one sample in the pixels of a tile, in [0, 1)^2, by block and by pixel in the block.
 struct alignas(64) SamplePlaces {
     float u[16][16], v[16][16];
 };
-/// Of the first samples of the tile at (x0, y0). Precondition: a pixel has more than one.
+/// Finds the places of the first samples of the tile at (x0, y0). Precondition: a pixel has more than one.
 void findPlaces(std::uint64_t seed, int x0, int y0, std::span<SamplePlaces> samples);
 
 /// Sixteen neighbouring pixels' rays (`block` 0 to 15 of the tile, four by four pixels each), and which pixels of the
@@ -68,8 +68,8 @@ class TileLoop {
         swapQueues();
     }
 
-    /// `trace(packets)` is given a few packets at a time: what is done to one after the other of them does not wait for
-    /// the one before. Of what it is asked to follow, push() is told.
+    /// `trace(packets)` gets a few packets at a time, so that the work on one need not wait for the one before. Rays
+    /// that are to be followed go to push().
     template <class Trace>
     void run(const Trace& trace) {
         std::size_t count = 0;
@@ -99,18 +99,19 @@ class TileLoop {
     void finish(const Trace& trace) {
         drain(trace);
     }
-    /// Where the samples lie, so that it is not found again. They must outlive run().
+    /// Sets the places of the samples, so that they are not computed again. They must outlive run().
     void usePlaces(std::span<const SamplePlaces> places) { places_ = places; }
     void push(const PathTask& task) { next_[0].push_back(task); }
-    /// A new one, to be filled in. What turns alike at neighbouring places goes on side by side, so it waits apart.
+    /// Adds a ray, to be filled in. Rays that turn alike at neighbouring places go on side by side, so they wait apart
+    /// from others.
     PathTask& push(Turn turn = Turn::none) { return next_[static_cast<std::size_t>(turn)].emplace_back(); }
     /// One like another, to be changed.
     PathTask& push(Turn turn, const PathTask& like) { return next_[static_cast<std::size_t>(turn)].emplace_back(like); }
 
-    /// Of the picture.
+    /// The pixel's coordinate in the picture.
     int x(std::uint16_t pixel) const { return x0_ + pixel % kTileSide; }
     int y(std::uint16_t pixel) const { return y0_ + pixel % kTilePixels / kTileSide; }
-    /// What a pixel adds to.
+    /// The sum to which a pixel adds.
     TileResult& resultOf(std::uint16_t pixel) const { return groups_[pixel / kTilePixels]; }
     Vec4f& sumOf(std::uint16_t pixel) const { return resultOf(pixel).sum[pixel % kTilePixels]; }
 

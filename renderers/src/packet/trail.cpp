@@ -36,7 +36,7 @@ float mostOf(F8 v) {
     return -leastOf(-v);
 }
 
-/// Of the lanes in `mask`.
+/// Extends the box by the lanes in `mask`.
 void extend(Bounds& box, std::uint32_t mask, const float* x, const float* y, const float* z) {
     if (!mask) return;
     const float* axes[] = {x, y, z};
@@ -54,7 +54,7 @@ void extend(Bounds& box, std::uint32_t mask, const float* x, const float* y, con
 /// from 0 to `end`.
 bool sweeps(const Bounds& from, const Vec3f& lowWay, const Vec3f& highWay, double end, const Bounds& box) {
     double first = 0, last = end;
-    // Where c + t v <= 0.
+    // Keeps the part where c + t v <= 0.
     const auto cut = [&](double c, double v) {
         if (v > 0)
             last = std::min(last, -c / v);
@@ -172,7 +172,7 @@ LightReach reachOf(const TraceLight& light) {
     return reachAt(light, light.position);
 }
 
-/// Of lights that shine as before but for place, direction and colour; false: they are others.
+/// Compares lights that differ in place, direction and colour at most; false if they differ in more.
 bool compareLamps(const PlacedEntry* before, const PlacedEntry* now, Comparison& found) {
     const Light* a = before ? std::get_if<Light>(&before->what) : nullptr;
     const Light* b = now ? std::get_if<Light>(&now->what) : nullptr;

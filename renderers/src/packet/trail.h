@@ -3,9 +3,9 @@
 // A tile remembers boxes around what its rays started from, met and lost; a state of the world differs from another in
 // boxes around the instances that are other than they were, and in the balls and cones of such lights. A tile none of
 // whose rays can have come into such a box, and none of whose surfaces such a light shines on, is as it was, bit for
-// bit. Where something is different that nothing is around (the sun, the sky, a fog), or where rays go ways that nobody
-// writes down (paths, volumes, generated cubes), only a picture of the very same state is kept.
-// Invariant: a picture with a trail is the one without. Threading: one picture at a time; its tiles on any threads.
+// bit. If something without bounds differs (the sun, the sky, a fog), or if rays go ways that are not recorded (paths,
+// volumes, generated cubes), only a picture of the very same state is kept. Invariant: a picture with a trail is the
+// one without. Threading: one picture at a time; its tiles on any threads.
 #pragma once
 
 #include <cstddef>
@@ -22,7 +22,7 @@ namespace rtsg::trace {
 
 struct SurfacePacket;
 
-/// Where a light shines at most: a ball, or a cone of it. Ray space.
+/// The region that a light may reach, in ray space: a ball, or a cone of it.
 struct LightReach {
     Vec3f apex{0}, direction{0, 0, -1};
     float radius = 0, halfAngle = 0;  // metres, radians; a half angle from pi / 2 on: the ball
@@ -75,7 +75,7 @@ class Untouched {
     Bounds all_;
 };
 
-/// What a tile adds to RenderStats.
+/// The numbers that a tile adds to RenderStats.
 struct TileStats {
     double samples = 0, error = 0, unreached = 0;  // sums over pixels; of `error` the squares
     double missing = 0, missingMost = 0;
@@ -92,16 +92,17 @@ class Trail {
         std::vector<TileStats> tiles;
     };
 
-    /// Before a picture of these, and after it: `complete` is false of one that was cancelled. What is kept holds them.
+    /// To be called before and after a picture of these; `complete` is false for one that was cancelled. A kept picture
+    /// holds these states.
     void begin(std::shared_ptr<const LightState> light, std::shared_ptr<const WorldVersion> world,
                const RenderSettings& settings);
     void end(bool complete);
 
     /// The next part of this picture, in the order of drawing: what the last picture had there, to be replaced.
     Part& next(const Camera& camera);
-    /// Of that part: whether the last picture shows the same.
+    /// Whether the last picture shows the same in that part.
     bool isSame() const { return usable_ && differences_.none(); }
-    /// Of that part: in what it differs, if tiles can be kept; null: they cannot.
+    /// The differences in that part, if tiles can be kept; null if they cannot.
     const Differences* kept() const { return usable_ && !differences_.everywhere ? &differences_ : nullptr; }
 
   private:

@@ -140,7 +140,7 @@ class March {
     static const VolumeStyle* styleAt(const Volume& volume, const Vec3f& place) {
         std::size_t segment = 0;
         if (volume.segments) {
-            // Of pictures with 8 bits a number is a byte; of finer ones it is the identifier itself.
+            // In pictures with 8 bits a number is a byte; in finer ones it is the identifier itself.
             segment =
                 static_cast<std::size_t>(std::lround(std::clamp(volume.segments->nearest(place).r, 0.0f, 1.0f) * 255));
             if (segment < volume.segmentEnabled.size() && !volume.segmentEnabled[segment]) return nullptr;

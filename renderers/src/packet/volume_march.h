@@ -1,9 +1,10 @@
-// What volumes add to a ray, and what they leave of the light from beyond them.
+// Marches through volumes: finds the light that they add to a ray, and the share of the light from beyond that they
+// leave.
 //
 // An opacity is that of a way of one voxel, whichever way a ray takes through the box: over a way of d voxels of
 // opacity a, (1 - a)^d is left. A march takes two samples a voxel; of several volumes in one place each takes its part.
-// Threading: re-entrant. Source: ISO/IEC 19775-1 V4.0 clause 41, which does not say what length an opacity is for;
-// Max 1995 (emission and absorption along a ray).
+// Threading: re-entrant. Source: ISO/IEC 19775-1 V4.0 clause 41, which does not say what length an opacity is for; Max
+// 1995 (emission and absorption along a ray).
 #pragma once
 
 #include "lighting/trace_scene.h"
@@ -24,14 +25,14 @@ struct VolumeLight {
 /// before the ray's origin, for fog.
 VolumeLight marchVolumes(const TraceScene& scene, const Ray& ray, bool asLight, float line);
 
-/// What is left of light along the ray. `scope`: what leaves out those that cast no shadow in it; null: all do.
+/// The share of light that is left along the ray. `scope` leaves out volumes that cast no shadow in it; null: all do.
 float volumesLeft(const TraceScene& scene, const Ray& ray, const ScopeFilter* scope = nullptr);
 
 /// The volumes of a picture: `hidden` as in Part.
 void findVolumes(const LightState& state, const RayView& world, const std::vector<bool>& hidden,
                  std::shared_ptr<const RayFilter> filter, TraceScene& scene);
 
-/// What a style makes of a place in a volume.
+/// A place in a volume as a style shows it.
 class StyledPlace {
   public:
     /// `at` in ray space, `view` towards the eye. Without `colors`, only the opacity counts.
@@ -41,7 +42,7 @@ class StyledPlace {
 
     /// Colour, and opacity of one voxel.
     Vec4f operator()(const VolumeStyle& style);
-    /// Of a surface where the voxels have this value: colour and opacity.
+    /// The colour and opacity of a surface where the voxels have this value.
     Vec4f surface(const VolumeStyle& style, float value);
 
   private:

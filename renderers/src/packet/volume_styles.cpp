@@ -1,4 +1,4 @@
-// What render styles make of a place in a volume: ISO/IEC 19775-1 V4.0 41.4.
+// Applies render styles to a place in a volume: ISO/IEC 19775-1 V4.0 41.4.
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -22,7 +22,7 @@ TextureAccess clamped() {
     return access;
 }
 
-/// What a light sends to a place.
+/// The light that a place receives.
 struct LightThere {
     Vec3f direction{0};  // towards it, unit
     float distance = std::numeric_limits<float>::infinity();

@@ -40,7 +40,7 @@ class Tile {
     }
 
   private:
-    /// What the tile's primary rays meet of what rests.
+    /// Finds the resting surfaces that the tile's primary rays meet.
     void find() {
         static_assert(kTileSide == bvh::kTilePixelsAside);
         const int samples = settings_.samplesPerPixel;
@@ -62,8 +62,8 @@ class Tile {
             scene_.primary->find(x0_ / kTileSide, y0_ / kTileSide, known_, samples > 1 ? inTile.data() : nullptr);
     }
 
-    /// Where a colour that a ray finds goes. `linear`: it is light, otherwise display values; `whole`: what is light is
-    /// not yet part of a share, so its weight counts as one.
+    /// Adds a colour that a ray has found. `linear` says that it is light, not a display value; `whole` that light is
+    /// not yet part of a share, so that its weight counts as one.
     void add(std::uint16_t pixel, const PathTask* task, const Vec3f& weight, Vec3f color, bool linear, float coverage,
              bool whole = true) {
         loop_.sumOf(pixel).a += coverage * (weight.x + weight.y + weight.z) / 3;
@@ -75,8 +75,8 @@ class Tile {
         }
         loop_.sumOf(pixel) += Vec4f(weight * color, 0);
     }
-    /// What is seen of a surface, straight or through others. Of what is mixed with something before or behind it a
-    /// display value above white counts as white, as it does where browsers mix.
+    /// The colour of a surface, seen straight or through others. If it is mixed with something before or behind it, a
+    /// display value above white counts as white, as it does in browsers.
     Vec3f seenOf(const SurfacePacket& s, int lane, const PathTask* task) const {
         const Vec3f radiance = s.radiance.get(lane);
         const bool light = scene_.space == ColorSpace::linear || (s.linear >> lane & 1u) || (task && task->linear);
@@ -224,7 +224,7 @@ class Tile {
                 float fog) {
         const Vec3f shown = weight * s.coverage[lane], solid = shown * s.opacity[lane] * fog;
         add(pixel, task, solid * branches_.body.get(lane), seenOf(s, lane, task), s.linear >> lane & 1u, 0, false);
-        // What is mirrored covers by what its ray meets, also where `body` is whole.
+        // The mirrored part covers as far as its ray meets something, also where `body` is whole.
         const Vec3f covered = solid * branches_.covering.get(lane);
         loop_.sumOf(pixel).a += (covered.x + covered.y + covered.z) / 3;
         addFog(pixel, task, shown * branches_.whole.get(lane), fog, s.lights[lane]);
@@ -237,7 +237,7 @@ class Tile {
         const PathTask* task = packet.tasks ? packet.tasks + lane : nullptr;
         addOwn(pixel, task, s, lane, weight, fog);
         // A surface in linear light under a ray that is not: what it mirrors and bends is light too, in one share with
-        // its own colour. What it lets pass straight goes on as the ray came.
+        // its own colour. Light that passes straight goes on as the ray came.
         const bool root = scene_.space == ColorSpace::automatic && (s.linear >> lane & 1u) && !(task && task->linear);
         if (root)
             loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0),

@@ -12,7 +12,7 @@ namespace rtsg::trace {
 
 namespace {
 
-/// Of the block's mean variance in a pixel's.
+/// The share that the block's mean variance has in a pixel's.
 constexpr double kOthersShare = 0.2;
 
 /// How far a block's error may stay above what is asked for, where others of its tile make up for it.
@@ -23,7 +23,7 @@ class Moments {
   public:
     explicit Moments(int groups) : groups_(groups), sums_(static_cast<std::size_t>(groups) * kTilePixels, Vec3d(0)) {}
     void add(int group, int pixel, const Vec3d& sum) { sums_[index(group, pixel)] += sum; }
-    /// Of the groups' means, given how many samples each group of the pixel has.
+    /// The mean of the groups' means, if each group of the pixel has so many samples.
     Vec3d mean(int pixel, int samples) const {
         Vec3d sum(0);
         for (int g = 0; g < groups_; ++g) sum += sums_[index(g, pixel)];
@@ -196,7 +196,7 @@ class Sampling {
             if (blocks >> block & 1u) samples_[static_cast<std::size_t>(block)] = next, look(block);
     }
 
-    /// Of the pixels of a block, the sum of their squared errors over what is asked for.
+    /// Adds up, over the pixels of a block, the squares of their errors divided by the error that is asked for.
     void look(int block) {
         const auto at = static_cast<std::size_t>(block);
         squares_[at] = pixels_[at] = 0;
@@ -231,7 +231,7 @@ class Sampling {
             if (sum <= pixels && perPixel(block) <= kWorstBlock * kWorstBlock) break;
             const auto at = static_cast<std::size_t>(block);
             chosen |= 1u << block;
-            // What is expected of it then: variances fall as samples grow.
+            // Expects less error from the block afterwards: variances fall as samples grow.
             sum -= squares_[at] * (1 - double(samples_[at]) / after(samples_[at]));
         }
         return chosen;
@@ -249,7 +249,8 @@ class Sampling {
         for (int pixel = 0; pixel < kTilePixels; ++pixel) {
             const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
             const Vec3d error = moments_.error(pixel, samplesOf(pixel));
-            // What has not met the bright and rare yet is too dark and seems too sure: its neighbours know better.
+            // A pixel that has not met rare bright light yet is too dark and seems too certain: its neighbours'
+            // variances correct that.
             const Vec3d others = squares[block] / double(std::max(pixels[block], 1));
             const Vec3d careful = glm::sqrt(glm::mix(error * error, others, kOthersShare));
             tile_.interval[at] = Vec3f(careful * studentQuantile(groups_ - 1));

@@ -31,7 +31,7 @@ struct LaneOrders {
     }
 };
 
-/// Of eight lanes some moved to the front.
+/// Moves some of eight lanes to the front.
 class Packing {
   public:
     /// `lanes`: a bit each.

@@ -32,8 +32,8 @@ using namespace simd;
 
 namespace {
 
-// Roulette ends paths; these only keep light between perfect mirrors from running for ever. What they cut off is
-// counted.
+// Roulette ends paths; these only keep light between perfect mirrors from running for ever. Light that is cut off by
+// them is counted.
 constexpr int kMaxPasses = 10'000, kMaxBounces = 10'000;
 constexpr float kRedraw = Roulette8::kRedraw;
 
@@ -44,7 +44,7 @@ void basis(const Vec3f& n, Vec3f& s, Vec3f& t) {
     t = {b, sign + n.y * n.y * a, -n.y};
 }
 
-/// What sixteen paths draw at a surface, beyond what looks for light.
+/// The random numbers of sixteen paths at a surface, besides those that look for light.
 struct alignas(64) Draws {
     float way[16]{}, lobe[16]{}, u[16]{}, v[16]{}, fate[16]{};
     std::uint64_t next[16]{};  // PathRandom's state behind it
@@ -64,7 +64,7 @@ struct alignas(64) Draws {
     }
 };
 
-/// What a packet's tasks bring along.
+/// The data that a packet's tasks bring along.
 struct alignas(64) Brought {
     Lanes3 weight{};
     float first[16]{}, odds[16]{}, fate[16]{};
@@ -84,15 +84,16 @@ struct alignas(64) Brought {
     }
 };
 
-/// What becomes of sixteen paths.
+/// The continuations of sixteen paths.
 struct alignas(64) Onward {
     Lanes3 shown, direction, start, weight;
     float density[16], odds[16], fate[16], first[16];
     std::uint32_t alive = 0;
 };
 
-/// The weight from which on chance ends paths. Early, they are short and each tells less. What has so many samples
-/// already and is not known well enough varies by that error times their root at least: chance may add about as much.
+/// The weight below which paths end at random. With a high weight paths are short, and each tells less. A pixel that is
+/// not known well enough after so many samples varies at least by its error times the root of their number; ending
+/// paths may add about as much noise.
 float rouletteFor(const RenderSettings& settings, std::span<const TileResult> groups) {
     const float least = pathParts().roulette;
     const auto samples = static_cast<float>(groups.size()) * static_cast<float>(groups[0].firstSample);
@@ -196,8 +197,8 @@ class Paths {
     void cover(const PathTask& task, float coverage) {
         if (isFirst(task)) loop_.sumOf(task.pixel).a += coverage * largest(task.weight);
     }
-    /// What share of the background shows through what lies behind a clear surface. Which way a path goes on there is
-    /// chance, and would make a pixel's coverage noise.
+    /// The share of the background that shows through what lies behind a clear surface. Paths choose their way there at
+    /// random, which would add noise to a pixel's coverage.
     float backgroundBehind(const Vec3f& direction, int lane) const {
         const float clear = 1 - scene_.skyColor(direction, true).a;
         if (!(clear > 0)) return 0;
@@ -225,7 +226,7 @@ class Paths {
         if (hits) shade(rays, hits, tasks);
     }
 
-    /// What these lanes have hit.
+    /// Shades the surfaces that these lanes have hit.
     void shade(const RayPacket16& rays, std::uint32_t hits, PathTask* tasks) {
         fetchSurfaces(scene_, rays, hits, tasks, surfaces_);
         PacketRandom random(tasks, hits);
@@ -242,7 +243,7 @@ class Paths {
         }
     }
 
-    /// What volumes send on the way to what the rays met, and leave of what comes from there.
+    /// Adds the light that volumes send on the way to the hits, and weakens what comes from there.
     void march(const RayPacket16& rays, PathTask* tasks) {
         const std::uint32_t met = meetBox(rays, scene_.volumeBounds);
         for (int lane = 0; lane < 16; ++lane) {
@@ -283,13 +284,14 @@ class Paths {
         return lanes & ~brought_.inside;
     }
 
-    /// What eight surfaces show of what was found, and where they send a path.
+    /// The light that eight surfaces reflect of what was found, and the directions in which they send paths on.
     struct Scattered {
         V8 lit;
         Scattered8 on;
     };
 
-    /// What was found for eight lanes, as `shown` has it of a radiance of 1 by direction and density.
+    /// The reflected light of what was found for eight lanes. `shown` gives it for a radiance of 1, by direction and
+    /// density.
     template <class Shown>
     V8 foundBy(const EmitterLight& from, int at, const Shown& shown) const {
         if (!(from.mask >> at & 0xFFu)) return V8{};
@@ -297,7 +299,7 @@ class Paths {
         return select(lanesFrom(from.mask, at), light, V8{});
     }
 
-    /// Of those that scatter evenly.
+    /// Scatters at matte surfaces.
     Scattered matte(int at, const V8& normal, const V8& facing) const {
         const V8 base = loadV(surfaces_.base, at);
         const auto shown = [&](const V8& direction, F8 density) {
@@ -308,7 +310,7 @@ class Paths {
         return {base * lit, scatterMatte(base, normal, load(draws_.u + at), load(draws_.v + at))};
     }
 
-    /// Of those that are Phong's with a highlight, or physical.
+    /// Scatters at Phong surfaces with a highlight, and at physical ones.
     Scattered glossy(int at, const V8& normal, const V8& facing) const {
         const SurfacePacket& s = surfaces_;
         const Frame8 frame(normal, facing, loadV(s.view, at));
@@ -448,7 +450,7 @@ class Paths {
             const float left = largest(w.share[straight]);
             cover(task, left > 0 ? 1 - left * backgroundBehind(direction, lane) : 1);
         }
-        // What goes straight on is fogged where it ends, by its whole line.
+        // Light that goes straight on is fogged where its line ends, for the whole line.
         float fog = 1;
         if (scene_.fogs.any() && t + task.line > 0) {
             fog = s.fogLeft(scene_, lane, s.exact.get(lane), t + task.line);
@@ -500,8 +502,8 @@ class Paths {
             view = glm::normalize(Vec3f(glm::dot(-direction, x), glm::dot(-direction, y), cosine));
         }
         Vec3f local(const Vec3f& v) const { return {glm::dot(v, x), glm::dot(v, y), glm::dot(v, z)}; }
-        /// A smooth normal's half space reaches below the true surface, where nothing comes from. What would be lost
-        /// there is taken from the same angle above.
+        /// A smooth normal's half space reaches below the true surface, where nothing comes from. Directions below it
+        /// are taken from the same angle above.
         Vec3f mirrored(const Vec3f& v) const { return v - 2 * glm::dot(v, facing) * facing; }
     };
 
@@ -513,7 +515,7 @@ class Paths {
         return sample;
     }
 
-    /// What the surface shows of light that was found; `chance`: of a bounce from its own colours.
+    /// The light that the surface reflects of what was found. `chance` is that of a bounce by its own colours.
     static Vec3f found(const EmitterLight& from, int lane, const Bsdf& own, const Frame& frame, float chance) {
         const Vec3f direction = from.direction.get(lane);
         Vec3f result(0);
@@ -528,8 +530,8 @@ class Paths {
         return result * from.light.get(lane);
     }
 
-    /// What the surface sends out without another bounce: what lights show, and its own emission, of which only the
-    /// share counts that no chosen direction brings.
+    /// The light that the surface sends out without another bounce: that of lights, and its own emission, of which only
+    /// the share counts that no chosen direction brings.
     Vec3f radiance(int lane, const PathTask& task) const {
         const Vec3f all = surfaces_.radiance.get(lane);
         if (!scene_.emitters || !(task.density > 0)) return all;
@@ -545,11 +547,12 @@ class Paths {
         const float weight = largest(task.weight);
         if (!(weight > 0)) return;
         if (!straightOn) {
-            // A pixel is as dark as the first thing on its way. Where bounces are what finds the light, those from
-            // there would be lost as often as it is dark, and with them all that tells the pixel from its neighbours.
+            // A pixel is as dark as the first surface on its way. If bounces find the light, a dark first surface must
+            // not end them, since they tell the pixel from its neighbours.
             if (task.depth == 0 && bouncesFindSky_) task.first = weight * roulette_;
             const float survival = std::min(weight / task.first, 1.0f);
-            // One number decides for the whole path. As a pixel's are spread evenly, so are the lengths of its paths.
+            // One number decides for the whole path. A pixel's numbers are spread evenly, and so are the lengths of its
+            // paths.
             if (!(task.odds > kRedraw)) task.odds = 1, task.fate = draws_.fate[lane];
             task.odds *= survival;
             if (!(task.fate < task.odds)) return;
@@ -574,7 +577,7 @@ class Paths {
     /// A ray that is to be followed, to be filled in.
     PathTask& push() { return elsewhere_ ? elsewhere_->emplace_back() : loop_.push(); }
 
-    /// What comes from far away is met by bounces alone.
+    /// Whether light from far away is met by bounces alone.
     static bool meetsSky(const TraceScene& scene) {
         if (scene.skyLight) return false;
         return !scene.environments.lights.empty() || !scene.evenSky || largest(Vec3f(scene.skyLinear)) > 0;

@@ -19,8 +19,8 @@ using namespace simd;
 
 namespace {
 
-/// What a bounce meets at a hit that it goes straight on from: all of the light behind the back of a solid, which is
-/// not there; 0 at glass, which bends it.
+/// The share of light that passes straight through a hit: all of it at the back of a solid, which does not count as
+/// there; none at glass, which bends light.
 Vec3f passes(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
     const float index = scene.materials[scene.slots[hit.instance].material].material.refractiveIndex;
     const RayInstance& instance = scene.world->instance(hit.instance);
@@ -29,7 +29,7 @@ Vec3f passes(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
     return straightTransmittance(scene, hit, direction);
 }
 
-/// Where the ray that made a hit goes on.
+/// The place where the ray that made a hit goes on.
 Vec3f behind(const TraceScene& scene, const Hit& hit, const Ray& ray) {
     return RayView::leave(scene.world->point(hit, ray), ray.direction);
 }
@@ -93,7 +93,7 @@ bool isAbove(const SurfacePacket& s, int lane, const Vec3f& direction) {
 
 namespace {
 
-/// What was chosen for each lane.
+/// The emitter that was chosen for each lane.
 struct ChosenEmitters {
     Lanes3 corner, ab, ac, normal;
     alignas(64) float area[16], probability[16];  // of the emitter, m^2; of choosing it
@@ -147,15 +147,16 @@ void reset(RayPacket16& rays, std::uint32_t lanes, float tMax) {
     }
 }
 
-/// The lanes of `asked` on whose way there is nothing at all, which is quicker to tell than what there is. What is cut
-/// away by a filter does not shine: only a hit tells whether it is.
+/// The lanes of `asked` on whose way there is nothing at all, which is quicker to find out than what is there. Parts
+/// that a filter cuts away do not shine, and only a hit tells whether they are cut away.
 std::uint32_t findFree(const TraceScene& scene, RayPacket16& rays, std::uint32_t asked, float tMax) {
     if (!asked || scene.filter) return 0;
     reset(rays, asked, tMax);
     return asked & ~scene.world->occluded(rays, false, RayKind::view);
 }
 
-/// What comes to a lane from its emitter, if anything, the long way: through what is clear, from textures, in haze.
+/// The light that reaches a lane from its emitter, if any, by the slow way: through clear surfaces, from textures, in
+/// haze.
 bool arrives(const TraceScene& scene, const SurfacePacket& s, int lane, const PathTask& task,
              const Emitters::Emitter& target, const Vec3f& place, const RayPacket16& rays, const Vec3f& direction,
              Vec3f& light) {
@@ -259,7 +260,7 @@ void lookForSky(const TraceScene& scene, const SurfacePacket& s, PacketRandom& r
     }
     if (!out.mask) return;
     shadowRays += static_cast<std::uint64_t>(std::popcount(out.mask));
-    // As bounces go: past backs of solids, and not past what casts no shadow.
+    // These rays go as bounces do: they pass backs of solids, and do not pass things that cast no shadow.
     constexpr float kFar = std::numeric_limits<float>::infinity();
     std::uint32_t hits = out.mask & ~findFree(scene, rays, out.mask, kFar);
     if (hits) {
@@ -289,7 +290,7 @@ struct AskedLamps {
     RayPacket16 rays;
 };
 
-/// What a light sends to a place so far away from it, by the direction towards it; 0: nothing.
+/// The share of a light's intensity that reaches a place at this distance and in this direction from it; 0: none.
 float factorOf(const TraceLight& light, float distance, const Vec3f& direction) {
     const float local = distance * light.localFromWorld;
     if (!(distance > 1e-12f) || (light.radius >= 0 && local > light.radius)) return 0;

@@ -11,7 +11,8 @@ namespace rtsg::trace {
 
 // A ray reaches a little further than its target, so that rounding does not end it in front of it.
 constexpr float kReach = 1.001f;
-// What lies up to here is before the target: within some roundings of it, only the nearest hit tells which is first.
+// Hits up to this share of the distance are in front of the target. Nearer to it, only the nearest hit tells which is
+// first.
 constexpr float kBefore = 1 - 0x1p-19f;
 
 struct EmitterLight {

@@ -1,5 +1,5 @@
-// What eight surfaces do with light on a path: what they show of light that was looked for, in shares with what bounces
-// find of it, and where they send the path on.
+// Scatters light at eight surfaces of paths: weighs light that was looked for against what bounces find, and chooses
+// where paths go on.
 //
 // Conventions: `facing` is the true surface's normal on the viewer's side. Threading: values. Source: Veach 1997,
 // section 9.2.
@@ -44,13 +44,13 @@ struct Frame8 {
         view = seen * (1 / simd::sqrt(dot(seen, seen)));
     }
     simd::V8 local(const simd::V8& v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
-    /// A smooth normal's half space reaches below the true surface, where nothing comes from. What would be lost there
-    /// is taken from the same angle above.
+    /// A smooth normal's half space reaches below the true surface, where nothing comes from. Directions below it are
+    /// taken from the same angle above.
     simd::V8 mirrored(const simd::V8& v) const { return v - facing * (2 * dot(v, facing)); }
 };
 
-/// What a white surface that scatters evenly shows of a radiance of 1 from a direction; `density`: of looking there,
-/// per steradian, infinite where no bounce comes from.
+/// The light that a white matte surface reflects of a radiance of 1 from a direction. `density` is that of looking
+/// there, per steradian; it is infinite if no bounce can come from there.
 inline simd::F8 shownMatte(const simd::V8& direction, simd::F8 density, const simd::V8& normal,
                            const simd::V8& facing) {
     using namespace simd;
@@ -85,7 +85,7 @@ struct Scattered8 {
     simd::F8 density;     // per steradian
 };
 
-/// Of surfaces that scatter evenly; `u`, `v` in [0, 1).
+/// Scatters at matte surfaces; `u` and `v` are in [0, 1).
 inline Scattered8 scatterMatte(const simd::V8& base, const simd::V8& normal, simd::F8 u, simd::F8 v) {
     using namespace simd;
     const F8 radius = simd::sqrt(u), height = simd::sqrt(1 - u);
@@ -97,7 +97,7 @@ inline Scattered8 scatterMatte(const simd::V8& base, const simd::V8& normal, sim
             height * (1 / std::numbers::pi_v<float>)};
 }
 
-/// Of any; `lobe` in [0, 1).
+/// Scatters at any surfaces; `lobe` is in [0, 1).
 inline Scattered8 scatterGlossy(const Bsdf8& own, const Frame8& frame, simd::F8 lobe, simd::F8 u, simd::F8 v) {
     using namespace simd;
     const V8 local = own.sample(frame.view, lobe, u, v);
@@ -116,7 +116,7 @@ inline simd::V8 aboveSurface(const simd::V8& out, const simd::V8& facing) {
 
 /// Russian roulette of eight paths; each number decides for the whole of its path.
 struct Roulette8 {
-    /// Of a path's odds, when its number has too few bits left to decide by.
+    /// The odds of a path below which its random number has too few bits left to decide by.
     static constexpr float kRedraw = 0x1p-10f;
     simd::F8 first, odds, fate;  // as PathTask has them
     /// Paths that would go on with the weight `after`: what is left of it, larger by the share of those that do not.

@@ -301,7 +301,7 @@ I8 kindsAt(const std::int32_t* kinds) {
 
 }  // namespace
 
-/// What must be done elsewhere whatever these sixteen rays meet.
+/// The lanes that must be treated elsewhere, whatever these sixteen rays meet.
 std::uint32_t Wavefront::lanesOfOthers(const LaneQueue& from, std::size_t row) {
     std::uint32_t result = 0;
     for (std::size_t at = 0; at < 16; at += 8) {
@@ -337,7 +337,7 @@ void Wavefront::trace(const LaneQueue& from, std::size_t row, std::uint32_t lane
     sort(from, row, rays, hits, met, kinds, nullptr);
 }
 
-/// As far as large triangles tell; what they leave open waits until there are sixteen.
+/// Traces against the large triangles alone; rays that stay open wait until there are sixteen.
 void Wavefront::traceLarge(std::size_t row, std::uint32_t lanes) {
     RayPacket16 rays;
     bvh::LargeHits told;
@@ -349,7 +349,7 @@ void Wavefront::traceLarge(std::size_t row, std::uint32_t lanes) {
     if (open) moveOn(now_, row, open, open_);
 }
 
-/// What is done about the hits of sixteen rays, by what they are on.
+/// Treats the hits of sixteen rays, by the kind of surface.
 void Wavefront::sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits,
                      const PacketHits16& met, const std::int32_t* kinds, const PacketHits16* faces) {
     const auto lanesOf = [kinds](int what) {
@@ -435,7 +435,7 @@ void Wavefront::keep(LaneQueue& to, const LaneQueue& from, std::size_t row, cons
     }
 }
 
-/// What path.cpp does about lanes that are not plain; what it leads to comes back as rays.
+/// Leaves lanes that are not plain to path.cpp; rays that follow from them come back.
 void Wavefront::handOver(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t lanes) {
     PathTask tasks[16];
     for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
@@ -491,7 +491,7 @@ struct Wavefront::Hits {
         const std::size_t row = from.size() - count;
         std::memcpy(met.instance, from.at(kInstance, row), sizeof met.instance);
         std::memcpy(met.triangle, from.at(kTriangle, row), sizeof met.triangle);
-        // What is left over looks at what is there.
+        // Lanes without a surface repeat one that is there.
         for (std::uint32_t lane = count; lane < 8; ++lane)
             met.instance[lane] = met.instance[0], met.triangle[lane] = met.triangle[0];
         met.u = from.load(kU, row), met.v = from.load(kV, row);

@@ -20,7 +20,7 @@ bool goesInWavefronts(const TraceScene& scene, const Camera& camera);
 
 class Wavefront {
   public:
-    /// What is done about those lanes of an intersected packet that are not plain; `onward`: the rays that it leads to.
+    /// Treats the lanes of an intersected packet that are not plain; `onward` gets the rays that follow.
     using Others =
         std::function<void(RayPacket16& rays, std::uint32_t lanes, PathTask* tasks, std::vector<PathTask>& onward)>;
     /// `roulette`, `bouncesFindSky`: as path.cpp has them.
@@ -39,7 +39,7 @@ class Wavefront {
     void traceAll();
     void traceLarge(std::size_t row, std::uint32_t lanes);
     void trace(const LaneQueue& from, std::size_t row, std::uint32_t lanes);
-    /// As they leave a surface, or the eye.
+    /// The nearest distance of hits, for rays that leave a surface or the eye.
     float nearest() const;
     float farthest() const;
     void sort(const LaneQueue& from, std::size_t row, RayPacket16& rays, std::uint32_t hits, const PacketHits16& met,

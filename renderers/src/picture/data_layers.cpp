@@ -78,7 +78,7 @@ std::string inQuotes(std::string_view text) {
     return result + '"';
 }
 
-/// What Cryptomatte's readers look for: how ids are made, and the names by id.
+/// Adds the metadata that readers of Cryptomatte look for: how ids are made, and the names by id.
 void addManifest(const std::string& layer, const RayView& world, const RenderSettings& settings, bool materials,
                  Picture& picture) {
     std::map<std::string, std::uint32_t> names;
@@ -271,7 +271,7 @@ class LayerTiles {
         motion[0] = static_cast<float>(way.x * settings_.width);
         motion[1] = static_cast<float>(-way.y * settings_.height);
     }
-    /// Where the same place of a surface is and was, in world space.
+    /// The present and the previous position of a surface's place, in world space.
     std::pair<Vec3d, Vec3d> wayOf(const Seen& seen) const {
         const RayInstance& now = scene_.world->instance(seen.slot);
         const Vec3d place = scene_.world->toWorld(seen.position);

@@ -19,7 +19,7 @@ namespace {
 
 constexpr int kRounds = 5;
 constexpr float kLeastAlbedo = 0.02f;
-// Of Schied et al.: how far light may differ in standard deviations of its noise, and normals in a power of their
+// From Schied et al.: how far light may differ, in standard deviations of its noise, and normals, as a power of their
 // cosine.
 constexpr float kLightRange = 4, kNormalPower = 64;
 
@@ -93,8 +93,8 @@ class Filter {
     bool isDark(std::size_t i) const {
         return isSurface(i) && std::max({albedo_[0][i], albedo_[1][i], albedo_[2][i]}) < kLeastAlbedo;
     }
-    /// What a black surface shows it sends by itself: that is no light on what is beside it. A pixel at its edge shows
-    /// some of both, and stays as it is.
+    /// Light from a black surface is its own emission, and tells nothing about light on its neighbours. A pixel at its
+    /// edge shows both, and stays as it is.
     void sort(int y) {
         for (int x = 0; x < width_; ++x) {
             const std::size_t i = at(x, y);
@@ -160,7 +160,7 @@ class Filter {
         }
     }
 
-    /// Of three by three pixels, so that one lucky pixel does not stop the filter.
+    /// The deviation over three by three pixels, so that one lucky pixel does not stop the filter.
     float deviationAt(int x, int y) const {
         float sum = 0, weights = 0;
         for (int dy = -1; dy <= 1; ++dy)

@@ -21,10 +21,10 @@ namespace rtsg::trace {
 
 namespace {
 
-/// Of a sky: from here on looking for it pays.
+/// The unevenness of a sky from which on it pays to sample it directly.
 constexpr float kUneven = 4;
 
-/// As many samples a pixel are found together by a tile: what is known of them stays in the second cache.
+/// A tile looks up so many samples of a pixel together, which keeps their data in the second cache.
 constexpr int kFoundTogether = 64;
 
 /// Fields may hold numbers whose products leave the range of float; a picture never does.
@@ -105,7 +105,7 @@ class Drawing {
         const int right = std::min(settings_.width - x0, kTileSide), below = std::min(settings_.height - y0, kTileSide);
         for (int y = y0; y < y0 + below; ++y) std::copy_n(&from.at(x0, y), right, &to.at(x0, y));
     }
-    /// Of a tile that stays.
+    /// Adds the statistics of a tile that is kept.
     void add(const TileStats& own, int x0, int y0) {
         const std::lock_guard lock(sumMutex_);
         addUp(own);
@@ -150,7 +150,7 @@ class Drawing {
             store(&to[i].x, select(value > 0.0f, min(value, all(std::numeric_limits<float>::max())), all(0)));
         }
     }
-    /// What is known of a pixel besides its colour.
+    /// Stores the data of a pixel besides its colour.
     void tell(const AdaptiveTile& tile, int pixel, int x, int y, TileStats& own) {
         const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
         if (!tile.result.missing.empty()) {

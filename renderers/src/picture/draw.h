@@ -26,7 +26,7 @@ namespace rtsg::trace {
 void drawCubes(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                const std::vector<bool>& part, TraceScene& scene);
 
-/// What paths look for, and what they need not look at closely.
+/// The sources of light that paths look for, and the surfaces that need no close look.
 struct Sources {
     std::shared_ptr<const Emitters> emitters;
     Lamps lamps;
@@ -34,10 +34,10 @@ struct Sources {
     std::optional<PlainSurfaces> plain;
     std::optional<LargeRays> large;
 };
-/// Finds them, and tells the scene of those that there are, which must outlive it.
+/// Finds the sources and sets them in the scene; they must outlive it.
 void lookForLight(TraceScene& scene, Sources& sources);
 
-/// What a picture takes from the last one.
+/// The tiles that a picture takes from the previous one.
 struct Kept {
     Trail::Part* last = nullptr;      // where its tiles are, and to be; null: nothing is written down
     std::vector<std::uint8_t> tiles;  // which of them stay; empty: none
@@ -55,12 +55,12 @@ Picture drawPart(const LightState& state, const RayView& world, const Camera& ca
 Picture drawLayers(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                    RenderStats& stats, Trail* trail);
 
-/// As LightTracer::render(), of a picture that follows others.
+/// Does what LightTracer::render() does, for a picture that follows others.
 Result<Picture> drawNext(const std::shared_ptr<const LightState>& state,
                          const std::shared_ptr<const WorldVersion>& world, const Camera& camera,
                          const RenderSettings& settings, RenderStats& stats, Trail& trail);
 
-/// What a camera shows of a viewpoint; null: the standard's default one.
+/// The camera of a viewpoint; null: of the standard's default viewpoint.
 Camera cameraOf(const LightState& state, const RayView& world, const PlacedEntry* chosen, std::uint16_t layer,
                 double aspect);
 

@@ -1,5 +1,5 @@
-// What GeneratedCubeMapTextures show: six pictures from the middle of the first shape that has one. And
-// RenderedTextures: one through the picture's own eye.
+// Draws the content of GeneratedCubeMapTextures: six pictures from the middle of the first shape that has one. And that
+// of RenderedTextures: one picture through the main picture's own eye.
 #include <algorithm>
 #include <utility>
 
@@ -9,7 +9,7 @@ namespace rtsg::trace {
 
 namespace {
 
-/// Who shows a GeneratedCubeMapTexture or a RenderedTexture.
+/// The instances that show a GeneratedCubeMapTexture or a RenderedTexture.
 struct CubeUsers {
     std::shared_ptr<const GeneratedCube> cube;
     std::vector<bool> slots;
@@ -38,7 +38,8 @@ struct CubeDrawing {
     const Camera& camera;
     RenderSettings settings;
 
-    /// What an eye sees without these slots, as a texture. Null: it has no pixels. `windows`: as Part has it.
+    /// The picture that an eye sees without these slots, as a texture; null if it has no pixels. `windows` is as in
+    /// Part.
     std::shared_ptr<const Texture> draw(const Camera& eye, std::vector<bool> hidden, bool windows) const {
         const TraceScene around =
             makeTraceScene(state, world, eye, settings, Part{camera.forward, std::move(hidden), false, windows});

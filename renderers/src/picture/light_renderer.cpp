@@ -111,7 +111,7 @@ double aspectOf(const RenderSettings& settings) {
     return static_cast<double>(settings.width) / settings.height;
 }
 
-/// What options ask of the eye.
+/// The camera with the options that concern the eye.
 Camera equipped(Camera camera, const ImageOptions& options) {
     if (options.panorama) return camera.around();
     camera.lensRadius = options.lensRadius;

@@ -1,4 +1,4 @@
-// What integrators see of a version of light's tables: lights by scope, fogs, sky, what lets light through.
+// Prepares a version of light's tables for integrators: lights by scope, fogs, sky, and what lets light through.
 #include "picture_scene.h"
 
 #include <algorithm>
@@ -66,7 +66,7 @@ bool anyLightWantsShadows(const LightState& state) {
     return false;
 }
 
-/// Where light is let through, if that can be told in few boxes.
+/// Finds the boxes in which light is let through, if few boxes can say that.
 void boxClear(const LightState& state, const RayView& world, TraceScene& scene) {
     constexpr std::size_t kFew = 8;  // boxes that cost a shadow ray little beside its own way
     if (!state.clearSlots) return;
@@ -82,7 +82,7 @@ void boxClear(const LightState& state, const RayView& world, TraceScene& scene) 
     if (scene.clear.size() > kFew) scene.clear.clear();
 }
 
-/// The fogs that reach places of some scopes alone. Of several in one scope the last in the document counts.
+/// The fogs that reach places of some scopes alone. If a scope has several, the last in the document counts.
 void findLocalFogs(const LightState& state, Fogs& fogs) {
     std::vector<std::tuple<std::uint32_t, NodeId, const Fog*>> found;
     for (std::size_t i = 0; i < state.placed.size(); ++i)
@@ -219,7 +219,7 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
                 light.from->prepare(scene.materials.glossy());
         });
     if (lit && part.headlight != Vec3d(0)) {
-        // Of the whole scene, and so of the group that was filled last.
+        // The headlight belongs to the whole scene, and so to the group that was filled last.
         scene.lightGroups.lights.push_back(headlight);
         ++scene.lightGroups.groups[0].count;
     }

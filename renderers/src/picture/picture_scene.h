@@ -10,7 +10,7 @@
 
 namespace rtsg::trace {
 
-/// What a picture is of, besides the camera that it is seen through.
+/// The content of a picture, apart from its camera.
 struct Part {
     Vec3d headlight{0, 0, -1};  // where it shines to; 0: there is none
     std::vector<bool> hidden;   // slots that are not there; empty: none

@@ -19,7 +19,7 @@ class SurfacesInPicture : public SeenSurfaces {
     Hit seen(const RayView& view, const Ray& ray, const Hit& met) const final;
 
   protected:
-    /// What an instance is drawn with.
+    /// The material and the rest with which an instance is drawn.
     struct Drawn {
         std::shared_ptr<const Material> material;
         SlotShading slot;

@@ -42,7 +42,7 @@ std::vector<LayerSight> LightTracer::sights(const std::vector<LayerView>& views,
 
 namespace {
 
-/// Of what is in a layer; in ray space. A viewpoint sees its own alone (35.4.2).
+/// The bounds of a layer's content, in ray space. A viewpoint sees its own layer alone (35.4.2).
 Bounds boundsOf(const LightState& state, const RayView& world, std::uint16_t layer) {
     if (!state.layers) return world.bounds();
     Bounds bounds;

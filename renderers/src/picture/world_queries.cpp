@@ -20,7 +20,7 @@ namespace rtsg {
 
 namespace {
 
-/// Whether something in the fields of an Appearance can leave a part of a front clear. Of films nothing does.
+/// Whether something in the fields of an Appearance can leave a part of a front clear. Films never do.
 bool mayBeClear(const Scene& scene, NodeId appearance) {
     using A = x3d::Appearance;
     const Node* node = scene.effectiveNode(appearance);
@@ -60,11 +60,11 @@ Camera cameraOf(const LayerSight& sight) {
 
 }  // namespace
 
-/// By the nodes as they are. What a picture tells of textures that cannot be read is not told again.
+/// Answers by the present nodes. Textures that cannot be read are reported by pictures, and not again here.
 class WorldQueries::Seen final : public trace::SurfacesInPicture {
   public:
     Seen(SharedWorld& world, Resources resources) : world_(world), resources_(std::move(resources)) {}
-    /// Of rays of the picture whose layer this is; null: of others.
+    /// Sets the sight of the picture whose rays are asked; null: other rays.
     void useSight(const LayerSight* sight) { sight_ = sight; }
 
   protected:

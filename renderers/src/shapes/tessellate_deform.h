@@ -47,7 +47,7 @@ class DeformingSurface {
 // ---- in tessellate_scene.cpp ----------------------------------------------------------------------------------------
 
 bool isComposed(const Node& geometry);
-/// Precondition: isComposed(). What cannot be used is noted in the diagnostics of `problems`.
+/// Precondition: isComposed(). Fields that cannot be used are noted in the diagnostics of `problems`.
 ComposedParams readComposed(const Scene& scene, const Node& geometry, Mesh& problems, const PointsOf* points = nullptr);
 /// The points of a coordinate node, and none with a word in `problems` if it is of another kind.
 Array<Vec3f> readPoints(const Scene& scene, NodeId coordinate, Mesh& problems);

@@ -44,8 +44,9 @@ Array<T> toArray(const std::vector<T>& elements) {
 inline void warn(Mesh& mesh, std::string text) {
     mesh.diagnostics.warning({}, std::move(text));
 }
-/// Of a grid with `given` heights: all of its rows, as missing heights are 0 and other browsers have it so. Of one too
-/// large for a mistake only those that are complete, so that a false dimension cannot fill the memory. Warns of both.
+/// The rows to draw of a grid with `given` heights. All of them, since missing heights are 0, as in other browsers. If
+/// a grid lacks so many that its dimension must be wrong, only the complete rows, so that a false dimension cannot fill
+/// the memory. Warns in both cases.
 std::size_t gridRowsToDraw(Mesh& mesh, std::size_t given, std::size_t columns, std::size_t rows);
 /// Whether a size can be drawn; warns of one that cannot.
 inline bool isPositive(Mesh& mesh, const char* field, float value) {
@@ -96,8 +97,8 @@ inline bool isFlat(const Vec3f& a, const Vec3f& b, const Vec3f& c) {
 /// Says how many triangles of a mesh have none; they show nothing.
 void tellOfFlatTriangles(Mesh& mesh);
 
-/// Binds values by the corners' own index (per vertex when `index` is empty) or by faces (`index` maybe empty).
-/// What is missing or out of range is repaired with a warning that names the field.
+/// Binds values by the corners' own index (per vertex when `index` is empty) or by faces (`index` maybe empty). Missing
+/// values and indices out of range are repaired, with a warning that names the field.
 template <class T>
 MeshAttribute bindCorners(Mesh& mesh, const Topology& topology, const Array<T>& values,
                           const Array<std::int32_t>& index, const char* field);
@@ -205,7 +206,7 @@ struct FacePlan {
     bool cutsAlike(const Array<Vec3f>& points, PolygonCutter& cutter) const;
 };
 
-/// As the public ones; `plan`, if any, is filled.
+/// Does what the public functions do; `plan`, if any, is filled.
 Mesh tessellateFaces(const IndexedFaceSetParams& params, FacePlan* plan);
 Mesh tessellateSet(const PrimitiveSetParams& params, FacePlan* plan);
 

@@ -49,8 +49,8 @@ Vec3d planeNormal(Vec3d a, Vec3d b, Vec3d c) {
     return glm::length(z) > std::max(1e-6, std::min(rounding, 0.1)) ? glm::normalize(z) : Vec3d(0);
 }
 
-/// ISO/IEC 19775-1, 13.3.5.3 and 13.3.5.4 for distinct points. Where the clause leaves a frame open (the spine turns
-/// back on itself), the direction it came from is kept.
+/// ISO/IEC 19775-1, 13.3.5.3 and 13.3.5.4 for distinct points. If the clause leaves a frame open, since the spine turns
+/// back on itself, the last direction is kept.
 std::vector<Frame> framesOfDistinct(const std::vector<Vec3d>& p) {
     const std::size_t n = p.size();
     const bool closed = n > 2 && p.front() == p.back();
@@ -89,8 +89,8 @@ std::vector<Frame> framesOfDistinct(const std::vector<Vec3d>& p) {
     return frames;
 }
 
-/// One frame per spine point; coincident neighbours share theirs. Where all points coincide, cross sections lie as they
-/// are given: orientation and scale alone make a surface of them (a ball of a turned half circle, a ring).
+/// One frame per spine point; coincident neighbours share theirs. If all points coincide, cross sections lie as they
+/// are given, and orientation and scale alone make a surface of them (a ball of a turned half circle, a ring).
 std::vector<Frame> spineFrames(const Array<Vec3f>& spine) {
     std::vector<Vec3d> distinct;
     std::vector<std::size_t> which;

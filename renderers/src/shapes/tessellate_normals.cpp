@@ -69,8 +69,8 @@ struct alignas(32) EightFrames {
         const F8 area = simd::sqrt(dot(n, n)), length = simd::sqrt(longest);
         const auto magnitude = [](F8 v) { return simd::max(v, -v); };
         const F8 reach = simd::max(magnitude(a.x), simd::max(magnitude(a.y), magnitude(a.z))) + length;
-        // Cutting polygons leaves slivers between collinear corners. Where the height is below the rounding of the
-        // coordinates the direction is noise, and the widest angle would give it the greatest weight.
+        // Cutting polygons leaves slivers between collinear corners. If the height is below the rounding of the
+        // coordinates, the direction is noise, and the wide angle would give it the greatest weight.
         const I8 good = area > kSliver * length * reach;
         const F8 zero{}, one = simd::all(1);
         const F8 divisor = simd::select(good, area, simd::all(HUGE_VALF));
@@ -246,7 +246,7 @@ void NormalGenerator::findGroups(const Mesh& mesh) {
 
 MeshAttribute NormalGenerator::smoothWithinCrease(const Mesh& mesh) {
     findFrames(mesh);
-    // Of a mesh seen before: as long as every edge is as sharp or smooth as it was, the groups are the same.
+    // A mesh that was seen before keeps its groups as long as every edge is as sharp or smooth as it was.
     bool same = !index_.empty();
     for (std::size_t i = 0; same && i < checks_.size(); ++i)
         same = isSmooth(checks_[i].a, checks_[i].b) == checks_[i].smooth;

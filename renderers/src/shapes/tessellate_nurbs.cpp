@@ -90,8 +90,8 @@ class Cuts {
   public:
     Cuts(const NurbsSurface& s, std::int32_t tessellationU, std::int32_t tessellationV, double error)
         : us(evenPlaces(s.u, tessellationU)), vs(evenPlaces(s.v, tessellationV)) {
-        // Of two triangles: h_u^2 |S_uu| + 2 h_u h_v |S_uv| + h_v^2 |S_vv| <= 8 error (Filip, Magedson and Markot
-        // 1986), half of it for the twist.
+        // The bound for two triangles is h_u^2 |S_uu| + 2 h_u h_v |S_uv| + h_v^2 |S_vv| <= 8 error (Filip, Magedson and
+        // Markot 1986), half of it for the twist.
         const std::vector<double> breaksU = s.u.breaks(), breaksV = s.v.breaks();
         const std::vector<double> lookU = probes(breaksU), lookV = probes(breaksV);
         std::vector<int> piecesU, piecesV;
@@ -223,7 +223,7 @@ bool isInside(const std::vector<Contour>& contours, const Vec2d& at) {
 
 // ---- surfaces -----------------------------------------------------------------------------------------------------
 
-/// What coordinates a surface's texture has: a NURBS of its own, or the place in the domain.
+/// The texture coordinates of a surface: a NURBS of their own, or the place in the domain.
 struct SurfaceTexture {
     NurbsSurface coordinates;  // z = 0; without points: none
     bool ccw = true, solid = true;
@@ -397,7 +397,7 @@ class NurbsReader {
             warn(mesh_, fmt::format("the knots{} do not fit {} control points of order {}: taken as even", name, count,
                                     order));
     }
-    /// As many as there are control points, or none, which are then 1 each.
+    /// Warns unless there are as many weights as control points, or none, in which case all are 1.
     void tellOfWeights(std::size_t weights, std::size_t points) {
         if (weights != 0 && weights != points)
             warn(mesh_, fmt::format("{} weights for {} control points: those that are missing are 1", weights, points));
@@ -626,7 +626,7 @@ class NurbsReader {
             warn(made, fmt::format("nothing of it is within its trimming contours, over a domain from {} {} to {} {}",
                                    s.u.first(), s.v.first(), s.u.last(), s.v.last()));
         add(std::move(made));
-        // As of a Sphere: the errors of both directions may add up.
+        // Twice the size, as for a Sphere, since the errors of both directions may add up.
         mesh_.curveSize = static_cast<float>(2 * halfDiagonal(s.points));
     }
 

@@ -11,9 +11,9 @@ namespace detail {
 
 bool isNurbs(const Node& geometry);
 
-/// NurbsCurve, NurbsPatchSurface, NurbsTrimmedSurface, NurbsSweptSurface, NurbsSwungSurface (27.4). Where the
-/// tessellation fields are 0, chords leave the surface by at most chordError times half the diagonal of the box around
-/// the control points. Diagnostics go into the mesh.
+/// NurbsCurve, NurbsPatchSurface, NurbsTrimmedSurface, NurbsSweptSurface, NurbsSwungSurface (27.4). If the tessellation
+/// fields are 0, chords leave the surface by at most chordError times half the diagonal of the box around the control
+/// points. Diagnostics go into the mesh.
 Mesh tessellateNurbs(const Scene& scene, const Node& geometry, const TessellationOptions& options);
 
 }  // namespace detail

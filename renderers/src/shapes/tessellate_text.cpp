@@ -30,7 +30,8 @@ struct Piece {
     Vec2f at;  // ems
 };
 
-/// Where a line, or all lines, begin along an axis on which they fill [low, high] and run upwards.
+/// The start of a line, or of all lines, along an axis on which they fill [low, high]. `upwards` is the direction in
+/// which they run.
 float beginOf(Justify justify, float low, float high, bool upwards) {
     switch (justify) {
         case Justify::middle:
@@ -42,7 +43,7 @@ float beginOf(Justify justify, float low, float high, bool upwards) {
     }
 }
 
-/// What glyphs fill.
+/// The rectangle that glyphs fill.
 struct Ink {
     Vec2f low{kNothing}, high{-kNothing};
     bool empty() const { return low.x > high.x; }
@@ -109,7 +110,7 @@ const GlyphMesh& TextMaker::glyph(const Fonts& fonts, const PlacedGlyph& placed,
     return found->second;
 }
 
-/// Of the font that a FontLibrary brought; FontRequest::kNone if there is none that can be used.
+/// The face of the font that a FontLibrary brought; FontRequest::kNone if none can be used.
 std::uint32_t TextMaker::loadedFace(const Fonts& fonts, const TextParams& p, Mesh& mesh) {
     if (p.font.empty()) return FontRequest::kNone;
     for (const auto& [font, face] : faces_)

@@ -35,7 +35,7 @@ class TextMaker {
     static constexpr std::size_t kMostGlyphs = 16384;
 
     Mesh make(const TextParams& params, const TessellationOptions& options);
-    /// As measureText() has it.
+    /// The measures that measureText() returns.
     Array<float> measure(const TextParams& params);
 
   private:
@@ -55,7 +55,8 @@ class TextMaker {
 /// The fields of a Text and its font style. Precondition: it is a Text.
 TextParams readText(const Scene& scene, const Node& text, Mesh& problems);
 
-/// As tessellate(); `text`, if any, remembers glyphs; `points`: where skins have moved those of coordinate nodes.
+/// Does what tessellate() does. `text`, if any, remembers glyphs; `points` are those of coordinate nodes as skins have
+/// moved them.
 Result<std::shared_ptr<const Mesh>> tessellateNode(
     const Scene& scene, NodeId geometry, const TessellationOptions& options, TextMaker* text,
     const std::unordered_map<std::uint32_t, Array<Vec3f>>* points = nullptr);

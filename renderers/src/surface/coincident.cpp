@@ -113,7 +113,8 @@ bool CoincidentFaces::mayHide(const RayView& world, const Hit& hit) {
     constexpr std::uint64_t kParts = 16;  // along a side
     State state = ask(kParts * kParts, {}, kFew);
     if (state == tooMuch) {
-        // What is large lies beside much that does not concern this place.
+        // A large triangle lies beside many others that do not matter at this place, so only a part of it is asked
+        // about.
         const auto i = std::min<std::uint64_t>(static_cast<std::uint64_t>(hit.u * kParts), kParts - 1),
                    j = std::min<std::uint64_t>(static_cast<std::uint64_t>(hit.v * kParts), kParts - 1);
         constexpr double kShare = 1.0 / kParts;

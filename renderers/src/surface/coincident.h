@@ -15,7 +15,7 @@
 
 namespace rtsg::trace {
 
-/// Of one picture, in which nothing moves.
+/// The coincident faces of one picture, in which nothing moves.
 class CoincidentFaces {
   public:
     /// Whether something that shows itself to a ray which met this back lies in its triangle's plane and overlaps it,
@@ -36,7 +36,8 @@ inline bool hidesBacks(const TraceScene& scene, std::uint32_t instance) {
 /// Whether that is so of what was met.
 bool isBackOfSolid(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
 
-/// What `ray` met, or in the place of the back of a solid what else lies there; that back if there is nothing.
+/// The hit of `ray`, or if that is the back of a solid, another surface in the same place; the back itself if there is
+/// none.
 Hit frontOf(const TraceScene& scene, const RayView& world, const Ray& ray, const Hit& hit,
             RayKind kind = RayKind::view);
 

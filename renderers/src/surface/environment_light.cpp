@@ -1,5 +1,5 @@
-// What surfaces show of EnvironmentLights where no bounces look for their light: matte parts what their side of the
-// surroundings sends, glossy ones what lies around the mirrored direction.
+// Lights surfaces by EnvironmentLights where no bounces look for their light: matte parts by their side of the
+// surroundings, glossy parts by what lies around the mirrored direction.
 #include <bit>
 #include <cmath>
 
@@ -27,7 +27,7 @@ Vec3f shown(const TraceEnvironment& light, const SurfacePacket& s, int lane) {
     if (s.physical >> lane & 1u) {
         const float cosine = std::clamp(glm::dot(normal, view), 0.0f, 1.0f), roughness = s.roughness[lane];
         const EvenlyLit even = evenlyLit(base, s.metallic[lane], roughness, cosine);
-        // What a ray of its own brings is not for here.
+        // The part that a mirrored ray brings must not be counted here.
         const Vec3f rays = s.thin >> lane & 1u ? Vec3f(0) : s.gloss(lane, cosine);
         const Vec3f spread = glm::max(even.specular - rays, Vec3f(0));
         return ambient + even.diffuse * matte + spread * inSpace(light.from->blurred(mirrored, roughness));

@@ -1,4 +1,4 @@
-// What is done to the lanes of a SurfacePacket eight at a time.
+// Works on the lanes of a SurfacePacket, eight at a time.
 //
 // Threading: values.
 #pragma once
@@ -31,7 +31,7 @@ inline simd::V8 facing8(const SurfacePacket& s, int at) {
     return n * simd::select(lanesFrom(s.back, at), simd::all(-1), simd::all(1));
 }
 
-/// As RayView::leave, from places with these normals and bounds of error.
+/// Does what RayView::leave does, from places with these normals and error bounds.
 inline simd::V8 leaveFrom(const simd::V8& normal, const simd::V8& exact, const simd::V8& error,
                           const simd::V8& towards) {
     using namespace simd;

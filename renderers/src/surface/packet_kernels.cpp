@@ -1,4 +1,4 @@
-// What is done to the lanes of a packet, eight at a time, and the choice between that and sixteen.
+// The kernels for the lanes of a packet, eight at a time, and the choice between these and those of sixteen.
 #include "packet_kernels.h"
 
 #include "mesh/lanes8.h"

@@ -1,9 +1,9 @@
-// What is done to all lanes of a packet alike, in registers as wide as the machine's: 16 floats with AVX-512, else 8.
+// Kernels that treat all lanes of a packet alike, in registers as wide as the machine's: 16 floats with AVX-512, else
+// 8.
 //
 // Invariant: bit for bit the same numbers at either width. The code is one template (packet_kernels_impl.h), compiled
 // in two units, of which one is for x86-64-v4: that one must share no inline functions with others, or the linker might
-// give everyone its version. Threading: re-entrant.
-// Source: ISO/IEC 19775-1 V4.0 17.2.2 (lighting).
+// give everyone its version. Threading: re-entrant. Source: ISO/IEC 19775-1 V4.0 17.2.2 (lighting).
 #pragma once
 
 #include <cstdint>
@@ -15,7 +15,7 @@ namespace rtsg::trace {
 
 struct SurfacePacket;
 
-/// What one light sends to sixteen points.
+/// The light that one light sends to sixteen points.
 struct alignas(64) Incoming {
     Lanes3 direction;              // towards the light, unit
     alignas(64) float factor[16];  // attenuation times spot; 0 where the light does not reach
@@ -59,7 +59,7 @@ struct PacketKernels {
                        std::uint32_t stride, std::uint32_t lanes, SurfacePacket& surfaces);
     /// Sets `radiance` to what the surfaces send themselves.
     void (*addOwn)(SurfacePacket& surfaces);
-    /// Of a light that is no projector. Returns whether any lane is lit at all.
+    /// Computes the light from a light that is no projector. Returns whether any lane is lit at all.
     bool (*gather)(const TraceLight& light, const SurfacePacket& surfaces, Incoming& in);
     /// The lanes of which the light's shadow would change a pixel by less than `least`. `shares`: what a lane's colour
     /// counts in its pixel.

@@ -1,4 +1,4 @@
-// What is done to the lanes of a packet, sixteen at a time in AVX-512 registers.
+// The kernels for the lanes of a packet, sixteen at a time in AVX-512 registers.
 #include "packet_kernels.h"
 
 #if defined(__AVX512F__) && defined(__AVX512VL__) && defined(__AVX512DQ__)

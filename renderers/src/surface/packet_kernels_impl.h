@@ -85,7 +85,7 @@ struct KernelsOf {
         const std::size_t k = std::size_t{triangle} * source.triangleStep + corner * source.cornerStep;
         return source.values + 3 * (source.index ? std::size_t{static_cast<std::uint32_t>(source.index[k])} : k);
     }
-    /// Of every fourth lane from `j` on: x, y, z and rubbish. `triangles`: of all lanes.
+    /// Loads x, y, z and a meaningless number for every fourth lane from `j` on. `triangles` are those of all lanes.
     template <int j>
     RTSG_INLINE F smooth(const NormalSource& source, const std::uint32_t* triangles, F u, F v, F w) {
         const float* corner[3][kLanes / 4];
@@ -95,7 +95,7 @@ struct KernelsOf {
                W::quads(corner[2]) * W::template spread<j>(v);
     }
 
-    /// Of one triangle, by axis.
+    /// Interpolates the normals of one triangle, by axis.
     RTSG_INLINE void smooth(const NormalSource& source, std::uint32_t triangle, F u, F v, F w, F* n) {
         const float *const a = cornerOf(source, triangle, 0), *const b = cornerOf(source, triangle, 1),
                            *const c = cornerOf(source, triangle, 2);
@@ -282,7 +282,7 @@ struct KernelsOf {
     }
 
     RTSG_INLINE F beyond(F x, F step) { return simd::lanes::beyond<F, I>(x, step); }
-    /// As RayView::leave. Precondition: findPoints().
+    /// Does what RayView::leave does. Precondition: findPoints().
     RTSG_INLINE V leave(const SurfacePacket& s, int at, const V& towards) {
         const V n = outside(s, at), e = loadV(s.error, at);
         const F far = absolute(n.x) * e.x + absolute(n.y) * e.y + absolute(n.z) * e.z;
@@ -322,12 +322,12 @@ struct KernelsOf {
         return tested;
     }
 
-    /// What a surface reflects of a light of which all comes.
+    /// The light that a surface reflects if nothing shades it.
     RTSG_INLINE V reflected(const V& towards, F cosine, bool shiny, int at, const SurfacePacket& s) {
         const V direct = times(loadV(s.base, at), cosine);
         if (!shiny) return direct;
         const V half = plus(towards, loadV(s.view, at));
-        // Of the cosine's square, so that no root is needed.
+        // Works with the square of the cosine, so that no root is needed.
         const F along = more(dot(loadV(s.normal, at), half), F{});
         const F square = along * along / more(dot(half, half), all(1e-30f));
         F shine = simd::lanes::power<F, I>(less(square, all(1)), 0.5f * W::load(s.exponent + at));

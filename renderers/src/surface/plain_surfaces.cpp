@@ -15,7 +15,7 @@ using namespace simd;
 
 namespace {
 
-/// What a material is everywhere, whoever has it.
+/// The kind of a material, if it is the same everywhere.
 std::uint8_t kindOf(const MaterialEntry& entry) {
     const Material& m = entry.material;
     if (entry.textured || entry.transmits || entry.volume || m.back || !m.stages.empty()) return 0;
@@ -73,7 +73,7 @@ bool areSame(const std::uint32_t* eight) {
     return !any(all != first);
 }
 
-/// Where a mesh's triangles have their corners.
+/// The corners of a mesh's triangles.
 struct Corners {
     const std::int32_t* triangles;
     const Vec3f* positions;
@@ -86,7 +86,7 @@ struct Corners {
     }
 };
 
-/// Of a matrix of twelve numbers, one for all lanes or one for each.
+/// A matrix of twelve numbers, one for all lanes or one for each.
 struct Matrix8 {
     F8 m[12];
     explicit Matrix8(const glm::mat4x3& one) {
@@ -104,7 +104,7 @@ struct Matrix8 {
 
 }  // namespace
 
-/// As RayView::point() has the places and their bounds.
+/// Computes places and error bounds as RayView::point() does.
 void PlainSurfaces::fetch(const Hits& hits, Surfaces& out) const {
     const bool same = areSame(hits.instance);
     const RayInstance* each[8];

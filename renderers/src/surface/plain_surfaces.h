@@ -16,7 +16,7 @@ namespace rtsg::trace {
 
 class PlainSurfaces {
   public:
-    /// What a hit is, by its instance.
+    /// The kind of a hit, by its instance.
     enum Kind : std::uint8_t {
         other = 0,   // none of this
         matte = 1,   // scatters evenly
@@ -31,9 +31,9 @@ class PlainSurfaces {
     bool most() const { return most_; }
     /// A Kind with what else is true of it.
     std::uint8_t kindOf(std::uint32_t instance) const { return instance < kinds_.size() ? kinds_[instance] : 0; }
-    /// Of what fetchFaces() knows: evenly scattering ones without normals of their own, in addition to a label's kind.
+    /// Added to a label's kind: a matte surface without normals of its own, which fetchFaces() can read.
     static constexpr std::int32_t kFlat = 1 << 8;
-    /// As LargeRays ask for it; the label is kindOf().
+    /// The answer for LargeRays; the label is kindOf().
     LargeRays::About about(std::uint32_t instance) const {
         const std::uint8_t kind = kindOf(instance);
         const std::uint32_t back = kind & kSolid ? 0 : LargeRays::kBack;
@@ -41,7 +41,7 @@ class PlainSurfaces {
         const bool isFlat = (kind & matte) && !world_->instance(instance).mesh->normals.present();
         return {LargeRays::kFront | back, false, isFlat ? kind | kFlat : kind, baseOf(instance)};
     }
-    /// Of one that shines: its radiance.
+    /// The radiance of an instance that shines.
     Vec3f emissive(std::uint32_t instance) const {
         const Colors& c = colors_[numbers_[instance]];
         return {c.emissive[0], c.emissive[1], c.emissive[2]};
@@ -58,7 +58,7 @@ class PlainSurfaces {
         simd::V8 normal, outside, facing;  // shading normal and true one on the viewer's side
         simd::V8 exact, error;             // as HitPoint has them
         simd::V8 base;
-        /// Where rays leave from, as RayView::leave() has it.
+        /// The starts of rays that leave the surfaces, as RayView::leave() has them.
         simd::V8 leave(const simd::V8& towards) const;
     };
     /// All of the hits are on plain ones.
@@ -69,7 +69,7 @@ class PlainSurfaces {
     Bsdf8 bsdf(const Hits& hits, const Surfaces& surfaces, const simd::V8& back, simd::F8 cosView) const;
 
   private:
-    /// As gather4() reads it.
+    /// Laid out as gather4() reads it.
     struct alignas(16) Colors {
         float base[3], exponent;
         float specular[3], metallic;

@@ -1,4 +1,4 @@
-// What mirrors, bends and passes, eight lanes at a time.
+// Finds the light that surfaces mirror, bend and let through, eight lanes at a time.
 #include "surface_branches.h"
 
 #include <bit>
@@ -11,7 +11,7 @@ using namespace simd;
 
 namespace {
 
-/// What materials say, of eight lanes.
+/// Numbers of the materials of eight lanes.
 struct OfMaterials {
     V8 reflectivity;
     F8 index;  // of refraction
@@ -97,8 +97,8 @@ void SurfaceBranches::find(const SurfacePacket& s, std::uint32_t lanes) {
             glass |= (laneBits(isGlass) & now) << at, refracts |= (laneBits(possible & isGlass) & now) << at;
         }
         if ((s.physical & ~s.thin) >> at & now) {
-            // The diffuse part already is what Fresnel leaves, so `body` stays whole. Of a clear one the gloss is as
-            // clear as the rest (glTF 2.0, 3.9.4: alpha is coverage).
+            // The diffuse part already is what Fresnel leaves, so `body` stays whole. The gloss of a clear surface is
+            // as clear as the rest (glTF 2.0, 3.9.4: alpha is coverage).
             const I8 glossy = lanesFrom(s.physical & ~s.thin, at) & ~isGlass;
             const V8 gloss = glossOf(s, at, cosine);
             ofMirror = select(glossy, ofMirror + rest * gloss * opacity, ofMirror);

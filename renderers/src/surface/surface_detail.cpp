@@ -66,8 +66,8 @@ struct Ways {
     std::array<Vec4f, 2> change;
 };
 
-/// As the mesh's Tangent says, whose directions are those of its own coordinates: across `normal`. False where that
-/// has no direction.
+/// The directions of the mesh's Tangent, which are those of its own coordinates, perpendicular to `normal`. False if
+/// they have no direction.
 bool givenWays(const TextureLookup& look, const Vec3f& normal, bool isBack, Ways& ways) {
     const Vec4f given = look.instance.mesh->tangents.interpolate(look.hit.triangle, look.hit.u, look.hit.v);
     Vec3f s = glm::mat3(look.instance.rayFromLocal) * Vec3f(given);
@@ -92,8 +92,8 @@ Ways triangleWays(const TextureLookup& look, std::size_t channel, const TextureU
     for (std::uint32_t i = 0; i < 2; ++i) ways.along[i] = rayFromLocal * (mesh.vertex(look.hit.triangle, i + 1) - from);
     const TexCoords* own = look.coordsOf(channel);
     if (own && own->generator != TexCoords::Generator::none) {
-        // What is made from normals and views is not linear: by differences, of a part of the triangle. Roundings of
-        // what does not change are no direction.
+        // Coordinates that are generated from normals and views are not linear, so their directions come from
+        // differences over a part of the triangle. Differences as small as rounding are no direction.
         constexpr float kPart = 1 / 32.0f, kRounding = 1e-6f;
         const float u = look.hit.u, v = look.hit.v;
         const auto across = [&](float du, float dv) {
@@ -124,8 +124,9 @@ Vec2f transformedChange(const TextureUse& use, const Vec4f& here, const Vec4f& c
     return (Vec2f(by) - Vec2f(to) * (by.w / to.w)) / to.w;
 }
 
-/// What the texel of the normal texture makes of a unit normal on the viewer's side, of which `isBack` says whether it
-/// is the back: in the tangent space of the (s, t) that look the texture up. Where these have no direction it stays.
+/// The unit normal on the viewer's side, as the texel of the normal texture changes it in the tangent space of the (s,
+/// t) that look the texture up. `isBack` says whether that side is the back. The normal stays if (s, t) have no
+/// direction.
 Vec3f mappedNormal(const TextureLookup& look, const Material& material, const Vec4f& texel, const Vec3f& normal,
                    bool isBack) {
     const TextureUse& use = material.texture(TextureRole::normal);
@@ -171,7 +172,7 @@ void applyDetail(const TextureLookup& look, const Material& material, SurfacePac
         // 11.2.2: the colour stands in for the main colour, its alpha (if it has one) for the transparency.
         const ColorRGBA color = mesh.color(look.hit.triangle, look.hit.u, look.hit.v);
         base = {color.r, color.g, color.b};
-        // As the colour of the material that it stands in for.
+        // The colour is decoded like that of the material for which it stands.
         if (look.space == ColorSpace::linear && material.model != ShadingModel::physical) base = linearFromSrgb(base);
         ambientBase = base;
         if (mesh.colors.components() == 4) opacity = color.a;
@@ -218,7 +219,7 @@ bool hasTexturesOnly(const Material& material, const Mesh& mesh) {
     return material.stages.empty() && !material.hatching.present && !mesh.colors.present();
 }
 
-/// What applyDetail() does, eight lanes at a time, of a material that has textures only. `lanes` all have it.
+/// Does what applyDetail() does, eight lanes at a time, for a material that has textures only. All of `lanes` have it.
 class TexturedLanes {
   public:
     TexturedLanes(TextureLanes& textures, const Material& material, std::uint32_t lanes, SurfacePacket& out)
@@ -252,7 +253,7 @@ class TexturedLanes {
             });
         eachEight([&](int at, I8 use) { put(out_.ambient, at, use, loadV(ambient_, at) * ambient[at / 8]); });
     }
-    /// Of the normal texture; false: there is none.
+    /// Looks up the normal texture; false if there is none.
     bool lookForNormals() { return look(TextureRole::normal); }
     Vec4f texel(int lane) const { return {texels_.r[lane], texels_.g[lane], texels_.b[lane], texels_.a[lane]}; }
 

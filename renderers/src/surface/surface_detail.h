@@ -1,4 +1,4 @@
-// What colours, textures and maps make of the plain numbers of materials.
+// Applies colours, textures and maps to the plain numbers of materials.
 //
 // Threading: functions of their arguments.
 #pragma once
@@ -11,8 +11,8 @@
 
 namespace rtsg::trace {
 
-/// What a file's number does as a share: the colours of a mesh and what stages of textures make of them may be any.
-/// More than one, or less than nothing, would let rays multiply without end; what is no number is opaque.
+/// A number of a file as a share. Colours of a mesh, and what stages of textures make of them, may have any value. A
+/// share above 1 or below 0 would let rays multiply without end, so it is clamped; NaN counts as opaque.
 inline float share(float number) {
     return number < 1 ? std::max(number, 0.0f) : 1;
 }
@@ -35,24 +35,25 @@ inline float opacityOf(const Material& material, float opacity) {
     return material.alphaMode == AlphaMode::opaque || material.alphaMode == AlphaMode::mask ? 1.0f : share(opacity);
 }
 
-/// What a MultiTexture makes of a colour and of the material's alpha, `opacity`, with which its first stage begins
-/// (18.4.3).
+/// Applies the stages of a MultiTexture to a colour and to the material's alpha, `opacity`, with which the first stage
+/// begins (18.4.3).
 Vec4f applyStages(const TextureLookup& look, const Material& material, const Vec3f& base, const Vec3f& specular,
                   float opacity);
 
-/// The whole alpha that a MultiTexture made, as a share that the textures cover of the material's opacity: what is less
-/// than that was cut out by textures, what is more is the opacity itself. Where nothing has an alpha its formulas make
-/// none, as browsers have it: SUBTRACT of two opaque textures would be clear.
+/// Splits the alpha that a MultiTexture made into the share that its textures cover and the material's opacity: if it
+/// is less than the opacity, textures cut the rest out; if it is more, it is the opacity itself. If nothing has an
+/// alpha, the formulas make none, as in browsers: SUBTRACT of two opaque textures would otherwise be clear.
 void splitAlpha(const Material& material, float made, float& coverage, float& opacity);
 
-/// Of a surface whose opacity, before textures, is this: the alpha of its textures, and its opacity with them.
+/// `opacity` is that of the surface before textures. Sets `alpha` to that of its textures, and `opacity` to the opacity
+/// with them.
 void findAlpha(const TextureLookup& look, const Material& material, float& alpha, float& opacity);
 
-/// Where in the picture a place is seen, in pixels from its middle.
+/// The position of a place in the picture, in pixels from the picture's middle.
 Vec2f pixelOf(const TraceScene& scene, const Vec3f& place);
 
-/// Of lanes on one instance, which have their material's plain numbers; caps keep those. `tasks`: the rays, null for
-/// primary ones. What a lane gets does not depend on the others.
+/// Adds detail to lanes on one instance that have their material's plain numbers; caps keep these. `tasks` are the
+/// rays, null for primary ones. The result of a lane does not depend on the others.
 void addDetail(const TraceScene& scene, const RayInstance& instance, const SlotShading& slot, const PathTask* tasks,
                std::uint32_t lanes, SurfacePacket& out);
 

@@ -46,18 +46,18 @@ struct alignas(64) SurfacePacket {
         return {distance[lane], hits.instance[lane], hits.triangle[lane], hits.u[lane], hits.v[lane], outside(lane)};
     }
     Vec3f outside(int lane) const { return {hits.normalX[lane], hits.normalY[lane], hits.normalZ[lane]}; }
-    /// Of the lane's own colour, by the fog that it is in. `place`: of the hit.
+    /// The share of the lane's own colour that its fog leaves. `place` is that of the hit.
     float fogLeft(const TraceScene& scene, int lane, const Vec3f& place, float run) const {
         const Mesh& mesh = *scene.world->instance(hits.instance[lane]).mesh;
         return scene.fogs.of(lights[lane]).left(mesh, hits.triangle[lane], hits.u[lane], hits.v[lane], place, run);
     }
-    /// The share of light that a PhysicalMaterial mirrors along one ray; what it spreads is not in it.
+    /// The share of light that a PhysicalMaterial mirrors along one ray, without what it spreads.
     Vec3f gloss(int lane, float cosView) const {
         const Vec3f f0 = glm::mix(Vec3f(0.04f), base.get(lane), metallic[lane]);
         const float smooth = 1 - roughness[lane];
         return fresnelSchlick(f0, cosView) * (smooth * smooth);
     }
-    /// Where rays that a surface turns leave it.
+    /// The start of rays that a surface reflects or bends.
     HitPoint point(int lane) const { return {exact.get(lane), error.get(lane), outside(lane)}; }
 };
 

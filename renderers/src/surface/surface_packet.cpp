@@ -18,7 +18,7 @@ using namespace simd;
 
 namespace {
 
-/// What the lanes of one instance have in common.
+/// The data that the lanes of one instance share.
 struct Common {
     std::uint32_t id = kNoInstance;
     const RayInstance* instance = nullptr;
@@ -205,7 +205,8 @@ const Material& plainMaterial(ShadingModel model) {
     return model == ShadingModel::physical ? physical : phong;
 }
 
-/// What of a unit normal is square to a line, as a unit vector; all of a point's, and of one along the line.
+/// The part of a unit normal that is perpendicular to a line, as a unit vector; the whole normal for a point, and if
+/// the normal runs along the line.
 Vec3f squareTo(const Common& common, std::uint32_t stroke, const Vec3f& normal) {
     if (common.mesh->strokes == Mesh::Strokes::points) return normal;
     const Vec3f local = common.mesh->vertex(stroke, 1) - common.mesh->vertex(stroke, 0);

@@ -18,27 +18,29 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
 /// Fills `exact` and `error`, once.
 void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
 
-/// Where rays go straight on from what they met. Precondition: findPoints().
+/// The start of rays that go straight on from a hit. Precondition: findPoints().
 HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& surfaces, int lane);
 
 /// Whether light may pass straight through an instance.
 bool letsThrough(const TraceScene& scene, std::uint32_t instance);
 
-/// What part of light a surface lets through straight at a hit of a ray of this direction: 0 if opaque there. The side
-/// that the ray meets decides, as it does for what an eye there sees.
+/// The share of light that a surface lets through straight at a hit of a ray in this direction: 0 if it is opaque
+/// there. The side that the ray meets decides, as it does for an eye there.
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
 
 /// Clear surfaces that a ray towards a light passes; behind more it is dark. Only those that take nothing at all, such
 /// as the empty parts of textures, become so many before nothing is left.
 constexpr int kMostPassed = 10'000;
 
-/// What is left of light along a ray, which ends at tMax or goes on for ever. `world`: what it may meet.
+/// The share of light that is left along a ray, which ends at tMax or goes on for ever. `world` has the things that it
+/// may meet.
 Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind = RayKind::shadow);
 
-/// What an opaque surface itself sends out at a hit, in linear light. `footprint`: metres, of a pixel there.
+/// The light that an opaque surface itself emits at a hit, in linear light. `footprint` is the width of a pixel there,
+/// in metres.
 Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint);
 
-/// What a packet's colours count in their pixels.
+/// The shares of a packet's colours in their pixels.
 struct Shares {
     static constexpr float kWhole = std::numeric_limits<float>::infinity();  // never too little
     alignas(64) float of[16];

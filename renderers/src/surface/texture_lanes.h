@@ -25,7 +25,7 @@ class TextureLanes {
 
     /// Precondition: the material has a texture for this role. Lanes that do not count hold rubbish.
     void look(const Material& material, TextureRole role, Colors& out);
-    /// Of a lane alone.
+    /// The look-up of a single lane.
     TextureLookup lookup(int lane, LastStretch* last) const {
         return {instance_,           slot_, s_.hit(lane), footprint_[lane], space_, &scene_, s_.position.get(lane),
                 s_.normal.get(lane), last};

@@ -54,8 +54,8 @@ struct TextureLookup {
                generator == TexCoords::Generator::worldSpaceReflection;
     }
     Vec3f fromCamera(const Vec3f& v) const { return v.x * scene->right + v.y * scene->up - v.z * scene->forward; }
-    /// Where authors gave no coordinates: of a cube the direction from the shape's middle, of a block the place in the
-    /// box around the shape, r from its front to its back.
+    /// Coordinates where authors gave none: for a cube, the direction from the shape's middle; for a block, the place
+    /// in the box around the shape, with r from its front to its back.
     Vec4f solid(const TextureUse& use) const {
         const Mesh& mesh = *instance.mesh;
         const Vec3f place = mesh.position(hit.triangle, hit.u, hit.v);
@@ -64,7 +64,7 @@ struct TextureLookup {
         const auto share = [](float x, float of) { return of > 0 ? x / of : 0.0f; };
         return {share(within.x, size.x), share(within.y, size.y), 1 - share(within.z, size.z), 1};
     }
-    /// What a GeneratedCubeMapTexture is looked up by: a direction in the world, whatever frame it was found in.
+    /// The direction in the world by which a GeneratedCubeMapTexture is looked up, whatever frame it was found in.
     Vec3f inWorld(const TexCoords* own, const Vec3f& v) const {
         using G = TexCoords::Generator;
         const G generator = own ? own->generator : G::none;
@@ -114,7 +114,7 @@ struct TextureLookup {
     /// Side of the pixel on the texture, as a share of the texture's side.
     float spread(std::size_t channel, const TextureUse& use) const {
         if (footprint <= 0) return 0;
-        // What is generated, and directions, have no stretch that the corners could tell.
+        // Generated coordinates and directions have no stretch that the corners could tell.
         const TexCoords* own = coordsOf(channel);
         if (own && own->generator != TexCoords::Generator::none) return 0;
         if (!use.texture && !isFlat(use) && (!own || !own->authored || use.generated || use.space->isCube())) return 0;

@@ -40,7 +40,8 @@ const PlacedEntry* active(const LightState& state, std::uint16_t layer) {
     return std::get<T>(best->what).binding == Binding::first && !anyUnbound ? best : nullptr;
 }
 
-/// What the viewpoint brings counts unless another one is bound (23.3.1); null: there is none.
+/// The NavigationInfo that counts: the one that the viewpoint brings, unless another is bound (23.3.1); null if there
+/// is none.
 inline const Navigation* activeNavigation(const LightState& state, std::uint16_t layer) {
     const PlacedEntry* placed = active<Navigation>(state, layer);
     const Navigation* own = placed ? &std::get<Navigation>(placed->what) : nullptr;

@@ -201,7 +201,7 @@ bool mayShade(const RayInstance& instance) {
     return instance.info.castShadow || instance.info.volume;
 }
 
-/// What instances take up, as long as that can be said.
+/// The box of instances, as long as it is known.
 struct Extent {
     Bounds box;
     bool known = true;

@@ -1,5 +1,5 @@
-// What rays pass as if it were not there: behind ClipPlanes, of other layers, around a cube that is drawn; and on their
-// way to a light whatever that does not illuminate.
+// Filters for what rays pass as if it were not there: things behind ClipPlanes, in other layers, and around a cube that
+// is drawn; and, for rays towards a light, whatever that light does not illuminate.
 //
 // Threading: the filters are const.
 #pragma once
@@ -15,7 +15,8 @@
 
 namespace rtsg::trace {
 
-/// What ClipPlanes and Viewports cut off; null: nothing. `eye`: the picture's; null: none whose edges matter.
+/// Leaves out what ClipPlanes and Viewports cut off; null if they cut nothing. `eye` is the picture's; null if the
+/// picture's edges do not matter.
 std::shared_ptr<const RayFilter> clipFilter(const LightState& state, const RayView& world,
                                             const RenderSettings& settings, const Camera* eye);
 
@@ -28,14 +29,14 @@ class ScopeFilter : public RayFilter {
   public:
     virtual bool isOutside(std::uint32_t slot) const = 0;
 };
-/// Of each of `scopes` (numbers of LightState), besides what another filter leaves out, which may be null; null where
-/// no instance that casts shadows is outside. Looks at every instance once.
+/// A filter for each of `scopes` (numbers of LightState), which also leaves out what `other` does, if that is not null.
+/// A filter is null if no instance that casts shadows is outside its scope. Looks at every instance once.
 std::vector<std::shared_ptr<const ScopeFilter>> scopeFilters(std::span<const std::uint32_t> scopes,
                                                              const std::shared_ptr<const RayFilter>& other,
                                                              const LightState& state, const RayView& world,
                                                              const RenderSettings& settings);
 
-/// What rays towards a light may meet. The scene must outlive it.
+/// The view in which rays towards a light are traced. The scene must outlive it.
 class ViewOfLight {
   public:
     ViewOfLight(const TraceScene& scene, const TraceLight& light) : view_(scene.world) {

@@ -1,4 +1,4 @@
-// What light's tables hold of lights, viewpoints, backgrounds, fogs and NavigationInfos.
+// The part of light's tables for lights, viewpoints, backgrounds, fogs and NavigationInfos.
 #include <algorithm>
 #include <optional>
 
@@ -103,7 +103,7 @@ void readColors(const Node& node, Sky& sky, const S*) {
 
 namespace {
 
-/// Of a plane in a frame that there is a way back into; nothing if it has no direction.
+/// The plane in the world, if the frame's transform has an inverse; nothing if it has no direction.
 std::optional<ClipEntry::Plane> planeIn(const WorldFromLocal& m, const Vec4d& plane) {
     ClipEntry::Plane result;
     result.normal = glm::transpose(glm::inverse(glm::dmat3(m[0], m[1], m[2]))) * Vec3d(plane);

@@ -21,7 +21,7 @@ using namespace trace;
 
 namespace {
 
-/// Where things are is the world's.
+/// Whether a delta has more than movements, which are the world's business.
 bool concernsLight(const InstanceDelta& d) {
     return !d.scopes.empty() || !d.removed.empty() || !d.added.empty() || !d.rebound.empty() || !d.geometries.empty() ||
            !d.geometriesRemoved.empty() || !d.appearanceChanged.empty() || !d.placedRemoved.empty() ||
@@ -94,7 +94,7 @@ LightState LightTables::now() const {
 }
 
 std::shared_ptr<const std::vector<std::uint32_t>> LightTables::clearSlots() const {
-    // Who has a geometry with such colours is not kept.
+    // If any geometry has colours with an alpha there is no list, since it is not known which instances use it.
     if (transmitting_.empty() || !alphaColored_.empty() || transmitting_.size() > LightState::kMostClear)
         return nullptr;
     auto list = std::make_shared<std::vector<std::uint32_t>>();
@@ -146,7 +146,7 @@ std::array<float, 4> trace::clipBoundaryOf(const Node& viewport) {
 
 std::shared_ptr<const LayerList> LightTables::readLayers(const Scene& scene) const {
     using S = x3d::LayerSet;
-    // 35.4.2: there is one, at the root. Of several the one that was first counts.
+    // 35.4.2: there is one LayerSet, at the root. If there are several, the first counts.
     const Node* set = nullptr;
     for (const std::uint32_t id : layerSets_)
         if (!set && !scene.parents(NodeId{id}).empty()) set = scene.find(NodeId{id});

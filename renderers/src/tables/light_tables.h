@@ -62,13 +62,13 @@ struct FogEntry {
     Fog fog;
     Binding binding = Binding::first;
 };
-/// Of the things in its scope, in place of a Fog and of fogs around it (24.4.4).
+/// The fog of the things in its scope, in place of a Fog and of fogs around it (24.4.4).
 struct LocalFogEntry {
     Fog fog;
     std::uint32_t scope = 0;  // its number
 };
-/// What lies where x dot normal + offset < 0 (world) of any plane is left out of everything in its scope; and what the
-/// eye of a picture sees outside of a window in it, as clipBoundaryOf().
+/// Leaves out, of everything in its scope, what lies where x dot normal + offset < 0 (world) for any of its planes; and
+/// what the eye of a picture sees outside of a window, as clipBoundaryOf() has it.
 struct ClipEntry {
     struct Plane {
         Vec3d normal{0, 1, 0};
@@ -170,7 +170,7 @@ class LightTables {
     void bind(const Scene& scene, const Instance& instance);
     void release(std::uint32_t slot);
     void findChannels(std::uint32_t slot);
-    /// Of those in lookedUp_: textures that ask for coordinates which their geometry does not have.
+    /// Reports those in lookedUp_ whose textures ask for coordinates that their geometry does not have.
     void tellOfMappings(const Scene& scene);
     void setMapped(std::uint32_t slot, bool mapped);
     std::uint32_t scopeNumber(ScopeId scope);

@@ -28,7 +28,7 @@ class ParticleEmitter {
                     const std::function<std::shared_ptr<const Mesh>(NodeId)>& meshOf, Mesh& problems);
     /// False: it has no line, surface or volume.
     bool canEmit() const { return kind_ != Kind::nothing; }
-    /// Of points with triangles, for one particle on average.
+    /// The number of tests of points against triangles for one particle, on average.
     double tests() const;
     void emit(const EmissionSpan& span, KeyedNumbers& numbers, Vec3d& position, Vec3d& velocity) const;
 

@@ -19,7 +19,7 @@ namespace {
 
 using P = x3d::ParticleSystem;
 
-/// Of particles with triangles, for one time.
+/// The most tests of particles against triangles for one time.
 constexpr double kMostTests = 2e7;
 
 /// How strong a wind has blown: its speed changes every `tick` seconds of the scene's clock, by numbers that follow
@@ -52,7 +52,7 @@ class Gusts {
     /// How many times it changes in `seconds`.
     double changes(double seconds) const { return ticks_.empty() ? 0 : seconds / tick_; }
     double pressure(double time) const { return ticks_.empty() ? 1 : at(time).pressure; }
-    /// What a unit of acceleration at average speed comes to from `from` to `to`: a speed, and a way.
+    /// The speed and the way that one unit of acceleration at average speed gives from `from` to `to`.
     std::pair<double, double> effect(double from, double to) const {
         const double seconds = to - from;
         if (ticks_.empty()) return {seconds, .5 * seconds * seconds};
@@ -88,7 +88,7 @@ struct Wind {
     Gusts gusts;
 };
 
-/// What acts on particles.
+/// The forces and winds that act on particles.
 class Physics {
   public:
     Physics(const Scene& scene, const Node& system, const MeshOf& meshOf, double longest, double oldest, double now)

@@ -1,4 +1,4 @@
-// Where the particles of a system are: emitters, forces, winds and bounds, for any time in closed form.
+// Finds the places of a system's particles: emitters, forces, winds and bounds, for any time in closed form.
 //
 // Invariant: a pure function of the scene's fields (positions in double precision); nothing is remembered from frame to
 // frame, so pictures of a replica, of a late joiner and after a seek agree. Emitters' numbers and particles' sizes are
@@ -33,7 +33,8 @@ struct MovedParticle {
     double age = 0;  // seconds
 };
 
-/// Of a ParticleSystem, at the time that it is shown at, by span and place. What cannot be is told of in `problems`.
+/// The particles of a ParticleSystem at the time that it shows, by span and place. Impossible values are reported in
+/// `problems`.
 std::vector<MovedParticle> moveParticles(const Scene& scene, const Node& system, const MeshOf& meshOf, Mesh& problems);
 
 /// Their picture: points, lines, triangles, or copies of the system's geometry, coloured by their ages. Sprites face

@@ -38,7 +38,7 @@ Look lookOf(const Scene& scene, const Node& system, Mesh& problems) {
     return Look::quad;
 }
 
-/// What has a key for each value; the keys are ages in seconds.
+/// Values with a key each; the keys are ages in seconds.
 struct Span {
     std::size_t from = 0, to = 0;
     float weight = 0;

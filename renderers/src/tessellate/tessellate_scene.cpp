@@ -45,7 +45,7 @@ class PropertyReader {
         notUsed("coord", *node);
         return {};
     }
-    /// Of the points that were read last: Mesh::anchor.
+    /// The Mesh::anchor of the points that were read last.
     const Vec3d& anchor() const { return anchor_; }
 
     void colors(NodeId id, auto& params) {
@@ -94,7 +94,7 @@ class PropertyReader {
     }
 
   private:
-    /// What stands for the points or normals of a node, as joints move them; null: nothing does.
+    /// The points or normals of a node as joints have moved them; null if none do.
     const Array<Vec3f>* movedOf(const Node& node) const {
         if (!points_) return nullptr;
         const auto found = points_->find(node.id().value);

@@ -101,7 +101,7 @@ std::shared_ptr<const Mesh> Tessellator::mesh(const Scene& scene, NodeId geometr
     if (const auto found = shared_.find(key); found != shared_.end())
         if (auto mesh = found->second.lock()) return mesh;
     auto mesh = make(scene, geometry, key[0] == x3d::Sphere::type.value, level, nullptr);
-    // What has something to say says it with the name of its own node.
+    // A mesh with diagnostics is not shared, since they name its own node.
     if (mesh && mesh->diagnostics.all().empty()) {
         forgetUnused();
         shared_[key] = mesh;

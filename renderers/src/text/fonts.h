@@ -48,7 +48,7 @@ struct GlyphContour {
     std::vector<std::uint8_t> segments;
 };
 
-/// What a glyph fills, from its origin: left to right, bottom to top.
+/// The rectangle that a glyph fills, from its origin: left to right, bottom to top.
 struct GlyphBox {
     float left = 0, bottom = 0, right = 0, top = 0;
     bool empty = true;  // of blanks
@@ -79,7 +79,7 @@ class Fonts {
 /// libraries (beside the program, ../lib/rtsg, LD_LIBRARY_PATH).
 Result<const Fonts*> fonts();
 
-/// What the module exports under this name, which changes whenever this header does.
+/// The name that the module exports; it changes whenever this header does.
 #define RTSG_FONTS_SYMBOL rtsgFonts3
 
 }  // namespace rtsg

@@ -147,8 +147,8 @@ Vec3f energyLimited(const Vec3f& diffuse, const Vec3f& specular, float exponent)
 
 namespace {
 
-/// What a white sky shows of the parts of glTF's model, by angle of view and roughness: f0 mirrored + grazing of the
-/// facets, and 1 - lost of the diffuse part.
+/// The light of a white sky that the parts of glTF's model reflect, by angle of view and roughness: f0 * mirrored +
+/// grazing by the facets, and 1 - lost by the diffuse part.
 struct Albedos {
     static constexpr int kSteps = 32;
     float mirrored[kSteps][kSteps], grazing[kSteps][kSteps], lost[kSteps];

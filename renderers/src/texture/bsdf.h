@@ -14,9 +14,9 @@
 
 namespace rtsg::trace {
 
-/// What a PhysicalMaterial shows of a light's intensity: it follows glTF (KHR_lights_punctual), whose intensity is
-/// irradiance, so that a white one under a light of intensity 1 shows 1/pi of what a white Material does. So do
-/// browsers.
+/// The share of a light's intensity that a PhysicalMaterial shows. It follows glTF (KHR_lights_punctual), in which
+/// intensity is irradiance: a white one under a light of intensity 1 shows 1/pi of what a white Material does. Browsers
+/// do the same.
 constexpr float kPhysicalLight = 0.318309886f;
 
 inline float largest(const Vec3f& v) {
@@ -34,10 +34,10 @@ class Bsdf {
     static Bsdf phong(const Vec3f& diffuse, const Vec3f& specular, float exponent);
     static Bsdf physical(const Vec3f& base, float metallic, float roughness);
 
-    /// What is shown towards `view` of a light of intensity 1 from `light`, its cosine included; 0 if either is not
-    /// above the horizon.
+    /// The light that is reflected towards `view` from a light of intensity 1 in direction `light`, its cosine
+    /// included; 0 if either is not above the horizon.
     Vec3f value(const Vec3f& view, const Vec3f& light) const;
-    /// Of sample(), per steradian, also below the horizon.
+    /// The density of sample(), per steradian, also below the horizon.
     float density(const Vec3f& view, const Vec3f& light) const;
     /// `choice`, `u`, `v` in [0, 1). Precondition: view.z > 0.
     BsdfSample sample(const Vec3f& view, float choice, float u, float v) const;
@@ -55,8 +55,8 @@ class Bsdf {
     float exponent_ = 0, metallic_ = 0, roughness_ = 1;
 };
 
-/// What glTF's model shows of the same light from all directions: the share that its facets mirror, and that of its
-/// diffuse part. Within 1 %.
+/// The shares of uniform light from all directions that glTF's model reflects by its facets and by its diffuse part,
+/// within 1 %.
 struct EvenlyLit {
     Vec3f specular, diffuse;
 };

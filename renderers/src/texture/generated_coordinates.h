@@ -1,7 +1,7 @@
 // Texture coordinates that depend on who looks, and noise: the modes of TextureCoordinateGenerator.
 //
-// Made at each hit, from its own normal, where rasterisers make them at the corners. `parameter` as in 18.4.8. Where a
-// mode speaks of camera space: x to the right, y up, z towards the viewer, places from the eye.
+// They are made at each hit, from its own normal; rasterisers make them at the corners. `parameter` is as in 18.4.8. In
+// modes of camera space x points to the right, y up, z towards the viewer, and places are relative to the eye.
 // Threading: re-entrant. Source: ISO/IEC 19775-1 V4.0 18.4.8; noise as in Perlin 2002 (Improving Noise).
 #pragma once
 

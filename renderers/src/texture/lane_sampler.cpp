@@ -24,7 +24,7 @@ I8 choose(I8 mask, I8 a, I8 b) {
     return mask ? a : b;
 }
 
-/// As Texture's for one.
+/// Does what Texture does for a single number.
 F8 reduced(F8 s, TextureWrap wrap) {
     s = select(absolute(s) <= std::numeric_limits<float>::max(), s, all(0));
     if (wrap == TextureWrap::clamp) return select(s < 0.0f, all(0), select(s > 1.0f, all(1), s));
@@ -32,7 +32,7 @@ F8 reduced(F8 s, TextureWrap wrap) {
     return s - period * floorOf(s / period);
 }
 
-/// Of pixels that are one beyond an edge at most; mirrored, beyond that of twice as many.
+/// Wraps pixel numbers that are beyond an edge by one at most; if mirrored, beyond the edge of twice as many pixels.
 I8 wrapped(I8 i, I8 size, TextureWrap wrap) {
     switch (wrap) {
         case TextureWrap::repeat:
@@ -60,7 +60,7 @@ Colors mixed(const Colors& a, const Colors& b, F8 share) {
 
 }  // namespace
 
-/// Of a texture whose pixels are bytes.
+/// Samples a texture whose pixels are bytes.
 class LaneSampler {
   public:
     LaneSampler(const Texture& texture, const TextureAccess& access, bool decode)
@@ -88,7 +88,7 @@ class LaneSampler {
         const std::vector<Texture::Level>& coarse = texture_.coarse(decode_);
         for (int i = 0; i < 8; ++i)
             if (between[i]) levels_[i] = &coarse[static_cast<std::size_t>(fine_[i])];
-        // Of those between none is near.
+        // Lanes between two levels need a smooth look-up in both.
         const Colors both = mixed(fine, atLevels(s, t, access_.smoothFar), deeper);
         Colors r;
         for (int k = 0; k < 4; ++k) r.c[k] = select(between, both.c[k], fine.c[k]);

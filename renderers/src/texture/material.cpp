@@ -16,8 +16,8 @@ namespace rtsg {
 
 namespace {
 
-/// Pixels a side, of the longer one. Authors of a PixelTexture of a few pixels mean these; browsers show them so. What
-/// interpolates is open where no TextureProperties say (18.4.6).
+/// Pixels a side, of the longer one. Authors of a PixelTexture of a few pixels mean these pixels, and browsers show
+/// them. Without TextureProperties the standard leaves interpolation open (18.4.6).
 constexpr int kLeastSmoothed = 16;
 
 Vec3f rgb(const Color& c) {
@@ -165,7 +165,7 @@ struct Reader {
             node->get(x3d::TextureTransform::scale), node->get(x3d::TextureTransform::translation));
     }
 
-    /// What a texture says of how it is read.
+    /// The access that a texture's fields ask for.
     struct Access {
         bool s = true, t = true, r = true;
         NodeId properties;
@@ -209,8 +209,8 @@ struct Reader {
         result.smooth = p->get(P::magnificationFilter).view() != "NEAREST_PIXEL";
         const std::string_view far = p->get(P::minificationFilter).view();
         result.smoothFar = !far.starts_with("NEAREST_PIXEL");
-        // Where the choice is ours (FASTEST, NICEST, DEFAULT): the mix. Coarser copies that a filter names are there if
-        // they are asked for.
+        // For FASTEST, NICEST and DEFAULT, where the choice is ours, levels are mixed. A filter that names coarser
+        // copies gets them only if the texture asks for these.
         if (far == "AVG_PIXEL" || far == "NEAREST_PIXEL" || (far.ends_with("_MIPMAP") && !p->get(P::generateMipMaps)))
             result.levels = TextureLevels::finest;
         else if (far.ends_with("_NEAREST_MIPMAP"))
@@ -218,7 +218,7 @@ struct Reader {
         return result;
     }
 
-    /// What is drawn for this picture; null: nothing, as `update` has it.
+    /// The texture that is drawn for this picture; null if `update` asks for none.
     template <class N>
     std::shared_ptr<const GeneratedCube> drawnFor(const Node& node) {
         const std::string_view update = node.get(N::update).view();

@@ -82,7 +82,7 @@ Result<SpaceTexture> SpaceTexture::ofPicture(const std::shared_ptr<const Texture
         result.layers_.push_back(picture);
         return result;
     }
-    // Of front, back, left, right, top, bottom: column and row from the top, and whether it lies there upside down.
+    // The place of front, back, left, right, top or bottom: column and row from the top, and whether it is upside down.
     struct Place {
         int column, row;
         bool turned = false;

@@ -104,7 +104,7 @@ int wrapIndex(int i, int size, TextureWrap wrap) {
 
 using F4 = float __attribute__((vector_size(16)));
 
-/// Of a pixel's four bytes, each from 0 to 1.
+/// The values of a pixel's four bytes, each from 0 to 1.
 F4 valuesOf(std::uint32_t word) {
     using U4 = std::uint8_t __attribute__((vector_size(4)));
     U4 bytes;

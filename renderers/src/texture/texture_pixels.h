@@ -1,4 +1,4 @@
-// What image files and films hold, made into textures.
+// Makes textures of image files and films.
 #pragma once
 
 #include <array>

@@ -17,15 +17,15 @@ namespace rtsg {
 
 namespace {
 
-/// As the policy counts them: pictures with more than 8 bits a channel take four times the memory.
+/// The pixels as the policy counts them: pictures with more than 8 bits a channel take four times the memory.
 std::uint64_t pixelsOf(const Texture& texture) {
     if (texture.inTiles()) return 0;
     return static_cast<std::uint64_t>(texture.width()) * static_cast<std::uint64_t>(texture.height()) *
            texture.bytesPerPixel() / 4;
 }
 
-/// What the picture is by its first bytes, as a name that the reader of pictures chooses its format from; empty if it
-/// is none that is read. Names of the document's choosing would let it choose among all formats there are.
+/// A name by which the reader of pictures chooses the format, made from the first bytes; empty for formats that are not
+/// read. With names of its own choosing, a document could choose among all formats there are.
 std::string nameByContent(std::string_view bytes) {
     using namespace std::string_view_literals;
     if (bytes.starts_with("\x89PNG\r\n"sv)) return "picture.png";
@@ -240,7 +240,7 @@ std::shared_ptr<const Texture> TextureStore::ofMovie(const Scene& scene, const N
         const double told = node.get(M::_duration).seconds;
         const double length = told > 0 && std::isfinite(told) ? told : film.movie->seconds();
         auto frame = film.movie->frameAt(movieTime(node, length), content);
-        // What cannot be decoded stays as it was.
+        // If a picture cannot be decoded, the last one stays.
         if (!frame)
             film.why = frame.error().text;
         else if (*frame && (film.shown || countPixels(pixelsOf(**frame), film.why)))
@@ -252,7 +252,7 @@ std::shared_ptr<const Texture> TextureStore::ofMovie(const Scene& scene, const N
 
 namespace {
 
-/// Of the picture that the stages of a MultiTexture make together: as wide and as high as the largest ones are.
+/// The size of the picture that the stages of a MultiTexture make together: as wide and as high as the largest ones.
 struct CombinedSize {
     int width = 0, height = 0;
     bool wide = false;  // more than a byte for each number
@@ -265,13 +265,13 @@ struct CombinedSize {
             wide = wide || texture->bytesPerPixel() > 4;
         }
     }
-    /// As the policy counts them: four bytes are one.
+    /// The pixels as the policy counts them: four bytes are one.
     std::uint64_t pixels() const {
         return static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) * (wide ? 4 : 1);
     }
 };
 
-/// What the stages make of white; null: they have no picture, or none of such a size can be had.
+/// The picture that the stages make of white; null if they have no picture, or if one of this size cannot be had.
 std::optional<Texture> combined(const Material& material, const CombinedSize& size, Texture::Content content) {
     const auto [width, height, wide] = size;
     if (width == 0) return std::nullopt;

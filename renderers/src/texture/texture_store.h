@@ -1,9 +1,9 @@
 // TextureStore: the textures of one scene, read once each, however many materials use them and however often those
 // change, and however many renderers show them.
 //
-// A url list is tried in order, each as core/resource.h says. What cannot be read, or would be more pixels than the
-// policy lets a scene have, is reported to each who asks, and tried again only when the list changes.
-// Threading: one thread, the scene's.
+// A url list is tried in order, each as core/resource.h says. A file that cannot be read, or has more pixels than the
+// policy allows, is reported to everybody who asks, and tried again only when the list changes. Threading: one thread,
+// the scene's.
 #pragma once
 
 #include <memory>
@@ -26,8 +26,8 @@ class TextureStore {
   public:
     explicit TextureStore(Resources resources = {}) : resources_(std::move(resources)) {}
 
-    /// Of an ImageTexture, PixelTexture, MovieTexture (what it shows now) or MultiTexture (what its stages make of
-    /// white) node; null with a diagnostic if it cannot be had, null without one if it names nothing.
+    /// The texture of an ImageTexture, PixelTexture, MovieTexture (its present picture) or MultiTexture (what its
+    /// stages make of white); null with a diagnostic if it cannot be had, null without one if it names nothing.
     std::shared_ptr<const Texture> ofNode(const Scene& scene, const Node& node, Texture::Content content,
                                           Diagnostics& diagnostics);
     /// `node` is the one whose url list it is; for the folder and the report.
@@ -35,12 +35,13 @@ class TextureStore {
                                           Texture::Content content, Diagnostics& diagnostics);
     /// Whether a node is one of those that are looked up by three coordinates, and have pictures of their own.
     static bool isSpace(const Node& node);
-    /// Of a ComposedCubeMapTexture, ImageCubeMapTexture, ComposedTexture3D, ImageTexture3D or PixelTexture3D.
+    /// The texture of a ComposedCubeMapTexture, ImageCubeMapTexture, ComposedTexture3D, ImageTexture3D or
+    /// PixelTexture3D.
     std::shared_ptr<const SpaceTexture> spaceOfNode(const Scene& scene, const Node& node, Texture::Content content,
                                                     Diagnostics& diagnostics);
     /// A picture that is drawn for a node, as it counts among the others; null, with the reason: there are too many.
     std::shared_ptr<const GeneratedCube> drawn(const GeneratedCube& cube, std::string& why);
-    /// Of pictures that stay in their files: parts that could not be read; once each.
+    /// Reports parts of pictures in files that could not be read, once each.
     void tellOfDamage(Diagnostics& diagnostics);
     /// Drops what no material uses any more, once there is much of it.
     void collect();

@@ -27,7 +27,7 @@ struct TransferFunction {
     Vec4f of(const Vec4f& voxel, int components) const;
 };
 
-/// What changes colour and opacity one after the other, as 41.4 has it for each node.
+/// A step that changes colour and opacity, as 41.4 defines it for each node.
 struct OpacityMap {
     TransferFunction map;
 };

@@ -181,7 +181,8 @@ void InstanceTree::insert(std::uint32_t object) {
             const Box old = n.box(i);
             Box grown = old;
             grown.extend(box);
-            // Into a leaf it costs a node; otherwise the growth. Where it fits without any, the smallest.
+            // Going into a leaf costs a node, otherwise the growth of the box. Among boxes that need not grow, the
+            // smallest is taken.
             const float extra = n.child[i] & kLeaf ? grown.area() : grown.area() - old.area() + 1e-3f * old.area();
             if (extra < least) least = extra, best = i;
         }
@@ -325,7 +326,8 @@ void InstanceTree::build() {
         std::array<Part, 8> parts{work.part};
         std::size_t count = 1;
         while (count < 8) {
-            // What fits into one node is left whole, so that nodes are well filled; unless all of it fits.
+            // A part that fits into one node is not split, so that nodes are well filled; it is split if it is all that
+            // there is.
             const std::uint32_t enough = work.part.end - work.part.begin <= 8 ? 1 : 8;
             std::size_t largest = 8;
             for (std::size_t i = 0; i < count; ++i)

@@ -14,7 +14,7 @@ namespace rtsg::bvh::avx512 {
 /// Called for an object with all-ones for the lanes that meet its box.
 using Leaf = void (*)(void* self, std::uint32_t object, const std::int32_t* lanes);
 
-/// As TreeView::traverse for packets. Precondition: isSupported() and at least one node.
+/// Does what TreeView::traverse does for packets. Precondition: isSupported() and at least one node.
 void traverse(const TreeView::Node* const* pages, std::size_t count, const RayPacket16& rays,
               const std::int32_t* active, Leaf leaf, void* self);
 
@@ -25,7 +25,7 @@ struct alignas(64) SavedRays {
 /// Puts the packet's rays into a frame: `m` by columns, after subtracting the translation.
 void enter(RayPacket16& rays, const float* m, const float* translation, SavedRays& saved);
 void leave(RayPacket16& rays, const SavedRays& saved);
-/// What queries accept of rays.
+/// The ranges of numbers in rays that queries accept.
 struct Limits {
     float coordinate;         // at most
     float shortest, longest;  // direction
@@ -34,11 +34,11 @@ struct Limits {
 std::uint32_t findValid(const RayPacket16& rays, const Limits& limits, std::int32_t* valid);
 /// The members of a packet that its maker leaves to us.
 void complete(RayPacket16& rays, std::uint32_t mask);
-/// As the function of that name (rays_together.h).
+/// Does what the function of that name in rays_together.h does.
 bool runTogether(const RayPacket16& rays, const std::int32_t* valid, float parallel, float nearby);
 /// A bit for each lane that has hit something.
 std::uint32_t findHits(const RayPacket16& rays);
-/// What the packet hit: places on triangles, triangles, and normals as they are.
+/// Copies the packet's hits: places on triangles, triangles, and normals as they are.
 void copyHits(const RayPacket16& rays, PacketHits16& hits);
 /// The same directions with length 1; what has none becomes +z.
 void makeUnit(PacketHits16& hits);

@@ -12,8 +12,9 @@
 
 namespace rtsg::bvh {
 
-/// Of the lanes that are valid. Sums of squares: `parallel`, of the ranges of unit directions by axis; `nearby`, of
-/// those of origins. avx512::runTogether() is the same, bit for bit.
+/// Whether the rays of the valid lanes run close together. `parallel` and `nearby` limit sums of squares over the axes:
+/// of the ranges of unit directions, and of the ranges of origins. avx512::runTogether() gives the same answers, bit
+/// for bit.
 inline bool runTogether(const RayPacket16& rays, const std::int32_t* valid, float parallel, float nearby) {
     const auto squareOfRange = [valid](const float* values) {
         float low = HUGE_VALF, high = -HUGE_VALF;

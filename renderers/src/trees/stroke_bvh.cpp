@@ -17,7 +17,7 @@ constexpr double kSpoiltStrokes =
 Box boxOf(const StrokeBvh::Stroke& s) {
     return {glm::min(s.a, s.b), glm::max(s.a, s.b)};
 }
-/// Of boxes without any volume too: a stroke has a width, whoever looks.
+/// Boxes without volume have a weight, too, since a stroke has a width whoever looks.
 double weightOf(const Box& box) {
     const Vec3d size = glm::max(Vec3d(box.upper - box.lower), Vec3d(0));
     return size.x * size.y + size.y * size.z + size.z * size.x + 1e-3 * glm::dot(size, size);

@@ -33,9 +33,9 @@ float safeReciprocal(float d) {
     return 1 / (std::abs(d) < kSmallDirection ? std::copysign(kSmallDirection, d) : d);
 }
 
-/// A box's planes, each moved outwards as fast as the cone grows; met at t = (plane - offset) * inverse. What a ray
-/// passes on its way in makes the start later, what it passes on its way out the end earlier; where the cone grows
-/// faster than it comes nearer, both planes of an axis may be on the way in.
+/// A box's planes, each moved outwards as fast as the cone grows; met at t = (plane - offset) * inverse. Planes that a
+/// ray passes on its way in make the start later, those on its way out make the end earlier; if the cone grows faster
+/// than it comes nearer, both planes of an axis may be on the way in.
 struct Slabs {
     float offset[6], inverse[6];
     bool entry[6];
@@ -142,7 +142,7 @@ struct Square {
     }
 };
 
-/// What eight pairs of a ray and a stroke have in common.
+/// The data that eight pairs of a ray and a stroke share.
 struct Width {
     V8 eye, forward;
     float spreadSquared, sizeSquared;
@@ -251,8 +251,8 @@ Met meetSquares(const V8& o, const V8& d, const V8& points, const Width& width, 
     return {(x >= -half) & (x < half) & (y >= -half) & (y < half), t - tie / sqrt(dot(d, d)), all(0), pixel};
 }
 
-/// Eight rays and eight strokes, pair by pair. Where the rays lead forwards or backwards a stroke is met at its axis'
-/// depth, as if it were a ribbon that faces the eye; elsewhere at the place of the ray that is nearest to its axis.
+/// Meets eight rays with eight strokes, pair by pair. Rays that lead forwards or backwards meet a stroke at its axis'
+/// depth, as if it were a ribbon that faces the eye; other rays meet it at their place nearest to its axis.
 Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width) {
     Met square{};
     I8 isOwn{};
@@ -269,7 +269,8 @@ Met meet(const V8& o, const V8& d, const V8& a, const V8& b, const Width& width)
         const F8 depthA = dot(a - width.eye, width.forward), depthB = dot(b - width.eye, width.forward);
         const V8 fromEye = o - width.eye;
         const I8 both = (depthA > 0.0f) & (depthB > 0.0f);
-        // What lies across the eye's plane, others than it may see all of.
+        // For strokes across the eye's plane, only rays that start at the eye count by the picture: other rays may see
+        // all of the stroke.
         const I8 some = ((depthA > 0.0f) | (depthB > 0.0f)) & (dot(fromEye, fromEye) < 1e-12f * dot(toA, toA));
         const F8 alongB = (da + dw) * dd;
         const F8 seen = nearestInPicture(toA - d * (da * dd), toA + along - d * alongB, depthA, depthB);
@@ -321,7 +322,7 @@ class LeafEnds {
         const V8 a = V8{load(lanes_[0]), load(lanes_[1]), load(lanes_[2])} - from;
         const V8 b = V8{load(lanes_[3]), load(lanes_[4]), load(lanes_[5])} - from;
         const F8 ta = dot(a, d), tb = dot(b, d), last = max(ta, tb);
-        // What is nearest to the axis, seen along it.
+        // The point that is nearest to the axis, seen along it.
         const V8 across = a - d * ta, way = b - d * tb - across;
         const F8 u = min(max(-dot(across, way) / max(dot(way, way), all(1e-30f)), all(0)), all(1));
         const V8 apart = across + way * u;
@@ -424,8 +425,8 @@ struct StrokeView::Rays {
                 hit[k] = 0;
         return any(hit);
     }
-    /// Of those that meet a stroke behind a surface, the ones that meet one which lies in it: at a slant half of its
-    /// width is behind, which belongs to the picture as the half before does.
+    /// Finds the rays that meet a stroke behind a surface in which the stroke lies. Seen at a slant, half of its width
+    /// is behind the surface, but belongs to the picture like the other half.
     void findLying(const StrokeSurface& met, const Square& square, const Vec3f& eye, int h, const Vec3f& a,
                    const Vec3f& b, const Met& m, I8 behind, F8& t, I8& hit) const {
         for (int k = 0; k < 8; ++k) {

@@ -52,7 +52,7 @@ struct StrokeHit {
     std::uint32_t slot = kNoInstance, stroke = 0;
 };
 
-/// What rays have met already, at their tMax: a stroke that lies in that surface is seen as a whole.
+/// The surface that rays have met already, at their tMax: a stroke that lies in it is seen as a whole.
 class StrokeSurface {
   public:
     virtual ~StrokeSurface() = default;
@@ -60,8 +60,8 @@ class StrokeSurface {
     virtual std::optional<Vec3f> normal(int lane) const = 0;
 };
 
-/// What rays ask for: the strokes of some kinds, as wide as an eye sees them, but for the places that a filter leaves
-/// out (null: none).
+/// A query of rays: the strokes of some kinds, as wide as an eye sees them, without the places that a filter leaves out
+/// (null: no filter).
 struct StrokeQuery {
     const PixelLens& lens;
     RayKind kind;

@@ -43,7 +43,7 @@ class TreeView {
         friend bool operator==(const Box&, const Box&) = default;
     };
 
-    // What another traversal needs (packet_avx512.h):
+    // For the other traversal (packet_avx512.h):
     static constexpr std::uint32_t kLeaf = 0x80000000, kRoot = 0, kPageBits = 4, kPerPage = 1 << kPageBits;
     static constexpr std::size_t kMostLevels = 28, kStack = kMostLevels * 7 + 8;
     struct alignas(32) Node {
@@ -216,7 +216,7 @@ struct TreeView::Packet {
         }
     }
     bool anyActive() const { return simd::laneBits(active[0] | active[1]) != 0; }
-    /// What meetAll() needs.
+    /// Computes the interval that meetAll() needs.
     void findInterval(const RayPacket16& rays) {
         for (int k = 0; k < 3; ++k) {
             simd::F8 low = simd::all(HUGE_VALF), high = -low, rLow = low, rHigh = high;

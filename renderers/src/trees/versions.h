@@ -1,12 +1,12 @@
-// Versions: which states of a world somebody still reads, and so what may be written in place.
+// Versions: knows which states of a world are still read, and so which data may be written in place.
 //
-// A serial counts the versions made. What is written carries it as its stamp, so a version whose serial is above the
-// stamp may read it: then the writer copies first, and what it takes out of use is kept until nobody can read it.
-// Invariant: at most kMost versions at a time; one pins what it was made of, and nothing that came later.
-// Embree's masks cannot be copied, so they hold four bits (the kinds of rays) for each of eight epochs: a version's
-// rays carry the bits of the epoch in which it was made, and whoever changes a mask leaves the bits of held epochs
-// alone. (Embree reads a mask in one word while we write it: the bits that a reader looks at stay what they are.)
-// Threading: everything on the writer's thread, release() on any.
+// A serial counts the versions made. Data that are written carry it as their stamp, so a version whose serial is above
+// the stamp may read them: then the writer copies first, and keeps what it takes out of use until nobody can read it.
+// Invariant: at most kMost versions at a time; one pins what it was made of, and nothing that came later. Embree's
+// masks cannot be copied, so they hold four bits (the kinds of rays) for each of eight epochs: a version's rays carry
+// the bits of the epoch in which it was made, and whoever changes a mask leaves the bits of held epochs alone. (Embree
+// reads a mask in one word while we write it: the bits that a reader looks at stay what they are.) Threading:
+// everything on the writer's thread, release() on any.
 #pragma once
 
 #include <array>

@@ -19,7 +19,7 @@ class Worker {
   public:
     class Job {
       public:
-        /// What the job wrote may be read once this is true.
+        /// Whether the job is done; its results may be read once this is true.
         bool done() const { return done_.load(std::memory_order_acquire); }
         bool failed() const { return failed_; }
 

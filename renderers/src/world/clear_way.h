@@ -1,7 +1,8 @@
-// ClearWay: what shadow rays pass before something stops them, found in one traversal and not from hit to hit.
+// ClearWay: finds the surfaces that shadow rays pass before something stops them, in one traversal and not from hit to
+// hit.
 //
-// Invariant: a surface counts once. Of those that lie in one place, as of triangles that share the edge which a ray
-// goes through, one counts, as for a ray that leaves each surface that it meets. Threading: one thread's. The view must
+// Invariant: a surface counts once. Surfaces in one place count as one, such as triangles that share the edge which a
+// ray goes through, as they do for a ray that leaves each surface that it meets. Threading: one thread's. The view must
 // outlive it.
 #pragma once
 

@@ -1,11 +1,10 @@
-// HandOver: the newest of something, from the thread that makes it to any number of others. Nobody waits for anybody.
+// HandOver: passes the newest object from the thread that makes it to any number of others. Nobody waits for anybody.
 //
-// The newest lies in one of a few places; one word says in which, and how many have come for it there. Who gets it
-// counts itself in by one addition, copies the pointer, and counts itself out at the place. The writer puts the next
-// one into a place that as many have left as came to.
-// Invariant: a place is written only while no reader can be at it. A reader that is stopped in between costs its place,
-// nothing else; when all places are so taken, put() changes nothing and says so.
-// Threading: put() and tidy() on one thread; get() on any.
+// The newest object lies in one of a few places; one word says in which, and how many readers have come for it there. A
+// reader counts itself in by one addition, copies the pointer, and counts itself out at the place. The writer puts the
+// next object into a place that as many readers have left as have come to. Invariant: a place is written only while no
+// reader can be at it. A reader that is stopped in between costs its place, nothing else; when all places are so taken,
+// put() changes nothing and says so. Threading: put() and tidy() on one thread; get() on any.
 #pragma once
 
 #include <array>
@@ -59,7 +58,7 @@ class HandOver {
             place.isUsed = false;
         }
     }
-    /// What was last put; null before.
+    /// The object that was put last; null before.
     std::shared_ptr<const T> get() const { return Visit(*this).value(); }
 
     /// A reader at a place: what is there stays until it leaves.

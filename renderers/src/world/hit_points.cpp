@@ -78,7 +78,7 @@ HitPoint RayView::strokePoint(const Hit& hit, const Vec3f& normal) const {
 
 namespace {
 
-/// As std::nextafter() towards one of the infinities, which is a call.
+/// Does what std::nextafter() does towards one of the infinities, without a call.
 float nextFloat(float x, bool up) {
     if (x == 0) return up ? std::numeric_limits<float>::denorm_min() : -std::numeric_limits<float>::denorm_min();
     if (!(std::abs(x) <= std::numeric_limits<float>::max())) return x;

@@ -1,8 +1,8 @@
 // LargeRays: rays that a view's few large triangles are asked about before its trees are.
 //
-// Of those that are left open the view tells; so what is found is what RayView::intersect and occluded find, but for
-// the last bits of numbers. Threading: made by one thread, asked by any number. The view must outlive it and stay as it
-// is.
+// Rays that stay open are to be traced by the view. So the results are those of RayView::intersect and occluded, except
+// for the last bits of numbers. Whether all this pays is counted from surfaces alone, so pictures are the same in every
+// run. Threading: made by one thread, asked by any number. The view must outlive it and stay as it is.
 #pragma once
 
 #include <memory>
@@ -23,7 +23,8 @@ class LargeRays {
 
     /// Whether asking them pays at all.
     explicit operator bool() const { return triangles_ != nullptr; }
-    // As LargeTriangles' own. Precondition: it pays. Rays are finite and start within what a view takes.
+    // Call the functions of LargeTriangles. Precondition: it pays. Rays are finite and start within the range that a
+    // view accepts.
     std::uint32_t intersect(const bvh::RayRows& rows, RayPacket16& rays, bvh::LargeHits& hits,
                             std::uint32_t& open) const {
         return triangles_->intersect(rows, rays, hits, open);
@@ -31,7 +32,7 @@ class LargeRays {
     std::uint32_t occluded(const bvh::RayRows& rows, std::uint32_t& open) const {
         return triangles_->occluded(rows, open);
     }
-    /// What they are asked by. Precondition: it pays.
+    /// The table that the kernels read. Precondition: it pays.
     const bvh::LargeTable& table() const { return triangles_->table(); }
 
   private:

@@ -156,8 +156,8 @@ MovedView::MovedView(const RayView& now, const Motions& motions, double t) : Ray
     instances_ = {pages_.data(), instances_.size()};
 }
 
-/// What an object is after all of it has gone through `change` of the world, and its box; nothing if no ray could be
-/// taken into its frame. `first`: where an instance is then.
+/// The object after all of it has gone through `change` of the world, and its box; nothing if no ray could be taken
+/// into its frame. `first` is where an instance is then.
 std::optional<std::pair<bvh::TopObject, bvh::InstanceTree::Box>> MovedView::moved(const bvh::TopObject& now,
                                                                                   const WorldFromLocal& change,
                                                                                   const WorldFromLocal& first) const {

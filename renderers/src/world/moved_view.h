@@ -1,9 +1,10 @@
-// Motions: what has moved between two states of a RayWorld, and MovedView: the world at an instant in between.
+// Motions: the instances that have moved between two states of a RayWorld; and MovedView: the world at an instant in
+// between.
 //
-// Of a thing's way two places are known. It is taken to go evenly: its pivot (Instance::pivot) straight on, while it
-// turns about that by the shorter way and stretches; so nothing shrinks that turns. What was merged with things that
-// rest, lines, points and volumes are where they are in the later state, and triangles have their shape of that.
-// Invariant: at 1 all is as in the later state, up to rounding. Threading: const once made; the later state must
+// Two places of an instance are known. It is taken to move evenly: its pivot (Instance::pivot) straight on, while it
+// turns about that by the shorter way and stretches; so nothing shrinks that turns. Instances that were merged with
+// resting ones, lines, points and volumes are where they are in the later state, and triangles have the shape of that
+// state. Invariant: at 1 all is as in the later state, up to rounding. Threading: const once made; the later state must
 // outlive both. Source: Shoemake & Duff 1992 (polar decomposition), Higham 1986 (its iteration).
 #pragma once
 
@@ -45,14 +46,14 @@ class Motions {
     /// Costs what has changed between them, unless something has moved: then a look at every instance.
     Motions(const RayView& before, const RayView& now);
     bool empty() const { return objects_.empty(); }
-    /// Of the later state: whether it is elsewhere at other times.
+    /// Whether an instance of the later state is elsewhere at other times.
     bool moves(std::uint32_t slot) const { return slot < moves_.size() && moves_[slot]; }
     /// Objects of which each time has its own tree.
     std::size_t size() const { return leaves_.size(); }
 
   private:
     friend class MovedView;
-    /// What moves as one.
+    /// Instances that move as one.
     struct Object {
         std::uint32_t number = 0;            // in the top
         std::vector<std::uint32_t> slots;    // that are in it

@@ -40,7 +40,7 @@ exact::Triangle triangleOf(const RayInstance& instance, std::uint32_t triangle) 
     return {corner(0), corner(1), corner(2)};
 }
 
-/// Of any length, towards the front.
+/// The normal towards the front, of any length.
 Vec3d normalOf(const RayInstance& instance, const exact::Triangle& t) {
     const Vec3d normal = glm::cross(t.b - t.a, t.c - t.a);
     return instance.sign < 0 ? -normal : normal;
@@ -120,7 +120,8 @@ bool mayMeet(const RayInstance& instance, const Vec3d& from, const Vec3d& unit) 
     return enter <= leave;
 }
 
-/// What the BVH's rays pass: the boxes of volumes, which are pointed at, and the proxies of Collisions, which are felt.
+/// Finds what rays in the BVH pass: the boxes of volumes, which pointers meet, and the proxies of Collisions, which
+/// avatars feel.
 class UnmetByRays final : public RayView {
   public:
     explicit UnmetByRays(const RayView& view) : RayView(view) {}
@@ -164,7 +165,7 @@ class UnmetByRays final : public RayView {
 
 namespace {
 
-/// Of an eye that looks along the ray. What cannot be a ray is told of elsewhere.
+/// The lens of an eye that looks along the ray. Numbers that make no ray are reported elsewhere.
 PixelLens lensAt(const RayWorld& world, const Vec3d& origin, const Vec3d& direction, double pixel) {
     const double length = glm::length(direction);
     return {world.fromWorld(origin), length > 0 && std::isfinite(length) ? Vec3f(direction / length) : Vec3f(0, 0, -1),
@@ -190,7 +191,7 @@ Result<Pick> Picker::ray(const Vec3d& origin, const Vec3d& direction, std::uint1
 
 namespace {
 
-/// What a ray meets first, or sees first.
+/// The surface that a ray meets first or, with `seen`, the first that is seen.
 Hit firstOf(const RayView& view, Ray ray, const SeenSurfaces* seen) {
     constexpr int kMost = 10'000;  // clear surfaces one behind the other
     for (int i = 0; i < kMost; ++i) {
@@ -223,7 +224,8 @@ Result<Pick> Picker::pick(const Vec3d& origin, const Vec3d& direction, double ma
         const bool stroke = world_->instance(hit.instance).mesh->strokeCount > 0;
         candidate = {hit.instance, hit.triangle, {hit.u, hit.v}, 0, t.at(hit.u, hit.v), -unit, false};
         if (!stroke) candidate.normal = normalOf(world_->instance(hit.instance), t);
-        // The BVH's answer is one of floats: it says which triangle. Of one that the ray grazes it has to do.
+        // The BVH answers in floats: it tells the triangle, and the place is computed in double precision. For a
+        // triangle that the ray grazes, the BVH's place must do.
         constexpr double kNear = 1e-4;
         if (const auto exactly = exact::meet(t, origin, unit); !stroke && exactly && exactly->isInside(kNear)) {
             candidate.where = exactly->where;
@@ -251,7 +253,7 @@ class BeyondFilter final : public RayFilter {
     bool leavesOut(std::uint32_t slot, const Vec3f& at, float) const override {
         return glm::dot(at - origin_, unit_) <= met_.at(slot);
     }
-    /// What is nearer than what this returns has been met of all.
+    /// Notes that an instance has been met at this distance. Returns a distance up to which all surfaces have been met.
     float meet(std::uint32_t slot, float distance) {
         const Vec3f o = glm::abs(origin_);
         const float margin = 0x1p-20f * (distance + std::max({o.x, o.y, o.z})) + 1e-30f;
@@ -287,7 +289,7 @@ Result<std::vector<Pick>> Picker::crossings(const Vec3d& origin, const Vec3d& di
         const double steep = glm::dot(normal, unit), along = glm::dot(normal, t.a - origin) / steep;
         const bool clear = std::abs(steep) > 1e-6 * glm::length(normal);
         const double distance = std::max(0.0, clear ? along : double(hit.t));
-        // What comes next may be nearer by the floats' error alone.
+        // Later hits may only be nearer by the error of floats.
         if (double(hit.t) > maximum * (1 + 0x1p-18) + searchRadius(*world_, origin, 0)) break;
         from = filter.meet(hit.instance, hit.t);
         if (distance > maximum) continue;

@@ -1,8 +1,9 @@
 // PrimaryRays: the rays of a pinhole's picture, which find what they meet together, tile by tile.
 //
-// What does not rest, lines, points and what filters say follow ray by ray, as for all others; so what is found is what
-// RayView::intersect finds, but for the last bits of numbers and of edges. Threading: made by one thread, asked by any
-// number. The view must outlive it and stay as it is.
+// Moving things, lines, points and filters are then treated ray by ray, as for all other rays. So the results are those
+// of RayView::intersect, except for the last bits of numbers and of edges. Tiles that see too many clusters go ray by
+// ray altogether, by counts alone, so that pictures are the same in every run. Threading: made by one thread, asked by
+// any number. The view must outlive it and stay as it is.
 #pragma once
 
 #include <memory>
@@ -20,12 +21,12 @@ class PrimaryRays {
 
     /// Whether tiles pay at all.
     explicit operator bool() const { return hits_ != nullptr; }
-    /// What the tile's pixels see of what rests. False: ray by ray it is quicker. Precondition: they pay.
-    /// `places`: as many as `samples`; null: of one, in the middles of pixels.
+    /// Finds the resting surfaces that a tile's pixels see. False: single rays are quicker. Precondition: tiles pay.
+    /// `places` has one entry for each of `samples`; null: there is one sample, in the middles of pixels.
     bool find(int tileX, int tileY, std::span<bvh::TileHits> samples, const bvh::TilePlaces* places = nullptr) const {
         return hits_->find(tileX, tileY, samples, places);
     }
-    /// As RayView::intersect, of a block's rays.
+    /// Does what RayView::intersect does, for the rays of a block.
     std::uint32_t intersect(RayPacket16& rays, const bvh::TileHits& tile, int block) const {
         const bvh::PrimaryBlock known{*hits_, tile, block};
         return view_.intersect(rays, true, kind_, &known);

@@ -58,7 +58,7 @@ inline std::uint32_t lanesOf(const std::int32_t* valid) {
     return lanes;
 }
 
-/// Of those the ones about which a filter must be asked: of what it hides rays are told by themselves.
+/// The valid lanes about which a filter must be asked. Hidden instances need no question: rays pass them by themselves.
 inline std::uint32_t lanesToAsk(const RayFilter* filter, const RayPacket16& rays, const std::int32_t* valid) {
     return filter ? meetBox(rays, filter->bounds()) & lanesOf(valid) : 0;
 }
@@ -230,7 +230,7 @@ std::uint32_t RayView::intersectAll(RayPacket16& rays, const std::int32_t* valid
         valid = kept;
         std::memcpy(tMax, rays.tMax, sizeof tMax);
     }
-    // What is known of their way is so of all that is there.
+    // Known blocks hold hits of hidden instances too, so these are passed afterwards.
     std::uint32_t hits = tables_->top.intersect(rays, valid, coherent, kind, known, known ? nullptr : hider);
     if (hider && known) hits = passHidden(rays, hits, tMax, coherent, kind);
     // Most packets come nowhere near a line or point.
@@ -293,9 +293,9 @@ std::uint32_t RayView::occluded(RayPacket16& rays, bool coherent, RayKind kind) 
     if (const int bad = findValid(rays, valid); bad > 0) [[unlikely]]
         tables_->badRays.fetch_add(static_cast<std::uint64_t>(bad), std::memory_order_relaxed);
     if (!filter_ || filter_->bounds().empty()) return occludedByAll(rays, valid, coherent, kind);
-    // What blocks a ray may be left out where it does: of those that something blocks the nearest is looked for, and
-    // what is beyond it if need be. Where there are caps something may be in the way that no ray meets by itself; else
-    // rays that nothing blocks are not asked about.
+    // The surface that blocks a ray may be left out at that place: for blocked rays the nearest hit is looked for, and
+    // hits beyond it if need be. If there are caps, something may be in the way that no ray meets by itself; otherwise
+    // the filter is not asked about rays that nothing blocks.
     const bool makesCaps = filter_->makesCaps();
     std::uint32_t asked = makesCaps ? lanesToAsk(filter_, rays, valid) : 0;
     if (asked)

@@ -1,4 +1,5 @@
-// What a filter leaves out: rays go on behind it, and caps close the bodies that it cuts. Looking for caps allocates.
+// Applies filters: rays go on behind places that are left out, and caps close the bodies that are cut. Looking for caps
+// allocates.
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -12,7 +13,7 @@ namespace rtsg {
 
 namespace {
 
-/// As if the lane of a packet had met it; its tMax is set elsewhere.
+/// Stores a hit as if the lane of a packet had met it; its tMax is set elsewhere.
 void store(const Hit& hit, RayPacket16& rays, int lane) {
     rays.u_[lane] = hit.u, rays.v_[lane] = hit.v;
     rays.normalX_[lane] = hit.normal.x, rays.normalY_[lane] = hit.normal.y, rays.normalZ_[lane] = hit.normal.z;
@@ -29,7 +30,7 @@ exact::Triangle inRaySpace(const RayInstance& instance, std::uint32_t triangle) 
     return {corner(0), corner(1), corner(2)};
 }
 
-/// As Hit::normal.
+/// The normal that Hit::normal has.
 Vec3f outwards(const RayInstance& instance, std::uint32_t triangle) {
     const Vec3d a(instance.mesh->vertex(triangle, 0)), b(instance.mesh->vertex(triangle, 1)),
         c(instance.mesh->vertex(triangle, 2));
@@ -85,8 +86,8 @@ Hit RayView::intersectFiltered(Ray ray, RayKind kind) const {
 }
 
 Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const {
-    // Of surfaces that coincide a ray tells one, and which one is a matter of roundings. What is left out hides
-    // nothing, so those around its place are met one by one, in double precision.
+    // A ray reports one of several surfaces that coincide; which one depends on rounding. A surface that is left out
+    // must hide nothing, so all surfaces around its place are met one by one, in double precision.
     const Vec3f at = ray.origin + leftOut.t * ray.direction;
     float radius = roundingAt(ray.origin, at);
     if (!leftOut.isCap()) radius += 2 * glm::length(point(leftOut).error);
@@ -157,7 +158,7 @@ std::uint32_t RayView::filterHits(RayPacket16& rays, std::uint32_t hits, std::ui
 }
 
 std::uint32_t RayView::bodyAround(const Vec3f& place, const Vec3f& direction, std::uint32_t plane, RayKind kind) const {
-    // Of a closed body whose inside the place is in, a ray from there meets the back first.
+    // If the place is inside a closed body, a ray from there meets the back of that body first.
     constexpr int kMost = 10'000;
     std::vector<std::uint32_t> outside;
     const auto isBody = [&](const Hit& hit) {

@@ -1,4 +1,4 @@
-// What a RayView traces: the top of a RayWorld as it is, or as it was.
+// The tables that a RayView traces: the top of a RayWorld as it is, or as it was.
 //
 // Threading: const, but for the counter.
 #pragma once

@@ -133,7 +133,7 @@ void RayWorld::Impl::setGeometry(NodeId node, std::shared_ptr<const Mesh> mesh) 
     entry.node = node.value;
     const bool known = entry.mesh != nullptr;
     if (known && entry.mesh == mesh) return;
-    // Of a mesh that deforms the triangles are known already.
+    // A mesh that only deforms keeps its triangles.
     const bool sameTriangles = known && mesh && entry.usable && mesh->triangles.sameStorage(entry.mesh->triangles) &&
                                mesh->triangleCount == entry.mesh->triangleCount &&
                                mesh->triangleStride == entry.mesh->triangleStride &&
@@ -333,7 +333,8 @@ void RayWorld::Impl::rebind(const Instance& info) {
     if (masked) setKinds(slot);
     if (elsewhere || otherwise) {
         place.loose = false;
-        // What is known to move from now on leaves the others before it does, together with its like.
+        // An instance that is known to move from now on leaves the others beforehand, together with those that move
+        // like it.
         if (place.kind == Kind::strokes) {
             // Every one of them is by itself anyway.
         } else if (info.motion == Motion::moving || (place.kind == Kind::body && elsewhere)) {

@@ -1,8 +1,9 @@
-// What has rested is merged, and what has been taken out of merged BVHs is cleared away, by a thread of its own.
+// Merges instances that have rested, and rebuilds merged BVHs without those that were taken out, on a thread of its
+// own.
 //
-// apply() makes a list of what goes in, a worker copies and builds, a later apply() takes the result: members that have
-// changed meanwhile are hidden in it. Making and taking cost apply() some tens of nanoseconds a member, the building
-// nothing. How often: see RayWorld::Options::restFrames.
+// apply() lists the members, a worker copies and builds, and a later apply() takes the result; members that have
+// changed meanwhile are hidden in it. Listing and taking cost apply() some tens of nanoseconds a member; building costs
+// it nothing. RayWorld::Options::restFrames says how often.
 #include <algorithm>
 #include <utility>
 
@@ -14,7 +15,7 @@ namespace {
 
 /// So many that wait are looked at in one apply().
 constexpr int kLooks = 256;
-/// What may move by all that is known must rest longer, as merging it is more likely to be wrong.
+/// An instance that is known to be able to move must rest longer, since merging it is more likely to be wrong.
 constexpr int kForeseenDoublings = 4;
 /// Whether to merge is considered in one apply() of so many.
 constexpr std::uint32_t kEvery = 8;

@@ -162,7 +162,7 @@ void RayWorld::Impl::followBody(Cluster& body) {
     };
     WorldFromLocal frame = body.worldFromBody;
     if (moved.size() * 2 > visible) {
-        // Where most go is where the body goes.
+        // The body goes where most of its members go.
         std::uint32_t guide = moved.front();
         const std::uint32_t reference = body.group->slots()[body.reference];
         if (places[reference].cluster == &body && places[reference].movedAt == now) guide = reference;

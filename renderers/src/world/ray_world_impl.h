@@ -36,7 +36,7 @@ struct RayWorld::Impl {
         bool deforms = false;               // has changed since it came
         bool changed = false;               // in `changedMeshes`
         bool isBusy = false;                // in `busyMeshes`
-        /// Of lines or points; made when the first instance needs it, and, stale, the start of the next one.
+        /// The BVH of lines or points, made when the first instance needs it. A stale one is the start of the next.
         std::shared_ptr<const bvh::StrokeBvh> strokes;
         bool strokesStale = false;
         bool hasStrokes() const { return mesh && mesh->strokeCount > 0; }
@@ -79,7 +79,7 @@ struct RayWorld::Impl {
         bool culled = false;   // cannot be traced, which was said
         bool waiting = false;  // in `rests`
     };
-    /// What a transform and a mesh allow.
+    /// The ways of tracing that a transform and a mesh allow.
     enum class Fitness : std::uint8_t { instance, bakeOnly, none };
     /// One that is not merged now and may be when it has rested.
     struct Rest {
@@ -208,7 +208,8 @@ struct RayWorld::Impl {
     std::vector<Cluster*> unsettled;  // with masks that versions hold back
     std::array<std::unique_ptr<Snapshot>, bvh::Versions::kMost> snapshots;
     std::weak_ptr<const WorldVersion> newest;
-    /// What was built or swapped without any change of the scene, now and when `newest` was made: it moves last digits.
+    /// Counts trees that were built or swapped without a change of the scene, which may change last digits: now, and
+    /// when `newest` was made.
     std::uint64_t swaps = 0, newestSwaps = 0;
     std::uint32_t now = 0;           // apply() number
     std::vector<Rest> rests;         // a heap, the earliest first
@@ -239,7 +240,7 @@ struct DoubleBox {
     /// Within what is traced.
     bool inReach() const;
 };
-/// Of the box under the transform; contains it, and is not much larger.
+/// The bounds of the box under the transform: they contain it, and are not much larger.
 DoubleBox transformed(const Bounds& bounds, const WorldFromLocal& m);
 /// The same in float, with room for the rounding of the ray's transform and of the box itself.
 bvh::InstanceTree::Box floatBox(const DoubleBox& box);

@@ -1,4 +1,4 @@
-// Where instances go: the mapping from the scene's instances to Embree's objects (paper, section 5.1.2).
+// Maps the scene's instances to Embree's objects (paper, section 5.1.2).
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -68,7 +68,7 @@ RayWorld::Impl::Fitness RayWorld::Impl::fitness(std::uint32_t slot, std::string&
         reason = "it reaches too far out or its coordinates are not finite";
         return Fitness::none;
     }
-    // What is only a few of the float's steps across at its place falls into a point, or into what only looks like it.
+    // An instance that is only a few steps of float wide at its place would collapse to a point, or to another shape.
     const double size = std::max({box.half.x, box.half.y, box.half.z}),
                  away = std::max({std::abs(box.center.x), std::abs(box.center.y), std::abs(box.center.z)});
     if (size > 0 && size < away * 0x1p-22) {
@@ -129,8 +129,8 @@ bool RayWorld::Impl::isBackHome(std::uint32_t slot) const {
     return glm::length(box.center) < glm::length(box.center - origin);
 }
 
-/// What came first may have been far out. Once something is where the world's 0 is nearer, all are placed anew, about
-/// an origin that suits all of them.
+/// The first instances may have been far out. Once something is nearer to the world's 0, all are placed again about an
+/// origin that suits all of them.
 void RayWorld::Impl::leaveFarOrigin() {
     if (origin == Vec3d(0)) return;
     for (std::size_t i = 0; i < pending.size() && !homeward; ++i) homeward = isBackHome(pending[i]);
@@ -246,7 +246,7 @@ void RayWorld::Impl::placeStrokes(std::uint32_t slot) {
         entry.strokesStale = false;
         bvh = entry.strokes;
     } else {
-        // What a transform flattens has no way back: its strokes are taken to where they are.
+        // A transform that flattens has no inverse: the strokes themselves are moved to their places.
         bvh = bvh::StrokeBvh::of(*entry.mesh, nullptr, &m);
         m = identityTransform();
     }

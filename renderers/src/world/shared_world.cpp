@@ -127,7 +127,7 @@ struct SharedWorld::Impl final : Subscriber {
         return {};
     }
 
-    /// Where a reader looks from, if one has said so.
+    /// Takes the eye of a reader, if one has set it.
     bool takeEye() {
         if (!eyeMoved.load(std::memory_order_relaxed)) return false;
         const std::unique_lock lock(eyeMutex, std::try_to_lock);  // a reader that holds it is heard the next time
@@ -202,7 +202,7 @@ struct SharedWorld::Impl final : Subscriber {
         return true;
     }
 
-    /// What is done outside of the bus's deliveries stops everything as well if it fails.
+    /// Runs work outside of the bus's deliveries; a failure stops everything, as one in a delivery does.
     Result<> outside(const std::function<Result<>()>& work) {
         if (!failure.empty()) return fail(failure);
         const Result<> result = guarded(work);
@@ -387,7 +387,7 @@ const RayWorld& SharedWorld::rays() {
             const Node* node = scene.find(id);
             if (!node) return {};
             const std::string_view name = scene.name(id);
-            // Of those without a name each is told.
+            // Nodes without a name go by their number, so that each is reported.
             const std::string which = name.empty() ? "#" + std::to_string(id.value) : " " + std::string(name);
             return {node->type().name + which, scene.placeOf(id)};
         };

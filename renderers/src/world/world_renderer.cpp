@@ -1,4 +1,4 @@
-// What renderers of a shared world have in common: following it, and finding the nodes they treat themselves.
+// The common part of a shared world's renderers: they follow it, and find the nodes that they treat themselves.
 #include <rtsg/renderers/world_renderer.h>
 
 #include <atomic>

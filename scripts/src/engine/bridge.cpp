@@ -1,5 +1,6 @@
-// What a script can do to the scene. Each function checks everything that comes from the script; it answers with a
-// sentence (a string) where it refuses, which the prelude turns into an exception at the script's own line.
+// The functions by which a script acts on the scene. Each function checks everything that comes from the script; it
+// answers with a sentence (a string) where it refuses, which the prelude turns into an exception at the script's own
+// line.
 #include <fmt/format.h>
 
 #include <rtsg/core/script_language.h>
@@ -136,7 +137,7 @@ bool read(JSContext* cx, unsigned count, JS::Value* vp) {
     return toScript(cx, node->type().fields[index].type, node->storage(index), args.rval());
 }
 
-/// What a reader keeps: its Script's number, place and field as (number << 5 | place) << 16 | field, which a double
+/// The content of a reader: its Script's number, place and field as (number << 5 | place) << 16 | field, which a double
 /// holds.
 constexpr std::size_t kPlaceInReader = 0, kReadInCall = 1;
 
@@ -187,9 +188,9 @@ bool reader(JSContext* cx, unsigned count, JS::Value* vp) {
     return true;
 }
 
-/// What an assignment to the field of another node reaches: of one that is initializeOnly the input that sets it, if
-/// there is one (`faces.coordIndex = ...` is `faces.set_coordIndex = ...`). In the interface of a PROTO or a Script an
-/// input of that name is another field.
+/// The field that an assignment to a field of another node reaches. For an initializeOnly field this is the input that
+/// sets it, if there is one (`faces.coordIndex = ...` is `faces.set_coordIndex = ...`). In the interface of a PROTO or
+/// a Script an input of that name is another field.
 FieldIndex inputFor(const Node* script, const Node* node, FieldIndex index) {
     if (!node || node == script || index >= node->type().fields.size()) return index;
     const NodeType& type = node->type();

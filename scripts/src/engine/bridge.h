@@ -1,4 +1,4 @@
-// What the functions of the bridge between scripts and scene are made with. Shared by bridge*.cpp.
+// Shared by the functions of the bridge between scripts and scene (bridge*.cpp).
 //
 // Each function checks everything that comes from the script; it answers with a sentence (a string) where it refuses.
 #pragma once

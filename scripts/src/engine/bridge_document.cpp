@@ -1,5 +1,5 @@
-// What a script can ask of the document as a whole: pieces from text and files, other worlds, what the document says of
-// itself, and what types and fields there are.
+// The functions by which a script asks for the document as a whole: pieces from text and files, other worlds, the
+// document's statements about itself, and its types and fields.
 #include <algorithm>
 #include <map>
 #include <optional>
@@ -306,7 +306,7 @@ bool profiles(JSContext* cx, unsigned count, JS::Value* vp) {
 
 // ---- the viewer ----------------------------------------------------------------------------------------------------
 
-/// speed(): metres a second, as the bound NavigationInfo lets; 0 where nobody walks.
+/// speed(): the metres a second that the bound NavigationInfo allows; 0 if nobody walks.
 bool speed(JSContext* cx, unsigned count, JS::Value* vp) {
     const Scene& scene = currentCall(cx).scene;
     const auto& stack = scene.node(scene.root()).get(Root::_navigationStack);

@@ -22,7 +22,7 @@ namespace {
 
 /// Scripts that write to each other's fields directly nest; beyond this it is a circle.
 constexpr int kMaximumDepth = 16;
-/// Of what a program says when it fails, and of the promises that one call leaves rejected, as many are reported.
+/// So many bytes of a failing program's message, and so many of the promises that a call leaves rejected, are reported.
 constexpr std::size_t kLongestMessage = 1000, kMostRejections = 10;
 
 /// The program's text, from the first url that has one; `problem` says why there is none.
@@ -81,7 +81,7 @@ struct ScriptEngine::State {
             else
                 handledToo.push_back(field);
         }
-        /// What the controller calls the field's function by, or -1.
+        /// The number by which the controller calls the field's function, or -1.
         std::int32_t handlerOf(FieldIndex field) const {
             if (field < 64) {
                 const std::uint64_t own = std::uint64_t{1} << field;
@@ -107,7 +107,7 @@ struct ScriptEngine::State {
     bool refused = false;  // the engine does not start
     std::unordered_map<std::uint32_t, Program> programs;
 
-    /// What calls have taken since the scene's clock was set to `at`, nanoseconds.
+    /// The time that calls have taken since the scene's clock was set to `at`, in nanoseconds.
     struct Spent {
         double at = -kNever;
         std::int64_t calls = 0;   // by the wall's clock, one after the other
@@ -232,7 +232,7 @@ struct ScriptEngine::State {
         return ok && goesOn;
     }
 
-    /// Of a node that still is there; without a cascade of what shutdown() does.
+    /// Warns about a node that still exists; without a cascade, about what shutdown() does.
     void warn(Cascade* cascade, NodeId id, const std::string& text) const {
         const Node* alive = scene.find(id);
         if (!alive) return;

@@ -24,7 +24,7 @@ JSObject* takeNext(Objects& objects, std::size_t first, std::size_t& taken) {
 
 JSObject* Jobs::next(const Mark& mark, std::size_t& taken) {
     JSObject* job = takeNext(jobs_, mark.jobs, taken);
-    // A long chain has one job waiting at a time: let go of those that are done.
+    // A long chain has one job waiting at a time: drops those that are done.
     if (mark.jobs + taken == jobs_.length()) {
         jobs_.shrinkBy(jobs_.length() - mark.jobs);
         taken = 0;

@@ -1,4 +1,4 @@
-// What a program has put off: the jobs of its promises, and the rejections that nobody has handled yet.
+// The work that a program has put off: the jobs of its promises, and the rejections that nobody has handled yet.
 //
 // SpiderMonkey hands jobs to this queue and never runs them by itself. A call into a program runs, before it ends,
 // those that it has added, first in first out: a call nested in another one (a script that writes to another's field)

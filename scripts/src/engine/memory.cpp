@@ -13,7 +13,7 @@ namespace rtsg::script {
 
 namespace {
 
-/// Of the process, in memory; 0 if the system does not tell.
+/// The process's bytes in memory; 0 if the system does not tell.
 std::size_t residentBytes() {
     std::ifstream file("/proc/self/statm");
     std::size_t all = 0, resident = 0;

@@ -1,10 +1,10 @@
-// What the programs of one context hold: objects on the engine's heap, what hangs from them outside of it (the contents
-// of arrays, strings and names), and what they have compiled.
+// Measures the memory that the programs of one context hold: objects on the engine's heap, their contents outside of it
+// (of arrays, strings and names), and compiled code.
 //
-// The engine's gauges leave out what it has not looked at since it was made, and programs' code. What the process takes
-// in memory leaves out nothing, but other threads and rubbish are in it. So the first say where scripts certainly hold
-// too much, the second where that may be; then a collection and the engine's own count of everything decide.
-// Invariant: nobody is found guilty without that count. Threading: the context's thread.
+// The engine's gauges lack objects that it has not looked at since they were made, and programs' code. The memory of
+// the process lacks nothing, but includes other threads and garbage. So the gauges show where scripts certainly hold
+// too much, the process where they may; then a collection and the engine's own count of everything decide. Invariant:
+// no program is ended without that count. Threading: the context's thread.
 #pragma once
 
 #include <time.h>
@@ -21,7 +21,7 @@ namespace rtsg::script {
 inline std::int64_t steadyNow() {
     return std::chrono::steady_clock::now().time_since_epoch().count();
 }
-/// Of this thread, in nanoseconds: what others do with the machine is no part of it.
+/// The CPU time of this thread in nanoseconds, which does not depend on what others do with the machine.
 inline std::int64_t ownTime() {
     timespec now{};
     ::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
@@ -34,7 +34,8 @@ class Memory {
     explicit Memory(JSContext* cx);
     /// Whether what is held stays within `limit` bytes.
     bool within(std::size_t limit);
-    /// As within(), but looks only if at `now` the last look is some milliseconds ago: for the end of short calls.
+    /// Does what within() does, but only if the last look was some milliseconds before `now`; for the end of short
+    /// calls.
     bool withinForNow(std::size_t limit, std::int64_t now);
 
   private:

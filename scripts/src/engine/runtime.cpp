@@ -34,7 +34,7 @@ bool startEngine() {
 constexpr std::chrono::milliseconds kWatchPeriod{20};
 /// Looks at nothing running after which the watch goes to sleep: until then a call need not wake it.
 constexpr int kIdlePeriods = 50;
-/// Of a text that scripts give to eval() or Function(): parsing it is one step, which nothing interrupts.
+/// The longest text that scripts may give to eval() or Function(): parsing it is one step, which nothing interrupts.
 constexpr std::size_t kLongestProgramText = std::size_t{1} << 22;
 
 bool mayCompile(JSContext*, JS::RuntimeCode, JS::HandleString text) {
@@ -45,7 +45,7 @@ constexpr JSSecurityCallbacks kSecurity{mayCompile, nullptr};
 
 constexpr std::size_t kStackBytes = std::size_t{512} << 10;
 
-/// All that the prelude and the fences are made of. What is not there nobody can get at through them.
+/// Everything that the prelude and the fences use. Programs cannot reach anything else through them.
 bool resolveForLibrary(JSContext* cx, JS::HandleObject global, JS::HandleId id, bool* resolved) {
     if (!id.isString()) return true;
     for (const char* name :
@@ -95,11 +95,12 @@ bool Runtime::start(std::size_t heapLimit) {
     if (!context_) return false;
     ++contexts;
     heapLimit_ = heapLimit;
-    // What calls make and forget goes round in this: of the library's own 16 MiB every line would come from far away.
+    // Short-lived objects of calls take turns in this memory. In the library's own 16 MiB every cache line would come
+    // from far away.
     JS_SetGCParameter(context_, JSGC_MAX_NURSERY_BYTES, 4 << 20);
     JS_SetContextPrivate(context_, this);
     JS_SetNativeStackQuota(context_, kStackBytes);
-    // What the language takes from the machine's locale comes from here.
+    // Scripts see this locale, not the machine's.
     if (!JS_SetDefaultLocale(JS_GetRuntime(context_), "en-US")) return false;
     JS_SetSecurityCallbacks(context_, &kSecurity);
     jobs_ = std::make_unique<Jobs>(context_);
@@ -115,7 +116,7 @@ bool Runtime::start(std::size_t heapLimit) {
 
 Runtime::~Runtime() {
     watcher_ = {};
-    // Elsewhere the library would abort; what is left then is the memory of one context.
+    // On another thread the library would abort; the memory of one context is then lost.
     if (!context_) return;
     if (!onOwnThread()) {
         (void)jobs_.release();
@@ -309,7 +310,7 @@ bool Runtime::onInterrupt(JSContext* cx) {
     auto& runtime = *static_cast<Runtime*>(JS_GetContextPrivate(cx));
     const std::int64_t deadline = runtime.deadline_.load(std::memory_order_relaxed);
     if (deadline == 0) return true;
-    // To ask for the thread's own time costs as much as a short call: it counts from the first look on.
+    // Reading the thread's own time costs as much as a short call, so it counts from the first look on.
     const std::int64_t now = ownTime();
     if (runtime.firstLook_ < 0) runtime.firstLook_ = now;
     if (steadyNow() > deadline && now - runtime.firstLook_ >= runtime.limit_)

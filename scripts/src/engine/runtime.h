@@ -65,8 +65,8 @@ class Runtime {
     JSObject* library() const { return *library_; }
     /// The name of something in a program's global object: defined if it is the prelude's, fenced in if need be.
     static bool onResolve(JSContext* cx, JS::HandleObject global, JS::HandleId id, bool* resolved);
-    /// Of a program's global object: its controller, the Script's number, and which of its fields the call has touched
-    /// (prelude.js).
+    /// Slots of a program's global object: its controller, the Script's number, and the fields that the call has
+    /// touched (prelude.js).
     static constexpr std::uint32_t kControllerSlot = 0, kSelfSlot = 1, kTouchedSlot = 2;
 
     /// A whole collection, after which only what programs can still get at is there. Precondition: none runs.

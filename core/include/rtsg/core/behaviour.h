@@ -32,14 +32,14 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 /// Cascade::worldFromLocal() and viewer(), or, if it asked for nothing, anything in the scene.
 constexpr double kUntilMoved = std::numeric_limits<double>::max();
 
-/// Where the viewer stands and looks from, in world coordinates: the bound viewpoint's pose, or the default one's.
+/// The viewer's place and orientation in world coordinates: those of the bound viewpoint, or of the default one.
 struct Viewer {
     NodeId viewpoint;  // none: no viewpoint is bound
     glm::dvec3 position{0, 0, 10}, centerOfRotation{0, 0, 0};
     glm::dquat orientation{1, 0, 0, 0};  // turns the view along -Z with +Y up
 };
 
-/// One of the places of what stands in several of them (DEF/USE).
+/// One of the places of a node that stands in several (DEF/USE).
 struct Standing {
     glm::dmat4 worldFromLocal{1};
     bool shown = true;  // by every Switch and LOD on the way to it
@@ -70,7 +70,8 @@ class Cascade {
     /// `value` is in block representation.
     void emitStorage(const Node& node, FieldIndex field, const void* value);
     void storeStorage(const Node& node, FieldIndex field, const void* value);
-    /// As emitStorage, but stored in any case: what others go by, though no route told them.
+    /// Does what emitStorage does, and stores the value in any case: others may read the field although no route leads
+    /// to them.
     void emitAgain(const Node& node, FieldIndex field, const void* value);
     /// A Script's own output or variable, with the checks that values from outside need: sends it if the field sends.
     Result<> output(const Node& node, FieldIndex field, const Value& value);
@@ -84,14 +85,16 @@ class Cascade {
     Result<> mayHold(const Node& node, FieldIndex field, const Value& value) const;
     /// Has the onTime of another node called at this timestamp (again). Not recorded: for deterministic behaviours.
     void wake(const Node& node);
-    /// Where what is in `node` stands, on the first path from the root. If `asker`, whose onTime this is, returns
-    /// kUntilMoved, it is called again when that changes, in the same frame if need be.
+    /// The transform to world coordinates of what is in `node`, on the first path from the root. `asker` is the node
+    /// whose onTime calls this; if it returns kUntilMoved, its onTime is called again when the transform changes, in
+    /// the same frame if need be.
     const glm::dmat4& worldFromLocal(const Node& node, const Node& asker);
-    /// The same: whether every Switch and LOD above it shows it.
+    /// Whether every Switch and LOD above the node shows it; the asker is called again as for worldFromLocal().
     bool isShown(const Node& node, const Node& asker);
-    /// The same on all other paths, at most some thousand; mostly there are none.
+    /// The places of the node on its other paths from the root, of which some thousand are looked at; most nodes have
+    /// none. The asker is called again as for worldFromLocal().
     std::span<const Standing> otherPlaces(const Node& node, const Node& asker);
-    /// The same of the viewer.
+    /// The viewer; the asker is called again when it moves.
     const Viewer& viewer(const Node& asker);
     /// Behaviour::context of the node's type.
     void* context(const Node& node) const;
@@ -103,7 +106,7 @@ class Cascade {
     friend class ScriptPrograms;
     Cascade(Scene& scene, double now, double previous, Scene::Lane& lane)
         : scene_(scene), now_(now), previous_(previous), lane_(lane) {}
-    /// As emitStorage for a value of so many plain bytes.
+    /// Does what emitStorage does, for a value of `size` plain bytes.
     template <std::size_t size>
     void emitPlain(const Node& node, FieldIndex field, const void* value);
     Scene& scene_;
@@ -144,8 +147,8 @@ struct Behaviour {
     /// Time has come (or a field was written). Returns when to be called next: now or earlier means every frame,
     /// kNever means not before a field is written, kUntilMoved not before that or until something has moved.
     double (*onTime)(Cascade& cascade, const Node& node) = nullptr;
-    /// True: onTime is called after everything else at a timestamp has come to rest, and once then. For what looks at
-    /// places, which routes may still change.
+    /// True: onTime is called once at a timestamp, after everything else has come to rest. Behaviours that look at
+    /// places need this, since routes may still change these.
     bool last = false;
     /// True promises that what it does follows from the scene's fields, the event and the clock alone, on any machine
     /// (no random numbers, wall clock, files, variables of its own). Others are recorded call by call for replicas
@@ -154,10 +157,11 @@ struct Behaviour {
     /// True promises that it reads the node, the event and the clock alone, and writes the node alone, by emit() and
     /// store(): others of the scene may then be called on other threads at the same time (Scene::setThreads).
     bool local = false;
-    /// Of a local one: the input whose events it does more about. That, and onTime then, are the scene's thread's.
+    /// Names the one input of a local behaviour whose events make it do more than `local` promises. These events, and
+    /// the calls of onTime that follow them, stay on the scene's thread.
     FieldIndex beyond = kNoField;
-    /// Of who registers it, for what is no part of the scene: an engine, a connection. It must outlive the scene's use
-    /// of it: register another behaviour before it goes.
+    /// Belongs to whoever registers the behaviour, for what is no part of the scene, such as an engine or a connection.
+    /// It must live as long as the scene uses the behaviour: register another one before it goes.
     void* context = nullptr;
 };
 

@@ -43,8 +43,8 @@ class Subscriber {
     /// call; to keep Values, copy them (cheap).
     virtual Result<> apply(const Scene& scene, const ChangeSet& changes) = 0;
     /// On the scene's thread, when the scene is about to start over (Scene::reset) and still as it was: sets that
-    /// polled subscribers have not taken yet are dropped right after this. Who needs them waits here until they are
-    /// taken. Must not edit the scene.
+    /// polled subscribers have not taken yet are dropped right after this. A subscriber that needs them waits here
+    /// until they are taken. Must not edit the scene.
     virtual void beforeRestart() {}
     virtual std::string subscriberName() const { return "subscriber"; }
 };
@@ -66,7 +66,8 @@ class Attachment {
 
     /// Applies everything not yet seen as one set. Returns true if there was something.
     bool poll();
-    /// As poll, but one by one, after what the bus has merged where over 256 waited. Returns the number of sets.
+    /// Applies what poll() would, set by set. If more than 256 sets waited, the older ones come first, as one set that
+    /// the bus has merged. Returns the number of sets.
     std::size_t drain();
     /// The state that the last set handed out led to; 0 before the first.
     std::uint64_t sequence() const;

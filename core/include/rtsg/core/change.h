@@ -67,8 +67,8 @@ struct FieldEvent {
     Value value;
 };
 
-/// Whose wish a change from outside was. `field` as in the change; kNoField if it is one of the node itself, its name
-/// or its routes.
+/// Names who asked for a change from outside. `field` is that of the change; kNoField if the node itself, its name or
+/// its routes changed.
 struct Authored {
     NodeId node;
     FieldIndex field = kNoField;
@@ -85,13 +85,13 @@ struct ChangeSet {
     Hash128 hash;     // of the state it leads to
     std::vector<Change> changes;
     std::vector<DefinedType> types;
-    /// What the frame was made of, when the scene records it (frame_input.h); merged sets have none.
+    /// The inputs of the frame, if the scene records them (frame_input.h); a merged set has none.
     std::shared_ptr<const FrameInput> input;
-    /// What Scene::attribute() said, at most once a field; null if nothing, or if all of it was the application's. It
-    /// is no part of the state.
+    /// The authors that Scene::attribute() named, one for a field at most; null if all changes were the application's
+    /// own. They are no part of the state.
     std::shared_ptr<const std::vector<Authored>> authors;
-    /// What the fields that Scene::listenTo() names sent in this frame, in order; null if nothing. Told where the frame
-    /// ran, and neither merged nor sent to anybody else.
+    /// The events of this frame from the fields that Scene::listenTo() names, in order; null if there were none. Only
+    /// subscribers of the scene that ran the frame get them: they are neither merged nor sent to others.
     std::shared_ptr<const std::vector<FieldEvent>> heard;
 
     bool isSnapshot() const { return from == 0; }

@@ -20,10 +20,10 @@ class ChangeComposer {
     /// Precondition: set.from == the previous set's to.
     void add(const ChangeSet& set);
     bool empty() const;
-    /// `scene`, which the sets are of, knows the types of nodes that went and came again, as those of parts of scenes
-    /// do; without one these are found among built-in types and those that the sets define.
+    /// `scene` is the one whose sets these are. It knows the types of nodes that went and came back, as they do in
+    /// parts of scenes; without a scene, types are looked up among the built-in ones and those that the sets define.
     ChangeSet take(const Scene* scene = nullptr);
-    /// As above into a set whose memory is used again; so is the composer's own.
+    /// Does the same into a set whose memory is used again; the composer uses its own memory again, too.
     void take(ChangeSet& into, const Scene* scene = nullptr);
 
   private:

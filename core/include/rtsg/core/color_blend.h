@@ -1,4 +1,4 @@
-// What lies between two colours, as ColorInterpolator and the ramps of particles have it.
+// Blends two colours, as ColorInterpolator and the colour ramps of particles do.
 //
 // Threading: pure. Source: ISO/IEC 19775-1 V4.0 19.4.1, 40.4 (ParticleSystem's color).
 #pragma once

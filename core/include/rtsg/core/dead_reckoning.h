@@ -15,7 +15,7 @@ namespace rtsg::dis {
 
 /// World from body.
 glm::dquat orientationOf(const EulerAngles& angles);
-/// Of a unit quaternion; where the nose points straight up or down, phi is 0.
+/// The Euler angles of a unit quaternion; phi is 0 where the nose points straight up or down.
 EulerAngles anglesOf(const glm::dquat& worldFromBody);
 
 struct EntityPose {
@@ -29,10 +29,10 @@ bool isBodyModel(std::uint8_t deadReckoning);
 /// Whether deadReckon() gives another pose at another time.
 bool isMoving(const EntityState& state);
 
-/// Where geoSystem and geoCoords put the coordinates of a node: x to the east, y up and z to the south of the place
-/// geoCoords; in a geocentric system at the middle of the Earth, its axes. Where geoCoords are 0 0 0 in another system
-/// nobody has said a place, and the exercise is on a plane: its x is ours, its y our z, and its z, which is down, our
-/// -y.
+/// The frame in which geoSystem and geoCoords put the coordinates of a node: x points east, y up and z south at the
+/// place geoCoords. In a geocentric system whose geoCoords are the Earth's middle, the axes are the Earth's. In any
+/// other system, geoCoords 0 0 0 mean that nobody has said a place. The exercise is then on a plane: its x is our x,
+/// its y our z, and its z, which points down, our -y.
 struct ExerciseFrame {
     glm::dvec3 origin{0};
     glm::dmat3 sceneFromWorld{1};
@@ -45,7 +45,7 @@ struct ExerciseFrame {
     glm::dquat toScene(const glm::dquat& worldFromBody) const;
     glm::dquat toWorld(const glm::dquat& sceneFromModel) const;
 };
-/// Of a vector: from the body's axes to the model's and back.
+/// Turns a vector from the body's axes to the model's, and back.
 glm::dvec3 modelFromBody(const glm::dvec3& v);
 glm::dvec3 bodyFromModel(const glm::dvec3& v);
 

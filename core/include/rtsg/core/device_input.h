@@ -23,7 +23,7 @@ namespace rtsg {
 class Node;
 class Scene;
 
-/// What a ray met first.
+/// The first thing that a ray met.
 struct PointerHit {
     Vec3d point{0}, normal{0, 0, 1};  // world space; the normal a unit vector
     Vec2d texCoord{0};
@@ -39,7 +39,7 @@ struct PointerHit {
     friend bool operator==(const PointerHit&, const PointerHit&) = default;
 };
 
-/// What a place in a picture shows, and by which ray.
+/// The thing that a place in a picture shows, and the ray that finds it.
 struct PictureHit {
     Vec3d origin{0}, direction{0, 0, -1};  // world space
     std::optional<PointerHit> hit;
@@ -94,7 +94,7 @@ struct KeyInput {
 /// Queue what a device did for the next frame. Errors: of another thread; a device, key or number that cannot be.
 Result<> sendPointer(Scene& scene, const PointerInput& input);
 Result<> sendKey(Scene& scene, const KeyInput& input);
-/// What was composed or pasted: for StringSensors, as if typed; '\n' ends a string.
+/// Text that was composed or pasted. StringSensors get it as if it had been typed; '\n' ends a string.
 Result<> sendText(Scene& scene, std::string_view text);
 /// Steps across and down; navigation (navigation.h) answers it.
 Result<> sendWheel(Scene& scene, double across, double down);
@@ -107,10 +107,10 @@ struct Bearing {
 };
 Bearing bearingThrough(const Scene& scene, double x, double y, double aspect);
 
-/// What the sensors and Anchors that a pointer is over say of themselves, for people; empty texts left out.
+/// The descriptions of the sensors and Anchors that a pointer is over, to be shown to people; empty ones are left out.
 std::vector<std::string> pointedDescriptions(const Scene& scene);
 
-/// Where a ray meets a surface.
+/// A place where a ray meets a surface.
 struct Crossing {
     Vec3d point{0}, normal{0, 0, 1};  // world space; the normal a unit vector, on the surface's front
     Vec3d texCoord{0};
@@ -124,7 +124,7 @@ struct ShapeBox {
     std::vector<NodeId> path;  // from a root node to the Shape
 };
 
-/// Asks triangles one by one; SpaceQueries::meetings() says of which Shapes.
+/// Tests triangles one by one; SpaceQueries::meetings() passes those of the Shapes in question.
 class TriangleTest {
   public:
     virtual ~TriangleTest() = default;
@@ -140,7 +140,7 @@ struct Meeting {
     double distance = 0;  // metres from the centre that was asked about to the Shape's nearest point
 };
 
-/// Who knows where geometry is. Asked by the scene at the beginning of a frame, never while one runs.
+/// Answers questions about where geometry is. The scene asks at the beginning of a frame, never while one runs.
 class SpaceQueries {
   public:
     virtual ~SpaceQueries() = default;
@@ -157,18 +157,18 @@ class SpaceQueries {
     /// All surfaces that a ray meets within `length` metres (infinity: without end), from either side, the nearest
     /// first. `direction` as above.
     virtual std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) = 0;
-    /// The same of what avatars meet: with the proxies of Collision nodes (23.4.2), which are not seen. Those that
-    /// a proxy stands for are among them: who asks goes by the paths.
+    /// The same for surfaces that avatars meet. They include the proxies of Collision nodes (23.4.2), which are not
+    /// seen, and also the children for which a proxy stands: the caller tells them apart by the paths.
     virtual std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) {
         return crossings(origin, direction, length);
     }
-    /// Of all Shapes, in no order.
+    /// The boxes of all Shapes, in no order.
     virtual std::vector<ShapeBox> boxes() = 0;
     /// The Shapes that `test` concerns and that have a triangle within `radius` metres of `center` which it meets, in
     /// no order; each asked about, triangle by triangle, until one is met. No points and no lines.
     virtual std::vector<Meeting> meetings(const Vec3d& center, double radius, TriangleTest& test) = 0;
-    /// The corners of a geometry's triangles, lines and points, in its own coordinates; it need not be part of what is
-    /// drawn. Each as often as it may be; none of what has none.
+    /// The corners of a geometry's triangles, lines and points, in its own coordinates; the geometry need not be drawn.
+    /// A corner may come several times. A geometry without corners gives none.
     virtual std::vector<Vec3d> corners(const Node& geometry) = 0;
 };
 

@@ -1,9 +1,9 @@
 // Expected failures: a position, a severity, a sentence and a code. Bad input never throws; it ends up here.
 //
-// Line and column count from 1; 0 means "no position". Printed as `file:line:col: error: text [code]`.
-// The code is a short word that stays the same when the sentence is put better; docs/diagnostics.md lists them all.
-// Where a report names none, it has that of the source file it comes from (the table in diagnostic.cpp), so that
-// every report has one that is true, and the more exact ones are given where they are of use. Threading: values.
+// Line and column count from 1; 0 means "no position". Printed as `file:line:col: error: text [code]`. The code is a
+// short word that stays the same when the sentence is improved; docs/diagnostics.md lists all codes. A report that
+// names no code has that of the source file it comes from (the table in diagnostic.cpp), so that every report has a
+// true one; more exact codes are given where they are useful. Threading: values.
 #pragma once
 
 #include <cstddef>
@@ -22,7 +22,7 @@ struct SourceLocation {
     std::uint32_t column = 0;
 };
 
-/// Where a node was read.
+/// The place in a file from which a node was read.
 struct NodePlace {
     std::string file;  // as messages name it; empty: of no file
     SourceLocation where;
@@ -30,7 +30,7 @@ struct NodePlace {
 
 enum class Severity : std::uint8_t { note, warning, error };
 
-/// What kind of failure it is: a literal of small letters, digits and hyphens, checked when it is compiled.
+/// Names the kind of a failure by a literal of small letters, digits and hyphens, which is checked when it is compiled.
 class DiagnosticCode {
   public:
     template <std::size_t N>
@@ -64,7 +64,8 @@ class Diagnostics {
     explicit Diagnostics(std::string file = {}, std::size_t limit = 1000) : file_(std::move(file)), limit_(limit) {}
     void add(Severity severity, SourceLocation where, std::string text,
              DiagnosticCode code = DiagnosticCode::of(std::source_location::current()));
-    /// As it is, with its own file. The same text at the same place as the last one counts once.
+    /// Adds the diagnostic unchanged, with its own file. One with the text and the place of the last one is counted,
+    /// not added again.
     void add(Diagnostic diagnostic);
     void error(SourceLocation where, std::string text,
                DiagnosticCode code = DiagnosticCode::of(std::source_location::current())) {

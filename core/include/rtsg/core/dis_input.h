@@ -1,8 +1,8 @@
-// What the nodes of the DIS component hear, as an input of a frame: so that it is recorded, mirrored and replayed as
-// all else that comes in, and nobody but who listens needs a network.
+// Turns PDUs that the nodes of the DIS component hear into inputs of a frame. So they are recorded, mirrored and
+// replayed like all other inputs, and only the scene that listens needs a network.
 //
-// Invariant: what a node does about a PDU follows from the PDU, its fields and the scene's clock alone.
-// Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0, clause 28.
+// Invariant: what a node does about a PDU follows from the PDU, its fields and the scene's clock alone. Threading: the
+// scene's thread. Source: ISO/IEC 19775-1 V4.0, clause 28.
 #pragma once
 
 #include <cstdint>

@@ -2,9 +2,9 @@
 //
 // Versions 5 to 7 of the protocol, which have the same layout for these types. Numbers are big-endian; positions are
 // metres in the world of the exercise (geocentric as a rule), directions of a body x forward, y to the right, z down,
-// angles radians. What is decoded is whole and finite, or an error. Threading: values.
-// Source: IEEE 1278.1-2012, clause 7 (layouts) and 6.2 (records); 1278.1A-1998 for the types of radios; RFC 3550 for
-// the header that RTP puts before a datagram.
+// angles radians. A PDU that is decoded is whole and finite; anything else is an error. Threading: values. Source: IEEE
+// 1278.1-2012, clause 7 (layouts) and 6.2 (records); 1278.1A-1998 for the types of radios; RFC 3550 for the header that
+// RTP puts before a datagram.
 
 // Example:
 //     #include <rtsg/core/dis_pdu.h>
@@ -46,7 +46,7 @@ struct Header {
     std::uint8_t status = 0;      // of version 7
     friend bool operator==(const Header&, const Header&) = default;
 };
-/// Of the hour; seconds from 0 to 3600.
+/// The time within the hour that a timestamp says, in seconds from 0 to 3600.
 double secondsOf(std::uint32_t timestamp);
 std::uint32_t timestampOf(double secondsSince1970, bool isAbsolute);
 
@@ -186,8 +186,8 @@ struct Pdu {
     friend bool operator==(const Pdu&, const Pdu&) = default;
 };
 
-/// Of a datagram's first PDU, from the header alone. Errors: fewer than 12 bytes, another version than 5 to 7, a length
-/// that is none or is not there.
+/// The type and length of a datagram's first PDU, from the header alone. Errors: fewer than 12 bytes; a version other
+/// than 5 to 7; a length that is less than the header's or more than the datagram's.
 struct Outline {
     PduType type{};
     std::size_t length = 0;
@@ -196,8 +196,8 @@ Result<Outline> outlineOf(std::span<const std::uint8_t> bytes);
 /// Whether decode() knows the type.
 bool isKnown(PduType type);
 
-/// What follows the PDU is left alone. Errors: as outlineOf(); a type that is none of these; counts that lead beyond
-/// its end; a number that is not finite.
+/// Reads the first PDU of `bytes`, and ignores what follows it. Errors: those of outlineOf(); a type that is none of
+/// these; counts that lead beyond the PDU's end; a number that is not finite.
 Result<Pdu> decode(std::span<const std::uint8_t> bytes);
 /// Precondition, checked: lists are no longer than their limits.
 std::vector<std::uint8_t> encode(const Pdu& pdu);

@@ -15,7 +15,8 @@
 
 namespace rtsg {
 
-/// What a script asks to be done between two frames (Browser.loadURL and the like), in the order in which it asks.
+/// Something that a script asks to be done between two frames (Browser.loadURL and the like); requests are served in
+/// order.
 struct DocumentRequest {
     enum class Kind : std::uint8_t {
         piece,       // from the first of `urls` that can be read; its nodes go to `target.field` as an event
@@ -45,8 +46,8 @@ class DocumentServices {
         std::vector<NodeId> roots;
         std::vector<std::pair<std::string, NodeId>> names;
     };
-    /// Errors: nothing usable in it; the first thing that is wrong with it, with its place. What is wrong where
-    /// something usable is left goes to the scene's diagnostics.
+    /// Error: nothing usable is in it; the text is that of the first fault, with its place. If something usable is
+    /// left, faults go to the scene's diagnostics.
     virtual Result<Piece> makePiece(Scene& scene, std::string_view text, NodeId scope,
                                     const Resources* resources) const;
     /// From the first url that can be read, seen from the document of `script`.
@@ -58,7 +59,7 @@ class DocumentServices {
     /// The node with all below it as ClassicVRML, or as XML, without what encloses it in a file.
     virtual std::string nodeText(const Scene& scene, NodeId node, bool xml) const;
     virtual std::vector<std::string> profileNames() const;
-    /// What IMPORT made known under this name inside `scope`; a DEF name too.
+    /// The node that a DEF or an IMPORT statement makes known under this name inside `scope`.
     virtual NodeId localNode(const Scene& scene, NodeId scope, std::string_view name) const;
 };
 

@@ -42,7 +42,7 @@ constexpr std::size_t kMostParticles = 1'000'000;
 constexpr std::size_t kMostEmissionSpans = 4096;
 
 Array<double> packEmission(std::span<const EmissionSpan> spans);
-/// What does not fit, or has numbers that are no times, counts and sizes, is left out.
+/// Spans that do not fit, or whose numbers are no valid times, counts and sizes, are left out.
 std::vector<EmissionSpan> unpackEmission(std::span<const double> packed);
 
 /// Numbers that follow from a key: the same ones everywhere. Even in [0, 1).

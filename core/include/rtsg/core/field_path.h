@@ -23,8 +23,8 @@ struct FieldRef {
 Result<FieldRef> findField(const Scene& scene, std::string_view path);
 /// The field's value as ClassicVRML has it.
 Result<std::string> fieldText(const Scene& scene, std::string_view path);
-/// As Scene::setField and Scene::sendEvent. A node is written as its name. Errors: as findField; text that is no such
-/// value.
+/// Call Scene::setField and Scene::sendEvent with a value in text. A node is written as its name. Errors: those of
+/// findField(); text that is no such value.
 Result<> setFieldText(Scene& scene, std::string_view path, std::string_view text);
 Result<> sendFieldText(Scene& scene, std::string_view path, std::string_view text);
 

@@ -45,7 +45,8 @@ struct BehaviourUse {
     friend bool operator==(const BehaviourUse&, const BehaviourUse&) = default;
 };
 
-/// What a running scene knows beside its fields. With a snapshot it lets another scene run on exactly as this one.
+/// The state of a running scene that is not in its fields. With it and a snapshot, another scene runs on exactly as
+/// this one.
 struct RunState {
     std::vector<NodeId> active;                       // asked every frame
     std::vector<std::pair<double, NodeId>> sleepers;  // asked once the time has come, seconds

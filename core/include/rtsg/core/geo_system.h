@@ -13,7 +13,7 @@
 
 namespace rtsg {
 
-/// Of revolution; metres.
+/// An ellipsoid of revolution; lengths are in metres.
 struct Ellipsoid {
     double equatorialRadius = 6378137, inverseFlattening = 298.257223563;
     double flattening() const { return 1 / inverseFlattening; }
@@ -30,7 +30,7 @@ struct GeoSystem {
     int zone = 0;            // of UTM: 1 to 60
     bool isSouthern = false;
 
-    /// Of a geoSystem field (25.2.3). Error: a word that is none of the standard's; UTM without a zone.
+    /// Reads a geoSystem field (25.2.3). Errors: a word that the standard does not know; UTM without a zone.
     static Result<GeoSystem> read(const Array<String>& words);
 
     /// Geocentric metres.

@@ -1,7 +1,7 @@
-// Where the nodes of the Geospatial component lie in a scene: their systems, and the GeoOrigins that are taken off.
+// Places the nodes of the Geospatial component in a scene: reads their systems, and subtracts their GeoOrigins.
 //
-// A scene without a GeoOrigin is in geocentric metres. All in double. Threading: the scene's thread.
-// Source: ISO/IEC 19775-1 V4.0 25.2.5, 25.3.
+// A scene without a GeoOrigin is in geocentric metres. All in double. Threading: the scene's thread. Source: ISO/IEC
+// 19775-1 V4.0 25.2.5, 25.3.
 #pragma once
 
 #include <optional>
@@ -14,17 +14,17 @@ class Node;
 class NodeType;
 class Scene;
 
-/// What a node's geoSystem and geoOrigin say together: where its coordinates lie in the scene's own (25.2.5).
+/// Maps a node's coordinates into the scene's, as its geoSystem and geoOrigin say (25.2.5).
 class GeoReference {
   public:
-    /// Of a node of this component. Error: as GeoSystem::read(), of the node or its GeoOrigin.
+    /// The reference of a node of this component. Errors: those of GeoSystem::read(), for the node or its GeoOrigin.
     static Result<GeoReference> of(const Scene& scene, const Node& node);
 
     const GeoSystem& system() const { return system_; }
     /// Metres, in the coordinates around the node.
     Vec3d toScene(const Vec3d& coordinates) const;
     Vec3d fromScene(const Vec3d& point) const;
-    /// Where the point is, with x to the east, y up and -z to the north.
+    /// The frame at the point, whose x points east, y up and -z north.
     glm::dmat4 placeOf(const Vec3d& coordinates) const;
 
   private:

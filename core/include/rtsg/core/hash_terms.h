@@ -1,9 +1,10 @@
-// What a state hash is a sum of: terms, each XXH3-128 of canonical bytes, seeded with what the bytes belong to. For
-// those who count the hash of a scene that they have not got; a Scene keeps its own.
+// The terms whose sum is a state hash. Each term is the XXH3-128 of canonical bytes, and its seed says what the bytes
+// belong to. A Scene keeps its own hash; these functions are for programs that compute the hash of a scene that they do
+// not hold.
 //
 // Invariant: a term is made of names, node numbers and values, never of a place in a table of types, and a field that
-// has its default has none. So a type may gain fields, and tables types, and no hash that was recorded changes.
-// Source: sync/PROTOCOL.md, "State hash". Threading: free functions without shared state.
+// has its default has none. So a type may gain fields, and tables types, and no hash that was recorded changes. Source:
+// sync/PROTOCOL.md, "State hash". Threading: free functions without shared state.
 #pragma once
 
 #include <string_view>
@@ -13,10 +14,10 @@
 
 namespace rtsg {
 
-/// What a term is of; part of its seed.
+/// The kind of thing that a term stands for; it is part of the seed.
 enum class HashTerm : std::uint8_t { node = 1, field = 2, children = 3, name = 4, route = 5 };
 
-/// What a field is called, as terms have it; 0 in terms that are of no field.
+/// The name of a field as a number; 0 in terms that belong to no field.
 using FieldKey = std::uint64_t;
 FieldKey fieldKey(const FieldDef& field);
 
@@ -28,7 +29,7 @@ inline std::uint64_t hashSeed(NodeId node, FieldKey field, HashTerm term) {
 
 std::uint64_t hashOfText(std::string_view text);
 Hash128 hashOfBytes(const void* bytes, std::size_t size, std::uint64_t seed);
-/// Of a value in block representation; MFNode has terms by neighbours instead.
+/// The hash of a value in block representation. MFNode values have terms for pairs of neighbours instead.
 Hash128 hashOfValue(FieldType type, const void* storage, std::uint64_t seed);
 
 }  // namespace rtsg

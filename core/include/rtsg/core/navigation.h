@@ -1,11 +1,11 @@
 // Navigation: moves the viewer by what keys, wheels and pointers do, as the bound NavigationInfo says.
 //
-// Scene::setNavigation() switches it on. Where the viewer has gone from the bound viewpoint is a part of the scene, in
-// hidden fields of that viewpoint; its position and orientation stay its author's. Walls and ground are asked for
-// before a frame begins (SpaceQueries; without them there are none), and what comes of it is an event of that frame: so
-// replicas and replays follow without any geometry. Nothing moves, and nobody falls, before somebody has navigated.
-// Lengths, speeds and "up" (+Y) are in the coordinates around the viewpoint. Threading: the scene's thread.
-// Source: ISO/IEC 19775-1 V4.0 23.2, 23.3.1, 23.4.4, annex G.
+// Scene::setNavigation() switches it on. The viewer's way from the bound viewpoint is a part of the scene, in hidden
+// fields of that viewpoint; its position and orientation stay its author's. Walls and ground are looked for before a
+// frame begins (SpaceQueries; without them there are none), and the result is an event of that frame: so replicas and
+// replays follow without any geometry. The viewer neither moves nor falls before somebody has navigated. Lengths,
+// speeds and "up" (+Y) are in the coordinates around the viewpoint. Threading: the scene's thread. Source: ISO/IEC
+// 19775-1 V4.0 23.2, 23.3.1, 23.4.4, annex G.
 
 //                 arrow keys                        pointer dragged    wheel
 //     EXAMINE     go round centerOfRotation         the same           nearer to it, a tenth a step

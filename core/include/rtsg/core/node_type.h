@@ -24,7 +24,7 @@ enum class Access : std::uint8_t { initializeOnly, inputOnly, outputOnly, inputO
 /// What a field means to subscribers.
 enum class Aspect : std::uint8_t { none, structure, transform, geometry, appearance, light, view, sound, time };
 
-/// What a field of a built-in type counts in: the tables' @unit. Rotations count their angle whatever this says.
+/// The unit of a field of a built-in type: the tables' @unit. A rotation's angle is in radians whatever this says.
 enum class Unit : std::uint8_t { none, length, angle, mass, force, speed, angularRate, acceleration, area, torque };
 
 using FieldIndex = std::uint16_t;
@@ -62,7 +62,7 @@ struct FieldDef {
     /// Ours, not the standard's: invisible to files, part of the state (a PROTO instance's `body`, say).
     bool hidden = false;
     Unit unit = Unit::none;
-    /// As NodeType::since; never less than its node's.
+    /// The version of X3D that brought the field, as NodeType::since has it; never less than its node's.
     std::uint8_t since = 0;
     /// Byte offset in the node's block; kNoOffset for inputOnly fields, which have no storage.
     static constexpr std::uint32_t kNoOffset = 0xFFFFFFFF;
@@ -79,7 +79,7 @@ struct FieldDef {
     bool inRange(const Value& value) const;
 };
 
-/// Where and how a field is stored, small enough that a type's fields share a cache line or two.
+/// The place and the representation of a field, so small that all fields of a type share a cache line or two.
 struct FieldSlot {
     std::uint32_t offset = FieldDef::kNoOffset;
     FieldType type = FieldType::SFBool;

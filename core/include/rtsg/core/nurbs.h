@@ -1,11 +1,11 @@
-// NURBS: points and derivatives of non-uniform rational B-splines, for what is drawn of them and for interpolators.
+// NURBS: points and derivatives of non-uniform rational B-splines, for drawing and for interpolators.
 //
 // Invariant: a knot vector that does not fit (another number than control points plus order, falling, or more than
-// order - 1 equal ones inside) is replaced by an even one, as the standard wants; evaluation then never fails. Of "a
-// default uniform knot vector" the clause does not say whether what is open reaches its first and last control point:
-// here it does, as in X_ITE.
-// Weights that are missing, or not above 0, count as 1. Threading: plain data, const members re-entrant.
-// Source: ISO/IEC 19775-1 V4.0 27.2; Piegl and Tiller, The NURBS Book (1997), algorithms A2.2, A3.1 and A4.3.
+// order - 1 equal ones inside) is replaced by an even one, as the standard wants; evaluation then never fails. The
+// clause does not say whether an open curve with "a default uniform knot vector" reaches its first and last control
+// point: here it does, as in X_ITE. Weights that are missing, or not above 0, count as 1. Threading: plain data, const
+// members re-entrant. Source: ISO/IEC 19775-1 V4.0 27.2; Piegl and Tiller, The NURBS Book (1997), algorithms A2.2, A3.1
+// and A4.3.
 #pragma once
 
 #include <array>
@@ -39,11 +39,11 @@ class NurbsBasis {
     /// The domain.
     double first() const { return knots_[static_cast<std::size_t>(order_) - 1]; }
     double last() const { return knots_[count_]; }
-    /// Where the pieces begin and end, from first() to last(), each once.
+    /// The parameters at which pieces begin and end, from first() to last(), each once.
     std::vector<double> breaks() const;
 
-    /// What the `order` control points from `start` on count at `u`, which is held within the domain, and how fast that
-    /// changes.
+    /// The weights of the `order` control points from `start` on at `u`, which is clamped to the domain, and the
+    /// derivatives of these weights.
     struct At {
         std::size_t start = 0;
         std::array<double, kMostOrder> value{}, slope{};
@@ -58,10 +58,9 @@ class NurbsBasis {
 
 /// Homogeneous control points: the point in space is (x, y, z) / w.
 using NurbsPoints = std::vector<Vec4d>;
-/// Of nodes' fields, whose control points are (x, y, z) of the homogeneous ones. The clause leaves open whether they
-/// are that or points in space; browsers and the files that circulate take them so (a corner of a round square of side
-/// 2 is
-/// (.7071, .7071) with a weight of .7071).
+/// Makes control points of nodes' fields, whose points are the (x, y, z) of homogeneous ones. The clause leaves open
+/// whether they are these or points in space. Browsers and the files that circulate take them as homogeneous: a corner
+/// of a round square of side 2 is (.7071, .7071) with a weight of .7071.
 NurbsPoints nurbsPoints(std::span<const Vec3d> points, std::span<const double> weights);
 
 struct NurbsCurve {

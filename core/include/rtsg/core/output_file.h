@@ -1,10 +1,9 @@
 // OutputFile: a file that appears under its name when it is complete, and never before.
 //
-// What is written goes into a new file in the same folder; commit() renames it. So what was there stays whole until
-// then, whatever happens: an error, a full disk, a killed process. A name that is a link stands for the file it leads
-// to. What is no regular file (a device, a pipe) is written as it comes.
-// Invariant: after the first error nothing more is written, and commit() reports it. An object that goes without a
-// commit() removes what it wrote. Threading: one thread an object.
+// Bytes go into a new file in the same folder, and commit() renames it. So the old file stays whole until then,
+// whatever happens: an error, a full disk, a killed process. A name that is a link stands for the file it leads to. A
+// device or a pipe is written as the bytes come. Invariant: after the first error nothing more is written, and commit()
+// reports it. An object that is destroyed without a commit() removes what it wrote. Threading: one thread an object.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +15,7 @@
 
 namespace rtsg {
 
-/// What becomes of a file that is there already.
+/// Says what happens to a file that exists already.
 enum class Existing : bool { keep, replace };
 
 class OutputFile {
@@ -52,7 +51,7 @@ Result<> writeWholeFile(const std::filesystem::path& file, std::span<const std::
 /// Whether two names lead to one file, through whatever links; if there is none yet, whether they would.
 bool sameFile(const std::filesystem::path& a, const std::filesystem::path& b);
 
-/// Where a file named `file` can be written before it is renamed: in the same folder, a name that nothing has yet, with
+/// A name under which the file can be written before it is renamed to `file`: in the same folder, unused so far, with
 /// the same extension. Follows links.
 std::filesystem::path freshNameBeside(const std::filesystem::path& file);
 

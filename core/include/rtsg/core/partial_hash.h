@@ -18,7 +18,7 @@ inline Hash128 operator+(Hash128 a, Hash128 b) {
     return {low, a.high + b.high + (low < a.low ? 1 : 0)};
 }
 
-/// What the state hash has of one node, in parts. Parts that have no term (defaults, say) are 0.
+/// The share of one node in the state hash, in parts. A part without a term, such as a field at its default, is 0.
 struct NodeHashes {
     Hash128 node, name, routes;   // existence, type and scope; DEF name; routes and IS connections from it
     std::vector<Hash128> fields;  // one each, in the type's order

@@ -1,4 +1,4 @@
-// What the urls of a scene may open: one rule for Inline, EXTERNPROTO, Script, textures and sounds.
+// Decides what the urls of a scene may open, by one rule for Inline, EXTERNPROTO, Script, textures and sounds.
 //
 // A relative url starts from the folder of the document that holds it. Whoever loads a document into an Inline or an
 // EXTERNPROTO instance leaves the url that led to it in the hidden field `loadedUrl` of that node, so the folder is
@@ -43,11 +43,11 @@ class Resource {
     Resource& operator=(Resource&& other) noexcept;
     ~Resource();
 
-    /// Where it really is, links resolved; empty for `data:`.
+    /// The real path, links resolved; empty for a `data:` url.
     const std::filesystem::path& path() const { return path_; }
     /// For diagnostics: the path, or the head of a `data:` url.
     const std::string& name() const { return name_; }
-    /// Of a `data:` url, such as image/png.
+    /// The media type of a `data:` url, such as image/png.
     const std::string& mediaType() const { return mediaType_; }
     /// What follows `#`, decoded.
     const std::string& fragment() const { return fragment_; }
@@ -72,7 +72,7 @@ class Resources {
   public:
     /// Nothing but `data:` urls.
     Resources() = default;
-    /// What is below `folder`, which relative urls start from; as without arguments if it is empty.
+    /// Opens what is below `folder`, from which relative urls start. An empty one is the same as no argument.
     Resources(const std::filesystem::path& folder);  // NOLINT(google-explicit-constructor): a folder says it all
     /// `folder` is only where relative urls start; what may be opened is up to the policy.
     Resources(const std::filesystem::path& folder, ResourcePolicy policy);
@@ -86,11 +86,11 @@ class Resources {
     /// `from`: the folder of the document that holds the url. Errors: a sentence that says why, and which --allow
     /// helps.
     Result<Resource> open(const std::filesystem::path& from, std::string_view url) const;
-    /// As above, for a url in `field` of a node.
+    /// Opens a url that stands in `field` of a node.
     Result<Resource> open(const Scene& scene, const Node& node, FieldIndex field, std::string_view url) const;
 
-    /// Where the relative urls of `field` of a node start: one folder, or several to be tried in turn for a url that
-    /// came by IS.
+    /// The folders from which relative urls of a node's `field` start: one, or several to be tried in turn for a url
+    /// that came by IS.
     std::vector<std::filesystem::path> foldersOf(const Scene& scene, const Node& node, FieldIndex field) const;
     /// The folder of the document whose nodes have this scope.
     std::filesystem::path folderOf(const Scene& scene, NodeId scope) const;

@@ -119,18 +119,18 @@ class Scene {
     const Node* find(NodeId id) const;
     /// Precondition, checked: the node exists.
     const Node& node(NodeId id, std::source_location caller = std::source_location::current()) const;
-    /// What stands for a node: the first one of its body for a PROTO instance (4.4.4.3), through all levels, else
-    /// itself. Null if there is none.
+    /// The node that stands for `id`: of a PROTO instance the first node of its body (4.4.4.3), through all levels; any
+    /// other node stands for itself. Null if there is none.
     const Node* effectiveNode(NodeId id) const;
     std::size_t nodeCount() const;
     /// Calls in NodeId order.
     void forEachNode(const std::function<void(const Node&)>& visit) const;
     std::vector<ParentRef> parents(NodeId id) const;
-    /// For each, whether a way leads down to it from the root. What a Script refers to is not below it.
+    /// For each node, whether a path leads down to it from the root. Nodes that a Script refers to are not below it.
     std::vector<bool> areInWorld(std::span<const NodeId> ids) const;
     std::string_view name(NodeId id) const;
-    /// Where a node was read, for messages about it: known of what this process has read, and of so many nodes at most.
-    /// No part of the scene's state: replicas do not know it.
+    /// The place from which a node was read, for messages about it. It is known for nodes that this process has read,
+    /// up to a limit. It is no part of the scene's state: replicas do not know it.
     NodePlace placeOf(NodeId id) const;
     void setPlace(NodeId id, const NodePlace& place);
     static constexpr std::size_t kMostPlaces = std::size_t{1} << 22;
@@ -152,8 +152,8 @@ class Scene {
     Result<> destroyNode(NodeId id);
     /// Destroys nodes that cannot be reached from the root, a name or a route. Returns their number.
     std::size_t destroyUnreachable();
-    /// What a script has made is destroyed by itself once nothing refers to it (script.h), unless it is held; calls
-    /// count.
+    /// Keeps a node that a script has made: without this it is destroyed once nothing refers to it (script.h). Each
+    /// hold() needs a letGo() of its own.
     void hold(NodeId id);
     void letGo(NodeId id);
     bool isHeld(NodeId id) const;
@@ -165,8 +165,8 @@ class Scene {
             if (setPlain(id, field.index, FieldTypeOf<T>::value, &value)) return {};
         return setField(id, field.index, Value(std::move(value)));
     }
-    /// As set of each node to its value, in order, but several times as fast for nodes scattered in memory. At the
-    /// first that is refused it ends. Precondition: as many values as nodes.
+    /// Sets the field of each node to its value, in order: several times as fast as single calls where nodes are
+    /// scattered in memory. Ends at the first that is refused. Precondition: as many values as nodes.
     template <class T>
     Result<> setEach(std::span<const NodeId> ids, Field<T> field, std::span<const T> values) {
         std::size_t done = 0;
@@ -210,15 +210,15 @@ class Scene {
     /// Publishes pending edits without running anything. Null if there are none; and inside a frame, whose set they are
     /// part of.
     std::shared_ptr<const ChangeSet> seal();
-    /// Who casts pointers' rays and feels what the avatar touches (device_input.h); null for nobody. Must outlive its
-    /// use.
+    /// Sets who casts pointers' rays and finds what the avatar touches (device_input.h); null: nobody does. It must
+    /// live as long as it is set.
     void setSpaceQueries(SpaceQueries* queries);
     /// Whether keys, wheels and pointers move the viewer, as the bound NavigationInfo says (navigation.h); not at
     /// first.
     void setNavigation(bool on);
-    /// How many threads, at most 8, work on a frame of thousands of events, the scene's own among them; 0 and 1, as at
-    /// first: that alone. Results are the same, bit for bit, whatever the number. Several save time where their cores
-    /// are free, and cost time where other programs have these.
+    /// The number of threads, at most 8, that work on a frame of thousands of events, the scene's own included. 0 and 1
+    /// mean the scene's own thread alone, which is the default. Results are the same, bit for bit, for any number.
+    /// Several threads save time if their cores are free, and cost time if other programs use these.
     void setThreads(unsigned threads);
     /// A frame is under way: the call comes from a behaviour, a script or the event listener.
     bool isInFrame() const;
@@ -228,9 +228,10 @@ class Scene {
     std::uint64_t sequence() const;  // state number: sets published or applied so far
     Bus& bus() { return *bus_; }
     const Bus& bus() const { return *bus_; }
-    /// What a node type does. Built-in behaviours are there from the start; one per type, the last wins.
+    /// Says what nodes of a type do. Built-in behaviours are registered from the start; a type has one, the last that
+    /// was given.
     void registerBehaviour(TypeIndex type, const Behaviour& behaviour);
-    /// As above for every type of this name, those included that are defined later.
+    /// Registers it for every type of this name, including those that are defined later.
     void registerBehaviour(std::string_view type, const Behaviour& behaviour);
     /// Replicas of the `state` kind switch this off: no node acts then; events that are sent still follow routes.
     void setBehavioursEnabled(bool enabled);
@@ -243,11 +244,11 @@ class Scene {
     void setScripts(std::shared_ptr<const ScriptLanguage> language);
     /// For the Script nodes of this scene; programs that run already start anew.
     void setScriptOptions(ScriptOptions options);
-    /// Sets ScriptOptions::resources, unless they have been given; loadFile does so. `anotherWorld`: also in the place
-    /// of those of an earlier document, whose programs end.
+    /// Sets ScriptOptions::resources, unless they have been given; loadFile does so. `anotherWorld` also replaces those
+    /// of an earlier document, whose programs end.
     void setScriptResources(std::shared_ptr<const Resources> resources, bool anotherWorld = false);
-    /// Called for every event on every field, in cascade order. One listener; for tools and tests. What it edits
-    /// belongs to the frame under way.
+    /// Called for every event on every field, in cascade order. There is one listener, for tools and tests. Its edits
+    /// belong to the frame under way.
     using EventListener = std::function<void(double t, const Node& node, FieldIndex field, const Value& value)>;
     void setEventListener(EventListener listener);
     /// From now on, until as many calls of stopListening(), sets carry what this field sends (ChangeSet::heard), at a
@@ -259,7 +260,8 @@ class Scene {
     bool isHeard(NodeId id, FieldIndex field) const;
     /// Grows whenever an answer of isHeard() may have changed.
     std::uint64_t hearingEdits() const;
-    /// What the frames had to say; and which subscribers failed, on whatever thread, if the bus has no reporter.
+    /// The diagnostics of the frames. If the bus has no reporter, subscribers that failed, on whatever thread, are
+    /// named here too.
     Diagnostics& diagnostics();
     /// From now on every set and snapshot carries its FrameInput, at a cost that follows what comes in.
     void setInputRecording(bool on);
@@ -274,20 +276,20 @@ class Scene {
 
     // ---- state ---------------------------------------------------------------------------------------------
     /// The state `sequence()`, whole. Edits that wait are sealed first, so that its number stands for its content; from
-    /// within a delivery their set waits its turn, and who goes on from the snapshot skips sets up to its number. Where
-    /// no state can be told (inside a frame; after too many sets from within one delivery), an empty set to 0 and a
-    /// diagnostic.
+    /// within a delivery their set waits its turn, and whoever goes on from the snapshot skips sets up to its number.
+    /// If there is no state to take (inside a frame; after too many sets from within one delivery), the result is an
+    /// empty set to 0, with a diagnostic.
     ChangeSet snapshot() const;
     /// Edits that no set holds yet: the scene is ahead of the state `sequence()`.
     bool hasUnsealedEdits() const;
     /// Applies a set that starts at sequence() (or a snapshot onto an empty scene), and publishes it. On an error
     /// nothing is guaranteed but safety: the scene must then be discarded.
     Result<> apply(std::shared_ptr<const ChangeSet> set);
-    /// As apply() of a set from sequence() to `to` that gives anew what the last set gave: the same fields of the same
-    /// nodes in the same order and nothing else, as most frames do of a scene in motion. No set is made: several times
-    /// as fast where nobody is attached to the bus to read one. False, with nothing done, where it cannot be: the last
-    /// set was no such one, somebody is attached, nodes act here, there are edits that are not sealed, inputs are
-    /// recorded. Precondition: `columns` name what the last set did, in its order.
+    /// Does what apply() would of a set from sequence() to `to` that sets again exactly the fields that the last set
+    /// did, in the same order, as most frames of a scene in motion do. It makes no set, and so is several times as
+    /// fast. Returns false, and does nothing, where that is impossible: the last set had other changes, somebody is
+    /// attached to the bus, nodes act here, there are unsealed edits, or inputs are recorded. Precondition: `columns`
+    /// name what the last set did, in its order.
     bool applyAgain(std::uint64_t to, double time, std::span<const PlainColumn> columns);
     /// Forgets everything, as freshly constructed, but what the application has set (behaviours, listener, recording,
     /// options, documents, scripts) and subscribers, to whom the next set that is applied comes as a snapshot. For

@@ -27,7 +27,8 @@ struct ScriptOptions {
     /// Bytes that all scripts of one thread may hold, in objects and in the contents of arrays and strings, and by
     /// which one call may let the process grow. Read when the first script of the thread runs.
     std::size_t heapLimit = std::size_t{256} << 20;
-    /// What urls of scripts may open; that of the first document loaded, if null. A scene without either opens none.
+    /// What the urls of scripts may open; null: what the first loaded document's urls may. A scene without either opens
+    /// nothing.
     std::shared_ptr<const Resources> resources;
     /// Gets what scripts print, as it comes, also in shutdown() when the scene goes; standard output if empty.
     std::function<void(std::string_view)> print;

@@ -19,7 +19,8 @@
 
 namespace rtsg {
 
-/// What a script's onTime is for: before a frame's events come initialize() of all that are new, then prepareEvents().
+/// The phase of a frame that a script's onTime is called for. initialize() of all new scripts, then prepareEvents(),
+/// come before the frame's events.
 enum class ScriptPhase { initialize, prepare, run };
 
 class ScriptPrograms {
@@ -28,8 +29,8 @@ class ScriptPrograms {
 
     /// Calls the function that handles events of `field`.
     virtual void onEvent(Cascade& cascade, const Node& node, FieldIndex field, EventValue value) = 0;
-    /// initialize(), prepareEvents() or eventsProcessed(), as is due. As Behaviour::onTime; in phase `initialize` now
-    /// if a program began, else never.
+    /// Calls initialize(), prepareEvents() or eventsProcessed(), as is due. Returns what Behaviour::onTime does; in
+    /// phase `initialize`, now if a program began, else never.
     virtual double onTime(Cascade& cascade, const Node& node, ScriptPhase phase) = 0;
     /// Tells which of `nodes`, sorted, each program's variables hold, after a collection of garbage. No program runs.
     virtual void findHeld(const std::vector<NodeId>& nodes,
@@ -39,14 +40,14 @@ class ScriptPrograms {
     /// The same for all, before the scene goes or starts over.
     virtual void forgetAll() = 0;
 
-    /// For a script: what it makes goes once nothing refers to it (dropped.cpp).
+    /// Calls for scripts. Nodes that these make are destroyed once nothing refers to them (dropped.cpp).
     static Result<NodeId> createNode(Scene& scene, std::string_view type, NodeId scope);
     static Result<DocumentServices::Piece> createPiece(Scene& scene, std::string_view text, NodeId script);
     static Result<DocumentServices::Piece> createPieceOfUrls(Scene& scene, const std::vector<std::string>& urls,
                                                              NodeId script);
     /// Is done before the next frame begins.
     static Result<> request(Scene& scene, const DocumentRequest& request);
-    /// What is to say of a program while no cascade runs.
+    /// Adds a warning about a program while no cascade runs.
     static void warn(Scene& scene, const Node& node, const std::string& text);
     /// The behaviour of every Script type: finds the programs of the running scene, makes them on first use.
     static Behaviour behaviour();

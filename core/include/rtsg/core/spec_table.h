@@ -29,7 +29,7 @@ struct SpecField {
     std::uint8_t since;  // as NodeType::since; 0: that of the node
 };
 
-/// As NodeType has them.
+/// The tags of a node type, which NodeType has under the same names.
 struct SpecTags {
     Acts acts;
     bool writesInputs;

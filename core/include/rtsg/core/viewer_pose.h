@@ -20,12 +20,12 @@ struct ViewerPose {
     friend bool operator==(const ViewerPose&, const ViewerPose&) = default;
 };
 
-/// Of a Viewpoint or OrthoViewpoint, in the coordinates around the node: its fields, and where the user has gone from
-/// there, while it is bound. Nothing for other nodes.
+/// The pose of a Viewpoint or OrthoViewpoint in the coordinates around the node: its fields, and while it is bound also
+/// where the user has gone from there. Other nodes have none.
 std::optional<ViewerPose> viewOf(const Node& viewpoint);
 /// The same where the user has gone anywhere; else nothing.
 std::optional<ViewerPose> movedView(const Node& viewpoint);
-/// As a Viewpoint has it; the angle is at most pi.
+/// The orientation as a Viewpoint's field has it; the angle is at most pi.
 Rotation orientationOf(const ViewerPose& pose);
 
 }  // namespace rtsg

@@ -2,11 +2,11 @@
 //
 // A networkReader hears what is about its entity, at most once each readInterval; a networkWriter sends its state each
 // writeInterval, and what it fires, meets and detonates at once; a DISEntityManager makes an EspduTransform for each
-// entity that no node of the scene stands for, with the model that fits best. What is heard is an input of the frame
-// (rtsg/core/dis_input.h): logs, replays and mirrors need no network, and a mirror opens none. No socket is opened for
-// an address that has not been allowed. Whatever a datagram holds, memory and time of a frame are limited. Threading:
-// the scene's thread; no call waits, but for a name that is looked up once. Source: ISO/IEC 19775-1 V4.0, clause 28;
-// IEEE 1278.1-2012 (PDUs, heartbeats), 1278.2-2015 (UDP).
+// entity that no node of the scene stands for, with the model that fits best. PDUs that are heard are inputs of the
+// frame (rtsg/core/dis_input.h): logs, replays and mirrors need no network, and a mirror opens none. No socket is
+// opened for an address that has not been allowed. Whatever a datagram holds, memory and time of a frame are limited.
+// Threading: the scene's thread; no call waits, but for a name that is looked up once. Source: ISO/IEC 19775-1 V4.0,
+// clause 28; IEEE 1278.1-2012 (PDUs, heartbeats), 1278.2-2015 (UDP).
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -42,8 +42,8 @@ struct DisOptions {
 
 class DisNetwork {
   public:
-    /// Datagrams of an address in a frame, PDUs that wait for a node's readInterval, and entities of a manager, beyond
-    /// which what comes is left out; told of.
+    /// The most datagrams of an address in a frame, PDUs that wait for a node's readInterval, and entities of a
+    /// manager. More are left out, and a diagnostic says so.
     static constexpr std::size_t kMostDatagrams = 4096, kMostWaiting = 64, kMostEntities = 4096;
     /// Seconds between two PDUs of an entity at most, and without any before it is gone.
     static constexpr double kHeartbeat = 5, kTimeout = 2.4 * kHeartbeat;

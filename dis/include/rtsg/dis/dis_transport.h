@@ -33,7 +33,7 @@ class DisTransport {
     /// Error: the system's; a datagram that finds no room is lost, as on the way.
     virtual Result<> send(const DisAddress& address, const DisAddress& relay, std::span<const std::uint8_t> bytes) = 0;
 };
-/// By the system's sockets: unicast, broadcast and multicast, IPv4 and IPv6.
+/// A transport over the system's sockets: unicast, broadcast and multicast, IPv4 and IPv6.
 std::unique_ptr<DisTransport> udpTransport();
 
 }  // namespace rtsg

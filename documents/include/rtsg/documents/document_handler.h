@@ -31,7 +31,7 @@ struct DocumentHeader {
     SourceLocation where{};  // of the profile, or of what should name it
 };
 
-/// What a document says of itself before its nodes (7.2.5).
+/// The statements of a document about itself that come before its nodes (7.2.5).
 struct DocumentHead {
     struct Component {
         std::string name;
@@ -50,7 +50,7 @@ struct DocumentHead {
     std::vector<Unit> units;
 };
 
-/// What an author says about a declaration (19776-1: the attributes appinfo and documentation).
+/// An author's remarks on a declaration (19776-1: the attributes appinfo and documentation).
 struct Documentation {
     std::string appinfo, documentation;
 };

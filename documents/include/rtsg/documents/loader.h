@@ -35,7 +35,7 @@ struct LoadOptions {
     unsigned threads = 0;  // as ReadOptions
 };
 
-/// Reads a file into a scene (appending to what is there). False if nothing usable was in it.
+/// Reads a file into a scene, and appends to its content. False if the file has nothing usable.
 bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics,
               const LoadOptions& options = {});
 /// Reads text; `base` is the folder that relative urls start from.

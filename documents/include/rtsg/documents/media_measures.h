@@ -14,8 +14,8 @@ namespace rtsg {
 /// How many seconds the sound or film in a file plays; nothing if that cannot be told.
 using MediaLength = std::function<std::optional<double>(const Resource& file)>;
 
-/// What a Text's fields and fonts make of it, in its own units: width and height of all of it, its upper left corner
-/// (x, y, z), width and height of each line; empty if that cannot be told.
+/// Measures a Text in its own units, by its fields and fonts: width and height of the whole, the upper left corner (x,
+/// y, z), then width and height of each line. The result is empty if it cannot be measured.
 using TextMeasure = std::function<Array<float>(const Scene& scene, const Node& text)>;
 
 }  // namespace rtsg

@@ -10,7 +10,8 @@
 
 namespace rtsg {
 
-/// What this build knows: a component with the highest level of any node in it; a profile with its components.
+/// The components and profiles that this build knows: a component with the highest level of any node in it, a profile
+/// with its components.
 struct Profile {
     std::string name;
     std::vector<DocumentHead::Component> components;

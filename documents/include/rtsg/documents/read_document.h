@@ -21,9 +21,9 @@ Encoding detectEncoding(std::string_view head);
 
 struct ReadOptions {
     Progress progress{};
-    /// How many threads read a list of numbers that is more than 4 MiB of text, 0: one a core; of more than 8, 8 do.
-    /// What comes out is the same. The handler, the diagnostics and the progress are called by the caller's thread
-    /// alone.
+    /// The number of threads that read a list of numbers of more than 4 MiB of text: 0 means one for each core; 8 at
+    /// most are used. The result is the same for any number. The handler, the diagnostics and the progress are called
+    /// by the caller's thread alone.
     unsigned threads = 0;
     bool headerless = false;  // ClassicVRML may come without its header's line
 };

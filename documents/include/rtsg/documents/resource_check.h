@@ -1,7 +1,7 @@
-// Looks whether what a scene names by url can be opened: pictures, sounds, scripts, shaders, documents.
+// Checks whether the files that a scene names by url can be opened: pictures, sounds, scripts, shaders, documents.
 //
-// Opens each file as whoever plays the scene would, and reads none. Of a list of urls one is enough. What is not there
-// is a warning, as it is when the scene is played; Inlines that a loader was asked to load have been reported by it.
+// Opens each file as a player of the scene would, and reads none. One url of a list is enough. A missing file is a
+// warning, as it is when the scene is played. Inlines that a loader was asked to load have been reported by the loader.
 // Threading: the scene's thread.
 #pragma once
 
@@ -22,13 +22,13 @@
 
 namespace rtsg {
 
-/// Where a document names files. Stands before the builder of the scene.
+/// Notes where a document names files. This filter stands before the builder of the scene.
 class UrlPlaces final : public Filter {
   public:
     using Filter::Filter;
     void setField(std::string_view name, Value value, SourceLocation where) override;
-    /// The next place of those where the field was given these urls; the last one again when there are no more, since a
-    /// prototype's body stands for all its instances. None, for what the document does not say.
+    /// The next of the places where the field was given these urls; the last one again when there are no more, since a
+    /// prototype's body stands for all its instances. No place if the document has none.
     SourceLocation next(std::string_view field, const Array<String>& urls);
 
   private:

@@ -1,12 +1,11 @@
 // SceneBuilder: turns the commands of a document into nodes, names, routes and prototypes of a Scene.
 //
-// Everything that needs meaning is checked here (readers check form): do fields exist and take this value or node,
-// are DEF names known, do ROUTEs connect what may be connected, are IS pairs legal. What is refused is reported with
-// its position and left out; the rest of the document is kept. Children are gathered and attached once, bottom-up,
-// so the cost is linear in the document. Not recursive in the depth of nodes, only in that of prototypes (limited).
-// Threading: the scene's thread.
-// Source: ISO/IEC 19775-1 V4.0 4.4.3 (DEF/USE), 4.4.4-4.4.6 (PROTO, EXTERNPROTO, IMPORT/EXPORT), 4.4.8.2 (ROUTE);
-// table 4.4 (IS); RTSG paper 3.1.
+// Everything that needs meaning is checked here (readers check form): do fields exist and take this value or node, are
+// DEF names known, do ROUTEs connect what may be connected, are IS pairs legal. A refused part is reported with its
+// position and left out; the rest of the document is kept. Children are gathered and attached once, bottom-up, so the
+// cost is linear in the document. The builder does not recurse with the depth of nodes, only with that of prototypes,
+// which is limited. Threading: the scene's thread. Source: ISO/IEC 19775-1 V4.0 4.4.3 (DEF/USE), 4.4.4-4.4.6 (PROTO,
+// EXTERNPROTO, IMPORT/EXPORT), 4.4.8.2 (ROUTE); table 4.4 (IS); RTSG paper 3.1.
 #pragma once
 
 #include <filesystem>
@@ -41,7 +40,8 @@ class SceneBuilder final : public DocumentHandler {
     void finish();
     /// Root nodes added by this document, in order; complete after finish().
     const std::vector<NodeId>& roots() const;
-    /// What the document said of itself; and its DEF names with the nodes that have them, sorted. As roots().
+    /// The document's statements about itself, and its DEF names with their nodes, sorted. Both are complete after
+    /// finish().
     const DocumentHead& head() const;
     std::vector<std::pair<std::string, NodeId>> names() const;
 
@@ -94,7 +94,7 @@ class InlineLoader {
         /// loaded, and the state depends on which there are, only where that serves somebody.
         heard,
     };
-    /// From now on Texts are told how large they are; without, they send nothing of it.
+    /// From now on Texts send their sizes, which `measure` finds; without it they send none.
     void measureTexts(TextMeasure measure, Texts which = Texts::all);
     /// Looks at the Inlines whose `load` or `url` changed since the last call. Returns how many were (un)loaded
     /// or told something.

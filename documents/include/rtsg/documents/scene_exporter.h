@@ -12,7 +12,8 @@
 
 namespace rtsg {
 
-/// What comes out as the nodes that it is made of. Names that would be there twice get a number behind them.
+/// Says what is written as the nodes that it consists of. A name that would then stand there twice gets a number at its
+/// end.
 struct ExportOptions {
     /// An instance of a PROTO or EXTERNPROTO becomes the first node of its body. The others, which act and are not
     /// shown, stand in a Switch at the end; routes to and from the instance go to the nodes behind its IS connections.
@@ -25,7 +26,7 @@ struct ExportOptions {
 
 class SceneExporter {
   public:
-    /// `diagnostics` hears of what a document cannot say (a reference into a PROTO's body, say).
+    /// `diagnostics` gets what a document cannot express, such as a reference into a PROTO's body.
     SceneExporter(const Scene& scene, Diagnostics& diagnostics, ExportOptions options = {});
     ~SceneExporter();
 

@@ -53,14 +53,15 @@ DocumentInfo documentInfo(const Scene& scene);
 // ---- imports and exports -------------------------------------------------------------------------------------------
 // Of the document itself, or, with `scope`, of what an Inline has loaded. Editing them is an edit like any other.
 
-/// What an IMPORT statement makes known under `localName`. No node: its Inline is not loaded, or exports no such name.
+/// The node that an IMPORT statement makes known under `localName`. There is no node if its Inline is not loaded, or
+/// exports no such name.
 struct ImportedNode {
     std::string localName;
     NodeId inlineNode;  // none: no node has the name that the statement gives
     std::string exportedName;
     NodeId node;
 };
-/// What an EXPORT statement offers to documents that inline this one. No node: none has the name.
+/// The node that an EXPORT statement offers to documents that inline this one. There is no node if none has the name.
 struct ExportedNode {
     std::string exportedName, localName;
     NodeId node;
@@ -96,8 +97,8 @@ struct Fragment {
     /// there had it before.
     NodeId find(std::string_view name) const;
 };
-/// Without an encoding's header the text is ClassicVRML. What IMPORT and EXPORT say is left out, and reported. Nothing
-/// if nothing usable was in it.
+/// Without an encoding's header the text is ClassicVRML. IMPORT and EXPORT statements are left out, and reported.
+/// Nothing if the text has nothing usable.
 std::optional<Fragment> createX3DFromString(Scene& scene, std::string_view text, Diagnostics& diagnostics,
                                             const LoadOptions& options = {});
 std::optional<Fragment> createX3DFromStream(Scene& scene, std::istream& stream, Diagnostics& diagnostics,
@@ -111,8 +112,7 @@ std::optional<Fragment> createX3DFromFile(Scene& scene, const std::filesystem::p
 /// children, and have their names. Subscribers and replicas get it as one set; Listeners::onWorld hears of it. Types
 /// of PROTOs stay known. Errors: from within a frame; nodes that are not there.
 Result<> replaceWorld(Scene& scene, const Fragment& piece);
-/// Reads a file, then puts it in the place of the world. Where nothing usable is in the file, false, and the world
-/// stays.
+/// Reads a file, then replaces the world by it. If the file has nothing usable, returns false, and the world stays.
 bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& diagnostics,
                const LoadOptions& options = {});
 /// The scene as a document, in the encoding that the file's name says. Errors: a name that says none; what the system

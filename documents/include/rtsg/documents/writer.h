@@ -1,12 +1,11 @@
 // Writers: document handlers that print the commands they get as X3D XML, ClassicVRML, VRML97 or JSON.
 //
-// Invariant: reading what was written gives the same commands, apart from their order within a node where the
-// encoding dictates one (XML attributes come first), explicit NULLs, and names that an encoding cannot spell (those are
-// changed and reported). Comments are kept where they stand between nodes and fields; in XML two hyphens in a row get a
-// space between them. What authors say about declarations (appinfo, documentation) is kept in XML and JSON, and is a
-// comment elsewhere. Numbers are the shortest text that reads back to the same bits. Threading: one thread a
-// writer. Source: ISO/IEC 19776-1 V3.3 (XML), 19776-2 V3.3 (ClassicVRML), 14772-1:1997 (VRML97), 19776-5
-// draft (JSON).
+// Invariant: reading what was written gives the same commands, apart from their order within a node where the encoding
+// dictates one (XML attributes come first), explicit NULLs, and names that an encoding cannot spell (those are changed
+// and reported). Comments are kept where they stand between nodes and fields; in XML two hyphens in a row get a space
+// between them. Authors' remarks on declarations (appinfo, documentation) are kept in XML and JSON, and become comments
+// elsewhere. Numbers are the shortest text that reads back to the same bits. Threading: one thread a writer. Source:
+// ISO/IEC 19776-1 V3.3 (XML), 19776-2 V3.3 (ClassicVRML), 14772-1:1997 (VRML97), 19776-5 draft (JSON).
 #pragma once
 
 #include <filesystem>
@@ -24,14 +23,13 @@ namespace rtsg {
 using TextSink = std::function<void(std::string_view)>;
 TextSink streamSink(std::ostream& stream);
 
-/// A writer for `encoding` (null for `binary`). What cannot be written is reported to
-/// `diagnostics`, which must outlive the writer. The document is complete after endDocument. ClassicVRML is passed on
-/// as it comes; XML and JSON are held back from the outermost open node on, whose attributes may still follow its
-/// children.
+/// A writer for `encoding` (null for `binary`). Parts that cannot be written are reported to `diagnostics`, which must
+/// outlive the writer. The document is complete after endDocument. ClassicVRML is passed on as it comes; XML and JSON
+/// are held back from the outermost open node on, whose attributes may still follow its children.
 std::unique_ptr<DocumentHandler> makeWriter(Encoding encoding, TextSink sink, Diagnostics& diagnostics);
 
-/// What a file's name says about its encoding: .x3d, .x3dv, .wrl, .json, each also with z or .gz behind it for gzip.
-/// False if it says nothing that can be written.
+/// Finds the encoding in a file's name: .x3d, .x3dv, .wrl or .json, each also with z or .gz at its end for gzip. False
+/// if the name has no encoding that can be written.
 bool encodingFromName(const std::filesystem::path& file, Encoding& encoding, bool& gzip);
 
 /// Writes a document into a file, gzipped if its name says so; "-" is standard output, as ClassicVRML. The file has its

@@ -1,9 +1,9 @@
 // RigidBodyPhysics: makes the rigid bodies, joints and collision sensors of a scene act.
 //
 // In each frame all RigidBodyCollections take the steps of kStep that end by its time, at multiples of kStep of the
-// scene's clock: the motion depends on neither the frame rate nor the machine's speed. What comes of it are events of
-// that frame, recorded and mirrored like others, so replicas and replays need no engine. Inputs of a frame act from its
-// time on. Without ODE (libode-dev when the library was built) the nodes rest, and a diagnostic says so. Threading: the
+// scene's clock: the motion depends on neither the frame rate nor the machine's speed. The results are events of that
+// frame, recorded and mirrored like others, so replicas and replays need no engine. Inputs of a frame act from its time
+// on. Without ODE (libode-dev when the library was built) the nodes rest, and a diagnostic says so. Threading: the
 // scene's thread. Source: ISO/IEC 19775-1 V4.0, clause 37.
 
 // Example:
@@ -29,9 +29,10 @@ class RigidBodyPhysics {
     static constexpr double kStep = 1.0 / 120;
     /// Frames that are further apart than this many seconds lose what is more, and say so.
     static constexpr double kLongestFrame = 10;
-    /// Points of contact in a step, and Contact nodes of a sensor, beyond which there are no more; told of.
+    /// The most points of contact in a step, and Contact nodes of a sensor. A diagnostic reports that there were more.
     static constexpr std::size_t kMostContacts = 50'000, kMostReported = 256;
-    /// Rows of a step by `preferAccuracy`, whose cost grows by their third power; beyond, iterations solve it; told of.
+    /// The most rows of a step by `preferAccuracy`, whose cost grows with their third power. Beyond them iterations
+    /// solve the step, and a diagnostic says so.
     static constexpr std::size_t kMostAccurateRows = 600;
 
     /// `scene` must outlive it, and has one at a time: bodies rest when it goes. A scene without such nodes pays

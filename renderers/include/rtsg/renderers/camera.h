@@ -33,20 +33,20 @@ struct Camera {
     bool panorama = false;
     /// The picture's edges: at distance 1 before the eye, for orthographic cameras in metres, for panoramas in radians.
     double left = -1, rightEdge = 1, bottom = -1, top = 1;
-    /// Nothing beyond is seen (NavigationInfo.visibilityLimit); infinite unless given.
+    /// Things farther away than this are not seen (NavigationInfo.visibilityLimit); infinite unless given.
     double visibilityLimit = std::numeric_limits<double>::infinity();
-    /// Nothing nearer or farther along the view is seen (a viewpoint's nearDistance and farDistance); of panoramas,
-    /// along the ray.
+    /// The range in which things are seen (a viewpoint's nearDistance and farDistance), measured along the view; in
+    /// panoramas, along the ray.
     double nearDistance = 0, farDistance = std::numeric_limits<double>::infinity();
-    /// Of a thin lens around `position`, metres; 0: a pinhole, with which all is sharp. `focus`: what is this far along
-    /// the view is sharp. Of perspectives alone.
+    /// The radius of a thin lens around `position`, in metres; 0 is a pinhole, with which everything is sharp. `focus`
+    /// is the distance along the view that is sharp. Only perspectives have a lens.
     double lensRadius = 0, focus = 1;
     std::uint16_t layer = 0;  // that it looks at: a place in LayerSet.layers, from 1; 0: what is in none
     NodeId viewpoint;         // whose it is; none: the standard's default one, or an eye of one's own
     bool nowhere = false;     // its viewpoint lies beyond all bounds, or at no number: `position` is the default one
 
-    /// The same eye for a picture of another shape: `aspect` = width / height. What a perspective's smaller angle and
-    /// an orthographic camera's middle square show stays.
+    /// The same eye for a picture of another shape: `aspect` = width / height. The smaller angle of a perspective, and
+    /// the middle square of an orthographic camera, stay.
     Camera shaped(double aspect) const;
 
     /// `orientation` as in Viewpoint; fieldOfView is clamped into (0, pi).
@@ -72,10 +72,12 @@ struct Camera {
     glm::dmat3 steps() const;
     /// Whether its pixels are square in the world: not those of a viewpoint below an uneven scale.
     bool isEven() const;
-    /// How high a pixel of a picture of that many rows is in its middle: for 1 ahead, of a parallel one in metres. Of
-    /// scaled axes, the lesser: what is some pixels wide is no wider than that in any direction.
+    /// The height of a pixel in the middle of a picture with that many rows: of a perspective at distance 1, of a
+    /// parallel projection in metres. If the axes are scaled, the smaller one counts, so that a line of some pixels'
+    /// width is no wider in any direction.
     double pixel(int rows) const;
-    /// Where a point is seen: as `x`, `y` of ray(). Infinite for what a perspective has behind it.
+    /// The place in the picture at which a point is seen, as `x` and `y` of ray(). It is infinite for a point behind a
+    /// perspective's eye.
     Vec2d place(const Vec3d& world) const;
 
     /// Moves back, keeping the direction of view, until all of `world` is within the picture and centred in it. Does
@@ -91,9 +93,9 @@ struct Camera {
     struct WorldRay {
         Vec3d origin, direction;  // a unit vector
     };
-    /// `x`, `y` from 0 (left, top) to 1 (right, bottom). Through a lens: that of its middle.
+    /// The ray through `x`, `y`, from 0 (left, top) to 1 (right, bottom). With a lens, the ray through its middle.
     WorldRay ray(double x, double y) const;
-    /// From where to where on a ray of this unit direction something is seen, metres.
+    /// The stretch of a ray of this unit direction in which things are seen, in metres.
     struct Reach {
         double from, to;
     };
@@ -117,9 +119,9 @@ struct Sky {
     /// Colour, premultiplied, and coverage towards a unit direction in world space. The fields hold display values and
     /// mix as such; `space` (linear or display) is that of the result.
     Vec4f color(const Vec3f& direction, ColorSpace space = ColorSpace::display) const;
-    /// One colour in all directions: `color` needs no direction.
+    /// Whether all directions have one colour, so that color() needs none.
     bool uniform() const;
-    /// Pictures are equal that are the same.
+    /// Two pictures are equal if they are the same object.
     friend bool operator==(const Sky&, const Sky&) = default;
 };
 

@@ -1,7 +1,7 @@
-// ColorSpace: whether numbers are light or what a display is sent, and the curve between the two.
+// ColorSpace: whether numbers are light or values sent to a display, and the curve between the two.
 //
-// Threading: pure functions. Source: IEC 61966-2-1 (sRGB transfer). What happens to a colour from field to file is in
-// docs/color.md.
+// Threading: pure functions. Source: IEC 61966-2-1 (sRGB transfer). docs/color.md tells what happens to a colour from
+// field to file.
 #pragma once
 
 #include <cstdint>

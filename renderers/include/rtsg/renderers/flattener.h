@@ -1,12 +1,11 @@
 // Flattener: keeps the paths of a scene (one occurrence per path) and turns ChangeSets into InstanceDeltas.
 //
-// Invariant: after apply() the occurrences are those that building from the scene anew would give; the work follows
-// the changes and what lies below the changed nodes, never the scene. Nothing recurses: nesting may be of any depth.
-// What is rendered: Shapes below groups, the chosen child of Switch and LOD, the first node of a PROTO's or the whole
-// of an Inline's body, Collision's children and, for avatars alone, its proxy; boxes that bboxDisplay shows. Billboards
+// Invariant: after apply() the occurrences are those that building from the scene anew would give; the work follows the
+// changes and what lies below the changed nodes, never the scene. Nothing recurses: nesting may be of any depth. It
+// finds Shapes below groups, the chosen child of Switch and LOD, the first node of a PROTO's body, the whole of an
+// Inline's, the children of Collision and, for avatars alone, its proxy; and boxes that bboxDisplay shows. Billboards
 // turn to the viewer if there is one, and shapes below them are not heard; LayoutLayers, LayoutGroups, ScreenGroups and
-// text in points likewise follow the picture.
-// Threading: one thread, the scene's; the deltas may go to any other.
+// text in points likewise follow the picture. Threading: one thread, the scene's; the deltas may go to any other.
 // Source: ISO/IEC 19775-1 V4.0 4.3.5, 10.4 (grouping), 10.4.4 (Transform), 10.4.3 (Switch), 23.4.3 (LOD), 35 (layers),
 // 36 (layouts).
 #pragma once
@@ -53,8 +52,7 @@ struct LayerSight {
 /// Whether what is laid out for one picture is for the other.
 bool areOfOneSize(const std::vector<LayerSight>& a, const std::vector<LayerSight>& b);
 
-/// What a picture is seen from.
-/// Where a viewer is, in world space.
+/// The place of a viewer in world space, from which a picture is made.
 struct EyePlace {
     EyePlace(const Vec3d& at, const Vec3d& above = Vec3d(0, 1, 0)) : position(at), up(above) {}
     Vec3d position, up;  // up: of its picture, of any length
@@ -73,18 +71,20 @@ using MeshSource = std::function<std::shared_ptr<const Mesh>(const Scene& scene,
 class Flattener {
   public:
     struct Options {
-        /// None: the flattener's own Tessellator with the points of skins, whose diagnostics are added to its own.
+        /// Makes the meshes. If empty, a Tessellator of the flattener's own does, with the points of skins; its
+        /// diagnostics are added to the flattener's.
         MeshSource meshes;
-        /// Where more paths than this lead to shapes the rest is left out with a diagnostic (sharing can be
-        /// exponential).
+        /// The most paths to shapes that are followed; the rest is left out with a diagnostic. Sharing can make paths
+        /// exponential in number.
         std::size_t maxOccurrences = 8'000'000;
-        /// How finely curved geometry is cut. In pixels it goes by the last picture's eye and by the nearest of the
-        /// places where a geometry stands, at a level of Tessellator's: finer at once, coarser when half a level more
-        /// than enough is too fine, so that an eye that sways makes nothing anew. Without an eye, or with meshes of
-        /// one's own: as Tessellator has it by itself. Where a place moves away under an eye at rest it stays as fine.
+        /// How finely curved geometry is cut. An error in pixels goes by the last picture's eye and by the nearest
+        /// place of a geometry, and chooses a level of Tessellator's. A finer level is taken at once, a coarser one
+        /// only when the present one is more than half a level too fine, so that an eye that sways changes nothing.
+        /// Without an eye, or with a MeshSource, Tessellator's own level is used. A place that moves away from a
+        /// resting eye keeps its level.
         TessellationError error{};
     };
-    /// What Options::error has come to.
+    /// How finely Options::error has curved geometry cut.
     struct Cuts {
         std::size_t geometries = 0, triangles = 0;  // of curved ones; each geometry once, wherever it stands
         std::size_t tooCoarse = 0;                  // of them, those whose finest level is less than was asked for
@@ -107,36 +107,38 @@ class Flattener {
     /// updateViewer().
     void setMeshSource(const Scene& scene, std::string_view type, MeshSource source);
 
-    /// The viewer, by whose place LOD chooses what is seen, and to whom Billboards turn; none: every LOD shows its
-    /// first level. What is heard is the first level always (Instance::seen, heard): what a picture shows changes no
-    /// sound. Takes effect with the next apply() or with updateViewer(). `sights`: of the picture, by which layouts,
-    /// ScreenGroups and text in points have their size. A layer that has none is laid out as in a picture of 1280 by
-    /// 720 pixels; outside of LayoutLayers a pixel is then 1/96 inch.
+    /// Sets the viewer, by whose place LOD chooses what is seen, and to whom Billboards turn; without one, every LOD
+    /// shows its first level. Sound always meets the first level (Instance::seen, heard), so that a picture changes no
+    /// sound. Takes effect with the next apply() or with updateViewer(). `sights` are the picture's; layouts,
+    /// ScreenGroups and text in points have their size by them. A layer that has none is laid out as in a picture of
+    /// 1280 by 720 pixels; outside of LayoutLayers a pixel is then 1/96 inch.
     void setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights = {});
     /// Follows the viewer alone, between two frames.
     const InstanceDelta& updateViewer(const Scene& scene);
 
-    /// By slot, with holes (id is none).
+    /// Indexed by slot; the id of a free slot is none.
     const std::vector<Instance>& instances() const;
     const std::vector<Placed>& placed() const;
     std::size_t instanceCount() const;
     /// Whether anything has its place or size from a picture's pixels, or turns to the eye of a layer; if not, no
     /// sights are needed.
     bool usesPixels() const;
-    /// As setViewer() had them.
+    /// The sights that setViewer() was given last.
     const std::vector<LayerSight>& sights() const;
-    /// From a root node to the Shape, or to what displays its bounding box; both included.
+    /// The path from a root node to the Shape, or to the node whose bounding box is displayed, both included.
     std::vector<NodeId> path(InstanceId instance) const;
     std::vector<NodeId> placedPath(InstanceId placed) const;
     ScopeId scopeParent(ScopeId scope) const;
-    /// Of a path: the places of the nodes whose content the picture places, and where.
+    /// The nodes on the path whose content is placed by the picture, as indices into path(), with the transform of
+    /// each.
     std::vector<std::pair<std::size_t, WorldFromLocal>> byPicture(InstanceId instance) const;
     /// The number of a layer's node, as Instance::layer; 0 if it is none.
     std::uint16_t layerOf(NodeId layer) const;
     /// A delta that leads from nothing to here, for those who come late.
     InstanceDelta snapshot() const;
 
-    /// Of paths left out, and of the tessellation of geometry; each once, however often a geometry changes.
+    /// Diagnostics of paths that are left out and of the tessellation of geometry. Each is there once, however often a
+    /// geometry changes.
     const Diagnostics& diagnostics() const;
     /// Flatteners made since the process started.
     static std::uint64_t made();
@@ -146,17 +148,18 @@ class Flattener {
     std::unique_ptr<Impl> impl_;
 };
 
-/// What follows a flattened scene: light, sound, rasteriser, an export. It is added to a SharedWorld.
+/// Follows a flattened scene, as light, sound, a rasteriser or an export does. It is added to a SharedWorld.
 class InstanceSubscriber {
   public:
     virtual ~InstanceSubscriber() = default;
     /// On the scene's thread, in the order of attaching. `scene` and `changes` are there for materials and the like.
     virtual Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) = 0;
-    /// A version of what it has made of the scene by its last apply(), to be read on any thread while it goes on; null:
-    /// it has none. Called when a reader has asked (SharedWorld::latest()); should cost what changed since the last.
+    /// A version of the tables that it has made by its last apply(), for readers on any thread while it goes on; null
+    /// if it has none. Called when a reader has asked (SharedWorld::latest()); its cost should follow the changes since
+    /// the last one.
     virtual std::shared_ptr<const void> freeze() { return nullptr; }
-    /// Of the pictures that it makes of such versions, so that what is in pixels can be laid out for them; nothing: it
-    /// makes none. Called before a version is made, where something is in pixels.
+    /// The size and eye of the pictures that it makes of such versions, for which things in pixels are laid out;
+    /// nothing if it makes no pictures. Called before a version is made, if anything in the scene is in pixels.
     virtual std::optional<PictureSight> looksFrom() { return std::nullopt; }
     virtual std::string subscriberName() const { return "instance subscriber"; }
 };

@@ -33,7 +33,7 @@ class FullTraversalRenderer final : public Renderer {
     void setSights(std::vector<LayerSight> sights);
 
     const RayWorld& world() const;
-    /// What the last frame found; valid until the next.
+    /// The changes that the last frame found; valid until the next frame.
     const InstanceDelta& delta() const;
     struct Stats {
         std::uint64_t nodesVisited = 0;  // by the last frame

@@ -28,10 +28,10 @@ struct AnimationOptions {
     /// Called with every picture's counts.
     std::function<void(const RenderStats&)> stats{};
 };
-/// Runs the renderer's scene and writes its pictures, the first after what LightRenderer::remember() was told of, into
-/// PictureFiles. A single frame needs no name for several. Returns how many frames are in files: all, unless `progress`
-/// or the settings' ended it; a file is complete or is not there. Errors: as picture() and PictureFiles; several frames
-/// without a name for them; layers for another format than .exr.
+/// Runs the renderer's scene and writes its pictures into PictureFiles; the picture before the first is the state of
+/// the last LightRenderer::remember(). A single frame needs no name for several. Returns how many frames are in files:
+/// all, unless `progress` or that of the settings ended it; a file is complete or absent. Errors: those of picture()
+/// and PictureFiles; several frames without a name for them; layers for another format than .exr.
 Result<int> renderToFile(LightRenderer& light, const std::filesystem::path& file, const ImageOptions& options,
                          const AnimationOptions& animation = {}, const ToneMap& toneMap = {});
 
@@ -46,10 +46,10 @@ class PictureFiles {
     /// Whether there is room for more than one, and whether all of them are one file.
     bool takesSeveral() const { return kind_ != Kind::one; }
     bool together() const { return kind_ == Kind::film || kind_ == Kind::gif; }
-    /// Of pictures of one file the one before stays as long as `skipped` more would have, the first one itself. Errors:
-    /// as writePicture() and MovieWriter.
+    /// Adds a picture. `skipped` pictures before it were not made: in a film or GIF the previous picture stays for
+    /// their time too, or this one if it is the first. Errors: those of writePicture() and MovieWriter.
     Result<> add(Picture picture, std::uint64_t skipped = 0);
-    /// As MovieWriter::addSound(). Errors: there is no film, for want of a picture.
+    /// Calls MovieWriter::addSound(). Error: there is no film yet, since no picture has been added.
     Result<> addSound(std::span<const float> samples, int sampleRate, int channels);
     /// The last one stays as long as `skipped` more. Without a picture there is no file.
     Result<> finish(std::uint64_t skipped = 0);

@@ -47,7 +47,7 @@ WorldFromLocal compose(const WorldFromLocal& a, const WorldFromLocal& b);
 WorldFromLocal identityTransform();
 bool isFinite(const WorldFromLocal& m);
 
-/// What is known about how often a thing will move; a hint that no result depends on.
+/// How often a thing is expected to move; a hint that no result depends on.
 enum class Motion : std::uint8_t { unknown, fixed, moving };
 
 /// How lines and points are drawn: LineProperties and PointProperties (12.4.4, 12.4.7). Widths in pixels.
@@ -75,7 +75,7 @@ struct Instance {
     /// The box of an X3DVolumeDataNode, which is its own geometry and appearance: pointers meet it, light what is in
     /// it.
     bool volume = false;
-    /// Nothing of it is to be seen, whatever the light: its material is wholly transparent. Pointers and sound meet it.
+    /// Its material is wholly transparent, so nothing of it is seen in any light. Pointers and sound still meet it.
     bool clear = false;
     /// Whether eyes see it, and whether sound meets it. Both, unless a level of detail is chosen for an eye: sound
     /// meets the first level, whatever is seen. One of the two is true, but of a Collision's proxy.
@@ -97,7 +97,7 @@ struct Instance {
     WorldFromLocal worldFromLocal{1.0};
 };
 
-/// What else a scene places in the world, one per path as well.
+/// The other things that a scene places in the world, also one for each path.
 enum class PlacedKind : std::uint8_t {
     light,
     view,
@@ -116,8 +116,8 @@ struct Placed {
     InstanceId id;  // its own numbering, apart from the instances'
     NodeId node;
     PlacedKind kind = PlacedKind::light;
-    /// Of a light: where it shines. 0 unless the light is local (`global` FALSE): then everything whose scope is this
-    /// one or below it. Of a clip plane or a local fog: likewise.
+    /// The scope in which a light shines. It is 0 unless the light is local (`global` FALSE): then the light reaches
+    /// everything whose scope is this one or below it. Clip planes and local fogs have their scope here, too.
     ScopeId scope;
     std::uint16_t layer = 0;
     Motion motion = Motion::unknown;

@@ -20,8 +20,8 @@ struct IrradianceSettings {
     std::uint64_t samples = 1ull << 26;  // at most; they double from 8192 on
     std::uint64_t seed = 1;
     Shadows shadows = Shadows::automatic;
-    /// What curved geometry was cut by (TessellationOptions): what its lamps lack for that is in the intervals. 0: they
-    /// are what they were cut into.
+    /// The TessellationOptions::chordError with which curved geometry was cut. The intervals include the light that
+    /// curved lamps lack because they are cut. 0: lamps are taken to be the triangles that they were cut into.
     double chordError = 0;
     unsigned threads = 0;  // 0: one a core
     /// Called now and then by the thread that asks, with the number of samples; false ends the measurement.
@@ -31,7 +31,8 @@ struct IrradianceSettings {
 struct Irradiance {
     Vec3d value{0}, interval{0};                // red, green, blue; half the 95 % interval
     double luminous = 0, luminousInterval = 0;  // of all three as an eye weighs them (Rec. 709's Y)
-    /// Of luminousInterval, what curved lamps may lack because they are cut; rounding.
+    /// The part of luminousInterval that stands for the light which curved lamps may lack because they are cut, and for
+    /// rounding.
     double luminousCut = 0;
     std::uint64_t samples = 0;
     /// The share of the ways that light may come which was cut off after 10,000 bounces: so much of white light is

@@ -1,9 +1,9 @@
 // LightRenderer: pictures of a scene by rays, as one of the renderers of a SharedWorld.
 //
-// Invariant: a picture shows the scene's present state, however it got there: loaded, run, mirrored or replayed. What
-// light needs alone (materials, lights, sky, textures) is here; where things are, is the world's.
-// Levels of detail are chosen for the eye of the last picture, and hold for all that see in the world; sound has its
-// own. Threading: as WorldRenderer; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
+// Invariant: a picture shows the scene's present state, however it got there: loaded, run, mirrored or replayed.
+// Materials, lights, sky and textures, which only light needs, are here; places are the world's. Levels of detail are
+// chosen for the eye of the last picture, and hold for all who see in the world; sound has its own. Threading: as
+// WorldRenderer; a picture itself is made by several. Source: paper section 5.1 and Listing 1.
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -40,12 +40,12 @@ struct ImageOptions {
     double focus = 0;       // metres, of the lens and of stereo; 0: the far distance, of a lens 1 m
     Stereo stereo = Stereo::none;
     double eyeDistance = 0.063;  // metres
-    /// Whether pictures that follow each other take from the last one what cannot have changed since: a still scene
-    /// costs nothing, and of `whitted` the tiles whose rays met nothing that is other than it was stay
-    /// (RenderStats::kept). What is seen is the same. Holds a picture and a version of the world.
+    /// Whether a picture takes from the last one whatever cannot have changed since. A still scene costs nothing;
+    /// pictures by `whitted` keep the tiles whose rays met nothing that has changed (RenderStats::kept). The pictures
+    /// are the same as without. It holds a picture and a version of the world.
     bool keep = true;
 
-    /// Of the picture as a whole.
+    /// The size of the whole picture, with both eyes.
     int fileWidth() const { return stereo == Stereo::beside ? 2 * settings.width : settings.width; }
     int fileHeight() const { return stereo == Stereo::above ? 2 * settings.height : settings.height; }
 };
@@ -77,8 +77,9 @@ class LightRenderer final : public WorldRenderer {
     /// detail are those that the state has, and the next will have them for this eye. Errors: as picture(); node
     /// renderers are registered here, which draw on the scene's thread only.
     Result<> renderFrame(const WorldState& state) override;
-    /// On the scene's thread: the present state counts as the picture before the next one, for RenderSettings::shutter
-    /// and kMotion. Where these are asked for, every picture does so by itself. Errors: as picture().
+    /// On the scene's thread: lets the present state count as the picture before the next one, for
+    /// RenderSettings::shutter and kMotion. If these are asked for, every picture does so by itself. Errors: those of
+    /// picture().
     Result<> remember(const ImageOptions& options);
     /// The last picture, empty before the first; camera() is the one it was taken with.
     Picture& frame();
@@ -92,7 +93,8 @@ class LightRenderer final : public WorldRenderer {
     Result<Picture> nextPicture(const ImageOptions& options, RenderStats* stats = nullptr);
 
     const LightTracer& tracer() const;
-    /// Of materials, lights and textures, and of light that pictures lack, since the start; the world has its own.
+    /// Diagnostics of materials, lights and textures, and of light that pictures lack, since the start. The world has
+    /// diagnostics of its own.
     const Diagnostics& diagnostics() const;
     std::string subscriberName() const override { return "light renderer"; }
 

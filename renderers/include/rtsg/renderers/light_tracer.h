@@ -23,8 +23,8 @@
 
 namespace rtsg {
 
-/// A version of what light must know of a scene besides its rays: materials, lights, sky, fog, viewpoints. It never
-/// changes, and needs neither scene nor tracer.
+/// A version of the data that light needs besides rays: materials, lights, sky, fog, viewpoints. It never changes, and
+/// needs neither scene nor tracer.
 struct LightState;
 
 class SharedWorld;
@@ -42,13 +42,13 @@ class LightTracer final : public InstanceSubscriber {
   public:
     /// `resources`: what urls of textures may open.
     explicit LightTracer(Resources resources = {});
-    /// One that shares its textures with others of this world that have the same resources.
+    /// Makes a tracer that shares textures with others of this world that have the same resources.
     LightTracer(SharedWorld& world, const Resources& resources);
     ~LightTracer() override;
 
     Result<> apply(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) override;
 
-    /// As of the last apply(); the same one until something changes that it holds.
+    /// The state after the last apply(); the same object until something changes that it holds.
     std::shared_ptr<const LightState> latest();
     std::shared_ptr<const void> freeze() override;
 
@@ -58,20 +58,21 @@ class LightTracer final : public InstanceSubscriber {
     static Result<Camera> camera(const LightState& state, const RayView& world, double aspect,
                                  std::string_view name = {});
 
-    /// What a picture of this size through `camera` shows, from the back to the front; without a LayerSet one that is
-    /// all of it. Layers that show nothing are left out.
+    /// The layers of a picture of this size through `camera`, from the back to the front; without a LayerSet there is
+    /// one that shows everything. Layers that show nothing are left out.
     std::vector<LayerView> layers(const RayView& world, const Camera& camera, int width, int height) const;
     static std::vector<LayerView> layers(const LightState& state, const RayView& world, const Camera& camera, int width,
                                          int height);
 
-    /// What the world must know of such a picture for what has its size from pixels: SharedWorld::setViewer().
+    /// The data of such a picture that the world needs to size things in pixels, for SharedWorld::setViewer().
     static std::vector<LayerSight> sights(const std::vector<LayerView>& views, int width, int height);
 
-    /// What is met at a place of such a picture, in pixels from the left and the top: the first surface of the
-    /// frontmost layer that has one there. Error: as Picker::ray().
+    /// Finds the first surface at a place of such a picture, in pixels from the left and the top, in the frontmost
+    /// layer that has one there. Errors: those of Picker::ray().
     static Result<Pick> pick(const Picker& picker, const std::vector<LayerView>& views, double x, double y);
-    /// What is seen there: without what ClipPlanes and Viewports cut off, backs of solids, and what hatches, masks and
-    /// alpha leave clear; but with what a Material's `transparency` hides. `world`: the picker's.
+    /// Finds what is seen there. It passes through what ClipPlanes and Viewports cut off, backs of solids, and what
+    /// hatches, masks and alpha leave clear; but it meets surfaces that only a Material's `transparency` hides. `world`
+    /// is the picker's.
     Result<Pick> pick(const Picker& picker, const RayView& world, const std::vector<LayerView>& views, double x,
                       double y) const;
 

@@ -57,7 +57,7 @@ struct TextureUse {
     String mapping;                            // of TexCoords::mapping; empty: the first channel
     bool namesTransform = false;               // there is a texture transform of that name
     explicit operator bool() const { return texture || space || generated; }
-    /// Of its pixels, or of what lies beyond its edges.
+    /// Whether its pixels, or the border around them, have an alpha below 1.
     bool hasAlpha() const {
         const auto shows = [&](TextureWrap wrap) { return wrap == TextureWrap::border && access.border.a < 1; };
         if (texture) return texture->hasAlpha() || shows(access.wrapS) || shows(access.wrapT);
@@ -65,8 +65,9 @@ struct TextureUse {
     }
 };
 
-/// One texture of a MultiTexture (18.4.3): it and what is there so far, starting with the material's colour, make the
-/// next. Its coordinates are the channel of its place in the list, or the last there is.
+/// One texture of a MultiTexture (18.4.3). It is combined with the result of the stage before, which for the first
+/// stage is the material's colour. Its coordinates are the channel with its place in the list, or the last channel if
+/// there are fewer.
 struct TextureStage {
     enum class Mode : std::uint8_t {
         modulate,
@@ -97,8 +98,8 @@ struct TextureStage {
     Function function = Function::none;
 };
 
-/// What a stage makes. `texel` is the texture's, `with` what its source says; `diffuseAlpha` and `factorAlpha` are the
-/// material's opacity and the MultiTexture's alpha.
+/// The result of a stage. `texel` is the texture's colour, `with` the colour that the stage's source names;
+/// `diffuseAlpha` and `factorAlpha` are the material's opacity and the MultiTexture's alpha.
 Vec4f combine(const TextureStage& stage, const Vec4f& texel, const Vec4f& with, const Vec4f& current,
               float diffuseAlpha, float factorAlpha);
 
@@ -192,13 +193,14 @@ struct Light {
     float radius = 100;        // metres of its own frame, as attenuation is
     float localFromWorld = 1;  // lengths
     float beamWidth = 0, cutOffAngle = 0;
-    /// Of projectors: unit, to the right and up in the picture, in world; `extent` is left, bottom, right and top of
-    /// the picture, of a projector at distance 1; in world lengths, as are the distances between which it shines.
+    /// For projectors. `right` and `up` are unit vectors of the picture in world space. `extent` is the picture's left,
+    /// bottom, right and top, in world lengths, for a TextureProjector at distance 1. The projector shines from
+    /// nearDistance to farDistance, also in world lengths.
     Vec3f right{1, 0, 0}, up{0, 1, 0};
     Vec4f extent{0};
     float nearDistance = 0, farDistance = std::numeric_limits<float>::infinity();
     std::shared_ptr<const Texture> picture;
-    /// Of environments, which need both: what comes, and the turning into its frame.
+    /// For EnvironmentLights, which need both: the light from all around, and the rotation into its frame.
     std::shared_ptr<const trace::Environment> environment;
     glm::mat3 localFromWorldTurn{1.0f};
 };
@@ -221,7 +223,7 @@ struct Fog {
         return along == Vec3f(0) ? run : glm::dot(along, place) - begin;
     }
 };
-/// Of a Fog or LocalFog node. A volumetric fog whose direction is zero is none.
+/// Reads a Fog or LocalFog node. A volumetric fog whose direction is zero is no fog.
 Fog readFog(const Scene& scene, NodeId node, const WorldFromLocal& worldFromLocal);
 
 }  // namespace rtsg

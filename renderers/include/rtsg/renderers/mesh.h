@@ -124,14 +124,14 @@ struct TexCoords {
     };
     Generator generator = Generator::none;
     std::vector<float> parameter;  // as the node has it
-    /// The author gave them. Else they lie flat on the geometry, and textures that want three coordinates make their
-    /// own.
+    /// Whether the author gave them. Otherwise they lie flat on the geometry, and textures that need three coordinates
+    /// make their own.
     bool authored = false;
     /// X3D 4.0 `mapping`: the name that a texture's mapping field refers to. Empty: the default channel.
     String mapping;
 };
 
-/// What a hit needs to be shaded; all in the mesh's own frame.
+/// The data of a hit that shading needs, in the mesh's own frame.
 struct SurfacePoint {
     Vec3f position{0};
     Vec3f geometricNormal{0, 0, 1};  // unit, towards the front
@@ -169,13 +169,13 @@ struct Mesh {
     bool solid = true;
     /// Its unit is a pixel of the picture wherever it stands: text of a ScreenFontStyle (36.4.4).
     bool inPixels = false;
-    /// Where its origin lies in the coordinates of its geometry node; 0 but for geographic ones, which lie millions of
-    /// metres from theirs: positions are floats.
+    /// The mesh's origin in the coordinates of its geometry node. It is 0 except for geographic geometry, which lies
+    /// millions of metres from the node's origin while positions are floats.
     Vec3d anchor{0};
-    /// What TessellationOptions::chordError was a part of, in the mesh's own unit; 0: it is not cut from anything
-    /// curved.
+    /// The length to which TessellationOptions::chordError was relative, in the mesh's own unit; 0: the mesh was not
+    /// cut from anything curved.
     float curveSize = 0;
-    /// Of the referenced positions.
+    /// The bounds of the positions that triangles use.
     Bounds bounds;
     Diagnostics diagnostics;
 
@@ -199,13 +199,12 @@ struct Mesh {
     /// Opaque white without colours.
     ColorRGBA color(std::uint32_t triangle, float u, float v) const;
 
-    /// Whether it has an inside: every edge of it is run along as often in one direction as in the other. Edges are
-    /// those between places, so that seams of attributes do not count. Found out when it is first asked for, by any
-    /// thread.
+    /// Whether it has an inside: triangles run along each edge as often in one direction as in the other. Edges connect
+    /// places, so that seams of attributes do not count. It is computed at the first call, on whatever thread.
     bool isClosed() const;
 
   private:
-    /// What isClosed() found, or -1. A copy may be changed before it is shared, and asks anew.
+    /// The cached answer of isClosed(), or -1. A copy forgets it, since it may be changed before it is shared.
     struct Answer {
         std::atomic<std::int8_t> value{-1};
         Answer() = default;
@@ -224,7 +223,8 @@ SurfacePoint interpolate(const Mesh& mesh, std::uint32_t triangle, float u, floa
 /// How position changes with (s, t) on a triangle, for tangent-space normal maps. False when the mapping is singular.
 bool textureTangents(const Mesh& mesh, std::uint32_t triangle, std::size_t channel, Vec3f& dPds, Vec3f& dPdt);
 
-/// One index for everything, as rasterisers want it: corners that agree in all attributes become one vertex.
+/// A mesh with one index for all attributes, as rasterisers want it: corners that agree in every attribute become one
+/// vertex.
 struct VertexArrays {
     Array<Vec3f> positions, normals;  // normals always: geometric ones where the mesh is faceted
     Array<Vec2f> texCoords;           // of one channel

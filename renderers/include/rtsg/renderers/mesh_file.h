@@ -15,7 +15,7 @@ namespace rtsg {
 
 enum class MeshFormat : std::uint8_t { stl, obj, ply, glb };
 
-/// What a file's name says: .stl .obj .ply .glb; false if it says nothing of these.
+/// Finds the format in a file's name: .stl, .obj, .ply or .glb. False if the name has none of these.
 bool meshFormatFromName(const std::filesystem::path& file, MeshFormat& format);
 
 struct MeshFileContent {

@@ -32,8 +32,8 @@ class Movie {
     ~Movie();
 
     double seconds() const;
-    /// What is shown `seconds` after the film's beginning: the first picture before it, the last one after its end.
-    /// Nothing if that is what the last call gave.
+    /// The picture that is shown `seconds` after the film's beginning: the first one before that, the last one after
+    /// its end. Nothing if it is the one that the last call gave.
     Result<std::optional<Texture>> frameAt(double seconds, Texture::Content content = Texture::Content::color);
 
   private:
@@ -44,7 +44,8 @@ class Movie {
 /// How long a film plays. Errors: as Movie::open().
 Result<double> movieSeconds(const Resource& file);
 
-/// What a film is heard by, from its first picture on and as long as these; a file of sound alone whole.
+/// The sound of a film, from its first picture on and as long as its pictures; of a file without pictures, the whole
+/// sound.
 struct MovieSound {
     int sampleRate = 0, channels = 0;
     std::vector<float> samples;  // interleaved
@@ -52,8 +53,8 @@ struct MovieSound {
 /// Errors: as Movie::open(); no sound that can be decoded, more than `maximumSamples`, all channels counted.
 Result<MovieSound> movieSound(const Resource& file, std::uint64_t maximumSamples);
 
-/// What time of its film a MovieTexture shows, by its clock and speed: 0 to `length`, in seconds. Before it has ever
-/// run it is the film's beginning, at a negative speed its end; once it has, it is where it stopped.
+/// The time of its film that a MovieTexture shows, by its clock and speed: 0 to `length`, in seconds. Before its clock
+/// has ever run, this is the film's beginning, or its end at a negative speed; later it is where the clock stopped.
 double movieTime(const Node& node, double length);
 
 }  // namespace rtsg

@@ -34,8 +34,9 @@ class MovieWriter {
     Result<> add(const Picture& picture, const ToneMap& toneMap = {});
     /// The last one stays for so many more. Precondition: there is one.
     Result<> hold(std::uint64_t pictures);
-    /// What is heard from the first picture on: interleaved samples, of full scale at 1, of one or two channels. Once
-    /// at most, of a film that awaits it. Errors: more channels, a rate that AAC does not know; there is no film then.
+    /// Adds the sound from the first picture on: interleaved samples of one or two channels, full scale at 1. May be
+    /// called once, for a film that was opened with sound. Errors: more channels; a rate that AAC does not know. There
+    /// is no film then.
     Result<> addSound(std::span<const float> samples, int sampleRate, int channels);
     Result<> finish();
 

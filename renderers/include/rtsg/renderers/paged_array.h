@@ -83,7 +83,7 @@ class PagedArray {
                       b ? static_cast<const Leaf*>(b)->items[i] : none());
             return;
         }
-        // A lower tree is the first child of what a higher one would be.
+        // A lower tree is the first child of the tree that would be higher.
         const auto child = [&](const Node* node, unsigned own, std::size_t i) -> const Node* {
             if (own < level) return i == 0 ? node : nullptr;
             return node ? static_cast<const Inner*>(node)->children[i].get() : nullptr;

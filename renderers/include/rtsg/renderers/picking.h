@@ -20,7 +20,7 @@
 
 namespace rtsg {
 
-/// One point of one surface. False when nothing was found; the rest then means nothing.
+/// One point of one surface. It is false if nothing was found; its other members then have no meaning.
 struct Pick {
     InstanceId instance;
     NodeId shape, geometry;
@@ -28,8 +28,8 @@ struct Pick {
     std::uint32_t triangle = 0;  // of the geometry's Mesh
     float u = 0, v = 0;          // weights of the triangle's second and third corner
     Vec3d point{0};              // world space, metres
-    /// Unit, world space. Of a ray: the surface's, on its front. Of a nearest point or a sweep: from the point towards
-    /// the query's centre, or the surface's where both coincide.
+    /// A unit vector in world space. For a ray it is the surface's normal, on its front. For a nearest point or a sweep
+    /// it points from the point towards the query's centre, and is the surface's normal if both coincide.
     Vec3d normal{0};
     Vec4f texCoord{0, 0, 0, 1};  // of channel 0: s, t, r, q
     /// Metres: along the ray, to the query point, or travelled by the ball until it touches (0: it overlaps at once).
@@ -37,15 +37,16 @@ struct Pick {
     explicit operator bool() const { return static_cast<bool>(instance); }
 };
 
-/// Which surfaces are asked: those that are seen, or with them those that an avatar feels alone, as a Collision's proxy
+/// The surfaces that count: those that are seen, or also those that only an avatar feels, such as a Collision's proxy
 /// (Instance::felt).
 enum class Surfaces : std::uint8_t { seen, felt };
 
-/// What of surfaces an eye sees: rays of pointers go on through the rest of what they meet.
+/// Tells which surfaces an eye sees, so that rays of pointers pass through all others.
 class SeenSurfaces {
   public:
     virtual ~SeenSurfaces() = default;
-    /// What is seen where `ray`, a unit direction, has met something; no instance if nothing is.
+    /// The surface that is seen where `ray`, whose direction is a unit vector, has met something; no instance if none
+    /// is seen.
     virtual Hit seen(const RayView& view, const Ray& ray, const Hit& met) const = 0;
 };
 
@@ -63,9 +64,9 @@ class Picker {
                      double maximum = std::numeric_limits<double>::infinity(), double pixel = kPixel) const;
     /// The first surface of which something is seen, however far.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, const SeenSurfaces& seen) const;
-    /// The first surface of one layer of a LayerSet; 0: of what is in none. `lens`: by which lines and points are as
-    /// wide as in a picture. `cut`: what is left out besides; `seen`: of which something is seen; either may be null.
-    /// Error: as above, or the lens' pixels are negative or not finite.
+    /// The first surface of one layer of a LayerSet; 0: of what is in no layer. `lens` makes lines and points as wide
+    /// as in a picture. `cut` leaves out more, and `seen` tells which surfaces are seen; either may be null. Errors: as
+    /// above, or the lens' pixels are negative or not finite.
     Result<Pick> ray(const Vec3d& origin, const Vec3d& direction, std::uint16_t layer, double maximum,
                      const PixelLens& lens, const RayFilter* cut = nullptr, const SeenSurfaces* seen = nullptr) const;
     static constexpr double kPixel = .001;
@@ -80,8 +81,9 @@ class Picker {
     /// Every instance that comes within `radius` of `center`, each with its nearest point, nearest first.
     /// Error: as above, or the radius is negative or not finite.
     Result<std::vector<Pick>> overlaps(const Vec3d& center, double radius, Surfaces surfaces = Surfaces::seen) const;
-    /// Of those that `concerns` says yes to, asked once each, the ones of which `meets` says yes to a triangle within
-    /// `radius` (corners in world space), asked until it does; boxes of volumes are among them. As overlaps().
+    /// The same for chosen instances: `concerns` is asked once for each. `meets` gets the triangles of an instance
+    /// within `radius`, as corners in world space, until it returns true for one; only such instances are returned. The
+    /// boxes of volumes count as triangles.
     Result<std::vector<Pick>> overlaps(const Vec3d& center, double radius,
                                        const std::function<bool(const InstanceId&)>& concerns,
                                        const std::function<bool(const std::array<Vec3d, 3>&)>& meets) const;

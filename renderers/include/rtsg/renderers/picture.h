@@ -18,7 +18,7 @@
 
 namespace rtsg {
 
-/// What is known of each pixel besides its colour, under the names of an OpenEXR file's channels ("Z", "N.X").
+/// Data of each pixel besides its colour, under the names of an OpenEXR file's channels ("Z", "N.X").
 struct PictureLayer {
     std::vector<std::string> channels;
     bool integers = false;      // the values are the bits of unsigned numbers of 32 bits
@@ -59,8 +59,8 @@ struct ToneMap {
 /// The same picture in linear light. Colours are decoded before alpha is multiplied in; intervals stay intervals.
 Picture toLinear(Picture picture);
 
-/// 8-bit RGBA, sRGB-encoded, alpha not premultiplied. Linear pictures are tone-mapped; of display pictures what is
-/// beyond white is cut. What lies half way between two bytes goes up: .9 is 230.
+/// 8-bit RGBA, sRGB-encoded, alpha not premultiplied. Linear pictures are tone-mapped; display pictures are clamped at
+/// white. A value half way between two bytes is rounded up: .9 is 230.
 std::vector<std::uint8_t> toSrgb8(const Picture& picture, const ToneMap& toneMap = {});
 
 /// ".png" of "a.PNG": by it names stand for formats.

@@ -43,31 +43,32 @@ struct PixelLens {
 
 constexpr std::uint32_t kNoInstance = 0xFFFFFFFF;
 
-/// Which parts of what there is are left out: what rays meet there they go on from. Closed bodies may have caps where
+/// Leaves out parts of instances: a ray that meets such a part goes on from there. Closed bodies may have caps where
 /// planes cut them. Threading: const.
 class RayFilter {
   public:
     virtual ~RayFilter() = default;
     /// Whether anything of an instance may be left out at all.
     virtual bool concerns(std::uint32_t slot) const = 0;
-    /// Whether all of it is: rays pass it as if it were not there.
+    /// Whether all of an instance is left out: rays pass it as if it were not there.
     virtual bool hides(std::uint32_t) const { return false; }
     bool hidesAny() const { return hidesAny_; }
-    /// Whether a place of it, in ray space, is. `error`: how far off it may be, in metres; what lies that close to the
-    /// bound of what is left out stays.
+    /// Whether a place of an instance, in ray space, is left out. `error` is how far off the place may be, in metres;
+    /// places that are so close to the border stay.
     virtual bool leavesOut(std::uint32_t slot, const Vec3f& at, float error) const = 0;
-    /// As above, of the place at `t` of a ray: as exact as floats make it, of the ray's start and of the way to it.
+    /// The same for the place at `t` of a ray, whose error follows from the rounding of the ray's start and of the way
+    /// to the place.
     bool leavesOutAlong(std::uint32_t slot, const Vec3f& origin, const Vec3f& direction, float t) const {
         const Vec3f way = t * direction, sizes = glm::abs(origin) + glm::abs(way);
         return leavesOut(slot, origin + way, 0x1p-21f * std::max({sizes.x, sizes.y, sizes.z}));
     }
-    /// Ray space; around all that it concerns and does not hide, so that rays elsewhere need not ask. Empty: that is
-    /// nothing.
+    /// The box in ray space around all that is concerned and not hidden, so that rays elsewhere need not ask; empty if
+    /// there is nothing.
     const Bounds& bounds() const { return bounds_; }
     /// Ray space; around all that it may keep, so that elsewhere nobody need look for anything.
     const Bounds& keptBounds() const { return kept_; }
 
-    /// Where a ray goes through a plane that bodies have caps on.
+    /// The place where a ray goes through a plane on which bodies have caps.
     struct Crossing {
         float t = 0;
         std::uint32_t plane = 0xFFFFFFFF;  // a number of the filter's own
@@ -96,8 +97,8 @@ struct Hit {
     std::uint32_t instance = kNoInstance;  // InstanceId::slot, for RayWorld::instance()
     std::uint32_t triangle = 0;            // index into Mesh's triangles, or its strokes; or kCap
     float u = 0, v = 0;                    // weights of the triangle's second and third corner
-    /// Unit, in world space, on the side from which the corners run counter-clockwise in the local frame (so a mirrored
-    /// instance keeps its outside outside). Of a line or point: back along the ray.
+    /// A unit vector in world space, on the side from which the corners run counter-clockwise in the local frame, so
+    /// that a mirrored instance keeps its outside. For a line or point it points back along the ray.
     Vec3f normal{0};
     explicit operator bool() const { return instance != kNoInstance; }
     bool isCap() const { return triangle == kCap; }
@@ -137,7 +138,7 @@ struct alignas(64) RayPacket16 {
     bool isBlocked(int lane) const { return tMax[lane] < 0; }
 };
 
-/// What the lanes of an intersected packet hit; the other numbers of a Hit are tMax, and the packet's own.
+/// The hits of an intersected packet's lanes. The other numbers of a Hit are tMax and those of the packet.
 struct alignas(64) PacketHits16 {
     float normalX[16], normalY[16], normalZ[16];  // as Hit::normal
     float u[16], v[16];

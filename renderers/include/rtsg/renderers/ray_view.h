@@ -87,22 +87,23 @@ class RayView {
     Hit intersect(const Ray& ray, RayKind kind = RayKind::view) const;
     /// Whether anything lies in [tMin, tMax]; for bad rays false, counted as above.
     bool occluded(const Ray& ray, RayKind kind = RayKind::shadow) const;
-    /// As above for the active lanes. `coherent`: the rays are known to run close together (primary rays, say), which
-    /// makes it faster; of others a look at the packet tells. Returns a bit per lane that hit something or is blocked.
+    /// The same for the active lanes. `coherent` says that the rays run close together, as primary rays do, which makes
+    /// it faster; otherwise the packet itself is examined. Returns a bit for each lane that hit something or is
+    /// blocked.
     std::uint32_t intersect(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::view) const;
     std::uint32_t occluded(RayPacket16& rays, bool coherent = false, RayKind kind = RayKind::shadow) const;
-    /// What lane `lane` of an intersected packet hit; no instance for a miss.
+    /// The hit of lane `lane` of an intersected packet; no instance for a miss.
     Hit hit(const RayPacket16& rays, int lane) const;
     /// The same for all lanes in `mask` (bits), which hit something; the others of `out` hold rubbish. Returns whether
     /// all of them are known to have met one instance.
     bool hits(const RayPacket16& rays, std::uint32_t mask, PacketHits16& out) const;
 
     /// Calls visit(slot, triangle) for every triangle that comes within `radius` of `center` (both in ray space,
-    /// metres), and maybe others; long ones maybe more than once. visit returns the radius from then on. What is nearer
-    /// tends to come first. Of what rays of this kind may meet; of shadows: as of views.
+    /// metres), and maybe others; long ones maybe more than once. visit returns the radius from then on. Nearer
+    /// triangles tend to come first. Only triangles that rays of this kind may meet count; shadow counts as view.
     using NearVisitor = rtsg::NearVisitor;
     void visitNear(const Vec3f& center, float radius, const NearVisitor& visit, RayKind kind = RayKind::view) const;
-    /// The same of what stops avatars (Instance::felt).
+    /// The same for triangles that stop avatars (Instance::felt).
     void visitFelt(const Vec3f& center, float radius, const NearVisitor& visit) const;
 
     /// Precondition: the slot of a hit or of a live instance.
@@ -112,15 +113,18 @@ class RayView {
     /// The exact point of a hit and the bound of its rounding error; of a line or point, on its axis. Precondition: not
     /// on a cap.
     HitPoint point(const Hit& hit) const;
-    /// The same of any hit, of which `ray` met it: on lines and points where it did, and on caps, which it alone tells.
+    /// The same for any hit, with the ray that met it: lines and points give the place where the ray met them. The
+    /// point on a cap can only be found with the ray.
     HitPoint point(const Hit& hit, const Ray& ray) const;
-    /// Of a line or point, on its axis, as that of a surface with this normal: rays that leave it towards either side
-    /// start beyond its width. Unit, in ray space; square to the line.
+    /// The hit point of a line or point, on its axis, as if of a surface with this normal: rays that leave it to either
+    /// side start beyond its width. The normal is a unit vector in ray space, perpendicular to the line.
     HitPoint strokePoint(const Hit& hit, const Vec3f& normal) const;
-    /// Where `ray` met the back of a solid, which is not there: what else lies in its place, up to roundings, and is no
-    /// such back; no instance if there is nothing. Which of surfaces that coincide a ray tells is chance.
+    /// `ray` met the back of a solid, which does not count: finds another surface in the same place, up to rounding,
+    /// that is no such back; no instance if there is none. The search is needed because a ray reports any one of
+    /// several surfaces that coincide.
     Hit frontInPlace(const Ray& ray, const Hit& back, RayKind kind = RayKind::view) const;
-    /// Where a ray leaving `from` towards `direction` should start so that it does not hit the surface it leaves.
+    /// The start of a ray that leaves `from` towards `direction`, chosen so that it does not hit the surface that it
+    /// leaves.
     static Vec3f leave(const HitPoint& from, const Vec3f& direction);
 
     /// World position of ray space's zero. Changes only when a scene turns out to lie far from it.
@@ -133,13 +137,13 @@ class RayView {
 
     /// Counts RayWorld::apply() calls that changed anything: caches keyed by it know when to forget.
     std::uint64_t version() const { return version_; }
-    /// Rays that were none.
+    /// The number of rays that intersect() and its kin refused.
     std::uint64_t badRays() const;
 
     /// Coordinates beyond this (m) are neither traced nor accepted in rays.
     static constexpr float kMaxCoordinate = 1e9f;
 
-    /// By which lines and points are met; none are with the default.
+    /// The lens that makes lines and points as wide as pixels. With the default lens, rays meet none of them.
     const PixelLens& lens() const { return lens_; }
 
   protected:
@@ -169,7 +173,8 @@ class RayView {
     friend class PrimaryRays;
     Hit intersectAll(const Ray& ray, RayKind kind) const;
     Hit intersectFiltered(Ray ray, RayKind kind) const;
-    /// The nearest of what is not left out where `leftOut` was met, up to roundings; no instance if there is none.
+    /// The nearest surface, up to rounding, that is not left out in the place where `leftOut` was met; no instance if
+    /// there is none.
     Hit meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const;
     Hit meetCaps(const Ray& ray, const Hit& hit, RayKind kind) const;
     std::uint32_t meetCaps(RayPacket16& rays, std::uint32_t hits, std::uint32_t asked, const float* tMax,
@@ -179,7 +184,8 @@ class RayView {
     std::uint32_t intersectAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind,
                                const bvh::PrimaryBlock* known = nullptr) const;
     Hit hit(const bvh::RawHit& raw) const;
-    /// As occluded(), but by nothing that `passed` lets pass, which is noted there. `unknown`: ClearWay::find().
+    /// Does what occluded() does, but surfaces that `passed` lets rays through do not count, and are noted there.
+    /// `unknown` is as in ClearWay::find().
     std::uint32_t occludedBut(RayPacket16& rays, bool coherent, RayKind kind, bvh::PassedHits& passed,
                               std::uint32_t& unknown) const;
     std::uint32_t occludedByAll(RayPacket16& rays, const std::int32_t* valid, bool coherent, RayKind kind) const;

@@ -23,9 +23,10 @@
 
 namespace rtsg {
 
-/// A state of a RayWorld that stays as it was, for readers on other threads while the world goes on. It shares with the
-/// world, and pins, what was there at that moment: triangles, BVHs, and those pages of its tables that change later.
-/// Outlives the world, if need be. Threading: any number of threads; the last owner lets go on any thread.
+/// A state of a RayWorld that stays as it was, for readers on other threads while the world goes on. It shares the
+/// triangles and BVHs of that moment with the world and keeps them alive, and so the pages of its tables that change
+/// later. It outlives the world, if need be. Threading: any number of threads; the last owner may drop it on any
+/// thread.
 class WorldVersion : public RayView {
   private:
     friend class RayWorld;
@@ -50,16 +51,18 @@ class RayWorld : public RayView {
         Mapping mapping = Mapping::hybrid;
         /// Watertight intersection: no leaks at shared edges. Off gains little.
         bool robust = true;
-        /// Threads that build the BVH; 0 as many as cores. Others of the program keep theirs.
+        /// The number of threads that build the BVH; 0 is one for each core. Other parts of the program keep their
+        /// threads.
         unsigned buildThreads = 0;
-        /// What rests for so many apply() calls is merged with the rest; after each time that this proves wrong, for a
-        /// thing twice as many, up to 256 times; for one that is known to be able to move 16 times as many. A group of
-        /// n triangles is rebuilt for that at most once in restFrames (1 + n / 100,000) calls, or when half of it is
-        /// gone or as much again has arrived.
+        /// A thing that has rested for so many apply() calls is merged with the rest. Each time that it moves after
+        /// all, it must rest twice as long before the next time, up to 256 times as long; a thing that is known to be
+        /// able to move must rest 16 times as long. To merge things, a group of n triangles is rebuilt at most once in
+        /// restFrames (1 + n / 100,000) calls, or when half of it is gone or as much again has arrived.
         unsigned restFrames = 256;
-        /// False: what else is left to a thread of its own is done by finishBackgroundWork() alone.
+        /// False: the work that is otherwise left to a thread is done by finishBackgroundWork() alone.
         bool background = true;
-        /// What a node is called and where it was read, for diagnostics; none: nodes are named by their numbers.
+        /// Gives the name of a node and the place from which it was read, for diagnostics; if empty, nodes are named by
+        /// their numbers.
         std::function<NamedNode(NodeId)> nodes{};
     };
 
@@ -73,12 +76,13 @@ class RayWorld : public RayView {
         std::size_t bodies = 0, bodiesBuilt = 0;  // groups that move as one; built: since the start
         std::size_t merges = 0;                   // background rebuilds of what rests, since the start
         std::size_t splits = 0;                   // resting ones that moved, since the start
-        // Of the BVHs of single meshes there are; rebuilt: because refits had spoilt it.
+        // Counts of the BVHs of single meshes; meshRebuilds counts those that were made anew because refits had spoilt
+        // them.
         std::size_t meshBuilds = 0, meshRefits = 0, meshRebuilds = 0;
         double applySeconds = 0;
     };
 
-    /// Where the bytes are. The scene's own arrays are read in place; what else there is, is the price of tracing.
+    /// The bytes in use. The scene's own arrays are read in place; all other bytes are the price of tracing.
     struct Memory {
         std::size_t triangles = 0;           // of the distinct meshes
         std::size_t instancedTriangles = 0;  // what rays see

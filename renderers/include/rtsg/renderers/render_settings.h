@@ -15,8 +15,9 @@
 
 namespace rtsg {
 
-/// Which lights cast shadows: those whose `shadows` field says so; all but the headlight, whatever the fields say;
-/// none; or (automatic) as the fields say if that of any light says TRUE, and else all: authors seldom set the field.
+/// Which lights cast shadows. `authored`: those whose `shadows` field is TRUE. `all`: all but the headlight, whatever
+/// the fields say. `automatic`: as `authored` if any light's field is TRUE, else as `all`, since authors seldom set the
+/// field.
 enum class Shadows : std::uint8_t { authored, all, none, automatic };
 
 /// Whitted: lights, mirrors and glass, X3D's ambient terms for the rest. Path: unbiased, light between surfaces and
@@ -25,10 +26,10 @@ enum class Shadows : std::uint8_t { authored, all, none, automatic };
 /// tracer.
 enum class Integrator : std::uint8_t { whitted, path, raster };
 
-/// Bits of RenderSettings::layers: what a picture tells of its pixels besides their colours, in Picture::layers. It is
-/// of the first surface that lets less than half of what is behind it through, or bends it; where there is none, Z is
-/// infinite and all else 0. depth, position, normal, node and motion are those of the pixel's middle, the others a mean
-/// over samples; all are of the picture's own instant, whatever its shutter.
+/// Bits of RenderSettings::layers: the data of pixels besides their colours, in Picture::layers. They describe the
+/// first surface that lets less than half of the light from behind through, or bends it; if there is none, Z is
+/// infinite and all others are 0. depth, position, normal, node and motion are those of the pixel's middle, the others
+/// means over samples. All hold for the picture's own instant, whatever its shutter.
 enum DataLayer : std::uint32_t {
     kDepth = 1,       // "Z": metres along the view, of panoramas from the eye
     kPosition = 2,    // "P.X", "P.Y", "P.Z": world, metres
@@ -37,16 +38,17 @@ enum DataLayer : std::uint32_t {
     kNode = 16,       // "node.id": NodeId of the Shape, an integer
     kObjects = 32,    // "CryptoObject00.R" ...: Cryptomatte 1.2 of RenderSettings::nameOf(shape)
     kMaterials = 64,  // "CryptoMaterial00.R" ...: of nameOf(appearance)
-    /// "motion.X", "motion.Y": from a pixel's middle to where what it shows was in the picture before, in pixels to the
-    /// right and up; 0 where that is not known. Of what is infinitely far, by the eye's turning.
+    /// "motion.X", "motion.Y": from a pixel's middle to the position that its content had in the previous picture, in
+    /// pixels to the right and up; 0 if that is not known. For content that is infinitely far, it follows from the
+    /// eye's rotation.
     kMotion = 128
 };
 constexpr std::uint32_t kAllLayers = 255;
 
-/// What a relative error is relative to, besides a pixel's value: darker differences are not seen.
+/// Added to a pixel's value before an error is divided by it, since differences in darker pixels are not seen.
 constexpr float kErrorFloor = 0.01f;
 
-/// What things have moved from since: the world and the eye of the picture before.
+/// The world and the eye of the previous picture, from which things have moved since.
 struct PictureBefore {
     std::shared_ptr<const WorldVersion> world;  // of the same RayWorld
     Camera camera;
@@ -72,14 +74,15 @@ struct RenderSettings {
     bool caps = false;
     unsigned threads = 0;      // 0: one a core
     std::uint32_t layers = 0;  // DataLayers
-    /// The share, up to 1, of the time since the picture before in which the shutter was open; it closes at this one's
-    /// instant. What has moved (instances, each as a rigid or evenly stretched thing, and the eye) is blurred along its
-    /// way; lights, lines, points, volumes and what deforms stay where they are in the end. Needs several samples.
+    /// The share, up to 1, of the time since the previous picture in which the shutter is open; it closes at this
+    /// picture's instant. Moving instances, each as a rigid or evenly stretched thing, and the eye are blurred along
+    /// their ways. Lights, lines, points, volumes and deforming meshes stay where they are in the end. Needs several
+    /// samples.
     float shutter = 0;
-    /// Of `shutter` and kMotion; null: nothing has moved. LightRenderer knows its own.
+    /// The previous picture, for `shutter` and kMotion; null: nothing has moved. LightRenderer remembers its own.
     std::shared_ptr<const PictureBefore> before;
-    /// Of kObjects and kMaterials: asked before the rays are traced, by the thread that asks for the picture. Empty, or
-    /// what returns an empty name: the node's number. LightRenderer takes DEF names where it is on the scene's thread.
+    /// Names nodes for kObjects and kMaterials; called before the rays are traced, by the thread that asks for the
+    /// picture. A node without a name goes by its number. LightRenderer takes DEF names if it is on the scene's thread.
     std::function<std::string(NodeId)> nameOf;
     /// Called now and then, from any thread but never from two at once, with the share done; false cancels.
     std::function<bool(double)> progress;
@@ -92,12 +95,12 @@ struct RenderStats {
     /// RenderSettings::maxDepth (whitted) or 10,000 bounces (path) before its weight had run out: how much darker than
     /// it is something may show.
     double missing = 0, missingMost = 0;
-    /// Of RenderSettings::error: the relative standard error that was reached, root mean square over the pixels: each
-    /// pixel's is that of its brightest channel over (value + kErrorFloor). The share of pixels in blocks that ran out
-    /// of samples, and how many samples a pixel got on average.
+    /// What came of RenderSettings::error. `error` is the relative standard error that was reached, as root mean square
+    /// over the pixels; a pixel's is that of its brightest channel over (value + kErrorFloor). `unreached` is the share
+    /// of pixels in blocks that ran out of samples, `samples` the mean number of samples of a pixel.
     double error = 0, unreached = 0, samples = 0;
-    /// The share of pixels that were taken from the picture before (LightRenderer), as nothing of what they show can
-    /// have changed. Rays are those that were traced; all else is told of the whole picture.
+    /// The share of pixels that were taken from the previous picture (LightRenderer), since their content cannot have
+    /// changed. Counts of rays are of those that were traced; all other numbers are of the whole picture.
     double kept = 0;
     bool cancelled = false;
 };

@@ -26,7 +26,7 @@ namespace rtsg {
 
 class Renderer;
 
-/// What a renderer is asked to do with a target. The meaning is the renderer's own: it defines constants such as
+/// Names what a renderer is asked to do with a target. The meaning is the renderer's own: it defines constants such as
 /// `static constexpr Operation collect{1};`.
 enum class Operation : std::uint32_t {};
 
@@ -95,7 +95,7 @@ class Renderer : public Subscriber {
     void descend(std::span<const NodeId> nodes, Operation operation);
     void descend(NodeId node, Operation operation) { descend({&node, 1}, operation); }
 
-    /// What happened in the scene: for renderers that listen.
+    /// Gets the changes of the scene; for renderers that listen.
     Result<> apply(const Scene&, const ChangeSet&) override { return {}; }
     std::string subscriberName() const override { return "renderer"; }
 

@@ -1,13 +1,13 @@
-// SharedWorld: the one flattened, tessellated scene and its RayWorld. What draws, hears, picks or exports starts from
-// it, and nobody else builds geometry.
+// SharedWorld: the one flattened, tessellated scene and its RayWorld. Drawing, sound, picking and export start from it,
+// and nobody else builds geometry.
 //
-// Invariant: attached to the scene's bus once. Of every change set first the instances, then the rays, then those added
-// are brought to its sequence number, in the order of adding; so rays are up to date before any of them, whenever they
-// came. One that fails gets nothing more and is named; the others go on. If the rays fail, everybody stops: failure().
-// The RayWorld is made when somebody first asks for it: who only counts or exports pays for no BVH.
-// Threading: the scene's thread, but for latest() and lookFrom(): readers on other threads work from a WorldState,
-// which stays as it was while the scene goes on. Neither ever waits for the other's work. Source: the paper's speed-up
-// graph (5.1.1), kept apart from the renderers that use it.
+// Invariant: attached to the scene's bus once. A change set goes first to the instances, then to the rays, then to the
+// subscribers in the order of adding; so rays are up to date before any subscriber, whenever it was added. A subscriber
+// that fails gets nothing more and is named; the others go on. If the rays fail, everybody stops: failure(). The
+// RayWorld is made when somebody first asks for it: users that only count or export pay for no BVH. Threading: the
+// scene's thread, but for latest() and lookFrom(): readers on other threads work from a WorldState, which stays as it
+// was while the scene goes on. Neither ever waits for the other's work. Source: the paper's speed-up graph (5.1.1),
+// kept apart from the renderers that use it.
 
 // Example:
 //     #include <rtsg/documents/loader.h>
@@ -39,21 +39,21 @@
 
 namespace rtsg {
 
-/// One state of a world, whole: what rays meet and what those added to the world have made of the same change set. It
-/// never changes, and pins what it was made of. Threading: any number of threads.
+/// One whole state of a world: the rays, and the tables that subscribers have made of the same change set. It never
+/// changes, and keeps alive what it was made of. Threading: any number of threads.
 struct WorldState {
     std::uint64_t sequence = 0;  // as the scene numbers them
     double time = 0;             // the scene's: seconds since 1970, or whatever it counts from
     /// Null if nobody has asked for rays() on the scene's thread.
     std::shared_ptr<const WorldVersion> rays;
-    /// By the number that SharedWorld::add() gave.
+    /// The subscribers' tables, with the number that SharedWorld::add() gave to each.
     std::vector<std::pair<std::uint64_t, std::shared_ptr<const void>>> tables;
-    /// Counts what the world has delivered: states with the same one are the same.
+    /// Counts the deliveries of the world; two states with the same count are the same.
     std::uint64_t moment = 0;
-    /// By which its layouts and all else in pixels have their size; null: there is nothing of that kind.
+    /// The sights by which layouts and everything else in pixels have their size; null if nothing is in pixels.
     std::shared_ptr<const std::vector<LayerSight>> sights;
 
-    /// What InstanceSubscriber::freeze() gave; null: it was not there, had failed, or has none.
+    /// The table that InstanceSubscriber::freeze() gave; null if the subscriber was not there, had failed, or has none.
     std::shared_ptr<const void> of(std::uint64_t subscriber) const {
         for (const auto& [number, table] : tables)
             if (number == subscriber) return table;
@@ -92,10 +92,10 @@ class SharedWorld {
     Result<> update();
     /// The newest state, for readers on any thread. If what is there is older than the scene, the scene's thread is
     /// asked for a new one, which it makes after its next delivery or in update(), and `patience` is how long to wait
-    /// for that; then, and while RayWorld::kMostVersions states are held by readers, it is the newest there is. Who has
-    /// nothing new to do sees it by `moment`. Costs the scene nothing while nobody asks, and what was handed over is
-    /// forgotten when nobody has for kForget deliveries. Errors: none was handed over within `patience`; the world
-    /// follows no longer.
+    /// for that; then, and while readers hold RayWorld::kMostVersions states, the newest one that exists is returned. A
+    /// reader recognises a state that it knows by `moment`. The scene pays nothing while nobody asks, and forgets the
+    /// last state when nobody has asked for kForget deliveries. Errors: none was handed over within `patience`; the
+    /// world follows no longer.
     Result<std::shared_ptr<const WorldState>> latest(
         std::chrono::nanoseconds patience = std::chrono::milliseconds(100)) const;
     static constexpr std::uint64_t kForget = 256;
@@ -109,12 +109,13 @@ class SharedWorld {
     /// which are what sound meets in any case (Instance::seen, heard). `sights`: of the picture, as
     /// Flattener::setViewer().
     Result<> setViewer(std::optional<EyePlace> eye, std::vector<LayerSight> sights = {});
-    /// The triangles of geometry nodes of a type of one's own (or in place of a built-in one's), for all that start
-    /// from here. Also of those that are there already.
+    /// Sets the source of triangles for geometry nodes of a user's own type, or in place of a built-in type's, for all
+    /// who use this world. Nodes that are there already get them, too.
     void setMeshSource(std::string_view type, MeshSource source);
 
-    /// What several of those added load once and share, such as the textures under one policy: by a name that says what
-    /// it is and what it was made with. Made when nobody holds one; gone with the last who does. The scene's thread.
+    /// An object that several subscribers share and load once, such as the textures under one policy. Its name says
+    /// what it is and with what it was made. It is made when nobody holds one, and destroyed with its last holder. To
+    /// be called on the scene's thread.
     std::shared_ptr<void> shared(const std::string& name, const std::function<std::shared_ptr<void>()>& make);
 
     /// Waits for what the rays have left to a thread of their own, and takes it.
@@ -124,9 +125,9 @@ class SharedWorld {
     const Flattener& flattener() const;
     /// A reference that stays. The first call builds; later ones cost nothing.
     const RayWorld& rays();
-    /// What the last delivery brought; valid until the next.
+    /// The instances that the last delivery changed; valid until the next delivery.
     const InstanceDelta& delta() const;
-    /// The state that all of it is in, as the scene numbers them.
+    /// The number of the scene's state that all parts of the world are in.
     std::uint64_t sequence() const;
 
     struct Counts {
@@ -143,7 +144,8 @@ class SharedWorld {
         double all() const { return flattening + rays + subscribers + handingOver; }
     };
     const Times& times() const;
-    /// Of paths left out, of tessellation, of instances that are not traced, of subscribers that failed; each once.
+    /// Diagnostics of paths left out, of tessellation, of instances that are not traced and of subscribers that failed;
+    /// each is there once.
     Diagnostics diagnostics() const;
 
   private:

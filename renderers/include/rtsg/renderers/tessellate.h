@@ -58,7 +58,8 @@ Mesh tessellate(const SphereParams& params, const TessellationOptions& options =
 Mesh tessellate(const ConeParams& params, const TessellationOptions& options = {});
 Mesh tessellate(const CylinderParams& params, const TessellationOptions& options = {});
 
-/// One channel given by the scene. At most one of the arrays is filled; none: the default mapping of the node.
+/// One channel of texture coordinates that the scene gives. At most one of the arrays is filled; if none is, the node's
+/// default mapping is used.
 struct TexCoordParams {
     Array<Vec2f> point;
     Array<Vec3f> point3;  // TextureCoordinate3D
@@ -71,7 +72,7 @@ struct TexCoordParams {
     String mapping;
 };
 
-/// What X3DComposedGeometryNode and IndexedFaceSet have in common. Empty arrays stand for NULL.
+/// The fields that X3DComposedGeometryNode and IndexedFaceSet have in common. Empty arrays stand for NULL.
 struct SurfaceParams {
     Array<Vec3f> coord;
     Vec3d anchor{0};  // that they are around: Mesh::anchor
@@ -197,7 +198,8 @@ struct TextParams {
     float maxExtent = 0;               // 0: any
     bool solid = false;
     std::vector<std::string> family{"SERIF"};
-    /// A font that stands for family[fontAt], as FontLibrary::_font has it; empty: none. fontName: for what is said.
+    /// A font that stands for family[fontAt], as FontLibrary::_font has it; empty if there is none. fontName is for
+    /// diagnostics.
     Array<std::int32_t> font;
     std::uint32_t fontAt = 0;
     std::string fontName;

@@ -42,10 +42,11 @@ class Tessellator {
     static TessellationOptions levelOptions(int level);
     /// A ParticleSystem's, whose sprites face `eye` (in its own space); mesh() has them without one. Null: it is none.
     std::shared_ptr<const Mesh> particles(const Scene& scene, NodeId system, std::optional<Vec3d> eye);
-    /// Lets go of what is remembered of a node to follow its coordinates.
+    /// Forgets what is remembered about a node to follow its coordinates.
     void forget(NodeId geometry);
 
-    /// Of all meshes made so far, or since they were taken; what only moves its coordinates is not told about again.
+    /// Diagnostics of all meshes made so far, or since they were taken. A mesh that only moves its coordinates is not
+    /// reported again.
     const Diagnostics& diagnostics() const { return diagnostics_; }
     Diagnostics takeDiagnostics();
     /// Primitives that are shared now, for statistics.

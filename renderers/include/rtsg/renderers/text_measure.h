@@ -1,8 +1,8 @@
 // measureText: how large a Text is with the fonts of this machine.
 //
 // Threading: any thread that may read the scene. Source: ISO/IEC 19775-1 V4.0 15.4.2 (lineBounds, origin, textBounds).
-// The clause leaves open what a line's height is: here it is from the font's descent to its ascent, whatever letters
-// there are, and of a column one em wide; so what is told changes with a line's width alone as one types.
+// The clause leaves the height of a line open: here it goes from the font's descent to its ascent, whatever the
+// letters, and a column is one em wide; so the result changes only with a line's width while one types.
 #pragma once
 
 #include <rtsg/core/scene.h>

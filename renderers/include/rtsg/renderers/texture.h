@@ -23,11 +23,12 @@
 
 namespace rtsg {
 
-/// What lies beyond 0 and 1 (TextureProperties.boundaryModeS and so on, or repeatS and repeatT). Border: one colour.
+/// How a texture goes on beyond 0 and 1 (TextureProperties.boundaryModeS and so on, or repeatS and repeatT). `border`
+/// means one colour.
 enum class TextureWrap : std::uint8_t { repeat, mirror, clamp, border };
 
-/// Which coarser copies count where a pixel covers more of the texture than one of its own pixels: none, the one that
-/// is nearest in size, or a mix of the two.
+/// Which coarser copies are used where a pixel covers more than one texel: none, the copy that is nearest in size, or a
+/// mix of the two nearest.
 enum class TextureLevels : std::uint8_t { finest, nearest, mixed };
 
 /// How a texture is read; the same Texture may be read in several ways.
@@ -72,10 +73,10 @@ class Texture {
                                                          Content content = Content::color,
                                                          std::uint64_t maximumPixels = std::uint64_t{1} << 26);
 
-    /// Of a picture that is too large to be kept: one that is stored in tiles with its coarser copies (TIFF, EXR), as
-    /// maketx writes them, stays in its file. Tiles are read when they are looked at, into a cache of 256 MiB for all
-    /// such textures. Coarser copies are the file's, whatever space they were averaged in; what has an alpha channel is
-    /// taken to have clear parts. Error: it is not stored so. `name`: its extension says the format.
+    /// Opens a picture that is too large to be kept in memory. It must be stored in tiles with its coarser copies
+    /// (TIFF, EXR), as maketx writes them. Tiles are read when they are needed, into one cache of 256 MiB for all such
+    /// textures. The coarser copies are the file's, whatever space they were averaged in. A picture with an alpha
+    /// channel is taken to have clear parts. The extension of `name` says the format. Error: it is not stored so.
     static Result<Texture> fromTiles(std::shared_ptr<const Resource> file, const std::string& name,
                                      Content content = Content::color);
     bool inTiles() const { return tiles_ != nullptr; }
@@ -90,9 +91,9 @@ class Texture {
     bool hasAlpha() const { return hasAlpha_; }
     /// Whether any pixel is neither wholly opaque nor wholly clear.
     bool hasPartialAlpha() const { return hasPartialAlpha_; }
-    /// Of what is there now, coarser copies included.
+    /// The bytes that are in memory now, coarser copies included.
     std::size_t bytes() const;
-    /// Of the finest level: 4, or 16 for pictures with more than 8 bits a channel.
+    /// Bytes of a pixel of the finest level: 4, or 16 for pictures with more than 8 bits a channel.
     unsigned bytesPerPixel() const { return wide_ ? 16 : 4; }
 
     /// `footprint`: side of the pixel's image on the texture, as a share of the texture's own side; picks the level.
@@ -133,7 +134,7 @@ class Texture {
     const std::vector<Level>& coarse(bool decode) const;
     Level halved(const Level& fine, bool decode) const;
     void noteAlpha();
-    /// Of a tiled picture: two by two pixels at most, into `out`, whose rows go up.
+    /// Reads two by two pixels at most of a tiled picture into `out`, whose rows go upwards.
     void readTiles(const Level& level, int x, int y, int columns, int rows, bool decode, Vec4f* out) const;
 
     Level finest_{};

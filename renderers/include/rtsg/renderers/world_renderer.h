@@ -22,7 +22,8 @@ class WorldRenderer : public Renderer {
     explicit WorldRenderer(SharedWorld& world, std::shared_ptr<const NodeRenderers> types = nullptr);
     ~WorldRenderer() override;
 
-    /// Of the world's scene only. On return follow() has had its snapshot; if it failed, so does this.
+    /// Accepts the world's scene only. When it returns, follow() has had its snapshot; if follow() failed, this fails
+    /// too.
     Result<> attachToScene(Scene& scene) override;
     void detachFromScene() override;
     bool attached() const override;
@@ -34,22 +35,22 @@ class WorldRenderer : public Renderer {
     virtual Result<> renderFrame(const WorldState& state);
 
     /// The state that the last renderFrame() presented, as the scene numbers them; 0 before the first. Pictures and
-    /// sound that name the same one belong together. Any thread.
+    /// sound that name the same state belong together. May be called on any thread.
     std::uint64_t presented() const;
 
     SharedWorld& world() const;
 
   protected:
-    /// As InstanceSubscriber::freeze(): what renderFrame(state) finds with begin().
+    /// The renderer's InstanceSubscriber::freeze(): the tables that renderFrame(state) gets from begin().
     virtual std::shared_ptr<const void> freezeTables() { return nullptr; }
-    /// As InstanceSubscriber::looksFrom().
+    /// The renderer's InstanceSubscriber::looksFrom().
     virtual std::optional<PictureSight> looksFrom() { return std::nullopt; }
-    /// First of all in a renderFrame(state): what freezeTables() gave, and from now on presented() names the state.
-    /// Null: it was made before this was attached, or after it failed.
+    /// To be called first in renderFrame(state): returns what freezeTables() gave, and from now on presented() names
+    /// the state. Null: it was made before this was attached, or after it failed.
     std::shared_ptr<const void> begin(const WorldState& state);
     /// Whether node renderers are registered here: renderOwnNodes() needs the scene, hence its thread.
     bool ownsNodes() const;
-    /// As InstanceSubscriber::apply.
+    /// The renderer's InstanceSubscriber::apply().
     virtual Result<> follow(const Scene& scene, const ChangeSet& changes, const InstanceDelta& delta) = 0;
     /// Sends the operation to the nodes that have a node renderer of their own here, in the order of their numbers.
     Result<> renderOwnNodes(Operation operation);
