@@ -5,7 +5,7 @@
 
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/device_input.h>
-#include <rtsg/core/loader.h>
+#include <rtsg/documents/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
