@@ -63,10 +63,6 @@ std::vector<OptionRow> rowsOf(const CLI::App& command) {
 
 }  // namespace
 
-std::vector<OptionRow> optionTable(const Command& command) {
-    return rowsOf(command.parser());
-}
-
 std::vector<VerbRow> commandTable(const Command& program) {
     std::vector<VerbRow> rows;
     for (const CLI::App* verb : program.parser().get_subcommands([](const CLI::App*) { return true; }))

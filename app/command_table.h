@@ -25,8 +25,6 @@ struct VerbRow {
 };
 
 std::vector<VerbRow> commandTable(const Command& program);
-/// Of one command.
-std::vector<OptionRow> optionTable(const Command& command);
 
 /// The nearest of `known` to what was typed, if it can be meant; else empty.
 std::string nearest(const std::string& typed, const std::vector<std::string>& known);

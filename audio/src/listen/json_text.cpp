@@ -1,4 +1,4 @@
-// Writes numbers and texts as JSON.
+// Writes numbers and figures as JSON.
 #include "json_text.h"
 
 #include <cmath>
@@ -19,21 +19,6 @@ std::string jsonArray(const Bands& values) {
 
 std::string jsonBandsComputed(int walls, int figures) {
     return fmt::format("{{\"walls\":{},\"figures\":{}}}", walls, figures);
-}
-
-std::string jsonString(std::string_view text) {
-    std::string result = "\"";
-    for (const char c : text) {
-        if (c == '"' || c == '\\') {
-            result += '\\';
-            result += c;
-        } else if (static_cast<unsigned char>(c) < 0x20) {
-            result += fmt::format("\\u{:04x}", static_cast<unsigned>(c));
-        } else {
-            result += c;
-        }
-    }
-    return result + "\"";
 }
 
 std::string jsonFigures(const RoomMetrics& m) {

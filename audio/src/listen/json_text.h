@@ -1,4 +1,4 @@
-// Numbers and texts as JSON has them.
+// Numbers and figures as JSON has them.
 //
 // What is no number is null. Threading: pure functions.
 #pragma once
@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include <rtsg/audio/room_metrics.h>
+#include <rtsg/core/field_text.h>
 
 namespace rtsg {
 
@@ -14,7 +15,6 @@ std::string jsonNumber(double value);
 std::string jsonArray(const Bands& values);
 /// {"walls":…,"figures":…}: bands that were computed, of which the others are copies.
 std::string jsonBandsComputed(int walls, int figures);
-std::string jsonString(std::string_view text);
 /// "EDT_s":[…],… without braces.
 std::string jsonFigures(const RoomMetrics& metrics);
 /// "curvature_percent":[…],"two_slopes":[…],"early_slope_s":[…],"late_slope_s":[…] without braces.

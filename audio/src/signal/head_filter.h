@@ -23,7 +23,6 @@ namespace rtsg {
 
 class HeadFilter {
   public:
-    bool hasHeard() const { return heard_; }
     /// The direction that the next blocks come from: a unit vector in the listener's frame. Once a block at most.
     void turn(const Hrtf& hrtf, const glm::dvec3& towards, std::size_t block) {
         constexpr double kTurn = 1e-5;  // radians

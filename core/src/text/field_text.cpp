@@ -7,6 +7,8 @@
 #include <optional>
 #include <type_traits>
 
+#include <rtsg/core/terminal.h>
+
 #include "field_text_parser.h"
 #include "field_text_printer.h"
 #include "text_position.h"
@@ -256,6 +258,10 @@ std::string printFieldText(const Value& value, TextSyntax syntax) {
     std::string text;
     appendFieldText(text, value, syntax);
     return text;
+}
+
+std::string jsonString(std::string_view text) {
+    return printFieldText(Value(String(asUtf8(text))), TextSyntax::json);
 }
 
 }  // namespace rtsg

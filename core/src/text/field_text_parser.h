@@ -88,7 +88,6 @@ class FieldTextParser {
     bool parseImage(Image& out, bool last);
     bool parseBool(bool& out);
     bool expected(const char* what);
-    bool openBracket();
     void closeBracket();
     void abandonArray();
     std::string found(const char* at) const;

@@ -125,7 +125,6 @@ std::shared_ptr<const StrokeBvh> StrokeBvh::of(const Mesh& mesh, const StrokeBvh
         auto refitted = std::make_shared<StrokeBvh>(*before);
         refitted->read(mesh, placed);
         refitted->refit();
-        refitted->refitted_ = true;
         if (refitted->cost() <= kSpoiltStrokes * before->builtCost_) return refitted;
     }
     auto made = std::make_shared<StrokeBvh>();

@@ -43,7 +43,6 @@ class StrokeBvh {
     std::size_t bytes() const {
         return nodes_.capacity() * sizeof(TreeView::Node) + strokes_.capacity() * sizeof(Stroke);
     }
-    bool wasRefitted() const { return refitted_; }
 
   private:
     struct Builder;
@@ -55,7 +54,6 @@ class StrokeBvh {
     std::vector<Stroke> strokes_;  // in the order of the leaves
     TreeView::Box box_;
     double builtCost_ = 0;
-    bool refitted_ = false;
 };
 
 }  // namespace rtsg::bvh

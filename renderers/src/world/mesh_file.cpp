@@ -177,10 +177,6 @@ void writeObj(const Scene& scene, const Shapes& shapes, Output& out) {
     }
 }
 
-std::string jsonText(std::string_view text) {
-    return printFieldText(Value(String(text)), TextSyntax::json);
-}
-
 /// The pieces of a GLB: lists of JSON objects, and the bytes that they refer to.
 class GlbWriter {
   public:
@@ -277,7 +273,7 @@ class GlbWriter {
     std::string texture(const Node* node, const char* name) {
         const Array<String> urls = fieldOf(node, "url", Array<String>());
         if (!node || urls.empty()) return {};
-        append(images_, imageCount_, fmt::format(R"({{"uri":{}}})", jsonText(urls[0].view())));
+        append(images_, imageCount_, fmt::format(R"({{"uri":{}}})", jsonString(urls[0].view())));
         append(textures_, textureCount_, fmt::format(R"({{"source":{}}})", imageCount_ - 1));
         return fmt::format(R"(,"{}":{{"index":{}}})", name, textureCount_ - 1);
     }
@@ -323,7 +319,7 @@ class GlbWriter {
         const std::string_view name = scene_.name(instance.shape);
         append(nodes_, nodeCount_,
                fmt::format(R"({{"mesh":{},"matrix":[{}]{}}})", mesh, matrix,
-                           name.empty() ? std::string() : ",\"name\":" + jsonText(name)));
+                           name.empty() ? std::string() : ",\"name\":" + jsonString(name)));
     }
 
     const Scene& scene_;

@@ -120,8 +120,4 @@ double RayWorld::Memory::sceneBytesPerTriangle() const {
     return triangles == 0 ? 0 : static_cast<double>(sceneBytes + tessellatedBytes) / static_cast<double>(triangles);
 }
 
-double RayWorld::Memory::bvhBytesPerTriangle() const {
-    return triangles == 0 ? 0 : static_cast<double>(copyBytes + bvhBytes) / static_cast<double>(triangles);
-}
-
 }  // namespace rtsg

@@ -26,4 +26,7 @@ Result<Value> parseFieldText(FieldType type, std::string_view text, TextSyntax s
 std::string printFieldText(const Value& value, TextSyntax syntax = TextSyntax::classicVrml);
 void appendFieldText(std::string& out, const Value& value, TextSyntax syntax);
 
+/// The text as a string of JSON, in its quotes. Bytes that are no UTF-8 become U+FFFD.
+std::string jsonString(std::string_view text);
+
 }  // namespace rtsg

@@ -135,7 +135,6 @@ struct alignas(64) RayPacket16 {
                t * Vec3f(directionX[lane], directionY[lane], directionZ[lane]);
     }
     bool hasHit(int lane) const { return geom_[lane] != kNoInstance; }
-    bool isBlocked(int lane) const { return tMax[lane] < 0; }
 };
 
 /// The hits of an intersected packet's lanes. The other numbers of a Hit are tMax and those of the packet.

@@ -94,7 +94,6 @@ class RayWorld : public RayView {
         std::size_t instanceBytes = 0;     // records per instance and the tree over them
         std::size_t total() const { return sceneBytes + tessellatedBytes + copyBytes + bvhBytes + instanceBytes; }
         double sceneBytesPerTriangle() const;  // scene and tessellation
-        double bvhBytesPerTriangle() const;    // copies and BVH
     };
 
     RayWorld();
