@@ -33,8 +33,8 @@ enum RayColumn : std::size_t {
     kPixel,  // and the depth, from bit 16 on
     kIndex,  // of the sample, its bits in reverse order
     kCalls,  // bits of PathRandom's sequence, from bit 12 on, and the number of its next call
-    kNormal,
-    kDensity = kNormal + 3,
+    kRayNormal,
+    kDensity = kRayNormal + 3,
     kOther,  // 0, or one more than the place of what else the ray brings along
     kFront,  // the instance whose front it leaves; kNoFront: none, or nobody knows
     kRayColumns
@@ -217,7 +217,7 @@ void Wavefront::start(std::size_t group, int block, int sample) {
         rows.put(kWeight, V8{all(1), all(1), all(1)});
         rows.put(kFirst, all(roulette_));
         for (const std::size_t none : {kOdds, kFate, kTravelled, kDensity, kOther}) rows.put(none, F8{});
-        rows.put(kNormal, V8{}), rows.put(kFront, I8{} - 1);
+        rows.put(kRayNormal, V8{}), rows.put(kFront, I8{} - 1);
         rows.put(kPixel, asFloats(read(pixel + at)));
         rows.put(kIndex, asFloats(reverseBits(read(index + at))));
         rows.put(kCalls, asFloats(read(calls + at)));
@@ -410,7 +410,7 @@ void Wavefront::shine(const LaneQueue& from, std::size_t row, const RayPacket16&
         if (scene_.emitters && density > 0)
             light *= powerHeuristic(
                 density, emitterDensity(scene_, hits.instance[lane], hits.triangle[lane], from.vector(kOrigin, at),
-                                        from.vector(kDirection, at), rays.tMax[lane], from.vector(kNormal, at)));
+                                        from.vector(kDirection, at), rays.tMax[lane], from.vector(kRayNormal, at)));
         sumOf(from.bits(kPixel, at)) += Vec4f(from.vector(kWeight, at) * light, 0);
     }
 }
@@ -444,7 +444,7 @@ void Wavefront::handOver(const LaneQueue& from, std::size_t row, RayPacket16& ra
         PathTask& task = tasks[lane];
         if (const std::uint32_t other = from.bits(kOther, at)) task = nowOther_[other - 1];
         task.origin = from.vector(kOrigin, at), task.direction = from.vector(kDirection, at);
-        task.weight = from.vector(kWeight, at), task.normal = from.vector(kNormal, at);
+        task.weight = from.vector(kWeight, at), task.normal = from.vector(kRayNormal, at);
         task.first = from.number(kFirst, at), task.odds = from.number(kOdds, at), task.fate = from.number(kFate, at);
         task.travelled = from.number(kTravelled, at), task.density = from.number(kDensity, at);
         const std::uint32_t pixel = from.bits(kPixel, at);
@@ -460,7 +460,7 @@ void Wavefront::push(const PathTask& task) {
     next_.reserve(1);
     const std::size_t at = next_.addOne();
     next_.set(kOrigin, at, task.origin), next_.set(kDirection, at, task.direction);
-    next_.set(kWeight, at, task.weight), next_.set(kNormal, at, task.normal);
+    next_.set(kWeight, at, task.weight), next_.set(kRayNormal, at, task.normal);
     next_.set(kFirst, at, task.first), next_.set(kOdds, at, task.odds), next_.set(kFate, at, task.fate);
     next_.set(kTravelled, at, task.travelled), next_.set(kDensity, at, task.density);
     next_.set(kPixel, at, std::uint32_t{task.pixel} | std::uint32_t{task.depth} << 16);
@@ -613,7 +613,7 @@ void Wavefront::follow(const Hits& hits, const PlainSurfaces::Surfaces& s, const
     U8 calls;
     std::memcpy(&calls, hits.calls, sizeof calls);
     rows.put(kCalls, asFloats(calls + (callsOfLights_ + 4)));
-    rows.put(kNormal, s.normal), rows.put(kDensity, on.density), rows.put(kOther, F8{});
+    rows.put(kRayNormal, s.normal), rows.put(kDensity, on.density), rows.put(kOther, F8{});
     rows.put(kFront, hits.front());
 }
 
