@@ -17,7 +17,7 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds kNoNews{50};  // between looks at a world whose scene stands still
-constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter of that
+constexpr double kRounding = 1e-6;   // times since 1970 are exact to a quarter of that
 
 }  // namespace
 

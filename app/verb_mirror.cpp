@@ -471,7 +471,8 @@ void Mirroring::printJson() const {
         framesPerSecond(), static_cast<double>(statistics.bytes) / frames, statistics.restarts, statistics.garbage,
         statistics.clockOffset, statistics.delay, statistics.lag, statistics.mostLag, statistics.jitter,
         statistics.late, requests_.sent, requests_.accepted, requests_.refused);
-    fmt::print("\"inputs\":{},\"encoded\":{}{}}}\n", statistics.inputs, joined() ? made_->encoded() : 0, report_.json());
+    fmt::print("\"inputs\":{},\"encoded\":{}{}}}\n", statistics.inputs, joined() ? made_->encoded() : 0,
+               report_.json());
 }
 
 int Mirroring::run() {

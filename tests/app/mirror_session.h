@@ -16,7 +16,8 @@ class Mirror : public CommandLine {
   protected:
     /// `scene`: its file; empty: the usual one.
     void serve(std::vector<std::string> more, const std::string& bind, const std::string& scene = {}) {
-        std::vector<std::string> arguments{"serve", scene.empty() ? file : scene, "--bind", bind, "--fps", "30", "--json"};
+        std::vector<std::string> arguments{"serve", scene.empty() ? file : scene, "--bind", bind, "--fps", "30",
+                                           "--json"};
         arguments.insert(arguments.end(), more.begin(), more.end());
         server = std::make_unique<Program>(arguments, streams());
         const std::string line = server->firstLine();

@@ -78,11 +78,14 @@ TEST_F(Mirror, AStillSceneIsLeftAlone) {
 TEST_F(Mirror, PicturesOfARestShowTheRest) {
     const std::string still = folder / "still.x3dv";
     writeFile(still,
-              "#X3D V4.0 utf8\nPROFILE Immersive\nBackground { skyColor 0 0 0 }\nViewpoint { }\nDEF BOX Transform { translation 50 0 0 "
-              "children Shape { appearance Appearance { material Material { emissiveColor 1 1 1 } } geometry Box { size 9 9 1 } } }\n");
+              "#X3D V4.0 utf8\nPROFILE Immersive\nBackground { skyColor 0 0 0 }\nViewpoint { }\nDEF BOX Transform { "
+              "translation 50 0 0 "
+              "children Shape { appearance Appearance { material Material { emissiveColor 1 1 1 } } geometry Box { "
+              "size 9 9 1 } } }\n");
     serve({"--for", "30s", "--upstream", "edits"}, "ipc://" + folder / "socket", still);
-    Program watching({"mirror", "--json", endpoint, "--render", folder / "p%02d.png", "--fps", "10", "--size", "8x8", "--for", "3s"},
-                     streams());
+    Program watching(
+        {"mirror", "--json", endpoint, "--render", folder / "p%02d.png", "--fps", "10", "--size", "8x8", "--for", "3s"},
+        streams());
     const Outcome edits = rtsg({"mirror", endpoint, "--edit", "BOX.translation=0 0 0@1.5", "--for", "2s"});
     EXPECT_EQ(edits.status, 0) << edits.err;
     const Outcome watched = watching.wait();

@@ -1,5 +1,5 @@
-// A server that stands for long: memory, descriptors and threads stay what they are, whoever follows, comes, goes, edits,
-// stops or records. The long form runs a hundred thousand frames of each, the short one a few thousand.
+// A server that stands for long: memory, descriptors and threads stay what they are, whoever follows, comes, goes,
+// edits, stops or records. The long form runs a hundred thousand frames of each, the short one a few thousand.
 #include <chrono>
 #include <filesystem>
 #include <fstream>

@@ -21,13 +21,12 @@ namespace rtsg {
 
 namespace {
 
-constexpr std::size_t kMostWaiting = 128;                           // steps
-constexpr auto kFirstWithin = std::chrono::seconds(10);             // the first state is in the file, or the disk hangs
+constexpr std::size_t kMostWaiting = 128;                // steps
+constexpr auto kFirstWithin = std::chrono::seconds(10);  // the first state is in the file, or the disk hangs
 constexpr std::uint64_t kMostWaitingBytes = std::uint64_t{64} << 20;
 
 std::uint64_t memoryOf(const RecordStep& step) {
-    return (step.record ? memoryOf(*step.record) : 0) +
-           (step.set ? step.set->changes.capacity() * sizeof(Change) : 0);
+    return (step.record ? memoryOf(*step.record) : 0) + (step.set ? step.set->changes.capacity() * sizeof(Change) : 0);
 }
 
 /// Only the creation of nodes asks something of the records before.

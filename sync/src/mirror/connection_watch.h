@@ -41,9 +41,7 @@ class ConnectionWatch {
     ConnectionWatch(const ConnectionWatch&) = delete;
     ConnectionWatch& operator=(const ConnectionWatch&) = delete;
 
-    void opened(int descriptor) {
-        connections_[descriptor] = {.delivered = early_.erase(descriptor) > 0};
-    }
+    void opened(int descriptor) { connections_[descriptor] = {.delivered = early_.erase(descriptor) > 0}; }
     void closed(int descriptor) { connections_.erase(descriptor); }
     bool any() const { return !connections_.empty(); }
     /// One may be sending a message without end: look again soon.
@@ -80,7 +78,7 @@ class ConnectionWatch {
     Clock::time_point looked_{};
     bool fresh_ = false;  // a look that shutEndless has not followed yet
     bool suspicious_ = false;
-    int events_ = -1;     // epoll
+    int events_ = -1;  // epoll
 };
 
 }  // namespace rtsg

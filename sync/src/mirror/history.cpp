@@ -12,7 +12,7 @@ namespace rtsg {
 namespace {
 
 constexpr std::size_t kPooled = 32;
-constexpr std::size_t kMostPooled = std::size_t{8} << 20;  // bytes, of all
+constexpr std::size_t kMostPooled = std::size_t{8} << 20;                                      // bytes, of all
 constexpr std::size_t kLeastReady = std::size_t{32} << 10, kMostReady = std::size_t{4} << 20;  // bytes: of one, of all
 constexpr std::size_t kReady = 4;
 constexpr std::size_t kPage = 4096;

@@ -32,16 +32,16 @@ constexpr int kBacklog = 4096;                                        // connect
 constexpr int kLinger = 200;                                          // ms
 constexpr auto kLastFrames = 300ms, kMergedWithin = 3000ms;           // for what peers have not been sent
 constexpr auto kFarewell = 1000ms;                                    // for peers to answer a goodbye
-constexpr auto kTick = 10ms, kLongestSleep = 2000ms;              // between looks at all peers, at least and at most
-constexpr auto kTickCosts = 50us;                                 // a peer: so that looking takes some percent at most
-constexpr auto kSettle = 5ms;                                     // between statistics of more peers
-constexpr std::size_t kFewPeers = 16;                             // than these
-constexpr auto kGather = 1000us;                                  // what more peers say in this time is read together
-constexpr auto kLookAround = 20ms, kLookAgain = 1ms;              // for connections that send no whole message
-constexpr auto kUntilRest = 250ms;                                // without frames, until connections need not be looked at
-constexpr int kHandsOver = 1;                                     // ms
-constexpr auto kUnusedPart = 10s;                                 // until a part without peers is let go
-constexpr auto kNoRegions = 60s;                                  // until it is tried again whether they can be
+constexpr auto kTick = 10ms, kLongestSleep = 2000ms;  // between looks at all peers, at least and at most
+constexpr auto kTickCosts = 50us;                     // a peer: so that looking takes some percent at most
+constexpr auto kSettle = 5ms;                         // between statistics of more peers
+constexpr std::size_t kFewPeers = 16;                 // than these
+constexpr auto kGather = 1000us;                      // what more peers say in this time is read together
+constexpr auto kLookAround = 20ms, kLookAgain = 1ms;  // for connections that send no whole message
+constexpr auto kUntilRest = 250ms;                    // without frames, until connections need not be looked at
+constexpr int kHandsOver = 1;                         // ms
+constexpr auto kUnusedPart = 10s;                     // until a part without peers is let go
+constexpr auto kNoRegions = 60s;                      // until it is tried again whether they can be
 constexpr std::uint64_t kKeyframeEvery = std::uint64_t{8} << 20;  // bytes of frames, at least
 
 /// ZeroMQ deletes what is at the path of an ipc endpoint, so that a socket that a server left when it was killed is in
@@ -371,7 +371,8 @@ void MirrorServer::Io::arrive(Shared::Item item) {
 bool MirrorServer::Io::waitsForLog(const Shared::Item& item) const {
     if (logged_.longestWait.count() == 0) return false;
     const auto longest = static_cast<std::uint64_t>(std::chrono::nanoseconds(logged_.longestWait).count());
-    const bool logged = item.start < logged_.start || (item.start == logged_.start && item.record->header.to <= logged_.state);
+    const bool logged =
+        item.start < logged_.start || (item.start == logged_.start && item.record->header.to <= logged_.state);
     return !logged && item.record->published + longest > mirror::clockNow();
 }
 

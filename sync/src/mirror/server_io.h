@@ -250,7 +250,7 @@ class MirrorServer::Io {
     struct Logged {
         std::uint64_t start = 0, state = 0;
         std::chrono::milliseconds longestWait{0};
-    } logged_;  // as the log said last
+    } logged_;                                // as the log said last
     std::deque<MirrorShadow::Answer> early_;  // of states that peers may not have yet
     std::uint64_t era_ = 0;                   // restarts that were released
     PlainMerges merges_;

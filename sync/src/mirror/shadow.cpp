@@ -27,7 +27,7 @@ using mirror::Message;
 
 namespace {
 
-constexpr std::uint64_t kBatch = std::uint64_t{4} << 20;  // bytes that may wait for a moment of leisure
+constexpr std::uint64_t kBatch = std::uint64_t{4} << 20;          // bytes that may wait for a moment of leisure
 constexpr std::uint64_t kWorthWaking = std::uint64_t{256} << 10;  // bytes, of memory: fewer are soon caught up with
 constexpr auto kLeisure = 50ms;
 constexpr int kNiceness = 5;           // behind the scene's and the sockets' thread
@@ -302,8 +302,7 @@ bool MirrorShadow::follow(Scene& scene, const SharedRecord& record) {
     if (whole || !set_ || set_.use_count() > 1) set_ = std::make_shared<ChangeSet>();
     const std::optional<std::uint64_t> from = std::exchange(skippedFrom_, std::nullopt);
     Result<> ok;
-    if (whole && (scene.sequence() != 0 || scene.nodeCount() > 1))
-        ok = scene.reset();
+    if (whole && (scene.sequence() != 0 || scene.nodeCount() > 1)) ok = scene.reset();
     if (ok) ok = decoder_.decode(record->bytes.bytes(), *set_);
     if (from && record->header.kind == RecordKind::frame) set_->from = *from;
     const bool applied = ok && scene.apply(set_) && scene.hash() == record->header.hash;

@@ -56,8 +56,8 @@ class MirrorShadow {
         std::uint64_t session = 0, state = 0;
         SharedRecord record;
         std::shared_ptr<ByteBuffer> message;
-        std::string why;     // of a part's frame without a record: what its peers are told
-        bool holds = false;  // some of what was merged waits; `state` is the one it leads to when nothing does
+        std::string why;        // of a part's frame without a record: what its peers are told
+        bool holds = false;     // some of what was merged waits; `state` is the one it leads to when nothing does
         std::uint64_t era = 0;  // how often restart() had been called
     };
 

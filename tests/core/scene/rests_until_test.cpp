@@ -5,9 +5,9 @@
 
 #include <rtsg/core/behaviour.h>
 #include <rtsg/core/device_input.h>
-#include <rtsg/documents/loader.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
 
 namespace rtsg {
 namespace {
@@ -16,7 +16,8 @@ constexpr double kNow = -kNever;  // in the next frame
 
 void load(Scene& scene, const std::string& body) {
     Diagnostics diagnostics;
-    ASSERT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + body, diagnostics)) << (diagnostics.all().empty() ? "" : diagnostics.all()[0].format());
+    ASSERT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\n" + body, diagnostics))
+        << (diagnostics.all().empty() ? "" : diagnostics.all()[0].format());
 }
 
 /// Frames until nothing is under way any more, a few at most.

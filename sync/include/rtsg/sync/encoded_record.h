@@ -1,4 +1,5 @@
-// EncodedRecord: a record that was encoded, or came, once in this process, and is shared by all who send, keep or log it.
+// EncodedRecord: a record that was encoded, or came, once in this process, and is shared by all who send, keep or log
+// it.
 //
 // Invariant: a SharedRecord does not change any more. Threading: none of its own; shared records may be read by any
 // thread.

@@ -111,13 +111,13 @@ class MirrorClient {
                                                          MirrorClientOptions options = {});
     ~MirrorClient();
 
-    /// Applies what has come; if nothing has, waits up to `timeout` for it, or until a signal comes. Returns the number of change sets applied.
-    /// On another thread than the replica's it only waits, as the replica would refuse each frame: a diagnostic says
-    /// so.
+    /// Applies what has come; if nothing has, waits up to `timeout` for it, or until a signal comes. Returns the number
+    /// of change sets applied. On another thread than the replica's it only waits, as the replica would refuse each
+    /// frame: a diagnostic says so.
     std::size_t poll(std::chrono::milliseconds timeout = std::chrono::milliseconds(0));
-    /// Calls `heard` from poll() after each step of the replica, whose state it led to, with the record as it came where
-    /// others here can use it: for a RecordLog or a RecordQueue, which spare the replica's bus. Repairs are no steps, as
-    /// what led to the state came before. None: an empty function.
+    /// Calls `heard` from poll() after each step of the replica, whose state it led to, with the record as it came
+    /// where others here can use it: for a RecordLog or a RecordQueue, which spare the replica's bus. Repairs are no
+    /// steps, as what led to the state came before. None: an empty function.
     void onStep(std::function<void(const RecordStep&)> heard);
     /// From now on poll() returns early as well when this descriptor is readable; none: -1.
     void wakeBy(int descriptor);

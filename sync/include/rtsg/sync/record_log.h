@@ -22,7 +22,8 @@ namespace rtsg {
 
 class RecordLog {
   public:
-    /// Returns once the scene's present state is in the file, or after ten seconds of a disk that hangs. Errors: as LogWriter's; Mode::input.
+    /// Returns once the scene's present state is in the file, or after ten seconds of a disk that hangs. Errors: as
+    /// LogWriter's; Mode::input.
     static Result<std::unique_ptr<RecordLog>> start(const Scene& scene, const std::filesystem::path& file,
                                                     LogOptions options = {});
     ~RecordLog();
