@@ -19,7 +19,7 @@
 
 #include <zmq.h>
 
-#include "mirror/web_module.h"
+#include "sockets/web_module.h"
 #include "pages.h"
 
 namespace rtsg::web {

@@ -9,7 +9,7 @@
 
 #include <zmq.h>
 
-#include "mirror/web_module.h"
+#include "sockets/web_module.h"
 
 namespace rtsg::web {
 

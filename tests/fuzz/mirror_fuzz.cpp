@@ -17,10 +17,10 @@
 #include <rtsg/sync/log_player.h>
 #include <rtsg/sync/log_recorder.h>
 
-#include "mirror/message.h"
-#include "mirror/part.h"
-#include "mirror/questions.h"
-#include "mirror/upstream.h"
+#include "sockets/message.h"
+#include "parts/part.h"
+#include "edits/questions.h"
+#include "edits/upstream.h"
 
 namespace {
 

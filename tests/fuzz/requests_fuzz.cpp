@@ -10,8 +10,8 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
-#include "mirror/request.h"
-#include "mirror/upstream.h"
+#include "edits/request.h"
+#include "edits/upstream.h"
 
 namespace {
 

@@ -22,7 +22,7 @@
 #include <rtsg/sync/scene_file.h>
 
 #include "conformance_support.h"
-#include "mirror/part.h"
+#include "parts/part.h"
 #include "support/log_support.h"
 #include "test_paths.h"
 

@@ -13,7 +13,7 @@
 
 #include <gtest/gtest.h>
 
-#include "mirror/message.h"
+#include "sockets/message.h"
 #include "support/zmq_parts.h"
 
 namespace rtsg::test {

@@ -11,9 +11,9 @@
 
 #include "conformance_support.h"
 #include "mirror/mirror_support.h"
-#include "mirror/questions.h"
-#include "mirror/request.h"
-#include "mirror/upstream.h"
+#include "edits/questions.h"
+#include "edits/request.h"
+#include "edits/upstream.h"
 #include "session_recordings.h"
 #include "support/log_support.h"
 #include "support/temp_folder.h"

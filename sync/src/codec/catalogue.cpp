@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "wire.h"
+#include "columns/wire.h"
 
 namespace rtsg::wire {
 

@@ -6,13 +6,13 @@
 #include <optional>
 #include <utility>
 
-#include "blocks.h"
+#include "columns/blocks.h"
 #include "catalogue.h"
-#include "column_codec.h"
-#include "column_rows.h"
+#include "columns/column_codec.h"
+#include "columns/column_rows.h"
 #include "deflated_blocks.h"
-#include "packed_arrays.h"
-#include "wire.h"
+#include "columns/packed_arrays.h"
+#include "columns/wire.h"
 
 namespace rtsg {
 

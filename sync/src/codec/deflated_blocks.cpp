@@ -5,7 +5,7 @@
 
 #include <zlib.h>
 
-#include "blocks.h"
+#include "columns/blocks.h"
 
 namespace rtsg::wire {
 

@@ -11,7 +11,7 @@
 
 #include <rtsg/sync/byte_buffer.h>
 
-#include "wire.h"
+#include "columns/wire.h"
 
 namespace rtsg::wire {
 

@@ -5,7 +5,7 @@
 
 #include <rtsg/sync/record.h>
 
-#include "wire.h"
+#include "columns/wire.h"
 
 namespace rtsg {
 

@@ -10,8 +10,8 @@
 #include <rtsg/core/frame_input.h>
 #include <rtsg/core/scene.h>
 
-#include "blocks.h"
-#include "wire.h"
+#include "columns/blocks.h"
+#include "columns/wire.h"
 
 namespace rtsg {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "value_history.h"
+#include "columns/value_history.h"
 
 namespace rtsg {
 

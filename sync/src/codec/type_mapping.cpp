@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "wire.h"
+#include "columns/wire.h"
 
 namespace rtsg {
 

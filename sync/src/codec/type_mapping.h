@@ -12,7 +12,7 @@
 #include <rtsg/core/change.h>
 #include <rtsg/sync/change_codec.h>
 
-#include "budget.h"
+#include "columns/budget.h"
 
 namespace rtsg {
 

@@ -12,7 +12,7 @@
 
 #include <rtsg/sync/log.h>
 
-#include "codec/wire.h"
+#include "columns/wire.h"
 #include "index.h"
 
 namespace rtsg {

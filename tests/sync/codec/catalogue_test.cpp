@@ -14,7 +14,7 @@
 #include <rtsg/documents/loader.h>
 #include <rtsg/sync/change_codec.h>
 
-#include "codec/wire.h"
+#include "columns/wire.h"
 #include "support/log_support.h"
 #include "support/random_edits.h"
 #include "test_paths.h"

@@ -10,7 +10,7 @@
 #include <rtsg/sync/change_codec.h>
 #include <rtsg/sync/record.h>
 
-#include "codec/blocks.h"
+#include "columns/blocks.h"
 
 namespace rtsg {
 namespace {

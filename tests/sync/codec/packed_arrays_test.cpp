@@ -1,5 +1,5 @@
 // Packed arrays: bit for bit what was written, in few bytes where numbers have an order, and no trust in forged ones.
-#include "codec/packed_arrays.h"
+#include "columns/packed_arrays.h"
 
 #include <bit>
 #include <cmath>

@@ -1,5 +1,5 @@
 // Frames that give anew what the last one gave are known by what they say of places; all others are not taken for such.
-#include "codec/plain_columns.h"
+#include "columns/plain_columns.h"
 
 #include <cstring>
 

@@ -7,7 +7,7 @@
 #include <rtsg/documents/loader.h>
 #include <rtsg/sync/change_codec.h>
 
-#include "mirror/upstream.h"
+#include "edits/upstream.h"
 
 namespace rtsg {
 namespace {

@@ -1,5 +1,5 @@
 // The watch over connections, on connections of its own: which it shuts, and which it leaves alone.
-#include "mirror/connection_watch.h"
+#include "sockets/connection_watch.h"
 
 #include <gtest/gtest.h>
 

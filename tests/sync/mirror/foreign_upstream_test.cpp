@@ -7,8 +7,8 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/change_codec.h>
 
-#include "mirror/message.h"
-#include "mirror/upstream.h"
+#include "sockets/message.h"
+#include "edits/upstream.h"
 #include "mirror_support.h"
 
 namespace rtsg {

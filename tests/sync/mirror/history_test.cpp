@@ -1,5 +1,5 @@
 // What a mirror server keeps: contiguous frames within a limit of memory, and no keyframe that a repair made wrong.
-#include "mirror/history.h"
+#include "server/history.h"
 
 #include <algorithm>
 #include <cstring>

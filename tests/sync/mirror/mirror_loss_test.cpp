@@ -3,7 +3,7 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "mirror/message.h"
+#include "sockets/message.h"
 #include "mirror_support.h"
 
 namespace rtsg {

@@ -5,9 +5,9 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "mirror/clock.h"
-#include "mirror/message.h"
-#include "mirror/playout.h"
+#include "sockets/clock.h"
+#include "sockets/message.h"
+#include "client/playout.h"
 #include "mirror_support.h"
 #include "support/tcp_proxy.h"
 

@@ -6,7 +6,7 @@
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/session.h>
 
-#include "mirror/part.h"
+#include "parts/part.h"
 #include "mirror_support.h"
 #include "support/log_support.h"
 #include "support/random_edits.h"

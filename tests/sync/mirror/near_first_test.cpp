@@ -1,6 +1,6 @@
 // Peers on slow links that get first what is near: which values wait, that each set leads to the hash that it says, and
 // that in the end nothing is missing.
-#include "mirror/near_first.h"
+#include "server/near_first.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-#include "mirror/pace.h"
+#include "sockets/pace.h"
 
 namespace rtsg {
 namespace {

@@ -1,5 +1,5 @@
 // Frames merged by what they say of places: the state that they lead to one by one, and only where it is so easy.
-#include "mirror/plain_merges.h"
+#include "server/plain_merges.h"
 
 #include <gtest/gtest.h>
 

@@ -14,7 +14,7 @@
 #include <rtsg/documents/loader.h>
 #include <rtsg/sync/mirror_relay.h>
 
-#include "mirror/part.h"
+#include "parts/part.h"
 #include "mirror_support.h"
 #include "support/random_edits.h"
 

@@ -1,5 +1,5 @@
 // What waits for which event: the later of two requests for one node counts, others are not held up, nobody for long.
-#include "mirror/request_order.h"
+#include "edits/request_order.h"
 
 #include <thread>
 
@@ -7,7 +7,7 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "mirror/request.h"
+#include "edits/request.h"
 
 namespace rtsg {
 namespace {

@@ -1,5 +1,5 @@
 // What a mirror server's replica makes of several frames: one record for all peers that lack the same.
-#include "mirror/shadow.h"
+#include "server/shadow.h"
 
 #include <gtest/gtest.h>
 #include <sys/eventfd.h>

@@ -1,5 +1,5 @@
 // Frames that the next one says anew: those of plain values of the very same fields, and no others.
-#include "mirror/superseded.h"
+#include "server/superseded.h"
 
 #include <chrono>
 #include <thread>
@@ -13,7 +13,7 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/change_codec.h>
 
-#include "mirror/shadow.h"
+#include "server/shadow.h"
 
 namespace rtsg {
 namespace {

@@ -14,8 +14,8 @@
 #include <rtsg/sync/mirror_relay.h>
 #include <rtsg/sync/replay.h>
 
-#include "mirror/request.h"
-#include "mirror/upstream.h"
+#include "edits/request.h"
+#include "edits/upstream.h"
 #include "mirror_support.h"
 
 namespace rtsg {

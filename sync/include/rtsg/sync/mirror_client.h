@@ -30,7 +30,6 @@
 #include <rtsg/sync/encoded_record.h>
 #include <rtsg/sync/mirror_keys.h>
 #include <rtsg/sync/mirror_request.h>
-#include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/replay.h>
 
 namespace rtsg {

@@ -14,6 +14,14 @@
 
 namespace rtsg {
 
+/// What becomes of a peer that falls behind by more than its window.
+enum class MirrorWhenSlow : std::uint8_t {
+    coalesce,   // it gets the frames that it missed merged into one
+    block,      // the scene waits for it, as long as the server allows
+    resync,     // it gets a keyframe and starts over
+    nearFirst,  // merged, views, sounds and what is near the viewer first; what is far waits, for at most a second
+};
+
 struct MirrorRequest {
     enum class Kind : std::uint8_t {
         changes,  // edits and events, carried out in the order of a ChangeSet

@@ -43,14 +43,6 @@ struct Verdict;
 struct Writers;
 }  // namespace mirror
 
-/// What becomes of a peer that falls behind by more than its window.
-enum class MirrorWhenSlow : std::uint8_t {
-    coalesce,   // it gets the frames that it missed merged into one
-    block,      // the scene waits for it, as long as the server allows
-    resync,     // it gets a keyframe and starts over
-    nearFirst,  // merged, views, sounds and what is near the viewer first; what is far waits, for at most a second
-};
-
 struct MirrorServerOptions {
     std::string creator = "rtsg";
     /// What the head says of the stream, and how values are coded. For Mode::lossy, serve a LossyScene's scene. With

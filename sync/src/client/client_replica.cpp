@@ -8,8 +8,8 @@
 
 #include "client_impl.h"
 #include "codec/node_label.h"
-#include "request.h"
-#include "upstream.h"
+#include "edits/request.h"
+#include "edits/upstream.h"
 
 namespace rtsg {
 

@@ -3,7 +3,7 @@
 
 #include <rtsg/sync/record.h>
 
-#include "codec/plain_columns.h"
+#include "columns/plain_columns.h"
 
 namespace rtsg::mirror {
 

@@ -14,7 +14,7 @@
 
 #include <rtsg/core/module.h>
 
-#include "web_module.h"
+#include "sockets/web_module.h"
 
 namespace rtsg {
 

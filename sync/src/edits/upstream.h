@@ -20,7 +20,7 @@
 
 #include "edit_history.h"
 #include "held_pointers.h"
-#include "message.h"
+#include "sockets/message.h"
 #include "node_locks.h"
 
 namespace rtsg::mirror {

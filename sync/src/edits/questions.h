@@ -14,7 +14,7 @@
 #include <rtsg/core/scene.h>
 #include <rtsg/sync/replay.h>
 
-#include "message.h"
+#include "sockets/message.h"
 
 namespace rtsg::mirror {
 

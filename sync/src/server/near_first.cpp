@@ -12,7 +12,7 @@
 #include <rtsg/core/navigation.h>
 #include <rtsg/core/x3d.h>
 
-#include "codec/budget.h"
+#include "columns/budget.h"
 
 namespace rtsg {
 

@@ -7,7 +7,7 @@
 #include <poll.h>
 
 #include "client_impl.h"
-#include "connection_watch.h"
+#include "sockets/connection_watch.h"
 
 namespace rtsg {
 

@@ -13,12 +13,12 @@
 #include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/mirror_client.h>
 
-#include "clock.h"
-#include "codec/plain_columns.h"
-#include "message.h"
+#include "sockets/clock.h"
+#include "columns/plain_columns.h"
+#include "sockets/message.h"
 #include "playout.h"
-#include "questions.h"
-#include "zmq_socket.h"
+#include "edits/questions.h"
+#include "sockets/zmq_socket.h"
 
 namespace rtsg {
 

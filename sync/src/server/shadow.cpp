@@ -17,7 +17,7 @@
 
 #include <rtsg/core/change_composer.h>
 
-#include "questions.h"
+#include "edits/questions.h"
 #include "superseded.h"
 
 namespace rtsg {

@@ -19,14 +19,14 @@
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/record_log.h>
 
-#include "gate.h"
+#include "sockets/gate.h"
 #include "history.h"
-#include "message.h"
-#include "pace.h"
+#include "sockets/message.h"
+#include "sockets/pace.h"
 #include "plain_merges.h"
 #include "shadow.h"
-#include "upstream.h"
-#include "zmq_socket.h"
+#include "edits/upstream.h"
+#include "sockets/zmq_socket.h"
 
 namespace rtsg {
 

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "client_impl.h"
-#include "upstream.h"
+#include "edits/upstream.h"
 
 namespace rtsg {
 

@@ -5,8 +5,8 @@
 
 #include <fmt/format.h>
 
-#include "codec/blocks.h"
-#include "codec/wire.h"
+#include "columns/blocks.h"
+#include "columns/wire.h"
 
 namespace rtsg::mirror {
 

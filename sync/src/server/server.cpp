@@ -16,7 +16,7 @@
 #include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/mirror_client.h>
 
-#include "request_order.h"
+#include "edits/request_order.h"
 #include "server_io.h"
 
 namespace rtsg {

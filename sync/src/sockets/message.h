@@ -12,7 +12,7 @@
 #include <rtsg/core/change.h>
 #include <rtsg/sync/byte_buffer.h>
 
-#include "codec/wire.h"
+#include "columns/wire.h"
 
 namespace rtsg::mirror {
 

@@ -8,7 +8,7 @@
 
 #include <fmt/format.h>
 
-#include "codec/budget.h"
+#include "columns/budget.h"
 #include "codec/node_label.h"
 #include "edit.h"
 

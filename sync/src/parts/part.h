@@ -19,7 +19,7 @@
 
 #include <rtsg/core/scene.h>
 
-#include "message.h"
+#include "sockets/message.h"
 #include "region.h"
 
 namespace rtsg {
