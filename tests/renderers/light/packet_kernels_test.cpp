@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "surface/packet_kernels.h"
+#include "surface/surface_packet.h"
 
 namespace rtsg::trace {
 namespace {
