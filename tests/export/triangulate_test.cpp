@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/documents/filters.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/documents/writer.h>
 #include <rtsg/renderers/shared_world.h>

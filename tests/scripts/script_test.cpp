@@ -541,6 +541,7 @@ TEST(Script, WhatAnInputSetsIsAssignedByTheNameOfTheField) {
         "DEF S Script { directOutput TRUE initializeOnly SFNode lines USE I initializeOnly SFNode grid USE G "
         "url \"ecmascript: function initialize() { lines.coordIndex = new MFInt32(1, 0, -1); grid.height[2] = 5; "
         "try { grid.xDimension = 3; } catch (e) { print(e.message); } }\" }");
+    runScripts(l.scene);
     l.scene.newFrame(0);
     EXPECT_EQ(l.scene.node(l.named("I")).get(x3d::IndexedLineSet::coordIndex), (Array<std::int32_t>{1, 0, -1}));
     EXPECT_EQ(l.scene.node(l.named("G")).get(x3d::ElevationGrid::height), (Array<float>{0, 0, 5, 0}));
@@ -554,6 +555,7 @@ TEST(Script, AnAuthorsInputSetsNothingByItsName) {
         "DEF S Script { directOutput TRUE initializeOnly SFNode p USE P outputOnly SFString said "
         "url \"ecmascript: function initialize() { try { p.n = 5; said = 'taken'; } catch (e) { said = e.message; } "
         "}\" }");
+    runScripts(l.scene);
     l.scene.newFrame(0);
     const Node& script = l.scene.node(l.named("S"));
     EXPECT_EQ(script.value(script.type().findExact("said")).as<String>(), "n: P.n takes no events");
