@@ -7,6 +7,7 @@
 #include <random>
 #include <vector>
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "renderers/ray_support.h"
@@ -129,7 +130,7 @@ TEST(ClearWay, SurfacesInOnePlaceCountOnce) {
     for (int i = 0; i < 16; ++i) {
         std::vector<float> met;
         way.visit(rays.ray(i), i, [&](const Hit& hit) { return met.push_back(hit.t), true; });
-        EXPECT_EQ(met, (std::vector<float>{1, 2, 3})) << i;
+        EXPECT_THAT(met, testing::Pointwise(testing::FloatNear(1e-6f), {1.f, 2.f, 3.f})) << i;
     }
 }
 
