@@ -326,7 +326,7 @@ bool Mirroring::bringsOnlyGarbage(std::size_t applied) {
 std::chrono::milliseconds Mirroring::longestPoll() const {
     constexpr std::chrono::milliseconds kOften{50}, kSeldom{2000};
     const bool waits = !joined() || requests_.open() || !requests_.firstUnsent().empty() || options_.outputs.isLive() ||
-                       controls_ < options_.control.size() || saidLost_ || !client_->inStep();
+                       controls_ < options_.control.size() || client_->originLost() || !client_->inStep();
     if (waits) return kOften;
     const double left = std::min(duration_ - reached(), duration_ - secondsSince(joinedAt_));
     return std::clamp(std::chrono::milliseconds(static_cast<std::int64_t>(1e3 * std::min(left, 2.))), kOften, kSeldom);

@@ -137,7 +137,9 @@ TEST(Soak, AMirrorEdits) {
 
 TEST(Soak, AMirrorStopsReading) {
     Standing standing;
-    Follower follower(standing);
+    MirrorClientOptions options;
+    options.window = 64 << 10;  // what the server may send it ahead
+    Follower follower(standing, std::move(options));
     for (int i = 0; i < 2000 && follower.client->statistics().frames == 0; ++i) {
         standing.step();
         follower.client->poll(1ms);
@@ -157,7 +159,7 @@ TEST(Soak, ALogThatRotatesInARing) {
     standing.server->recordTo(shared);
     stand(standing, [](int) {});
     EXPECT_EQ(shared->failure(), "");
-    EXPECT_EQ(shared->encoded(), 0u);
+    EXPECT_LE(shared->encoded(), shared->merged()) << "where the disk could not keep up";
     ASSERT_TRUE(shared->stop());
     std::uintmax_t bytes = 0;
     for (const auto& one : std::filesystem::directory_iterator(folder.path())) bytes += one.file_size();

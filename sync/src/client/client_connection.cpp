@@ -26,6 +26,8 @@ constexpr auto kHelloLost = 2s;                             // without any answe
 constexpr int kMostDoublings = 4;
 constexpr auto kLongestTurn = 20ms;  // of poll() beyond its timeout, while frames keep coming
 constexpr auto kQuiet = 400ms;       // beyond a heartbeat: then the server counts as lost, though it may come back
+constexpr auto kStreams = 250ms;     // between records that come one upon the other;
+constexpr auto kStreamEnds = 500ms;  // after them: the server is asked whether it is there
 constexpr auto kLookAtBytes = 250ms;
 constexpr double kMoreThanPings = 1000;  // bytes a second
 constexpr auto kPingAtFirst = 20ms;      // until there are a few samples of the clock; from then on ever more seldom,
@@ -235,7 +237,15 @@ bool MirrorClient::Impl::receiving() const {
 void MirrorClient::Impl::keepInTouch(bool idle) {
     const Clock::time_point now = Clock::now();
     if (idle && connected_ && linked() && bringsBytes(now)) heard_ = coming_ = now;
-    quiet_ = idle && now - heard_ > heartbeat_ + kQuiet;
+    // Frames came one upon the other: the scene rests now, or the server is lost. It is asked, once.
+    if (idle && linked() && streams_ && now - heard_ > kStreamEnds) {
+        streams_ = false;
+        ping(now);
+    }
+    const auto answersIn =
+        kQuiet + std::chrono::duration_cast<Clock::duration>(4 * std::chrono::duration<double>(clock_.delay()));
+    const bool unanswered = pinged_ > heard_ && now - pinged_ > answersIn && now - heard_ > kStreamEnds + kQuiet;
+    quiet_ = idle && (now - heard_ > heartbeat_ + kQuiet || unanswered);
     if (linked() && mayGreet(now)) {
         hello(false);
     } else if (idle && connected_ && now - heard_ > options_.timeout) {
@@ -277,6 +287,10 @@ void MirrorClient::Impl::pingNow(Clock::time_point now) {
     const std::uint64_t known = clock_.samples(),
                         doublings = std::min(kDoublings, known - std::min(known, kFewSamples));
     if (now - pinged_ < std::min<Clock::duration>(kPingLater, kPingAtFirst * (1 << doublings))) return;
+    ping(now);
+}
+
+void MirrorClient::Impl::ping(Clock::time_point now) {
     pinged_ = now;
     if (received_ != acknowledged_) acknowledge();  // by the same packet, and nobody needs to ask for it
     const std::uint64_t token[] = {mirror::clockNow()};
@@ -303,6 +317,7 @@ std::chrono::milliseconds MirrorClient::Impl::longestSleep() const {
     const bool settled = connected_ && clock_.samples() >= kFewSamples && requests_.empty() && !bisection_.running();
     if (!settled) return 100ms;
     if (quiet_) return 250ms;
+    if (streams_ || pinged_ > heard_) return 100ms;
     const Clock::time_point due = std::min({pinged_ + kPingLater, heard_ + heartbeat_ + kQuiet, Clock::now() + 2000ms});
     return std::max(20ms, std::chrono::ceil<std::chrono::milliseconds>(due - Clock::now()));
 }
@@ -310,6 +325,7 @@ std::chrono::milliseconds MirrorClient::Impl::longestSleep() const {
 std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
     applied_ = 0;
     called_ = false;
+    const bool lost = originLost();
     const Clock::time_point start = Clock::now();
     const auto longest = std::max<Clock::duration>(timeout, kLongestTurn);
     Clock::duration spent{};
@@ -329,7 +345,7 @@ std::size_t MirrorClient::Impl::poll(std::chrono::milliseconds timeout) {
         spent = Clock::now() - start;
         more = messages > 0 && spent < longest && moreWaits_;
         if (more) continue;
-        if (applied_ > 0 || called_ || spent >= timeout) break;
+        if (applied_ > 0 || called_ || originLost() != lost || spent >= timeout) break;
     }
     statistics_.sequence = state_;
     statistics_.originSequence = std::max({originAt_, newestHeard_, state_});
@@ -510,6 +526,8 @@ void MirrorClient::Impl::data(wire::Reader& in, const ZmqMessage& second) {
     if (!mirror::read(in, numbers)) return garbage("malformed data");
     const auto [session, size, offset, published] = numbers;
     if (session != session_ || !connected_) return;
+    const Clock::time_point before = std::exchange(dataAt_, Clock::now());
+    streams_ = streams_ || dataAt_ - before < kStreams;
     std::uint64_t later[1] = {0};
     if (in.left() >= sizeof(later)) (void)mirror::read(in, later);
     if ((later[0] & 1) == 0) awaited_ = true;

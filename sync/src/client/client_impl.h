@@ -13,11 +13,11 @@
 #include <rtsg/sync/input_codec.h>
 #include <rtsg/sync/mirror_client.h>
 
-#include "sockets/clock.h"
 #include "columns/plain_columns.h"
-#include "sockets/message.h"
-#include "playout.h"
 #include "edits/questions.h"
+#include "playout.h"
+#include "sockets/clock.h"
+#include "sockets/message.h"
 #include "sockets/zmq_socket.h"
 
 namespace rtsg {
@@ -84,6 +84,7 @@ class MirrorClient::Impl {
     bool bringsBytes(Clock::time_point now);
     void reconnect(Clock::time_point now);
     void pingNow(Clock::time_point now);
+    void ping(Clock::time_point now);
     bool wait(std::chrono::milliseconds most);
     std::chrono::milliseconds longestSleep() const;
     int receivePortion();
@@ -143,7 +144,8 @@ class MirrorClient::Impl {
     int wakes_ = -1;          // a descriptor that ends poll() when it is readable
     bool called_ = false;     // it was, or a signal has come
     bool moreWaits_ = false;  // not all that has come has been received
-    bool quiet_ = false;      // nothing has been heard for longer than a heartbeat
+    bool quiet_ = false;      // nothing has been heard for longer than a heartbeat, or no answer
+    bool streams_ = false;    // records come one upon the other
     std::chrono::milliseconds heartbeat_{500};
     bool haveState_ = false;      // the replica is in a state of this epoch
     bool touched_ = false;        // something was applied to the replica: it has to be reset before a keyframe
@@ -158,7 +160,7 @@ class MirrorClient::Impl {
     ByteBuffer partial_;                             // a record that comes in several parts
     std::uint64_t partialSize_ = 0;
     int attempts_ = 0;  // to reconnect, since the server was heard
-    Clock::time_point reconnected_{}, heard_{}, greeted_{}, repaired_{}, pinged_{}, asked_{}, scrubbed_{};
+    Clock::time_point reconnected_{}, heard_{}, greeted_{}, repaired_{}, dataAt_{}, pinged_{}, asked_{}, scrubbed_{};
     std::vector<std::shared_ptr<ChangeSet>> sets_;
     std::size_t applied_ = 0;  // in this turn of poll()
     std::function<void(const RecordStep&)> onStep_;

@@ -209,7 +209,7 @@ bool RecordLog::addInPassing(const RecordStep& step, const ChangeSet& changes) {
     }
     RecordStep kept{step.record, step.record && !createsNodes(changes) ? nullptr : copy()};
     if (!s.late.empty() || !s.hasRoom(memoryOf(kept))) {
-        s.merged += !s.late.empty();
+        ++s.merged;
         s.late.add(changes);
         return false;
     }
