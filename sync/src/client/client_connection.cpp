@@ -244,7 +244,8 @@ void MirrorClient::Impl::keepInTouch(bool idle) {
     }
     const auto answersIn =
         kQuiet + std::chrono::duration_cast<Clock::duration>(4 * std::chrono::duration<double>(clock_.delay()));
-    const bool unanswered = pinged_ > heard_ && now - pinged_ > answersIn && now - heard_ > kStreamEnds + kQuiet;
+    const bool unanswered =
+        askedSince_ > heard_ && now - askedSince_ > answersIn && now - heard_ > kStreamEnds + kQuiet;
     quiet_ = idle && (now - heard_ > heartbeat_ + kQuiet || unanswered);
     if (linked() && mayGreet(now)) {
         hello(false);
@@ -292,6 +293,7 @@ void MirrorClient::Impl::pingNow(Clock::time_point now) {
 
 void MirrorClient::Impl::ping(Clock::time_point now) {
     pinged_ = now;
+    if (askedSince_ <= heard_) askedSince_ = now;
     if (received_ != acknowledged_) acknowledge();  // by the same packet, and nobody needs to ask for it
     const std::uint64_t token[] = {mirror::clockNow()};
     mirror::write(message_, Message::ping, token);
@@ -317,7 +319,7 @@ std::chrono::milliseconds MirrorClient::Impl::longestSleep() const {
     const bool settled = connected_ && clock_.samples() >= kFewSamples && requests_.empty() && !bisection_.running();
     if (!settled) return 100ms;
     if (quiet_) return 250ms;
-    if (streams_ || pinged_ > heard_) return 100ms;
+    if (streams_ || askedSince_ > heard_) return 100ms;
     const Clock::time_point due = std::min({pinged_ + kPingLater, heard_ + heartbeat_ + kQuiet, Clock::now() + 2000ms});
     return std::max(20ms, std::chrono::ceil<std::chrono::milliseconds>(due - Clock::now()));
 }

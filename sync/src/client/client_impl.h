@@ -136,16 +136,17 @@ class MirrorClient::Impl {
 
     std::uint64_t session_ = 0, epoch_ = 0, client_ = 0, nextRequest_ = 1;
     bool helloPending_ = true, connected_ = false;
-    int unanswered_ = 0;      // hellos by this connection since something was answered
-    bool up_ = false;         // there is a connection, by the last event of it that was read
-    bool cut_ = false;        // one has ended; what came by it is still being read
-    int descriptor_ = -1;     // of the newest connection
-    bool relayLost_ = false;  // the server is a relay without an origin
-    int wakes_ = -1;          // a descriptor that ends poll() when it is readable
-    bool called_ = false;     // it was, or a signal has come
-    bool moreWaits_ = false;  // not all that has come has been received
-    bool quiet_ = false;      // nothing has been heard for longer than a heartbeat, or no answer
-    bool streams_ = false;    // records come one upon the other
+    int unanswered_ = 0;              // hellos by this connection since something was answered
+    bool up_ = false;                 // there is a connection, by the last event of it that was read
+    bool cut_ = false;                // one has ended; what came by it is still being read
+    int descriptor_ = -1;             // of the newest connection
+    bool relayLost_ = false;          // the server is a relay without an origin
+    int wakes_ = -1;                  // a descriptor that ends poll() when it is readable
+    bool called_ = false;             // it was, or a signal has come
+    bool moreWaits_ = false;          // not all that has come has been received
+    bool quiet_ = false;              // nothing has been heard for longer than a heartbeat, or no answer
+    Clock::time_point askedSince_{};  // the first ping since the server was heard
+    bool streams_ = false;            // records come one upon the other
     std::chrono::milliseconds heartbeat_{500};
     bool haveState_ = false;      // the replica is in a state of this epoch
     bool touched_ = false;        // something was applied to the replica: it has to be reset before a keyframe
