@@ -19,8 +19,8 @@
 
 #include <zmq.h>
 
-#include "sockets/web_module.h"
 #include "pages.h"
+#include "sockets/web_module.h"
 
 namespace rtsg::web {
 

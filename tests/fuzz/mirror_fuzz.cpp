@@ -17,10 +17,10 @@
 #include <rtsg/sync/log_player.h>
 #include <rtsg/sync/log_recorder.h>
 
-#include "sockets/message.h"
-#include "parts/part.h"
 #include "edits/questions.h"
 #include "edits/upstream.h"
+#include "parts/part.h"
+#include "sockets/message.h"
 
 namespace {
 

@@ -10,10 +10,10 @@
 #include <rtsg/sync/record.h>
 
 #include "conformance_support.h"
-#include "mirror/mirror_support.h"
 #include "edits/questions.h"
 #include "edits/request.h"
 #include "edits/upstream.h"
+#include "mirror/mirror_support.h"
 #include "session_recordings.h"
 #include "support/log_support.h"
 #include "support/temp_folder.h"

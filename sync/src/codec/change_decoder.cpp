@@ -9,15 +9,15 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "columns/blocks.h"
 #include "catalogue.h"
+#include "columns/blocks.h"
 #include "columns/column_codec.h"
 #include "columns/column_rows.h"
+#include "columns/packed_arrays.h"
+#include "columns/wire.h"
 #include "deflated_blocks.h"
 #include "origin_hash.h"
-#include "columns/packed_arrays.h"
 #include "type_mapping.h"
-#include "columns/wire.h"
 
 namespace rtsg {
 

@@ -6,13 +6,13 @@
 #include <optional>
 #include <utility>
 
-#include "columns/blocks.h"
 #include "catalogue.h"
+#include "columns/blocks.h"
 #include "columns/column_codec.h"
 #include "columns/column_rows.h"
-#include "deflated_blocks.h"
 #include "columns/packed_arrays.h"
 #include "columns/wire.h"
+#include "deflated_blocks.h"
 
 namespace rtsg {
 

@@ -8,8 +8,8 @@
 
 #include <fmt/format.h>
 
-#include "columns/budget.h"
 #include "codec/node_label.h"
+#include "columns/budget.h"
 #include "edit.h"
 
 namespace rtsg::mirror {

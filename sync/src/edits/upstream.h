@@ -20,8 +20,8 @@
 
 #include "edit_history.h"
 #include "held_pointers.h"
-#include "sockets/message.h"
 #include "node_locks.h"
+#include "sockets/message.h"
 
 namespace rtsg::mirror {
 

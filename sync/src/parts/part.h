@@ -19,8 +19,8 @@
 
 #include <rtsg/core/scene.h>
 
-#include "sockets/message.h"
 #include "region.h"
+#include "sockets/message.h"
 
 namespace rtsg {
 

@@ -37,7 +37,7 @@ constexpr auto kTickCosts = 50us;                     // a peer: so that looking
 constexpr auto kSettle = 5ms;                         // between statistics of more peers
 constexpr std::size_t kFewPeers = 16;                 // than these
 constexpr auto kGather = 1000us;                      // what more peers say in this time is read together
-constexpr auto kLookAround = 20ms, kLookSoon = 1ms;  // for connections that send no whole message
+constexpr auto kLookAround = 20ms, kLookSoon = 1ms;   // for connections that send no whole message
 constexpr auto kUntilRest = 250ms;                    // without frames, until connections need not be looked at
 constexpr int kHandsOver = 1;                         // ms
 constexpr auto kUnusedPart = 10s;                     // until a part without peers is let go

@@ -19,13 +19,13 @@
 #include <rtsg/sync/mirror_server.h>
 #include <rtsg/sync/record_log.h>
 
-#include "sockets/gate.h"
+#include "edits/upstream.h"
 #include "history.h"
-#include "sockets/message.h"
-#include "sockets/pace.h"
 #include "plain_merges.h"
 #include "shadow.h"
-#include "edits/upstream.h"
+#include "sockets/gate.h"
+#include "sockets/message.h"
+#include "sockets/pace.h"
 #include "sockets/zmq_socket.h"
 
 namespace rtsg {

@@ -23,9 +23,9 @@
 #include <rtsg/sync/change_codec.h>
 
 #include "history.h"
-#include "sockets/message.h"
 #include "near_first.h"
 #include "parts/part.h"
+#include "sockets/message.h"
 
 namespace rtsg {
 

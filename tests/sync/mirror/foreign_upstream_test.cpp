@@ -7,9 +7,9 @@
 #include <rtsg/core/x3d.h>
 #include <rtsg/sync/change_codec.h>
 
-#include "sockets/message.h"
 #include "edits/upstream.h"
 #include "mirror_support.h"
+#include "sockets/message.h"
 
 namespace rtsg {
 namespace {

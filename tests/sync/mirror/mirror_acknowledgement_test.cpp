@@ -5,8 +5,8 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "sockets/message.h"
 #include "mirror_support.h"
+#include "sockets/message.h"
 
 namespace rtsg {
 namespace {

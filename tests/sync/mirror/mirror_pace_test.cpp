@@ -5,10 +5,10 @@
 
 #include <rtsg/core/x3d.h>
 
-#include "sockets/clock.h"
-#include "sockets/message.h"
 #include "client/playout.h"
 #include "mirror_support.h"
+#include "sockets/clock.h"
+#include "sockets/message.h"
 #include "support/tcp_proxy.h"
 
 namespace rtsg {

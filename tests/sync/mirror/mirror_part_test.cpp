@@ -6,8 +6,8 @@
 #include <rtsg/sync/log.h>
 #include <rtsg/sync/session.h>
 
-#include "parts/part.h"
 #include "mirror_support.h"
+#include "parts/part.h"
 #include "support/log_support.h"
 #include "support/random_edits.h"
 

@@ -14,8 +14,8 @@
 #include <rtsg/documents/loader.h>
 #include <rtsg/sync/mirror_relay.h>
 
-#include "parts/part.h"
 #include "mirror_support.h"
+#include "parts/part.h"
 #include "support/random_edits.h"
 
 namespace rtsg {
