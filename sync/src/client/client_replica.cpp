@@ -160,8 +160,7 @@ bool MirrorClient::Impl::applyAgain(std::span<const std::byte> bytes, const Reco
 Result<std::shared_ptr<ChangeSet>> MirrorClient::Impl::applySet(std::span<const std::byte> bytes,
                                                                 const RecordHeader& header) {
     // A snapshot's memory is not kept for frames.
-    const std::shared_ptr<ChangeSet> set =
-        header.kind == RecordKind::keyframe ? std::make_shared<ChangeSet>() : freshSet();
+    std::shared_ptr<ChangeSet> set = header.kind == RecordKind::keyframe ? std::make_shared<ChangeSet>() : freshSet();
     repeated_.forget();
     Result<> ok = decoder_.decode(bytes, *set);
     touched_ = true;
