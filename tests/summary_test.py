@@ -10,7 +10,7 @@ LOG = """== ./dev asan core
 == ./dev test
 == packages: 12 s
 == compile and link: 300 s (jobs: compile 500 s, link 61 s)
-Test project /work/build
+Test project /home/ann/rtsg/build
       Start  1: core.good
  1/9 Test  #1: core.good ........................   Passed    0.02 sec
       Start  2: core.flaky
