@@ -57,7 +57,8 @@ struct RecordLog::Impl {
     std::condition_variable come, gone;
     std::deque<Entry> waiting;
     std::uint64_t waitingBytes = 0;
-    ChangeComposer late;  // what is merged: of after everything that waits
+    ChangeComposer late;   // what is merged: of after everything that waits
+    bool isAsked = false;  // for a snapshot that is not in the file yet: one at a time
     std::uint64_t starts = 0;
     std::function<void(std::uint64_t, std::uint64_t)> heard;
     bool stopping = false;
@@ -99,6 +100,16 @@ struct RecordLog::Impl {
         if (!ended) append(std::move(step), isKeyframe);
     }
 
+    /// Whether it is time to ask for a snapshot, which is then asked for.
+    bool asks() {
+        const std::scoped_lock lock(mutex);
+        return !isAsked && (isAsked = wantsSnapshot.exchange(false));
+    }
+    void askNoMore() {
+        const std::scoped_lock lock(mutex);
+        isAsked = false;
+    }
+
     // ---- the thread ------------------------------------------------------------------------------------------
     /// `isKeyframe`: a snapshot of the state that was written last; others begin a session.
     Result<> write(const RecordStep& step, bool isKeyframe) {
@@ -106,10 +117,13 @@ struct RecordLog::Impl {
         if (step.record) return log->write(*step.record, step.set.get());
         if (!step.set->isSnapshot()) return log->write(*step.set);
         if (begun && isKeyframe) return log->writeSnapshot(*step.set);
-        const std::scoped_lock lock(mutex);
-        starts += begun && acknowledged != 0;
+        {
+            const std::scoped_lock lock(mutex);
+            starts += begun && acknowledged != 0;
+        }
         return log->write(*step.set);
     }
+
     Result<> follow() {
         std::unique_lock lock(mutex);
         for (;;) {
@@ -122,10 +136,11 @@ struct RecordLog::Impl {
             waitingBytes -= memoryOf(entry.step);
             lock.unlock();
             if (auto ok = write(entry.step, entry.isKeyframe); !ok) return ok;
-            wantsSnapshot = log->wantsSnapshot();
+            wantsSnapshot = log->wantsSnapshot();  // of use once `isAsked` is not
             bytes = log->bytes();
             encoded = log->encoded();
             lock.lock();
+            isAsked = isAsked && !entry.isKeyframe;
             acknowledged = entry.step.record ? entry.step.record->header.to : entry.step.set->to;
             if (heard) heard(starts, acknowledged);
             gone.notify_all();
@@ -190,11 +205,13 @@ void RecordLog::add(const Scene& scene, const RecordStep& step) {
         s.put({nullptr, step.set});  // another session: its types are described by us
     else
         s.put({step.record, step.record && !(step.set && createsNodes(*step.set)) ? nullptr : step.set});
-    if (begins || !s.wantsSnapshot.exchange(false)) return;
+    if (begins || !s.asks()) return;
     // What differs from the origin's is no state that a log should go on from.
     const Hash128 origin = step.record ? step.record->header.hash : step.set->hash;
     if (scene.hash() == origin && !scene.hasUnsealedEdits())
         s.put({nullptr, std::make_shared<const ChangeSet>(scene.snapshot())}, true);
+    else
+        s.askNoMore();
 }
 
 bool RecordLog::addInPassing(const RecordStep& step, const ChangeSet& changes) {
@@ -214,7 +231,8 @@ bool RecordLog::addInPassing(const RecordStep& step, const ChangeSet& changes) {
         return false;
     }
     s.append(std::move(kept));
-    if (!s.wantsSnapshot.exchange(false)) return false;
+    if (s.isAsked || !s.wantsSnapshot.exchange(false)) return false;
+    s.isAsked = true;
     s.waiting.push_back({{}, true, true, changes.to});
     return true;
 }
@@ -231,6 +249,7 @@ void RecordLog::giveSnapshot(std::uint64_t state, std::shared_ptr<const ChangeSe
         s.waitingBytes += memoryOf(place->step);
     } else {
         s.waiting.erase(place);
+        s.isAsked = false;
     }
     s.come.notify_one();
 }

@@ -197,6 +197,42 @@ TEST_F(RecordLogTest, ASessionThatStartsOverIsAnotherOneInTheFile) {
     EXPECT_EQ(replayer.scene().hash(), scene.hash());
 }
 
+/// As a server adds: it may not wait, and the snapshot comes later, when other frames have.
+TEST_F(RecordLogTest, InPassingOneSnapshotIsAskedForAtATime) {
+    const NodeId node = scene.createNode(x3d::Transform::type);
+    scene.newFrame(0);
+    LogOptions options;
+    options.keyframeBytes = 1;
+    options.keyframeFactor = 0;
+    log = std::move(*RecordLog::start(scene, file(), options));
+    ChangeEncoder encoder;
+    int frames = 0;
+    const auto step = [&] {
+        EXPECT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(static_cast<float>(++frames), 0, 0)));
+        const auto set = scene.newFrame(frames);
+        hashes[scene.sequence()] = scene.hash();
+        const auto one = std::make_shared<EncodedRecord>();
+        encoder.encode(*set, one->bytes);
+        finishRecord(*one);
+        return log->addInPassing({one, nullptr}, *set);
+    };
+    const auto written = [&] { return log->acknowledged() == scene.sequence(); };
+    for (int round = 0; round < 3; ++round) {
+        while (!step()) ASSERT_TRUE(test::eventually(written));
+        const std::uint64_t state = scene.sequence();
+        const auto snapshot = std::make_shared<const ChangeSet>(scene.snapshot());
+        ASSERT_TRUE(test::eventually(written));
+        for (int i = 0; i < 10; ++i) EXPECT_FALSE(step()) << "another, while it waits for one";
+        EXPECT_EQ(log->acknowledged(), state) << "nothing goes before the keyframe";
+        log->giveSnapshot(state, round == 1 ? nullptr : snapshot);
+        ASSERT_TRUE(test::eventually(written));
+    }
+    ASSERT_TRUE(log->stop());
+    EXPECT_EQ(log->encoded(), 0u);
+    EXPECT_EQ(LogReader::open(file())->keyframes().size(), 2u + 2u) << "the first, twice, and two that came";
+    replay();
+}
+
 TEST_F(RecordLogTest, AFullDiskEndsTheLogAndNothingElse) {
     serve();
     auto made = RecordLog::start(replica, "/dev/full");
