@@ -1,9 +1,17 @@
 // A mirror's log holds the very bytes that came, and leads from each of its keyframes to the origin's states.
 #include <rtsg/sync/record_log.h>
 
+#include <chrono>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <string>
+#include <thread>
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -231,6 +239,90 @@ TEST_F(RecordLogTest, InPassingOneSnapshotIsAskedForAtATime) {
     EXPECT_EQ(log->encoded(), 0u);
     EXPECT_EQ(LogReader::open(file())->keyframes().size(), 2u + 2u) << "the first, twice, and two that came";
     replay();
+}
+
+TEST_F(RecordLogTest, ALogThatEndsBeforeItsSnapshotCameIsWhole) {
+    const NodeId node = scene.createNode(x3d::Transform::type);
+    scene.newFrame(0);
+    LogOptions options;
+    options.keyframeBytes = 1;
+    options.keyframeFactor = 0;
+    log = std::move(*RecordLog::start(scene, file(), options));
+    bool asked = false;
+    for (int k = 1; k < 1000 && !asked; ++k) {
+        ASSERT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(static_cast<float>(k), 0, 0)));
+        const auto set = scene.newFrame(k);
+        asked = log->addInPassing({nullptr, set}, *set);
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    ASSERT_TRUE(asked);
+    ASSERT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(-1, 0, 0)));
+    const auto last = scene.newFrame(1000);
+    EXPECT_FALSE(log->addInPassing({nullptr, last}, *last));
+    ASSERT_TRUE(log->stop());
+    EXPECT_EQ(log->acknowledged(), scene.sequence());
+    replay();
+}
+
+/// A disk that takes nothing for a while: nobody waits, and nothing is lost.
+TEST_F(RecordLogTest, WhatADiskDoesNotTakeIsMerged) {
+    const NodeId node = scene.createNode(x3d::Transform::type), many = scene.createNode(x3d::Coordinate::type);
+    scene.newFrame(0);
+    const std::string pipe = folder / "pipe";
+    ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+    const int reading = ::open(pipe.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+    ASSERT_GE(reading, 0);
+    log = std::move(*RecordLog::start(scene, pipe));
+    for (int k = 1; k <= 600; ++k) {
+        ASSERT_TRUE(scene.set(node, x3d::Transform::translation, Vec3f(static_cast<float>(k), 0, 0)));
+        ASSERT_TRUE(
+            scene.set(many, x3d::Coordinate::point, Array<Vec3f>(std::vector<Vec3f>(200, Vec3f(1.f * k, 0, 0)))));
+        const auto set = scene.newFrame(k * .001);
+        (void)log->addInPassing({nullptr, set}, *set);
+    }
+    EXPECT_GT(log->merged(), 300u);
+    EXPECT_LT(log->acknowledged(), 400u);
+    std::string taken;
+    std::thread reader([&] {
+        char bytes[65536];
+        pollfd there{reading, POLLIN, 0};
+        for (ssize_t count = 1; count != 0;) {
+            (void)::poll(&there, 1, 1000);
+            count = ::read(reading, bytes, sizeof bytes);
+            if (count > 0) taken.append(bytes, static_cast<std::size_t>(count));
+        }
+    });
+    EXPECT_TRUE(log->stop());
+    reader.join();
+    ::close(reading);
+    EXPECT_EQ(log->acknowledged(), scene.sequence());
+    std::ofstream(file(), std::ios::binary) << taken;
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer) << replayer.error().text;
+    while ((*replayer)->step().value_or(false)) continue;
+    EXPECT_EQ((*replayer)->scene().dump(), scene.dump());
+    EXPECT_EQ((*replayer)->gaps(), 0u);
+}
+
+TEST_F(RecordLogTest, AServedSceneThatStartsOverIsAnotherSessionOfItsServersLog) {
+    serve();
+    const std::shared_ptr<RecordLog> served = std::move(*RecordLog::start(scene, file()));
+    server->recordTo(served, std::chrono::hours(1));
+    frame(1);
+    ASSERT_TRUE(scene.reset());
+    Scene other;
+    for (int i = 0; i < 5; ++i) other.createNode(x3d::Group::type);
+    other.newFrame(9);
+    ASSERT_TRUE(scene.apply(std::make_shared<const ChangeSet>(other.snapshot())));
+    ASSERT_TRUE(test::pollUntil(*client, [&] { return replica.hash() == scene.hash(); }));
+    std::uint64_t starts = 0;
+    served->onAcknowledged([&](std::uint64_t start, std::uint64_t) { starts = start; });
+    EXPECT_EQ(starts, 1u);
+    ASSERT_TRUE(served->stop());
+    auto replayer = Replayer::open(file());
+    ASSERT_TRUE(replayer);
+    while ((*replayer)->step().value_or(false)) continue;
+    EXPECT_EQ((*replayer)->scene().hash(), scene.hash());
 }
 
 TEST_F(RecordLogTest, AFullDiskEndsTheLogAndNothingElse) {
