@@ -126,6 +126,8 @@ void MirrorShadow::run() {
         const std::scoped_lock lock(mutex_);
         std::snprintf(failure_, sizeof(failure_), "%s", e.what());
         lost_ = true;
+        dropWaiting();
+        if (handingOver_ && takeSnapshot_) takeSnapshot_(*handingOver_, nullptr);
         const std::uint64_t one = 1;
         (void)!::write(wake_, &one, sizeof(one));
     }
@@ -158,11 +160,13 @@ void MirrorShadow::follow() {
             const auto [record, snapshot] = std::move(waiting_.front());
             waiting_.pop_front();
             waitingBytes_ -= memoryOf(*record);
+            if (snapshot) handingOver_ = record->header.to;
             const SharedRecord next = waiting_.empty() ? nullptr : waiting_.front().record;
             lock.unlock();
             const bool skipped = !snapshot && skip(*record, next.get());
             const bool good = !skipped && follow(scene, record);
             if (snapshot) handOver(scene, record->header.to, good);
+            handingOver_.reset();
             lock.lock();
         }
         hurries_ = false;

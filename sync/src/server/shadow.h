@@ -126,6 +126,7 @@ class MirrorShadow {
     ChangeDecoder decoder_;  // the thread's own from here on
     ChangeEncoder encoder_;
     std::shared_ptr<ChangeSet> set_;
+    std::optional<std::uint64_t> handingOver_;  // the state whose snapshot is being made: a log waits for it
     std::optional<std::uint64_t> skippedFrom_;  // where the frames that were skipped set out
     /// Made not long ago, the newest first; states of a part have the numbers of the whole scene's.
     struct Merged {
