@@ -17,7 +17,6 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr milliseconds kNoNews{50};  // between looks at a world whose scene stands still
-constexpr double kRounding = 1e-6;   // times since 1970 are exact to a quarter of that
 
 }  // namespace
 
@@ -269,8 +268,7 @@ std::uint64_t LiveOutputs::heardAt(double elapsed) const {
 OutputReport LiveOutputs::report() const {
     OutputReport report = report_;
     for (const double t : report.pictureTimes) report.soundStates.push_back(heardAt(t - kRounding));
-    if (sound_ && std::isfinite(arguments_.seconds))
-        report.missing = missingSound(report.soundSeconds, arguments_.seconds, true);
+    if (sound_ && std::isfinite(arguments_.seconds)) report.addMissingSound(report.soundSeconds, arguments_.seconds);
     report.world = world_.counts();
     if (arguments_.picture.tessellationError().any()) report.cuts = world_.flattener().cuts();
     report.live = live_;

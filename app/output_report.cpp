@@ -27,6 +27,14 @@ std::string deviceJson(const LiveReport& report) {
 
 }  // namespace
 
+void OutputReport::addMissing(std::string_view what) {
+    missing += fmt::format("{}{}", missing.empty() ? "" : ", ", what);
+}
+
+void OutputReport::addMissingSound(double made, double wanted) {
+    if (made < wanted - 1e-4) addMissing(fmt::format("{:.4g} of {:.4g} s of sound", wanted - made, wanted));
+}
+
 void OutputReport::forget(bool pictures) {
     soundSeconds = 0;
     if (!pictures) return;
@@ -77,11 +85,6 @@ std::string missingError(double error, double unreached) {
     if (!(unreached > 0)) return {};
     return fmt::format("the error {:g} in {:.2g} % of the pixels, which ran out of samples; --spp allows more", error,
                        100 * unreached);
-}
-
-std::string missingSound(double made, double wanted, bool first) {
-    if (!(made < wanted - 1e-4)) return {};
-    return fmt::format("{}{:.4g} of {:.4g} s of sound", first ? "" : ", ", wanted - made, wanted);
 }
 
 }  // namespace rtsg::app

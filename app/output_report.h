@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/audio/live_sound.h>
@@ -34,6 +35,9 @@ struct OutputReport {
     };
     std::optional<Live> live;
 
+    void addMissing(std::string_view what);
+    /// Seconds; nothing if it is all there.
+    void addMissingSound(double made, double wanted);
     /// The sound that was made has not come into a file, nor have the pictures, if they are one.
     void forget(bool pictures);
     double meanKept() const { return pictureStates.empty() ? 0 : kept / static_cast<double>(pictureStates.size()); }
@@ -49,9 +53,6 @@ std::string keptText(double share);
 /// Says by how much a picture misses --error if the share `unreached` of its pixels ran out of samples; empty if it
 /// does not.
 std::string missingError(double error, double unreached);
-
-/// "1.4 of 4 s of sound", after a comma unless it is the first that is missing; empty if nothing is.
-std::string missingSound(double made, double wanted, bool first);
 
 /// ,"tessellation":… of a JSON object.
 std::string tessellationJson(const Flattener::Cuts& cuts);

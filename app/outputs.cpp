@@ -72,8 +72,10 @@ Result<std::unique_ptr<Outputs>> Outputs::attach(WorldOnDemand& world, const Out
     outputs->elapsed_ = ElapsedTime(world.scene().now());
     outputs->resources_ = resources;
     // A picture of the end needs no earlier geometry: this is made only then.
-    if (arguments.animated())
+    if (arguments.animated()) {
         if (auto ok = outputs->attachLight(); !ok) return std::unexpected(ok.error());
+        world.get().onRestart([o = outputs.get()] { o->keepWhatIs(); });
+    }
     if (!arguments.listen.empty()) {
         ListenOptions options = arguments.sound.parse();
         options.render.resources = resources;
@@ -94,6 +96,7 @@ Result<> Outputs::attachLight() {
 }
 
 Outputs::~Outputs() {
+    if (light_) world_.get().onRestart({});
     abandoned_ = true;
     {
         const std::lock_guard lock(mutex_);
@@ -104,7 +107,6 @@ Outputs::~Outputs() {
 }
 
 bool Outputs::pictureIsDue(double t) const {
-    constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter of that
     return light_ && arguments_.animated() && nextPicture() <= t + kRounding &&
            nextPicture() < arguments_.seconds - kRounding && !interrupted();
 }
@@ -161,17 +163,38 @@ Result<> Outputs::next(bool picture, double until) {
         failed_ = true;
         return result_;
     }
+    begin(Job{std::move(*state), picture, until});
+    return {};
+}
+
+void Outputs::begin(Job job) {
     if (!worker_.joinable()) worker_ = std::thread([this] { work(); });
     const std::lock_guard lock(mutex_);
-    job_ = Job{std::move(*state), picture, until};
+    job_ = std::move(job);
     changed_.notify_all();
-    return {};
+}
+
+/// A scene that starts over may go on much later (its server was out of reach): pictures until then show what was
+/// known.
+void Outputs::keepWhatIs() {
+    if (!light_ || !ready()) return;
+    if (auto state = light_->prepare()) before_ = std::move(*state);
+}
+
+/// Of the time that ends at `t`, which nobody saw.
+Result<> Outputs::pictureWhatWasBefore(double t) {
+    const auto state = std::exchange(before_, nullptr);
+    const double until = t - 2 * kRounding;  // what is due at `t` itself shows what came
+    if (!state || !pictureIsDue(until)) return {};
+    begin(Job{state, true, until});
+    return ready();
 }
 
 Result<> Outputs::frame() {
     if (!light_ && !sound_) return {};
     if (auto ok = ready(); !ok) return ok;
     const double t = elapsed();
+    if (auto ok = pictureWhatWasBefore(t); !ok) return ok;
     const bool picture = pictureIsDue(t);
     if (!picture && !sound_) return {};
     return next(picture, t);
@@ -225,9 +248,8 @@ OutputReport Outputs::report() const {
     const double pictures = std::ceil(arguments_.seconds * arguments_.picturesPerSecond - 1e-6);
     const auto made = static_cast<double>(report.pictureStates.size());
     if (light_ && arguments_.animated() && made < pictures)
-        report.missing +=
-            fmt::format("{}{} of {} pictures", report.missing.empty() ? "" : ", ", pictures - made, pictures);
-    if (sound_) report.missing += missingSound(report.soundSeconds, arguments_.seconds, report.missing.empty());
+        report.addMissing(fmt::format("{} of {} pictures", pictures - made, pictures));
+    if (sound_) report.addMissingSound(report.soundSeconds, arguments_.seconds);
     return report;
 }
 

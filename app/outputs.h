@@ -27,6 +27,8 @@
 
 namespace rtsg::app {
 
+inline constexpr double kRounding = 1e-6;  // seconds: times since 1970 are exact to a quarter of that
+
 /// The present state as a document.
 Result<> saveScene(const Scene& scene, const std::string& file, Existing existing);
 
@@ -110,6 +112,9 @@ class Outputs final : public OutputMaker {
         double until = 0;  // seconds from the start: pictures up to there
     };
     Result<> next(bool picture, double until);
+    void begin(Job job);
+    void keepWhatIs();
+    Result<> pictureWhatWasBefore(double t);
     Result<> ready();
     void work();
     Result<> make(const Job& job);
@@ -130,6 +135,7 @@ class Outputs final : public OutputMaker {
     std::unique_ptr<LightRenderer> light_;  // null until there is a picture to make
     std::unique_ptr<SoundRenderer> sound_;
     ElapsedTime elapsed_;
+    std::shared_ptr<const WorldState> before_;  // the last state before the scene started over
     std::atomic<bool> failed_{false}, afterInterruption_{false}, abandoned_{false};
 
     // The worker's while it has a job, else the scene's thread's.

@@ -109,13 +109,16 @@ Result<MirrorClientOptions> clientOptions(const MirrorArguments& options) {
 /// with --live of the newest state.
 class Made {
   public:
-    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources) : replica_(replica) {
+    Made(Scene& replica, const OutputArguments& arguments, const Resources& resources)
+        : replica_(replica),
+          makesMore_(!arguments.render.empty() || !arguments.listen.empty() || !arguments.save.empty()) {
         if (!arguments.record.empty()) {
             LogOptions options;
             options.existing = existing(arguments.force);
             auto log = RecordLog::start(replica, arguments.record, options);
             if (!log) {
                 problem_ = std::unexpected(log.error());
+                logFailed_ = true;
                 return;
             }
             log_ = std::move(*log);
@@ -138,23 +141,45 @@ class Made {
         if (log_) log_->add(replica_, step);
         if (behind_) behind_->step(step);
     }
-    /// In every turn of the mirror's loop. False: there is no sense in going on.
+    /// In every turn of the mirror's loop. What fails costs the others nothing. False: there is no sense in going on,
+    /// as nothing that was asked for can still be made.
     bool frame() {
-        if (!problem_ || (log_ && !log_->failure().empty())) return false;
-        return outputs_->frame() && !outputs_->failed();
+        if (!problem_) return false;
+        if (log_ && !logFailed_ && !log_->failure().empty()) {
+            logFailed_ = true;
+            printError(log_->failure());
+        }
+        const bool made = !outputsFailed_ && outputs_->frame() && !outputs_->failed();
+        outputsFailed_ = !made;
+        return (made && (!logFailed_ || makesMore_)) || (log_ && !logFailed_);
     }
     Result<> finish() {
-        const Result<> result = allOf({[&] { return problem_; }, [&] { return log_ ? log_->stop() : Result<>(); },
+        const Result<> result = allOf({[&] { return problem_; }, [&] { return finishLog(); },
                                        [&] { return outputs_ ? outputs_->finish() : Result<>(); }});
         app::print(replica_.diagnostics(), result ? "" : result.error().format());
         return result;
     }
-    OutputReport report() const { return outputs_ ? outputs_->report() : OutputReport(); }
+    OutputReport report() const {
+        OutputReport report = outputs_ ? outputs_->report() : OutputReport();
+        if (logFailed_)
+            report.addMissing(log_ ? fmt::format("the log beyond state {}", log_->acknowledged()) : "the log");
+        return report;
+    }
     /// Frames that were encoded here, as no record came that would do.
     std::uint64_t encoded() const { return (log_ ? log_->encoded() : 0) + (behind_ ? behind_->encoded() : 0); }
 
   private:
+    /// That it failed has been said, if it did so earlier.
+    Result<> finishLog() {
+        if (!log_ || logFailed_) return {};
+        const Result<> done = log_->stop();
+        logFailed_ = !done;
+        return done;
+    }
+
     Scene& replica_;
+    const bool makesMore_;  // than a log
+    bool logFailed_ = false, outputsFailed_ = false;
     Result<> problem_;
     std::unique_ptr<WorldOnDemand> world_;
     std::unique_ptr<RecordLog> log_;
@@ -248,6 +273,7 @@ class Mirroring {
     ElapsedTime elapsed_;
     std::uint64_t framesBefore_ = 0;  // it joined: what the server had kept
     double since_ = 0, time_ = 0, seconds_ = 0;
+    Clock::time_point firstAt_;  // a state came
     Clock::time_point heard_ = Clock::now(), joinedAt_ = Clock::now(), movedAt_ = Clock::now();
     Clock::time_point lostAt_ = Clock::now();  // it was heard until then
     Clock::time_point useful_ = Clock::now();  // what came was, until then
@@ -278,8 +304,14 @@ bool Mirroring::join() {
 bool Mirroring::mayJoin() {
     const MirrorStatistics& statistics = client_->statistics();
     if (joined() || statistics.frames == 0) return false;
-    if (!firstState_) firstState_ = statistics.originSequence;
-    return statistics.sequence >= *firstState_ || client_->serverLeft();
+    if (!firstState_) {
+        firstState_ = statistics.originSequence;
+        firstAt_ = Clock::now();
+    }
+    // What the server says is not believed for ever: on a link so slow, or of a server so wrong, the outputs begin with
+    // the state that is here.
+    return statistics.sequence >= *firstState_ || client_->serverLeft() ||
+           secondsSince(firstAt_) > patience_ + latency_;
 }
 
 bool Mirroring::isOver(std::size_t applied) {
@@ -421,6 +453,8 @@ void Mirroring::finish() {
     if (joined()) {
         if (auto ok = made_->finish(); !ok) fail(ok.error().format());
         report_ = made_->report();
+        if (statistics.holes > 0 && hasLength())
+            report_.addMissing(fmt::format("{:.2f} s of the session", statistics.missed));
         if (!report_.missing.empty()) fail("missing: " + report_.missing);
     }
     equal_ = statistics.equal && statistics.sequence >= wanted();
@@ -471,8 +505,8 @@ void Mirroring::printJson() const {
         framesPerSecond(), static_cast<double>(statistics.bytes) / frames, statistics.restarts, statistics.garbage,
         statistics.clockOffset, statistics.delay, statistics.lag, statistics.mostLag, statistics.jitter,
         statistics.late, requests_.sent, requests_.accepted, requests_.refused);
-    fmt::print("\"inputs\":{},\"encoded\":{}{}}}\n", statistics.inputs, joined() ? made_->encoded() : 0,
-               report_.json());
+    fmt::print("\"inputs\":{},\"encoded\":{},\"holes\":{},\"missed_s\":{:.3f}{}}}\n", statistics.inputs,
+               joined() ? made_->encoded() : 0, statistics.holes, statistics.missed, report_.json());
 }
 
 int Mirroring::run() {

@@ -333,6 +333,29 @@ TEST_F(FullDisk, EndsTheRecordingNotTheSession) {
     EXPECT_LE(summary.at("log_bytes"), 16384);
 }
 
+/// As that of a server: the log ends, and what else was asked for is made. A mirror that does nothing else ends with
+/// it.
+TEST_F(FullDisk, EndsTheLogOfAMirrorNotItsPictures) {
+    const std::string endpoint = "ipc://" + folder / "socket";
+    Program server({"serve", file, "--bind", endpoint, "--fps", "200", "--json"}, folder / "server");
+    ASSERT_NE(server.firstLine(), "");
+    const Outcome pictured = rtsg({"mirror", endpoint, "--record", disk + "/a.rlog", "--for", "3s", "--fps", "4",
+                                   "--render", folder / "p%02d.png", "--size", "16x9", "--json"});
+    EXPECT_EQ(pictured.status, 1);
+    EXPECT_THAT(pictured.err, HasSubstr("No space left"));
+    const json report = json::parse(pictured.out);
+    EXPECT_EQ(report.at("pictures"), 12) << report;
+    EXPECT_THAT(report.at("missing").get<std::string>(), HasSubstr("the log beyond state ")) << report;
+    const json replayed = json::parse(rtsg({"replay", disk + "/a.rlog", "--json"}).out);
+    EXPECT_GT(replayed.at("frames"), 3);
+    EXPECT_EQ(replayed.at("frames"), replayed.at("verified"));
+    const Outcome alone = rtsg({"mirror", endpoint, "--record", disk + "/b.rlog", "--for", "60s", "--json"});
+    EXPECT_EQ(alone.status, 1);
+    const json ended = json::parse(alone.out);
+    EXPECT_LT(ended.at("t"), 50) << ended;
+    EXPECT_EQ(ended.at("missing"), "the log") << ended;
+}
+
 /// What no document can say is left out of it and named, and the rest can be read.
 TEST_F(NothingIsLost, ASavedSceneWithoutAValueThatIsNotFiniteIsNamedAsPartial) {
     writeFile(

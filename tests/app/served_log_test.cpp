@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 
 #include "mirror_session.h"
+#include "support/middleman.h"
 
 namespace rtsg::test {
 namespace {
@@ -35,6 +36,7 @@ TEST_F(Mirror, AServerThatWasKilledGoesOnFromItsLog) {
     const json report = json::parse(followed.out);
     expectEqual(report);
     EXPECT_EQ(report.at("restarts"), 0) << report;
+    EXPECT_EQ(report.at("holes"), 0) << "it goes on from its last state: " << report;
     EXPECT_GT(report.at("sequence"), before) << report;
     const Outcome ended = server->wait();
     EXPECT_EQ(ended.status, 0) << ended.err;
@@ -47,11 +49,12 @@ TEST_F(Mirror, AServerThatWasKilledGoesOnFromItsLog) {
     EXPECT_EQ(json::parse(verified.out).at("hash"), summary.at("hash"));
 }
 
-/// Another server at the same place, without the session of the first: pictures and sound go on, in the new states.
-TEST_F(Mirror, PicturesGoOnWithTheStatesOfAServerThatBeganAnew) {
+/// Another server at the same place, without the session of the first: what happened in between is missing, and said to
+/// be. Pictures of that time show the last state that was known.
+TEST_F(Mirror, AServerThatBeginsAnewLeavesAHoleThatIsNamed) {
     serve({}, "tcp://127.0.0.1:*");
     Program mirror(
-        {"mirror", endpoint, "--for", "3s", "--fps", "10", "--render", folder / "p%02d.png", "--size", "16x9",
+        {"mirror", endpoint, "--for", "4s", "--fps", "10", "--render", folder / "p%02d.png", "--size", "16x9",
          "--listen", folder / "p.wav", "--rays", "50", "--wait", "60s", "--record", folder / "p.rlog", "--json"},
         streams());
     // Early: on a busy machine pictures lag behind the states, of which none may be left to come.
@@ -61,14 +64,30 @@ TEST_F(Mirror, PicturesGoOnWithTheStatesOfAServerThatBeganAnew) {
     std::this_thread::sleep_for(std::chrono::milliseconds(300));
     server->signal(SIGKILL);
     server->wait();
+    std::this_thread::sleep_for(std::chrono::milliseconds(1500));
     serve({}, endpoint);
     const Outcome followed = mirror.wait();
-    ASSERT_EQ(followed.status, 0) << followed.err;
+    EXPECT_EQ(followed.status, 1) << followed.err;
+    EXPECT_THAT(followed.err, HasSubstr("s of the session were missed"));
     const json report = json::parse(followed.out);
+    EXPECT_EQ(report.at("holes"), 1) << report;
+    EXPECT_GT(report.at("missed_s"), 1.4) << report;
+    EXPECT_THAT(report.at("missing").get<std::string>(), HasSubstr("s of the session")) << report;
+    const std::vector<std::uint64_t> states = report.at("picture_states");
+    std::vector<std::size_t> runs;  // how often each state was, one after the other
+    for (std::size_t i = 0; i < states.size(); ++i)
+        if (i == 0 || states[i] != states[i - 1])
+            runs.push_back(1);
+        else
+            ++runs.back();
+    EXPECT_EQ(std::ranges::count_if(runs, [](std::size_t n) { return n > 5; }), 1) << report;
+    const auto held = std::ranges::max_element(runs);
+    EXPECT_GE(*held, 12U) << report;
+    EXPECT_NE(held, runs.end() - 1) << "pictures go on with the states of the next session: " << report;
     expectEqual(report);
     EXPECT_EQ(report.at("restarts"), 1) << report;
-    EXPECT_EQ(report.at("pictures"), 30) << report;
-    EXPECT_DOUBLE_EQ(report.at("sound_seconds").get<double>(), 3);
+    EXPECT_EQ(report.at("pictures"), 40) << report;
+    EXPECT_DOUBLE_EQ(report.at("sound_seconds").get<double>(), 4);
     EXPECT_EQ(report.at("snapshots"), 2) << report;
     EXPECT_EQ(report.at("picture_states"), report.at("sound_states"));
     server->signal(SIGTERM);
@@ -230,6 +249,22 @@ TEST_F(Mirror, ALengthIsReachedWhereALogBeginsAgain) {
     }
     player.signal(SIGTERM);
     EXPECT_EQ(player.wait().status, 0);
+}
+
+/// A server that claims a state which it never sends holds nobody: what there is is followed, and the claim is told.
+TEST_F(Mirror, AStateThatNeverComesIsNotWaitedForForLong) {
+    serve({"--for", "60s"}, "tcp://127.0.0.1:*");
+    const test::Middleman liar(endpoint, [](bool toClient, test::Middleman::Parts& parts) {
+        constexpr std::size_t kNewest = 8 + 3 * 8;  // in a welcome, behind session, epoch and heartbeat
+        if (toClient && parts[0].size() > kNewest + 8 && parts[0][5] == 16) parts[0][kNewest + 3] = 1;
+        return true;
+    });
+    const auto start = std::chrono::steady_clock::now();
+    const Outcome followed = rtsg({"mirror", liar.endpoint, "--for", "1s", "--wait", "1s", "--json"});
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(40));
+    EXPECT_EQ(followed.status, 1);
+    EXPECT_THAT(followed.err, HasSubstr("the origin was in state 1677"));
+    EXPECT_GE(json::parse(followed.out).at("t"), 1) << followed.out;
 }
 
 /// As a log that is paused does, or one at its end.

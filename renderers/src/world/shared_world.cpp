@@ -62,6 +62,10 @@ struct SharedWorld::Impl final : Subscriber {
 
     double clock() const { return options.timed ? threadSeconds() : 0; }
 
+    void beforeRestart() override {
+        if (heardOfRestart) heardOfRestart();
+    }
+
     Result<> apply(const Scene& at, const ChangeSet& changes) override {
         const Result<> done = guarded([&] {
             const double start = clock();
@@ -241,6 +245,7 @@ struct SharedWorld::Impl final : Subscriber {
     std::optional<EyePlace> eye;  // as a reader last said
     std::vector<LayerSight> eyeSights;
 
+    std::function<void()> heardOfRestart;
     Attachment attachment;  // last: detached first
 };
 
@@ -250,6 +255,10 @@ SharedWorld::SharedWorld(Scene& scene, Options options) : impl_(std::make_unique
     impl_->attachment.poll();
 }
 SharedWorld::~SharedWorld() = default;
+
+void SharedWorld::onRestart(std::function<void()> heard) {
+    impl_->heardOfRestart = std::move(heard);
+}
 
 std::uint64_t SharedWorld::add(InstanceSubscriber& subscriber) {
     Impl& s = *impl_;

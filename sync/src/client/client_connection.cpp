@@ -215,6 +215,7 @@ void MirrorClient::Impl::connectionLost() {
     connected_ = false;
     unanswered_ = 0;
     helloPending_ = true;
+    if (!lostAt_) lostAt_ = heard_;
     loseCommands(std::ssize(commands_));
 }
 
@@ -422,6 +423,7 @@ void MirrorClient::Impl::receive(Message type, wire::Reader& in, const ZmqMessag
             send();
             loseCommands(std::ssize(commands_));
             connected_ = false;  // and hello again in a while
+            if (!lostAt_) lostAt_ = heard_;
             unanswered_ = 0;
             greeted_ = Clock::now();
             return report(Severity::note, "the server said goodbye");
@@ -456,7 +458,9 @@ void MirrorClient::Impl::hearOrigin(wire::Reader& in) {
     std::uint64_t numbers[1];
     if (!connected_ || !mirror::read(in, numbers)) return;
     originAt_ = std::max(originAt_, numbers[0]);
-    relayLost_ = in.left() && mirror::read(in, numbers) && (numbers[0] & 1) != 0;
+    const bool lost = in.left() && mirror::read(in, numbers) && (numbers[0] & 1) != 0;
+    if (lost && !relayLost_) relayLostAt_ = heard_;
+    relayLost_ = lost;
 }
 
 bool MirrorClient::Impl::originLost() const {
@@ -488,7 +492,10 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         if (misfits(request))
             verdicts_.push_back({request.number, "the origin has other node types than when this was asked", 0, {}});
     std::erase_if(requests_, misfits);
+    std::uint64_t newest[1] = {0}, missed[1] = {relayMissed_};
+    if (in.left() && mirror::read(in, newest) && in.left()) (void)mirror::read(in, missed);
     if (numbers[1] != epoch_) {
+        if (missed[0] > relayMissed_ && !lostAt_) lostAt_ = relayLostAt_;
         if (epoch_ != 0) {
             ++statistics_.restarts;
             report(Severity::note, "the server is another run of the scene");
@@ -502,8 +509,8 @@ void MirrorClient::Impl::welcome(wire::Reader& in, const ZmqMessage& second) {
         epoch_ = numbers[1];
         clock_.reset();
     }
-    std::uint64_t newest[1];
-    if (in.left() && mirror::read(in, newest)) originAt_ = std::max(originAt_, newest[0]);
+    originAt_ = std::max(originAt_, newest[0]);
+    relayMissed_ = missed[0];
     for (Request& request : requests_) request.sent = 0;
     refusal_.clear();
     unanswered_ = 0;

@@ -110,6 +110,7 @@ class MirrorClient::Impl {
     void input(std::span<const std::byte> bytes, const RecordHeader& header);
     void stopRunning(const std::string& why);
     void noteLag();
+    void noteHole(const RecordHeader& header, bool afresh);
     void compare(const RecordHeader& header);
     void repair(std::span<const std::byte> bytes, const RecordHeader& header);
     void answer(std::span<const std::byte> message);
@@ -160,7 +161,11 @@ class MirrorClient::Impl {
     bool awaited_ = false;                           // the server waits to hear of them
     ByteBuffer partial_;                             // a record that comes in several parts
     std::uint64_t partialSize_ = 0;
-    int attempts_ = 0;  // to reconnect, since the server was heard
+    std::uint64_t heldEpoch_ = 0;              // of `state_`
+    std::optional<Clock::time_point> lostAt_;  // since the last state the origin was out of reach; heard until then
+    Clock::time_point relayLostAt_{};          // the relay said so of its own origin
+    std::uint64_t relayMissed_ = 0;            // holes of the relay's, as it says
+    int attempts_ = 0;                         // to reconnect, since the server was heard
     Clock::time_point reconnected_{}, heard_{}, greeted_{}, repaired_{}, dataAt_{}, pinged_{}, asked_{}, scrubbed_{};
     std::vector<std::shared_ptr<ChangeSet>> sets_;
     std::size_t applied_ = 0;  // in this turn of poll()

@@ -190,7 +190,26 @@ void MirrorClient::Impl::tellStep(std::span<const std::byte> bytes, const Record
     onStep_(step);
 }
 
+/// The origin was out of reach. What comes now tells whether it went on meanwhile, and without us.
+void MirrorClient::Impl::noteHole(const RecordHeader& header, bool afresh) {
+    constexpr double kMerged = 1;  // seconds: a merge of less is what slow links bring
+    const std::optional<Clock::time_point> lost = std::exchange(lostAt_, std::nullopt);
+    if (!lost || heldEpoch_ == 0) return;
+    const bool everyFrame = options_.framesPerSecond == 0 && options_.maxLag.count() == 0;
+    const bool isMerged = everyFrame && header.to > header.from + 1 && header.time - replica_.now() > kMerged;
+    const bool isOther = heldEpoch_ != epoch_;
+    if (afresh ? !isOther && header.to <= state_ + 1 : !isMerged) return;
+    const double seconds = std::chrono::duration<double>(Clock::now() - *lost).count();
+    ++statistics_.holes;
+    statistics_.missed += seconds;
+    report(Severity::warning,
+           fmt::format("{:.2f} s of the session were missed: state {} was the last before them, {} {} is the next",
+                       seconds, state_, isOther ? "another run's state" : "state", header.to));
+    if (options_.onMissed) options_.onMissed();
+}
+
 void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHeader& header, bool afresh) {
+    noteHole(header, afresh);
     Result<std::shared_ptr<ChangeSet>> set;
     if (afresh || !applyAgain(bytes, header)) set = applySet(bytes, header);
     if (!set) {
@@ -206,6 +225,7 @@ void MirrorClient::Impl::apply(std::span<const std::byte> bytes, const RecordHea
         return;
     }
     haveState_ = true;
+    heldEpoch_ = epoch_;
     ++applied_;
     ++statistics_.frames;
     if (afresh) {

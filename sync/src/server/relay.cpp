@@ -12,9 +12,13 @@ MirrorRelay::~MirrorRelay() = default;
 Result<std::unique_ptr<MirrorRelay>> MirrorRelay::connect(Scene& replica, const std::string& origin,
                                                           const std::string& endpoint, MirrorClientOptions from,
                                                           MirrorServerOptions to) {
+    std::unique_ptr<MirrorRelay> relay(new MirrorRelay(replica, endpoint, std::move(to)));
+    from.onMissed = [r = relay.get(), heard = std::move(from.onMissed)] {
+        if (r->server_) r->server_->noteOriginMissed();
+        if (heard) heard();
+    };
     auto client = MirrorClient::connect(replica, origin, std::move(from));
     if (!client) return std::unexpected(client.error());
-    std::unique_ptr<MirrorRelay> relay(new MirrorRelay(replica, endpoint, std::move(to)));
     relay->client_ = std::move(*client);
     return relay;
 }

@@ -377,6 +377,10 @@ void MirrorServer::setOriginLost(bool lost) {
     if (shared_->originLost.exchange(lost) != lost) shared_->awaken();
 }
 
+void MirrorServer::noteOriginMissed() {
+    ++shared_->originMissed;
+}
+
 bool MirrorServer::drain(std::chrono::milliseconds timeout) {
     const auto end = std::chrono::steady_clock::now() + timeout;
     while (true) {

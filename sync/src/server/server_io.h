@@ -55,9 +55,10 @@ struct MirrorServer::Shared {
     std::atomic<std::uint64_t> coded{0};
     std::atomic<bool> wantForget{false};  // somebody has not got what predicted values refer to
     std::atomic<std::uint64_t> epoch{0};
-    std::atomic<bool> originLost{false};  // of a relay
-    int wake = -1;                        // eventfd, of the sockets' thread
-    int call = -1;                        // of the scene's: there is something for service()
+    std::atomic<bool> originLost{false};         // of a relay
+    std::atomic<std::uint64_t> originMissed{0};  // holes of a relay's
+    int wake = -1;                               // eventfd, of the sockets' thread
+    int call = -1;                               // of the scene's: there is something for service()
 
     std::mutex mutex;  // guards the rest
     std::condition_variable caughtUp;

@@ -218,8 +218,9 @@ void MirrorServer::Io::hello(const std::string& identity, const mirror::Hello& h
     const std::uint64_t epoch = shared_->epoch ^ streamOf(peer).epochMix;
     if (hello.epoch == epoch) peer.claim = Peer::Claim{hello.sequence, hello.wishes.hash};
     if (!historyOf(peer).empty()) place(peer);
-    const std::uint64_t numbers[] = {
-        hello.session, epoch, static_cast<std::uint64_t>(shared_->options.heartbeat.count()), historyOf(peer).newest()};
+    const std::uint64_t numbers[] = {hello.session, epoch,
+                                     static_cast<std::uint64_t>(shared_->options.heartbeat.count()),
+                                     historyOf(peer).newest(), shared_->originMissed};
     mirror::write(message_, Message::welcome, numbers);
     ZmqMessage body(head_.bytes());
     if (!sendTo(identity, message_, &body)) peers_.erase(found);

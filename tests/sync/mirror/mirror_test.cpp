@@ -306,6 +306,8 @@ TEST(MirrorFault, ARestartedServerIsNoticedAndTheReplicaStartsOver) {
     ASSERT_TRUE(pollUntilAt(*replica.client, second.scene));
     expectEqual(second, replica);
     EXPECT_EQ(replica.statistics().restarts, 1u);
+    EXPECT_EQ(replica.statistics().holes, 1u);
+    EXPECT_GT(replica.statistics().missed, 0);
     EXPECT_EQ(resets.snapshots, 2);
     second.step(5);
     ASSERT_TRUE(pollUntilAt(*replica.client, second.scene));

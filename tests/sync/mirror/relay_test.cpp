@@ -133,6 +133,21 @@ TEST(MirrorRelay, LeavesAreToldThatTheOriginIsLostAndThatItIsBack) {
     }));
     chain.origin.newFrame(chain.time += 1);
     EXPECT_TRUE(chain.settle());
+    EXPECT_EQ(chain.relay->client().statistics().holes, 1u);
+    EXPECT_EQ(chain.leaf->statistics().holes, 1u);
+    EXPECT_GT(chain.leaf->statistics().missed, 0);
+}
+
+TEST(MirrorRelay, AnOriginThatStartsOverWithinReachLeavesNoHole) {
+    Chain chain;
+    ASSERT_TRUE(chain.origin.reset());
+    chain.origin.newFrame(chain.time += 1);
+    ASSERT_TRUE(pollUntil(*chain.leaf, [&] {
+        chain.turn();
+        return chain.leaf->statistics().restarts == 1 && chain.leaf->inStep();
+    }));
+    EXPECT_EQ(chain.end.hash(), chain.origin.hash());
+    EXPECT_EQ(chain.leaf->statistics().holes, 0u);
 }
 
 }  // namespace

@@ -113,6 +113,10 @@ class SharedWorld {
     /// who use this world. Nodes that are there already get them, too.
     void setMeshSource(std::string_view type, MeshSource source);
 
+    /// Calls `heard` when the scene is about to start over and is still as it was; none: an empty function. It must not
+    /// edit the scene.
+    void onRestart(std::function<void()> heard);
+
     /// An object that several subscribers share and load once, such as the textures under one policy. Its name says
     /// what it is and with what it was made. It is made when nobody holds one, and destroyed with its last holder. To
     /// be called on the scene's thread.

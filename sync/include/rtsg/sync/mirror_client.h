@@ -73,6 +73,8 @@ struct MirrorClientOptions {
     std::chrono::milliseconds latency{0};
     /// Called from poll() for everything that was found to differ from the origin, once it has a name.
     std::function<void(const Divergence&)> onDivergence;
+    /// Called from poll() when states were missed (MirrorStatistics::holes), before the one that follows is applied.
+    std::function<void()> onMissed;
 };
 
 struct MirrorStatistics {
@@ -99,6 +101,10 @@ struct MirrorStatistics {
     std::uint64_t late = 0;  // frames that came after the time they were to be shown at
     /// Age of frames when they were applied, seconds since the origin published them: the last one's, and the most.
     double lag = 0, mostLag = 0;
+    /// Times that the origin was out of reach and went on without us: the state that came next does not follow from the
+    /// one before. `missed`: seconds from when it was last heard to that state. Where a player jumps nothing is missed.
+    std::uint64_t holes = 0;
+    double missed = 0;
 };
 
 class MirrorClient {

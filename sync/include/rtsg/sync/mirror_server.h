@@ -147,6 +147,9 @@ class MirrorServer : public Subscriber {
     void answerCommand(std::string reply);
     /// Whether the scene's own origin is lost: peers are told at once, and again with every ping.
     void setOriginLost(bool lost);
+    /// The state that the scene starts over with does not follow from the one before, as states between were missed:
+    /// peers are told when they join it. To be called before the scene is reset.
+    void noteOriginMissed();
 
     /// From now on peers get a frame, and the verdicts on what they asked for in it, only when a log has it: if this
     /// process is killed, none of them is ahead of the log. What is returned is for LogRecorder::onAcknowledged() of a
