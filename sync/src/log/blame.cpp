@@ -28,11 +28,16 @@ class Blame {
         const Scene& scene = replayer.scene();
         if (!ofPart_) ofPart_ = showsAPart(scene, replayer.lastSet());
         const auto place = findField(scene, path_);
+        touched_.clear();
+        touched_.add(replayer.lastSet());
+        if (replayer.lastSet().isSnapshot()) touched_.forget();
         if (!place) {
             if (!known_) why_ = place.error();
             before_.reset();
             return {};
         }
+        // Later changes may follow from it, whether this field changes now or not.
+        if (!replayer.lastSet().isSnapshot() && touched_.isFromOutside()) touched_.rememberStarts(scene, place->node);
         known_ = true;
         const Node& node = scene.node(place->node);
         if (!node.type().fields[place->field].readable())
@@ -48,9 +53,7 @@ class Blame {
             step.cause = "as the log begins, or goes on";
             return {};
         }
-        FrameTouches touched;
-        touched.add(replayer.lastSet());
-        auto [cause, author, appeared] = touched.cause(scene, place->node, place->field);
+        auto [cause, author, appeared, fromOutside] = touched_.cause(scene, place->node, place->field);
         if (appeared && author.empty()) appeared_.push_back(steps_.size() - 1);
         step.cause = std::move(cause);
         step.author = std::move(author);
@@ -85,6 +88,7 @@ class Blame {
     }
 
     const std::string_view path_;
+    FrameTouches touched_;
     std::vector<FieldStep> steps_;
     std::vector<std::size_t> appeared_;  // steps in which the node did, and nobody is named for it
     std::optional<Value> before_;

@@ -2,14 +2,53 @@
 #include "cause.h"
 
 #include <algorithm>
+#include <unordered_set>
 
 #include <fmt/format.h>
 
 #include <rtsg/core/frame_input.h>
+#include <rtsg/core/x3d.h>
 
 #include "codec/node_label.h"
 
 namespace rtsg {
+
+namespace {
+
+using Root = x3d::RtsgScene;
+
+/// Which field of the scene's root hears what such nodes make events of (rtsg/core/device_input.h).
+struct Device {
+    std::string_view component;
+    FieldIndex field;
+};
+const Device kDevices[] = {
+    {"PointingDeviceSensor", Root::pointer.index},
+    {"KeyDeviceSensor", Root::key.index},
+    {"KeyDeviceSensor", Root::text.index},
+    {"Picking", Root::picked.index},
+    {"DIS", Root::heard.index},
+    {"RigidBodyPhysics", Root::contact.index},
+    {"EnvironmentalSensor", Root::navigate.index},
+    {"EnvironmentalSensor", Root::headPose.index},
+    {"EnvironmentalSensor", Root::wheel.index},
+    {"Navigation", Root::navigate.index},
+};
+
+std::string_view deviceName(FieldIndex field) {
+    if (field == Root::pointer.index) return "a pointer";
+    if (field == Root::key.index || field == Root::text.index) return "a key";
+    if (field == Root::picked.index) return "picking";
+    if (field == Root::heard.index) return "DIS";
+    return field == Root::contact.index ? "a contact" : "the viewer";
+}
+
+/// TimeSensor, followers and media: what they send follows from what came into them earlier.
+bool actsOverTime(const NodeType& type) {
+    return type.find("isActive") != kNoField;
+}
+
+}  // namespace
 
 void FrameTouches::add(const ChangeSet& set) {
     for (const Change& c : set.changes)
@@ -96,10 +135,47 @@ FrameTouches::Cause FrameTouches::cause(const Scene& scene, NodeId node, FieldIn
         }
         text = text.empty() ? route : fmt::format("{}, {}", route, text);
     }
-    if (outside)
-        return {text.empty() ? std::string(kSetFromOutside) : fmt::format("{}, then ROUTE {}", kSetFromOutside, text),
-                authorOf(node, field), made && text.empty()};
-    return {text.empty() ? text : fmt::format("ROUTE {}", text), {}, false};
+    const auto then = [&](std::string_view begun) {
+        return text.empty() ? std::string(begun) : fmt::format("{}, then ROUTE {}", begun, text);
+    };
+    if (!outside && scene.find(node)) {
+        if (const FieldIndex device = deviceFor(scene, scene.node(node).type()); device != kNoField)
+            return {then(fmt::format("from {}", deviceName(device))), authorOf(scene.root(), device), false, true};
+        if (const auto start = starts_.find(node.value); start != starts_.end())
+            return {then(fmt::format("{} in state {}", start->second.text, start->second.state)), start->second.author,
+                    false, true};
+    }
+    if (outside) return {then(kSetFromOutside), authorOf(node, field), made && text.empty(), true};
+    return {text.empty() ? text : fmt::format("ROUTE {}", text), {}, false, false};
+}
+
+/// The field of the root by which something came in that such a node makes events of by itself; kNoField: none did.
+FieldIndex FrameTouches::deviceFor(const Scene& scene, const NodeType& type) const {
+    const bool isPointed = type.find("isOver") != kNoField;  // GeoTouchSensor is of another component
+    for (const Device& device : kDevices)
+        if ((device.component == type.component || (isPointed && device.field == Root::pointer.index)) &&
+            has(scene.root(), device.field))
+            return device.field;
+    return kNoField;
+}
+
+void FrameTouches::rememberStarts(const Scene& scene, NodeId node) {
+    std::unordered_set<std::uint32_t> seen{node.value};
+    std::vector<NodeId> upstream{node};
+    for (std::size_t i = 0; i < upstream.size(); ++i) {
+        const NodeId id = upstream[i];
+        for (const Route& r : scene.routesTo(id))
+            if (seen.insert(r.fromNode.value).second) upstream.push_back(r.fromNode);
+        const NodeType& type = scene.node(id).type();
+        if (!actsOverTime(type)) continue;
+        for (FieldIndex f = 0; f < type.fields.size(); ++f) {
+            if (!type.fields[f].writable() || !has(id, f)) continue;
+            Cause cause = this->cause(scene, id, f);
+            if (!cause.fromOutside) continue;
+            starts_[id.value] = {scene.sequence(), std::move(cause.text), std::move(cause.author)};
+            break;
+        }
+    }
 }
 
 }  // namespace rtsg

@@ -1,9 +1,11 @@
 // Who changed a field, as logs of both modes tell it.
 #include <algorithm>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/core/device_input.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 #include <rtsg/documents/world.h>
@@ -11,6 +13,7 @@
 #include <rtsg/sync/log.h>
 
 #include "log/cause.h"
+#include "support/simple_space.h"
 #include "support/temp_folder.h"
 #include "test_paths.h"
 
@@ -36,9 +39,9 @@ struct Logged {
     std::string file;
     double time = 0;
 
-    Logged(const test::TempFolder& folder, Mode mode) : file(folder / "blamed.rlog") {
+    Logged(const test::TempFolder& folder, Mode mode, const char* text = kBlamed) : file(folder / "blamed.rlog") {
         Diagnostics diagnostics;
-        EXPECT_TRUE(loadText(scene, kBlamed, diagnostics));
+        EXPECT_TRUE(loadText(scene, text, diagnostics));
         scene.setInputRecording(mode == Mode::input);
         scene.newFrame(0);
         LogOptions options;
@@ -140,6 +143,80 @@ TEST(Blame, OfALogOfInputsKnowsWhatCameIn) {
     EXPECT_EQ(steps[1].author, "ann");
     EXPECT_EQ(steps[2].author, "");
     EXPECT_EQ(steps[3].author, "bob");
+}
+
+/// From the touch to what a clock moves frames later; a clock that nobody set off is nobody's.
+TEST(Blame, LeadsThroughSensorsAndClocksToWhoSetThemOff) {
+    const test::TempFolder folder;
+    Logged log(folder, Mode::state, R"(#X3D V4.0 utf8
+PROFILE Immersive
+DEF T Transform { children [ DEF TS TouchSensor { } Shape { geometry Box { } } ] }
+DEF LOOP TimeSensor { loop TRUE } DEF TURN OrientationInterpolator { key [0 1] keyValue [0 1 0 0, 0 1 0 1] }
+DEF SPIN TimeSensor { cycleInterval 8 startTime -100 } DEF OI OrientationInterpolator { key [0 1] keyValue [0 1 0 0, 0 1 0 1] }
+DEF FREE Transform { }
+ROUTE TS.touchTime TO SPIN.startTime
+ROUTE SPIN.fraction_changed TO OI.set_fraction
+ROUTE OI.value_changed TO T.rotation
+ROUTE LOOP.fraction_changed TO TURN.set_fraction
+ROUTE TURN.value_changed TO FREE.rotation
+)");
+    test::SimpleSpace space(log.scene);
+    log.scene.setSpaceQueries(&space);
+    const auto point = [&](bool down) {
+        PointerInput input;
+        input.origin = {0, 0, 9};
+        input.buttons = down ? PointerInput::kPrimary : 0;
+        ASSERT_TRUE(log.scene.sendEvent(log.scene.root(), x3d::RtsgScene::pointer.index, input.toValue(), "ann"));
+        log.frame();
+    };
+    point(false);
+    point(true);
+    point(false);
+    const std::uint64_t touched = log.scene.sequence();
+    log.frame();
+    log.frame();
+    const std::vector<FieldStep> steps = log.blamed("T.rotation");
+    ASSERT_GE(steps.size(), 3u);
+    for (std::size_t i = 1; i < steps.size(); ++i) EXPECT_EQ(steps[i].author, "ann") << steps[i].cause;
+    EXPECT_THAT(steps[1].cause, testing::StartsWith("from a pointer, then ROUTE TS.touchTime > SPIN.startTime"));
+    EXPECT_THAT(steps.back().cause, HasSubstr(fmt::format("in state {}, then ROUTE SPIN.fraction", touched)));
+    const auto over = blame(log.file, "TS.isOver");
+    ASSERT_TRUE(over);
+    EXPECT_EQ(over->back().author, "ann");
+    EXPECT_EQ(over->back().cause, "from a pointer");
+    const auto free = blame(log.file, "FREE.rotation");
+    ASSERT_TRUE(free);
+    EXPECT_EQ(free->back().author, "");
+    EXPECT_THAT(free->back().cause, testing::StartsWith("ROUTE LOOP.fraction"));
+}
+
+/// What a device brought is a cause for nodes that hear of that device, and for no others.
+TEST(Blame, NodesThatHearOfADeviceHaveItAsTheirCause) {
+    Scene scene;
+    using Root = x3d::RtsgScene;
+    const auto causeOf = [&](TypeIndex type, const char* field, FieldIndex device) {
+        const NodeId node = scene.createNode(type);
+        ChangeSet set;
+        for (const auto& [id, index, external] :
+             {std::tuple{scene.root(), device, true}, {node, scene.node(node).type().find(field), false}}) {
+            Change& change = set.changes.emplace_back();
+            change.node = id;
+            change.field = index;
+            change.external = external;
+        }
+        FrameTouches touched;
+        touched.add(set);
+        return touched.cause(scene, node, scene.node(node).type().find(field)).text;
+    };
+    EXPECT_EQ(causeOf(x3d::EspduTransform::type, "translation", Root::heard.index), "from DIS");
+    EXPECT_EQ(causeOf(x3d::KeySensor::type, "isActive", Root::key.index), "from a key");
+    EXPECT_EQ(causeOf(x3d::StringSensor::type, "enteredText", Root::text.index), "from a key");
+    EXPECT_EQ(causeOf(x3d::GeoTouchSensor::type, "isOver", Root::pointer.index), "from a pointer");
+    EXPECT_EQ(causeOf(x3d::ProximitySensor::type, "isActive", Root::navigate.index), "from the viewer");
+    EXPECT_EQ(causeOf(x3d::PrimitivePickSensor::type, "isActive", Root::picked.index), "from picking");
+    EXPECT_EQ(causeOf(x3d::CollisionSensor::type, "isActive", Root::contact.index), "from a contact");
+    EXPECT_EQ(causeOf(x3d::TouchSensor::type, "isOver", Root::key.index), "");
+    EXPECT_EQ(causeOf(x3d::Transform::type, "translation", Root::pointer.index), "");
 }
 
 /// The origin names who made a node, or brought it back, at the node itself, whatever fields it has.
