@@ -213,6 +213,12 @@ class Mirroring {
         return !outputs.listen.empty() || !outputs.record.empty() || outputs.animated();
     }
     bool joined() const { return made_ != nullptr; }
+    const MirrorStatistics& statistics() const { return client_ ? client_->statistics() : last_; }
+    /// In order: the server need not wonder what became of us while outputs are still being made.
+    void leave() {
+        last_ = client_->statistics();
+        client_.reset();
+    }
     /// In step with a scene that has stood still for a while.
     bool standsStill() const { return secondsSince(movedAt_) >= std::min(duration_, 1.0) && client_->inStep(); }
     /// Since it joined, in scene time; by the clock where the scene stands still and nothing is made that has a length.
@@ -221,7 +227,7 @@ class Mirroring {
     }
     /// Since it joined.
     double framesPerSecond() const {
-        const auto frames = static_cast<double>(client_->statistics().frames - framesBefore_);
+        const auto frames = static_cast<double>(statistics().frames - framesBefore_);
         return joined() && seconds_ > 0 ? frames / seconds_ : 0;
     }
     /// The replica is in the state that the origin was in when we came, or as near to it as it will be. Before, what
@@ -245,9 +251,9 @@ class Mirroring {
     bool bringsOnlyGarbage(std::size_t applied);
     void sayWhetherHeard();
     /// The state to catch up with; of another session, which may have begun since, it is that one's.
-    std::uint64_t wanted() const { return std::min(known_, client_->statistics().originSequence); }
+    std::uint64_t wanted() const { return std::min(known_, statistics().originSequence); }
     /// The origin was in this state when we had seen enough, or in that which the replica has got to since.
-    std::uint64_t origin() const { return std::max(wanted(), client_->statistics().sequence); }
+    std::uint64_t origin() const { return std::max(wanted(), statistics().sequence); }
     void catchUp();
     void awaitAnswers();
     void sayWhatIsMissing();
@@ -266,7 +272,8 @@ class Mirroring {
     Scene replica_;
     Requests requests_;
     std::size_t controls_ = 0, replies_ = 0;  // sent, answered
-    std::unique_ptr<MirrorClient> client_;
+    std::unique_ptr<MirrorClient> client_;  // until it has left
+    MirrorStatistics last_;
     std::unique_ptr<Made> made_;
     std::optional<std::uint64_t> firstState_;  // that counts as joined
     std::uint64_t known_ = 0;                  // the origin's state when we had seen enough
@@ -448,7 +455,7 @@ void Mirroring::sayWhatIsMissing() {
 }
 
 void Mirroring::finish() {
-    const MirrorStatistics& statistics = client_->statistics();
+    const MirrorStatistics& statistics = this->statistics();
     seconds_ = secondsSince(joinedAt_);
     if (joined()) {
         if (auto ok = made_->finish(); !ok) fail(ok.error().format());
@@ -463,7 +470,7 @@ void Mirroring::finish() {
 
 /// Compares the hashes if both are in the same state.
 std::string Mirroring::comparison() const {
-    const MirrorStatistics& statistics = client_->statistics();
+    const MirrorStatistics& statistics = this->statistics();
     if (statistics.equal && !equal_)
         return fmt::format("behind: state {} here, {} at the origin", statistics.sequence, origin());
     return fmt::format("{}: {} here, {} at the origin", equal_ ? "equal" : "not equal", statistics.hash.hex(),
@@ -471,7 +478,7 @@ std::string Mirroring::comparison() const {
 }
 
 void Mirroring::print() const {
-    const MirrorStatistics& statistics = client_->statistics();
+    const MirrorStatistics& statistics = this->statistics();
     if (statistics.frames == 0) return fmt::print("no state of {} has come\n", options_.endpoint);
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
@@ -490,7 +497,7 @@ void Mirroring::print() const {
 }
 
 void Mirroring::printJson() const {
-    const MirrorStatistics& statistics = client_->statistics();
+    const MirrorStatistics& statistics = this->statistics();
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
         "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"bytes\":{},\"hash\":\"{}\",\"origin_hash\":\"{}\",\"equal\":{},"
@@ -526,6 +533,7 @@ int Mirroring::run() {
     awaitAnswers();
     if (joined()) noteTime();
     sayWhatIsMissing();
+    leave();
     finish();
     options_.json ? printJson() : print();
     return good_ ? kDone : kBad;
