@@ -479,6 +479,8 @@ TEST_F(Mirror, LogsRotateAndAreResumed) {
     const Outcome wrong = rtsg({"replay", folder / "wrong.rlog", "--verify"});
     EXPECT_EQ(wrong.status, 1);
     EXPECT_THAT(wrong.err, HasSubstr("in another order"));
+    EXPECT_THAT(rtsg({"replay", log}).err, HasSubstr("note: the last piece of a log")) << "and how to have all of it";
+    EXPECT_EQ(rtsg({"replay", folder / "right.rlog"}).err, "");
     // Who changed something before the last piece began, that one cannot tell, and says so.
     const Outcome blamed = rtsg({"replay", log, "--blame", "BOX.translation"});
     EXPECT_EQ(blamed.status, 0) << blamed.err;

@@ -178,6 +178,21 @@ TEST(DisNetwork, NothingIsOpenedThatIsNotAllowed) {
     }
 }
 
+/// A port of its own follows the last colon behind any bracket.
+TEST(DisNetwork, AnAddressWithColonsIsAllowedInBrackets) {
+    const std::string scene = "DISEntityManager { address \"ff02::1:3\" port 3000 }";
+    for (const auto& [allowed, opens] : {std::pair{"ff02::1:3", true},
+                                         {"[ff02::1:3]:3000", true},
+                                         {"[ff02::1:3]:3001", false},
+                                         {"[ff02::1:3]", false},
+                                         {"ff02::1", false}}) {
+        Ether ether;
+        Host host(scene, ether, {allowed});
+        host.frame(0);
+        EXPECT_EQ(ether.listened.size(), opens ? 1u : 0u) << allowed << '\n' << host.said();
+    }
+}
+
 TEST(DisNetwork, StandAloneNodesAndDisabledOnesOpenNothing) {
     Ether ether;
     Host host(entity("A", "standAlone") + entity("B", "networkReader", "enabled FALSE") +

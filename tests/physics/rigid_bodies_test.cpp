@@ -195,6 +195,24 @@ TEST(RigidBodies, MeetWithoutAColliderWhatContactsAreGiven) {
     }
 }
 
+/// Bodies that begin half inside each other are pushed apart no faster than that; a negative speed is no limit.
+TEST(RigidBodies, ArePushedApartAtMostAtMaxCorrectionSpeed) {
+    const auto speed = [](const char* most) {
+        Stage stage(
+            fmt::format("RigidBodyCollection {{ gravity 0 0 0 constantForceMix 0 errorCorrection .5 "
+                        "maxCorrectionSpeed {} preferAccuracy TRUE\n"
+                        "collider CollisionCollection {{ collidables [ {} {} ] }}\n"
+                        "bodies [ DEF A RigidBody {{ position -.25 0 0 geometry USE CA }} "
+                        "DEF B RigidBody {{ position .25 0 0 geometry USE CB }} ] }}",
+                        most, collidable("CA", "Sphere { radius .5 }"), collidable("CB", "Sphere { radius .5 }")));
+        stage.runTo(.1);
+        return stage.velocity("B").x - stage.velocity("A").x;
+    };
+    EXPECT_NEAR(speed(".25"), .25, .02);
+    EXPECT_NEAR(speed("1"), 1, .05);
+    EXPECT_GT(speed("-1"), 2);
+}
+
 /// Beside a body that goes down at 1 m/s.
 struct Given : Stage {
     Given()

@@ -70,6 +70,37 @@ TEST(MirrorHostile, GarbageIsCountedReportedAndHarmless) {
     EXPECT_EQ(served.client->statistics().snapshots, 1u);
 }
 
+/// What the origin once had it has had, whatever a later ping says.
+TEST(MirrorHostile, APingThatNamesAnOlderStateTakesNothingBack) {
+    Scene scene, replica;
+    MirrorServerOptions options;
+    options.heartbeat = std::chrono::milliseconds(20);
+    const auto server = *MirrorServer::start(scene, test::kAnyPort, options);
+    std::atomic<bool> dropsFrames{false}, lies{false};
+    std::atomic<int> pings{0};
+    test::Middleman between(server->endpoint(), [&](bool toClient, test::Middleman::Parts& parts) {
+        constexpr std::size_t kState = 8 + 8;  // in a ping, behind its token
+        if (!toClient || parts[0].size() < 8) return true;
+        if (parts[0][5] == 17) return !dropsFrames;
+        if (parts[0][5] != 3 || parts[0].size() < kState + 8) return true;
+        ++pings;
+        if (lies) parts[0].replace(kState, 8, std::string("\x01\0\0\0\0\0\0\0", 8));
+        return true;
+    });
+    const auto client = *MirrorClient::connect(replica, between.endpoint);
+    scene.newFrame(0);
+    ASSERT_TRUE(pollUntilAt(*client, scene));
+    dropsFrames = true;
+    for (int i = 1; i < 6; ++i) scene.newFrame(i);
+    ASSERT_TRUE(pollUntil(*client, [&] { return client->statistics().originSequence == scene.sequence(); }));
+    lies = true;
+    const int before = pings;
+    ASSERT_TRUE(pollUntil(*client, [&] { return pings > before + 3; }));
+    EXPECT_EQ(client->statistics().originSequence, scene.sequence());
+    EXPECT_LT(client->statistics().sequence, scene.sequence());
+    EXPECT_FALSE(client->inStep());
+}
+
 TEST(MirrorHostile, BytesThatAreNoZeroMqAreCountedAndHarmless) {
     Served served;
     for (int i = 0; i < 5; ++i) {
