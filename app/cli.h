@@ -28,6 +28,7 @@ Verb addInfo(Command& program);
 Verb addValidate(Command& program);
 Verb addConvert(Command& program);
 Verb addRun(Command& program);
+Verb addView(Command& program);
 Verb addRender(Command& program);
 Verb addPick(Command& program);
 Verb addBench(Command& program);

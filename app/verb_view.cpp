@@ -1,0 +1,203 @@
+// rtsg view: a window onto a scene: look, walk, point, click, hear.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include <rtsg/audio/live_sound.h>
+#include <rtsg/core/terminal.h>
+#include <rtsg/window/viewer.h>
+
+#include "outputs.h"
+#include "view_source.h"
+
+namespace rtsg::app {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using std::chrono::milliseconds;
+
+constexpr double kFramesPerSecond = 60;
+constexpr milliseconds kLongestTurn{200};  // Ctrl-C is noticed then
+
+struct ViewArguments {
+    ViewSourceArguments source;
+    PictureArguments picture;
+    std::string duration, screenshot, device;
+    double fps = 30;
+    bool fullscreen = false, mute = false, force = false, json = false;
+};
+
+double percentile(std::vector<double> values, double share) {
+    if (values.empty()) return 0;
+    const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+    std::ranges::nth_element(values, values.begin() + at);
+    return values[static_cast<std::size_t>(at)];
+}
+
+class Viewing {
+  public:
+    explicit Viewing(const ViewArguments& options)
+        : options_(options), duration_(options.duration.empty() ? 1e18 : parseSeconds(options.duration)) {}
+
+    int run() {
+        if (!options_.screenshot.empty() && !options_.force && std::filesystem::exists(options_.screenshot))
+            return printError(fmt::format("{}: there is a file already; --force replaces it", options_.screenshot)),
+                   kBad;
+        auto source = openViewSource(options_.source);
+        if (!source) return printError(source.error()), kBad;
+        source_ = std::move(*source);
+        if (auto ok = open(); !ok) return printError(ok.error()), kBad;
+        listen();
+        loop();
+        return finish();
+    }
+
+  private:
+    Result<> open() {
+        ViewerOptions options;
+        options.title = fmt::format("{} - rtsg", options_.source.name);
+        options.fullscreen = options_.fullscreen;
+        options.picture.settings = options_.picture.parse().settings;
+        options.picture.toneMap = options_.picture.toneMap();
+        options.picture.budget = 1 / options_.fps;
+        options.picture.resources = source_->resources();
+        if (options.picture.settings.integrator == Integrator::path) options.picture.mostSamples = 1 << 14;
+        options.send = [this](FieldIndex field, Value value) { return source_->send(field, std::move(value)); };
+        auto viewer = Viewer::open(source_->world(), std::move(options));
+        if (!viewer) return std::unexpected(viewer.error());
+        viewer_ = std::move(*viewer);
+        return {};
+    }
+
+    /// Without a device there are pictures all the same.
+    void listen() {
+        if (options_.mute || !hasSound()) return;
+        LiveOptions live;
+        live.render = SoundArguments().parse().render;
+        live.render.resources = source_->resources();
+        live.device = options_.device;
+        auto sound = LiveSound::start(source_->world(), live);
+        if (sound)
+            sound_ = std::move(*sound);
+        else
+            fmt::print(stderr, "note: no sound: {}\n", terminalText(sound.error().text));
+    }
+    bool hasSound() {
+        bool found = false;
+        source_->scene().forEachNode([&](const Node& node) {
+            found = found || node.type().isA("X3DSoundNode") || node.type().isA("X3DSoundDestinationNode");
+        });
+        return found;
+    }
+
+    void loop() {
+        const Clock::time_point start = Clock::now();
+        double paused = 0;  // seconds that did not count
+        double due = 0;
+        std::uint64_t events = 0;
+        for (;;) {
+            const double now = std::chrono::duration<double>(Clock::now() - start).count();
+            if (viewer_->isPaused()) paused = now - time_;
+            const double t = now - paused;
+            if (interrupted() || now >= duration_) return;
+            const bool acts = std::exchange(events, viewer_->statistics().events) != viewer_->statistics().events;
+            if (!viewer_->isPaused()) {
+                time_ = t;
+                if (!source_->advance(t, acts)) return;
+                ++frames_;
+            }
+            if (sound_) sound_->sendEvents();
+            say();
+            // The next frame is due a sixtieth after the last one, or when something happens.
+            due = std::max(due + 1 / kFramesPerSecond, t);
+            const double rests = viewer_->isPaused() ? 1e9 : std::max(source_->restsUntil(), due);
+            const double wait = std::min(rests - t, duration_ - now);
+            const auto most = std::chrono::ceil<milliseconds>(std::chrono::duration<double>(std::clamp(wait, 0., 1.)));
+            if (!viewer_->turn(std::min(most, kLongestTurn))) return;
+        }
+    }
+
+    void say() {
+        const Diagnostics said = viewer_->takeDiagnostics();
+        for (const Diagnostic& d : said.all())
+            fmt::print(stderr, "{}\n", terminalText(d.format()));
+        for (const std::string& file : viewer_->takeDropped())
+            fmt::print(stderr, "note: {} was dropped: open it with `rtsg view`\n", terminalText(file));
+    }
+
+    int finish() {
+        Result<> result = viewer_->failure().empty() ? Result<>() : Result<>(fail(viewer_->failure()));
+        if (result && !options_.screenshot.empty()) result = viewer_->writePicture(options_.screenshot);
+        const ViewerStatistics statistics = viewer_->statistics();
+        const LiveReport heard = sound_ ? sound_->stop() : LiveReport();
+        say();
+        const std::uint64_t state = source_->scene().sequence();
+        const std::string hash = source_->scene().hash().hex();
+        sound_.reset();
+        viewer_.reset();
+        result = allOf({[&] { return result; }, [&] { return source_->finish(); }});
+        if (!result) printError(result.error());
+        const double p50 = percentile(statistics.intervals, .5), p95 = percentile(statistics.intervals, .95);
+        if (options_.json)
+            fmt::print(
+                "{{\"t\":{:.3f},\"frames\":{},\"pictures\":{},\"whole\":{},\"samples\":{},\"events\":{},"
+                "\"interval_ms\":{{\"p50\":{:.1f},\"p95\":{:.1f}}},\"sequence\":{},\"hash\":\"{}\",\"sound_s\":{:.3f},"
+                "\"underruns\":{}}}\n",
+                time_, frames_, statistics.presented, statistics.whole, statistics.samples, statistics.events,
+                1e3 * p50, 1e3 * p95, state, hash, heard.seconds, heard.underruns);
+        else
+            fmt::print("{:.1f} s, {} pictures, {:.0f} ms from one to the next while something moves (95 %: {:.0f})\n",
+                       time_, statistics.presented, 1e3 * p50, 1e3 * p95);
+        return result ? kDone : kBad;
+    }
+
+    const ViewArguments& options_;
+    const double duration_;
+    std::unique_ptr<ViewSource> source_;
+    std::unique_ptr<Viewer> viewer_;
+    std::unique_ptr<LiveSound> sound_;
+    double time_ = 0;
+    std::uint64_t frames_ = 0;
+};
+
+}  // namespace
+
+Verb addView(Command& program) {
+    auto options = std::make_shared<ViewArguments>();
+    Command* command = program.addVerb("view", "Look at a scene in a window: walk, point, click, hear");
+    command->addOption("SCENE", options->source.name, "scene file, or -")->required();
+    command->addOption("--for", options->duration, "close the window after so long; else Escape does");
+    command->addOption("--screenshot", options->screenshot, "write a picture of the last state at the end");
+    command->addOption("--set", options->source.set,
+                       "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, "
+                       "wheel=, head=");
+    command
+        ->addOption("--fps", options->fps,
+                    "pictures a second while something moves, which then have as many pixels as that allows")
+        ->preset()
+        ->range(1, 240);
+    command->addFlag("--fullscreen", options->fullscreen, "fill the screen; F11 changes it");
+    command->addFlag("--mute", options->mute, "no sound");
+    command->addOption("--device", options->device, "of sound; else the default one");
+    options->picture.addTo(*command);
+    options->source.start.addTo(*command);
+    options->source.resources.addTo(*command);
+    options->source.network.addTo(*command);
+    command->addFlag("--force", options->force, "replace a file that is there");
+    command->addFlag("--json", options->json, "the summary as JSON");
+    command->footer(
+        "Example: rtsg view hall.x3dv\n"
+        "Example: rtsg view hall.x3dv --for 2s --screenshot hall.png --size 640x360\n"
+        "Arrow keys and the dragged pointer walk or go round, as the scene's NavigationInfo says; PGUP and PGDN go "
+        "from "
+        "viewpoint to viewpoint. Escape closes, F11 fills the screen, Ctrl+S writes a picture, Ctrl+Space pauses.");
+    return {command, [options] { return Viewing(*options).run(); }};
+}
+
+}  // namespace rtsg::app

@@ -1,0 +1,73 @@
+// LivePicture: pictures of a world for somebody who looks on, made on a thread of their own.
+//
+// While what is seen changes, each picture has as many pixels as fit into a budget of time, and is meant to be
+// enlarged. Once it rests, one picture with all pixels is made, and then better ones: samples are added to those that
+// are there until each pixel has `mostSamples`. A change ends whatever is being made at rest. Invariant: a picture
+// shows one whole state. The scene's thread waits for nothing. Nothing is made while nothing changes and the picture is
+// as good as asked for. Threading: show() and the destructor on the scene's thread, take(), setSize() and statistics()
+// on any.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <rtsg/renderers/light_tracer.h>
+#include <rtsg/renderers/shared_world.h>
+
+namespace rtsg {
+
+struct LivePictureOptions {
+    /// The size of a whole picture, the integrator and so on; samplesPerPixel is what is added at a time at rest.
+    RenderSettings settings;
+    Resources resources;       // of textures
+    double budget = 1 / 30.0;  // seconds for a picture while something changes
+    int mostSamples = 64;      // a pixel, at rest
+    double restsAfter = 0.06;  // seconds without a change
+    ToneMap toneMap;
+    /// From the picture's thread: there is a new one to take, or it has failed.
+    std::function<void()> wake;
+};
+
+struct LivePictureShown {
+    int width = 0, height = 0;
+    std::vector<std::uint8_t> pixels;  // B, G, R, 255: rows from the top
+    std::uint64_t sequence = 0;        // the scene's state
+    int samples = 0;                   // a pixel
+    bool whole = false;                // it has all pixels
+    double seconds = 0;                // that it took
+};
+
+struct LivePictureStatistics {
+    std::uint64_t moving = 0, whole = 0;  // pictures made while something changed, and at rest
+    std::uint64_t cancelled = 0;          // at rest, as something changed
+    double secondsAPixel = 0;             // of pictures while something changes, a moving mean
+};
+
+class LivePicture {
+  public:
+    /// `world` must outlive this. On the scene's thread.
+    LivePicture(SharedWorld& world, LivePictureOptions options);
+    ~LivePicture();
+    LivePicture(const LivePicture&) = delete;
+    LivePicture& operator=(const LivePicture&) = delete;
+
+    /// After each frame of the scene, and before the first: the present state is what to picture. `eye`: seen from
+    /// there instead of from the bound viewpoint. Errors: those of SharedWorld::present(); the pictures' own.
+    Result<> show(const std::optional<Camera>& eye = std::nullopt);
+    /// Of a whole picture. Precondition: above 0.
+    void setSize(int width, int height);
+    /// The newest picture, if it has not been taken yet; else null.
+    std::shared_ptr<const LivePictureShown> take();
+    LivePictureStatistics statistics() const;
+    /// The newest picture is as good as it will be.
+    bool isDone() const;
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,232 @@
+// A window by SDL 2, whose pixels the processor writes: no graphics card is needed.
+#include <algorithm>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <tuple>
+#include <utility>
+
+#include <SDL.h>
+
+#include "../src/view/window_module.h"
+
+namespace rtsg {
+
+namespace {
+
+class SdlWindow final : public WindowModule {
+  public:
+    ~SdlWindow() override {
+        if (window_) SDL_DestroyWindow(window_);
+        SDL_Quit();
+    }
+
+    bool open(const WindowSettings& settings, std::string& problem) {
+        // By OpenGL, which SDL would take by itself, a picture costs ten times as much where there is no card.
+        SDL_SetHint(SDL_HINT_FRAMEBUFFER_ACCELERATION, "0");
+        SDL_SetHint(SDL_HINT_VIDEO_ALLOW_SCREENSAVER, "1");
+        SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
+        if (SDL_Init(SDL_INIT_VIDEO) != 0) return problem = SDL_GetError(), false;
+        const Uint32 flags = SDL_WINDOW_RESIZABLE | (settings.fullscreen ? Uint32{SDL_WINDOW_FULLSCREEN_DESKTOP} : 0U);
+        window_ = SDL_CreateWindow(settings.title.c_str(), SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
+                                   settings.width, settings.height, flags);
+        if (!window_) return problem = SDL_GetError(), false;
+        woken_ = SDL_RegisterEvents(1);
+        SDL_StartTextInput();
+        return true;
+    }
+
+    int width() const override { return size().first; }
+    int height() const override { return size().second; }
+
+    WindowEvent next(int milliseconds) override {
+        SDL_Event event;
+        const bool some = milliseconds > 0 ? SDL_WaitEventTimeout(&event, milliseconds) : SDL_PollEvent(&event);
+        return some ? translated(event) : WindowEvent{};
+    }
+
+    bool present(const std::uint8_t* pixels, int width, int height) override {
+        SDL_Surface* screen = SDL_GetWindowSurface(window_);
+        if (!screen) return false;
+        auto* const bytes = const_cast<std::uint8_t*>(pixels);  // SDL reads them only
+        SDL_Surface* picture =
+            SDL_CreateRGBSurfaceWithFormatFrom(bytes, width, height, 32, 4 * width, SDL_PIXELFORMAT_RGB888);
+        if (!picture) return false;
+        // What is enlarged is interpolated, where the display's format allows it.
+        const bool linear = screen->format->format == SDL_PIXELFORMAT_RGB888;
+        int failed = 0;
+        if (screen->w == width && screen->h == height)
+            failed = SDL_BlitSurface(picture, nullptr, screen, nullptr);
+        else if (!linear || SDL_SoftStretchLinear(picture, nullptr, screen, nullptr) != 0)
+            failed = SDL_BlitScaled(picture, nullptr, screen, nullptr);
+        SDL_FreeSurface(picture);
+        return failed == 0 && SDL_UpdateWindowSurface(window_) == 0;
+    }
+
+    void setTitle(const std::string& title) override { SDL_SetWindowTitle(window_, title.c_str()); }
+    void toggleFullscreen() override {
+        const bool full = (SDL_GetWindowFlags(window_) & SDL_WINDOW_FULLSCREEN_DESKTOP) != 0;
+        SDL_SetWindowFullscreen(window_, full ? 0U : Uint32{SDL_WINDOW_FULLSCREEN_DESKTOP});
+    }
+    void wake() override {
+        SDL_Event event;
+        std::memset(&event, 0, sizeof(event));
+        event.type = woken_;
+        SDL_PushEvent(&event);
+    }
+
+  private:
+    std::pair<int, int> size() const {
+        int width = 1, height = 1;
+        SDL_GetWindowSize(window_, &width, &height);
+        return {std::max(width, 1), std::max(height, 1)};
+    }
+
+    WindowEvent pointerAt(int x, int y, Uint32 buttons) const {
+        WindowEvent event;
+        event.kind = WindowEvent::Kind::pointer;
+        const auto [width, height] = size();
+        event.x = (x + .5) / width, event.y = (y + .5) / height;
+        event.buttons = (buttons & SDL_BUTTON_LMASK ? 1U : 0U) | (buttons & SDL_BUTTON_RMASK ? 2U : 0U) |
+                        (buttons & SDL_BUTTON_MMASK ? 4U : 0U);
+        return event;
+    }
+
+    static WindowEvent::Key keyOf(SDL_Keycode code) {
+        using Key = WindowEvent::Key;
+        switch (code) {
+            case SDLK_ESCAPE:
+                return Key::escape;
+            case SDLK_RETURN:
+            case SDLK_KP_ENTER:
+                return Key::enter;
+            case SDLK_BACKSPACE:
+                return Key::backspace;
+            case SDLK_TAB:
+                return Key::tab;
+            case SDLK_SPACE:
+                return Key::space;
+            case SDLK_HOME:
+                return Key::home;
+            case SDLK_END:
+                return Key::end;
+            case SDLK_PAGEUP:
+                return Key::pageUp;
+            case SDLK_PAGEDOWN:
+                return Key::pageDown;
+            case SDLK_UP:
+                return Key::up;
+            case SDLK_DOWN:
+                return Key::down;
+            case SDLK_LEFT:
+                return Key::left;
+            case SDLK_RIGHT:
+                return Key::right;
+            case SDLK_LSHIFT:
+            case SDLK_RSHIFT:
+                return Key::shift;
+            case SDLK_LCTRL:
+            case SDLK_RCTRL:
+                return Key::control;
+            case SDLK_LALT:
+            case SDLK_RALT:
+                return Key::alt;
+            default:
+                return Key::none;
+        }
+    }
+
+    static WindowEvent keyEvent(const SDL_KeyboardEvent& from) {
+        WindowEvent event;
+        event.kind = WindowEvent::Kind::key;
+        event.down = from.state == SDL_PRESSED;
+        event.repeats = from.repeat != 0;
+        event.control = (from.keysym.mod & KMOD_CTRL) != 0;
+        event.alt = (from.keysym.mod & KMOD_ALT) != 0;
+        const SDL_Keycode code = from.keysym.sym;
+        event.key = keyOf(code);
+        if (code >= SDLK_F1 && code <= SDLK_F12) event.functionKey = static_cast<int>(code - SDLK_F1) + 1;
+        if (event.key == WindowEvent::Key::none && code > 32 && code < 0x110000)
+            event.character = static_cast<char32_t>(code);
+        return event;
+    }
+
+    WindowEvent translated(const SDL_Event& from) const {
+        using Kind = WindowEvent::Kind;
+        WindowEvent event;
+        event.kind = Kind::other;
+        if (from.type == woken_) event.kind = Kind::woken;
+        switch (from.type) {
+            case SDL_QUIT:
+                event.kind = Kind::close;
+                break;
+            case SDL_WINDOWEVENT:
+                return windowEvent(from.window);
+            case SDL_KEYDOWN:
+            case SDL_KEYUP:
+                return keyEvent(from.key);
+            case SDL_TEXTINPUT:
+                event.kind = Kind::text;
+                event.text = from.text.text;
+                break;
+            case SDL_MOUSEMOTION:
+                return pointerAt(from.motion.x, from.motion.y, from.motion.state);
+            case SDL_MOUSEBUTTONDOWN:
+            case SDL_MOUSEBUTTONUP:
+                return pointerAt(from.button.x, from.button.y, SDL_GetMouseState(nullptr, nullptr));
+            case SDL_MOUSEWHEEL:
+                event.kind = Kind::wheel;
+                event.across = from.wheel.preciseX, event.downwards = -from.wheel.preciseY;
+                break;
+            case SDL_DROPFILE:
+                event.kind = Kind::dropped;
+                event.text = from.drop.file;
+                SDL_free(from.drop.file);
+                break;
+            default:
+                break;
+        }
+        return event;
+    }
+
+    WindowEvent windowEvent(const SDL_WindowEvent& from) const {
+        using Kind = WindowEvent::Kind;
+        WindowEvent event;
+        event.kind = Kind::other;
+        switch (from.event) {
+            case SDL_WINDOWEVENT_CLOSE:
+                event.kind = Kind::close;
+                break;
+            case SDL_WINDOWEVENT_EXPOSED:
+                event.kind = Kind::exposed;
+                break;
+            case SDL_WINDOWEVENT_LEAVE:
+                event.kind = Kind::left;
+                break;
+            case SDL_WINDOWEVENT_SIZE_CHANGED:
+                event.kind = Kind::resized;
+                std::tie(event.width, event.height) = size();
+                break;
+            default:
+                break;
+        }
+        return event;
+    }
+
+    SDL_Window* window_ = nullptr;
+    Uint32 woken_ = 0;
+};
+
+std::unique_ptr<WindowModule> openWindow(const WindowSettings& settings, std::string& problem) {
+    auto window = std::make_unique<SdlWindow>();
+    if (!window->open(settings, problem)) return nullptr;
+    return window;
+}
+
+}  // namespace
+
+}  // namespace rtsg
+
+extern "C" __attribute__((visibility("default"))) rtsg::OpenWindow rtsg_open_window_1() {
+    return &rtsg::openWindow;
+}

@@ -1,0 +1,88 @@
+// What librtsg_sdl.so offers: a window, and what people do in it, by a library that nothing else should have to link.
+//
+// Invariant: nothing of SDL is on this side; the module links nothing of ours. Errors are sentences.
+// Threading: all calls on the thread that opened the window, but wake(), which any may make.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+namespace rtsg {
+
+struct WindowSettings {
+    std::string title;
+    int width = 1280, height = 720;
+    bool fullscreen = false;
+};
+
+/// Something that happened to a window.
+struct WindowEvent {
+    enum class Kind : std::uint8_t {
+        none,     // nothing has come in time
+        other,    // what is of no interest
+        close,    // it is to be closed
+        woken,    // wake() was called
+        exposed,  // its content is lost: present() is due
+        resized,  // width, height: its new size
+        key,      // down, key, repeats; modifiers as they are then
+        text,     // what was typed, or composed
+        pointer,  // x, y, buttons as they are now
+        left,     // the pointer has left the window
+        wheel,    // across, down: steps
+        dropped,  // text: a file
+    };
+    /// Keys that are no text. Others are named by what they write without modifiers, in `character`.
+    enum class Key : std::uint8_t {
+        none,
+        escape,
+        enter,
+        backspace,
+        tab,
+        space,
+        home,
+        end,
+        pageUp,
+        pageDown,
+        up,
+        down,
+        left,
+        right,
+        shift,
+        control,
+        alt,
+        f1
+    };
+    Kind kind = Kind::none;
+    int width = 0, height = 0;
+    bool down = false, repeats = false, control = false, alt = false;
+    Key key = Key::none;
+    int functionKey = 0;        // 1 to 12, or 0
+    char32_t character = 0;     // lower case, or 0
+    double x = 0, y = 0;        // of 1, from the left and the top
+    std::uint32_t buttons = 0;  // 1: the first one
+    double across = 0, downwards = 0;
+    std::string text;
+};
+
+class WindowModule {
+  public:
+    virtual ~WindowModule() = default;
+    virtual int width() const = 0;
+    virtual int height() const = 0;
+    /// The next event; waits for one at most so many milliseconds (0: not at all).
+    virtual WindowEvent next(int milliseconds) = 0;
+    /// Fills the window with a picture: `pixels` are B, G, R, X, row by row from the top, enlarged as needed. False:
+    /// the display refused.
+    virtual bool present(const std::uint8_t* pixels, int width, int height) = 0;
+    virtual void setTitle(const std::string& title) = 0;
+    virtual void toggleFullscreen() = 0;
+    virtual void wake() = 0;
+};
+
+/// Null, and why.
+using OpenWindow = std::unique_ptr<WindowModule> (*)(const WindowSettings&, std::string& problem);
+/// The one symbol of the module: a function without arguments that returns an OpenWindow.
+#define RTSG_WINDOW_SYMBOL "rtsg_open_window_1"
+
+}  // namespace rtsg
