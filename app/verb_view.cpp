@@ -10,7 +10,7 @@
 
 #include <rtsg/audio/live_sound.h>
 #include <rtsg/core/terminal.h>
-#include <rtsg/window/viewer.h>
+#include <rtsg/window/scene_window.h>
 
 #include "outputs.h"
 #include "view_source.h"
@@ -23,6 +23,7 @@ using Clock = std::chrono::steady_clock;
 using std::chrono::milliseconds;
 
 constexpr double kFramesPerSecond = 60;
+constexpr double kAnyAspect = 16. / 9;     // pictures take their own
 constexpr milliseconds kLongestTurn{200};  // Ctrl-C is noticed then
 
 struct ViewArguments {
@@ -60,7 +61,7 @@ class Viewing {
 
   private:
     Result<> open() {
-        ViewerOptions options;
+        SceneWindowOptions options;
         options.title = fmt::format("{} - rtsg", options_.source.name);
         options.fullscreen = options_.fullscreen;
         options.picture.settings = options_.picture.parse().settings;
@@ -69,9 +70,9 @@ class Viewing {
         options.picture.resources = source_->resources();
         if (options.picture.settings.integrator == Integrator::path) options.picture.mostSamples = 1 << 14;
         options.send = [this](FieldIndex field, Value value) { return source_->send(field, std::move(value)); };
-        auto viewer = Viewer::open(source_->world(), std::move(options));
-        if (!viewer) return std::unexpected(viewer.error());
-        viewer_ = std::move(*viewer);
+        auto window = SceneWindow::open(source_->world(), std::move(options));
+        if (!window) return std::unexpected(window.error());
+        window_ = std::move(*window);
         return {};
     }
 
@@ -103,44 +104,54 @@ class Viewing {
         std::uint64_t events = 0;
         for (;;) {
             const double now = std::chrono::duration<double>(Clock::now() - start).count();
-            if (viewer_->isPaused()) paused = now - time_;
+            if (window_->isPaused()) paused = now - time_;
             const double t = now - paused;
             if (interrupted() || now >= duration_) return;
-            const bool acts = std::exchange(events, viewer_->statistics().events) != viewer_->statistics().events;
-            if (!viewer_->isPaused()) {
+            const bool acts = std::exchange(events, window_->statistics().events) != window_->statistics().events;
+            if (!window_->isPaused()) {
                 time_ = t;
                 if (!source_->advance(t, acts)) return;
                 ++frames_;
             }
             if (sound_) sound_->sendEvents();
             say();
+            window_->lookFrom(source_->eye(kAnyAspect));
+            seek();
+            if (const std::string status = source_->status(); status != status_)
+                window_->setTitle(fmt::format("{} - {} - rtsg", options_.source.name, status_ = status));
             // The next frame is due a sixtieth after the last one, or when something happens.
             due = std::max(due + 1 / kFramesPerSecond, t);
-            const double rests = viewer_->isPaused() ? 1e9 : std::max(source_->restsUntil(), due);
+            const double rests = window_->isPaused() ? 1e9 : std::max(source_->restsUntil(), due);
             const double wait = std::min(rests - t, duration_ - now);
             const auto most = std::chrono::ceil<milliseconds>(std::chrono::duration<double>(std::clamp(wait, 0., 1.)));
-            if (!viewer_->turn(std::min(most, kLongestTurn))) return;
+            if (!window_->turn(std::min(most, kLongestTurn))) return;
         }
     }
 
+    /// As Ctrl and an arrow say.
+    void seek() {
+        const double seconds = window_->takeSkip();
+        if (seconds == 0) return;
+        if (auto ok = source_->seek(seconds); !ok) fmt::print(stderr, "note: {}\n", terminalText(ok.error().text));
+    }
+
     void say() {
-        const Diagnostics said = viewer_->takeDiagnostics();
-        for (const Diagnostic& d : said.all())
-            fmt::print(stderr, "{}\n", terminalText(d.format()));
-        for (const std::string& file : viewer_->takeDropped())
+        const Diagnostics said = window_->takeDiagnostics();
+        for (const Diagnostic& d : said.all()) fmt::print(stderr, "{}\n", terminalText(d.format()));
+        for (const std::string& file : window_->takeDropped())
             fmt::print(stderr, "note: {} was dropped: open it with `rtsg view`\n", terminalText(file));
     }
 
     int finish() {
-        Result<> result = viewer_->failure().empty() ? Result<>() : Result<>(fail(viewer_->failure()));
-        if (result && !options_.screenshot.empty()) result = viewer_->writePicture(options_.screenshot);
-        const ViewerStatistics statistics = viewer_->statistics();
+        Result<> result = window_->failure().empty() ? Result<>() : Result<>(fail(window_->failure()));
+        if (result && !options_.screenshot.empty()) result = window_->writePicture(options_.screenshot);
+        const SceneWindowStatistics statistics = window_->statistics();
         const LiveReport heard = sound_ ? sound_->stop() : LiveReport();
         say();
         const std::uint64_t state = source_->scene().sequence();
         const std::string hash = source_->scene().hash().hex();
         sound_.reset();
-        viewer_.reset();
+        window_.reset();
         result = allOf({[&] { return result; }, [&] { return source_->finish(); }});
         if (!result) printError(result.error());
         const double p50 = percentile(statistics.intervals, .5), p95 = percentile(statistics.intervals, .95);
@@ -160,8 +171,9 @@ class Viewing {
     const ViewArguments& options_;
     const double duration_;
     std::unique_ptr<ViewSource> source_;
-    std::unique_ptr<Viewer> viewer_;
+    std::unique_ptr<SceneWindow> window_;
     std::unique_ptr<LiveSound> sound_;
+    std::string status_;
     double time_ = 0;
     std::uint64_t frames_ = 0;
 };
@@ -171,7 +183,8 @@ class Viewing {
 Verb addView(Command& program) {
     auto options = std::make_shared<ViewArguments>();
     Command* command = program.addVerb("view", "Look at a scene in a window: walk, point, click, hear");
-    command->addOption("SCENE", options->source.name, "scene file, or -")->required();
+    command->addOption("SCENE", options->source.name, "scene file, or -; ENDPOINT that rtsg serve named; or a log")
+        ->required();
     command->addOption("--for", options->duration, "close the window after so long; else Escape does");
     command->addOption("--screenshot", options->screenshot, "write a picture of the last state at the end");
     command->addOption("--set", options->source.set,
@@ -182,6 +195,10 @@ Verb addView(Command& program) {
                     "pictures a second while something moves, which then have as many pixels as that allows")
         ->preset()
         ->range(1, 240);
+    command->addOption("--name", options->source.author, "of an endpoint: whose pointer and keys the origin hears of");
+    command->addOption("--key", options->source.key, "of an endpoint: file with the keys of this peer");
+    command->addOption("--wait", options->source.patience, "of an endpoint: give up after so long without a server")
+        ->preset();
     command->addFlag("--fullscreen", options->fullscreen, "fill the screen; F11 changes it");
     command->addFlag("--mute", options->mute, "no sound");
     command->addOption("--device", options->device, "of sound; else the default one");
@@ -194,9 +211,14 @@ Verb addView(Command& program) {
     command->footer(
         "Example: rtsg view hall.x3dv\n"
         "Example: rtsg view hall.x3dv --for 2s --screenshot hall.png --size 640x360\n"
+        "Example: rtsg view tcp://127.0.0.1:5570 --name Ann\n"
+        "Example: rtsg view hall.rlog\n"
         "Arrow keys and the dragged pointer walk or go round, as the scene's NavigationInfo says; PGUP and PGDN go "
         "from "
-        "viewpoint to viewpoint. Escape closes, F11 fills the screen, Ctrl+S writes a picture, Ctrl+Space pauses.");
+        "viewpoint to viewpoint. Escape closes, F11 fills the screen, Ctrl+S writes a picture, Ctrl+Space pauses; in a "
+        "log Ctrl+LEFT and Ctrl+RIGHT go 5 s back and ahead. In a served scene and in a log the viewer is your own, "
+        "and "
+        "HOME goes back to the scene's.");
     return {command, [options] { return Viewing(*options).run(); }};
 }
 

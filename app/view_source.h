@@ -38,7 +38,7 @@ class ViewSource {
     virtual bool advance(double t, bool acts) = 0;
     /// Nothing will change by itself before this time, in seconds from the start, as far as is known.
     virtual double restsUntil() const = 0;
-    /// An event for a field of the scene's root, as ViewerOptions::send.
+    /// An event for a field of the scene's root, as SceneWindowOptions::send.
     virtual Result<> send(FieldIndex field, Value value) = 0;
     /// Where to look from, if it is not the bound viewpoint.
     virtual std::optional<Camera> eye(double aspect) = 0;

@@ -299,6 +299,18 @@ LivePictureStatistics LivePicture::statistics() const {
     return impl_->statistics;
 }
 
+Result<Picture> LivePicture::picture(const RenderSettings& settings) const {
+    Impl::Subject what;
+    {
+        const std::scoped_lock lock(impl_->mutex);
+        what = impl_->subject;
+    }
+    what.width = settings.width, what.height = settings.height;
+    auto camera = impl_->cameraOf(what);
+    if (!camera) return std::unexpected(camera.error());
+    return LightTracer::render(*what.light, *what.state->rays, *camera, settings);
+}
+
 bool LivePicture::isDone() const {
     const std::scoped_lock lock(impl_->mutex);
     return impl_->done;

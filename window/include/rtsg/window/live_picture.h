@@ -62,6 +62,8 @@ class LivePicture {
     /// The newest picture, if it has not been taken yet; else null.
     std::shared_ptr<const LivePictureShown> take();
     LivePictureStatistics statistics() const;
+    /// What show() was given last, with other settings, on the caller's thread. Errors: those of LightTracer::render().
+    Result<Picture> picture(const RenderSettings& settings) const;
     /// The newest picture is as good as it will be.
     bool isDone() const;
 

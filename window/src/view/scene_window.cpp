@@ -1,11 +1,9 @@
 // Ties a window to a scene: pictures go one way, what people do goes the other.
-#include <rtsg/window/viewer.h>
+#include <rtsg/window/scene_window.h>
 
 #include <algorithm>
-#include <cmath>
 #include <deque>
 #include <filesystem>
-#include <map>
 #include <set>
 
 #include <fmt/format.h>
@@ -14,7 +12,6 @@
 #include <rtsg/core/module.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
-#include <rtsg/renderers/light_renderer.h>
 
 #include "key_input.h"
 #include "window_module.h"
@@ -28,6 +25,7 @@ using Kind = WindowEvent::Kind;
 using Root = x3d::RtsgScene;
 
 constexpr std::size_t kIntervalsKept = 1000;
+constexpr double kSkip = 5;              // seconds
 constexpr double kLongestInterval = .5;  // seconds: longer ones are rests
 
 Result<std::unique_ptr<WindowModule>> openWindow(const WindowSettings& settings) {
@@ -46,23 +44,24 @@ Result<std::unique_ptr<WindowModule>> openWindow(const WindowSettings& settings)
 
 }  // namespace
 
-struct Viewer::Impl {
-    Impl(SharedWorld& w, ViewerOptions o) : world(w), options(std::move(o)) {}
+struct SceneWindow::Impl {
+    Impl(SharedWorld& w, SceneWindowOptions o) : world(w), options(std::move(o)) {}
 
     SharedWorld& world;
-    ViewerOptions options;
+    SceneWindowOptions options;
     std::unique_ptr<WindowModule> window;
     std::unique_ptr<LivePicture> picture;  // wakes the window: goes first
     std::optional<Camera> eye;
     std::shared_ptr<const LivePictureShown> shown;
     KeyTranslator keys;
-    ViewerStatistics statistics;
+    SceneWindowStatistics statistics;
     std::deque<double> intervals;
     Clock::time_point presentedAt{};
     std::vector<std::string> dropped;
     Diagnostics diagnostics;
     std::set<std::string> told;
     std::string failure;
+    double skip = 0;  // seconds
     bool closed = false, paused = false, lost = false;
     int screenshots = 0;
 
@@ -90,9 +89,13 @@ struct Viewer::Impl {
     bool isOwnKey(const WindowEvent& event) {
         const bool isSave = event.control && event.character == U's';
         const bool isPause = event.control && event.key == WindowEvent::Key::space;
-        if (event.key != WindowEvent::Key::escape && event.functionKey != 11 && !isSave && !isPause) return false;
+        const bool isBack = event.control && event.key == WindowEvent::Key::left;
+        const bool isAhead = event.control && event.key == WindowEvent::Key::right;
+        const bool isClose = event.key == WindowEvent::Key::escape;
+        if (!isClose && event.functionKey != 11 && !isSave && !isPause && !isBack && !isAhead) return false;
+        if (event.down && (isBack || isAhead)) skip += isBack ? -kSkip : kSkip;
         if (!event.down || event.repeats) return true;
-        if (event.key == WindowEvent::Key::escape) closed = true;
+        if (isClose) closed = true;
         if (event.functionKey == 11) window->toggleFullscreen();
         if (isPause) paused = !paused;
         if (isSave) takeScreenshot();
@@ -168,21 +171,18 @@ struct Viewer::Impl {
     }
 
     Result<> write(const std::string& file) const {
-        LightRenderer::Options made(options.picture.resources);
-        made.image.settings = options.picture.settings;
-        made.image.settings.width = window->width(), made.image.settings.height = window->height();
-        made.image.keep = false;
-        LightRenderer renderer(world, made);
-        const auto whole = renderer.picture(made.image);
+        RenderSettings settings = options.picture.settings;
+        settings.width = window->width(), settings.height = window->height();
+        const auto whole = picture->picture(settings);
         if (!whole) return std::unexpected(whole.error());
         return rtsg::writePicture(*whole, file, options.picture.toneMap);
     }
 };
 
-Viewer::Viewer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
-Viewer::~Viewer() = default;
+SceneWindow::SceneWindow(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+SceneWindow::~SceneWindow() = default;
 
-Result<std::unique_ptr<Viewer>> Viewer::open(SharedWorld& world, ViewerOptions options) {
+Result<std::unique_ptr<SceneWindow>> SceneWindow::open(SharedWorld& world, SceneWindowOptions options) {
     auto impl = std::make_unique<Impl>(world, std::move(options));
     WindowSettings settings;
     settings.title = impl->options.title;
@@ -196,10 +196,10 @@ Result<std::unique_ptr<Viewer>> Viewer::open(SharedWorld& world, ViewerOptions o
     pictures.wake = [w = impl->window.get()] { w->wake(); };
     impl->picture = std::make_unique<LivePicture>(world, std::move(pictures));
     if (auto ok = impl->picture->show(); !ok) return std::unexpected(ok.error());
-    return std::unique_ptr<Viewer>(new Viewer(std::move(impl)));
+    return std::unique_ptr<SceneWindow>(new SceneWindow(std::move(impl)));
 }
 
-bool Viewer::turn(std::chrono::milliseconds atMost) {
+bool SceneWindow::turn(std::chrono::milliseconds atMost) {
     Impl& s = *impl_;
     if (auto ok = s.picture->show(s.eye); !ok) {
         s.failure = ok.error().text;
@@ -214,7 +214,7 @@ bool Viewer::turn(std::chrono::milliseconds atMost) {
         if (event.kind == Kind::none) break;
         s.handle(event);
         s.present();
-        if (s.statistics.events == before && s.dropped.empty()) continue;
+        if (s.statistics.events == before && s.dropped.empty() && s.skip == 0) continue;
         // What was done is the scene's turn, once all that has come is read.
         for (WindowEvent more = s.window->next(0); more.kind != Kind::none && !s.closed; more = s.window->next(0))
             s.handle(more);
@@ -223,30 +223,33 @@ bool Viewer::turn(std::chrono::milliseconds atMost) {
     return !s.closed;
 }
 
-std::string Viewer::failure() const {
+std::string SceneWindow::failure() const {
     return impl_->failure;
 }
-bool Viewer::isPaused() const {
+bool SceneWindow::isPaused() const {
     return impl_->paused;
 }
-std::vector<std::string> Viewer::takeDropped() {
+double SceneWindow::takeSkip() {
+    return std::exchange(impl_->skip, 0);
+}
+std::vector<std::string> SceneWindow::takeDropped() {
     return std::exchange(impl_->dropped, {});
 }
-void Viewer::lookFrom(const std::optional<Camera>& eye) {
+void SceneWindow::lookFrom(const std::optional<Camera>& eye) {
     impl_->eye = eye;
 }
-void Viewer::setTitle(const std::string& title) {
+void SceneWindow::setTitle(const std::string& title) {
     impl_->window->setTitle(title);
 }
-Result<> Viewer::writePicture(const std::string& file) {
+Result<> SceneWindow::writePicture(const std::string& file) {
     return impl_->write(file);
 }
-bool Viewer::isSettled() const {
+bool SceneWindow::isSettled() const {
     return impl_->picture->isDone() && impl_->shown && !impl_->lost;
 }
 
-ViewerStatistics Viewer::statistics() const {
-    ViewerStatistics statistics = impl_->statistics;
+SceneWindowStatistics SceneWindow::statistics() const {
+    SceneWindowStatistics statistics = impl_->statistics;
     statistics.intervals.assign(impl_->intervals.begin(), impl_->intervals.end());
     statistics.pictures = impl_->picture->statistics();
     if (impl_->shown) {
@@ -257,7 +260,7 @@ ViewerStatistics Viewer::statistics() const {
     return statistics;
 }
 
-Diagnostics Viewer::takeDiagnostics() {
+Diagnostics SceneWindow::takeDiagnostics() {
     return std::exchange(impl_->diagnostics, Diagnostics());
 }
 

@@ -1,0 +1,40 @@
+// OwnEye: a viewer of one's own in a scene that is not to be touched: a replica, or a log that is played.
+//
+// A small scene beside the other one holds its viewpoint, so that the same keys, wheels and drags move it as they move
+// the viewer of a scene that runs here (rtsg/core/navigation.h), with the other scene's walls and ground. Until
+// somebody has moved it there is none, and the bound viewpoint counts; HOME goes back to that. Threading: the scene's
+// thread. Source: ISO/IEC 19775-1 V4.0 23.4.4.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include <rtsg/core/device_input.h>
+#include <rtsg/renderers/camera.h>
+#include <rtsg/renderers/shared_world.h>
+
+namespace rtsg {
+
+class OwnEye {
+  public:
+    /// `world`: of the other scene, which must outlive this.
+    explicit OwnEye(SharedWorld& world);
+    ~OwnEye();
+
+    /// What a device did, as an event for a field of a scene's root (key, wheel or pointer); others do nothing.
+    void take(FieldIndex field, const Value& value);
+    /// `seconds`: of a clock that goes on. Moves what is in motion.
+    void advance(double seconds);
+    /// Something moves it.
+    bool isMoving() const;
+    /// Null until it has been moved. `aspect`: width / height.
+    std::optional<Camera> camera(double aspect) const;
+    /// A place in the picture as the ray through it, for scenes that do not know this eye.
+    PointerInput throughPicture(const PointerInput& input) const;
+
+  private:
+    struct Impl;
+    std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtsg

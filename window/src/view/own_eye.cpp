@@ -1,0 +1,152 @@
+// A viewpoint in a scene of its own, moved by that scene's navigation among the walls of another one.
+#include <rtsg/window/own_eye.h>
+
+#include <algorithm>
+#include <utility>
+
+#include <rtsg/core/navigation.h>
+#include <rtsg/core/scene.h>
+#include <rtsg/core/x3d.h>
+#include <rtsg/renderers/world_queries.h>
+
+namespace rtsg {
+
+namespace {
+
+using Root = x3d::RtsgScene;
+
+/// Of the other scene's world what stops an avatar. Pointers meet nothing: nodes have other numbers there.
+class Walls final : public SpaceQueries {
+  public:
+    explicit Walls(SharedWorld& world) : queries_(world) {}
+    std::optional<PointerHit> firstHit(const Vec3d&, const Vec3d&) override { return std::nullopt; }
+    std::optional<PictureHit> throughPicture(double, double, std::optional<NodeId>) override { return std::nullopt; }
+    std::vector<std::vector<NodeId>> within(const Vec3d&, double) override { return {}; }
+    std::vector<Crossing> crossings(const Vec3d& origin, const Vec3d& direction, double length) override {
+        return withoutPaths(queries_.crossings(origin, direction, length));
+    }
+    std::vector<Crossing> obstacles(const Vec3d& origin, const Vec3d& direction, double length) override {
+        return withoutPaths(queries_.obstacles(origin, direction, length));
+    }
+    std::vector<ShapeBox> boxes() override {
+        std::vector<ShapeBox> all = queries_.boxes();
+        for (ShapeBox& box : all) box.path.clear();
+        return all;
+    }
+    std::vector<Meeting> meetings(const Vec3d&, double, TriangleTest&) override { return {}; }
+    std::vector<Vec3d> corners(const Node&) override { return {}; }
+
+  private:
+    static std::vector<Crossing> withoutPaths(std::vector<Crossing> all) {
+        for (Crossing& one : all) one.path.clear();
+        return all;
+    }
+    WorldQueries queries_;
+};
+
+/// The node on top of a stack of the scene's root; none if it is empty.
+const Node* bound(const Scene& scene, Field<Array<NodeId>> stack) {
+    const Array<NodeId> all = scene.node(scene.root()).get(stack);
+    return all.empty() ? nullptr : scene.find(all[0]);
+}
+
+}  // namespace
+
+struct OwnEye::Impl {
+    explicit Impl(SharedWorld& w) : world(w), walls(w) {}
+
+    SharedWorld& world;
+    Walls walls;
+    std::unique_ptr<Scene> own;  // null until it is moved
+    double time = 0;
+    double fieldOfView = 0.7854;
+
+    /// From where the other scene's viewer is.
+    void begin() {
+        using V = x3d::Viewpoint;
+        using N = x3d::NavigationInfo;
+        const Scene& other = world.scene();
+        const ViewerPose pose = viewerPose(other);
+        own = std::make_unique<Scene>();
+        own->setNavigation(true);
+        own->setSpaceQueries(&walls);
+        const NodeId view = own->createNode(V::type), navigation = own->createNode(N::type);
+        (void)own->set(view, V::position, Vec3f(pose.position));
+        (void)own->set(view, V::orientation, orientationOf(pose));
+        if (const Node* theirs = bound(other, Root::_viewpointStack); theirs && theirs->is(V::type)) {
+            fieldOfView = static_cast<double>(theirs->get(V::fieldOfView));
+            (void)own->set(view, V::centerOfRotation, theirs->get(V::centerOfRotation));
+        }
+        if (const Node* theirs = bound(other, Root::_navigationStack); theirs && theirs->is(N::type)) {
+            for (FieldIndex f = 0; f < theirs->type().fields.size(); ++f) {
+                const FieldDef& def = theirs->type().fields[f];
+                if (def.access == Access::inputOutput && !def.hidden && sf(def.type) != FieldType::SFNode)
+                    (void)own->setField(navigation, f, theirs->value(f));
+            }
+        }
+        (void)own->setField(own->root(), Root::children.index, Array<NodeId>{view, navigation});
+        (void)own->sendEvent(view, V::set_bind.index, true);
+        (void)own->sendEvent(navigation, N::set_bind.index, true);
+        own->newFrame(time);
+    }
+
+    /// Whether such input moves a viewer that has not been moved yet.
+    static bool moves(FieldIndex field, const Value& value) {
+        if (field == Root::wheel.index) return true;
+        if (field == Root::pointer.index) {
+            const auto pointer = PointerInput::fromValue(value.as<Array<double>>());
+            return pointer && pointer->buttons != 0;
+        }
+        if (field != Root::key.index) return false;
+        const auto key = KeyInput::fromValue(value.as<Array<std::int32_t>>());
+        return key && key->down && key->action >= ActionKey::up && key->action <= ActionKey::right;
+    }
+    static bool goesHome(FieldIndex field, const Value& value) {
+        if (field != Root::key.index) return false;
+        const auto key = KeyInput::fromValue(value.as<Array<std::int32_t>>());
+        return key && key->down && key->action == ActionKey::home;
+    }
+};
+
+OwnEye::OwnEye(SharedWorld& world) : impl_(std::make_unique<Impl>(world)) {}
+OwnEye::~OwnEye() = default;
+
+void OwnEye::take(FieldIndex field, const Value& value) {
+    Impl& s = *impl_;
+    if (Impl::goesHome(field, value)) return s.own.reset();
+    if (!s.own) {
+        if (!Impl::moves(field, value)) return;
+        s.begin();
+    }
+    (void)s.own->sendEvent(s.own->root(), field, value);
+}
+
+void OwnEye::advance(double seconds) {
+    Impl& s = *impl_;
+    s.time = std::max(s.time, seconds);
+    if (s.own) s.own->newFrame(s.time);
+}
+
+bool OwnEye::isMoving() const {
+    return impl_->own && impl_->own->restsUntil() <= impl_->time;
+}
+
+std::optional<Camera> OwnEye::camera(double aspect) const {
+    const Impl& s = *impl_;
+    if (!s.own) return std::nullopt;
+    const ViewerPose pose = viewerPose(*s.own);
+    return Camera::perspective(WorldFromLocal(1), pose.position, orientationOf(pose), s.fieldOfView, aspect);
+}
+
+PointerInput OwnEye::throughPicture(const PointerInput& input) const {
+    const Impl& s = *impl_;
+    if (input.kind != PointerInput::Kind::picture) return input;
+    const Scene& scene = s.own ? *s.own : s.world.scene();
+    const Bearing bearing = bearingThrough(scene, input.x, input.y, input.aspect);
+    PointerInput ray = input;
+    ray.kind = PointerInput::Kind::ray;
+    ray.origin = bearing.origin, ray.direction = bearing.direction;
+    return ray;
+}
+
+}  // namespace rtsg
