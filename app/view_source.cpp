@@ -58,10 +58,6 @@ class RunningSource final : public ViewSource {
 
 using Clock = std::chrono::steady_clock;
 
-double secondsSince(Clock::time_point start) {
-    return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
 /// The replica of a scene that is served. The viewer is one's own; pointers and keys reach the origin, if it lets them.
 class MirrorSource final : public ViewSource {
   public:
@@ -87,8 +83,7 @@ class MirrorSource final : public ViewSource {
             client_->poll(std::chrono::milliseconds(50));
             if (interrupted()) return fail("interrupted", {}, endpoint_);
             if (!client_->refusal().empty()) return fail(fmt::format("refused: {}", client_->refusal()), {}, endpoint_);
-            if (secondsSince(heard_) > patience_)
-                return fail(fmt::format("no server for {} s", patience_), {}, endpoint_);
+            if (silence() > patience_) return fail(fmt::format("no server for {} s", patience_), {}, endpoint_);
         }
         world_.emplace(replica_, resources_);
         eye_.emplace(world_->get());
@@ -108,7 +103,7 @@ class MirrorSource final : public ViewSource {
         }
         eye_->advance(t);
         if (!client_->originLost()) heard_ = Clock::now();
-        left_ = client_->serverLeft() || secondsSince(heard_) > patience_;
+        left_ = client_->serverLeft() || silence() > patience_;
         return !left_;
     }
     /// It is asked what has come.
@@ -143,6 +138,9 @@ class MirrorSource final : public ViewSource {
     }
 
   private:
+    /// Seconds since the origin was heard.
+    double silence() const { return std::chrono::duration<double>(Clock::now() - heard_).count(); }
+
     const std::string endpoint_;
     const double patience_;
     const Resources resources_;

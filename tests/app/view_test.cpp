@@ -1,0 +1,99 @@
+// rtsg view without a screen: what is seen is what render makes; what cannot be seen is named.
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+#include "mirror_session.h"
+
+namespace rtsg::test {
+namespace {
+
+using nlohmann::json;
+using testing::HasSubstr;
+
+class View : public Mirror {
+  protected:
+    View() { ::setenv("SDL_VIDEODRIVER", "offscreen", 1); }
+    ~View() override { ::unsetenv("SDL_VIDEODRIVER"); }
+    /// Its summary.
+    json view(std::vector<std::string> arguments, int status = 0) {
+        arguments.insert(arguments.begin(), "view");
+        arguments.insert(arguments.end(), {"--json", "--mute", "--size", "160x90"});
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, status) << outcome.err;
+        said = outcome.err;
+        return outcome.out.empty() ? json() : json::parse(outcome.out);
+    }
+    std::string said;
+};
+
+TEST_F(View, AScreenshotIsThePictureThatRenderMakes) {
+    const std::string still = folder / "still.x3dv";
+    writeFile(still,
+              "#X3D V4.0 utf8\nPROFILE Immersive\nShape { appearance Appearance { material Material { diffuseColor 1 0 "
+              "0 } } geometry Cone { } }\n");
+    const json summary = view({still, "--for", "1s", "--screenshot", folder / "a.png"});
+    EXPECT_TRUE(summary.at("whole").get<bool>()) << summary;
+    EXPECT_GE(summary.at("samples"), 4) << summary;
+    EXPECT_LE(summary.at("frames"), 12) << "nothing moves: the scene is left alone: " << summary;
+    ASSERT_EQ(rtsg({"render", still, "-o", folder / "b.png", "--size", "160x90"}).status, 0);
+    EXPECT_EQ(readFile(folder / "a.png"), readFile(folder / "b.png"));
+    // A picture that is there is kept.
+    view({still, "--for", "1s", "--screenshot", folder / "a.png"}, 1);
+    EXPECT_THAT(said, HasSubstr("--force"));
+}
+
+TEST_F(View, WhatIsSetAndPointedAtHappens) {
+    const json summary = view({file, "--for", "1s", "--set", "BOX.scale=2 2 2@0.1"});
+    EXPECT_GT(summary.at("frames"), 10) << "its clock runs: " << summary;
+    EXPECT_GT(summary.at("pictures"), 1) << summary;
+}
+
+TEST_F(View, AServedSceneIsFollowed) {
+    serve({"--for", "60s"}, "ipc://" + folder / "socket");
+    const json summary = view({endpoint, "--for", "1s"});
+    EXPECT_GT(summary.at("sequence"), 3) << summary;
+    EXPECT_GT(summary.at("pictures"), 1) << summary;
+    view({"ipc://" + folder / "nobody", "--wait", "300ms"}, 1);
+    EXPECT_THAT(said, HasSubstr("no server for 0.3 s"));
+    // One that dies is missed, with the status of something that went wrong.
+    Program window({"view", endpoint, "--wait", "1s", "--mute", "--size", "160x90"}, streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(800));
+    server->signal(SIGKILL);
+    const Outcome ended = window.wait();
+    EXPECT_EQ(ended.status, 1);
+    EXPECT_THAT(ended.err, HasSubstr("silent"));
+}
+
+TEST_F(View, ALogIsPlayed) {
+    const std::string log = folder / "a.rlog";
+    const Outcome made = rtsg({"record", file, "-o", log, "--for", "500ms", "--json"});
+    ASSERT_EQ(made.status, 0);
+    const json summary = view({log, "--for", "1500ms"});
+    EXPECT_EQ(summary.at("hash"), json::parse(made.out).at("hash")) << "to its end: " << summary;
+    view({log, "--set", "BOX.scale=2 2 2@0"}, 1);
+    EXPECT_THAT(said, HasSubstr("--set goes with a scene's file"));
+}
+
+TEST_F(View, WithoutAScreenItSaysSo) {
+    ::setenv("SDL_VIDEODRIVER", "x11", 1);
+    ::setenv("DISPLAY", ":987", 1);
+    view({file, "--for", "1s"}, 1);
+    ::unsetenv("DISPLAY");
+    EXPECT_THAT(said, HasSubstr("no window can be opened"));
+    ::setenv("SDL_VIDEODRIVER", "offscreen", 1);
+    view({folder / "nothing.x3d"}, 1);
+    EXPECT_THAT(said, HasSubstr("nothing.x3d"));
+}
+
+TEST_F(View, CtrlCClosesItInOrder) {
+    Program window({"view", file, "--mute", "--json", "--size", "160x90", "--screenshot", folder / "c.png"}, streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(800));
+    window.signal(SIGINT);
+    const Outcome ended = window.wait();
+    EXPECT_EQ(ended.status, 0) << ended.err;
+    EXPECT_TRUE(std::filesystem::exists(folder / "c.png"));
+    EXPECT_GT(json::parse(ended.out).at("pictures"), 0);
+}
+
+}  // namespace
+}  // namespace rtsg::test

@@ -1,0 +1,174 @@
+// Pictures for somebody who looks on: coarse in motion, whole at rest, then better, and none where nothing changes.
+#include <chrono>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/renderers/light_renderer.h>
+#include <rtsg/window/live_picture.h>
+
+namespace rtsg {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr int kWidth = 160, kHeight = 90;
+
+struct Seen {
+    Scene scene;
+    std::unique_ptr<SharedWorld> world;
+    std::unique_ptr<LivePicture> pictures;
+    NodeId box;
+    double time = 0;
+    std::mutex mutex;
+    std::vector<std::shared_ptr<const LivePictureShown>> all;  // every picture, in order
+    std::size_t looked = 0;
+
+    ~Seen() { pictures.reset(); }
+    explicit Seen(double budget = 1 / 30.0, int mostSamples = 8) {
+        Diagnostics diagnostics;
+        EXPECT_TRUE(loadText(scene,
+                             "#X3D V4.0 utf8\nPROFILE Immersive\nViewpoint { position 0 0 6 }\n"
+                             "DEF B Transform { children Shape { appearance Appearance { material Material { "
+                             "diffuseColor 1 .5 .2 } } geometry Sphere { } } }\nDEF FREE WorldInfo { }\n",
+                             diagnostics));
+        box = scene.findName("B");
+        scene.newFrame(time);
+        world = std::make_unique<SharedWorld>(scene);
+        LivePictureOptions options;
+        options.settings.width = kWidth, options.settings.height = kHeight;
+        options.settings.samplesPerPixel = 4;
+        options.settings.threads = 1;
+        options.budget = budget;
+        options.mostSamples = mostSamples;
+        options.restsAfter = .02;
+        options.wake = [this] {
+            const std::scoped_lock lock(mutex);
+            if (auto shown = pictures->take()) all.push_back(std::move(shown));
+        };
+        pictures = std::make_unique<LivePicture>(*world, options);
+        EXPECT_TRUE(pictures->show());
+    }
+    void move() {
+        EXPECT_TRUE(scene.set(box, x3d::Transform::translation, Vec3f(float(time + 1) / 50, 0, 0)));
+        scene.newFrame(time += 1);
+        EXPECT_TRUE(pictures->show());
+    }
+    /// The next picture that is as asked for.
+    template <class Wanted>
+    std::shared_ptr<const LivePictureShown> next(const Wanted& wanted) {
+        const auto end = std::chrono::steady_clock::now() + 60s;
+        while (std::chrono::steady_clock::now() < end) {
+            {
+                const std::scoped_lock lock(mutex);
+                while (looked < all.size())
+                    if (const auto& shown = all[looked++]; wanted(*shown)) return shown;
+            }
+            std::this_thread::sleep_for(1ms);
+        }
+        ADD_FAILURE() << "no such picture came";
+        return std::make_shared<LivePictureShown>();
+    }
+    Picture made(int samples) {
+        LightRenderer renderer(*world);
+        ImageOptions options;
+        options.settings.width = kWidth, options.settings.height = kHeight;
+        options.settings.samplesPerPixel = samples;
+        return *renderer.picture(options);
+    }
+};
+
+std::vector<std::uint8_t> bytesOf(const Picture& picture) {
+    std::vector<std::uint8_t> bytes = toSrgb8(picture);
+    for (std::size_t i = 0; i < bytes.size(); i += 4) std::swap(bytes[i], bytes[i + 2]), bytes[i + 3] = 255;
+    return bytes;
+}
+
+TEST(LivePictures, AtRestThePictureIsWholeThenBetterAndThenNoneIsMade) {
+    Seen seen;
+    const auto whole = seen.next([](const auto& shown) { return shown.whole; });
+    EXPECT_EQ(whole->width, kWidth);
+    EXPECT_EQ(whole->height, kHeight);
+    EXPECT_EQ(whole->samples, 1);
+    EXPECT_EQ(whole->pixels, bytesOf(seen.made(1))) << "the picture that render makes";
+    const auto four = seen.next([](const auto& shown) { return shown.samples == 4; });
+    EXPECT_EQ(four->pixels, bytesOf(seen.made(4)));
+    (void)seen.next([](const auto& shown) { return shown.samples == 8; });
+    const auto end = std::chrono::steady_clock::now() + 60s;
+    while (!seen.pictures->isDone() && std::chrono::steady_clock::now() < end) std::this_thread::sleep_for(1ms);
+    EXPECT_TRUE(seen.pictures->isDone());
+    // Frames that change nothing that is seen change nothing.
+    const std::uint64_t made = seen.pictures->statistics().whole;
+    seen.scene.newFrame(seen.time += 1);
+    EXPECT_TRUE(seen.pictures->show());
+    std::this_thread::sleep_for(100ms);
+    EXPECT_EQ(seen.pictures->statistics().whole + seen.pictures->statistics().moving,
+              made + seen.pictures->statistics().moving);
+}
+
+TEST(LivePictures, InMotionAPictureHasAsManyPixelsAsTheBudgetAllows) {
+    Seen seen(1e-6);  // for no pixel at all
+    (void)seen.next([](const auto&) { return true; });
+    seen.move();
+    const std::uint64_t state = seen.scene.sequence();
+    const auto coarse = seen.next([&](const auto& shown) { return shown.sequence == state; });
+    EXPECT_FALSE(coarse->whole);
+    EXPECT_LE(coarse->width, kWidth / 2) << "as coarse as pictures get, in steps of 16 pixels";
+    EXPECT_NEAR(static_cast<double>(coarse->width) / coarse->height, 16. / 9, .15);
+    const auto whole = seen.next([](const auto& shown) { return shown.whole; });
+    EXPECT_EQ(whole->sequence, state);
+
+    Seen rich(10);  // for every pixel
+    (void)rich.next([](const auto& shown) { return shown.whole; });
+    rich.move();
+    EXPECT_TRUE(rich.next([&](const auto& shown) { return shown.sequence == rich.scene.sequence(); })->whole);
+}
+
+TEST(LivePictures, AChangeEndsWhatIsBeingMadeAtRest) {
+    Seen seen(1 / 30.0, 1 << 20);
+    (void)seen.next([](const auto& shown) { return shown.samples >= 4; });
+    for (int i = 0; i < 20; ++i) {
+        seen.move();
+        const std::uint64_t state = seen.scene.sequence();
+        (void)seen.next([&](const auto& shown) { return shown.sequence == state; });
+        std::this_thread::sleep_for(40ms);  // what is at rest by then is under way
+    }
+    const auto better = seen.next([&](const auto& shown) { return shown.samples >= 8; });
+    EXPECT_EQ(better->sequence, seen.scene.sequence()) << "no sample of an earlier state is in it";
+}
+
+TEST(LivePictures, AnotherSizeIsAnotherPicture) {
+    Seen seen;
+    (void)seen.next([](const auto& shown) { return shown.whole; });
+    seen.pictures->setSize(64, 64);
+    const auto square = seen.next([](const auto& shown) { return shown.whole && shown.width == 64; });
+    EXPECT_EQ(square->height, 64);
+    EXPECT_EQ(square->pixels.size(), 4u * 64 * 64);
+}
+
+TEST(LivePictures, AnEyeOfOnesOwnIsLookedThrough) {
+    Seen seen;
+    (void)seen.next([](const auto& shown) { return shown.whole; });
+    const Camera away = Camera::perspective(WorldFromLocal(1), {0, 0, 6}, Rotation{0, 1, 0, 3.1415926f}, .8, 16. / 9);
+    ASSERT_TRUE(seen.pictures->show(away));
+    (void)seen.next([](const auto& shown) {
+        bool isBlack = shown.whole;
+        for (std::size_t i = 0; i < shown.pixels.size(); ++i) isBlack = isBlack && (i % 4 == 3 || shown.pixels[i] == 0);
+        return isBlack;
+    });
+    RenderSettings settings;
+    settings.width = 32, settings.height = 18;
+    const auto same = seen.pictures->picture(settings);
+    ASSERT_TRUE(same);
+    EXPECT_EQ(same->at(16, 9).x, 0);
+    ASSERT_TRUE(seen.pictures->show());
+    const std::size_t middle = 4 * (kWidth * kHeight / 2 + kWidth / 2) + 2;
+    (void)seen.next([&](const auto& shown) { return shown.whole && shown.pixels[middle] > 100; });
+}
+
+}  // namespace
+}  // namespace rtsg

@@ -1,0 +1,92 @@
+// A viewer of one's own in a scene that is not to be touched.
+#include <gtest/gtest.h>
+
+#include <rtsg/core/x3d.h>
+#include <rtsg/documents/loader.h>
+#include <rtsg/window/own_eye.h>
+
+namespace rtsg {
+namespace {
+
+using Root = x3d::RtsgScene;
+
+struct Walked {
+    Scene scene;
+    std::unique_ptr<SharedWorld> world;
+    std::unique_ptr<OwnEye> eye;
+    double time = 0;
+
+    explicit Walked(const std::string& navigation = "WALK") {
+        Diagnostics diagnostics;
+        EXPECT_TRUE(loadText(scene,
+                             "#X3D V4.0 utf8\nPROFILE Immersive\nViewpoint { position 0 1.6 6 fieldOfView .6 }\n"
+                             "NavigationInfo { type \"" +
+                                 navigation +
+                                 "\" speed 2 }\n"
+                                 "Transform { translation 0 1 0 children Shape { geometry Box { size 20 4 1 } } }\n"
+                                 "Transform { translation 0 -.05 0 children Shape { geometry Box { size 90 .1 90 } } }",
+                             diagnostics));
+        scene.newFrame(0);
+        world = std::make_unique<SharedWorld>(scene);
+        eye = std::make_unique<OwnEye>(*world);
+    }
+    void key(const char* name, bool down) { eye->take(Root::key.index, Value(KeyInput::named(name, down)->toValue())); }
+    void run(double seconds) {
+        for (const double end = time + seconds; time < end; time += 1 / 30.0) eye->advance(time);
+    }
+};
+
+TEST(OwnEyes, ThereIsNoneUntilItIsMovedAndNoneAfterHome) {
+    Walked walked;
+    walked.run(.1);
+    EXPECT_FALSE(walked.eye->camera(1));
+    walked.key("a", true);
+    EXPECT_FALSE(walked.eye->camera(1)) << "a key that moves nobody";
+    const Hash128 before = walked.scene.hash();
+    walked.key("UP", true);
+    walked.run(.5);
+    const auto camera = walked.eye->camera(1);
+    ASSERT_TRUE(camera);
+    EXPECT_NEAR(camera->position.z, 5, .3) << "2 m/s for half a second";
+    EXPECT_TRUE(walked.eye->isMoving());
+    EXPECT_FALSE(walked.scene.hasUnsealedEdits());
+    EXPECT_EQ(walked.scene.hash(), before) << "the scene is not touched";
+    walked.key("UP", false);
+    walked.run(.5);
+    EXPECT_FALSE(walked.eye->isMoving());
+    walked.key("HOME", true);
+    EXPECT_FALSE(walked.eye->camera(1));
+}
+
+TEST(OwnEyes, WallsOfTheOtherSceneStopIt) {
+    Walked walked;
+    walked.key("UP", true);
+    walked.run(6);
+    const auto camera = walked.eye->camera(1);
+    ASSERT_TRUE(camera);
+    EXPECT_GT(camera->position.z, .5) << "before the wall";
+    EXPECT_LT(camera->position.z, 2);
+    EXPECT_NEAR(camera->position.y, 1.6, .1);
+}
+
+TEST(OwnEyes, ItSeesAsTheBoundViewpointDoes) {
+    Walked walked("FLY");
+    walked.key("UP", true);
+    walked.run(.1);
+    const auto camera = walked.eye->camera(1);
+    ASSERT_TRUE(camera);
+    EXPECT_NEAR(camera->top, std::tan(.3), 1e-6);
+    PointerInput middle;
+    middle.kind = PointerInput::Kind::picture;
+    middle.x = middle.y = .5;
+    const PointerInput ray = walked.eye->throughPicture(middle);
+    EXPECT_EQ(ray.kind, PointerInput::Kind::ray);
+    EXPECT_NEAR(ray.direction.z, -1, 1e-9);
+    EXPECT_NEAR(ray.origin.z, camera->position.z, 1e-9);
+    PointerInput gone;
+    gone.kind = PointerInput::Kind::absent;
+    EXPECT_EQ(walked.eye->throughPicture(gone).kind, PointerInput::Kind::absent);
+}
+
+}  // namespace
+}  // namespace rtsg
