@@ -88,6 +88,7 @@ bool RunningScene::load() {
     setClock(scene_, start_);
     Diagnostics diagnostics(file_);
     if (!app::load(scene_, file_, diagnostics, resources_)) return false;
+    errorsOfLoading_ = diagnostics.errors();
     // A scene file, or a log, begins with a state of its own time, which the scene does not go back from.
     if (startWasGiven_ && scene_.now() > start_) {
         printError(fmt::format("{}: --at: it begins with a state of a later time, {} s", file_, scene_.now()));

@@ -48,6 +48,8 @@ class RunningScene {
     void allowNetwork(const NetworkArguments& network) { allowedAddresses_ = network.dis; }
     /// Reads the file and prints its diagnostics. False if nothing usable was in it.
     bool load();
+    /// Errors that load() has printed: the rest of the file is there.
+    std::size_t errorsOfLoading() const { return errorsOfLoading_; }
     /// Instead of load(): goes on with the session in a log, at the time after its last state; start() is the log's.
     Result<ResumedSession> resume(const std::string& log);
     /// From now on all Texts say how large they are, not only those of which something in the scene may hear.
@@ -88,6 +90,7 @@ class RunningScene {
     Resources resources_;
     double start_, time_ = 0;
     bool startWasGiven_;
+    std::size_t errorsOfLoading_ = 0;
     Scene scene_;
     Diagnostics inlineDiagnostics_;
     std::unique_ptr<InlineLoader> inlines_;

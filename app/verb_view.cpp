@@ -2,13 +2,16 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include <fmt/format.h>
 
 #include <rtsg/audio/live_sound.h>
+#include <rtsg/core/navigation.h>
 #include <rtsg/core/terminal.h>
 #include <rtsg/window/scene_window.h>
 
@@ -31,7 +34,7 @@ struct ViewArguments {
     PictureArguments picture;
     std::string duration, screenshot, device;
     double fps = 30;
-    bool fullscreen = false, mute = false, force = false, json = false;
+    bool fullscreen = false, mute = false, watch = false, force = false, json = false;
 };
 
 double percentile(std::vector<double> values, double share) {
@@ -44,25 +47,34 @@ double percentile(std::vector<double> values, double share) {
 class Viewing {
   public:
     explicit Viewing(const ViewArguments& options)
-        : options_(options), duration_(options.duration.empty() ? 1e18 : parseSeconds(options.duration)) {}
+        : options_(options),
+          duration_(options.duration.empty() ? 1e18 : parseSeconds(options.duration)),
+          shown_(options.source) {}
 
     int run() {
         if (!options_.screenshot.empty() && !options_.force && std::filesystem::exists(options_.screenshot))
             return printError(fmt::format("{}: there is a file already; --force replaces it", options_.screenshot)),
                    kBad;
-        auto source = openViewSource(options_.source);
+        auto source = openViewSource(shown_);
         if (!source) return printError(source.error()), kBad;
         source_ = std::move(*source);
-        if (auto ok = open(); !ok) return printError(ok.error()), kBad;
-        listen();
-        loop();
-        return finish();
+        for (;;) {
+            written_ = lastWritten();
+            if (auto ok = open(); !ok) return printError(ok.error()), kBad;
+            listen();
+            loop();
+            if (!next_) return finish();
+            sound_.reset();
+            window_.reset();
+            (void)source_->finish();
+            source_ = std::move(next_);
+        }
     }
 
   private:
     Result<> open() {
         SceneWindowOptions options;
-        options.title = fmt::format("{} - rtsg", options_.source.name);
+        options.title = fmt::format("{} - rtsg", shown_.name);
         options.fullscreen = options_.fullscreen;
         options.picture.settings = options_.picture.parse().settings;
         options.picture.toneMap = options_.picture.toneMap();
@@ -98,15 +110,17 @@ class Viewing {
     }
 
     void loop() {
-        const Clock::time_point start = Clock::now();
+        const double begun = clock();
         double paused = 0;  // seconds that did not count
         double due = 0;
         std::uint64_t events = 0;
+        time_ = 0;
         for (;;) {
-            const double now = std::chrono::duration<double>(Clock::now() - start).count();
+            const double now = clock() - begun;
             if (window_->isPaused()) paused = now - time_;
             const double t = now - paused;
-            if (interrupted() || now >= duration_) return;
+            if (interrupted() || clock() >= duration_) return;
+            if (opensNext()) return;
             const bool acts = std::exchange(events, window_->statistics().events) != window_->statistics().events;
             if (!window_->isPaused()) {
                 time_ = t;
@@ -118,11 +132,11 @@ class Viewing {
             window_->lookFrom(source_->eye(kAnyAspect));
             seek();
             if (const std::string status = source_->status(); status != status_)
-                window_->setTitle(fmt::format("{} - {} - rtsg", options_.source.name, status_ = status));
+                window_->setTitle(fmt::format("{} - {} - rtsg", shown_.name, status_ = status));
             // The next frame is due a sixtieth after the last one, or when something happens.
             due = std::max(due + 1 / kFramesPerSecond, t);
             const double rests = window_->isPaused() ? 1e9 : std::max(source_->restsUntil(), due);
-            const double wait = std::min(rests - t, duration_ - now);
+            const double wait = std::min(rests - t, duration_ - clock());
             const auto most = std::chrono::ceil<milliseconds>(std::chrono::duration<double>(std::clamp(wait, 0., 1.)));
             if (!window_->turn(std::min(most, kLongestTurn))) return;
         }
@@ -135,11 +149,38 @@ class Viewing {
         if (auto ok = source_->seek(seconds); !ok) fmt::print(stderr, "note: {}\n", terminalText(ok.error().text));
     }
 
+    double clock() const { return std::chrono::duration<double>(Clock::now() - start_).count(); }
+    std::optional<std::filesystem::file_time_type> lastWritten() const {
+        std::error_code error;
+        const auto time = std::filesystem::last_write_time(shown_.name, error);
+        return error ? std::nullopt : std::optional(time);
+    }
+
+    /// What was dropped on the window, or the file itself if --watch finds it edited. What cannot be opened leaves what
+    /// is shown.
+    bool opensNext() {
+        ViewSourceArguments next = shown_;
+        const std::vector<std::string> dropped = window_->takeDropped();
+        if (!dropped.empty()) {
+            next.name = dropped.back();
+            next.set.clear();
+        } else if (!options_.watch || lastWritten() == written_ || !lastWritten()) {
+            return false;
+        }
+        written_ = lastWritten();
+        next.mayHaveErrors = !dropped.empty();
+        auto source = openViewSource(next);
+        if (!source) return printError(source.error()), false;
+        // The same scene, edited, is seen from where its viewer is.
+        if (dropped.empty()) (void)moveViewer((*source)->scene(), viewerPose(source_->scene()), false);
+        next_ = std::move(*source);
+        shown_ = next;
+        return true;
+    }
+
     void say() {
         const Diagnostics said = window_->takeDiagnostics();
         for (const Diagnostic& d : said.all()) fmt::print(stderr, "{}\n", terminalText(d.format()));
-        for (const std::string& file : window_->takeDropped())
-            fmt::print(stderr, "note: {} was dropped: open it with `rtsg view`\n", terminalText(file));
     }
 
     int finish() {
@@ -170,7 +211,10 @@ class Viewing {
 
     const ViewArguments& options_;
     const double duration_;
-    std::unique_ptr<ViewSource> source_;
+    const Clock::time_point start_ = Clock::now();
+    ViewSourceArguments shown_;
+    std::optional<std::filesystem::file_time_type> written_;  // the file that is shown
+    std::unique_ptr<ViewSource> source_, next_;
     std::unique_ptr<SceneWindow> window_;
     std::unique_ptr<LiveSound> sound_;
     std::string status_;
@@ -200,6 +244,7 @@ Verb addView(Command& program) {
     command->addOption("--wait", options->source.patience, "of an endpoint: give up after so long without a server")
         ->preset();
     command->addFlag("--fullscreen", options->fullscreen, "fill the screen; F11 changes it");
+    command->addFlag("--watch", options->watch, "open the scene's file again whenever it has been edited");
     command->addFlag("--mute", options->mute, "no sound");
     command->addOption("--device", options->device, "of sound; else the default one");
     options->picture.addTo(*command);

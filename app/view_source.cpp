@@ -29,6 +29,7 @@ class RunningSource final : public ViewSource {
     }
     Result<> open(const ViewSourceArguments& arguments) {
         if (!running_.load()) return fail("nothing to see", {}, arguments.name);
+        if (!arguments.mayHaveErrors && running_.errorsOfLoading() > 0) return fail("not shown", {}, arguments.name);
         if (auto ok = running_.inject(arguments.set, 1e9); !ok) return ok;
         running_.frame(0);
         return {};

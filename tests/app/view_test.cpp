@@ -1,4 +1,5 @@
 // rtsg view without a screen: what is seen is what render makes; what cannot be seen is named.
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
@@ -72,6 +73,29 @@ TEST_F(View, ALogIsPlayed) {
     EXPECT_EQ(summary.at("hash"), json::parse(made.out).at("hash")) << "to its end: " << summary;
     view({log, "--set", "BOX.scale=2 2 2@0"}, 1);
     EXPECT_THAT(said, HasSubstr("--set goes with a scene's file"));
+}
+
+TEST_F(View, AnEditedFileIsOpenedAgainAndOneThatIsBrokenIsNot) {
+    const std::string edited = folder / "edited.x3dv";
+    const auto write = [&](const char* color) {
+        writeFile(edited, fmt::format("#X3D V4.0 utf8\nPROFILE Immersive\nShape {{ appearance Appearance {{ material "
+                                      "UnlitMaterial {{ emissiveColor {} }} }} geometry Box {{ size 90 90 1 }} }}\n",
+                                      color));
+    };
+    write("1 0 0");
+    Program window(
+        {"view", edited, "--watch", "--mute", "--for", "4s", "--size", "16x9", "--screenshot", folder / "d.png"},
+        streams());
+    std::this_thread::sleep_for(std::chrono::milliseconds(1000));
+    write("0 1 0");
+    std::this_thread::sleep_for(std::chrono::milliseconds(1000));
+    writeFile(edited, "nothing at all");
+    const Outcome ended = window.wait();
+    EXPECT_EQ(ended.status, 1) << "the file as it is now has not been shown: " << ended.err;
+    EXPECT_THAT(ended.err, HasSubstr("edited.x3dv: error: not shown"));
+    write("0 1 0");
+    ASSERT_EQ(rtsg({"render", edited, "-o", folder / "e.png", "--size", "16x9"}).status, 0);
+    EXPECT_EQ(readFile(folder / "d.png"), readFile(folder / "e.png"));
 }
 
 TEST_F(View, WithoutAScreenItSaysSo) {
