@@ -1,0 +1,139 @@
+#!/usr/bin/env python3
+"""Somebody in front of a window: looks, walks, clicks at a scene that is served elsewhere, and goes through a recorded session. The
+display is Xvfb's, the hand is xdotool's; where these are not installed the tests are skipped."""
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
+
+from harness import *
+
+TOUCH = """#X3D V4.0 utf8
+PROFILE Immersive
+Viewpoint { position 0 0 6 }
+Viewpoint { position 0 0 60 }
+DEF T Transform { children [
+  DEF TS TouchSensor { }
+  Shape { appearance Appearance { material UnlitMaterial { emissiveColor 1 0 0 } } geometry Box { size 3 3 3 } } ] }
+DEF SPIN TimeSensor { cycleInterval 2 startTime -100 }
+DEF OI OrientationInterpolator { key [0 1] keyValue [0 0 1 0, 0 0 1 1.5] }
+ROUTE TS.touchTime TO SPIN.startTime
+ROUTE SPIN.fraction_changed TO OI.set_fraction
+ROUTE OI.value_changed TO T.rotation
+"""
+
+
+@contextlib.contextmanager
+def display():
+    """An X server of its own, whose number is free."""
+    for tool in ("Xvfb", "xdotool"):
+        if not shutil.which(tool):
+            raise Skipped(f"{tool} is not installed")
+    reader, writer = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(writer), "-screen", "0", "800x600x24", "-nolisten", "tcp"], pass_fds=[writer],
+                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    os.close(writer)
+    try:
+        with os.fdopen(reader) as number:
+            name = ":" + number.readline().strip()
+        check(name != ":", "Xvfb did not start")
+        before = {key: os.environ.get(key) for key in ("DISPLAY", "SDL_VIDEODRIVER")}
+        os.environ.update(DISPLAY=name, SDL_VIDEODRIVER="x11")
+        yield
+        for key, value in before.items():
+            os.environ.pop(key) if value is None else os.environ.__setitem__(key, value)
+    finally:
+        server.kill()
+        server.wait()
+
+
+def hand(*words):
+    subprocess.run(["xdotool", *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+
+
+def window_of(viewer):
+    """Waits until it is there, with a picture in it, and in front."""
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        check(viewer.process.poll() is None, f"the window went away: {viewer.err!r}")
+        found = subprocess.run(["xdotool", "search", "--onlyvisible", "--name", "rtsg"], capture_output=True, text=True).stdout.split()
+        if found:
+            hand("windowmove", found[0], 0, 0)
+            hand("windowfocus", found[0])
+            time.sleep(1)
+            return found[0]
+        time.sleep(0.05)
+    raise AssertionError("no window opened")
+
+
+def view(user, what, *more):
+    return user.start("view", what, "--mute", "--json", "--size", "400x300", *more)
+
+
+def test_a_click_in_a_window_turns_what_is_served_elsewhere(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    with display():
+        server, endpoint = user.serve("touch.x3dv", "--upstream", "events", "--record", "touch.rlog", "--fps", "30")
+        viewer = view(user, endpoint, "--name", "Ann")
+        window_of(viewer)
+        hand("mousemove", 200, 150)
+        time.sleep(0.5)
+        hand("mousedown", 1)
+        time.sleep(0.3)
+        hand("mouseup", 1)
+        time.sleep(1.5)
+        hand("key", "Escape")
+        equal(viewer.done()["whole"], True, "at rest the picture is whole")
+        server.signal(signal.SIGINT)
+        server.wait()
+    program = user.start("replay", "touch.rlog", "--blame", "T.rotation")
+    program.done()
+    check("Ann (from a pointer" in program.out, f"the log has who clicked: {program.out!r}")
+
+
+def test_keys_walk_and_viewpoints_change_what_is_seen(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    with display():
+        viewer = view(user, "touch.x3dv", "--screenshot", "far.png")
+        window_of(viewer)
+        hand("key", "Next")  # PGDN: the viewpoint far away
+        time.sleep(2)
+        hand("key", "Escape")
+        check(viewer.done()["events"] >= 2, "a key and its release")
+    user.path("moved.x3dv").write_text(TOUCH.replace("Viewpoint { position 0 0 6 }\n", ""))
+    user.run("render", "moved.x3dv", "-o", "same.png", "--size", "400x300")
+    equal(user.path("far.png").read_bytes(), user.path("same.png").read_bytes(), "the picture from that viewpoint")
+
+
+def test_a_session_is_gone_through(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    user.run("record", "touch.x3dv", "-o", "long.rlog", "--for", "60s", "--fps", "10", "--set", "TS.enabled=FALSE@30")
+    with display():
+        viewer = view(user, "long.rlog")
+        window_of(viewer)
+        for _ in range(4):
+            hand("key", "ctrl+Right")
+            time.sleep(0.3)
+        hand("key", "ctrl+space")
+        time.sleep(0.3)
+        hand("key", "Escape")
+        sequence = viewer.done()["sequence"]
+    check(200 <= sequence <= 300, f"20 s on, and what was played: state {sequence}")
+
+
+def test_a_window_that_is_closed_ends_in_order(user):
+    user.path("touch.x3dv").write_text(TOUCH)
+    with display():
+        viewer = view(user, "touch.x3dv", "--screenshot", "last.png")
+        found = window_of(viewer)
+        hand("windowsize", found, 320, 200)
+        time.sleep(1)
+        hand("key", "Escape")
+        viewer.done()
+    check(is_whole_png(user.path("last.png")), "the picture of the end")
+    equal(int.from_bytes(user.path("last.png").read_bytes()[16:20], "big"), 320, "as wide as the window was then")
+
+
+if __name__ == "__main__":
+    sys.exit(run(sys.modules[__name__]))
