@@ -129,6 +129,18 @@ TEST_F(ScriptBrowserFiles, NodesFromAFileComeAsAnEventOfTheNextFrame) {
     EXPECT_EQ(inline_.get(x3d::Inline::body).size(), 1U) << "its urls start from its own folder";
 }
 
+/// What a data: url holds is no file: it is passed over, or said to be none.
+TEST_F(ScriptBrowserFiles, OnlyFilesAreLoadedSoDataUrlsArePassedOver) {
+    file("part.x3dv", "DEF P PointLight { intensity 0.5 }");
+    start(
+        "function go() { const data = 'data:model/x3d+vrml,%23X3D%20V4.0%20utf8';"
+        " print(Browser.createX3DFromURL(new MFString(data, 'part.x3dv')).getNamedNode('P').intensity);"
+        " try { print(Browser.createX3DFromURL(new MFString(data))); } catch (e) { print(e.message); } }");
+    go();
+    EXPECT_TRUE(printed_.starts_with("0.5\n")) << printed_;
+    EXPECT_NE((printed_ + problems()).find("only files can be loaded"), std::string::npos) << printed_ << problems();
+}
+
 TEST_F(ScriptBrowserFiles, NodesFromAFileAtOnceWhereNobodyIsNamed) {
     file("part.x3dv", "DEF P PointLight { intensity 0.5 }");
     start("function go() { print(Browser.createX3DFromURL(new MFString('part.x3dv')).getNamedNode('P').intensity); }");

@@ -119,6 +119,19 @@ TEST_F(ListenLeak, AForgottenTriangleIsToldWithItsPlaceAndItsLine) {
     EXPECT_NEAR(losses["escaped"].get<double>(), json["escaped"].get<double>(), 1e-6);
 }
 
+/// As text and as a page: what goes by none of the openings has a row of its own, where there is any.
+TEST_F(ListenLeak, WhatGoesElsewhereHasARowOfItsOwn) {
+    RoomReport report;
+    RoomReport::Losses losses;
+    losses.source = "Voice";
+    losses.openings.escaped = .25;
+    losses.openings.elsewhere = .125;
+    report.losses.push_back(losses);
+    EXPECT_NE(report.toHtml().find("<th>other</th><td>12 %"), std::string::npos) << report.toHtml();
+    report.losses[0].openings.elsewhere = 0;
+    EXPECT_EQ(report.toHtml().find("<th>other</th>"), std::string::npos);
+}
+
 TEST_F(ListenLeak, ACrackNamesTheShapesOnBothSides) {
     const auto texts = heard(slabs(.01) + kVoice);
     ASSERT_EQ(texts.size(), 1u);

@@ -158,6 +158,22 @@ TEST(SoundInput, WhatIsNoSoundEndsAndSaysWhy) {
     EXPECT_NE(empty.error().text.find("before any sound came"), std::string::npos);
 }
 
+TEST(SoundInput, APipeThatHasMoreThanItMayIsRefusedAndNotReadOn) {
+    const test::TempFolder folder;
+    {
+        std::ofstream file(folder / "raw", std::ios::binary);
+        for (int i = 0; i < 4000; ++i) file << bytesOf<float>({.5f});
+    }
+    const RawSound raw{RawSound::Sample::float32, 48000, 1};
+    const auto whole = readPipe(folder / "raw", raw, 10, {}, 4000);
+    ASSERT_TRUE(whole) << whole.error().text;
+    EXPECT_EQ(whole->samples.size(), 4000u);
+    const auto refused = readPipe(folder / "raw", raw, 10, {}, 3999);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().text.find("more than 3999 samples; --limit samples=N raises this"), std::string::npos)
+        << refused.error().text;
+}
+
 /// An input whose thread has written all of this.
 std::unique_ptr<SoundInput> inputOf(SoundInput::Waits waits, int rate, std::vector<float> samples) {
     auto input = std::make_unique<SoundInput>(48000, waits, [rate, all = std::move(samples)](SoundFeed& feed) {
