@@ -24,8 +24,8 @@
     };
 
     /// `program`: what the prelude gives of one: its Script (`self`), its objects for nodes, and how edits are made.
-    function makeBrowser({self, nodeOf, idOf, flush, fail, flatten, revive, ownArray, print, println}) {
-        const nodes = ids => revive(MFNode, ids, nodeOf);
+    function makeBrowser({self, nodeOf, idOf, flush, fail, flatten, offered, ownArray, print, println}) {
+        const nodes = ids => offered(MFNode, ids, nodeOf);
         const urls = given => flatten(MFString, given);
         const must = answer => { if (typeof answer === "string") fail("Error", answer); return answer; };
         /// What was assigned before takes effect first; and what is refused is an error.
