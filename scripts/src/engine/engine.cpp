@@ -147,6 +147,8 @@ struct ScriptEngine::State {
                 return fmt::format("stopped: it ran longer than {} s", options.timeLimit);
             case Runtime::Excess::memory:
                 return fmt::format("stopped: out of memory, scripts may hold {} MiB", options.heapLimit >> 20);
+            case Runtime::Excess::process:
+                return "stopped: the process ends";
             case Runtime::Excess::none:
                 break;
         }
@@ -215,8 +217,9 @@ struct ScriptEngine::State {
         }
         JS::RootedObject global(context(), program.roots->global);
         Call call{scene, cascade, options, scene.now(), global, id};
+        if (runtime->depth == 0 && !runtime->startWatch(options.timeLimit)) return false;
+        ++runtime->depth;
         Call* outer = std::exchange(runtime->current, &call);
-        if (++runtime->depth == 1) runtime->startWatch(options.timeLimit);
         const JSAutoRealm realm(context(), place == Place::program ? global.get() : runtime->library());
         const Jobs::Mark mark = runtime->jobs().mark();
         const bool ok = body();
@@ -361,6 +364,7 @@ struct ScriptEngine::State {
     }
 
     void create(Cascade& cascade, const Node& node, Program& program) {
+        if (Runtime::hasEnded()) return;
         if (!runtime && !refused) {
             runtime = Runtime::ofThisThread(options.heapLimit);
             refused = !runtime;
@@ -497,7 +501,7 @@ double ScriptEngine::onTime(Cascade& cascade, const Node& node, ScriptPhase phas
 void ScriptEngine::findHeld(const std::vector<NodeId>& nodes,
                             const std::function<void(NodeId script, NodeId held)>& visit) {
     State& s = *state_;
-    if (!s.runtime || !s.runtime->onOwnThread() || s.runtime->depth > 0) return;
+    if (!s.runtime || !s.runtime->onOwnThread() || s.runtime->depth > 0 || Runtime::hasEnded()) return;
     std::vector<NodeId> asked;
     for (const auto& [id, program] : s.programs)
         if (program.canRun) asked.push_back(NodeId{id});
