@@ -340,11 +340,8 @@ struct ScriptEngine::State {
         programs.erase(found);
         if (!program.canRun || !node || !runtime->onOwnThread()) return;
         enter(nullptr, *node, program, [&] {
-            if (!has(program, "shutdown")) return true;
-            JS::RootedValueArray<1> arguments(context());
             JS::RootedValue ignored(context());
-            arguments[0].setString(JS_NewStringCopyZ(context(), "shutdown"));
-            return call(program, "call", arguments, &ignored);
+            return call(program, "shutdown", JS::HandleValueArray::empty(), &ignored);
         });
     }
 

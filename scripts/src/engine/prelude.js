@@ -93,6 +93,12 @@
             const l = Math.hypot(this.x, this.y, this.z), s = l > 0 ? Math.sin(this.angle / 2) / l : 0;
             return [this.x * s, this.y * s, this.z * s, Math.cos(this.angle / 2)];
         }
+        /// As rows: of a point times it.
+        getMatrix() { return new names.SFMatrix3f(...[[1, 0, 0], [0, 1, 0], [0, 0, 1]].flatMap(axis => this.multVec(new names.SFVec3d(...axis)).components())); }
+        setMatrix(matrix) {
+            const c = matrix.components(), whole = new names.SFMatrix4d(...[0, 1, 2].flatMap(i => [...c.slice(3 * i, 3 * i + 3), 0]), 0, 0, 0, 1);
+            whole.getTransform(undefined, this);
+        }
         getAxis() { return new names.SFVec3f(this.x, this.y, this.z); }
         setAxis(axis) { this.x = axis.x; this.y = axis.y; this.z = axis.z; }
         inverse() { return new names.SFRotation(this.x, this.y, this.z, -this.angle); }
@@ -647,6 +653,7 @@
     const println = (...given) => native.print(text(given) + "\n");
     Object.assign(names, {
         print: println, trace: println, TRUE: true, FALSE: false, X3DConstants: library.constants,
+        ...library.kinds,
         console: {log: println, info: println, debug: println, warn: println, error: println},
     });
 
@@ -674,7 +681,7 @@
         // changed in place; `given`: the program has had the object; `shown`: what it has had, where that is watched; `age`:
         // the flush after which it was compared with the scene. The Script's own by index.
         const own = [], others = new Map();
-        let age = 0, depth = 0;
+        let age = 0, depth = 0, atEnd;
         // Which of its own fields have a cell in that order, a bit each, or several that share one: readers look here.
         const touched = new Float64Array(1);
         const proxies = new Map(), fieldTables = new Map();
@@ -779,7 +786,12 @@
                 assign(target.id, field, value);
                 return true;
             },
-            has(target, name) { return Boolean(fieldOf(target.id, name)); },
+            has(target, name) { return !!fieldOf(target.id, name); },
+            ownKeys(target) { return native.exists(target.id) ? native.fieldsOf(target.id)[0] : []; },
+            getOwnPropertyDescriptor(target, name) {
+                if (!native.exists(target.id) || !fieldOf(target.id, name)) return undefined;
+                return {get: () => this.get(target, name), set: value => { this.set(target, name, value); }, enumerable: true, configurable: true};
+            },
             getPrototypeOf() { return SFNode_.prototype; },
         };
         function nodeOf(id) {
@@ -856,9 +868,10 @@
         // Made when it is first asked for: it is more than all the rest of a program that never does.
         Object.defineProperty(global, "Browser", {
             get() {
-                const made = library.makeBrowser({self, nodeOf, idOf, flush: () => flush(false), fail, flatten, offered, ownArray, print, println});
-                publish("Browser", made);
-                return made;
+                const {browser, tellListeners} = library.makeBrowser({self, nodeOf, idOf, flush: () => flush(false), fail, flatten, offered, ownArray, print, println});
+                publish("Browser", browser);
+                atEnd = tellListeners;
+                return browser;
             },
             set(value) { publish("Browser", value); },
             enumerable: false, configurable: true,
@@ -925,6 +938,18 @@
                 ++depth;
                 try {
                     global[name](...given);
+                } finally {
+                    flush(--depth === 0);
+                }
+            },
+            shutdown() {
+                ++depth;
+                try {
+                    try {
+                        atEnd?.();
+                    } finally {
+                        if (has("shutdown")) global.shutdown();
+                    }
                 } finally {
                     flush(--depth === 0);
                 }
