@@ -339,7 +339,11 @@
 
     const mfNames = ["Bool", "Int32", "Float", "Double", "Time", "String", "Node", "Color", "ColorRGBA", "Image", "Vec2f", "Vec2d",
                      "Vec3f", "Vec3d", "Vec4f", "Vec4d", "Rotation", "Matrix3f", "Matrix3d", "Matrix4f", "Matrix4d"];
-    const indexOf = key => typeof key === "string" && /^(?:0|[1-9]\d{0,9})$/.test(key) ? Number(key) : -1;
+    function indexOf(key) {
+        if (typeof key !== "string" || key > ":") return -1;  // names of methods come after all digits
+        const index = key >>> 0;
+        return `${index}` === key ? index : -1;
+    }
     const slot = {value: undefined, writable: true, enumerable: true, configurable: true};
     // Nothing of it stays here: a node would seem to be held.
     function put(array, key, value) {
@@ -348,7 +352,8 @@
         slot.value = undefined;
         return done;
     }
-    const wholes = new WeakMap();  // what a program is given instead of a list, or of an output of its own -> that
+    const wholes = new WeakMap();    // what a program is given instead of a list, or of an output of its own -> that
+    const keepers = new WeakMap();   // the same -> its Guard
     const wholeOf = value => isObject(value) ? wholes.get(value) ?? value : value;
     /// What a program is given instead of a list: what it assigns becomes of the list's type at once (19777-1 6.2).
     class Guard {
@@ -356,7 +361,12 @@
         wrap(value) {
             const given = new Proxy(value, this);
             wholes.set(given, value);
+            keepers.set(given, this);
             return given;
+        }
+        push(target, values) {
+            for (const value of values) put(target, target.length, converted(this.code - 1, value, this.isField));
+            return target.length;
         }
         set(target, key, value) {
             const index = indexOf(key);
@@ -405,11 +415,8 @@
     // Only what neither an element nor a method answers comes here.
     for (const key of Reflect.ownKeys(Array.prototype))
         if (!Object.hasOwn(MF.prototype, key)) Object.defineProperty(MF.prototype, key, Object.getOwnPropertyDescriptor(Array.prototype, key));
-    // The engine's own would look behind the proxy for every element.
-    MF.prototype.push = function push(...given) {
-        for (const value of given) this[this.length] = value;
-        return this.length;
-    };
+    // The engine's own would look behind the proxies for every element.
+    MF.prototype.push = function push(...given) { return keepers.get(this).push(wholes.get(this), given); };
     // What is not known here the program's own Array.prototype may know.
     const beyond = () => native.global().Array.prototype;
     Object.setPrototypeOf(MF.prototype, new Proxy({}, {
@@ -591,6 +598,7 @@
             this.cell = cell;
             this.value = cell.value;
         }
+        push(target, values) { return this.told(super.push(target, values)); }
         set(target, key, value) { return this.told(super.set(target, key, value)); }
         defineProperty(target, key, what) { return this.told(super.defineProperty(target, key, what)); }
         deleteProperty(target, key) { return this.told(Reflect.deleteProperty(target, key)); }
