@@ -119,6 +119,10 @@ TEST(ScriptValues, MatricesByRowAndColumn) {
                         "X3DMatrix4(1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 4))"),
               "1 4 9 16 0 2 0 8 0 0 3 20 -2 8 0 4");
     EXPECT_EQ(evaluated("X3DMatrix3(0, 1, 0, 1, 0, 0, 0, 0, 1).inverse() instanceof X3DMatrix3"), "true");
+    EXPECT_EQ(evaluated("(m => { m[0] = ['2', 3, 4]; m[1] = SFVec3f(5, 6, 7); m[2] = m[0]; return m; })(X3DMatrix3())"),
+              "2 3 4 5 6 7 2 3 4");
+    EXPECT_EQ(evaluated("(m => { try { m[0] = [1]; } catch (e) { return e.message; } })(VrmlMatrix())"),
+              "a row of VrmlMatrix has 4 numbers");
     EXPECT_EQ(evaluated("SFMatrix3f(X3DMatrix3(1, 2, 3, 4, 5, 6, 7, 8, 9))"), "1 2 3 4 5 6 7 8 9");
     EXPECT_EQ(evaluated("X3DMatrix4(SFMatrix4f()).equals(X3DMatrix4())"), "true");
 }

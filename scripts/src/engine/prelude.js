@@ -318,7 +318,7 @@
     // Matrices that are no field's value, whose elements are m[row][column].
     const cells = new WeakMap();
     const row = (numbers, n, i) => Object.defineProperties({}, Object.fromEntries(Array.from({length: n}, (_, j) => [j, {
-        enumerable: true, get: () => numbers[i * n + j], set: value => { numbers[i * n + j] = Number(value); }}])));
+        enumerable: true, get: () => numbers[i * n + j], set: value => { numbers[i * n + j] = Number(value); }}]).concat([["length", {value: n}]])));
     function defineRows(name, base, n) {
         const made = {[name]: class extends base {
             constructor(...given) {
@@ -330,7 +330,15 @@
             assign(numbers) { const own = cells.get(this); numbers.forEach((c, i) => { own[i] = c; }); }
             get order() { return n; }
         }}[name];
-        for (let i = 0; i < n; ++i) Object.defineProperty(made.prototype, i, {get() { return row(cells.get(this), n, i); }});
+        for (let i = 0; i < n; ++i)
+            Object.defineProperty(made.prototype, i, {
+                get() { return row(cells.get(this), n, i); },
+                set(given) {
+                    const numbers = given instanceof Tuple ? given.components() : Array.from(given, Number);
+                    if (numbers.length !== n) fail("TypeError", `a row of ${name} has ${n} numbers`);
+                    numbers.forEach((c, j) => { cells.get(this)[i * n + j] = c; });
+                },
+            });
         publishClass(name, made);
     }
     defineRows("X3DMatrix3", Matrix3, 3);
