@@ -1,5 +1,6 @@
 // Every way in which a program can hold up the scene, or take what it should not have, ends in a diagnostic; and the
 // scene goes on, with its clock, its routes and the programs of others.
+#include <atomic>
 #include <cstdlib>
 #include <thread>
 
@@ -246,6 +247,51 @@ TEST(ScriptEngineDeathTest, ASceneMayLiveAsLongAsTheProcess) {
         std::exit(loaded && script.value(script.type().find("n")).as<std::int32_t>() == 1 ? 0 : 1);
     };
     EXPECT_EXIT(run(), testing::ExitedWithCode(0), "");
+}
+
+const char* const kCounting =
+    "#X3D V4.0 utf8\nPROFILE Full\nDEF S Script { outputOnly SFInt32 n url \"ecmascript: function prepareEvents() { "
+    "for "
+    "(let i = 0; i < 1000; ++i) n = n + 1; }\" }\n";
+
+void startCounting(Scene& scene) {
+    Diagnostics diagnostics("test");
+    runScripts(scene);
+    (void)loadText(scene, kCounting, diagnostics);
+    scene.newFrame(0);
+}
+
+/// exit() destroys nothing that is on a stack or on the heap.
+TEST(ScriptEngineDeathTest, AProcessMayEndWithScenesInIt) {
+    GTEST_FLAG_SET(death_test_style, "threadsafe");
+    const auto run = [] {
+        static auto* const kept = new Scene;
+        static Scene ended;  // before the engine, and its programs with it
+        Scene scene;
+        for (Scene* one : {kept, &ended, &scene}) startCounting(*one);
+        std::exit(7);
+    };
+    EXPECT_EXIT(run(), testing::ExitedWithCode(7), "");
+}
+
+TEST(ScriptEngineDeathTest, AProcessMayEndWhileOtherThreadsRunScripts) {
+    GTEST_FLAG_SET(death_test_style, "threadsafe");
+    const auto run = [] {
+        static std::atomic<int> running = 0;
+        const auto frames = [] {
+            auto* const scene = new Scene;
+            startCounting(*scene);
+            for (int frame = 1;; ++frame) {
+                scene->newFrame(frame);
+                if (frame == 3) ++running;
+            }
+        };
+        std::thread(frames).detach();
+        std::thread(frames).detach();
+        while (running < 2) std::this_thread::yield();
+        std::exit(7);
+    };
+    EXPECT_EXIT(run(), testing::ExitedWithCode(7), "");
 }
 
 }  // namespace

@@ -632,7 +632,7 @@ TEST(Script, CallsThatTouchOneFieldLeaveNothingToTheNext) {
     EXPECT_EQ(s.problems(), "");
     s.send("spoil", true);
     s.frame();
-    EXPECT_NE(s.problems().find("nodes: SFNode cannot hold number"), std::string::npos) << s.problems();
+    EXPECT_NE(s.problems().find("line 1: TypeError: SFNode cannot hold number"), std::string::npos) << s.problems();
 }
 
 TEST(Script, OneThatSetsItsOwnUrlIsRestarted) {

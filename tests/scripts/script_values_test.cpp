@@ -119,6 +119,10 @@ TEST(ScriptValues, MatricesByRowAndColumn) {
                         "X3DMatrix4(1, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0, 0, 0, 0, 4))"),
               "1 4 9 16 0 2 0 8 0 0 3 20 -2 8 0 4");
     EXPECT_EQ(evaluated("X3DMatrix3(0, 1, 0, 1, 0, 0, 0, 0, 1).inverse() instanceof X3DMatrix3"), "true");
+    EXPECT_EQ(evaluated("(m => { m[0] = ['2', 3, 4]; m[1] = SFVec3f(5, 6, 7); m[2] = m[0]; return m; })(X3DMatrix3())"),
+              "2 3 4 5 6 7 2 3 4");
+    EXPECT_EQ(evaluated("(m => { try { m[0] = [1]; } catch (e) { return e.message; } })(VrmlMatrix())"),
+              "a row of VrmlMatrix has 4 numbers");
     EXPECT_EQ(evaluated("SFMatrix3f(X3DMatrix3(1, 2, 3, 4, 5, 6, 7, 8, 9))"), "1 2 3 4 5 6 7 8 9");
     EXPECT_EQ(evaluated("X3DMatrix4(SFMatrix4f()).equals(X3DMatrix4())"), "true");
 }
@@ -132,6 +136,119 @@ TEST(ScriptValues, NamesAndDefaultsOfTheStandard) {
     EXPECT_EQ(evaluated("(v => [v.x, v.y].map(c => c.toFixed(6)).join(' '))"
                         "(SFRotation(0, 0, 1, Math.PI / 2).multiVec(SFVec3f(1, 0, 0)))"),
               "0.000000 1.000000");
+}
+
+/// 19777-1, 6.2: what is assigned to a field becomes of its type. So it reads alike in this call and in the next one.
+TEST(ScriptValues, WhatIsAssignedToAFieldIsOfItsTypeAtOnce) {
+    const struct {
+        const char *type, *assigned, *read;
+    } cases[] = {
+        {"SFInt32", "f = 2.9;", "2"},
+        {"SFInt32", "f = -2.9;", "-2"},
+        {"SFInt32", "f = 4294967298;", "2"},
+        {"SFInt32", "f = true;", "1"},
+        {"SFInt32", "f = '7';", "7"},
+        {"SFFloat", "f = ' 3.5 ';", "3.5"},
+        {"SFDouble", "f = '1e3';", "1000"},
+        {"SFTime", "f = false;", "0"},
+        {"SFBool", "f = 5;", "true"},
+        {"SFBool", "f = '';", "false"},
+        {"SFString", "f = 5;", "5"},
+        {"SFColor", "f = [1, '0.5', true];", "1 0.5 1"},
+        {"SFVec3f", "f = new SFVec3d(1, 2, 3);", "1 2 3"},
+        {"SFVec3f", "f.x = '5'; f[1] = true; f.z = 2;", "5 1 2"},
+        {"SFMatrix3f", "f[1] = '5';", "1 5 0 0 1 0 0 0 1"},
+        {"SFImage", "f = new SFImage('1', 2.9, 1, [7.9, '8']);", "1 2 1 7 8"},
+        {"SFImage", "f.width = 1; f.height = 1.5; f.comp = '1'; f.array = [3.5];", "1 1 1 3"},
+        {"SFImage", "f = new SFImage(1, 1, 1, [3]); f.array[0] = 4.7;", "1 1 1 4"},
+        {"MFInt32", "f[0] = 2.9; f[1] = '3'; f.push(4.9); f[4] = 5;", "[2, 3, 4, 0, 5]"},
+        {"MFInt32", "f = [1.5, true, '7'];", "[1, 1, 7]"},
+        {"MFInt32", "f = [3, 1, 2]; f.sort(); f.reverse(); f.fill(9.9, 2); f.unshift(0.5);", "[0, 3, 2, 9]"},
+        {"MFInt32", "Object.defineProperty(f, 0, {value: 1.5, writable: true, enumerable: true, configurable: true});",
+         "[1]"},
+        {"MFBool", "f[0] = 5; f[1] = '';", "[true, false]"},
+        {"MFFloat", "f[0] = '1.5'; f[1] = undefined;", "[1.5, 0]"},
+        {"MFTime", "f[0] = '2';", "[2]"},
+        {"MFString", "f[0] = 5; f.push(true);", R"(["5", "true"])"},
+        {"MFVec3f", "f[0] = [1, 2, 3]; f[1] = new SFVec3d(4, 5, 6); f[1].y = '7';", "[1 2 3, 4 7 6]"},
+        {"MFVec3f", "const v = new SFVec3f(1, 2, 3); f[0] = v; v.x = 9;", "[1 2 3]"},  // copied
+        {"MFVec3f", "f[0] = new SFVec3f(1, 2, 3); f[1] = f[0]; f[1].x = 9;", "[1 2 3, 9 2 3]"},
+        {"MFImage", "f[0] = new SFImage(1, 1, 1, [3]); f[0].array[0] = 4.7;", "[1 1 1 4]"},
+    };
+    for (const auto& c : cases) {
+        SCOPED_TRACE(std::string(c.type) + ": " + c.assigned);
+        for (const char* access : {"outputOnly", "inputOutput"}) {
+            const std::string type = c.type, initial = access == std::string_view("outputOnly") ? ""
+                                                       : type.starts_with("MF")                 ? "[]"
+                                                       : type == "SFBool"                       ? "FALSE"
+                                                       : type == "SFString"                     ? "\"\""
+                                                       : type == "SFImage"                      ? "0 0 0"
+                                                       : type == "SFMatrix3f"                   ? "1 0 0 0 1 0 0 0 1"
+                                                       : type == "SFColor" || type == "SFVec3f" ? "0 0 0"
+                                                                                                : "0";
+            ScriptScene s(std::string(access) + ' ' + type + " f " + initial + " inputOnly SFBool again",
+                          std::string("function initialize() { ") + c.assigned +
+                              " print(typeof f, f); } function again() { print(typeof f, f); }");
+            s.frame();
+            s.send("again", true);
+            s.frame();
+            EXPECT_EQ(s.problems(), "");
+            const auto end = s.printed.find('\n');
+            ASSERT_NE(end, std::string::npos);
+            EXPECT_EQ(s.printed.substr(s.printed.find(' ') + 1, end - s.printed.find(' ') - 1), c.read);
+            EXPECT_EQ(s.printed.substr(end + 1), s.printed.substr(0, end + 1)) << "the next call reads it otherwise";
+        }
+    }
+}
+
+TEST(ScriptValues, WhatIsAssignedToAnotherNodesFieldIsOfItsTypeAtOnce) {
+    ScriptScene s("directOutput TRUE initializeOnly SFNode faces USE FACES initializeOnly SFNode points USE POINTS",
+                  "function initialize() { faces.set_coordIndex = [0, 1.9, '2', -1]; points.point[1] = [4, 5, 6]; "
+                  "points.point[0].x = '7'; print(points.point, points.point[0].x + 1); }",
+                  "Shape { geometry DEF FACES IndexedFaceSet { coord DEF POINTS Coordinate { point [ 1 2 3 ] } } }");
+    s.frame();
+    EXPECT_EQ(s.problems(), "");
+    EXPECT_EQ(s.printed, "[7 2 3, 4 5 6] 8\n");
+    EXPECT_EQ(s.get<Array<Vec3f>>("point", "POINTS"), (Array<Vec3f>{{7, 2, 3}, {4, 5, 6}}));
+    EXPECT_EQ(s.get<Array<std::int32_t>>("coordIndex", "FACES"), (Array<std::int32_t>{0, 1, 2, -1}));
+}
+
+TEST(ScriptValues, WhatIsInAVariableIsOfItsTypeAtOnce) {
+    EXPECT_EQ(evaluated("(m => { m[0] = 2.9; m[1] = '3'; m.push(4.9); return m[0] * 10 + ' ' + m; })(MFInt32(1.5, 2))"),
+              "20 [2, 3, 4]");
+    EXPECT_EQ(evaluated("MFBool(1, '', 'a')"), "[true, false, true]");
+    EXPECT_EQ(evaluated("MFInt32.from([1.5, 2])"), "[1, 2]");
+    EXPECT_EQ(evaluated("new (class extends MFInt32 { twice() { return this[0] * 2; } })(1.5).twice()"), "2");
+    EXPECT_EQ(evaluated("(v => { v.x = '2'; v[1] = true; return v.x + 1 + ' ' + v.add(v); })(SFVec3f())"), "3 4 2 0");
+    EXPECT_EQ(evaluated("(c => { c.g = '.5'; return c.g + 1; })(SFColor())"), "1.5");
+    EXPECT_EQ(evaluated("(m => { m[0] = '2'; return m.multRight(m)[0]; })(SFMatrix3f())"), "4");
+    EXPECT_EQ(evaluated("(v => { const keys = []; for (const k in v) keys.push(k); return keys + JSON.stringify(v); })"
+                        "(SFVec2f(1, 2))"),
+              "x,y{\"x\":1,\"y\":2}");
+    EXPECT_EQ(evaluated("(m => m instanceof MFInt32 && Array.isArray(m) && m.concat([5]).length)(MFInt32(1))"), "2");
+}
+
+TEST(ScriptValues, WhatHasNoPlaceInATypeIsAnErrorAtItsLine) {
+    const struct {
+        const char *type, *assigned, *why;
+    } cases[] = {
+        {"SFInt32", "f = 'seven';", "SFInt32 cannot hold string"},
+        {"SFFloat", "f = '';", "SFFloat cannot hold string"},
+        {"SFFloat", "f = null;", "SFFloat cannot hold null"},
+        {"SFInt32", "f = Browser.currentScene.getNamedNode('S');", "SFInt32 cannot hold Script"},
+        {"MFInt32", "f[0] = 'seven';", "SFInt32 cannot hold string"},
+        {"MFInt32", "f.push({});", "SFInt32 cannot hold Object"},
+        {"MFVec3f", "f[0] = [1, 2];", "SFVec3f cannot hold Array"},
+        {"MFNode", "f[0] = 'S';", "SFNode cannot hold string"},
+        {"MFImage", "f[0] = 5;", "SFImage cannot hold number"},
+    };
+    for (const auto& c : cases) {
+        ScriptScene s(std::string("outputOnly ") + c.type + " f",
+                      std::string("function initialize() {\n") + c.assigned + " print('goes on'); }");
+        s.frame();
+        EXPECT_EQ(s.problems(), std::string("Script S: line 2: TypeError: ") + c.why + "\n") << c.assigned;
+        EXPECT_EQ(s.printed, "");
+    }
 }
 
 }  // namespace

@@ -15,6 +15,10 @@ Result<NodeId> DocumentServices::makePrototypeInstance(Scene&, TypeIndex, NodeId
     return nobodyReads();
 }
 
+Result<> DocumentServices::declareAs(Scene&, TypeIndex, std::string_view, const Resources*) const {
+    return nobodyReads();
+}
+
 Result<DocumentServices::Piece> DocumentServices::makePiece(Scene&, std::string_view, NodeId, const Resources*) const {
     return nobodyReads();
 }
@@ -32,7 +36,11 @@ std::string DocumentServices::nodeText(const Scene&, NodeId, bool) const {
     return {};
 }
 
-std::vector<std::string> DocumentServices::profileNames() const {
+std::vector<DocumentServices::ProfileParts> DocumentServices::profiles() const {
+    return {};
+}
+
+std::string_view DocumentServices::nameNow(const NodeType&, std::string_view) const {
     return {};
 }
 

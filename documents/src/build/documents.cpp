@@ -3,6 +3,7 @@
 #include <rtsg/core/document_services.h>
 
 #include <algorithm>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -14,6 +15,7 @@
 #include <rtsg/documents/writer.h>
 
 #include "builder_state.h"
+#include "commands/reader_types.h"
 
 namespace rtsg {
 
@@ -30,7 +32,11 @@ class Documents final : public DocumentServices {
                                   const Resources* resources) const override;
     Result<> serve(Scene& scene, const DocumentRequest& request, const Resources* resources) const override;
     std::string nodeText(const Scene& scene, NodeId node, bool xml) const override;
-    std::vector<std::string> profileNames() const override;
+    std::vector<ProfileParts> profiles() const override;
+    Result<> declareAs(Scene& scene, TypeIndex type, std::string_view name, const Resources* resources) const override;
+    std::string_view nameNow(const NodeType& type, std::string_view before) const override {
+        return detail::presentName(type, before);
+    }
     NodeId localNode(const Scene& scene, NodeId scope, std::string_view name) const override {
         return resolveLocalName(scene, scope, name);
     }
@@ -51,8 +57,8 @@ bool mentions(std::string_view text, std::string_view word) {
     return false;
 }
 
-/// The declaration of `wanted`, after those of the prototypes that it is made of, in the order in which they came.
-std::string declarations(const Scene& scene, const NodeType& wanted) {
+/// The declarations of the prototypes that `wanted` is made of, in the order in which they came.
+std::string declarationsFor(const Scene& scene, const NodeType& wanted) {
     std::vector<const NodeType*> kept{&wanted};
     for (std::size_t i = scene.typeCount(); i-- > builtinTypes().size();) {
         const NodeType& type = scene.type(TypeIndex{static_cast<std::uint16_t>(i)});
@@ -66,38 +72,16 @@ std::string declarations(const Scene& scene, const NodeType& wanted) {
             }
     }
     std::string text;
-    for (std::size_t i = kept.size(); i-- > 0;) text += kept[i]->declaration + '\n';
+    for (std::size_t i = kept.size(); i-- > 1;) text += kept[i]->declaration + '\n';
     return text;
 }
 
-}  // namespace
-
-Result<NodeId> Documents::makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
-                                                const Resources* resources) const {
-    const NodeType& wanted = scene.type(type);
-    if (wanted.declaration.empty())
-        return fail(fmt::format("{} is declared inside of another prototype: it can only be made there", wanted.name));
-    const std::string text =
-        fmt::format("#X3D V4.0 utf8\n{}\n{} {{ }}\n", declarations(scene, wanted), declaredName(wanted));
-    Diagnostics diagnostics{wanted.name};
-    BuildOptions options;
-    options.resources = resources ? *resources : Resources();
-    options.detached = true;
-    options.scope = scope;
-    SceneBuilder builder(scene, diagnostics, options);
-    readDocument(text, builder, diagnostics);
-    builder.finish();
-    if (builder.roots().size() == 1 && scene.node(builder.roots()[0]).typeIndex() == type) return builder.roots()[0];
-    for (const NodeId made : builder.roots())
-        if (auto gone = scene.destroyNode(made); !gone) return std::unexpected(std::move(gone.error()));
-    for (const Diagnostic& d : diagnostics.all())
-        if (d.severity == Severity::error) return fail(fmt::format("{} cannot be made: {}", wanted.name, d.format()));
-    return fail(fmt::format("{} cannot be made from its declaration", wanted.name));
+/// A prototype's declaration by another name.
+std::string renamed(const NodeType& type, std::string_view name) {
+    const std::string_view text = type.declaration;
+    const std::size_t at = text.find("PROTO ") + std::string_view("PROTO ").size();
+    return fmt::format("{}{}{}", text.substr(0, at), name, text.substr(at + declaredName(type).size()));
 }
-
-// ---- pieces --------------------------------------------------------------------------------------------------------
-
-namespace {
 
 /// A piece that a program reads again and again has the same faults. Reported each time, they would fill the
 /// diagnostics.
@@ -111,24 +95,76 @@ void appendNew(Diagnostics& to, const Diagnostics& from) {
     }
 }
 
-/// If nothing usable was read, the first error is the reason for the failure; otherwise all diagnostics go to the
-/// scene.
-Result<DocumentServices::Piece> pieceOf(Scene& scene, const SceneBuilder& builder, bool complete,
-                                        const Diagnostics& diagnostics) {
-    if (!complete && builder.roots().empty()) {
-        const auto first = std::ranges::find(diagnostics.all(), Severity::error, &Diagnostic::severity);
-        return fail(first == diagnostics.all().end() ? std::string("nothing usable is in it") : first->format());
-    }
-    appendNew(scene.diagnostics(), diagnostics);
-    return DocumentServices::Piece{builder.roots(), builder.names()};
-}
-
 BuildOptions detachedOptions(NodeId scope, const Resources* resources) {
     BuildOptions options;
     options.resources = resources ? *resources : Resources();
     options.detached = true;
     options.scope = scope;
     return options;
+}
+
+std::optional<std::string> firstError(const Diagnostics& diagnostics) {
+    const auto first = std::ranges::find(diagnostics.all(), Severity::error, &Diagnostic::severity);
+    return first == diagnostics.all().end() ? std::nullopt : std::optional(first->format());
+}
+
+}  // namespace
+
+Result<NodeId> Documents::makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
+                                                const Resources* resources) const {
+    const NodeType& wanted = scene.type(type);
+    if (wanted.declaration.empty())
+        return fail(fmt::format("{} is declared inside of another prototype: it can only be made there", wanted.name));
+    const std::string text = fmt::format("#X3D V4.0 utf8\n{}{}\n{} {{ }}\n", declarationsFor(scene, wanted),
+                                         wanted.declaration, declaredName(wanted));
+    Diagnostics diagnostics{wanted.name};
+    SceneBuilder builder(scene, diagnostics, detachedOptions(scope, resources));
+    readDocument(text, builder, diagnostics);
+    builder.finish();
+    if (builder.roots().size() == 1 && scene.node(builder.roots()[0]).typeIndex() == type) {
+        Diagnostics errors;  // of an EXTERNPROTO that leads nowhere: its instances do nothing
+        for (const Diagnostic& d : diagnostics.all())
+            if (d.severity == Severity::error) errors.add(d);
+        appendNew(scene.diagnostics(), errors);
+        return builder.roots()[0];
+    }
+    for (const NodeId made : builder.roots())
+        if (auto gone = scene.destroyNode(made); !gone) return std::unexpected(std::move(gone.error()));
+    if (const auto why = firstError(diagnostics)) return fail(fmt::format("{} cannot be made: {}", wanted.name, *why));
+    return fail(fmt::format("{} cannot be made from its declaration", wanted.name));
+}
+
+Result<> Documents::declareAs(Scene& scene, TypeIndex type, std::string_view name, const Resources* resources) const {
+    const NodeType& wanted = scene.type(type);
+    if (wanted.declaration.empty())
+        return fail(fmt::format("{} is declared inside of another prototype, and known only there", wanted.name));
+    if (scene.findType(name)) return fail(fmt::format("there is a node type {} already, which stays", name));
+    constexpr std::string_view kEndsNames = " \t\r\n\"#',.[]\\{}\x7f";
+    if (name.empty() || name.find_first_of(kEndsNames) != name.npos)
+        return fail(fmt::format("'{}' is no name for a prototype", name));
+    const std::string text =
+        fmt::format("#X3D V4.0 utf8\n{}{}\n", declarationsFor(scene, wanted), renamed(wanted, name));
+    Diagnostics diagnostics{std::string(name)};
+    SceneBuilder builder(scene, diagnostics, detachedOptions({}, resources));
+    readDocument(text, builder, diagnostics);
+    builder.finish();
+    if (scene.findType(name)) return {};
+    return fail(firstError(diagnostics).value_or(fmt::format("{} is no name for a prototype", name)));
+}
+
+// ---- pieces --------------------------------------------------------------------------------------------------------
+
+namespace {
+
+/// If nothing usable was read, the first error is the reason for the failure; otherwise all diagnostics go to the
+/// scene.
+Result<DocumentServices::Piece> pieceOf(Scene& scene, const SceneBuilder& builder, bool complete,
+                                        const Diagnostics& diagnostics) {
+    if (!complete && builder.roots().empty()) {
+        return fail(firstError(diagnostics).value_or("nothing usable is in it"));
+    }
+    appendNew(scene.diagnostics(), diagnostics);
+    return DocumentServices::Piece{builder.roots(), builder.names()};
 }
 
 struct OpenedFile {
@@ -241,10 +277,13 @@ std::string Documents::nodeText(const Scene& scene, NodeId node, bool xml) const
     return first == inside.npos ? std::string() : std::string(inside.substr(first, last + 1 - first));
 }
 
-std::vector<std::string> Documents::profileNames() const {
-    std::vector<std::string> names;
-    for (const Profile& profile : supportedProfiles()) names.push_back(profile.name);
-    return names;
+std::vector<DocumentServices::ProfileParts> Documents::profiles() const {
+    std::vector<ProfileParts> all;
+    for (const Profile& profile : supportedProfiles()) {
+        ProfileParts& one = all.emplace_back(profile.name);
+        for (const auto& component : profile.components) one.components.emplace_back(component.name, component.level);
+    }
+    return all;
 }
 
 // --------------------------------------------------------------------------------------------------------------------

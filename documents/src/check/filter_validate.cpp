@@ -6,6 +6,7 @@
 
 #include <rtsg/core/nurbs.h>
 #include <rtsg/core/script_language.h>
+#include <rtsg/core/script_url.h>
 #include <rtsg/documents/filter.h>
 
 #include "commands/document_check.h"
@@ -254,21 +255,19 @@ class Validate final : public Filter {
         const auto url = node.given.find("url");
         if (!scripts_ || url == node.given.end() || !url->second.value.holds<Array<String>>()) return;
         for (const String& one : url->second.value.as<Array<String>>()) {
-            const std::string_view text = one;
-            for (const std::string_view scheme : {"ecmascript:", "javascript:", "vrmlscript:"}) {
-                if (!text.starts_with(scheme)) continue;
-                if (const auto fault = scripts_->checkSyntax(std::string(text.substr(scheme.size())))) {
-                    SourceLocation at = url->second.where;
-                    at.line += fault->line > 0 ? fault->line - 1 : 0;
-                    if (fault->line > 1) at.column = 1;
-                    diagnostics_.warning(at,
-                                         "the script of " + (node.def.empty() ? std::string("a Script") : node.def) +
-                                             " cannot run: " + fault->text + " (its line " +
-                                             std::to_string(fault->line) + ")",
-                                         DiagnosticCode("script"));
-                }
-                return;
+            const auto program = programInUrl(one.view());
+            if (!program) continue;
+            if (const auto fault = scripts_->checkSyntax(std::string(*program))) {
+                SourceLocation at = url->second.where;
+                at.line += fault->line > 0 ? fault->line - 1 : 0;
+                if (fault->line > 1) at.column = 1;
+                diagnostics_.warning(at,
+                                     "the script of " + (node.def.empty() ? std::string("a Script") : node.def) +
+                                         " cannot run: " + fault->text + " (its line " + std::to_string(fault->line) +
+                                         ")",
+                                     DiagnosticCode("script"));
             }
+            return;
         }
     }
 

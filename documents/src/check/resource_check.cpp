@@ -1,4 +1,5 @@
 // Tries every url of a scene's nodes.
+#include <rtsg/core/script_url.h>
 #include <rtsg/documents/resource_check.h>
 
 #include <algorithm>
@@ -19,19 +20,15 @@ bool isChecked(const Node& node) {
     return !node.is(x3d::Inline::type) || !node.get(x3d::Inline::load);
 }
 
-bool isProgram(std::string_view url) {
-    return std::ranges::any_of(std::initializer_list<std::string_view>{"ecmascript:", "javascript:", "vrmlscript:"},
-                               [&](std::string_view scheme) { return url.starts_with(scheme); });
-}
-
 /// Why none of the urls can be opened; empty if one can.
 std::string problemOf(const Scene& scene, const Node& node, FieldIndex field, const Resources& resources) {
     std::string problem;
     for (const String& url : *static_cast<const Array<String>*>(node.storage(field))) {
-        if (isProgram(url.view())) return {};
+        if (programInUrl(url.view())) return {};
         const auto resource = resources.open(scene, node, field, url.view());
         if (resource) return {};
         problem += (problem.empty() ? "" : "; ") + resource.error().text;
+        if (node.type().isA("X3DScriptNode")) problem += hintForProgram(url.view());
     }
     return problem;
 }
@@ -101,7 +98,7 @@ std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resou
     std::vector<std::filesystem::path> files;
     forEachUrlField(scene, [&](const Node& node, FieldIndex i) {
         for (const String& url : *static_cast<const Array<String>*>(node.storage(i))) {
-            if (isProgram(url.view())) continue;
+            if (programInUrl(url.view())) continue;
             const auto resource = resources.open(scene, node, i, url.view());
             if (resource && !resource->path().empty()) files.push_back(resource->path());
         }
@@ -110,7 +107,7 @@ std::vector<std::filesystem::path> resourceFiles(const Scene& scene, const Resou
 }
 
 void DocumentFiles::note(std::string_view url) {
-    if (isProgram(url)) return;
+    if (programInUrl(url)) return;
     const auto resource = resources_.open(resources_.folder(), url);
     if (resource && !resource->path().empty()) files_.push_back(resource->path());
 }

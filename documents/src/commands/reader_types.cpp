@@ -95,11 +95,8 @@ FieldRef findField(const NodeShape& shape, std::string_view name) {
             const FieldDef& field = shape.type->fields[index];
             return {field.name, field.type, field.access, &field};
         }
-        const std::string_view bare = withoutEvent(name);
-        for (const Renamed& renamed : kRenamed)
-            if (shape.type->name == renamed.node && (name == renamed.before || bare == renamed.before))
-                return findField(shape, renamed.now);
-        return {};
+        const std::string_view now = presentName(*shape.type, name);
+        return now.empty() ? FieldRef{} : findField(shape, now);
     }
     if (!shape.proto) return {};
     if (const FieldRef declared = findField(shape.proto->fields, name)) return declared;
@@ -107,6 +104,13 @@ FieldRef findField(const NodeShape& shape, std::string_view name) {
     static const NodeShape anyNode{findBuiltinType("Group"), {}, {}, {}};
     const FieldRef metadata = findField(anyNode, name);
     return metadata.name == "metadata" ? metadata : FieldRef{};
+}
+
+std::string_view presentName(const NodeType& type, std::string_view name) {
+    const std::string_view bare = withoutEvent(name);
+    for (const Renamed& renamed : kRenamed)
+        if (type.name == renamed.node && (name == renamed.before || bare == renamed.before)) return renamed.now;
+    return {};
 }
 
 std::string_view formerName(const NodeType& type, std::string_view field, std::string_view version) {

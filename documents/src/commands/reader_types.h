@@ -81,6 +81,8 @@ bool declaresFields(const NodeType& type);
 FieldRef findField(const NodeShape& shape, std::string_view name);
 /// The name of a field in documents of that version ("2.0" is VRML97), if it was another then; else empty.
 std::string_view formerName(const NodeType& type, std::string_view field, std::string_view version);
+/// The name that the field has now which had this one once; empty if none had.
+std::string_view presentName(const NodeType& type, std::string_view name);
 FieldRef findField(const DeclaredFields& fields, std::string_view name);
 /// May a node of type `child` be the value of `field`? Unknown types may.
 bool accepts(const FieldRef& field, const NodeType* child);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include <rtsg/core/script_url.h>
 #include <rtsg/core/x3d.h>
 
 namespace rtsg {
@@ -10,11 +11,6 @@ namespace rtsg {
 namespace {
 
 using S = x3d::LoadSensor;
-
-bool isProgram(std::string_view url) {
-    return std::ranges::any_of(std::initializer_list<std::string_view>{"ecmascript:", "javascript:", "vrmlscript:"},
-                               [&](std::string_view scheme) { return url.starts_with(scheme); });
-}
 
 /// 1: loaded, 0: it cannot be, nothing: it is not to be.
 std::optional<std::int32_t> outcomeOf(const Scene& scene, const Node& node, const Resources& resources) {
@@ -30,7 +26,7 @@ std::optional<std::int32_t> outcomeOf(const Scene& scene, const Node& node, cons
     if (node.is(x3d::FontLibrary::type)) return node.get(x3d::FontLibrary::_font).empty() ? 0 : 1;
     // A viewpoint that an Anchor leads to is in this document.
     const bool any = std::ranges::any_of(urls, [&](const String& one) {
-        return isProgram(one.view()) || one.view().starts_with('#') ||
+        return programInUrl(one.view()) || one.view().starts_with('#') ||
                resources.open(scene, node, url, one.view()).has_value();
     });
     return any ? 1 : 0;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <iterator>
 
+#include <rtsg/core/script_url.h>
+
 #include "commands/spelled_name.h"
 #include "commands/suggestion.h"
 #include "reader_classic.h"
@@ -303,9 +305,7 @@ void ElementReader::endNode(Frame& frame) {
         const bool hasText = start != source.text.npos;
         if (hasText && frame.shape.type->name == "Script") {
             const std::string_view text = std::string_view(source.text).substr(start);
-            const bool named =
-                text.starts_with("ecmascript:") || text.starts_with("javascript:") || text.starts_with("vrmlscript:");
-            url.push_back(named ? String(text) : String("ecmascript:" + source.text));
+            url.push_back(programInUrl(text) ? String(text) : String("ecmascript:" + source.text));
         } else if (hasText) {
             url.push_back(String(source.text));
         }

@@ -5,6 +5,8 @@
 #include <set>
 #include <utility>
 
+#include <rtsg/core/script_url.h>
+
 #include "commands/units.h"
 #include "writer_common.h"
 #include "writer_waiting.h"
@@ -383,8 +385,7 @@ class JsonWriter final : public DocumentHandler {
     /// The last url of a Script, if it is source text, is written line by line.
     void source(Frame& frame, const Array<String>& urls) {
         const std::string_view last = urls.empty() ? std::string_view() : urls.back().view();
-        const bool isSource =
-            last.starts_with("ecmascript:") || last.starts_with("javascript:") || last.starts_with("vrmlscript:");
+        const bool isSource = last.find_first_not_of(" \t\r\n") == 0 && programInUrl(last);
         Array<String> others = urls;
         if (isSource) others.resize(urls.size() - 1);
         if (!isSource || !others.empty()) attribute(frame, "url", valueText(Value(std::move(others))));

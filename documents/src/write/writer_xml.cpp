@@ -7,6 +7,8 @@
 #include <set>
 #include <utility>
 
+#include <rtsg/core/script_url.h>
+
 #include "commands/units.h"
 #include "writer_common.h"
 #include "writer_waiting.h"
@@ -546,8 +548,7 @@ class XmlWriter final : public DocumentHandler {
         const Array<String>& urls = url.as<Array<String>>();
         if (urls.empty()) return false;
         const std::string_view text = urls.back();
-        const bool source =
-            text.starts_with("ecmascript:") || text.starts_with("javascript:") || text.starts_with("vrmlscript:");
+        const bool source = text.find_first_not_of(" \t\r\n") == 0 && programInUrl(text);
         const bool spelled = std::ranges::all_of(
             text, [](char c) { return static_cast<unsigned char>(c) >= 0x20 || c == '\n' || c == '\t'; });
         Frame& frame = frames_.back();

@@ -97,7 +97,7 @@ bool field(JSContext* cx, unsigned count, JS::Value* vp) {
     std::string name;
     if (!stringFrom(cx, args.get(1), name)) return false;
     const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
-    const FieldIndex index = node ? node->type().find(name) : kNoField;
+    const FieldIndex index = node ? fieldCalled(currentCall(cx).scene, node->type(), name) : kNoField;
     if (index == kNoField) {
         args.rval().setInt32(-1);
         return true;
@@ -294,10 +294,27 @@ bool named(JSContext* cx, unsigned count, JS::Value* vp) {
     return true;
 }
 
+/// roots(script): of its scene, or of the body of the instance that it is in.
 bool roots(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
     const Scene& scene = currentCall(cx).scene;
+    const Node* script = scene.find(nodeArgument(args, 0));
+    const Node* around = script ? scene.find(script->scope()) : nullptr;
+    const FieldIndex body = around ? around->type().body() : kNoField;
+    if (body != kNoField && isPrototype(around->type()))
+        return toScript(cx, FieldType::MFNode, around->storage(body), args.rval());
     const Node& root = scene.node(scene.root());
-    return toScript(cx, FieldType::MFNode, &root.get(x3d::RtsgScene::children), JS::CallArgsFromVp(count, vp).rval());
+    return toScript(cx, FieldType::MFNode, &root.get(x3d::RtsgScene::children), args.rval());
+}
+
+/// isInPrototype(script)
+bool isInPrototype(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Scene& scene = currentCall(cx).scene;
+    const Node* script = scene.find(nodeArgument(args, 0));
+    const Node* around = script ? scene.find(script->scope()) : nullptr;
+    args.rval().setBoolean(around && isPrototype(around->type()));
+    return true;
 }
 
 bool createNode(JSContext* cx, unsigned count, JS::Value* vp) {
@@ -322,7 +339,8 @@ bool changeRoute(JSContext* cx, unsigned count, JS::Value* vp) {
     const Node* from = call.scene.find(nodeArgument(args, 1));
     const Node* to = call.scene.find(nodeArgument(args, 3));
     if (!call.cascade || !from || !to) return answer(cx, args, "the node is gone");
-    const FieldIndex fields[2] = {from->type().find(names[0]), to->type().find(names[1])};
+    const FieldIndex fields[2] = {fieldCalled(call.scene, from->type(), names[0]),
+                                  fieldCalled(call.scene, to->type(), names[1])};
     for (int end = 0; end < 2; ++end)
         if (fields[end] == kNoField)
             return answer(cx, args, fmt::format("{} has no field {}", (end ? to : from)->type().name, names[end]));
@@ -382,7 +400,8 @@ JSObject* newBridge(JSContext* cx) {
         JS_FN("warn", warn, 2, 0),
         JS_FN("write", write, 5, 0),
         JS_FN("named", named, 2, 0),
-        JS_FN("roots", roots, 0, 0),
+        JS_FN("roots", roots, 1, 0),
+        JS_FN("isInPrototype", isInPrototype, 1, 0),
         JS_FN("createNode", createNode, 2, 0),
         JS_FN("addRoute", changeRoute<true>, 5, 0),
         JS_FN("deleteRoute", changeRoute<false>, 5, 0),

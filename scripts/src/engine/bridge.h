@@ -3,6 +3,8 @@
 // Each function checks everything that comes from the script; it answers with a sentence (a string) where it refuses.
 #pragma once
 
+#include <rtsg/core/document_services.h>
+
 #include "runtime.h"
 
 namespace rtsg::script {
@@ -27,6 +29,17 @@ inline bool answer(JSContext* cx, const JS::CallArgs& args, const Result<>& resu
     if (!result) return answer(cx, args, result.error().text);
     args.rval().setUndefined();
     return true;
+}
+
+inline bool isPrototype(const NodeType& type) {
+    return type.kind == NodeType::Kind::proto || type.kind == NodeType::Kind::externProto;
+}
+
+/// A field by its name, or by one that it had in VRML97 or in an earlier X3D.
+inline FieldIndex fieldCalled(const Scene& scene, const NodeType& type, std::string_view name) {
+    if (const FieldIndex found = type.find(name); found != kNoField) return found;
+    const std::string_view now = scene.documents().nameNow(type, name);
+    return now.empty() ? kNoField : type.find(now);
 }
 
 /// Adds the functions about the document as a whole (bridge_document.cpp). False when memory runs out.

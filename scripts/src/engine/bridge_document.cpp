@@ -96,7 +96,7 @@ bool askPiece(JSContext* cx, unsigned count, JS::Value* vp) {
     if (!urls || !stringFrom(cx, args.get(3), name)) return false;
     const Node* node = call.scene.find(nodeArgument(args, 2));
     if (!call.cascade || !node) return answer(cx, args, "the node is gone");
-    const FieldIndex field = node->type().find(name);
+    const FieldIndex field = fieldCalled(call.scene, node->type(), name);
     if (field == kNoField || node->type().fields[field].type != FieldType::MFNode ||
         !node->type().fields[field].writable())
         return answer(cx, args, fmt::format("{} has no field {} that takes nodes", node->type().name, name));
@@ -194,6 +194,45 @@ bool prototypes(JSContext* cx, unsigned count, JS::Value* vp) {
     return toScript(cx, list.type(), list.storage(), args.rval());
 }
 
+/// declaration(name): of a prototype, as ClassicVRML.
+bool declaration(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Scene& scene = currentCall(cx).scene;
+    std::string name;
+    if (!stringFrom(cx, args.get(0), name)) return false;
+    const auto type = scene.findType(name);
+    return answer(cx, args, type ? scene.type(*type).declaration : std::string());
+}
+
+/// declareAs(name, prototype): declares it once more by that name.
+bool declareAs(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string name, known;
+    if (!stringFrom(cx, args.get(0), name) || !stringFrom(cx, args.get(1), known)) return false;
+    if (!call.cascade) return answer(cx, args, kShutsDown);
+    const auto type = call.scene.findType(known);
+    if (!type) return answer(cx, args, fmt::format("no prototype is named {}", known));
+    return answer(cx, args, call.scene.documents().declareAs(call.scene, *type, name, call.options.resources.get()));
+}
+
+/// hasBody(prototype): of its instances: true or false, undefined if there are none.
+bool hasBody(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Scene& scene = currentCall(cx).scene;
+    std::string name;
+    if (!stringFrom(cx, args.get(0), name)) return false;
+    args.rval().setUndefined();
+    const auto type = scene.findType(name);
+    const FieldIndex body = type ? scene.type(*type).body() : kNoField;
+    if (body == kNoField) return true;
+    scene.forEachNode([&](const Node& node) {
+        if (!node.is(*type) || args.rval().isTrue()) return;
+        args.rval().setBoolean(!static_cast<const Array<NodeId>*>(node.storage(body))->empty());
+    });
+    return true;
+}
+
 /// routes(script): [from nodes, from fields, to nodes, to fields] of the script's document.
 bool routes(JSContext* cx, unsigned count, JS::Value* vp) {
     const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
@@ -253,10 +292,9 @@ bool kindsOf(JSContext* cx, unsigned count, JS::Value* vp) {
     const Node* node = currentCall(cx).scene.find(nodeArgument(args, 0));
     std::vector<std::string> names;
     if (node) {
-        const NodeType::Kind kind = node->type().kind;
-        const bool isInstance = kind == NodeType::Kind::proto || kind == NodeType::Kind::externProto;
         names = node->type().implements;
-        names.insert(names.begin(), isInstance ? std::string("X3DPrototypeInstance") : node->type().name);
+        names.insert(names.begin(),
+                     isPrototype(node->type()) ? std::string("X3DPrototypeInstance") : node->type().name);
     }
     const Value list = strings(names);
     return toScript(cx, list.type(), list.storage(), args.rval());
@@ -298,10 +336,20 @@ bool nodeText(JSContext* cx, unsigned count, JS::Value* vp) {
                   scene.find(id) ? scene.documents().nodeText(scene, id, args.get(1).isTrue()) : std::string());
 }
 
-/// profiles(): by name.
+/// profiles(): [names, how many components each has, names of these, levels of these].
 bool profiles(JSContext* cx, unsigned count, JS::Value* vp) {
-    const Value list = strings(currentCall(cx).scene.documents().profileNames());
-    return toScript(cx, list.type(), list.storage(), JS::CallArgsFromVp(count, vp).rval());
+    std::vector<std::string> names, components;
+    Array<std::int32_t> counts, levels;
+    for (const DocumentServices::ProfileParts& profile : currentCall(cx).scene.documents().profiles()) {
+        names.push_back(profile.name);
+        counts.push_back(static_cast<std::int32_t>(profile.components.size()));
+        for (const auto& [component, level] : profile.components) {
+            components.push_back(component);
+            levels.push_back(level);
+        }
+    }
+    const Value parts[] = {strings(names), Value(counts), strings(components), Value(levels)};
+    return answerParts(cx, JS::CallArgsFromVp(count, vp), parts);
 }
 
 // ---- the viewer ----------------------------------------------------------------------------------------------------
@@ -314,6 +362,28 @@ bool speed(JSContext* cx, unsigned count, JS::Value* vp) {
     const bool known = bound && bound->is(x3d::NavigationInfo::type);
     JS::CallArgsFromVp(count, vp).rval().setNumber(known ? double{bound->get(x3d::NavigationInfo::speed)} : 0.0);
     return true;
+}
+
+/// viewpointCalled(script, text): binds the viewpoint with this DEF name or, if there is none, with this description.
+bool viewpointCalled(JSContext* cx, unsigned count, JS::Value* vp) {
+    const JS::CallArgs args = JS::CallArgsFromVp(count, vp);
+    const Call& call = currentCall(cx);
+    std::string text;
+    if (!stringFrom(cx, args.get(1), text)) return false;
+    if (!call.cascade) return answer(cx, args, kShutsDown);
+    const Node* script = call.scene.find(nodeArgument(args, 0));
+    const NodeId named = call.scene.documents().localNode(call.scene, script ? script->scope() : NodeId{}, text);
+    const std::vector<NodeId> all = viewpoints(call.scene);
+    auto found = std::ranges::find(all, named);
+    if (found == all.end())
+        found = std::ranges::find_if(all, [&](NodeId id) {
+            const Node& node = call.scene.node(id);
+            const FieldIndex field = node.type().findExact("description");
+            return field != kNoField && static_cast<const String*>(node.storage(field))->view() == text;
+        });
+    if (found == all.end()) return answer(cx, args, fmt::format("no viewpoint is named or described as {}", text));
+    return answer(cx, args,
+                  call.scene.sendEvent(*found, call.scene.node(*found).type().findExact("set_bind"), Value(true)));
 }
 
 /// viewpoint(ViewpointChoice)
@@ -350,6 +420,9 @@ bool addDocumentBridge(JSContext* cx, JS::HandleObject bridge) {
         JS_FN("folder", folder, 0, 0),
         JS_FN("localNode", localNode, 2, 0),
         JS_FN("prototypes", prototypes, 1, 0),
+        JS_FN("declaration", declaration, 1, 0),
+        JS_FN("declareAs", declareAs, 2, 0),
+        JS_FN("hasBody", hasBody, 1, 0),
         JS_FN("routes", routes, 1, 0),
         JS_FN("fieldsOf", fieldsOf, 1, 0),
         JS_FN("fieldsOfType", fieldsOfType, 1, 0),
@@ -360,6 +433,7 @@ bool addDocumentBridge(JSContext* cx, JS::HandleObject bridge) {
         JS_FN("profiles", profiles, 0, 0),
         JS_FN("speed", speed, 0, 0),
         JS_FN("viewpoint", viewpoint, 1, 0),
+        JS_FN("viewpointCalled", viewpointCalled, 2, 0),
         JS_FN("dispose", dispose, 1, 0),
         JS_FS_END,
     };

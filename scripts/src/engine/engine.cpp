@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <bit>
+#include <optional>
 #include <unordered_map>
 
 #include <fmt/format.h>
 
 #include <rtsg/core/resource.h>
+#include <rtsg/core/script_url.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/scripts/run_scripts.h>
 
@@ -31,14 +33,14 @@ std::string sourceOf(const Scene& scene, const Node& node, const ScriptOptions& 
         const std::string_view text = url.view();
         const auto start = text.find_first_not_of(" \t\r\n");
         if (start == text.npos) continue;
-        for (const std::string_view scheme : {"ecmascript:", "javascript:", "vrmlscript:"})
-            if (text.substr(start).starts_with(scheme)) return std::string(text.substr(start + scheme.size()));
+        if (const auto program = programInUrl(text)) return std::string(*program);
         static const Resources nothing;
         const Resources& resources = options.resources ? *options.resources : nothing;
         auto file = resources.open(scene, node, x3d::Script::url.index, text.substr(start));
         auto program = file ? file->read() : Result<std::string>(std::unexpected(file.error()));
         if (program) return std::move(*program);
         problem += (problem.empty() ? "" : "; ") + program.error().text;
+        problem += hintForProgram(text);
     }
     if (problem.empty()) problem = "no program in its url";
     return {};
@@ -69,6 +71,9 @@ struct ScriptEngine::State {
         double preparedAt = -kNever;
         bool stale = false;  // its url has changed
         Array<String> url;   // which it came from
+        bool load = true;    // as its Script said
+        /// On the scene's clock: when its file was read last, and since when it is read every `refreshed` seconds.
+        double readAt = 0, refreshedSince = 0, refreshed = 0;
         bool hasInitialize = false, hasPrepareEvents = false, hasEventsProcessed = false;
         /// Which fields have a function that takes their events; of those from 64 on, sorted. The controller calls
         /// each by its place among them.
@@ -147,6 +152,8 @@ struct ScriptEngine::State {
                 return fmt::format("stopped: it ran longer than {} s", options.timeLimit);
             case Runtime::Excess::memory:
                 return fmt::format("stopped: out of memory, scripts may hold {} MiB", options.heapLimit >> 20);
+            case Runtime::Excess::process:
+                return "stopped: the process ends";
             case Runtime::Excess::none:
                 break;
         }
@@ -215,8 +222,9 @@ struct ScriptEngine::State {
         }
         JS::RootedObject global(context(), program.roots->global);
         Call call{scene, cascade, options, scene.now(), global, id};
+        if (runtime->depth == 0 && !runtime->startWatch(options.timeLimit)) return false;
+        ++runtime->depth;
         Call* outer = std::exchange(runtime->current, &call);
-        if (++runtime->depth == 1) runtime->startWatch(options.timeLimit);
         const JSAutoRealm realm(context(), place == Place::program ? global.get() : runtime->library());
         const Jobs::Mark mark = runtime->jobs().mark();
         const bool ok = body();
@@ -325,7 +333,33 @@ struct ScriptEngine::State {
 
     static bool hasNewUrl(const Program& program, const Node& node) {
         const Array<String>& url = node.get(x3d::Script::url);
+        if (program.load != node.get(x3d::Script::load)) return true;
         return !program.url.sameStorage(url) && Value(program.url) != Value(url);
+    }
+
+    /// When its file is to be read again, as those of Inlines are (19775-1, 9.3.2).
+    static double nextRefresh(const Program& program, const Node& node) {
+        const double every = node.get(x3d::Script::autoRefresh).seconds, next = program.readAt + every;
+        if (!(every > 0) || !program.load ||
+            next - program.refreshedSince > node.get(x3d::Script::autoRefreshTimeLimit).seconds)
+            return kNever;
+        const bool leadsToFile = std::ranges::any_of(program.url, [](const String& url) {
+            return url.view().find_first_not_of(" \t\r\n") != std::string_view::npos && !programInUrl(url.view());
+        });
+        return leadsToFile ? next : kNever;
+    }
+    /// Marks the program as old if its file is due to be read again, and can be: else it goes on until it can.
+    void refresh(const Cascade& cascade, const Node& node) {
+        const auto found = programs.find(node.id().value);
+        if (found == programs.end()) return;
+        if (const double every = node.get(x3d::Script::autoRefresh).seconds; found->second.refreshed != every) {
+            found->second.refreshed = every;
+            found->second.readAt = found->second.refreshedSince = cascade.now();
+        }
+        if (nextRefresh(found->second, node) > cascade.now()) return;
+        found->second.readAt = cascade.now();
+        std::string problem;
+        found->second.stale |= !sourceOf(scene, node, options, problem).empty();
     }
 
     /// Forgets the program; its shutdown() is called first, and has no outputs.
@@ -337,30 +371,31 @@ struct ScriptEngine::State {
         programs.erase(found);
         if (!program.canRun || !node || !runtime->onOwnThread()) return;
         enter(nullptr, *node, program, [&] {
-            if (!has(program, "shutdown")) return true;
-            JS::RootedValueArray<1> arguments(context());
             JS::RootedValue ignored(context());
-            arguments[0].setString(JS_NewStringCopyZ(context(), "shutdown"));
-            return call(program, "call", arguments, &ignored);
+            return call(program, "shutdown", JS::HandleValueArray::empty(), &ignored);
         });
     }
 
     /// The node's program, compiled and initialised; null if it has none that can run.
     Program* ready(Cascade& cascade, const Node& node) {
+        double refreshedSince = cascade.now();
         // Not while programs run: one may have changed the url of another on the stack.
         if (const auto old = programs.find(node.id().value); old != programs.end()) {
             const bool isOld = old->second.stale || hasNewUrl(old->second, node);
             if (!isOld || (runtime && runtime->depth > 0)) return old->second.canRun ? &old->second : nullptr;
+            if (!hasNewUrl(old->second, node)) refreshedSince = old->second.refreshedSince;
             shutDown(node.id());
         }
-        const auto [found, isNew] = programs.try_emplace(node.id().value);
-        Program& program = found->second;
-        if (isNew) create(cascade, node, program);
+        Program& program = programs[node.id().value];
+        program.refreshedSince = refreshedSince;
+        program.refreshed = node.get(x3d::Script::autoRefresh).seconds;
+        create(cascade, node, program);
         const auto still = programs.find(node.id().value);
         return still != programs.end() && still->second.canRun ? &still->second : nullptr;
     }
 
     void create(Cascade& cascade, const Node& node, Program& program) {
+        if (Runtime::hasEnded()) return;
         if (!runtime && !refused) {
             runtime = Runtime::ofThisThread(options.heapLimit);
             refused = !runtime;
@@ -369,7 +404,9 @@ struct ScriptEngine::State {
         if (runtime->depth == 0 && !mayCall()) return refuseCall(&cascade, node.id());
         std::string problem;
         program.url = node.get(x3d::Script::url);
-        if (program.url.empty()) return;
+        program.load = node.get(x3d::Script::load);
+        program.readAt = cascade.now();
+        if (program.url.empty() || !program.load) return;
         const std::string source = sourceOf(scene, node, options, problem);
         if (source.empty()) {
             if (!problem.empty()) cascade.warn(node, problem);
@@ -465,20 +502,25 @@ void ScriptEngine::onEvent(Cascade& cascade, const Node& node, FieldIndex field,
 double ScriptEngine::onTime(Cascade& cascade, const Node& node, ScriptPhase phase) {
     State& s = *state_;
     const NodeId id = node.id();
+    if (phase == ScriptPhase::run) s.refresh(cascade, node);
+    const auto later = [&] {
+        const auto still = s.programs.find(id.value);
+        return still == s.programs.end() ? kNever : State::nextRefresh(still->second, node);
+    };
     const auto known = s.programs.find(id.value);
     const bool runs = known != s.programs.end() && !known->second.stale && !State::hasNewUrl(known->second, node);
     if (runs && phase == ScriptPhase::initialize) return kNever;
     if (!runs && phase == ScriptPhase::prepare) return kNever;
     State::Program* program = runs ? (known->second.canRun ? &known->second : nullptr) : s.ready(cascade, node);
     if (phase == ScriptPhase::initialize) return cascade.now();
-    if (!program) return kNever;
+    if (!program) return later();
     const bool everyFrame = program->hasPrepareEvents;
     bool ranNow = !runs;
     if (program->preparedAt != cascade.now() && everyFrame) {
         program->preparedAt = cascade.now();
         s.run(cascade, node, *program, "prepareEvents");
         const auto still = s.programs.find(id.value);
-        if (still == s.programs.end() || !still->second.canRun) return kNever;
+        if (still == s.programs.end() || !still->second.canRun) return later();
         program = &still->second;
         ranNow = true;
     }
@@ -487,17 +529,17 @@ double ScriptEngine::onTime(Cascade& cascade, const Node& node, ScriptPhase phas
         s.run(cascade, node, *program, "eventsProcessed");
         ranNow = true;
     }
-    if (!ranNow) return everyFrame ? cascade.now() : kNever;
+    if (!ranNow) return everyFrame ? cascade.now() : later();
     // One that has set its own url starts anew with the next frame.
     const auto still = s.programs.find(id.value);
     const bool restarts = still != s.programs.end() && s.hasNewUrl(still->second, node);
-    return everyFrame || restarts ? cascade.now() : kNever;
+    return everyFrame || restarts ? cascade.now() : later();
 }
 
 void ScriptEngine::findHeld(const std::vector<NodeId>& nodes,
                             const std::function<void(NodeId script, NodeId held)>& visit) {
     State& s = *state_;
-    if (!s.runtime || !s.runtime->onOwnThread() || s.runtime->depth > 0) return;
+    if (!s.runtime || !s.runtime->onOwnThread() || s.runtime->depth > 0 || Runtime::hasEnded()) return;
     std::vector<NodeId> asked;
     for (const auto& [id, program] : s.programs)
         if (program.canRun) asked.push_back(NodeId{id});

@@ -16,10 +16,11 @@
     function fail(kind, text) { throw new (native.global()[kind])(text); }
     const ownArray = list => native.global().Array.from(list);
     const isNumber = code => code <= SFTime && !(code & 1);
-    const SFTime = 8, SFString = 10, SFNode = 12, MFNode = 13, SFImage = 18, SFRotation = 32, SFMatrix = 34;
+    const SFInt32 = 2, MFInt32 = 3, SFTime = 8, SFString = 10, SFNode = 12, MFNode = 13, SFImage = 18, SFRotation = 32, SFMatrix = 34;
     const tuples = new Map();  // SF type code -> class
     const arrays = new Map();  // MF type code -> class
     const spares = new Map();  // SF type code -> an array for its components, between two statements
+    const isObject = value => typeof value === "object" && value !== null;
 
     // ---- values of several numbers ---------------------------------------------------------------------------
     // Methods alone: constructors and what goes component by component are made below, class by class.
@@ -30,6 +31,7 @@
         copy() { return this.map(c => c); }
         lerp(to, t) { return this.zip(to, (a, b) => a + (b - a) * t); }
         toString() { return this.components().join(" "); }
+        toJSON() { return this.constructor.keys ? Object.fromEntries(this.constructor.keys.map(key => [key, this[key]])) : this.components(); }
         get [Symbol.toStringTag]() { return this.constructor.name; }
     }
     class Vector extends Tuple {
@@ -90,6 +92,12 @@
         quaternion() {
             const l = Math.hypot(this.x, this.y, this.z), s = l > 0 ? Math.sin(this.angle / 2) / l : 0;
             return [this.x * s, this.y * s, this.z * s, Math.cos(this.angle / 2)];
+        }
+        /// As rows: of a point times it.
+        getMatrix() { return new names.SFMatrix3f(...[[1, 0, 0], [0, 1, 0], [0, 0, 1]].flatMap(axis => this.multVec(new names.SFVec3d(...axis)).components())); }
+        setMatrix(matrix) {
+            const c = matrix.components(), whole = new names.SFMatrix4d(...[0, 1, 2].flatMap(i => [...c.slice(3 * i, 3 * i + 3), 0]), 0, 0, 0, 1);
+            whole.getTransform(undefined, this);
         }
         getAxis() { return new names.SFVec3f(this.x, this.y, this.z); }
         setAxis(axis) { this.x = axis.x; this.y = axis.y; this.z = axis.z; }
@@ -256,34 +264,41 @@
         Object.defineProperty(made.prototype, "constructor", {value: maker, writable: true, configurable: true, enumerable: false});
         names[name] = maker;
     }
-    // Written out for each class, which is several times as fast as a loop over its components.
+    // Written out for each class, which is several times as fast as a loop over its components. What is assigned to a
+    // component becomes a number; of matrices, which have too many, when it is used.
     // `zero`: what the type has by default; `missing`: what the constructor takes for components that are not given.
     function defineTuple(code, name, base, keys, zero = keys.map(() => 0), missing = zero) {
-        const parameters = keys.map((_, i) => `a${i}`), property = key => /^\d/.test(key) ? `[${key}]` : `.${key}`;
-        const each = (f, between) => keys.map(f).join(between);
+        const isMatrix = base.prototype instanceof Matrix, parts = keys.map(key => Symbol(key));
+        const parameters = keys.map((_, i) => `a${i}`), each = (f, between) => keys.map(f).join(between);
         const special = base === Rotation ? "if (a0 instanceof Vector3) { [a0, a1, a2, a3] = Rotation.given(a0, a1); count = 4; }"
-            : base.prototype instanceof Matrix ? `if (count > 1 && a0 instanceof Tuple) { const from = Matrix.rows(arguments); count = from.length; [${parameters}] = from; }` : "";
-        const made = new Function("Tuple", "Vector3", "Rotation", "Matrix", `"use strict"; return function ${name}(${parameters}) {
+            : isMatrix ? `if (count > 1 && a0 instanceof Tuple) { const from = Matrix.rows(arguments); count = from.length; [${parameters}] = from; }` : "";
+        const symbols = isMatrix ? "" : `const ${each((_, i) => `s${i} = parts[${i}]`, ", ")};`, part = (key, i) => isMatrix ? `[${key}]` : `[s${i}]`;
+        const made = new Function("Tuple", "Vector3", "Rotation", "Matrix", "parts", `"use strict"; ${symbols} return function ${name}(${parameters}) {
             if (new.target === undefined) return Reflect.construct(${name}, arguments);
             let count = arguments.length;
             ${special}
             if (count === 1 && a0 instanceof Tuple) { const from = a0.components(); count = from.length; [${parameters}] = from; }
-            ${each((key, i) => `this${property(key)} = count > ${i} ? Number(a${i}) : ${missing[i]};`, " ")}
-        }`)(Tuple, Vector3, Rotation, Matrix);
+            ${each((key, i) => `this${part(key, i)} = count > ${i} ? Number(a${i}) : ${missing[i]};`, " ")}
+        }`)(Tuple, Vector3, Rotation, Matrix, parts);
         made.keys = keys;
         made.zero = zero;
         spares.set(code, new Float64Array(keys.length));
         made.prototype = Object.create(base.prototype);
         const define = (holder, key, parts) => Object.defineProperty(holder, key, {configurable: true, ...parts});
         const from = each((_, i) => `flat[at + ${i}]`, ", ");
+        const written = text => new Function("parts", `"use strict"; ${symbols} return ${text};`)(parts);
         /// From and to plain numbers.
         made.load = new Function("made", `return (flat, at) => new made(${from});`)(made);
-        made.store = new Function(`return (value, out, at) => { ${each((key, i) => `out[at + ${i}] = value${property(key)};`, " ")} };`)();
-        const components = new Function(`"use strict"; return function components() { return [${each(key => `this${property(key)}`, ", ")}]; };`)();
-        define(made.prototype, "components", {value: components, writable: true});
+        made.store = written(`(value, out, at) => { ${each((key, i) => `out[at + ${i}] = value${part(key, i)};`, " ")} }`);
+        const components = each((key, i) => isMatrix ? `Number(this${part(key, i)})` : `this${part(key, i)}`, ", ");
+        define(made.prototype, "components", {value: written(`function components() { return [${components}]; }`), writable: true});
         define(made.prototype, "constructor", {value: made, writable: true});
-        if (!(base.prototype instanceof Matrix))
-            keys.forEach((key, i) => define(made.prototype, i, {get() { return this[key]; }, set(v) { this[key] = v; }}));
+        if (!isMatrix)
+            keys.forEach((key, i) => {
+                const part = parts[i], accessors = {get() { return this[part]; }, set(value) { this[part] = Number(value); }};
+                define(made.prototype, key, {...accessors, enumerable: true});
+                define(made.prototype, i, accessors);
+            });
         tuples.set(code, made);
         names[name] = made;
     }
@@ -303,7 +318,7 @@
     // Matrices that are no field's value, whose elements are m[row][column].
     const cells = new WeakMap();
     const row = (numbers, n, i) => Object.defineProperties({}, Object.fromEntries(Array.from({length: n}, (_, j) => [j, {
-        enumerable: true, get: () => numbers[i * n + j], set: value => { numbers[i * n + j] = Number(value); }}])));
+        enumerable: true, get: () => numbers[i * n + j], set: value => { numbers[i * n + j] = Number(value); }}]).concat([["length", {value: n}]])));
     function defineRows(name, base, n) {
         const made = {[name]: class extends base {
             constructor(...given) {
@@ -315,33 +330,28 @@
             assign(numbers) { const own = cells.get(this); numbers.forEach((c, i) => { own[i] = c; }); }
             get order() { return n; }
         }}[name];
-        for (let i = 0; i < n; ++i) Object.defineProperty(made.prototype, i, {get() { return row(cells.get(this), n, i); }});
+        for (let i = 0; i < n; ++i)
+            Object.defineProperty(made.prototype, i, {
+                get() { return row(cells.get(this), n, i); },
+                set(given) {
+                    const numbers = given instanceof Tuple ? given.components() : Array.from(given, Number);
+                    if (numbers.length !== n) fail("TypeError", `a row of ${name} has ${n} numbers`);
+                    numbers.forEach((c, j) => { cells.get(this)[i * n + j] = c; });
+                },
+            });
         publishClass(name, made);
     }
     defineRows("X3DMatrix3", Matrix3, 3);
     defineRows("X3DMatrix4", Matrix4, 4);
     defineRows("VrmlMatrix", Matrix4, 4);  // ISO/IEC 14772-1 C.6.19
 
-    class SFImage_ {
-        constructor(width = 0, height = 0, comp = 0, array = []) {
-            this.width = width; this.height = height; this.comp = comp; this.array = Array.from(array);
-        }
-        toString() { return [this.width, this.height, this.comp, ...this.array].join(" "); }
-    }
-    publishClass("SFImage", SFImage_);
-
     const mfNames = ["Bool", "Int32", "Float", "Double", "Time", "String", "Node", "Color", "ColorRGBA", "Image", "Vec2f", "Vec2d",
                      "Vec3f", "Vec3d", "Vec4f", "Vec4d", "Rotation", "Matrix3f", "Matrix3d", "Matrix4f", "Matrix4d"];
-    class MF extends Array {
-        constructor(...elements) { super(); for (const element of elements) put(this, this.length, element); }
-        static get [Symbol.species]() { return Array; }
-        toString() { return "[" + this.join(", ") + "]"; }
+    function indexOf(key) {
+        if (typeof key !== "string" || key > ":") return -1;  // names of methods come after all digits
+        const index = key >>> 0;
+        return `${index}` === key ? index : -1;
     }
-    // An element that was never given, before one that was assigned far beyond the end, is what the type has by default.
-    // Only what neither an element nor a method answers comes here.
-    for (const key of Reflect.ownKeys(Array.prototype))
-        if (!Object.hasOwn(MF.prototype, key)) Object.defineProperty(MF.prototype, key, Object.getOwnPropertyDescriptor(Array.prototype, key));
-    const indexOf = key => typeof key === "string" && /^(?:0|[1-9]\d{0,9})$/.test(key) ? Number(key) : -1;
     const slot = {value: undefined, writable: true, enumerable: true, configurable: true};
     // Nothing of it stays here: a node would seem to be held.
     function put(array, key, value) {
@@ -350,11 +360,71 @@
         slot.value = undefined;
         return done;
     }
-    // The engine's own would look behind the proxy for every element.
-    MF.prototype.push = function push(...given) {
-        for (const value of given) put(this, this.length, value);
-        return this.length;
-    };
+    const wholes = new WeakMap();    // what a program is given instead of a list, or of an output of its own -> that
+    const keepers = new WeakMap();   // the same -> its Guard
+    const wholeOf = value => isObject(value) ? wholes.get(value) ?? value : value;
+    /// What a program is given instead of a list: what it assigns becomes of the list's type at once (19777-1 6.2).
+    class Guard {
+        constructor(code, isField) { this.code = code; this.isField = isField; }
+        wrap(value) {
+            const given = new Proxy(value, this);
+            wholes.set(given, value);
+            keepers.set(given, this);
+            return given;
+        }
+        push(target, values) {
+            for (const value of values) put(target, target.length, converted(this.code - 1, value, this.isField));
+            return target.length;
+        }
+        set(target, key, value) {
+            const index = indexOf(key);
+            if (index < 0) return Reflect.set(target, key, value);
+            const kept = converted(this.code - 1, value, this.isField);
+            if (index >= target.length) return put(target, key, kept);
+            target[index] = kept;
+            return true;
+        }
+        defineProperty(target, key, what) {
+            if ("value" in what && indexOf(key) >= 0) what.value = converted(this.code - 1, what.value, this.isField);
+            return Reflect.defineProperty(target, key, what);
+        }
+    }
+    const guards = mfNames.map((_, i) => new Guard(2 * i + 1, false)), fieldGuards = mfNames.map((_, i) => new Guard(2 * i + 1, true));
+    const isList = code => (code & 1) === 1;
+
+    const imageParts = ["width", "height", "comp", "array"].map(name => Symbol(name)), [kArray] = imageParts.slice(3);
+    class SFImage_ {
+        constructor(width = 0, height = 0, comp = 0, array = []) {
+            this.width = width; this.height = height; this.comp = comp; this.array = array;
+        }
+        get array() { return this[kArray]; }
+        set array(given) { this[kArray] = new names.MFInt32(...Array.from(given)); }
+        toString() { return [this.width, this.height, this.comp, ...this.array].join(" "); }
+        toJSON() { return {width: this.width, height: this.height, comp: this.comp, array: Array.from(this.array)}; }
+    }
+    ["width", "height", "comp"].forEach((name, i) => {
+        const part = imageParts[i], accessors = {get() { return this[part]; }, set(value) { this[part] = converted(SFInt32, value, true); }, configurable: true};
+        Object.defineProperty(SFImage_.prototype, name, {...accessors, enumerable: true});
+        if (i < 2) Object.defineProperty(SFImage_.prototype, "xy"[i], accessors);  // the names in the standard
+    });
+    publishClass("SFImage", SFImage_);
+
+    class MF extends Array {
+        constructor(...elements) {
+            super();
+            const {code} = new.target;
+            for (const element of elements) put(this, this.length, converted(code - 1, element, false));
+            return guards[code >> 1].wrap(this);
+        }
+        static get [Symbol.species]() { return Array; }
+        toString() { return "[" + this.join(", ") + "]"; }
+    }
+    // An element that was never given, before one that was assigned far beyond the end, is what the type has by default.
+    // Only what neither an element nor a method answers comes here.
+    for (const key of Reflect.ownKeys(Array.prototype))
+        if (!Object.hasOwn(MF.prototype, key)) Object.defineProperty(MF.prototype, key, Object.getOwnPropertyDescriptor(Array.prototype, key));
+    // The engine's own would look behind the proxies for every element.
+    MF.prototype.push = function push(...given) { return keepers.get(this).push(wholes.get(this), given); };
     // What is not known here the program's own Array.prototype may know.
     const beyond = () => native.global().Array.prototype;
     Object.setPrototypeOf(MF.prototype, new Proxy({}, {
@@ -362,7 +432,7 @@
             const index = indexOf(key);
             if (index < 0 || !Array.isArray(receiver) || index >= receiver.length) return Reflect.get(beyond(), key, receiver);
             const value = receiver.constructor.filler();
-            put(receiver, key, value);
+            put(wholeOf(receiver), key, value);
             return value;
         },
         set(target, key, value, receiver) {
@@ -375,6 +445,7 @@
     mfNames.forEach((name, i) => {
         const made = {["MF" + name]: class extends MF {}}["MF" + name];
         const element = 2 * i;
+        made.code = element + 1;
         made.filler = () => {
             const tuple = tuples.get(element);
             return tuple ? new tuple(...tuple.zero) : element === SFString ? "" : element === SFNode ? null : element === SFImage ? new SFImage_()
@@ -389,7 +460,8 @@
     // ---- to and from the plain form that crosses the bridge: numbers, strings, Float64Array, arrays of strings ----
     const typeName = code => (code & 1 ? "MF" : "SF") + mfNames[code >> 1];
     function refuse(code, value) {
-        const what = value === null ? "null" : typeof value === "object" ? value.constructor?.name ?? "object" : typeof value;
+        const what = value === null ? "null" : ids.has(value) ? native.typeName(ids.get(value))
+            : typeof value === "object" ? value.constructor?.name ?? "object" : typeof value;
         fail("TypeError", `${typeName(code)} cannot hold ${what}`);
     }
     function scalar(code, value) {
@@ -399,14 +471,36 @@
             const id = ids.get(value);
             return id === undefined ? refuse(code, value) : id;
         }
-        if (typeof value !== "number" && typeof value !== "boolean") refuse(code, value);
-        return Number(value);
+        const number = numberOf(code, value);
+        return code === SFInt32 ? number | 0 : number;
+    }
+    /// As ECMAScript makes numbers of boolean values and texts; what says no number is an error.
+    function numberOf(code, value) {
+        if (typeof value === "number") return value;
+        const isNumeric = typeof value === "boolean" || typeof value === "bigint" || typeof value === "string" && value.trim() !== "";
+        const number = isNumeric ? Number(value) : NaN;
+        return number === number ? number : refuse(code, value);
     }
     function tupleInto(code, tuple, value, out, at) {
         if (value instanceof tuple) return tuple.store(value, out, at);
         const keys = tuple.keys, source = value instanceof Tuple ? value.components() : Array.isArray(value) ? value : refuse(code, value);
         if (source.length !== keys.length) refuse(code, value);
         for (let i = 0; i < keys.length; ++i) out[at + i] = Number(source[i]);
+    }
+    /// What a value becomes that is assigned to an element of type `code`. What is assigned to a field is copied.
+    function converted(code, given, isField) {
+        const value = wholeOf(given), tuple = tuples.get(code);
+        if (tuple) {
+            if (value instanceof tuple && !isField) return value;
+            const spare = spares.get(code);
+            if (value === undefined) spare.set(tuple.zero); else tupleInto(code, tuple, value, spare, 0);
+            return tuple.load(spare, 0);
+        }
+        if (code === SFString) return value === undefined ? "" : String(value);
+        if (code === SFImage) return value instanceof SFImage_ ? value : refuse(code, value);
+        if (code === SFNode) return scalar(code, value) === 0 ? null : value;
+        const number = value === undefined ? 0 : scalar(code, value);
+        return code === 0 ? number !== 0 : number;
     }
     function imageWords(value) {
         if (!(value instanceof SFImage_)) refuse(SFImage, value);
@@ -424,6 +518,7 @@
             return out;
         }
         const element = code - 1;
+        value = wholeOf(value);
         if (value === null || typeof value !== "object" || typeof value.length !== "number") value = [value];
         if (element === SFString) return Array.from(value, text => text === undefined ? "" : String(text));
         if (element === SFImage) return Float64Array.from(Array.from(value).flatMap(imageWords));
@@ -461,6 +556,12 @@
         return result;
     }
 
+    /// The same, as a program is given it.
+    function offered(code, flat, nodeOf) {
+        const value = revive(code, flat, nodeOf);
+        return isList(code) ? fieldGuards[code >> 1].wrap(value) : value;
+    }
+
     /// The plain form of a field's value.
     function plain(field, value) {
         if (field.tuple === undefined || !(value instanceof field.tuple)) return flatten(field.code, value, field.spare);
@@ -477,7 +578,7 @@
         }
     }
     /// Numbers, strings and nodes cannot be changed in place.
-    const changesInPlace = code => (code & 1) === 1 || code === SFImage || tuples.has(code);
+    const changesInPlace = code => isList(code) || code === SFImage || tuples.has(code);
     /// Of two plain forms of one type.
     function isAlike(a, b) {
         if (a === undefined || b === undefined || a.length !== b.length) return false;
@@ -497,40 +598,53 @@
     }
 
     // ---- outputs in place ----------------------------------------------------------------------------------------
-    const wholes = new WeakMap();  // what a program is given by a Watch -> what is behind it
     /// What a program is given of an output of its own: every assignment in it makes its cell one that has been assigned,
     /// also of what is there already. Once its call is over it is a value like others.
-    class Watch {
-        constructor(cell) { this.cell = cell; this.value = cell.value; }
-        wrap(value) {
-            const given = new Proxy(value, this);
-            wholes.set(given, value);
-            return given;
+    const watching = Base => class extends Base {
+        constructor(cell, code) {
+            super(code, true);
+            this.cell = cell;
+            this.value = cell.value;
         }
-        defineProperty(target, key, what) {
-            const whole = wholes.get(what.value);
-            if (whole !== undefined) what.value = whole;  // else values that change places would be wrapped ever deeper
-            return this.told(Reflect.defineProperty(target, key, what));
-        }
+        push(target, values) { return this.told(super.push(target, values)); }
+        set(target, key, value) { return this.told(super.set(target, key, value)); }
+        defineProperty(target, key, what) { return this.told(super.defineProperty(target, key, what)); }
         deleteProperty(target, key) { return this.told(Reflect.deleteProperty(target, key)); }
         told(done) {
             if (this.cell.value === this.value) this.cell.assigned = true;
             return done;
         }
-    }
-    /// Of lists of tuples, and of images: what is in them can be assigned to as well.
-    class WatchInside extends Watch {
-        constructor(cell) { super(cell); this.inner = new Watch(cell); this.parts = new WeakMap(); }
+    };
+    const WatchList = watching(Guard);
+    const Watch = watching(class {
+        wrap(value) { return Guard.prototype.wrap.call(this, value); }
+        set(target, key, value) { return Reflect.set(target, key, target instanceof Matrix && indexOf(key) >= 0 ? Number(value) : value); }
+        defineProperty(target, key, what) { return Reflect.defineProperty(target, key, what); }
+    });
+    /// `parts`: what is in lists of tuples, and in images, can be assigned to as well.
+    const withParts = Base => class extends Base {
+        constructor(cell, code) { super(cell, code); this.parts = new WeakMap(); }
         get(target, key, receiver) {
             const found = Reflect.get(target, key, receiver);
-            if (typeof found !== "object" || found === null || !Object.hasOwn(target, key)) return found;
+            if (!isObject(found) || !this.isPart(target, key)) return found;
             let part = this.parts.get(found);
-            if (part === undefined) this.parts.set(found, part = (found instanceof Tuple ? this.inner : this).wrap(found));
+            if (part === undefined) this.parts.set(found, part = this.watchPart(found));
             return part;
         }
+    };
+    class WatchImage extends withParts(Watch) {
+        isPart(target, key) { return key === "array"; }
+        watchPart(list) { return new WatchList(this.cell, MFInt32).wrap(wholeOf(list)); }
     }
-    const hasInside = code => code === SFImage || (code & 1) === 1 && (code - 1 === SFImage || tuples.has(code - 1));
-    const watched = cell => (hasInside(cell.field.code) ? new WatchInside(cell) : new Watch(cell)).wrap(cell.value);
+    class WatchParts extends withParts(WatchList) {
+        isPart(target, key) { return Object.hasOwn(target, key); }
+        watchPart(value) { return this.code - 1 === SFImage ? new WatchImage(this.cell, SFImage).wrap(value) : (this.inner ??= new Watch(this.cell, this.code - 1)).wrap(value); }
+    }
+    function watched(cell) {
+        const {code} = cell.field;
+        const Kind = code === SFImage ? WatchImage : !isList(code) ? Watch : code - 1 === SFImage || tuples.has(code - 1) ? WatchParts : WatchList;
+        return new Kind(cell, code).wrap(cell.value);
+    }
 
     // ---- nodes, and what prints ----------------------------------------------------------------------------------
     const inputOnly = 1, outputOnly = 2, inputOutput = 3, mostSpare = 64, mostFields = 4096, touchedBits = 24, ids = new WeakMap(), fields = new Map();
@@ -555,6 +669,7 @@
     const println = (...given) => native.print(text(given) + "\n");
     Object.assign(names, {
         print: println, trace: println, TRUE: true, FALSE: false, X3DConstants: library.constants,
+        ...library.kinds,
         console: {log: println, info: println, debug: println, warn: println, error: println},
     });
 
@@ -582,7 +697,7 @@
         // changed in place; `given`: the program has had the object; `shown`: what it has had, where that is watched; `age`:
         // the flush after which it was compared with the scene. The Script's own by index.
         const own = [], others = new Map();
-        let age = 0, depth = 0;
+        let age = 0, depth = 0, atEnd;
         // Which of its own fields have a cell in that order, a bit each, or several that share one: readers look here.
         const touched = new Float64Array(1);
         const proxies = new Map(), fieldTables = new Map();
@@ -641,8 +756,8 @@
                 renew(cell);
             }
             cell.given = field.changes;
-            if (cell.id !== self || !field.sentInPlace) return cell.value;
-            return cell.shown ??= watched(cell);
+            if (cell.id === self && field.sentInPlace) return cell.shown ??= watched(cell);
+            return isList(field.code) ? cell.shown ??= fieldGuards[field.code >> 1].wrap(cell.value) : cell.value;
         }
         function assignTo(cell, value) {
             const kept = copied(cell.field, value, nodeOf);
@@ -687,7 +802,12 @@
                 assign(target.id, field, value);
                 return true;
             },
-            has(target, name) { return Boolean(fieldOf(target.id, name)); },
+            has(target, name) { return !!fieldOf(target.id, name); },
+            ownKeys(target) { return native.exists(target.id) ? native.fieldsOf(target.id)[0] : []; },
+            getOwnPropertyDescriptor(target, name) {
+                if (!native.exists(target.id) || !fieldOf(target.id, name)) return undefined;
+                return {get: () => this.get(target, name), set: value => { this.set(target, name, value); }, enumerable: true, configurable: true};
+            },
             getPrototypeOf() { return SFNode_.prototype; },
         };
         function nodeOf(id) {
@@ -764,9 +884,10 @@
         // Made when it is first asked for: it is more than all the rest of a program that never does.
         Object.defineProperty(global, "Browser", {
             get() {
-                const made = library.makeBrowser({self, nodeOf, idOf, flush: () => flush(false), fail, flatten, revive, ownArray, print, println});
-                publish("Browser", made);
-                return made;
+                const {browser, tellListeners} = library.makeBrowser({self, nodeOf, idOf, flush: () => flush(false), fail, flatten, offered, ownArray, print, println});
+                publish("Browser", browser);
+                atEnd = tellListeners;
+                return browser;
             },
             set(value) { publish("Browser", value); },
             enumerable: false, configurable: true,
@@ -837,11 +958,23 @@
                     flush(--depth === 0);
                 }
             },
+            shutdown() {
+                ++depth;
+                try {
+                    try {
+                        atEnd?.();
+                    } finally {
+                        if (has("shutdown")) global.shutdown();
+                    }
+                } finally {
+                    flush(--depth === 0);
+                }
+            },
             /// An event of type `code` for a handler.
             event(handler, code, flat, time) {
                 ++depth;
                 try {
-                    global[handlers[handler]](revive(code, flat, nodeOf), time);
+                    global[handlers[handler]](offered(code, flat, nodeOf), time);
                 } finally {
                     if (--depth > 0 || count !== 1 || hasOthers) flush(depth === 0); else {
                         // flush(true) of one cell, as most calls leave it, written out: each function on the way is one

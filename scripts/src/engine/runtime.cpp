@@ -2,8 +2,10 @@
 // stops calls that take too long or too much.
 #include "runtime.h"
 
+#include <algorithm>
 #include <chrono>
 #include <system_error>
+#include <vector>
 
 namespace rtsg::script {
 
@@ -13,21 +15,33 @@ extern const char* const kBrowser;
 
 namespace {
 
-std::atomic<int> contexts = 0;
 std::atomic<bool> processEnds = false;
+std::mutex listing;  // held by who makes or destroys a context
 
-/// Started once, ended with the process: its own threads have to be gone before the library's memory is. A scene that
-/// lives as long as the process, as a static one does, may end after that; then the last of these ends it.
-bool startEngine() {
-    struct Library {
-        bool started = JS_Init();
-        ~Library() {
-            processEnds = true;
-            if (started && contexts == 0) JS_ShutDown();
+/// Ends the library with the process: its own threads have to be gone before its static data are. Scenes may live that
+/// long, since exit() destroys neither those on a stack nor those of other threads. They call no program from then on.
+struct Library {
+    bool started = false;
+    std::vector<Runtime*> runtimes;  // of all threads
+    ~Library() {
+        if (!started) return;
+        processEnds = true;
+        const std::scoped_lock lock(listing);
+        constexpr std::int64_t kPatience = 1'000'000'000;
+        for (const std::int64_t until = steadyNow() + kPatience; steadyNow() < until;) {
+            if (std::ranges::none_of(runtimes, &Runtime::isRunning)) break;
+            std::this_thread::sleep_for(std::chrono::milliseconds(1));
         }
-    };
-    static const Library library;
-    return library.started;
+        JS_ShutDown();
+    }
+};
+/// By its priority it is destroyed after all other static objects of the program, whose scenes still call shutdown().
+[[gnu::init_priority(101)]] Library spiderMonkey;
+
+bool startEngine() {
+    static const bool started = JS_Init();
+    spiderMonkey.started = started;
+    return started;
 }
 
 /// How often a running program is looked at.
@@ -81,6 +95,7 @@ const JSClass kProgramClass{"Script", JSCLASS_GLOBAL_FLAGS, &kProgramOps, nullpt
 
 std::shared_ptr<Runtime> Runtime::ofThisThread(std::size_t heapLimit) {
     static thread_local std::weak_ptr<Runtime> known;
+    if (hasEnded()) return nullptr;
     if (auto runtime = known.lock()) return runtime;
     std::shared_ptr<Runtime> runtime(new Runtime);
     if (!runtime->start(heapLimit)) return nullptr;
@@ -89,11 +104,12 @@ std::shared_ptr<Runtime> Runtime::ofThisThread(std::size_t heapLimit) {
 }
 
 bool Runtime::start(std::size_t heapLimit) {
-    if (!startEngine()) return false;
+    const std::scoped_lock lock(listing);
+    if (hasEnded() || !startEngine()) return false;
     // No limit of the library's own: reached while it moves objects about, that would end the process.
     context_ = JS_NewContext(UINT32_MAX);
     if (!context_) return false;
-    ++contexts;
+    spiderMonkey.runtimes.push_back(this);
     heapLimit_ = heapLimit;
     // Short-lived objects of calls take turns in this memory. In the library's own 16 MiB every cache line would come
     // from far away.
@@ -118,12 +134,13 @@ Runtime::~Runtime() {
     watcher_ = {};
     // On another thread the library would abort; the memory of one context is then lost.
     if (!context_) return;
-    if (!onOwnThread()) {
+    const std::scoped_lock lock(listing);
+    if (!hasEnded()) std::erase(spiderMonkey.runtimes, this);
+    if (!onOwnThread() || hasEnded()) {
         (void)jobs_.release();
         for (auto* root : {&library_, &prelude_, &names_, &fences_, &fenced_}) (void)root->release();
         (void)new auto(std::move(compiled_));
         (void)memory_.release();
-        --contexts;
         return;
     }
     jobs_.reset();
@@ -131,16 +148,24 @@ Runtime::~Runtime() {
     for (auto* root : {&library_, &prelude_, &names_, &fences_, &fenced_}) root->reset();
     compiled_.clear();
     JS_DestroyContext(context_);
-    if (--contexts == 0 && processEnds) JS_ShutDown();
 }
 
-void Runtime::startWatch(double seconds) {
+bool Runtime::hasEnded() {
+    return processEnds;
+}
+
+bool Runtime::startWatch(double seconds) {
     limit_ = static_cast<std::int64_t>(seconds * 1e9);
     firstLook_ = -1;
     deadline_ = steadyNow() + limit_;
-    if (!watcherSleeps_) return;
+    if (hasEnded()) {
+        deadline_ = 0;
+        return false;
+    }
+    if (!watcherSleeps_) return true;
     const std::scoped_lock lock(mutex_);
     wakeUp_.notify_one();
+    return true;
 }
 
 std::int64_t Runtime::stopWatch(std::int64_t now) {
@@ -310,6 +335,10 @@ bool Runtime::onInterrupt(JSContext* cx) {
     auto& runtime = *static_cast<Runtime*>(JS_GetContextPrivate(cx));
     const std::int64_t deadline = runtime.deadline_.load(std::memory_order_relaxed);
     if (deadline == 0) return true;
+    if (hasEnded()) {
+        runtime.excess_ = Excess::process;
+        return false;
+    }
     // Reading the thread's own time costs as much as a short call, so it counts from the first look on.
     const std::int64_t now = ownTime();
     if (runtime.firstLook_ < 0) runtime.firstLook_ = now;

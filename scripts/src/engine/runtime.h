@@ -41,11 +41,15 @@ class Runtime {
     Call* current = nullptr;
     int depth = 0;
 
-    /// From here on the running program has `seconds`.
-    void startWatch(double seconds);
+    /// From here on the running program has `seconds`. False, and none may run, once the process ends.
+    bool startWatch(double seconds);
     /// Nanoseconds since then, by the wall's clock, at `now` of steadyNow().
     std::int64_t stopWatch(std::int64_t now);
-    enum class Excess { none, time, memory };
+    /// Whether a program runs. Any thread may ask.
+    bool isRunning() const { return deadline_ != 0; }
+    /// The process is in exit(), and the library has been ended or is about to be.
+    static bool hasEnded();
+    enum class Excess { none, time, memory, process };
     /// Why the watch had to stop the last program; asking forgets it.
     Excess takeExcess() { return std::exchange(excess_, Excess::none); }
     /// Whether programs that take `more` bytes stay within the limit, if need be after a collection.

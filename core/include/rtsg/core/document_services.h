@@ -41,6 +41,10 @@ class DocumentServices {
     virtual Result<NodeId> makePrototypeInstance(Scene& scene, TypeIndex type, NodeId scope,
                                                  const Resources* resources) const;
 
+    /// Declares a prototype under a name that no node type has yet. `type`: a PROTO or EXTERNPROTO that a document
+    /// declares; the new one has its fields, and its body or urls. Errors: there is such a type; it is no name.
+    virtual Result<> declareAs(Scene& scene, TypeIndex type, std::string_view name, const Resources* resources) const;
+
     /// Nodes that hang nowhere yet, and those of them that have names.
     struct Piece {
         std::vector<NodeId> roots;
@@ -58,7 +62,13 @@ class DocumentServices {
 
     /// The node with all below it as ClassicVRML, or as XML, without what encloses it in a file.
     virtual std::string nodeText(const Scene& scene, NodeId node, bool xml) const;
-    virtual std::vector<std::string> profileNames() const;
+    struct ProfileParts {
+        std::string name;
+        std::vector<std::pair<std::string, int>> components;  // with their levels
+    };
+    virtual std::vector<ProfileParts> profiles() const;
+    /// What the field is called that had this name in VRML97 or in an X3D before 4.0; empty if none had.
+    virtual std::string_view nameNow(const NodeType& type, std::string_view before) const;
     /// The node that a DEF or an IMPORT statement makes known under this name inside `scope`.
     virtual NodeId localNode(const Scene& scene, NodeId scope, std::string_view name) const;
 };
