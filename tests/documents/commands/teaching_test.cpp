@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
 #include "commands/suggestion.h"
@@ -63,14 +64,35 @@ TEST(Teaching, SaysWhatAWordThatIsNoneOfAFieldsIsTakenFor) {
 TEST(Teaching, NamesTheFieldThatNodesWereMeantFor) {
     EXPECT_THAT(
         problemsOf("#X3D V4.0 utf8\nTransform { childrn [ Shape { } ] }\n"),
-        HasSubstr("test:2:13: warning: Transform has no field 'childrn' (did you mean children?); what is in it is "
+        HasSubstr("test:2:13: error: Transform has no field 'childrn' (did you mean children?); what is in it is "
                   "kept under its name"));
     EXPECT_THAT(
         problemsOf("<X3D version='4.0'><Scene><Shape><Box containerField='geomtry'/></Shape></Scene></X3D>"),
         HasSubstr("containerField: Shape has no field 'geomtry' (did you mean geometry?); 'geometry' is taken"));
     EXPECT_THAT(
         problemsOf("<X3D version='4.0'><Scene><Shape><Material containerField='geomtry'/></Shape></Scene></X3D>"),
-        HasSubstr("Shape has no field 'geomtry' (did you mean geometry?); what is in it is kept"));
+        HasSubstr("error: Shape has no field 'geomtry' (did you mean geometry?); what is in it is kept"));
+}
+
+TEST(Teaching, NamesOtherFormsOfAWordAndOtherWordsForAThing) {
+    const std::vector<std::string_view> clock = {"cycleInterval", "startTime", "fraction_changed", "isActive", "loop"};
+    EXPECT_EQ(detail::nearest("fraction", clock), "fraction_changed");
+    EXPECT_EQ(detail::nearest("start", clock), "startTime");
+    EXPECT_EQ(detail::nearest("duration", clock), "cycleInterval");
+    EXPECT_EQ(detail::nearest("end", clock), "");
+    const std::vector<std::string_view> place = {"center", "children",     "rotation",
+                                                 "scale",  "set_fraction", "translation"};
+    EXPECT_EQ(detail::nearest("position", place), "translation");
+    EXPECT_EQ(detail::nearest("set_position", place), "translation");
+    EXPECT_EQ(detail::nearest("orientation_changed", place), "rotation");
+    EXPECT_EQ(detail::nearest("child", place), "children");
+    EXPECT_EQ(detail::nearest("fraction", place), "set_fraction");
+    const std::string routes = problemsOf(
+        "#X3D V4.0 utf8\nDEF X Transform { }\nDEF T TimeSensor { }\nDEF P PositionInterpolator { }\n"
+        "ROUTE T.fraction TO P.set_fraction\nROUTE P.value TO X.position\n");
+    EXPECT_THAT(routes, HasSubstr("TimeSensor T has no field 'fraction' (did you mean fraction_changed?)"));
+    EXPECT_THAT(routes, HasSubstr("PositionInterpolator P has no field 'value' (did you mean value_changed?)"));
+    EXPECT_THAT(problemsOf("#X3D V4.0 utf8\nTransform { position 1 2 3 }"), HasSubstr("(did you mean translation?)"));
 }
 
 TEST(Teaching, NamesWhatIsWrongInXml) {
