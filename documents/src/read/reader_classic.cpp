@@ -147,7 +147,8 @@ void ClassicReader::closeAll() {
                              : top.inside == Inside::node ? std::string(top.shape.name())
                                                           : "a PROTO";
     error(end_, "the file ends inside " + what + " begun at line " + std::to_string(opened.line) + ", and " +
-                    std::to_string(frames_.size()) + " levels deep");
+                    std::to_string(frames_.size()) + " levels deep: '" +
+                    (top.inside == Inside::list || top.inside == Inside::interface ? "]" : "}") + "' is missing");
     while (!frames_.empty()) {
         if (frames_.back().inside == Inside::interface) {
             const SourceLocation where = at(end_);

@@ -238,9 +238,46 @@ void ClassicReader::nodeItem() {
     fieldItem(this->name(name), where);
 }
 
+    if (shape.known() && !findField(shape, name))
+        if (const NodeShape node = nodeBehind(name); node.known()) return nodeWithoutField(node, where);
 /// `]` where a field should be: the braces of this node, and of others up to the list, are missing.
 void ClassicReader::closeBracket() {
     if (lists_ == 0) return stray();
+/// The node that begins with this word, if one does: `Type {`, `DEF name Type {` or `USE name`; `p_` stays behind the
+/// word.
+NodeShape ClassicReader::nodeBehind(std::string_view next) {
+    const char* const start = p_;
+    NodeShape result;
+    if (next == "USE") {
+        if (const NodeShape* shape = types_.defined(name())) result = *shape;
+    } else {
+        const bool named = next == "DEF";
+        if (named) word();
+        const std::string_view type = named ? word() : next;
+        if (!type.empty() && peekIs('{')) result = types_.find(type);
+    }
+    p_ = start;
+    return result;
+}
+
+/// A node where a field should be. Where it has a place in the open node, the field's name is missing, or the brace
+/// that ends the open node; it is read as if the name were there. Where it has none, the brace is missing, of the open
+/// nodes up to where a node may stand.
+void ClassicReader::nodeWithoutField(const NodeShape& node, const char* where) {
+    const NodeShape& open = frames_.back().shape;
+    const NodeType* type = node.standsFor();
+    const std::string begun = std::string(open.name()) + " begun at line " + std::to_string(frames_.back().open.line);
+    const FieldRef field = type ? findField(open, type->containerField) : FieldRef{};
+    p_ = where;
+    if (field && field.takesValue() && accepts(field, type) && frames_.back().given.add(field)) {
+        error(where, "'" + std::string(field.name) + "' is missing before " + std::string(node.name()) + " in " +
+                         begun + ", or '}' at the end of that");
+        return nodeStatement(field);
+    }
+    error(where, "'}' is missing before " + std::string(node.name()) + ", at the end of " + begun);
+    while (!frames_.empty() && frames_.back().inside == Inside::node) pop();
+}
+
     error(p_, "'}' is missing before ']', for " + std::string(frames_.back().shape.name()) + " begun at line " +
                   std::to_string(frames_.back().open.line));
     while (frames_.back().inside == Inside::node) pop();
@@ -309,6 +346,18 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
 void ClassicReader::unknownField(std::string_view name, const char* where, const std::string& ifNoNodes) {
     skipSpace();
     const bool isList = p_ != end_ && *p_ == '[';
+/// Says which node around the open one has the field: a brace may be missing.
+std::string ClassicReader::ofUnclosed(std::string_view field) const {
+    for (std::size_t i = frames_.size() - 1; i-- > 0;) {
+        const Frame& around = frames_[i];
+        if (around.inside != Inside::node && around.inside != Inside::list) break;
+        if (around.inside == Inside::node && around.shape.known() && findField(around.shape, field))
+            return "; " + std::string(around.shape.name()) + " begun at line " + std::to_string(around.open.line) +
+                   " has one: is a '}' missing?";
+    }
+    return {};
+}
+
     const char* start = p_;
     if (isList) ++p_;
     const std::string_view next = peekWord();
@@ -323,10 +372,15 @@ void ClassicReader::unknownField(std::string_view name, const char* where, const
         if (complain) {
             const FieldRef field = findField(shape, name);
             const bool takesNodes = field && sf(field.type) == FieldType::SFNode;
-            report(Severity::warning, where,
-                   !field       ? noFieldForNodes(shape, name)
-                   : takesNodes ? surplus(name, shape.name())
-                                : misplaced(next, name, shape.name()));
+            p_ += next.size();
+            const bool isKnown = nodeBehind(next).known();
+            p_ -= next.size();
+            if (!field)
+                report(isMisspelled(name, isKnown) ? Severity::error : Severity::warning, where,
+                       noFieldForNodes(shape, name) + (isKnown ? ofUnclosed(name) : std::string()));
+            else
+                report(Severity::warning, where,
+                       takesNodes ? surplus(name, shape.name()) : misplaced(next, name, shape.name()));
         }
         return isList ? openList(into) : nodeStatement(into);
     }
@@ -334,7 +388,8 @@ void ClassicReader::unknownField(std::string_view name, const char* where, const
     if (!ifNoNodes.empty()) error(where, ifNoNodes);
     if (complain && !findField(shape, name)) {
         const std::string dropped = droppedField(shape, name);
-        dropped.empty() ? error(where, noField(shape, name)) : report(Severity::warning, where, dropped);
+        dropped.empty() ? error(where, noField(shape, name) + ofUnclosed(name))
+                        : report(Severity::warning, where, dropped);
     }
     if (next == "IS" && !isList && !shape.known()) {
         word();

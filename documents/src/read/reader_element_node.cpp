@@ -105,8 +105,10 @@ FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child,
         }
     }
     if (!place) {
-        diagnostics_.warning(where(), containerField && !named ? noFieldForNodes(parent, asked)
-                                                               : misplaced(child.name(), asked, parent.name()));
+        const bool isMisspelt = containerField && !named && isMisspelled(asked, child.known());
+        diagnostics_.add(
+            isMisspelt ? Severity::error : Severity::warning, where(),
+            containerField && !named ? noFieldForNodes(parent, asked) : misplaced(child.name(), asked, parent.name()));
         return {asked, FieldType::MFNode};
     }
     if (containerField)
@@ -332,7 +334,7 @@ void ElementReader::startFieldValue(Attributes attributes) {
     const FieldRef field = findField(shape, name);
     if (!field && !value) {
         // The nodes in it keep their names.
-        diagnostics_.warning(where(), noFieldForNodes(shape, name));
+        error(noFieldForNodes(shape, name));
         push(Inside::value);
         frames_.back().shape.unknown = std::make_shared<const std::string>(name);
         frames_.back().into = {*frames_.back().shape.unknown, FieldType::MFNode};

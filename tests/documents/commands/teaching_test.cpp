@@ -95,6 +95,35 @@ TEST(Teaching, NamesOtherFormsOfAWordAndOtherWordsForAThing) {
     EXPECT_THAT(problemsOf("#X3D V4.0 utf8\nTransform { position 1 2 3 }"), HasSubstr("(did you mean translation?)"));
 }
 
+TEST(Teaching, NamesABraceThatIsMissing) {
+    // Of a node that has no place for the next one, which then stands where it was meant to.
+    for (const char* next : {"Transform { }", "DEF T Transform { }", "USE A"}) {
+        Scene scene;
+        Diagnostics problems("test");
+        loadText(scene,
+                 std::string(
+                     "#X3D V4.0 utf8\nPROFILE Full\nDEF A Transform { }\nShape {\n  geometry Box { size 1 1 1\n}\n") +
+                     next + "\nDEF B Group { }\n",
+                 problems);
+        EXPECT_EQ(test::allText(problems),
+                  "test:7:1: error: '}' is missing before Transform, at the end of Shape begun at line 4 [parse]\n");
+        EXPECT_EQ(scene.node(scene.root()).get(x3d::RtsgScene::children).size(), 4u);
+    }
+    const std::string list =
+        problemsOf("#X3D V4.0 utf8\nGroup { children [\nShape { geometry Sphere { }\nShape { }\n] }\n");
+    EXPECT_EQ(list, "test:4:1: error: '}' is missing before Shape, at the end of Shape begun at line 3 [parse]\n");
+    // Where the next one has a place, its field's name may be what is missing.
+    const std::string either = problemsOf("#X3D V4.0 utf8\nTransform {\nShape { }\n}\n");
+    EXPECT_EQ(either,
+              "test:3:1: error: 'children' is missing before Shape in Transform begun at line 2, or '}' at the end of "
+              "that [parse]\n");
+    EXPECT_THAT(
+        problemsOf("#X3D V4.0 utf8\nShape {\nappearance Appearance { material Material { }\ngeometry Box { } }"),
+        AllOf(HasSubstr("test:4:1: error: Appearance has no field 'geometry'"),
+              HasSubstr("; Shape begun at line 2 has one: is a '}' missing?"),
+              HasSubstr("1 levels deep: '}' is missing")));
+}
+
 TEST(Teaching, NamesWhatIsWrongInXml) {
     EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo title='a & b'/></Scene></X3D>"),
                 HasSubstr("a '&' that begins no reference is written &amp;"));
