@@ -151,6 +151,16 @@ FieldRef ReaderTypes::findField(const NodeShape& shape, std::string_view name) c
     return found;
 }
 
+std::string ReaderTypes::outdatedName(const NodeShape& shape, std::string_view written) const {
+    if (!shape.type || shape.type->find(written) != kNoField || version_.empty()) return {};
+    const std::string_view bare = withoutEvent(written);
+    for (const Renamed& one : kRenamed)
+        if (shape.type->name == one.node && (written == one.before || bare == one.before) && version_[0] >= one.until)
+            return "field '" + std::string(one.before) + "' of " + shape.type->name + " is called '" +
+                   std::string(one.now) + "' since X3D " + one.until + ".0";
+    return {};
+}
+
 void ReaderTypes::popScope() {
     for (const std::string& name : scopes_.back().protos) {
         const auto found = protos_.find(name);

@@ -115,6 +115,9 @@ class ReaderTypes {
     FieldRef findField(const NodeShape& shape, std::string_view name) const;
     /// The name that a PROTO gets which the file calls `name`: another where that is one of a later version's nodes.
     /// Empty if the file's own version has a node of that name.
+    /// Complains of a field's name that was another one's in earlier versions than the document's ("collide" in X3D);
+    /// empty if it is right.
+    std::string outdatedName(const NodeShape& shape, std::string_view written) const;
     std::string protoName(std::string_view name) const;
     /// False, and nothing happens, if there is such a PROTO in this very scope. `name` is what the file calls it.
     bool declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name);

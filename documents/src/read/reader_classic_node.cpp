@@ -160,7 +160,10 @@ void ClassicReader::nodeStatement(const FieldRef& into) {
     if (next == "USE") return useNode(into, where);
     std::string_view def;
     if (next == "DEF") {
-        def = name();
+        const std::string_view spelled = word();
+        def = name(spelled);
+        if (const std::string fault = faultOfDef(spelled, Spelling::classic); !fault.empty())
+            report(Severity::warning, spelled.data(), badDef(spelled, fault));
         next = word();
         // `DEF my box Box { }`
         if (!next.empty() && !types_.find(next).known() && !peekIs('{') && types_.find(peekWord()).known()) {
@@ -235,14 +238,11 @@ void ClassicReader::nodeItem() {
     }
     if (name == "ROUTE" || name == "PROTO" || name == "EXTERNPROTO" || name == "IMPORT" || name == "EXPORT")
         return keywordStatement(name);
+    if (shape.known() && !findField(shape, name))
+        if (const NodeShape node = nodeBehind(name); node.known()) return nodeWithoutField(node, where);
     fieldItem(this->name(name), where);
 }
 
-    if (shape.known() && !findField(shape, name))
-        if (const NodeShape node = nodeBehind(name); node.known()) return nodeWithoutField(node, where);
-/// `]` where a field should be: the braces of this node, and of others up to the list, are missing.
-void ClassicReader::closeBracket() {
-    if (lists_ == 0) return stray();
 /// The node that begins with this word, if one does: `Type {`, `DEF name Type {` or `USE name`; `p_` stays behind the
 /// word.
 NodeShape ClassicReader::nodeBehind(std::string_view next) {
@@ -278,6 +278,9 @@ void ClassicReader::nodeWithoutField(const NodeShape& node, const char* where) {
     while (!frames_.empty() && frames_.back().inside == Inside::node) pop();
 }
 
+/// `]` where a field should be: the braces of this node, and of others up to the list, are missing.
+void ClassicReader::closeBracket() {
+    if (lists_ == 0) return stray();
     error(p_, "'}' is missing before ']', for " + std::string(frames_.back().shape.name()) + " begun at line " +
                   std::to_string(frames_.back().open.line));
     while (frames_.back().inside == Inside::node) pop();
@@ -308,6 +311,9 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     const NodeShape& shape = frames_.back().shape;  // until something is pushed
     const FieldRef field = types_.findField(shape, name);
     if (!field) return unknownField(name, where);
+    if (field.name != name)
+        if (const std::string outdated = types_.outdatedName(shape, name); !outdated.empty())
+            report(Severity::warning, where, outdated);
     if (peekWord() == "IS") {
         word();
         const std::string_view protoField = this->name();
@@ -340,12 +346,6 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     handler_->setField(field.name, std::move(value), here);
 }
 
-/// Reads what follows the name of a field that the open node does not have, or has been given before. Nodes there are
-/// kept with their names, though they are in no field; other values are kept as text in nodes of unknown types.
-/// `ifNoNodes` is the error then, if it is one.
-void ClassicReader::unknownField(std::string_view name, const char* where, const std::string& ifNoNodes) {
-    skipSpace();
-    const bool isList = p_ != end_ && *p_ == '[';
 /// Says which node around the open one has the field: a brace may be missing.
 std::string ClassicReader::ofUnclosed(std::string_view field) const {
     for (std::size_t i = frames_.size() - 1; i-- > 0;) {
@@ -358,6 +358,12 @@ std::string ClassicReader::ofUnclosed(std::string_view field) const {
     return {};
 }
 
+/// Reads what follows the name of a field that the open node does not have, or has been given before. Nodes there are
+/// kept with their names, though they are in no field; other values are kept as text in nodes of unknown types.
+/// `ifNoNodes` is the error then, if it is one.
+void ClassicReader::unknownField(std::string_view name, const char* where, const std::string& ifNoNodes) {
+    skipSpace();
+    const bool isList = p_ != end_ && *p_ == '[';
     const char* start = p_;
     if (isList) ++p_;
     const std::string_view next = peekWord();

@@ -124,6 +124,33 @@ TEST(Teaching, NamesABraceThatIsMissing) {
               HasSubstr("1 levels deep: '}' is missing")));
 }
 
+TEST(Teaching, NamesWhatNoNameMayHave) {
+    const std::string classic =
+        problemsOf("#VRML V2.0 utf8\nDEF 1x Group {}\nDEF -a Group {}\nDEF a.b Group {}\nDEF a-1_x002E_ Group {}\n");
+    EXPECT_EQ(classic,
+              "test:2:5: warning: DEF '1x' begins with '1', which no name may have; ROUTE and USE find it so [parse]\n"
+              "test:3:5: warning: DEF '-a' begins with '-', which no name may have; ROUTE and USE find it so [parse]\n"
+              "test:4:5: warning: DEF 'a.b' has '.' in it, which no name may have; ROUTE and USE find it so [parse]\n");
+    const std::string xml = problemsOf(
+        "<X3D profile='Full' version='4.0'><Scene><Group DEF='1x'/><Group DEF='a:b'/><Group DEF='a.b-c'/><Group "
+        "DEF='\xC3\xA4'/></Scene></X3D>");
+    EXPECT_THAT(xml, AllOf(HasSubstr("DEF '1x' begins with '1'"), HasSubstr("DEF 'a:b' has ':' in it")));
+    EXPECT_EQ(std::ranges::count(xml, '\n'), 2) << xml;
+}
+
+TEST(Teaching, NamesFieldsThatWereCalledOtherwiseInEarlierVersions) {
+    const std::string now = "field 'collide' of Collision is called 'enabled' since X3D 3.0";
+    EXPECT_THAT(problemsOf("#X3D V4.0 utf8\nCollision { collide FALSE }"), HasSubstr("test:2:13: warning: " + now));
+    EXPECT_THAT(problemsOf("<X3D version='3.3'><Scene><Collision collide='false'/></Scene></X3D>"), HasSubstr(now));
+    EXPECT_THAT(problemsOf("#X3D V4.0 utf8\nSwitch { choice [ Group { } ] }"),
+                HasSubstr("field 'choice' of Switch is called 'children' since X3D 3.0"));
+    EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><LoadSensor><ImageTexture "
+                           "containerField='watchList'/></LoadSensor></Scene></X3D>"),
+                HasSubstr("containerField: field 'watchList' of LoadSensor is called 'children' since X3D 4.0"));
+    EXPECT_EQ(problemsOf("#VRML V2.0 utf8\nCollision { collide FALSE }\nSwitch { choice [ Group { } ] }"), "");
+    EXPECT_EQ(problemsOf("#X3D V3.3 utf8\nPROFILE Full\nLoadSensor { watchList [ ] }"), "");
+}
+
 TEST(Teaching, NamesWhatIsWrongInXml) {
     EXPECT_THAT(problemsOf("<X3D version='4.0'><Scene><WorldInfo title='a & b'/></Scene></X3D>"),
                 HasSubstr("a '&' that begins no reference is written &amp;"));
