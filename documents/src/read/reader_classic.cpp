@@ -130,11 +130,13 @@ bool ClassicReader::readHeader() {
 
 /// PROFILE comes first, and is part of what beginDocument says.
 void ClassicReader::readProfile() {
-    if (vrml97_ || peekWord() != "PROFILE") return;
-    word();
+    if (vrml97_) return;
+    const bool isThere = peekWord() == "PROFILE";
+    if (isThere) word();
     skipSpace();
     const char* where = p_;
     header_.where = at(where);
+    if (!isThere) return;
     header_.profile = name();
     if (header_.profile.empty()) error(where, "expected the name of a profile");
 }
