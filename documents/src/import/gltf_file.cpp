@@ -165,7 +165,11 @@ bool GltfFile::openBinary(std::string_view& text) {
         return false;
     };
     if (all.size() < 20) return broken("it is too short");
-    if (at<std::uint32_t>(all.data() + 4) != 2) return broken("its version is not 2");
+    if (const auto version = at<std::uint32_t>(all.data() + 4); version != 2) {
+        diagnostics_.error({}, "GLB of version " + std::to_string(version) + " is not read, 2 is" +
+                                   (version == 1 ? " (version 1 is that of glTF 1.0)" : ""));
+        return false;
+    }
     text = {};
     for (std::size_t i = 12; i + 8 <= all.size();) {
         const std::size_t size = at<std::uint32_t>(all.data() + i), rest = all.size() - i - 8;
