@@ -114,14 +114,37 @@ std::string_view strange(std::string_view head) {
     return head[start] == '[' ? "a list of JSON, which is no X3D" : std::string_view();
 }
 
-/// The first key of a JSON object.
-std::string_view firstKey(std::string_view text) {
-    const std::size_t brace = text.find_first_not_of(" \t\r\n");
-    if (brace == text.npos || text[brace] != '{') return {};
-    const std::size_t quote = text.find_first_not_of(" \t\r\n", brace + 1);
-    if (quote == text.npos || text[quote] != '"') return {};
-    const std::size_t close = text.find('"', quote + 1);
-    return close == text.npos ? std::string_view() : text.substr(quote + 1, close - quote - 1);
+/// Calls `see` with the keys of the JSON object that a text begins with, as far as the text goes, until that returns
+/// true; returns whether it did.
+template <class See>
+bool seeKeys(std::string_view text, const See& see) {
+    int depth = 0;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        if (text[i] == '{' || text[i] == '[') ++depth;
+        if (text[i] == '}' || text[i] == ']') --depth;
+        if (text[i] != '"') continue;
+        const std::size_t start = ++i;
+        for (; i < text.size() && text[i] != '"'; ++i)
+            if (text[i] == '\\') ++i;
+        const std::size_t next = text.find_first_not_of(" \t\r\n", i + 1);
+        const bool isKey = depth == 1 && next != text.npos && text[next] == ':';
+        if (isKey && see(text.substr(start, i - start))) return true;
+    }
+    return false;
+}
+
+/// Tells JSON of glTF from that of X3D by the keys of its object, whose order means nothing.
+FileKind kindOfJson(std::string_view head, std::uint64_t size) {
+    const auto isGltf = [](std::string_view key) {
+        return isAnyOf(key, {"asset", "scene", "scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers",
+                             "materials", "textures", "images", "samplers", "cameras", "skins", "animations",
+                             "extensionsUsed", "extensionsRequired"});
+    };
+    bool any = false;
+    const auto isX3d = [&](std::string_view key) { return any = true, key == "X3D"; };
+    if (seeKeys(head, isX3d)) return FileKind::document;
+    // What is behind the head of a file has not been read; X3D would have come early.
+    return seeKeys(head, isGltf) || (any && size > head.size()) ? FileKind::gltf : FileKind::document;
 }
 
 bool looksLikeObj(std::string_view head) {
@@ -154,12 +177,7 @@ FileKind fileKind(std::string_view head, std::uint64_t size) {
     if (!strange(head).empty()) return FileKind::notRead;
     const std::size_t start = head.find_first_not_of(" \t\r\n");
     if (start == head.npos || head[start] == '<') return FileKind::document;
-    if (head[start] == '{')
-        return isAnyOf(firstKey(head), {"asset", "scene", "scenes", "nodes", "meshes", "accessors", "bufferViews",
-                                        "buffers", "materials", "textures", "images", "samplers", "cameras", "skins",
-                                        "animations", "extensionsUsed", "extensionsRequired", "extensions", "extras"})
-                   ? FileKind::gltf
-                   : FileKind::document;
+    if (head[start] == '{') return kindOfJson(head.substr(start), size);
     const std::string_view text = head.substr(start);
     if (text.starts_with("solid") && (text.find("facet") != text.npos || text.find("endsolid") != text.npos))
         return FileKind::stl;

@@ -353,6 +353,17 @@ TEST(ImportGltf, WhatHasNoSuchCoordinatesSaysSoAndTakesTheFirst) {
     EXPECT_THAT(none.commands, Not(HasSubstr("TextureCoordinate")));
 }
 
+TEST(ImportGltf, IsKnownWhateverKeyComesFirst) {
+    for (const char* first : {"\"lights\":[{}]", "\"$schema\":\"x\"", "\"my \\\"X3D\\\" key\":{\"X3D\":1}"})
+        EXPECT_EQ(
+            Imported(fmt::format("{{{},\"nodes\":[{{\"name\":\"n\"}}],\"asset\":{{\"version\":\"2.0\"}}}}", first))
+                .problems,
+            "");
+    const std::string large =
+        fmt::format("{{\"my\":\"{}\",\"nodes\":[{{}}],\"asset\":{{\"version\":\"2.0\"}}}}", std::string(10000, '.'));
+    EXPECT_EQ(Imported(large).problems, "") << "the keys are behind what is looked at first";
+}
+
 /// Where a skin's point is, by the formula of glTF, in double precision and with matrices throughout.
 glm::dvec3 skinned(const std::vector<glm::dmat4>& joints, const std::vector<glm::dmat4>& inverse, const glm::dvec3& p,
                    const std::array<double, 2>& weights) {
