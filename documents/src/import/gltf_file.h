@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstring>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -47,7 +48,8 @@ class GltfFile {
 
   private:
     bool openBinary(std::string_view& json);
-    std::string unknownExtensions(const char* key) const;
+    bool readExtensions();
+    std::string extensions(const char* key, const std::function<bool(std::string_view)>& isLeftOut) const;
     std::string_view buffer(std::size_t index);
     void makeFinite(std::vector<float>& numbers);
     struct Elements {

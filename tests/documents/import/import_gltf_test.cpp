@@ -364,6 +364,23 @@ TEST(ImportGltf, IsKnownWhateverKeyComesFirst) {
     EXPECT_EQ(Imported(large).problems, "") << "the keys are behind what is looked at first";
 }
 
+TEST(ImportGltf, RequiredExtensionsOfLooksLeaveTheScene) {
+    const auto file = [](const char* required) {
+        return Imported(
+            fmt::format("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{{\"name\":\"n\"}}],"
+                        "\"extensionsRequired\":[{0}],\"extensionsUsed\":[{0}]}}",
+                        required));
+    };
+    const Imported looks = file("\"KHR_materials_clearcoat\",\"MSFT_texture_dds\"");
+    EXPECT_TRUE(looks.good);
+    EXPECT_EQ(looks.problems,
+              "test: warning: the glTF file requires KHR_materials_clearcoat, MSFT_texture_dds, which is not read; it "
+              "looks otherwise than it should [parse]\n");
+    EXPECT_THAT(looks.commands, HasSubstr("begin Transform DEF n"));
+    EXPECT_FALSE(file("\"EXT_meshopt_compression\"").good);
+    EXPECT_EQ(file("\"EXT_texture_webp\"").problems, "");
+}
+
 /// Where a skin's point is, by the formula of glTF, in double precision and with matrices throughout.
 glm::dvec3 skinned(const std::vector<glm::dmat4>& joints, const std::vector<glm::dmat4>& inverse, const glm::dvec3& p,
                    const std::array<double, 2>& weights) {
