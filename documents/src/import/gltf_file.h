@@ -44,7 +44,9 @@ class GltfFile {
     std::optional<Array<T>> floatArray(std::size_t accessor);
     Array<std::int32_t> indices(std::size_t accessor);
     std::string_view bufferView(std::size_t index, std::size_t* stride = nullptr);
+    /// Each text once.
     void warn(std::string text);
+    void fault(std::string text) { diagnostics_.error({}, std::move(text)); }
 
   private:
     bool openBinary(std::string_view& json);

@@ -281,6 +281,13 @@ void writeTexCoords(DocumentHandler& handler, ImportedMesh& mesh) {
 
 }  // namespace
 
+void writeUnlitAppearance(DocumentHandler& handler) {
+    handler.beginNode("Appearance", {}, "appearance", {});
+    handler.beginNode("UnlitMaterial", {}, "material", {});
+    handler.endNode({});
+    handler.endNode({});
+}
+
 void writeMesh(DocumentHandler& handler, ImportedMesh mesh) {
     const bool isPoints = mesh.faces.empty();
     handler.beginNode(isPoints         ? "PointSet"
