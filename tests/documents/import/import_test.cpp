@@ -198,6 +198,38 @@ TEST(ImportObj, FacesWithMaterialsFromTheLibraryBesideIt) {
     std::filesystem::remove_all(folder);
 }
 
+TEST(ImportObj, NamesOfGroupsAndMaterialsSurvive) {
+    const std::filesystem::path folder =
+        std::filesystem::path(testing::TempDir()) / ("import_names_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / "a.obj") << "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\no Door\nusemtl Oak\nf 1 2 3\n"
+                                       "o Wall\nusemtl Oak\nf 1 2 3\no Door\nf 3 2 1\n";
+    std::ofstream(folder / "a.mtl") << "newmtl Oak\nKd 1 0 0\n";
+    RecordingHandler handler;
+    Diagnostics problems((folder / "a.obj").string());
+    EXPECT_TRUE(readDocumentFile(folder / "a.obj", handler, problems));
+    EXPECT_EQ(test::allText(problems), "");
+    const std::string commands = handler.text();
+    EXPECT_THAT(
+        commands,
+        HasSubstr("begin Shape DEF Door\nbegin Appearance in appearance\nbegin Material DEF Oak in material\n"));
+    EXPECT_THAT(commands, HasSubstr("begin Shape DEF Wall\nbegin Appearance in appearance\nuse Oak in material\n"));
+    EXPECT_THAT(commands, HasSubstr("begin Shape DEF Door_2\n"));
+    std::filesystem::remove_all(folder);
+}
+
+TEST(ImportedPoints, AreNotBlack) {
+    const char* unlit = "begin Appearance in appearance\nbegin UnlitMaterial in material\nend\nend\nbegin PointSet";
+    const std::string ply =
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+    EXPECT_THAT(Imported(ply + "end_header\n0 1 2\n").commands, HasSubstr(unlit));
+    EXPECT_THAT(Imported("v 0 0 0\nv 1 2 3\n").commands, HasSubstr(unlit));
+    // Points with normals are lit.
+    EXPECT_THAT(
+        Imported(ply + "property float nx\nproperty float ny\nproperty float nz\nend_header\n0 1 2 0 0 1\n").commands,
+        HasSubstr("begin Material in material"));
+}
+
 TEST(FileKinds, WhatIsNotReadIsNamedInOneLine) {
     const auto says = [](std::string_view bytes) {
         const Imported file(bytes);
