@@ -76,11 +76,11 @@ class Splines {
             bend = std::max({bend, std::abs(whole - 4 * leaving(k, c) - 2 * arriving(k, c)),
                              std::abs(-whole + 2 * leaving(k, c) + 4 * arriving(k, c))});
         }
-        constexpr double most = 256;
-        constexpr std::size_t mostInAll = std::size_t{1} << 22;
+        constexpr double most = 128;
+        constexpr std::size_t mostInAll = std::size_t{1} << 22;  // numbers, whatever the file says
         const double wanted = std::clamp(std::ceil(std::sqrt(bend / (8 * allowed))), 1.0, most);
         return std::min(std::bit_ceil(static_cast<std::size_t>(wanted)),
-                        std::bit_floor(std::max<std::size_t>(mostInAll / spans, 1)));
+                        std::bit_floor(std::max<std::size_t>(mostInAll / (spans * size_), 1)));
     }
 
     const std::vector<float>&numbers_, &times_;
