@@ -221,9 +221,11 @@ Result<> readState(Scene& scene, const std::string& file) {
 
 }  // namespace
 
-bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
+bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
+          const std::string& clip) {
     runScripts(scene);
     if (file != "-" && isSceneFile(file)) {
+        if (!clip.empty()) diagnostics.error({}, "it has no clip " + clip + ": only glTF files have clips");
         if (const auto read = readState(scene, file); !read) diagnostics.add(read.error());
         print(diagnostics);
         return diagnostics.errors() == 0;
@@ -231,6 +233,7 @@ bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const
     LoadOptions options;
     options.resources = resources;
     options.progress = progressBar("reading " + file);
+    options.clip = clip;
     const bool ok = loadFile(scene, file, diagnostics, options);
     if (options.progress) options.progress(1, 1);
     print(diagnostics);

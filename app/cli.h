@@ -87,8 +87,9 @@ struct NetworkArguments {
 };
 
 /// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it. A scene with
-/// errors is used as far as it can be read: see statusOf().
-bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources);
+/// errors is used as far as it can be read: see statusOf(). `clip`: as ReadOptions.
+bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
+          const std::string& clip = {});
 
 /// Errors of files that a running scene loaded later count like those of load(). `file` is the scene's.
 void noteDamage(const std::string& file, std::size_t errors);

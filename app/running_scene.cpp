@@ -68,6 +68,7 @@ double Pace::timeOf(std::uint64_t frame) const {
 RunningScene::RunningScene(std::string file, const ResourceArguments& arguments, const StartTime& start)
     : file_(std::move(file)),
       resources_(arguments.ofFile(file_)),
+      clip_(start.clip),
       start_(start.seconds()),
       startWasGiven_(!start.at.empty()),
       inlineDiagnostics_(file_),
@@ -87,7 +88,7 @@ RunningScene::~RunningScene() {
 bool RunningScene::load() {
     setClock(scene_, start_);
     Diagnostics diagnostics(file_);
-    if (!app::load(scene_, file_, diagnostics, resources_)) return false;
+    if (!app::load(scene_, file_, diagnostics, resources_, clip_)) return false;
     errorsOfLoading_ = diagnostics.errors();
     // A scene file, or a log, begins with a state of its own time, which the scene does not go back from.
     if (startWasGiven_ && scene_.now() > start_) {

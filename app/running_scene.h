@@ -88,6 +88,7 @@ class RunningScene {
 
     std::string file_;
     Resources resources_;
+    std::string clip_;
     double start_, time_ = 0;
     bool startWasGiven_;
     std::size_t errorsOfLoading_ = 0;

@@ -53,6 +53,11 @@ void StartTime::addTo(Command& command) {
                       kind == Kind::live ? "the scene's time at the start: seconds since 1970 or a date; else now"
                                          : "the scene's time at the start: seconds since 1970, a date, or now; else "
                                            "2000-01-01, always the same");
+    addClip(command, clip);
+}
+
+void addClip(Command& command, std::string& clip) {
+    command.addOption("--clip", clip, "the animation of a glTF file that plays, by its name; else the first");
 }
 
 double StartTime::seconds() const {

@@ -1,4 +1,4 @@
-// --at: where a scene's clock stands when a verb begins to run it.
+// --at and --clip: where a scene's clock stands when a verb begins to run it, and which of its animations plays.
 //
 // A scene's time is seconds since 1970 (ISO/IEC 19775-1 V4.0, 8.2.2); what people type and read counts from the start.
 // Threading: none of its own.
@@ -16,12 +16,15 @@ inline constexpr double kSimulatedStart = 946'684'800;
 
 struct StartTime {
     enum class Kind : std::uint8_t { simulated, live } kind = Kind::simulated;
-    std::string at;
+    std::string at, clip;
 
     void addTo(Command& command);
     /// Seconds since 1970. Throws UsageError.
     double seconds() const;
 };
+
+/// Of verbs that read a scene without running it.
+void addClip(Command& command, std::string& clip);
 
 /// Seconds since 1970 of "1234.5", "2026-11-20", "2026-11-20T12:00:00Z" or "now". Throws UsageError.
 double parseDate(const std::string& text);

@@ -21,6 +21,7 @@
 #include "cli.h"
 #include "export/triangulate.h"
 #include "files.h"
+#include "start_time.h"
 
 namespace rtsg::app {
 
@@ -29,7 +30,7 @@ namespace {
 constexpr std::string_view kTriangulate = "triangulate";  // of the renderers, who know geometry
 
 struct ConvertArguments {
-    std::string in, out;
+    std::string in, out, clip;
     std::vector<std::string> filters;
     unsigned threads = 0;
     bool force = false;
@@ -71,6 +72,8 @@ int convertBinary(const ConvertArguments& options) {
     std::vector<std::unique_ptr<DocumentHandler>> chain;
     bool ok = true;
     if (isSceneFile(options.in)) {
+        if (!options.clip.empty())
+            diagnostics.error({}, "it has no clip " + options.clip + ": only glTF files have clips");
         if (const auto read = readSceneFile(scene, options.in); !read)
             return printError(fmt::format("{}: {}", options.in, read.error().format())), kBad;
     } else {
@@ -80,7 +83,7 @@ int convertBinary(const ConvertArguments& options) {
         SceneBuilder builder(scene, diagnostics, build);
         const Progress bar = progressBar("reading " + options.in);
         ok = readDocumentFile(options.in, *filtered(options, builder, diagnostics, chain), diagnostics,
-                              {.progress = bar, .threads = options.threads});
+                              {.progress = bar, .threads = options.threads, .clip = options.clip});
         builder.finish();
         if (bar) bar(1, 1);
         scene.newFrame(0);
@@ -138,8 +141,8 @@ int convert(const ConvertArguments& options) {
     // The copy must not replace a file that the document loads.
     std::optional<DocumentFiles> used;
     if (std::filesystem::exists(options.out)) first = &used.emplace(*first, Resources::ofFile(options.in));
-    const bool ok =
-        readDocumentFile(options.in, *first, diagnostics, {.progress = progress, .threads = options.threads});
+    const bool ok = readDocumentFile(options.in, *first, diagnostics,
+                                     {.progress = progress, .threads = options.threads, .clip = options.clip});
     if (bar) bar(1, 1);
     print(diagnostics);
     if (used) keepFiles(used->files(), {{"OUT", options.out, OutputKind::scene}});
@@ -165,6 +168,7 @@ Verb addConvert(Command& program) {
                     "file to write (.x3d .x3dv .wrl .json, also .gz; .rtsgb; .stl .obj .ply .glb), or -")
         ->required();
     command->addOption("--filter", options->filters, "NAME or NAME=ARGUMENT, applied in this order; listed below");
+    addClip(*command, options->clip);
     command->addOption("--threads", options->threads,
                        "threads that read a list of numbers of more than 4 MiB (0: one a core; at most 8)");
     std::string list = "Filters:\n";

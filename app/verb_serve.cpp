@@ -43,7 +43,7 @@ struct ServeArguments {
     std::size_t peers = 64, parts = 8, await = 0;
     std::uint64_t maxRate = 0;
     ResourceArguments resources;
-    StartTime start{StartTime::Kind::live, {}};
+    StartTime start{StartTime::Kind::live, {}, {}};
     NetworkArguments network;
     KeyframeArguments keyframes;
     ServeLogArguments log;
@@ -113,6 +113,8 @@ void checkResume(const ServeArguments& options) {
     if (!options.resume.empty() && !options.start.at.empty())
         throw UsageError("--at",
                          "not together with --resume: a log has its own clock, which goes on from its last state");
+    if (!options.resume.empty() && !options.start.clip.empty())
+        throw UsageError("--clip", "not together with --resume: what moved in the log goes on");
     if (!options.resume.empty() && options.mode == nameOf(Mode::lossy))
         throw UsageError("--resume", "not together with --mode lossy: mirrors hold other values than the log");
 }
@@ -145,7 +147,7 @@ int play(const ServeArguments& options, const std::vector<std::string>& given) {
         throw UsageError("--at", "a log is played with the times that it was recorded at; seek T is a command");
     if (options.await > 0) throw UsageError("--await", "a log is played at once; with --paused it waits for a command");
     for (const char* option :
-         {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--dis"})
+         {"--fps", "--error", "--keyframe-bytes", "--keyframe-seconds", "--rotate", "--keep", "--dis", "--clip"})
         if (std::ranges::find(given, option) != given.end())
             throw UsageError(option, "is of a scene, and a log is played");
     const double duration =

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <sstream>
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
@@ -173,6 +174,51 @@ TEST_F(Clock, OfReplicasAndServersCountsForLengths) {
     EXPECT_EQ(report.at("t"), 1);
     const Outcome origin = server.wait();
     EXPECT_EQ(json::parse(lastLine(origin.out)).at("t"), 1);
+}
+
+/// A glTF file with the clips Slide and Lift, which move a door within two seconds by 4 along x or by 6 along y.
+std::string twoClips() {
+    const auto clip = [](const char* name, int values) {
+        return fmt::format(
+            R"({{"name":"{}","channels":[{{"sampler":0,"target":{{"node":0,"path":"translation"}}}}],"samplers":[{{"input":1,"output":{}}}]}})",
+            name, values);
+    };
+    return fmt::format(
+        R"({{"asset":{{"version":"2.0"}},"nodes":[{{"name":"Door","mesh":0}}],"meshes":[{{"primitives":[{{"attributes":)"
+        R"({{"POSITION":0}}}}]}}],"animations":[{},{}],"accessors":[{{"bufferView":0,"componentType":5126,"count":3,)"
+        R"("type":"VEC3"}},{{"bufferView":0,"byteOffset":36,"componentType":5126,"count":2,"type":"SCALAR"}},)"
+        R"({{"bufferView":0,"byteOffset":44,"componentType":5126,"count":2,"type":"VEC3"}},{{"bufferView":0,)"
+        R"("byteOffset":68,"componentType":5126,"count":2,"type":"VEC3"}}],"bufferViews":[{{"buffer":0,"byteLength":92}}],)"
+        R"("buffers":[{{"byteLength":92,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAAAAAAAAEAAAAAAAAAAAAAAAAAAAIBAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAAADAQAAAAAA="}}]}})",
+        clip("Slide", 2), clip("Lift", 3));
+}
+
+TEST_F(Clock, OneClipOfAGltfFilePlaysFromTheStart) {
+    const std::string gltf = folder / "door.gltf";
+    writeFile(gltf, twoClips());
+    const auto last = [&](std::vector<std::string> more) {
+        std::vector<std::string> arguments{"run", gltf, "--fps", "2", "--for", "1.5s", "--watch", "Door.translation"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return lastLine(outcome.out);
+    };
+    EXPECT_EQ(last({}), R"({"t":1.5,"node":"Door","field":"translation","value":[3,0,0]})");
+    EXPECT_EQ(last({"--clip", "Lift"}), R"({"t":1.5,"node":"Door","field":"translation","value":[0,4.5,0]})");
+    EXPECT_EQ(last({"--set", "Slide.set_stopTime=now@1", "--set", "Lift.set_startTime=now@1"}),
+              R"({"t":1.5,"node":"Door","field":"translation","value":[0,1.5,0]})");
+    for (const char* start : {"0", "1.3", "2026-11-20"})
+        EXPECT_EQ(last({"--at", start}), R"({"t":1.5,"node":"Door","field":"translation","value":[3,0,0]})") << start;
+    // The document that it becomes says the same.
+    EXPECT_EQ(rtsg({"convert", gltf, folder / "door.x3dv", "--clip", "Lift"}).status, 0);
+    EXPECT_THAT(readFile(folder / "door.x3dv"), HasSubstr("ROUTE Lift_start.enterTime TO Lift.startTime"));
+
+    const Outcome none = rtsg({"run", gltf, "--for", "0s", "--clip", "Shut"});
+    EXPECT_EQ(none.status, 1);
+    EXPECT_THAT(none.err, HasSubstr("door.gltf: error: the glTF file has no clip Shut; its clips are Slide, Lift"));
+    const Outcome other = rtsg({"run", file, "--for", "0s", "--clip", "Shut"});
+    EXPECT_EQ(other.status, 1);
+    EXPECT_THAT(other.err, HasSubstr("it has no clip Shut: only glTF files have clips"));
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 #include "nearest_name.h"
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 
 namespace rtsg::detail {
@@ -28,12 +29,69 @@ std::size_t distance(std::string_view a, std::string_view b, std::size_t most) {
     return above[b.size()];
 }
 
+std::string lowerCase(std::string_view word) {
+    std::string result(word);
+    std::ranges::transform(result, result.begin(),
+                           [](char c) { return static_cast<char>(std::tolower(static_cast<unsigned char>(c))); });
+    return result;
+}
+
+/// Words that other programs, or other nodes, have for the same thing.
+constexpr std::array<std::array<std::string_view, 4>, 10> kSameThings = {{
+    {{"position", "translation", "location", "center"}},
+    {{"rotation", "orientation"}},
+    {{"scale", "size", "dimensions"}},
+    {{"color", "diffuseColor", "baseColor", "emissiveColor"}},
+    {{"transparency", "opacity", "alpha"}},
+    {{"cycleInterval", "duration"}},
+    {{"on", "enabled", "active", "visible"}},
+    {{"string", "text"}},
+    {{"height", "length"}},
+    {{"url", "href", "src", "file"}},
+}};
+
+/// What is meant where the name is no misspelled one: another form of it (`fraction` for `fraction_changed`, `start`
+/// for `startTime`), or another word for it (`position` for `translation`).
+std::string_view otherForm(std::string_view word, const std::vector<std::string_view>& known) {
+    std::vector<std::string> lowered;
+    lowered.reserve(known.size());
+    for (const std::string_view one : known) lowered.push_back(lowerCase(one));
+    const auto find = [&](const std::string& lower) {
+        const auto found = std::ranges::find(lowered, lower);
+        return found == lowered.end() ? std::string_view() : known[static_cast<std::size_t>(found - lowered.begin())];
+    };
+    std::string lower = lowerCase(word);
+    if (lower.starts_with("set_")) lower.erase(0, 4);
+    if (lower.ends_with("_changed")) lower.resize(lower.size() - 8);
+    if (lower.empty()) return {};
+    for (const std::string& form : {lower, lower + "_changed", "set_" + lower})
+        if (const std::string_view one = find(form); !one.empty()) return one;
+    for (const auto& things : kSameThings) {
+        if (std::ranges::find(things, lower, lowerCase) == things.end()) continue;
+        for (const std::string_view thing : things) {
+            if (thing.empty()) continue;
+            for (const std::string& form : {lowerCase(thing), lowerCase(thing) + "_changed"})
+                if (const std::string_view one = find(form); !one.empty()) return one;
+        }
+    }
+    constexpr std::size_t least = 4;  // letters that say enough
+    for (std::size_t i = 0; i < known.size() && lower.size() >= least; ++i) {
+        if (known[i].size() <= lower.size() || !lowered[i].starts_with(lower)) continue;
+        const char next = known[i][lower.size()];
+        if (next == '_' || std::isupper(static_cast<unsigned char>(next)) || known[i].size() <= 2 * lower.size())
+            return known[i];
+    }
+    return {};
+}
+
 }  // namespace
 
 std::string_view nearest(std::string_view word, const std::vector<std::string_view>& known) {
     constexpr std::size_t longest = 60;  // nobody misspells longer names
     if (word.empty() || word.size() > longest) return {};
-    std::size_t least = std::max<std::size_t>(word.size() / 3, word.size() > 3 ? 2 : 1);
+    // What all events have in common says nothing.
+    const std::size_t own = word.size() - (word.starts_with("set_") ? 4 : word.ends_with("_changed") ? 8 : 0);
+    std::size_t least = std::max<std::size_t>(own / 3, own > 3 ? 2 : 1);
     std::string_view result;
     for (const std::string_view one : known) {
         const std::size_t far = distance(word, one, least);
@@ -42,7 +100,7 @@ std::string_view nearest(std::string_view word, const std::vector<std::string_vi
         least = far;
         result = one;
     }
-    return result;
+    return result.empty() ? otherForm(word, known) : result;
 }
 
 std::string didYouMean(std::string_view word, const std::vector<std::string_view>& known) {

@@ -12,7 +12,8 @@
 
 namespace rtsg::detail {
 
-/// The nearest of `known`; empty if none is near. Case alone counts as nothing.
+/// The nearest of `known`, or another form of the word, or another word for the same thing; empty if there is none.
+/// Case alone counts as nothing.
 std::string_view nearest(std::string_view word, const std::vector<std::string_view>& known);
 
 /// " (did you mean Transform?)", or nothing.

@@ -25,7 +25,8 @@ bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diag
     BuildOptions build = buildOptions(scene, options, Resources::ofFile(file));
     if (file != "-") build.file = file;
     SceneBuilder builder(scene, diagnostics, build);
-    const bool complete = readDocumentFile(file, builder, diagnostics, {options.progress, options.threads});
+    const bool complete = readDocumentFile(
+        file, builder, diagnostics, {.progress = options.progress, .threads = options.threads, .clip = options.clip});
     builder.finish();
     return complete || !builder.roots().empty();
 }
@@ -33,7 +34,8 @@ bool loadFile(Scene& scene, const std::filesystem::path& file, Diagnostics& diag
 bool loadText(Scene& scene, std::string_view text, Diagnostics& diagnostics, const std::filesystem::path& base,
               const LoadOptions& options) {
     SceneBuilder builder(scene, diagnostics, buildOptions(scene, options, Resources(base)));
-    const bool complete = readDocument(text, builder, diagnostics, {options.progress, options.threads});
+    const bool complete = readDocument(
+        text, builder, diagnostics, {.progress = options.progress, .threads = options.threads, .clip = options.clip});
     builder.finish();
     return complete || !builder.roots().empty();
 }

@@ -128,7 +128,8 @@ std::optional<Fragment> createX3DFromFile(Scene& scene, const std::filesystem::p
     build.detached = true;
     build.file = file;
     SceneBuilder builder(scene, diagnostics, build);
-    const bool complete = readDocumentFile(file, builder, diagnostics, {options.progress, options.threads});
+    const bool complete = readDocumentFile(
+        file, builder, diagnostics, {.progress = options.progress, .threads = options.threads, .clip = options.clip});
     builder.finish();
     return fragmentOf(builder, complete);
 }
@@ -159,7 +160,8 @@ bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& dia
     if (diagnostics.file().empty()) diagnostics.setFile(file == "-" ? "<stdin>" : file.string());
     CommandList commands;
     const std::size_t errors = diagnostics.errors();
-    const bool complete = readDocumentFile(file, commands, diagnostics, {options.progress, options.threads});
+    const bool complete = readDocumentFile(
+        file, commands, diagnostics, {.progress = options.progress, .threads = options.threads, .clip = options.clip});
     // A document without nodes is a world, too, but for one that is no document.
     if (commands.firstNodeType().empty() && (!complete || diagnostics.errors() > errors)) return false;
     if (auto ok = clear(scene, {}); !ok) {

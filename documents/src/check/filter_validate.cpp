@@ -51,6 +51,12 @@ class Validate final : public Filter {
 
     void beginDocument(const DocumentHeader& header) override {
         if (header.encoding != Encoding::vrml97) profile_.profile(header.profile, header.where, diagnostics_);
+        if (header.encoding != Encoding::vrml97 && header.profile.empty())
+            diagnostics_.warning(header.where,
+                                 header.encoding == Encoding::classicVrml
+                                     ? "there is no PROFILE, which every document of X3D names; Full is taken"
+                                     : "X3D has no profile, which every document names; Full is taken",
+                                 DiagnosticCode("profile"));
         Filter::beginDocument(header);
     }
     void component(std::string_view name, int level, SourceLocation where) override {

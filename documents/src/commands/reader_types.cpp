@@ -43,8 +43,8 @@ std::string_view withoutEvent(std::string_view name) {
 }  // namespace
 
 std::string renamedProto(const ProtoType& proto) {
-    return "PROTO " + proto.calledInFile + " has the name of a node of a later version of X3D; it is called " +
-           proto.name + " from here on";
+    return "PROTO " + proto.calledInFile + " has the name of a node of X3D; it is called " + proto.name +
+           " from here on";
 }
 
 std::string externIsBuiltin(const std::string& name) {
@@ -155,6 +155,16 @@ FieldRef ReaderTypes::findField(const NodeShape& shape, std::string_view name) c
     return found;
 }
 
+std::string ReaderTypes::outdatedName(const NodeShape& shape, std::string_view written) const {
+    if (!shape.type || shape.type->find(written) != kNoField || version_.empty()) return {};
+    const std::string_view bare = withoutEvent(written);
+    for (const Renamed& one : kRenamed)
+        if (shape.type->name == one.node && (written == one.before || bare == one.before) && version_[0] >= one.until)
+            return "field '" + std::string(one.before) + "' of " + shape.type->name + " is called '" +
+                   std::string(one.now) + "' since X3D " + one.until + ".0";
+    return {};
+}
+
 void ReaderTypes::popScope() {
     for (const std::string& name : scopes_.back().protos) {
         const auto found = protos_.find(name);
@@ -171,14 +181,14 @@ bool ReaderTypes::declaredHere(std::string_view proto) const {
 
 std::string ReaderTypes::protoName(std::string_view name) const {
     if (!findBuiltinType(name)) return std::string(name);
-    return isInVersion(name, version_) ? std::string() : std::string(name) + '_';
+    return isInVersion(name, version_) && !instancesAreTold_ ? std::string() : std::string(name) + '_';
 }
 
 bool ReaderTypes::declareProto(const std::shared_ptr<const ProtoType>& proto, std::string_view name) {
     if (declaredHere(name)) return false;
     if (findBuiltinType(name)) {
         if (proto->name == name) return false;
-        shadows_ = true;
+        shadows_ = shadows_ || !isInVersion(name, version_);
     }
     protos_[std::string(name)].push_back({scopes_.size(), proto});
     scopes_.back().protos.emplace_back(name);
@@ -196,7 +206,8 @@ ReaderTypes::Extern ReaderTypes::declareExtern(const std::shared_ptr<ProtoType>&
             const FieldRef found = findField(builtin, field.name);
             return found && found.type == field.type;
         };
-        if (std::ranges::all_of(proto->fields.all(), isItsField)) return Extern::isBuiltin;
+        const bool isOfVersion = isInVersion(proto->calledInFile, version_);
+        if (!isOfVersion && std::ranges::all_of(proto->fields.all(), isItsField)) return Extern::isBuiltin;
         proto->name = name;
     }
     if (!declareProto(proto, proto->calledInFile)) return Extern::isThere;
@@ -211,7 +222,7 @@ std::shared_ptr<const ProtoType> ReaderTypes::findProto(std::string_view name) c
 
 NodeShape ReaderTypes::find(std::string_view type) const {
     NodeShape shape;
-    if (shadows_) shape.proto = findProto(type);
+    if (shadows_ && !(findBuiltinType(type) && isInVersion(type, version_))) shape.proto = findProto(type);
     if (!shape.proto) shape.type = findBuiltinType(type);
     if (!shape.type && !shape.proto) shape.proto = findProto(type);
     if (!shape.known()) shape.unknown = std::make_shared<const std::string>(type);

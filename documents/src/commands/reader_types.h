@@ -112,9 +112,14 @@ class ReaderTypes {
 
     /// Sets the version of the document, which decides which names are those of built-in nodes.
     void setVersion(std::string_view version) { version_ = version; }
+    /// Instances of PROTOs say that they are some (XML, JSON), so that a PROTO may have the name of any node.
+    void setInstancesAreTold() { instancesAreTold_ = true; }
     /// findField() as the document's version has it: a CADLayer's `visible` was a list before X3D 4.0, one value a
     /// child.
     FieldRef findField(const NodeShape& shape, std::string_view name) const;
+    /// Complains of a field's name that was another one's in earlier versions than the document's ("collide" in X3D);
+    /// empty if it is right.
+    std::string outdatedName(const NodeShape& shape, std::string_view written) const;
     /// The name that a PROTO gets which the file calls `name`: another where that is one of a later version's nodes.
     /// Empty if the file's own version has a node of that name.
     std::string protoName(std::string_view name) const;
@@ -144,7 +149,8 @@ class ReaderTypes {
         std::shared_ptr<const ProtoType> proto;
     };
     std::string version_ = "4.0";
-    bool shadows_ = false;  // a PROTO has the name of a built-in type
+    bool shadows_ = false;  // a PROTO has the name of a later version's node, and is meant by it
+    bool instancesAreTold_ = false;
     std::vector<Scope> scopes_;
     std::unordered_map<std::string, std::vector<Declared>> protos_;
 };

@@ -124,6 +124,18 @@ std::string spellName(std::string_view name, Spelling spelling) {
     return result;
 }
 
+std::string faultOfDef(std::string_view text, Spelling spelling) {
+    if (spelling == Spelling::classic && isReserved(text, spelling)) return "is a keyword";
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const auto code = static_cast<unsigned char>(text[i]);
+        if (code >= 0x80 || !isForbidden(text, i, spelling)) continue;
+        const bool isFirst = i == 0 && !isForbidden("_" + std::string(1, text[i]), 1, spelling);
+        if (code <= 0x20 || code == 0x7F) return "has white space in it";
+        return isFirst ? fmt::format("begins with '{}'", text[i]) : fmt::format("has '{}' in it", text[i]);
+    }
+    return {};
+}
+
 std::string readName(std::string_view text, Spelling spelling) {
     if (text == kNothing) return {};
     std::string result;

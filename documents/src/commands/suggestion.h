@@ -17,9 +17,19 @@ std::string unknownType(std::string_view type);
 std::string noField(const NodeShape& shape, std::string_view field);
 /// The message about a field that earlier versions of X3D had, and that is left out; empty if none had it.
 std::string droppedField(const NodeShape& shape, std::string_view field);
-/// The same where the field was given nodes.
+/// What noField() says, where the field was given nodes.
 inline std::string noFieldForNodes(const NodeShape& shape, std::string_view field) {
     return noField(shape, field) + "; what is in it is kept under its name";
+}
+/// Whether a field that a node does not have is an error of its author's: one that holds a node of an unknown type
+/// belongs to it, to somebody's extension, and `children` is where writers put what has no place.
+inline bool isMisspelled(std::string_view field, bool nodeIsKnown) {
+    return nodeIsKnown && field != "children";
+}
+/// The message about a name that is none by the grammar; `fault`: faultOfDef().
+inline std::string badDef(std::string_view def, const std::string& fault) {
+    return "DEF '" + std::string(def.substr(0, 80)) + "' " + fault +
+           ", which no name may have; ROUTE and USE find it so";
 }
 
 }  // namespace rtsg::detail

@@ -3,88 +3,115 @@
 
 #include <algorithm>
 
+#include <fmt/format.h>
+
 namespace rtsg::detail {
 
 using nlohmann::json;
 
-void GltfAnimations::write(const json& animation, std::size_t number) {
-    const json& channels = GltfFile::list(animation, "channels");
+void GltfAnimations::write(std::string_view wanted) {
+    const json& animations = GltfFile::list(file_.root(), "animations");
+    std::string playing, names;
+    for (std::size_t i = 0; i < animations.size(); ++i) {
+        Clip clip = readTimes(animations[i], i);
+        const std::string name = GltfFile::text(animations[i], "name");
+        if (clip.times.empty()) continue;
+        names += (names.empty() ? "" : ", ") + (name.empty() ? clip.clock : name);
+        const bool isWanted = wanted.empty() || wanted == clip.clock || wanted == name;
+        if (playing.empty() && isWanted) playing = clip.clock;
+        writeClip(animations[i], clip);
+    }
+    if (!playing.empty()) return startWithScene(playing);
+    if (!wanted.empty())
+        file_.fault(fmt::format("the glTF file has no clip {}{}", wanted,
+                                names.empty() ? ", nor any other" : "; its clips are " + names));
+}
+
+GltfAnimations::Clip GltfAnimations::readTimes(const json& animation, std::size_t number) {
+    Clip clip{.clock = names_.of(GltfNames::List::animations, number)};
     const json& samplers = GltfFile::list(animation, "samplers");
-    double length = 0;
-    std::map<std::size_t, std::vector<float>> times;
-    for (const json& channel : channels) {
+    for (const json& channel : GltfFile::list(animation, "channels")) {
         const auto sampler = GltfFile::index(channel, "sampler");
-        if (!sampler || *sampler >= samplers.size() || times.contains(*sampler)) continue;
+        if (!sampler || *sampler >= samplers.size() || clip.times.contains(*sampler)) continue;
         std::size_t components = 0;
         std::vector<float> keys =
             file_.floats(GltfFile::index(samplers[*sampler], "input").value_or(kNoIndex), components);
         if (components != 1 || keys.empty()) continue;
-        length = std::max(length, static_cast<double>(keys.back()));
-        times.emplace(*sampler, std::move(keys));
+        clip.length = std::max(clip.length, static_cast<double>(keys.back()));
+        clip.times.emplace(*sampler, std::move(keys));
     }
-    if (times.empty() || !(length > 0)) return;
-    const std::string clock = "animation" + std::to_string(number);
+    // A clip whose keys all stand at its beginning is a pose: it holds, whatever the clock says.
+    if (!(clip.length > 0)) clip.length = 1;
+    return clip;
+}
+
+/// The clock waits, since its stopTime (0) is after its startTime; a later startTime sets it going.
+void GltfAnimations::writeClip(const json& animation, Clip& clip) {
     {
-        GltfNode sensor(out_, "TimeSensor", {}, clock);
-        sensor.set("cycleInterval", Time{length}).set("loop", true);
+        GltfNode sensor(out_, "TimeSensor", {}, clip.clock);
+        sensor.set("cycleInterval", Time{clip.length}).set("loop", true).set("startTime", Time{-1});
         if (const std::string name = GltfFile::text(animation, "name"); !name.empty())
             sensor.set("description", String(name));
     }
+    const json& channels = GltfFile::list(animation, "channels");
+    const json& samplers = GltfFile::list(animation, "samplers");
+    constexpr double tolerance = 1e-4;
     for (std::size_t i = 0; i < channels.size(); ++i) {
         const auto sampler = GltfFile::index(channels[i], "sampler");
         const auto node = GltfFile::index(GltfFile::object(channels[i], "target"), "node");
         const std::string path = GltfFile::text(GltfFile::object(channels[i], "target"), "path");
-        if (!sampler || !node || !times.contains(*sampler)) continue;
-        const std::string def = clock + "_" + std::to_string(i);
-        if (!isGiven_(*node)) continue;
+        if (!sampler || !node || !clip.times.contains(*sampler) || !isGiven_(*node)) continue;
+        const std::string def = clip.clock + "_" + std::to_string(i);
+        const std::vector<float>& times = clip.times[*sampler];
         if (path == "weights") {
-            writeWeights(samplers[*sampler], times[*sampler], length, clock, def, *node);
+            writeWeights(samplers[*sampler], clip, times, def, *node);
             continue;
         }
-        writeChannel(samplers[*sampler], times[*sampler], length, path, clock, def, defOfGltfNode(*node), nullptr);
+        if (!moves(path)) {
+            file_.warn(
+                fmt::format("animations of the glTF file change '{}', which stays as it is", path.substr(0, 40)));
+            continue;
+        }
+        const auto curve = readCurve(file_, samplers[*sampler], times, path == "rotation" ? 4 : 3, tolerance);
+        if (!curve) continue;
+        writeChannel(*curve, clip.length, path, clip.clock, def, names_.of(GltfNames::List::nodes, *node), nullptr);
         for (const GltfFigure& figure : figures_)
-            for (std::size_t j = 0; j < figure.skin.joints().size(); ++j)
+            for (std::size_t j = 0; j < figure.joints.size(); ++j)
                 if (figure.skin.joints()[j].node == *node)
-                    writeChannel(samplers[*sampler], times[*sampler], length, path, clock, def + "_" + figure.joint(j),
-                                 figure.joint(j), &figure.skin.joints()[j]);
+                    writeChannel(*curve, clip.length, path, clip.clock, def + "_" + figure.joints[j], figure.joints[j],
+                                 &figure.skin.joints()[j]);
     }
 }
 
-void GltfAnimations::writeChannel(const json& sampler, const std::vector<float>& times, double length,
-                                  const std::string& path, const std::string& clock, const std::string& def,
-                                  const std::string& target, const GltfSkin::Joint* joint) {
-    const std::string how = GltfFile::text(sampler, "interpolation");
-    std::size_t size = 0;
-    const std::vector<float> numbers = file_.floats(GltfFile::index(sampler, "output").value_or(kNoIndex), size);
-    const bool turns = path == "rotation", cubic = how == "CUBICSPLINE", step = how == "STEP";
-    if (cubic) file_.warn("splines of the glTF file's animations are played as lines through their keys");
-    // A spline has two tangents beside each value.
-    const std::size_t each = cubic ? 3 : 1, first = cubic ? 1 : 0;
-    if (size != (turns ? 4u : 3u) || numbers.size() != times.size() * each * size)
-        return file_.warn("an animation of the glTF file has another number of values than keys; it is left out");
+/// A box that holds every viewer is seen from the first moment on, which is when an Inline's clip begins, too. Unlike a
+/// ProximitySensor this one sends nothing while viewers move.
+void GltfAnimations::startWithScene(const std::string& clock) {
+    constexpr float everywhere = 1e30f;
+    const std::string def = names_.take(clock + "_start");
+    GltfNode(out_, "VisibilitySensor", {}, def).set("size", Vec3f(everywhere));
+    out_.route(def, "enterTime", clock, "startTime", {});
+}
+
+void GltfAnimations::writeChannel(const GltfCurve& curve, double length, const std::string& path,
+                                  const std::string& clock, const std::string& wanted, const std::string& target,
+                                  const GltfSkin::Joint* joint) {
+    const bool turns = path == "rotation";
     Array<float> keys;
     Array<Rotation> rotations;
     Array<Vec3f> places;
-    const auto add = [&](double key, std::size_t i) {
-        keys.push_back(static_cast<float>(key));
-        const float* v = numbers.data() + (i * each + first) * size;
+    for (std::size_t i = 0; i < curve.times.size(); ++i) {
+        keys.push_back(static_cast<float>(curve.times[i] / length));
+        const double* v = curve.at(i);
         if (turns && joint) {
             rotations.push_back(joint->rotation(glm::normalize(glm::dquat(v[3], v[0], v[1], v[2]))));
         } else if (turns) {
-            const double q[4] = {v[0], v[1], v[2], v[3]};
-            rotations.push_back(rotationOf(q));
-        } else if (joint) {
-            const glm::dvec3 value(v[0], v[1], v[2]);
-            places.push_back(path == "scale" ? joint->scale(value) : joint->translation(value));
+            rotations.push_back(rotationOf(v));
         } else {
-            places.push_back({v[0], v[1], v[2]});
+            const glm::dvec3 value(v[0], v[1], v[2]);
+            places.push_back(!joint ? Vec3f(value) : path == "scale" ? joint->scale(value) : joint->translation(value));
         }
-    };
-    for (std::size_t i = 0; i < times.size(); ++i) {
-        const double key = static_cast<double>(times[i]) / length;
-        if (step && i > 0) add(key, i - 1);
-        add(key, i);
     }
+    const std::string def = names_.take(wanted);
     {
         GltfNode out(out_, turns ? "OrientationInterpolator" : "PositionInterpolator", {}, def);
         out.set("key", std::move(keys));
@@ -97,48 +124,36 @@ void GltfAnimations::writeChannel(const json& sampler, const std::vector<float>&
     out_.route(def, "value_changed", target, path, {});
 }
 
-void GltfAnimations::writeWeights(const json& sampler, const std::vector<float>& times, double length,
-                                  const std::string& clock, const std::string& def, std::size_t nodeIndex) {
+void GltfAnimations::writeWeights(const json& sampler, const Clip& clip, const std::vector<float>& times,
+                                  const std::string& def, std::size_t nodeIndex) {
     const json* node = file_.item("nodes", nodeIndex);
     const json* mesh = node ? file_.item("meshes", GltfFile::index(*node, "mesh").value_or(kNoIndex)) : nullptr;
     if (!mesh) return;
-    std::size_t size = 0;
-    const std::vector<float> numbers = file_.floats(GltfFile::index(sampler, "output").value_or(kNoIndex), size);
-    const std::string how = GltfFile::text(sampler, "interpolation");
-    const bool cubic = how == "CUBICSPLINE", step = how == "STEP";
-    const std::size_t each = cubic ? 3 : 1, groups = times.size() * each;
-    if (size != 1 || numbers.empty() || numbers.size() % groups != 0)
-        return file_.warn("an animation of the glTF file has another number of values than keys; it is left out");
-    if (cubic) file_.warn("splines of the glTF file's animations are played as lines through their keys");
-    const std::size_t targets = numbers.size() / groups;
+    constexpr double tolerance = 1e-3;  // each key holds all points
+    const auto curve = readCurve(file_, sampler, times, 0, tolerance);
+    if (!curve) return;
     std::size_t part = 0;
     for (const json& primitive : GltfFile::list(*mesh, "primitives")) {
-        const std::string name = def + "_part" + std::to_string(part);
-        const std::string points = defOfGltfPoints(nodeIndex, part++);
+        const std::string name = names_.take(def + "_part" + std::to_string(part));
+        const std::string& points = names_.points(nodeIndex, part++);
         const Array<Vec3f> rest = meshes_.vectors(GltfFile::object(primitive, "attributes"), "POSITION", 0);
         constexpr std::size_t most = std::size_t{1} << 26;  // points in all keys
-        if (rest.empty() || rest.size() > most / (2 * times.size())) {
+        if (rest.empty() || rest.size() > most / curve->times.size()) {
             file_.warn("animated weights of the glTF file move too many points; they rest");
             continue;
         }
         Array<float> keys;
         Array<Vec3f> values;
-        const auto add = [&](double key, std::size_t i) {
-            const float* first = numbers.data() + (i * each + (cubic ? 1 : 0)) * targets;
+        for (std::size_t i = 0; i < curve->times.size(); ++i) {
             Array<Vec3f> form = rest;
-            meshes_.morph(primitive, "POSITION", std::vector<double>(first, first + targets), form);
-            keys.push_back(static_cast<float>(key));
+            meshes_.morph(primitive, "POSITION", std::vector<double>(curve->at(i), curve->at(i) + curve->size), form);
+            keys.push_back(static_cast<float>(curve->times[i] / clip.length));
             values.append({form.data(), form.size()});
-        };
-        for (std::size_t i = 0; i < times.size(); ++i) {
-            const double key = static_cast<double>(times[i]) / length;
-            if (step && i > 0) add(key, i - 1);
-            add(key, i);
         }
         GltfNode(out_, "CoordinateInterpolator", {}, name)
             .set("key", std::move(keys))
             .set("keyValue", std::move(values));
-        out_.route(clock, "fraction_changed", name, "set_fraction", {});
+        out_.route(clip.clock, "fraction_changed", name, "set_fraction", {});
         out_.route(name, "value_changed", points, "point", {});
     }
 }

@@ -18,9 +18,9 @@ void writeJoints(GltfFile& file, DocumentHandler& out, const GltfFigure& figure,
         const json* node = file.item("nodes", joint.node);
         const GltfPlace place = node ? placeOf(*node) : GltfPlace{};
         const std::string name = node ? GltfFile::text(*node, "name") : std::string();
-        out.beginNode("HAnimJoint", figure.joint(i), open.empty() ? "skeleton" : "children", {});
+        out.beginNode("HAnimJoint", figure.joints[i], open.empty() ? "skeleton" : "children", {});
         const auto set = [&](const char* field, auto value) { out.setField(field, Value(std::move(value)), {}); };
-        set("name", String(name.empty() ? figure.joint(i) : name));
+        set("name", String(name.empty() ? figure.joints[i] : name));
         set("center", joint.center);
         set("rotation", joint.rotation(place.rotation));
         set("translation", joint.translation(place.translation));
@@ -55,7 +55,7 @@ void writeFigure(GltfFile& file, DocumentHandler& out, GltfMeshes& meshes, const
     if (points.empty()) return file.warn("a primitive of the glTF file has no positions; it is left out");
     const auto influences = figure.skin.influences(file, attributes, points.size());
     meshes.morph(primitive, "POSITION", form.weights, points);
-    GltfNode humanoid(out, "HAnimHumanoid", {}, figure.name);
+    GltfNode humanoid(out, "HAnimHumanoid", "children", figure.name);
     humanoid.set("name", String(figure.name));
     {
         GltfNode coordinate(out, "Coordinate", "skinCoord", form.points);
@@ -64,7 +64,7 @@ void writeFigure(GltfFile& file, DocumentHandler& out, GltfMeshes& meshes, const
     const auto& joints = figure.skin.joints();
     for (std::size_t i = 0; i < joints.size(); ++i)
         if (joints[i].above == GltfSkin::kNone) writeJoints(file, out, figure, influences, i);
-    for (std::size_t i = 0; i < joints.size(); ++i) out.useNode(figure.joint(i), "joints", {});
+    for (std::size_t i = 0; i < joints.size(); ++i) out.useNode(figure.joints[i], "joints", {});
     meshes.writePrimitive(primitive, form, true);
 }
 

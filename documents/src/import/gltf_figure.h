@@ -10,9 +10,14 @@ namespace rtsg::detail {
 
 /// A skin's joints, and what they are called.
 struct GltfFigure {
+    GltfFigure(GltfSkin itsSkin, std::string itsName, GltfNames& names)
+        : skin(std::move(itsSkin)), name(names.take(itsName)) {
+        for (std::size_t i = 0; i < skin.joints().size(); ++i)
+            joints.push_back(names.take(name + "_joint" + std::to_string(i)));
+    }
     GltfSkin skin;
     std::string name;
-    std::string joint(std::size_t i) const { return name + "_joint" + std::to_string(i); }
+    std::vector<std::string> joints;
 };
 
 /// One primitive, which has points of its own, named as `form` says.

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <set>
 
 #include "text/text_position.h"
 
@@ -133,26 +134,54 @@ bool GltfFile::open() {
                                                : "glTF " + version.substr(0, 20) + " is not read, 2.0 is");
         return false;
     }
-    const std::string required = unknownExtensions("extensionsRequired"), used = unknownExtensions("extensionsUsed");
+    return readExtensions();
+}
+
+namespace {
+
+constexpr std::string_view kReadExtensions[] = {
+    "KHR_lights_punctual", "KHR_materials_unlit",   "KHR_mesh_quantization", "KHR_materials_emissive_strength",
+    "KHR_texture_basisu",  "KHR_texture_transform", "EXT_texture_webp"};
+
+/// Whether an extension says how things look or what is known of them, and not where they are: without it a scene is
+/// there, in other colours.
+bool isOfLooks(std::string_view name) {
+    return name.contains("_materials_") || name.contains("_texture_") || name.contains("_lights_") ||
+           name.contains("_xmp");
+}
+
+}  // namespace
+
+/// 3.12: what a file requires has to be read; but what it requires for looks alone need not take the rest away.
+bool GltfFile::readExtensions() {
+    const auto isKnown = [](std::string_view name) {
+        return std::ranges::find(kReadExtensions, name) != std::end(kReadExtensions);
+    };
+    const std::string required =
+        extensions("extensionsRequired", [&](std::string_view name) { return isKnown(name) || isOfLooks(name); });
     if (!required.empty()) {
         diagnostics_.error({}, "the glTF file requires " + required + ", which is not read");
         return false;
     }
+    const std::string looks = extensions("extensionsRequired", isKnown);
+    if (!looks.empty())
+        warn("the glTF file requires " + looks + ", which is not read; it looks otherwise than it should");
+    std::set<std::string, std::less<>> told;
+    for (const json& name : list(root_, "extensionsRequired"))
+        if (name.is_string()) told.insert(name.get<std::string>());
+    const std::string used =
+        extensions("extensionsUsed", [&](std::string_view name) { return isKnown(name) || told.contains(name); });
     if (!used.empty()) warn("the glTF file uses " + used + ", which is not read; what is there without it is taken");
     return true;
 }
 
-/// Those of a list that are not read, with commas between.
-std::string GltfFile::unknownExtensions(const char* key) const {
-    constexpr std::string_view known[] = {"KHR_lights_punctual",   "KHR_materials_unlit",
-                                          "KHR_mesh_quantization", "KHR_materials_emissive_strength",
-                                          "KHR_texture_basisu",    "KHR_texture_transform"};
+/// Those of a list, but for some, with commas between.
+std::string GltfFile::extensions(const char* key, const std::function<bool(std::string_view)>& isLeftOut) const {
     constexpr std::size_t most = 400;  // bytes of a report
     std::string result;
     for (const json& name : list(root_, key)) {
         const std::string one = name.is_string() ? name.get<std::string>() : std::string();
-        if (std::ranges::find(known, one) == std::end(known) && result.size() < most)
-            result += (result.empty() ? "" : ", ") + one.substr(0, 80);
+        if (!isLeftOut(one) && result.size() < most) result += (result.empty() ? "" : ", ") + one.substr(0, 80);
     }
     return result;
 }
@@ -165,7 +194,11 @@ bool GltfFile::openBinary(std::string_view& text) {
         return false;
     };
     if (all.size() < 20) return broken("it is too short");
-    if (at<std::uint32_t>(all.data() + 4) != 2) return broken("its version is not 2");
+    if (const auto version = at<std::uint32_t>(all.data() + 4); version != 2) {
+        diagnostics_.error({}, "GLB of version " + std::to_string(version) + " is not read, 2 is" +
+                                   (version == 1 ? " (version 1 is that of glTF 1.0)" : ""));
+        return false;
+    }
     text = {};
     for (std::size_t i = 12; i + 8 <= all.size();) {
         const std::size_t size = at<std::uint32_t>(all.data() + i), rest = all.size() - i - 8;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include <cstring>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -43,11 +44,14 @@ class GltfFile {
     std::optional<Array<T>> floatArray(std::size_t accessor);
     Array<std::int32_t> indices(std::size_t accessor);
     std::string_view bufferView(std::size_t index, std::size_t* stride = nullptr);
+    /// Each text once.
     void warn(std::string text);
+    void fault(std::string text) { diagnostics_.error({}, std::move(text)); }
 
   private:
     bool openBinary(std::string_view& json);
-    std::string unknownExtensions(const char* key) const;
+    bool readExtensions();
+    std::string extensions(const char* key, const std::function<bool(std::string_view)>& isLeftOut) const;
     std::string_view buffer(std::size_t index);
     void makeFinite(std::vector<float>& numbers);
     struct Elements {

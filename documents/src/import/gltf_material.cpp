@@ -104,37 +104,66 @@ void GltfMaterials::writeTransforms(const std::vector<GltfMapping>& mappings) {
     for (const GltfMapping& mapping : mappings) writeTransform(out_, mapping, "textureTransform");
 }
 
-void GltfMaterials::writeAppearance(const json* material) {
+ColorRGBA GltfMaterials::baseColor(const json* material) {
+    const json& metal = material ? GltfFile::object(*material, "pbrMetallicRoughness") : json::object();
+    const auto base = GltfFile::numbers(metal, "baseColorFactor", 4).value_or(std::vector<double>{1, 1, 1, 1});
+    const Vec3f color = vectorOf(base);
+    return {color.x, color.y, color.z, static_cast<float>(base[3])};
+}
+
+Vec3f GltfMaterials::emission(const json* material) {
+    if (!material) return Vec3f(0);
+    const auto e = GltfFile::numbers(*material, "emissiveFactor", 3);
+    if (!e) return Vec3f(0);
+    const double strength =
+        GltfFile::number(GltfFile::object(GltfFile::object(*material, "extensions"), "KHR_materials_emissive_strength"),
+                         "emissiveStrength", 1);
+    return vectorOf({(*e)[0] * strength, (*e)[1] * strength, (*e)[2] * strength});
+}
+
+void GltfMaterials::writeAppearance(std::size_t number, const json* material, bool strokes) {
     GltfNode appearance(out_, "Appearance", "appearance");
     static const json kEmpty = json::object();
     const json& it = material ? *material : kEmpty;
-    const std::vector<GltfMapping> mappings = mappingsOf(material);
     const std::string mode = GltfFile::text(it, "alphaMode");
     appearance.set("alphaMode", String(mode.empty() ? "OPAQUE" : mode));
     if (mode == "MASK") appearance.set("alphaCutoff", static_cast<float>(GltfFile::number(it, "alphaCutoff", .5)));
+    std::string def = material ? names_.authored(GltfNames::List::materials, number) : std::string();
+    if (strokes) {
+        // The same material may be lit elsewhere: there it has its name.
+        if (!def.empty() && strokeMaterials_.contains(number))
+            return out_.useNode(strokeMaterials_[number], "material", {});
+        if (!def.empty()) def = strokeMaterials_[number] = names_.take(def + "_unlit");
+        GltfNode out(out_, "UnlitMaterial", "material", def);
+        return writeStrokes(material, out);
+    }
+    const std::vector<GltfMapping> mappings = mappingsOf(material);
     writeTransforms(mappings);
-    const json& metal = GltfFile::object(it, "pbrMetallicRoughness");
-    const auto base = GltfFile::numbers(metal, "baseColorFactor", 4).value_or(std::vector<double>{1, 1, 1, 1});
-    const Color color{static_cast<float>(base[0]), static_cast<float>(base[1]), static_cast<float>(base[2])};
-    const auto transparency = static_cast<float>(1 - base[3]);
+    if (!def.empty() && !materialGiven_.insert(number).second) return out_.useNode(def, "material", {});
+    const ColorRGBA base = baseColor(material);
     const bool unlit = isUnlit(it);
-    GltfNode out(out_, unlit ? "UnlitMaterial" : "PhysicalMaterial", "material");
-    out.set(unlit ? "emissiveColor" : "baseColor", color);
-    if (transparency > 0) out.set("transparency", transparency);
+    GltfNode out(out_, unlit ? "UnlitMaterial" : "PhysicalMaterial", "material", def);
+    out.set(unlit ? "emissiveColor" : "baseColor", Color{base.r, base.g, base.b});
+    if (base.a < 1) out.set("transparency", 1 - base.a);
     if (!unlit) writePhysical(it, out);
     for (const TextureReference& texture : texturesOf(it))
         writeTexture(texture.reference, texture.field, mappings, out);
+}
+
+/// glTF 2.0, 3.9.6 (Point and Line Materials): the sum of base colour and emission.
+void GltfMaterials::writeStrokes(const json* material, GltfNode& out) {
+    const ColorRGBA base = baseColor(material);
+    const Vec3f sum = Vec3f(base.r, base.g, base.b) + (material && isUnlit(*material) ? Vec3f(0) : emission(material));
+    out.set("emissiveColor", Color{sum.x, sum.y, sum.z});
+    if (base.a < 1) out.set("transparency", 1 - base.a);
 }
 
 void GltfMaterials::writePhysical(const json& material, GltfNode& out) {
     const json& metal = GltfFile::object(material, "pbrMetallicRoughness");
     out.set("metallic", static_cast<float>(GltfFile::number(metal, "metallicFactor", 1)));
     out.set("roughness", static_cast<float>(GltfFile::number(metal, "roughnessFactor", 1)));
-    if (const auto e = GltfFile::numbers(material, "emissiveFactor", 3)) {
-        const double strength = GltfFile::number(
-            GltfFile::object(GltfFile::object(material, "extensions"), "KHR_materials_emissive_strength"),
-            "emissiveStrength", 1);
-        const Vec3f c = vectorOf({(*e)[0] * strength, (*e)[1] * strength, (*e)[2] * strength});
+    if (material.contains("emissiveFactor")) {
+        const Vec3f c = emission(&material);
         out.set("emissiveColor", Color{c.x, c.y, c.z});
     }
     const json& normal = GltfFile::object(material, "normalTexture");
@@ -150,15 +179,16 @@ void GltfMaterials::writeTexture(const json& reference, const std::string& field
     if (!index) return;
     const auto mapping = std::ranges::find(mappings, lookupOf(reference), &GltfMapping::lookup);
     if (mapping != mappings.end()) material.set(field + "Mapping", String(mapping->name));
-    const std::string def = "texture" + std::to_string(*index);
-    if (textureGiven_.contains(*index)) return out_.useNode(def, field, {});
     const json* texture = file_.item("textures", *index);
-    auto source = texture ? GltfFile::index(*texture, "source") : std::nullopt;
-    // There is only a KTX2 file: the renderer reports if it cannot read its pixels.
-    if (texture && !source)
-        source =
-            GltfFile::index(GltfFile::object(GltfFile::object(*texture, "extensions"), "KHR_texture_basisu"), "source");
-    const json* image = texture ? file_.item("images", source.value_or(kNoIndex)) : nullptr;
+    if (!texture) return file_.warn("a texture of the glTF file has no picture; it is left out");
+    const std::string& def = names_.of(GltfNames::List::textures, *index);
+    if (textureGiven_.contains(*index)) return out_.useNode(def, field, {});
+    auto source = GltfFile::index(*texture, "source");
+    // There is only a file of another format: the renderer reports if it cannot read its pixels.
+    for (const char* other : {"EXT_texture_webp", "KHR_texture_basisu"})
+        if (!source)
+            source = GltfFile::index(GltfFile::object(GltfFile::object(*texture, "extensions"), other), "source");
+    const json* image = file_.item("images", source.value_or(kNoIndex));
     if (!image) return file_.warn("a texture of the glTF file has no picture; it is left out");
     std::string url = GltfFile::text(*image, "uri");
     if (url.empty()) {

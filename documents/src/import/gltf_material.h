@@ -4,7 +4,7 @@
 // (`mapping` of ISO/IEC 19775-1 V4.0), which the coordinates of the primitives have too.
 //
 // Threading: one thread an import. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.8, 3.9; KHR_materials_unlit,
-// KHR_materials_emissive_strength, KHR_texture_transform.
+// KHR_materials_emissive_strength, KHR_texture_transform, EXT_texture_webp.
 #pragma once
 
 #include <set>
@@ -29,9 +29,13 @@ struct GltfMapping {
 
 class GltfMaterials {
   public:
-    GltfMaterials(GltfFile& file, DocumentHandler& out) : file_(file), out_(out) {}
-    /// Writes the Appearance of a material; for null, of the default material of glTF.
-    void writeAppearance(const nlohmann::json* material);
+    GltfMaterials(GltfFile& file, DocumentHandler& out, GltfNames& names) : file_(file), out_(out), names_(names) {}
+    /// Writes the Appearance of a material; for null, of the default material of glTF. `strokes`: of lines or points
+    /// without normals, which are not lit and have no textures.
+    void writeAppearance(std::size_t number, const nlohmann::json* material, bool strokes = false);
+    /// The base colour, which colours of points are multiplied by, and what shines beside it (red, green, blue).
+    static ColorRGBA baseColor(const nlohmann::json* material);
+    static Vec3f emission(const nlohmann::json* material);
     /// Those of a material, or of null; none where all textures take the first set as it is.
     static std::vector<GltfMapping> mappingsOf(const nlohmann::json* material);
 
@@ -39,11 +43,14 @@ class GltfMaterials {
     void writeTexture(const nlohmann::json& reference, const std::string& field,
                       const std::vector<GltfMapping>& mappings, GltfNode& material);
     static void writePhysical(const nlohmann::json& material, GltfNode& out);
+    static void writeStrokes(const nlohmann::json* material, GltfNode& out);
     void writeTransforms(const std::vector<GltfMapping>& mappings);
 
     GltfFile& file_;
     DocumentHandler& out_;
-    std::set<std::size_t> textureGiven_;  // those that have a name to be used by
+    GltfNames& names_;
+    std::set<std::size_t> textureGiven_, materialGiven_;  // those that have a name to be used by
+    std::map<std::size_t, std::string> strokeMaterials_;  // their names
 };
 
 }  // namespace rtsg::detail

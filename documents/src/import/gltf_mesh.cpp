@@ -136,6 +136,23 @@ void GltfMeshes::takeTexCoords(const json& attributes, const json* material, Imp
     }
 }
 
+void GltfMeshes::takeColors(const json& attributes, const json* material, bool strokes, ImportedMesh& mesh) {
+    mesh.colors = attribute<ColorRGBA>(attributes, "COLOR_0", mesh.points.size());
+    if (mesh.colors.empty()) return;
+    const ColorRGBA base = GltfMaterials::baseColor(material);
+    const Vec3f more = strokes ? GltfMaterials::emission(material) : Vec3f(0);
+    if (base == ColorRGBA{1, 1, 1, 1} && more == Vec3f(0)) return;
+    ColorRGBA* const colors = mesh.colors.mutableData();
+    for (std::size_t i = 0; i < mesh.colors.size(); ++i)
+        colors[i] = {colors[i].r * base.r + more.x, colors[i].g * base.g + more.y, colors[i].b * base.b + more.z,
+                     colors[i].a * base.a};
+}
+
+void GltfMeshes::warnOfTextures(const json* material) {
+    if (material && GltfFile::object(*material, "pbrMetallicRoughness").contains("baseColorTexture"))
+        file_.warn("lines and points of the glTF file have textures; they are drawn in the colour alone");
+}
+
 void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, bool skinned) {
     const json& attributes = GltfFile::object(primitive, "attributes");
     ImportedMesh mesh;
@@ -163,15 +180,20 @@ void GltfMeshes::writePrimitive(const json& primitive, const GltfForm& form, boo
         mesh.tangents = attribute<Vec4f>(attributes, "TANGENT", count);
         morphTangents(primitive, form.weights, mesh.tangents);
     }
-    mesh.colors = attribute<ColorRGBA>(attributes, "COLOR_0", count);
     mesh.smooth = smooth;  // without normals faces are flat
     mesh.pointsName = form.points;
     mesh.pointsGiven = skinned;
-    const json* material = file_.item("materials", GltfFile::index(primitive, "material").value_or(kNoIndex));
+    const std::size_t number = GltfFile::index(primitive, "material").value_or(kNoIndex);
+    const json* material = file_.item("materials", number);
     mesh.solid = !(material && GltfFile::flag(*material, "doubleSided"));
-    takeTexCoords(attributes, material, mesh);
+    const bool strokes = mode <= 3 && mesh.normals.empty();
+    takeColors(attributes, material, strokes, mesh);
+    if (strokes)
+        warnOfTextures(material);
+    else
+        takeTexCoords(attributes, material, mesh);
     GltfNode shape(out_, "Shape", skinned ? "skin" : "children");
-    materials_.writeAppearance(material);
+    materials_.writeAppearance(number, material, strokes);
     if (mode == 0) {
         mesh.faces = {};
         return writeMesh(out_, std::move(mesh));
@@ -197,9 +219,8 @@ void GltfMeshes::writeLines(ImportedMesh& mesh, const Array<std::int32_t>& indic
         GltfNode coordinate(out_, "Coordinate", "coord", mesh.pointsName);
         coordinate.set("point", std::move(mesh.points));
     }
-    if (mesh.colors.empty()) return;
-    GltfNode color(out_, "ColorRGBA", "color");
-    color.set("color", std::move(mesh.colors));
+    if (!mesh.normals.empty()) GltfNode(out_, "Normal", "normal").set("vector", std::move(mesh.normals));
+    if (!mesh.colors.empty()) GltfNode(out_, "ColorRGBA", "color").set("color", std::move(mesh.colors));
 }
 
 }  // namespace rtsg::detail

@@ -15,7 +15,8 @@ struct GltfForm {
 
 class GltfMeshes {
   public:
-    GltfMeshes(GltfFile& file, DocumentHandler& out) : file_(file), out_(out), materials_(file, out) {}
+    GltfMeshes(GltfFile& file, DocumentHandler& out, GltfNames& names)
+        : file_(file), out_(out), materials_(file, out, names) {}
 
     /// One Shape; `skinned`: as the skin of a figure whose points are there already.
     void writePrimitive(const nlohmann::json& primitive, const GltfForm& form, bool skinned = false);
@@ -37,6 +38,9 @@ class GltfMeshes {
     Array<Vec2f> texCoords(const nlohmann::json& attributes, std::size_t set, std::size_t points);
     /// Reads the sets of texture coordinates that the material's textures use.
     void takeTexCoords(const nlohmann::json& attributes, const nlohmann::json* material, ImportedMesh& mesh);
+    /// glTF multiplies the colours of points with those of the material, and X3D puts them in their place.
+    void takeColors(const nlohmann::json& attributes, const nlohmann::json* material, bool strokes, ImportedMesh& mesh);
+    void warnOfTextures(const nlohmann::json* material);
     void writeLines(ImportedMesh& mesh, const Array<std::int32_t>& indices, std::size_t mode);
 
     GltfFile& file_;

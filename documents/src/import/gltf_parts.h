@@ -3,12 +3,15 @@
 // Threading: one thread an import. Source: glTF 2.0 (ISO/IEC 12113:2022) 3.5.3.
 #pragma once
 
+#include <array>
+#include <map>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "gltf_file.h"
+#include "imported_names.h"
 
 namespace rtsg::detail {
 
@@ -38,9 +41,37 @@ class GltfNode {
 /// A quaternion (x y z w) as a rotation of X3D.
 Rotation rotationOf(const double* quaternion);
 Vec3f vectorOf(const std::vector<double>& three);
-/// The DEF of a node that something moves.
-std::string defOfGltfNode(std::size_t node);
-/// The DEF of the points of a primitive, the `part`-th of its mesh, at that node.
-std::string defOfGltfPoints(std::size_t node, std::size_t part);
+
+/// What each thing of the file is called in the document: as its author called it, or else by its kind and number.
+class GltfNames {
+  public:
+    enum class List : std::uint8_t { nodes, animations, meshes, materials, cameras, lights, textures };
+
+    explicit GltfNames(const GltfFile& file);
+    /// The DEF of a thing that the file has.
+    const std::string& of(List list, std::size_t index) const { return of(list)[index].def; }
+    /// The same, or nothing if its author gave it no name.
+    std::string authored(List list, std::size_t index) const {
+        return of(list)[index].isAuthored ? of(list)[index].def : std::string();
+    }
+    /// The same once, and nothing from then on: for things that stand in several places without being shared.
+    std::string authoredOnce(List list, std::size_t index);
+    /// The DEF of the points of a primitive, the `part`-th of its mesh, at that node.
+    const std::string& points(std::size_t node, std::size_t part);
+    /// For nodes that the file has no name for.
+    std::string take(std::string_view wanted) { return unique_.take(wanted); }
+
+  private:
+    struct Name {
+        std::string def;
+        bool isAuthored = false, isGiven = false;
+    };
+    std::vector<Name>& of(List list) { return names_[static_cast<std::size_t>(list)]; }
+    const std::vector<Name>& of(List list) const { return names_[static_cast<std::size_t>(list)]; }
+
+    UniqueNames unique_;
+    std::array<std::vector<Name>, 7> names_;
+    std::map<std::pair<std::size_t, std::size_t>, std::string> points_;
+};
 
 }  // namespace rtsg::detail

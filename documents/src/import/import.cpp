@@ -23,12 +23,26 @@ constexpr std::array kNotRead = std::to_array<Magic>({
     {std::string_view("\xE0\x00\x00\x01", 4), "X3D in the binary encoding (X3DB, Fast Infoset)"},
     {"<?xml encoding='finf'", "X3D in the binary encoding (X3DB, Fast Infoset)"},
     {"\x89PNG", "a picture (PNG)"},
+    {"\xABKTX 2", "a picture (KTX2)"},
+    {"v/1\x01", "a picture (OpenEXR)"},
     {"\xFF\xD8\xFF", "a picture (JPEG)"},
     {"GIF8", "a picture (GIF)"},
-    {"PK\x03\x04", "a ZIP archive"},
+    {"PK\x03\x04", "a ZIP archive (as USDZ, 3MF and KMZ files are)"},
     {"%PDF", "a PDF document"},
     {"Kaydara FBX", "an FBX file"},
     {"; FBX", "an FBX file"},
+    {"#usda ", "a USD file, as text"},
+    {"PXR-USDC", "a USD file, binary"},
+    {"ISO-10303-21;", "a STEP file (ISO 10303-21), as IFC files are"},
+    {"HIERARCHY", "a BVH file of motions"},
+    {"Ogawa", "an Alembic file"},
+    {"DRACO", "a mesh compressed by Draco"},
+    {"b3dm", "a tile of 3D Tiles"},
+    {"i3dm", "a tile of 3D Tiles"},
+    {"pnts", "a tile of 3D Tiles"},
+    {"cmpt", "a tile of 3D Tiles"},
+    {"OggS", "a sound or a film (Ogg)"},
+    {"fLaC", "a sound (FLAC)"},
     {"BLENDER", "a Blender file"},
     {"OFF\n", "an OFF file"},
     {"#Inventor", "an Open Inventor file"},
@@ -44,33 +58,93 @@ bool isAnyOf(std::string_view word, std::initializer_list<std::string_view> word
     return std::ranges::find(words, word) != words.end();
 }
 
+/// The name of the outermost element of XML, without a prefix.
+std::string_view rootElement(std::string_view text) {
+    constexpr std::pair<std::string_view, std::string_view> passed[] = {{"<?", "?>"}, {"<!--", "-->"}, {"<!", ">"}};
+    for (;;) {
+        text.remove_prefix(std::min(text.find_first_not_of(" \t\r\n"), text.size()));
+        const auto found = std::ranges::find_if(passed, [&](const auto& one) { return text.starts_with(one.first); });
+        if (found == std::end(passed)) break;
+        const std::size_t end = text.find(found->second);
+        if (end == text.npos) return {};
+        text.remove_prefix(end + found->second.size());
+    }
+    if (!text.starts_with('<')) return {};
+    std::string_view name = text.substr(1, text.find_first_of(" \t\r\n/>", 1) - 1);
+    name.remove_prefix(name.find(':') + 1);  // npos + 1 is 0
+    return name;
+}
+
+/// What documents of XML that are no X3D are, by their outermost element.
+std::string_view otherXml(std::string_view head) {
+    constexpr std::pair<std::string_view, std::string_view> known[] = {
+        {"COLLADA", "a Collada file"},   {"ifcXML", "an IFC file, as XML"}, {"kml", "a KML file"},
+        {"svg", "a picture (SVG)"},      {"CityModel", "a CityGML file"},   {"amf", "an AMF file"},
+        {"model", "a 3MF or SDF model"}, {"robot", "a URDF file"},          {"mujoco", "a MuJoCo model"}};
+    const std::string_view root = rootElement(head);
+    for (const auto& [name, what] : known)
+        if (name == root) return what;
+    return {};
+}
+
+/// Text in UTF-16 whose first character is known: XML may be so, other text may not.
+std::string_view inUtf16(std::string_view head) {
+    const std::size_t sign = head.find_first_not_of(std::string_view("\xFE\xFF\0 \t\r\n", 7));
+    if (sign == head.npos || head[sign] == '<') return {};
+    const std::size_t next = head.find_first_not_of('\0', sign + 1);
+    const bool isHeader = head[sign] == '#' && next != head.npos && (head[next] == 'X' || head[next] == 'V');
+    if (isHeader || head[sign] == '{')
+        return "ClassicVRML or JSON in UTF-16, which by their standards are in UTF-8 alone";
+    return "text in UTF-16, as XML may be; OBJ, PLY and STL are in ASCII or UTF-8";
+}
+
 /// Describes a file that begins neither like a text document nor like anything else that is known. A zero byte within a
 /// document is reported by its reader.
 std::string_view strange(std::string_view head) {
+    if (head.starts_with("\xFE\xFF") || head.starts_with("\xFF\xFE") || head.starts_with(std::string_view("<\0", 2)) ||
+        head.starts_with(std::string_view("\0<", 2)))
+        return inUtf16(head);
     if (head.starts_with("\xEF\xBB\xBF")) head.remove_prefix(3);
-    const bool isUtf16 = head.starts_with("\xFE\xFF") || head.starts_with("\xFF\xFE") ||
-                         head.starts_with(std::string_view("<\0", 2)) || head.starts_with(std::string_view("\0<", 2));
-    // By its first sign, which may follow spaces.
-    if (const std::size_t sign = isUtf16 ? head.find_first_of("<#{") : head.npos;
-        sign != head.npos && head[sign] != '<')
-        return "ClassicVRML or JSON in UTF-16, which by their standards are in UTF-8 alone";
     const std::size_t start = std::min(head.find_first_not_of(" \t\r\n"), head.size());
-    if (isUtf16 || start == head.size() || std::string_view("<{#").contains(head[start])) return {};
+    if (start == head.size() || head[start] == '<') return otherXml(head.substr(start));
+    if (std::string_view("{#").contains(head[start])) return {};
     if (head.contains('\0'))
         return "no text, and of no binary kind that is known here (a binary STL file has 84 bytes, and 50 for each "
-               "facet "
-               "that it counts)";
+               "facet that it counts)";
     return head[start] == '[' ? "a list of JSON, which is no X3D" : std::string_view();
 }
 
-/// The first key of a JSON object.
-std::string_view firstKey(std::string_view text) {
-    const std::size_t brace = text.find_first_not_of(" \t\r\n");
-    if (brace == text.npos || text[brace] != '{') return {};
-    const std::size_t quote = text.find_first_not_of(" \t\r\n", brace + 1);
-    if (quote == text.npos || text[quote] != '"') return {};
-    const std::size_t close = text.find('"', quote + 1);
-    return close == text.npos ? std::string_view() : text.substr(quote + 1, close - quote - 1);
+/// Calls `see` with the keys of the JSON object that a text begins with, as far as the text goes, until that returns
+/// true; returns whether it did.
+template <class See>
+bool seeKeys(std::string_view text, const See& see) {
+    int depth = 0;
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        if (text[i] == '{' || text[i] == '[') ++depth;
+        if (text[i] == '}' || text[i] == ']') --depth;
+        if (text[i] != '"') continue;
+        const std::size_t start = ++i;
+        for (; i < text.size() && text[i] != '"'; ++i)
+            if (text[i] == '\\') ++i;
+        const std::size_t next = text.find_first_not_of(" \t\r\n", i + 1);
+        const bool isKey = depth == 1 && next != text.npos && text[next] == ':';
+        if (isKey && see(text.substr(start, i - start))) return true;
+    }
+    return false;
+}
+
+/// Tells JSON of glTF from that of X3D by the keys of its object, whose order means nothing.
+FileKind kindOfJson(std::string_view head, std::uint64_t size) {
+    const auto isGltf = [](std::string_view key) {
+        return isAnyOf(key, {"asset", "scene", "scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers",
+                             "materials", "textures", "images", "samplers", "cameras", "skins", "animations",
+                             "extensionsUsed", "extensionsRequired"});
+    };
+    bool any = false;
+    const auto isX3d = [&](std::string_view key) { return any = true, key == "X3D"; };
+    if (seeKeys(head, isX3d)) return FileKind::document;
+    // What is behind the head of a file has not been read; X3D would have come early.
+    return seeKeys(head, isGltf) || (any && size > head.size()) ? FileKind::gltf : FileKind::document;
 }
 
 bool looksLikeObj(std::string_view head) {
@@ -103,12 +177,7 @@ FileKind fileKind(std::string_view head, std::uint64_t size) {
     if (!strange(head).empty()) return FileKind::notRead;
     const std::size_t start = head.find_first_not_of(" \t\r\n");
     if (start == head.npos || head[start] == '<') return FileKind::document;
-    if (head[start] == '{')
-        return isAnyOf(firstKey(head), {"asset", "scene", "scenes", "nodes", "meshes", "accessors", "bufferViews",
-                                        "buffers", "materials", "textures", "images", "samplers", "cameras", "skins",
-                                        "animations", "extensionsUsed", "extensionsRequired", "extensions", "extras"})
-                   ? FileKind::gltf
-                   : FileKind::document;
+    if (head[start] == '{') return kindOfJson(head.substr(start), size);
     const std::string_view text = head.substr(start);
     if (text.starts_with("solid") && (text.find("facet") != text.npos || text.find("endsolid") != text.npos))
         return FileKind::stl;
@@ -211,6 +280,13 @@ void writeTexCoords(DocumentHandler& handler, ImportedMesh& mesh) {
 }
 
 }  // namespace
+
+void writeUnlitAppearance(DocumentHandler& handler) {
+    handler.beginNode("Appearance", {}, "appearance", {});
+    handler.beginNode("UnlitMaterial", {}, "material", {});
+    handler.endNode({});
+    handler.endNode({});
+}
 
 void writeMesh(DocumentHandler& handler, ImportedMesh mesh) {
     const bool isPoints = mesh.faces.empty();

@@ -28,7 +28,8 @@ using OpenBeside = std::function<Result<std::string>(std::string_view url)>;
 
 struct ImportInput {
     std::string_view bytes;
-    OpenBeside open;  // null: nothing may be opened
+    OpenBeside open;          // null: nothing may be opened
+    std::string_view clip{};  // the animation that plays, of files that have several; empty: the first
 };
 
 /// Each gives a whole document, from beginDocument to endDocument; false if nothing was usable (then there may be
@@ -63,6 +64,8 @@ struct ImportedMesh {
     bool pointsGiven = false;  // a Coordinate of that name is there already
 };
 
+/// An Appearance in field `appearance` for points without normals, which a Material would leave black.
+void writeUnlitAppearance(DocumentHandler& handler);
 /// An IndexedTriangleSet, an IndexedFaceSet or, without faces, a PointSet in field `geometry`.
 void writeMesh(DocumentHandler& handler, ImportedMesh mesh);
 

@@ -39,15 +39,17 @@ std::array<double, 4> quaternionOf(const double (&m)[3][3]) {
 }
 
 class GltfImporter {
+    using Names = GltfNames::List;
+
   public:
-    GltfImporter(GltfFile& file, DocumentHandler& handler) : file_(file), out_(handler), meshes_(file, handler) {}
+    GltfImporter(GltfFile& file, DocumentHandler& handler, std::string_view clip)
+        : file_(file), out_(handler), names_(file), meshes_(file, handler, names_), clip_(clip) {}
 
     bool run() {
         const json& root = file_.root();
         const std::size_t nodes = GltfFile::list(root, "nodes").size();
         given_.assign(nodes, false);
         above_.assign(nodes, kNoIndex);
-        meshGiven_.assign(GltfFile::list(root, "meshes").size(), false);
         findAnimated();
         beginImported(out_, "from glTF 2.0", meshes_.hasTangents() ? "4.1" : "4.0");
         for (const char* key : {"generator", "copyright"})
@@ -62,10 +64,9 @@ class GltfImporter {
                 if (!isChild_.contains(i)) writeTree(i);
         }
         for (const auto& [node, mesh, skin] : skinned_) writeFigures(node, mesh, skin);
-        const json& animations = GltfFile::list(root, "animations");
-        GltfAnimations writer(file_, out_, meshes_, figures_,
-                              [&](std::size_t node) { return node < given_.size() && given_[node]; });
-        for (std::size_t i = 0; i < animations.size(); ++i) writer.write(animations[i], i);
+        GltfAnimations(file_, out_, names_, meshes_, figures_, [&](std::size_t node) {
+            return node < given_.size() && given_[node];
+        }).write(clip_);
         out_.endDocument();
         return true;
     }
@@ -75,8 +76,9 @@ class GltfImporter {
         for (const json& animation : GltfFile::list(file_.root(), "animations"))
             for (const json& channel : GltfFile::list(animation, "channels"))
                 if (const auto node = GltfFile::index(GltfFile::object(channel, "target"), "node")) {
-                    const bool weights = GltfFile::text(GltfFile::object(channel, "target"), "path") == "weights";
-                    (weights ? morphed_ : animated_).insert(*node);
+                    const std::string path = GltfFile::text(GltfFile::object(channel, "target"), "path");
+                    if (path == "weights") morphed_.insert(*node);
+                    if (GltfAnimations::moves(path)) animated_.insert(*node);
                 }
         const json& nodes = GltfFile::list(file_.root(), "nodes");
         for (std::size_t i = 0; i < nodes.size(); ++i)
@@ -104,8 +106,10 @@ class GltfImporter {
             if (!node || given_[index]) return file_.warn("the glTF file's nodes are no tree; some are left out");
             given_[index] = true;
             const bool inside = !open.empty();
-            out_.beginNode("Transform", animated_.contains(index) ? defOfGltfNode(index) : std::string(),
-                           inside ? "children" : "", {});
+            out_.beginNode(
+                "Transform",
+                animated_.contains(index) ? names_.of(Names::nodes, index) : names_.authored(Names::nodes, index),
+                inside ? "children" : "", {});
             writeTransform(*node);
             writeContent(*node, index);
             open.push_back({node, 0});
@@ -168,7 +172,8 @@ class GltfImporter {
         const std::string description = own.empty() ? name : own;
         const bool flat = GltfFile::text(*camera, "type") == "orthographic";
         const json& lens = GltfFile::object(*camera, flat ? "orthographic" : "perspective");
-        GltfNode view(out_, flat ? "OrthoViewpoint" : "Viewpoint", "children");
+        GltfNode view(out_, flat ? "OrthoViewpoint" : "Viewpoint", "children",
+                      names_.authoredOnce(Names::cameras, index));
         view.set("position", Vec3f(0, 0, 0));
         if (!description.empty()) view.set("description", String(description));
         if (flat) {
@@ -194,7 +199,11 @@ class GltfImporter {
         const json& light = all[index];
         const std::string type = GltfFile::text(light, "type");
         const bool directional = type == "directional";
-        GltfNode out(out_, directional ? "DirectionalLight" : type == "spot" ? "SpotLight" : "PointLight", "children");
+        GltfNode out(out_,
+                     directional      ? "DirectionalLight"
+                     : type == "spot" ? "SpotLight"
+                                      : "PointLight",
+                     "children", names_.authoredOnce(Names::lights, index));
         if (const auto color = GltfFile::numbers(light, "color", 3)) {
             const Vec3f c = vectorOf(*color);
             out.set("color", Color{c.x, c.y, c.z});
@@ -217,9 +226,17 @@ class GltfImporter {
         if (!mesh) return;
         // Forms of its own are no use to other nodes.
         const bool own = morphed_.contains(number) || !GltfFile::list(node, "weights").empty();
-        const std::string def = own ? std::string() : "mesh" + std::to_string(index);
-        if (!own && meshGiven_[index]) return out_.useNode(def, "children", {});
-        if (!own) meshGiven_[index] = true;
+        std::string def = names_.authoredOnce(Names::meshes, index);
+        if (!own) {
+            const auto [given, isNew] = meshGiven_.try_emplace(index);
+            if (!isNew) return out_.useNode(given->second, "children", {});
+            if (def.empty()) {
+                // A name that one with forms of its own has had cannot be given again.
+                const std::string& name = names_.of(Names::meshes, index);
+                def = names_.authored(Names::meshes, index).empty() ? name : names_.take(name);
+            }
+            given->second = def;
+        }
         GltfNode group(out_, "Group", "children", def);
         std::size_t part = 0;
         for (const json& primitive : GltfFile::list(*mesh, "primitives"))
@@ -230,7 +247,7 @@ class GltfImporter {
         const json& own = GltfFile::list(node, "weights");
         for (const json& weight : own.empty() ? GltfFile::list(mesh, "weights") : own)
             form.weights.push_back(weight.is_number() ? weight.get<double>() : 0);
-        if (morphed_.contains(number)) form.points = defOfGltfPoints(number, part);
+        if (morphed_.contains(number)) form.points = names_.points(number, part);
         return form;
     }
     struct Skinned {
@@ -241,12 +258,13 @@ class GltfImporter {
         const json* mesh = file_.item("meshes", meshIndex);
         const json* it = file_.item("nodes", node);
         if (!mesh || !it) return;
+        const GltfNode group(out_, "Group", {}, names_.authoredOnce(Names::meshes, meshIndex));
         std::size_t part = 0;
         for (const json& primitive : GltfFile::list(*mesh, "primitives")) {
-            GltfFigure figure{GltfSkin(file_, skinIndex, above_),
-                              defOfGltfNode(node) + "_figure" + std::to_string(part)};
+            GltfFigure figure(GltfSkin(file_, skinIndex, above_),
+                              names_.of(Names::nodes, node) + "_figure" + std::to_string(part), names_);
             GltfForm form = formOf(*mesh, *it, node, part);
-            form.points = defOfGltfPoints(node, part++);
+            form.points = names_.points(node, part++);
             writeFigure(file_, out_, meshes_, figure, primitive, form);
             figures_.push_back(std::move(figure));
         }
@@ -254,9 +272,12 @@ class GltfImporter {
 
     GltfFile& file_;
     DocumentHandler& out_;
+    GltfNames names_;
     GltfMeshes meshes_;
-    std::vector<bool> given_, meshGiven_;
-    std::vector<std::size_t> above_;  // each node's, or kNoIndex
+    std::string_view clip_;  // the one that plays; empty: the first
+    std::vector<bool> given_;
+    std::map<std::size_t, std::string> meshGiven_;  // the DEFs of those that can be used again
+    std::vector<std::size_t> above_;                // each node's, or kNoIndex
     std::vector<Skinned> skinned_;
     std::vector<GltfFigure> figures_;
     std::set<std::size_t> morphed_, animated_, isChild_;
@@ -266,7 +287,7 @@ class GltfImporter {
 
 bool importGltf(const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
     GltfFile file(input, diagnostics);
-    return file.open() && GltfImporter(file, handler).run();
+    return file.open() && GltfImporter(file, handler, input.clip).run();
 }
 
 }  // namespace rtsg::detail

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "import.h"
+#include "imported_names.h"
 #include "text/utf8.h"
 
 namespace rtsg::detail {
@@ -16,11 +17,12 @@ struct ObjMaterial {
     Color diffuse{0.8f, 0.8f, 0.8f}, specular{0, 0, 0}, emissive{0, 0, 0};
     float shininess = 0, transparency = 0;
     std::string texture, normalTexture;
+    std::string def{};  // once it has been written
 };
 
 /// The shapes of a file: one for each group and material.
 struct ObjShape {
-    std::string name, material;
+    std::string name, material, def{};
     std::vector<std::int32_t> points, texCoords, normals;  // as ImportedMesh has them; numbers of the whole file
     bool hasTexCoords = true, hasNormals = true;
 };
@@ -66,6 +68,7 @@ class ObjReader {
         }
         beginImported(handler, "from OBJ");
         if (shapes_.empty()) shapes_.emplace_back();
+        for (ObjShape& shape : shapes_) shape.def = names_.take(shape.name);  // before those of materials
         for (const ObjShape& shape : shapes_) writeShape(handler, shape);
         handler.endDocument();
         return true;
@@ -193,8 +196,16 @@ class ObjReader {
     void writeAppearance(DocumentHandler& handler, const std::string& name) {
         handler.beginNode("Appearance", {}, "appearance", {});
         const auto found = materials_.find(name);
-        const ObjMaterial material = found == materials_.end() ? ObjMaterial() : found->second;
-        handler.beginNode("Material", {}, "material", {});
+        const bool isThere = found != materials_.end();
+        if (isThere && !found->second.def.empty())
+            handler.useNode(found->second.def, "material", {});
+        else
+            writeMaterial(handler, isThere ? found->second : ObjMaterial(),
+                          isThere ? found->second.def = names_.take(name, "material") : std::string());
+        handler.endNode({});
+    }
+    static void writeMaterial(DocumentHandler& handler, const ObjMaterial& material, const std::string& def) {
+        handler.beginNode("Material", def, "material", {});
         // A texture's colours are multiplied by the material's.
         handler.setField("diffuseColor", Value(material.diffuse), {});
         handler.setField("specularColor", Value(material.specular), {});
@@ -203,7 +214,6 @@ class ObjReader {
         if (material.transparency > 0) handler.setField("transparency", Value(material.transparency), {});
         texture(handler, material.texture, "diffuseTexture");
         texture(handler, material.normalTexture, "normalTexture");
-        handler.endNode({});
         handler.endNode({});
     }
     /// The elements that `indices` name, each once, in the order in which they come; `indices` are then their numbers.
@@ -251,9 +261,11 @@ class ObjReader {
                 mesh.normals = used(normals_, mesh.normalIndex, numbers_);
             }
         }
-        handler.beginNode("Shape", {}, {}, {});
-        if (!shape.name.empty()) handler.comment(asText(shape.name), {});
-        writeAppearance(handler, shape.material);
+        handler.beginNode("Shape", shape.def, {}, {});
+        if (mesh.faces.empty() && mesh.normals.empty())
+            writeUnlitAppearance(handler);
+        else
+            writeAppearance(handler, shape.material);
         writeMesh(handler, std::move(mesh));
         handler.endNode({});
     }
@@ -271,6 +283,7 @@ class ObjReader {
     std::set<std::string, std::less<>> leftOut_;
     std::vector<std::int64_t> face_;
     std::vector<std::int32_t> numbers_;
+    UniqueNames names_;
 };
 
 }  // namespace

@@ -298,10 +298,14 @@ bool importPly(const ImportInput& input, DocumentHandler& handler, Diagnostics& 
     }
     beginImported(handler, "from PLY");
     handler.beginNode("Shape", {}, {}, {});
-    handler.beginNode("Appearance", {}, "appearance", {});
-    handler.beginNode("Material", {}, "material", {});
-    handler.endNode({});
-    handler.endNode({});
+    if (mesh.faces.empty() && mesh.normals.empty()) {
+        writeUnlitAppearance(handler);
+    } else {
+        handler.beginNode("Appearance", {}, "appearance", {});
+        handler.beginNode("Material", {}, "material", {});
+        handler.endNode({});
+        handler.endNode({});
+    }
     writeMesh(handler, std::move(mesh));
     handler.endNode({});
     handler.endDocument();

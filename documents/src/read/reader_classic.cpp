@@ -130,11 +130,13 @@ bool ClassicReader::readHeader() {
 
 /// PROFILE comes first, and is part of what beginDocument says.
 void ClassicReader::readProfile() {
-    if (vrml97_ || peekWord() != "PROFILE") return;
-    word();
+    if (vrml97_) return;
+    const bool isThere = peekWord() == "PROFILE";
+    if (isThere) word();
     skipSpace();
     const char* where = p_;
     header_.where = at(where);
+    if (!isThere) return;
     header_.profile = name();
     if (header_.profile.empty()) error(where, "expected the name of a profile");
 }
@@ -147,7 +149,8 @@ void ClassicReader::closeAll() {
                              : top.inside == Inside::node ? std::string(top.shape.name())
                                                           : "a PROTO";
     error(end_, "the file ends inside " + what + " begun at line " + std::to_string(opened.line) + ", and " +
-                    std::to_string(frames_.size()) + " levels deep");
+                    std::to_string(frames_.size()) + " levels deep: '" +
+                    (top.inside == Inside::list || top.inside == Inside::interface ? "]" : "}") + "' is missing");
     while (!frames_.empty()) {
         if (frames_.back().inside == Inside::interface) {
             const SourceLocation where = at(end_);

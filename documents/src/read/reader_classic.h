@@ -71,6 +71,9 @@ class ClassicReader final : private FieldTextReport {
     bool declaration(FieldDeclaration& out, const char*& at, bool& recognised);
     void declare(DeclaredFields& fields, const NodeShape* node);
     void closeBracket();
+    NodeShape nodeBehind(std::string_view next);
+    std::string ofUnclosed(std::string_view field) const;
+    void nodeWithoutField(const NodeShape& node, const char* where);
 
     // tokens
     void skipSpace();

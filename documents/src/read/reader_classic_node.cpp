@@ -160,7 +160,10 @@ void ClassicReader::nodeStatement(const FieldRef& into) {
     if (next == "USE") return useNode(into, where);
     std::string_view def;
     if (next == "DEF") {
-        def = name();
+        const std::string_view spelled = word();
+        def = name(spelled);
+        if (const std::string fault = faultOfDef(spelled, Spelling::classic); !fault.empty())
+            report(Severity::warning, spelled.data(), badDef(spelled, fault));
         next = word();
         // `DEF my box Box { }`
         if (!next.empty() && !types_.find(next).known() && !peekIs('{') && types_.find(peekWord()).known()) {
@@ -235,7 +238,44 @@ void ClassicReader::nodeItem() {
     }
     if (name == "ROUTE" || name == "PROTO" || name == "EXTERNPROTO" || name == "IMPORT" || name == "EXPORT")
         return keywordStatement(name);
+    if (shape.known() && !findField(shape, name))
+        if (const NodeShape node = nodeBehind(name); node.known()) return nodeWithoutField(node, where);
     fieldItem(this->name(name), where);
+}
+
+/// The node that begins with this word, if one does: `Type {`, `DEF name Type {` or `USE name`; `p_` stays behind the
+/// word.
+NodeShape ClassicReader::nodeBehind(std::string_view next) {
+    const char* const start = p_;
+    NodeShape result;
+    if (next == "USE") {
+        if (const NodeShape* shape = types_.defined(name())) result = *shape;
+    } else {
+        const bool named = next == "DEF";
+        if (named) word();
+        const std::string_view type = named ? word() : next;
+        if (!type.empty() && peekIs('{')) result = types_.find(type);
+    }
+    p_ = start;
+    return result;
+}
+
+/// A node where a field should be. Where it has a place in the open node, the field's name is missing, or the brace
+/// that ends the open node; it is read as if the name were there. Where it has none, the brace is missing, of the open
+/// nodes up to where a node may stand.
+void ClassicReader::nodeWithoutField(const NodeShape& node, const char* where) {
+    const NodeShape& open = frames_.back().shape;
+    const NodeType* type = node.standsFor();
+    const std::string begun = std::string(open.name()) + " begun at line " + std::to_string(frames_.back().open.line);
+    const FieldRef field = type ? findField(open, type->containerField) : FieldRef{};
+    p_ = where;
+    if (field && field.takesValue() && accepts(field, type) && frames_.back().given.add(field)) {
+        error(where, "'" + std::string(field.name) + "' is missing before " + std::string(node.name()) + " in " +
+                         begun + ", or '}' at the end of that");
+        return nodeStatement(field);
+    }
+    error(where, "'}' is missing before " + std::string(node.name()) + ", at the end of " + begun);
+    while (!frames_.empty() && frames_.back().inside == Inside::node) pop();
 }
 
 /// `]` where a field should be: the braces of this node, and of others up to the list, are missing.
@@ -271,6 +311,9 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     const NodeShape& shape = frames_.back().shape;  // until something is pushed
     const FieldRef field = types_.findField(shape, name);
     if (!field) return unknownField(name, where);
+    if (field.name != name)
+        if (const std::string outdated = types_.outdatedName(shape, name); !outdated.empty())
+            report(Severity::warning, where, outdated);
     if (peekWord() == "IS") {
         word();
         const std::string_view protoField = this->name();
@@ -303,6 +346,18 @@ void ClassicReader::fieldItem(std::string_view name, const char* where) {
     handler_->setField(field.name, std::move(value), here);
 }
 
+/// Says which node around the open one has the field: a brace may be missing.
+std::string ClassicReader::ofUnclosed(std::string_view field) const {
+    for (std::size_t i = frames_.size() - 1; i-- > 0;) {
+        const Frame& around = frames_[i];
+        if (around.inside != Inside::node && around.inside != Inside::list) break;
+        if (around.inside == Inside::node && around.shape.known() && findField(around.shape, field))
+            return "; " + std::string(around.shape.name()) + " begun at line " + std::to_string(around.open.line) +
+                   " has one: is a '}' missing?";
+    }
+    return {};
+}
+
 /// Reads what follows the name of a field that the open node does not have, or has been given before. Nodes there are
 /// kept with their names, though they are in no field; other values are kept as text in nodes of unknown types.
 /// `ifNoNodes` is the error then, if it is one.
@@ -323,10 +378,15 @@ void ClassicReader::unknownField(std::string_view name, const char* where, const
         if (complain) {
             const FieldRef field = findField(shape, name);
             const bool takesNodes = field && sf(field.type) == FieldType::SFNode;
-            report(Severity::warning, where,
-                   !field       ? noFieldForNodes(shape, name)
-                   : takesNodes ? surplus(name, shape.name())
-                                : misplaced(next, name, shape.name()));
+            p_ += next.size();
+            const bool isKnown = nodeBehind(next).known();
+            p_ -= next.size();
+            if (!field)
+                report(isMisspelled(name, isKnown) ? Severity::error : Severity::warning, where,
+                       noFieldForNodes(shape, name) + (isKnown ? ofUnclosed(name) : std::string()));
+            else
+                report(Severity::warning, where,
+                       takesNodes ? surplus(name, shape.name()) : misplaced(next, name, shape.name()));
         }
         return isList ? openList(into) : nodeStatement(into);
     }
@@ -334,7 +394,8 @@ void ClassicReader::unknownField(std::string_view name, const char* where, const
     if (!ifNoNodes.empty()) error(where, ifNoNodes);
     if (complain && !findField(shape, name)) {
         const std::string dropped = droppedField(shape, name);
-        dropped.empty() ? error(where, noField(shape, name)) : report(Severity::warning, where, dropped);
+        dropped.empty() ? error(where, noField(shape, name) + ofUnclosed(name))
+                        : report(Severity::warning, where, dropped);
     }
     if (next == "IS" && !isList && !shape.known()) {
         word();

@@ -18,6 +18,7 @@ struct ReaderOptions {
     ReaderProgress progress{};
     Splitting splitting{};
     bool headerless = false;
+    std::string clip{};
 };
 
 /// Calls the progress function once per megabyte of input.

@@ -22,7 +22,7 @@ namespace rtsg {
 namespace {
 
 detail::ReaderOptions readerOptions(const ReadOptions& options) {
-    return {options.progress, detail::splitting(options.threads), options.headerless};
+    return {options.progress, detail::splitting(options.threads), options.headerless, options.clip};
 }
 
 constexpr std::size_t kBytesLimit = std::size_t{4} << 30;  // of what says nothing of its size: packed files, pipes
@@ -60,10 +60,13 @@ bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, Document
         diagnostics.error({}, detail::whyNotRead(text()), DiagnosticCode("not-a-scene"));
         return false;
     }
+    // TimeSensors of X3D and VRML run or wait as they say themselves.
+    if (!options.clip.empty() && kind != detail::FileKind::gltf && kind != detail::FileKind::glb)
+        diagnostics.error({}, "it has no clip " + options.clip + ": only glTF files have clips");
     if (kind != detail::FileKind::document) {
         feed.fill();
         if (!feed.failure().empty()) diagnostics.error({}, feed.failure(), DiagnosticCode("gzip"));
-        return detail::importFile(kind, {text(), beside}, handler, diagnostics);
+        return detail::importFile(kind, {text(), beside, options.clip}, handler, diagnostics);
     }
     const Encoding encoding = detectEncoding(text());
     const bool utf8 = encoding != Encoding::xml || !detail::isOtherXmlEncoding(detail::withoutBom(text()));

@@ -11,7 +11,9 @@ ElementReader::ElementReader(Encoding encoding, DocumentHandler& handler, Diagno
       loud_(&handler),
       diagnostics_(diagnostics),
       encoding_(encoding),
-      plainStrings_(encoding == Encoding::json) {}
+      plainStrings_(encoding == Encoding::json) {
+    types_.setInstancesAreTold();
+}
 
 bool ElementReader::finish() {
     skipDepth_ = 0;

@@ -91,6 +91,9 @@ FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child,
     const std::string_view asked = containerField ? std::string_view(containerField) : usual;
     const auto usable = [&](const FieldRef& field) { return field && field.takesValue() && accepts(field, type); };
     const FieldRef named = findField(parent, asked);
+    if (named && named.name != asked)
+        if (const std::string outdated = types_.outdatedName(parent, asked); !outdated.empty())
+            diagnostics_.warning(where(), "containerField: " + outdated);
     if (usable(named) || !parent.known()) return named ? named : FieldRef{asked, FieldType::MFNode};
     const bool namesNodes = named && named.takesValue() && sf(named.type) == FieldType::SFNode;
     // `children` is written by many programs where nothing is meant by it; any other name that the parent does not have
@@ -107,8 +110,10 @@ FieldRef ElementReader::placeIn(const NodeShape& parent, const NodeShape& child,
         }
     }
     if (!place) {
-        diagnostics_.warning(where(), containerField && !named ? noFieldForNodes(parent, asked)
-                                                               : misplaced(child.name(), asked, parent.name()));
+        const bool isMisspelt = containerField && !named && isMisspelled(asked, child.known());
+        diagnostics_.add(
+            isMisspelt ? Severity::error : Severity::warning, where(),
+            containerField && !named ? noFieldForNodes(parent, asked) : misplaced(child.name(), asked, parent.name()));
         return {asked, FieldType::MFNode};
     }
     if (containerField)
@@ -147,10 +152,8 @@ void ElementReader::openNode(NodeShape shape, Attributes attributes) {
     if (shape.type && declaresFields(*shape.type)) shape.own = std::make_shared<DeclaredFields>();
     if (def && *def) {
         types_.define(def, shape);
-        if (std::string_view(def).find_first_of(" \t\r\n") != std::string_view::npos)
-            diagnostics_.warning(where(),
-                                 "DEF '" + std::string(def).substr(0, 80) +
-                                     "' has white space in it, which no name may have; ROUTE and USE find it so");
+        if (const std::string fault = faultOfDef(def, Spelling::element); !fault.empty())
+            diagnostics_.warning(where(), badDef(def, fault));
     }
     if (shape.own && bodies_ > 0 && !held_ && mutedAt_ == kNotMuted) {
         held_ = std::make_unique<HeldScript>(*handler_);
@@ -201,6 +204,9 @@ void ElementReader::setAttribute(const char* name, const char* text) {
     }
     attributeName_ = name;
     attributeValue_ = text;
+    if (field && field.name != name)
+        if (const std::string outdated = types_.outdatedName(frame.shape, name); !outdated.empty())
+            diagnostics_.warning(locate(text), outdated);
     if (!field) {
         if (const std::string dropped = droppedField(frame.shape, name); !dropped.empty())
             diagnostics_.warning(locate(text), dropped);
@@ -332,7 +338,7 @@ void ElementReader::startFieldValue(Attributes attributes) {
     const FieldRef field = findField(shape, name);
     if (!field && !value) {
         // The nodes in it keep their names.
-        diagnostics_.warning(where(), noFieldForNodes(shape, name));
+        error(noFieldForNodes(shape, name));
         push(Inside::value);
         frames_.back().shape.unknown = std::make_shared<const std::string>(name);
         frames_.back().into = {*frames_.back().shape.unknown, FieldType::MFNode};

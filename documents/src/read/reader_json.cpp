@@ -43,6 +43,8 @@ void JsonReader::step() {
             member(key);
         else if (key == "#comment")
             comments();
+        else if (frames_.size() == 1 && key != "X3D" && at(p_) != '{')
+            p_ = valueEnd(p_);  // "$schema" and what else may stand beside the document
         else if (!key.starts_with('#'))
             element(key, std::string(frames_.back().containerField));
         else

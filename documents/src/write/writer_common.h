@@ -4,8 +4,10 @@
 #pragma once
 
 #include <functional>
+#include <set>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include <rtsg/core/field_text.h>
 #include <rtsg/documents/writer.h>
@@ -30,6 +32,26 @@ void appendWrapped(std::string& out, const Value& value, TextSyntax syntax, std:
 constexpr std::size_t spaces(std::size_t levels) {
     return 2 * (levels < 40 ? levels : 40);
 }
+
+/// Names that nodes are used by before there is such a node, of which XML and JSON cannot say the type; those that an
+/// IMPORT gives are none of them. They are told at the end, since an IMPORT may stand anywhere.
+class UnknownUses {
+  public:
+    void use(std::string_view def, SourceLocation where) { uses_.push_back({std::string(def), where}); }
+    void import(std::string_view local) { imported_.emplace(local); }
+    void tell(Diagnostics& diagnostics) const {
+        for (const auto& [def, where] : uses_)
+            if (!imported_.contains(def))
+                diagnostics.error(where,
+                                  "USE '" + def +
+                                      "': no node has that name before this point; of which type it is cannot be "
+                                      "written");
+    }
+
+  private:
+    std::vector<std::pair<std::string, SourceLocation>> uses_;
+    std::set<std::string, std::less<>> imported_;
+};
 
 /// The version to write: the header's, if it is one of X3D.
 std::string x3dVersion(const DocumentHeader& header);

@@ -71,6 +71,7 @@ class JsonWriter final : public DocumentHandler {
         openScene();
         text_ += "\n]}}}\n";
         flush();
+        uses_.tell(diagnostics_);
     }
     void component(std::string_view name, int level, SourceLocation) override {
         head(components_, "{\"@name\":" + inQuotes(name) + ",\"@level\":" + std::to_string(level) + "}");
@@ -103,8 +104,9 @@ class JsonWriter final : public DocumentHandler {
         const std::string field = std::move(frame.field);
         place(field, finished(std::move(frame)));
     }
-    void useNode(std::string_view def, std::string_view field, SourceLocation) override {
+    void useNode(std::string_view def, std::string_view field, SourceLocation where) override {
         const NodeShape* defined = types_.defined(def);
+        if (!defined) uses_.use(def, where);
         const bool instance = defined && defined->proto;
         const std::string_view name = instance ? "ProtoInstance" : defined ? defined->name() : "Group";
         const std::string element =
@@ -196,6 +198,7 @@ class JsonWriter final : public DocumentHandler {
     }
     void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,
                     SourceLocation) override {
+        uses_.import(local);
         statement("IMPORT", {{"inlineDEF", inlineDef}, {"importedDEF", exported}, {"AS", local}});
     }
     void exportNode(std::string_view local, std::string_view exported, SourceLocation) override {
@@ -432,6 +435,7 @@ class JsonWriter final : public DocumentHandler {
     bool sceneOpen_ = false, any_ = false;
     Units units_;
     ReaderTypes types_;
+    UnknownUses uses_;
     std::vector<Frame> frames_;
 };
 

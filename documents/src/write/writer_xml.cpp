@@ -39,6 +39,7 @@ class XmlWriter final : public DocumentHandler {
         openScene();
         write("\n  </Scene>\n</X3D>\n");
         flush(0);
+        uses_.tell(diagnostics_);
     }
 
     void component(std::string_view name, int level, SourceLocation) override {
@@ -105,7 +106,7 @@ class XmlWriter final : public DocumentHandler {
         if (defined)
             shape = *defined;
         else
-            shape.type = findBuiltinType("Group");  // an imported node: the element must have some name
+            shape.type = findBuiltinType("Group"), uses_.use(def, where);  // the element must have some name
         const std::string container = nodePlace(field, shape);
         noteFirst(shape);
         write(shape.proto     ? "<ProtoInstance" + attribute("name", shape.proto->name, where)
@@ -249,6 +250,7 @@ class XmlWriter final : public DocumentHandler {
     }
     void importNode(std::string_view inlineDef, std::string_view exported, std::string_view local,
                     SourceLocation where) override {
+        uses_.import(local);
         line();
         write("<IMPORT" + attribute("inlineDEF", inlineDef, where) + attribute("importedDEF", exported, where) +
               attribute("AS", local, where) + "/>");
@@ -585,6 +587,7 @@ class XmlWriter final : public DocumentHandler {
     std::string about_;       // attributes of the PROTO or EXTERNPROTO that comes next
     Units units_;
     ReaderTypes types_;
+    UnknownUses uses_;
     std::vector<Frame> frames_;
 };
 

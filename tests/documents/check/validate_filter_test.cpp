@@ -45,6 +45,22 @@ TEST(ValidateFilter, ProfilesAndComponents) {
     EXPECT_EQ(problems("HAnimHumanoid { }", "PROFILE Immersive COMPONENT H-Anim:1"), "");
 }
 
+TEST(ValidateFilter, AMissingProfileIsToldWithItsPlace) {
+    EXPECT_EQ(problems("Group { }", ""),
+              "test:3:1: warning: there is no PROFILE, which every document of X3D names; Full is taken [profile]\n");
+    const auto of = [](const std::string& text) {
+        test::RecordingHandler handler;
+        Diagnostics diagnostics("test");
+        const auto filter = makeFilter("validate", handler, {diagnostics});
+        readDocument(text, **filter, diagnostics);
+        return diagnostics.all().empty() ? std::string() : diagnostics.all()[0].format();
+    };
+    const char* xml = ": warning: X3D has no profile, which every document names; Full is taken [profile]";
+    EXPECT_EQ(of("\n<X3D version='4.0'><Scene/></X3D>"), std::string("test:2:1") + xml);
+    EXPECT_THAT(of(R"({"X3D":{"@version":"4.0","Scene":{"-children":[]}}})"), HasSubstr(xml));
+    EXPECT_EQ(of("#VRML V2.0 utf8\nGroup { }"), "") << "VRML97 has none";
+}
+
 TEST(ValidateFilter, ProfilesAndComponentsHaveTheirPlaces) {
     const auto places = [](const std::string& text) {
         test::RecordingHandler handler;
@@ -58,7 +74,7 @@ TEST(ValidateFilter, ProfilesAndComponentsHaveTheirPlaces) {
     EXPECT_THAT(places("#X3D V4.0 utf8\n# before\nPROFILE  Interchang\nCOMPONENT Txt:1\n"),
                 ElementsAre(HasSubstr("test:3:10: warning: there is no profile"),
                             HasSubstr("test:4:11: warning: there is no component")));
-    EXPECT_THAT(places("<X3D>\n<head>\n<component name='Txt' level='1'/></head><Scene/></X3D>"),
+    EXPECT_THAT(places("<X3D profile='Full'>\n<head>\n<component name='Txt' level='1'/></head><Scene/></X3D>"),
                 ElementsAre(HasSubstr("test:3:1: warning: there is no component")));
     EXPECT_THAT(places("<!-- -->\n <X3D profile='Interchang'><Scene/></X3D>"),
                 ElementsAre(HasSubstr("test:2:2: warning: there is no profile")));

@@ -19,6 +19,7 @@
 #include <rtsg/documents/loader.h>
 
 #include "core/scene_check.h"
+#include "import/gltf_curve.h"
 #include "import/gltf_file.h"
 #include "import/import.h"
 #include "imported.h"
@@ -89,7 +90,7 @@ TEST(ImportGltf, JsonAndGlbGiveTheSameSceneByHand) {
     EXPECT_EQ(binary.commands, text.commands);
     const std::string& c = binary.commands;
     EXPECT_THAT(c,
-                HasSubstr("begin Transform DEF node0\nset rotation SFRotation 0 0 1 1.5707964\n"
+                HasSubstr("begin Transform DEF root\nset rotation SFRotation 0 0 1 1.5707964\n"
                           "set translation SFVec3f 1 2 3\nbegin Group DEF mesh0 in children\nbegin Shape in children"));
     EXPECT_THAT(
         c, HasSubstr("set alphaMode SFString \"MASK\"\nset alphaCutoff SFFloat 0.25\nbegin PhysicalMaterial in "
@@ -109,7 +110,8 @@ TEST(ImportGltf, JsonAndGlbGiveTheSameSceneByHand) {
     EXPECT_THAT(c, HasSubstr("set fieldOfView SFFloat " + printFieldText(Value(angle))));
     EXPECT_THAT(c, HasSubstr("begin SpotLight in children\nset color SFColor 1 0.5 0\nset intensity SFFloat 7"));
     EXPECT_THAT(c, HasSubstr("use mesh0 in children"));
-    EXPECT_THAT(c, HasSubstr("begin TimeSensor DEF animation0\nset cycleInterval SFTime 2"));
+    EXPECT_THAT(c, HasSubstr("begin TimeSensor DEF animation0\nset cycleInterval SFTime 2\nset loop SFBool TRUE\nset "
+                             "startTime SFTime -1"));
     EXPECT_THAT(c, HasSubstr("set key MFFloat [0, 1, 1]\nset keyValue MFVec3f [1 2 3, 1 2 3, 4 5 6]"));
     EXPECT_THAT(c, HasSubstr("route animation0.fraction_changed animation0_0.set_fraction"));
 }
@@ -351,6 +353,248 @@ TEST(ImportGltf, WhatHasNoSuchCoordinatesSaysSoAndTakesTheFirst) {
     const Imported none = file("");
     EXPECT_THAT(none.problems, HasSubstr("has no TEXCOORD_3"));
     EXPECT_THAT(none.commands, Not(HasSubstr("TextureCoordinate")));
+}
+
+/// One triangle, which `nodes` nodes show, and animations: each its JSON, in which %t and %v are the accessors of
+/// `keys` and `values` (VEC3, or as `type` says).
+struct Animated {
+    std::string text;
+    Animated(const std::string& animations, const std::vector<float>& keys, const std::vector<float>& values,
+             const char* type = "VEC3", std::size_t components = 3, const std::string& more = {}) {
+        GltfParts parts;
+        const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+        const int times = parts.floats("SCALAR", 1, keys);
+        const int numbers = parts.floats(type, components, values);
+        std::string list = animations;
+        for (const auto& [from, to] : {std::pair("%t", times), {"%v", numbers}})
+            for (auto at = list.find(from); at != list.npos; at = list.find(from))
+                list.replace(at, 2, std::to_string(to));
+        text = parts.text(fmt::format(
+            "\"meshes\":[{{\"name\":\"Leaf\",\"primitives\":[{{\"attributes\":{{\"POSITION\":{}}},\"material\":0}}]}}],"
+            "\"materials\":[{{\"name\":\"Oak\"}}],\"nodes\":[{{\"name\":\"Door\",\"mesh\":0}}]{},\"animations\":[{}]",
+            points, more, list));
+    }
+};
+std::string clip(const char* name, const char* path = "translation", const char* how = "LINEAR") {
+    return fmt::format(
+        "{{\"name\":\"{}\",\"channels\":[{{\"sampler\":0,\"target\":{{\"node\":0,\"path\":\"{}\"}}}}],\"samplers\":[{{"
+        "\"input\":%t,\"output\":%v,\"interpolation\":\"{}\"}}]}}",
+        name, path, how);
+}
+
+/// Runs what a file became, and gives the Door's place at some seconds after the scene's start.
+class Played {
+  public:
+    explicit Played(const std::string& text, const std::string& chosen = {}) {
+        LoadOptions options;
+        options.clip = chosen;
+        EXPECT_TRUE(loadText(scene, text, diagnostics_, {}, options));
+        scene.newFrame(kStart);
+    }
+    Vec3f doorAt(double t) {
+        if (t > 0) scene.newFrame(kStart + t);
+        return scene.node(scene.findName("Door")).get(x3d::Transform::translation);
+    }
+    std::string problems() const { return test::allText(diagnostics_); }
+
+    static constexpr double kStart = 946684800.25;  // in no clip's beginning
+    Scene scene;
+
+  private:
+    Diagnostics diagnostics_{"test"};
+};
+
+TEST(ImportGltf, OneClipPlaysFromTheStartAndTheOthersWait) {
+    const Animated file(clip("Open") + "," + clip("Close", "scale"), {0, 2}, {2, 3, 4, 4, 3, 4});
+    Played first(file.text);
+    EXPECT_EQ(first.problems(), "");
+    EXPECT_EQ(first.doorAt(0), Vec3f(2, 3, 4)) << "the first key";
+    EXPECT_EQ(first.doorAt(1), Vec3f(3, 3, 4));
+    const Node& door = first.scene.node(first.scene.findName("Door"));
+    EXPECT_EQ(door.get(x3d::Transform::scale), Vec3f(1));
+    // The other one is started, as this one is stopped.
+    const NodeId close = first.scene.findName("Close"), open = first.scene.findName("Open");
+    ASSERT_TRUE(close && open);
+    const double now = Played::kStart + 1.5;
+    ASSERT_TRUE(first.scene.sendEvent(open, x3d::TimeSensor::stopTime.index, Value(Time{now})));
+    ASSERT_TRUE(first.scene.sendEvent(close, x3d::TimeSensor::startTime.index, Value(Time{now})));
+    EXPECT_EQ(first.doorAt(1.5), Vec3f(3.5f, 3, 4));
+    EXPECT_EQ(first.doorAt(2), Vec3f(3.5f, 3, 4));
+    EXPECT_EQ(door.get(x3d::Transform::scale), Vec3f(2.5f, 3, 4));
+
+    Played second(file.text, "Close");
+    EXPECT_EQ(second.problems(), "");
+    EXPECT_EQ(second.doorAt(1), Vec3f(0));
+    EXPECT_EQ(second.scene.node(second.scene.findName("Door")).get(x3d::Transform::scale), Vec3f(3, 3, 4));
+
+    Played none(file.text, "Shut");
+    EXPECT_THAT(none.problems(), HasSubstr("error: the glTF file has no clip Shut; its clips are Open, Close"));
+    EXPECT_EQ(none.doorAt(1), Vec3f(0));
+}
+
+TEST(ImportGltf, ClipsAreOfGltfAlone) {
+    Scene scene;
+    Diagnostics problems("test");
+    LoadOptions options;
+    options.clip = "Open";
+    EXPECT_TRUE(loadText(scene, "#X3D V4.0 utf8\nPROFILE Full\nGroup { }\n", problems, {}, options));
+    EXPECT_THAT(test::allText(problems), HasSubstr("error: it has no clip Open: only glTF files have clips"));
+    Scene other;
+    Diagnostics more("test");
+    EXPECT_TRUE(loadText(other, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", more, {}, options));
+    EXPECT_THAT(test::allText(more), HasSubstr("it has no clip Open"));
+}
+
+TEST(ImportGltf, ASingleKeyHolds) {
+    for (const float key : {0.f, 2.f}) {
+        Played pose(Animated(clip("Pose"), {key}, {5, -6, 7}).text);
+        EXPECT_EQ(pose.problems(), "");
+        EXPECT_EQ(pose.doorAt(0), Vec3f(5, -6, 7));
+        EXPECT_EQ(pose.doorAt(3.5), Vec3f(5, -6, 7));
+    }
+}
+
+TEST(ImportGltf, StepsBeginAtTheFirstKey) {
+    Played steps(Animated(clip("Steps", "translation", "STEP"), {0, .5f, 1}, {1, 0, 0, 2, 0, 0, 3, 0, 0}).text);
+    EXPECT_EQ(steps.doorAt(0).x, 1);
+    EXPECT_EQ(steps.doorAt(.25).x, 1);
+    EXPECT_EQ(steps.doorAt(.5).x, 2);
+    EXPECT_EQ(steps.doorAt(.75).x, 2);
+}
+
+/// glTF 2.0 appendix C.5, in double precision.
+double hermite(double t, double span, double from, double leaving, double arriving, double to) {
+    const double t2 = t * t, t3 = t2 * t;
+    return (2 * t3 - 3 * t2 + 1) * from + span * (t3 - 2 * t2 + t) * leaving + (3 * t2 - 2 * t3) * to +
+           span * (t3 - t2) * arriving;
+}
+
+TEST(ImportGltf, SplinesAreHermiteSplines) {
+    // Tangents that differ on the sides of a key, and spans of unequal lengths; x alone moves.
+    const std::vector<float> keys{0, 1, 4};
+    const float in[] = {9, -3, 2}, at[] = {0, 1, 5}, out[] = {4, 6, 7};
+    std::vector<float> values;
+    for (int k = 0; k < 3; ++k)
+        for (const float x : {in[k], at[k], out[k]}) values.insert(values.end(), {x, 0, 0});
+    Played spline(Animated(clip("Curve", "translation", "CUBICSPLINE"), keys, values).text);
+    EXPECT_EQ(spline.problems(), "");
+    for (const double t : {0., .25, .5, .77, 1., 1.3, 2.5, 3.9}) {
+        const double expected = t < 1 ? hermite(t, 1, 0, 4, -3, 1) : hermite((t - 1) / 3, 3, 1, 6, 2, 5);
+        EXPECT_NEAR(spline.doorAt(t).x, expected, 2e-3) << t;
+    }
+    // What a file says is no reason for more memory than it is worth: many targets get few lines.
+    std::vector<float> many(6 * 400'000, 0.f);
+    for (std::size_t i = 0; i < many.size(); i += 7) many[i] = static_cast<float>(i % 11);
+    GltfParts parts;
+    const int times = parts.floats("SCALAR", 1, {0, 1}), weights = parts.floats("SCALAR", 1, many);
+    Diagnostics told("test");
+    const std::string bytes = parts.text("\"nodes\":[]");
+    const detail::ImportInput input{bytes, {}};
+    detail::GltfFile file(input, told);
+    ASSERT_TRUE(file.open());
+    const auto sampler = nlohmann::json{{"input", times}, {"output", weights}, {"interpolation", "CUBICSPLINE"}};
+    const auto curve = detail::readCurve(file, sampler, {0, 1}, 0, 1e-3);
+    ASSERT_TRUE(curve);
+    EXPECT_EQ(curve->size, 400'000u);
+    EXPECT_LE(curve->numbers.size(), std::size_t{1} << 23);
+    // Of rotations the quaternions are splines, which are then brought to length 1.
+    const float half = std::sqrt(.5f);
+    Played turn(Animated(clip("Turn", "rotation", "CUBICSPLINE"), {0, 1},
+                         {0, 0, 0, 0, 0, 0, 0, 1, 2, 0, 0, 0, 0, 0, 0, 0, half, 0, 0, half, 0, 0, 0, 0}, "VEC4", 4)
+                    .text);
+    EXPECT_EQ(turn.problems(), "");
+    for (const double t : {.2, .5, .85}) {
+        (void)turn.doorAt(t);
+        const Rotation r = turn.scene.node(turn.scene.findName("Door")).get(x3d::Transform::rotation);
+        const double x = hermite(t, 1, 0, 2, 0, std::sqrt(.5)), w = hermite(t, 1, 1, 0, 0, std::sqrt(.5));
+        EXPECT_NEAR(double{r.angle} * r.x, 2 * std::atan2(x, w), 1e-3) << t;
+    }
+}
+
+TEST(ImportGltf, WhatAnimationsOfOtherThingsChangeStaysAndIsNamed) {
+    Played other(Animated(clip("Glow", "pointer"), {0, 1}, {0, 0, 0, 1, 1, 1}).text);
+    EXPECT_THAT(other.problems(), HasSubstr("animations of the glTF file change 'pointer', which stays as it is"));
+}
+
+TEST(ImportGltf, AuthorsNamesSurviveAndEachIsGivenOnce) {
+    GltfParts parts;
+    const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0, 0, 1, 0});
+    const Imported file(parts.text(fmt::format(
+        "\"meshes\":[{{\"name\":\"Cube\",\"primitives\":[{{\"attributes\":{{\"POSITION\":{0}}},\"material\":0}},{{"
+        "\"attributes\":{{\"POSITION\":{0}}},\"material\":0}}]}},{{\"primitives\":[{{\"attributes\":{{\"POSITION\":"
+        "{0}}}}}]}}],\"materials\":[{{\"name\":\"Red.001\"}}],\"cameras\":[{{\"name\":\"Eye\",\"type\":\"perspective\","
+        "\"perspective\":{{\"yfov\":1,\"znear\":1}}}}],\"extensions\":{{\"KHR_lights_punctual\":{{\"lights\":[{{"
+        "\"name\":\"Lamp\",\"type\":\"point\"}}]}}}},\"nodes\":[{{\"name\":\"Cube\",\"mesh\":0}},{{\"name\":\"Cube\","
+        "\"mesh\":0}},{{\"name\":\"mesh1\",\"mesh\":1}},{{\"camera\":0}},{{\"camera\":0,\"extensions\":{{"
+        "\"KHR_lights_punctual\":{{\"light\":0}}}}}},{{\"mesh\":1}}]",
+        points)));
+    EXPECT_EQ(file.problems, "");
+    const std::string& c = file.commands;
+    EXPECT_THAT(c, HasSubstr("begin Transform DEF Cube\nbegin Group DEF Cube_mesh in children\n"));
+    EXPECT_THAT(c, HasSubstr("begin PhysicalMaterial DEF Red.001 in material"));
+    EXPECT_THAT(c, HasSubstr("use Red.001 in material"));
+    EXPECT_THAT(c, HasSubstr("begin Transform DEF Cube_2\nuse Cube_mesh in children\n"));
+    EXPECT_THAT(c, HasSubstr("begin Transform DEF mesh1\nbegin Group DEF mesh1_2 in children\n"));
+    EXPECT_THAT(c, HasSubstr("begin Transform\nuse mesh1_2 in children\n"));
+    EXPECT_THAT(c, HasSubstr("begin Viewpoint DEF Eye in children"));
+    EXPECT_THAT(c, HasSubstr("begin Viewpoint in children"));
+    EXPECT_THAT(c, HasSubstr("begin PointLight DEF Lamp in children"));
+}
+
+// 3.9.6: without normals they are not lit, and have the sum of base colour and emission; colours of points are
+// multiplied by the base colour.
+TEST(ImportGltf, LinesAndPointsWithoutNormalsAreUnlit) {
+    for (const int mode : {0, 1, 2, 3}) {
+        GltfParts parts;
+        const int points = parts.floats("VEC3", 3, {0, 0, 0, 1, 0, 0});
+        const int normals = parts.floats("VEC3", 3, {0, 0, 1, 0, 0, 1});
+        const int colors = parts.floats("VEC3", 3, {1, 1, 1, .5f, .5f, .5f});
+        const auto commands = [&](const std::string& attributes) {
+            const Imported file(parts.text(fmt::format(
+                "\"meshes\":[{{\"primitives\":[{{\"mode\":{},\"attributes\":{{\"POSITION\":{}{}}},\"material\":0}}]}}],"
+                "\"nodes\":[{{\"mesh\":0}}],\"materials\":[{{\"emissiveFactor\":[0.25,0.5,0],\"pbrMetallicRoughness\":"
+                "{{\"baseColorFactor\":[0.5,0,1,0.25]}}}}]",
+                mode, points, attributes)));
+            EXPECT_EQ(file.problems, "");
+            return file.commands;
+        };
+        const std::string plain = commands("");
+        EXPECT_THAT(plain, HasSubstr("begin UnlitMaterial in material\nset emissiveColor SFColor 0.75 0.5 1\n"
+                                     "set transparency SFFloat 0.75\nend"));
+        EXPECT_THAT(commands(fmt::format(",\"COLOR_0\":{}", colors)),
+                    HasSubstr("set color MFColorRGBA [0.75 0.5 1 0.25, 0.5 0.5 0.5 0.25]"));
+        const std::string lit = commands(fmt::format(",\"NORMAL\":{}", normals));
+        EXPECT_THAT(lit, HasSubstr("begin PhysicalMaterial in material\nset baseColor SFColor 0.5 0 1"));
+        EXPECT_THAT(lit, HasSubstr("begin Normal in normal\nset vector MFVec3f [0 0 1, 0 0 1]"));
+    }
+}
+
+TEST(ImportGltf, IsKnownWhateverKeyComesFirst) {
+    for (const char* first : {"\"lights\":[{}]", "\"$schema\":\"x\"", "\"my \\\"X3D\\\" key\":{\"X3D\":1}"})
+        EXPECT_EQ(
+            Imported(fmt::format("{{{},\"nodes\":[{{\"name\":\"n\"}}],\"asset\":{{\"version\":\"2.0\"}}}}", first))
+                .problems,
+            "");
+    const std::string large =
+        fmt::format("{{\"my\":\"{}\",\"nodes\":[{{}}],\"asset\":{{\"version\":\"2.0\"}}}}", std::string(10000, '.'));
+    EXPECT_EQ(Imported(large).problems, "") << "the keys are behind what is looked at first";
+}
+
+TEST(ImportGltf, RequiredExtensionsOfLooksLeaveTheScene) {
+    const auto file = [](const char* required) {
+        return Imported(
+            fmt::format("{{\"asset\":{{\"version\":\"2.0\"}},\"nodes\":[{{\"name\":\"n\"}}],"
+                        "\"extensionsRequired\":[{0}],\"extensionsUsed\":[{0}]}}",
+                        required));
+    };
+    const Imported looks = file("\"KHR_materials_clearcoat\",\"MSFT_texture_dds\"");
+    EXPECT_TRUE(looks.good);
+    EXPECT_EQ(looks.problems,
+              "test: warning: the glTF file requires KHR_materials_clearcoat, MSFT_texture_dds, which is not read; it "
+              "looks otherwise than it should [parse]\n");
+    EXPECT_THAT(looks.commands, HasSubstr("begin Transform DEF n"));
+    EXPECT_FALSE(file("\"EXT_meshopt_compression\"").good);
+    EXPECT_EQ(file("\"EXT_texture_webp\"").problems, "");
 }
 
 /// Where a skin's point is, by the formula of glTF, in double precision and with matrices throughout.

@@ -158,7 +158,7 @@ TEST(ImportObj, NamesInAnotherEncodingAreWrittenAsText) {
     const auto writer = makeWriter(Encoding::classicVrml, [&](std::string_view text) { written += text; }, writing);
     ASSERT_TRUE(readDocumentFile(folder / "a.obj", *writer, problems));
     EXPECT_EQ(test::allText(problems) + test::allText(writing), "");
-    EXPECT_THAT(written, HasSubstr("# caf\xEF\xBF\xBD\n"));
+    EXPECT_THAT(written, HasSubstr("DEF caf\xEF\xBF\xBD Shape"));
     EXPECT_THAT(written, HasSubstr("url [\"t\xEF\xBF\xBDr.png\"]"));
     std::filesystem::remove_all(folder);
 }
@@ -198,6 +198,38 @@ TEST(ImportObj, FacesWithMaterialsFromTheLibraryBesideIt) {
     std::filesystem::remove_all(folder);
 }
 
+TEST(ImportObj, NamesOfGroupsAndMaterialsSurvive) {
+    const std::filesystem::path folder =
+        std::filesystem::path(testing::TempDir()) / ("import_names_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder);
+    std::ofstream(folder / "a.obj") << "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\no Door\nusemtl Oak\nf 1 2 3\n"
+                                       "o Wall\nusemtl Oak\nf 1 2 3\no Door\nf 3 2 1\n";
+    std::ofstream(folder / "a.mtl") << "newmtl Oak\nKd 1 0 0\n";
+    RecordingHandler handler;
+    Diagnostics problems((folder / "a.obj").string());
+    EXPECT_TRUE(readDocumentFile(folder / "a.obj", handler, problems));
+    EXPECT_EQ(test::allText(problems), "");
+    const std::string commands = handler.text();
+    EXPECT_THAT(
+        commands,
+        HasSubstr("begin Shape DEF Door\nbegin Appearance in appearance\nbegin Material DEF Oak in material\n"));
+    EXPECT_THAT(commands, HasSubstr("begin Shape DEF Wall\nbegin Appearance in appearance\nuse Oak in material\n"));
+    EXPECT_THAT(commands, HasSubstr("begin Shape DEF Door_2\n"));
+    std::filesystem::remove_all(folder);
+}
+
+TEST(ImportedPoints, AreNotBlack) {
+    const char* unlit = "begin Appearance in appearance\nbegin UnlitMaterial in material\nend\nend\nbegin PointSet";
+    const std::string ply =
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n";
+    EXPECT_THAT(Imported(ply + "end_header\n0 1 2\n").commands, HasSubstr(unlit));
+    EXPECT_THAT(Imported("v 0 0 0\nv 1 2 3\n").commands, HasSubstr(unlit));
+    // Points with normals are lit.
+    EXPECT_THAT(
+        Imported(ply + "property float nx\nproperty float ny\nproperty float nz\nend_header\n0 1 2 0 0 1\n").commands,
+        HasSubstr("begin Material in material"));
+}
+
 TEST(FileKinds, WhatIsNotReadIsNamedInOneLine) {
     const auto says = [](std::string_view bytes) {
         const Imported file(bytes);
@@ -209,6 +241,26 @@ TEST(FileKinds, WhatIsNotReadIsNamedInOneLine) {
     EXPECT_THAT(says(std::string_view("\xE0\x00\x00\x01\x00xyz", 8)), HasSubstr("X3DB"));
     EXPECT_THAT(says("\x89PNG\r\n\x1a\n"), HasSubstr("a picture (PNG)"));
     EXPECT_THAT(says("PK\x03\x04 zip"), HasSubstr("a ZIP archive"));
+    EXPECT_THAT(says(std::string_view("glTF\x01\0\0\0\x20\0\0\0\x0c\0\0\0\0\0\0\0{\"asset\":{}}", 32)),
+                HasSubstr("GLB of version 1 is not read, 2 is (version 1 is that of glTF 1.0)"));
+    EXPECT_THAT(says("#usda 1.0\ndef Xform \"a\" { }\n"), HasSubstr("a USD file, as text"));
+    EXPECT_THAT(says(std::string_view("PXR-USDC\0\x08\0\0", 12)), HasSubstr("a USD file, binary"));
+    EXPECT_THAT(says("ISO-10303-21;\nHEADER;\nFILE_SCHEMA(('IFC4'));\n"), HasSubstr("as IFC files are"));
+    EXPECT_THAT(says("<?xml version='1.0'?><!-- a --><COLLADA xmlns='x' version='1.4.1'><asset/></COLLADA>"),
+                HasSubstr("a Collada file, and is not read here"));
+    EXPECT_THAT(says("<svg xmlns='x'/>"), HasSubstr("a picture (SVG)"));
+    const auto utf16 = [](std::string_view text, bool bigEndian) {
+        std::string bytes = bigEndian ? "\xFE\xFF" : "\xFF\xFE";
+        for (const char c : text) bytes += bigEndian ? std::string{'\0', c} : std::string{c, '\0'};
+        return bytes;
+    };
+    for (const bool bigEndian : {false, true}) {
+        EXPECT_THAT(says(utf16("v 0 0 0\nv 1 0 0\n", bigEndian)), HasSubstr("OBJ, PLY and STL are in ASCII or UTF-8"));
+        EXPECT_THAT(says(utf16("# Blender\nv 0 0 0\n", bigEndian)), HasSubstr("OBJ, PLY and STL"));
+        EXPECT_THAT(says(utf16("#X3D V4.0 utf8\n", bigEndian)), HasSubstr("ClassicVRML or JSON in UTF-16"));
+        EXPECT_EQ(Imported(utf16("<?xml version='1.0' encoding='UTF-16'?><X3D version='4.0'/>", bigEndian)).problems,
+                  "");
+    }
     EXPECT_THAT(says("Kaydara FBX Binary  "), HasSubstr("an FBX file"));
     EXPECT_THAT(says(std::string_view("\x01\x02 abc\0\xFF", 8)), HasSubstr("is no text"));
     EXPECT_THAT(says("[1, 2, 3]"), HasSubstr("a list of JSON, which is no X3D"));

@@ -239,6 +239,49 @@ TEST(Versions, APrototypeMayHaveTheNameOfALaterNode) {
     EXPECT_EQ(scene.node(scene.findName("D")).type().kind, NodeType::Kind::builtin);
 }
 
+TEST(Versions, InXmlAndJsonAPrototypeMayHaveTheNameOfAnyNode) {
+    const std::string xml =
+        "<X3D profile='Full' version='3.3'><Scene><ProtoDeclare name='Box'><ProtoInterface><field name='size' "
+        "type='SFVec3f' accessType='inputOutput' value='1 1 1'/></ProtoInterface><ProtoBody><Sphere/></ProtoBody>"
+        "</ProtoDeclare><Shape><ProtoInstance DEF='P' name='Box' containerField='geometry'><fieldValue name='size' "
+        "value='3 3 3'/></ProtoInstance></Shape><Shape><Box DEF='B' size='2 2 2'/></Shape></Scene></X3D>";
+    const std::string json =
+        R"({"X3D":{"@version":"3.3","@profile":"Full","Scene":{"-children":[{"ProtoDeclare":{"@name":"Box",)"
+        R"("ProtoInterface":{"field":[{"@name":"size","@type":"SFVec3f","@accessType":"inputOutput","@value":[1,1,1]}]},)"
+        R"("ProtoBody":{"-children":[{"Sphere":{}}]}}},{"Shape":{"-geometry":{"ProtoInstance":{"@DEF":"P","@name":"Box",)"
+        R"("fieldValue":[{"@name":"size","@value":[3,3,3]}]}}}},{"Shape":{"-geometry":{"Box":{"@DEF":"B","@size":[2,2,2]}}}}]}}})";
+    for (const std::string& text : {xml, json}) {
+        Scene scene;
+        Diagnostics diagnostics;
+        ASSERT_TRUE(loadText(scene, text, diagnostics));
+        EXPECT_EQ(diagnostics.errors(), 0u) << allText(diagnostics);
+        EXPECT_THAT(allText(diagnostics), HasSubstr("PROTO Box has the name of a node of X3D; it is called Box_"));
+        const Node &instance = scene.node(scene.findName("P")), &box = scene.node(scene.findName("B"));
+        EXPECT_EQ(instance.type().kind, NodeType::Kind::proto);
+        EXPECT_EQ(instance.value(instance.type().find("size")).as<Vec3f>(), Vec3f(3));
+        EXPECT_EQ(box.type().kind, NodeType::Kind::builtin);
+        EXPECT_EQ(box.value(box.type().find("size")).as<Vec3f>(), Vec3f(2));
+        // It comes back from every encoding.
+        for (const Encoding encoding : {Encoding::xml, Encoding::json, Encoding::classicVrml}) {
+            Diagnostics writing;
+            Scene again;
+            ASSERT_TRUE(loadText(again, convert(text, encoding, writing), writing));
+            EXPECT_EQ(writing.errors(), 0u) << allText(writing);
+            EXPECT_EQ(again.node(again.findName("P")).type().name, "Box_");
+        }
+    }
+    // Instances of an external one that cannot be had stay, as they do under any other name.
+    Diagnostics writing;
+    const std::string kept = convert(
+        "<X3D profile='Full' version='3.3'><Scene><ExternProtoDeclare name='Text' url='\"none.x3d\"'><field "
+        "name='string' "
+        "type='MFString' accessType='inputOutput'/></ExternProtoDeclare><Shape><ProtoInstance name='Text' "
+        "containerField='geometry'><fieldValue name='string' value='\"Hi\"'/></ProtoInstance></Shape></Scene></X3D>",
+        Encoding::xml, writing);
+    EXPECT_EQ(writing.errors(), 0u) << allText(writing);
+    EXPECT_THAT(kept, HasSubstr("<ProtoInstance name='Text_'"));
+}
+
 /// As VRML97 files of a library have it: the node of a later version is meant where it has all the fields.
 TEST(Versions, AnExternPrototypeMayHaveTheNameOfALaterNodeThatIsAnotherThing) {
     const test::TempFolder folder;

@@ -105,11 +105,11 @@ TEST(ReaderClassic, UnknownNodeAndFieldAreReportedAndTheRestKept) {
     const Read r = readClassicScene(
         "Foo { a [ 1 { \"}\" } ] # }\n } Transform { bogus 1 2 3 nope Shape { } wrong [ Box {} ] translation 1 2 3 "
         "scale TRUE rotation 0 1 0 1 addChildren Group {} center 4 5 6 } Group {}");
-    EXPECT_EQ(r.diagnostics.errors(), 3u) << r.complaints();
+    EXPECT_EQ(r.diagnostics.errors(), 5u) << r.complaints();
     EXPECT_THAT(r.complaints(), HasSubstr("test.x3dv:3:1: warning: unknown node type Foo"));
     EXPECT_THAT(r.complaints(), HasSubstr("Transform has no field 'bogus'"));
     EXPECT_THAT(r.complaints(),
-                HasSubstr("warning: Transform has no field 'nope'; what is in it is kept under its name"));
+                HasSubstr("error: Transform has no field 'nope'; what is in it is kept under its name"));
     EXPECT_THAT(r.handler.lines, ElementsAre("begin Foo", "set a SFString \"1 { \\\"}\\\" }\"", "end",
                                              "begin Transform", "begin Shape in nope", "end", "begin Box in wrong",
                                              "end", "set translation SFVec3f 1 2 3", "set rotation SFRotation 0 1 0 1",

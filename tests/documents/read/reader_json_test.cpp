@@ -18,6 +18,14 @@ Read readJsonScene(const std::string& children) {
                 children + "]}}}");
 }
 
+TEST(ReaderJson, WhatStandsBesideTheDocumentIsNoneOfIt) {
+    const Read r(R"({"$schema":"https://x","list":[{"a":[1]}],"X3D":{"@version":"4.0","@profile":"Full","Scene":)"
+                 R"({"-children":[{"Group":{}}]}},"after":null})");
+    EXPECT_EQ(r.complaints(), "");
+    EXPECT_THAT(r.handler.lines, ElementsAre("begin Group", "end"));
+    EXPECT_THAT(Read(R"({"$schema":"https://x"})").complaints(), HasSubstr("there is no X3D object in the document"));
+}
+
 TEST(ReaderJson, SaysTheSameAsXml) {
     const Read json = Read(R"json({ "X3D": { "@version":"4.0", "@profile":"Full", "JSON schema":"x",
       "head": { "component": [ {"@name":"Text","@level":2} ], "unit": [ {"@category":"angle","@name":"degree",

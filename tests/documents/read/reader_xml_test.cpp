@@ -197,12 +197,15 @@ TEST(ReaderXml, UnknownNodesAndFieldsAreReportedAndTheRestKept) {
     EXPECT_THAT(r.complaints(), HasSubstr("there is no PROTO Missing"));
 }
 
-TEST(ReaderXml, ProtoNamedLikeABuiltInNodeIsLeftOut) {
+TEST(ReaderXml, ProtoNamedLikeABuiltInNodeIsNotMeantByItsElement) {
     const Read r = readXmlScene(
         "<ProtoDeclare name='Box'><ProtoInterface><field name='q' type='SFBool' accessType='inputOutput' value='true'/>"
         "</ProtoInterface><ProtoBody><Sphere/></ProtoBody></ProtoDeclare><Shape><Box size='1 1 1'/></Shape>");
-    EXPECT_EQ(r.diagnostics.errors(), 1u) << r.complaints();
-    EXPECT_EQ(r.handler.text(), "begin Shape\nbegin Box in geometry\nset size SFVec3f 1 1 1\nend\nend\n");
+    EXPECT_EQ(r.diagnostics.errors(), 0u) << r.complaints();
+    EXPECT_EQ(r.diagnostics.warnings(), 1u) << r.complaints();
+    EXPECT_THAT(r.handler.text(), testing::StartsWith("proto Box_\n"));
+    EXPECT_THAT(r.handler.text(),
+                testing::EndsWith("begin Shape\nbegin Box in geometry\nset size SFVec3f 1 1 1\nend\nend\n"));
 }
 
 TEST(ReaderXml, MalformedXmlKeepsWhatCameBefore) {

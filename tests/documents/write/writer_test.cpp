@@ -27,6 +27,23 @@ std::string rewrite(std::string_view text, Encoding encoding, Diagnostics* compl
     return out;
 }
 
+TEST(Writer, ANameThatIsUsedBeforeItIsThereIsNamedWhereItsTypeIsWritten) {
+    const char* text =
+        "<X3D profile='Full' version='4.0'><Scene>\n<Shape><Box USE='B'/></Shape>\n<Shape><Box DEF='B'/></Shape>\n"
+        "<Inline DEF='I'/><IMPORT inlineDEF='I' importedDEF='x'/><Group><Group USE='x'/></Group></Scene></X3D>";
+    for (const Encoding encoding : {Encoding::xml, Encoding::json}) {
+        Diagnostics complaints;
+        rewrite(text, encoding, &complaints);
+        ASSERT_EQ(complaints.all().size(), 1u);
+        EXPECT_EQ(complaints.all()[0].format(),
+                  "2:8: error: USE 'B': no node has that name before this point; of which type it is cannot be written "
+                  "[write]");
+    }
+    Diagnostics classic;
+    EXPECT_THAT(rewrite(text, Encoding::classicVrml, &classic), HasSubstr("geometry USE B"));
+    EXPECT_TRUE(classic.all().empty()) << "it says no types";
+}
+
 // Everything that a document can say, in the order in which XML says it.
 constexpr const char* kEverything = R"(<X3D profile='Immersive' version='4.0'>
 <head><component name='Scripting' level='1'/><unit category='angle' name='degree' conversionFactor='0.0175'/>
@@ -36,7 +53,7 @@ constexpr const char* kEverything = R"(<X3D profile='Immersive' version='4.0'>
   <Shape><Appearance><Material DEF='M' diffuseColor='1 0 0.5'/><Material USE='M' containerField='backMaterial'/>
   <PixelTexture image='2 2 3 0xFF0000 255 0 0x00ff00'/></Appearance>
   <IndexedFaceSet coordIndex='0 1 2 -1' solid='false'><Coordinate point='0 0 0, 1 0 0, 0 1 0'/></IndexedFaceSet></Shape>
-  <Group USE='T2'/>
+  <Group USE='near'/>
 </Transform>
 <MetadataSet name='set'><MetadataBoolean containerField='value' value='true false'/>
 <MetadataDouble containerField='value' value='0.1 1e-300'/><MetadataString name='inner'/></MetadataSet>

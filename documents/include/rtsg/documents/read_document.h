@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <string>
 #include <string_view>
 
 #include <rtsg/documents/document_handler.h>
@@ -26,6 +27,9 @@ struct ReadOptions {
     /// by the caller's thread alone.
     unsigned threads = 0;
     bool headerless = false;  // ClassicVRML may come without its header's line
+    /// Of a file with several animations (glTF) the one that plays, by its author's name or its DEF; an error if there
+    /// is none. Empty: the first.
+    std::string clip{};
 };
 
 /// Parses one document, already in memory and unpacked, into commands. The view must stay valid during the call.
