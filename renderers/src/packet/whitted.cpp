@@ -15,7 +15,6 @@ namespace rtsg::trace {
 
 namespace {
 
-constexpr int kMostStraight = 250;
 /// Shadows that are left out add up to the cutoff at most, of however many lights; of few each to a fourth of it.
 constexpr std::size_t kFewLights = 4;
 constexpr float kSmallShare = .1f;     // of a pixel
@@ -285,7 +284,7 @@ class Tile {
                 });
         }
         const Vec3f straight = weight * (1 - coverage) + (glass ? Vec3f(0) : entering);
-        if (straight != Vec3f(0) && from.passes >= kMostStraight) {
+        if (straight != Vec3f(0) && from.passes >= kMostPassed) {
             cut(straight);
         } else if (straight != Vec3f(0)) {
             queue(Turn::none, straight, branches_.behind, -s.view.get(lane), [&](PathTask& next) {

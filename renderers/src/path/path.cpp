@@ -32,9 +32,9 @@ using namespace simd;
 
 namespace {
 
-// Roulette ends paths; these only keep light between perfect mirrors from running for ever. Light that is cut off by
-// them is counted.
-constexpr int kMaxPasses = 10'000, kMaxBounces = 10'000;
+// Roulette ends paths; this only keeps light between perfect mirrors from running for ever. Light that is cut off is
+// counted.
+constexpr int kMaxBounces = 10'000;
 constexpr float kRedraw = Roulette8::kRedraw;
 
 /// Two unit vectors square to a unit vector and each other (Duff et al. 2017); as path_scatter.h has them.
@@ -558,7 +558,7 @@ class Paths {
             if (!(task.fate < task.odds)) return;
             task.weight /= survival;
         }
-        const bool enough = straightOn ? task.passes >= kMaxPasses : task.depth >= kMaxBounces;
+        const bool enough = straightOn ? task.passes >= kMostPassed : task.depth >= kMaxBounces;
         if (enough) {
             loop_.resultOf(task.pixel).addMissing(task.pixel % kTilePixels, largest(task.weight));
             return;

@@ -27,7 +27,6 @@ namespace {
 
 constexpr int kMostSamples = 64;  // of what is a mean
 constexpr std::size_t kRanks = 6;
-constexpr int kMostPasses = 256;  // clear surfaces before the one that counts
 
 struct Kind {
     DataLayer layer;
@@ -190,7 +189,7 @@ class LayerTiles {
                 static_cast<std::size_t>(x0 + pixels[lane] % kTileSide);
         }
         std::uint32_t going = active;
-        for (int pass = 0; going && pass < kMostPasses; ++pass) {
+        for (int pass = 0; going && pass < kMostPassed; ++pass) {
             const std::uint32_t hits = scene_.world->intersect(rays, pass == 0) & going;
             going = 0;
             if (!hits) break;

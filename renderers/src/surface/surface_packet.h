@@ -28,8 +28,8 @@ bool letsThrough(const TraceScene& scene, std::uint32_t instance);
 /// there. The side that the ray meets decides, as it does for an eye there.
 Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
 
-/// Clear surfaces that a ray towards a light passes; behind more it is dark. Only those that take nothing at all, such
-/// as the empty parts of textures, become so many before nothing is left.
+/// Clear surfaces that a ray passes straight; behind more it is dark. Only those that take nothing at all, such as the
+/// empty parts of textures, become so many before nothing is left.
 constexpr int kMostPassed = 10'000;
 
 /// The share of light that is left along a ray, which ends at tMax or goes on for ever. `world` has the things that it
