@@ -169,7 +169,7 @@ bool arrives(const TraceScene& scene, const SurfacePacket& s, int lane, const Pa
     const float cosine = std::max(std::abs(glm::dot(direction, hit.normal)), 0.05f);
     const float footprint = scene.sampleWidth(run) / std::sqrt(cosine);
     left *= emitted(scene, hit, glm::dot(direction, hit.normal) > 0, footprint);
-    if (task.absorption != Vec3f(0)) left *= glm::exp(-task.absorption * distance);
+    if (task.media) left *= glm::exp(-s.media->absorption(task.media) * distance);
     if (scene.fogs.any())
         left *= scene.fogs.of(scene.slots[hit.instance].lights)
                     .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, place, distance);
@@ -208,7 +208,7 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, const Path
     std::uint32_t even = clearAir ? out.mask & chosen.even : 0;  // emitters that send the same from everywhere
     for (std::uint32_t rest = even; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        if (tasks[lane].absorption != Vec3f(0)) even &= ~(1u << lane);
+        if (tasks[lane].media && s.media->absorption(tasks[lane].media) != Vec3f(0)) even &= ~(1u << lane);
     }
     const std::uint32_t free = findFree(scene, rays, even, kBefore);
     std::uint32_t hits = 0;
@@ -353,7 +353,9 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom&
         if (asked.shadowed >> lane & 1u) {
             const Ray ray = asked.rays.ray(lane);
             Vec3f left(blocked >> lane & 1u ? 0.0f : 1.0f);
-            if ((blocked >> lane & 1u) && scene.anyTransmits) left = leftOnTheWay(scene, *scene.world, ray);
+            if ((blocked >> lane & 1u) && scene.anyTransmits)
+                left = leftOnTheWay(scene, *scene.world, ray, RayKind::shadow,
+                                    s.media ? RunsIn{s.media, s.within[lane]} : RunsIn());
             left *= volumesLeft(scene, ray);
             visible -= light.shadowIntensity * (Vec3f(1) - left);
         }

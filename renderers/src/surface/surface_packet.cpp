@@ -303,6 +303,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
             fetchMaterial(scene, common, lanes, tasks, out);
         rest &= ~lanes;
     }
+    if (scene.materials.bends()) findInterfaces(scene, rays, tasks, out);
     if (!scene.energyLimited) return;
     out.filled = nullptr;
     for (int at = 0; at < 16; at += 8) {
@@ -375,25 +376,27 @@ bool letsThrough(const TraceScene& scene, std::uint32_t instance) {
 
 namespace {
 
-/// `alpha`: of textures.
-Vec3f throughPlain(const Material& material, float alpha, float opacity) {
+/// `alpha`: of textures. `eta`: of what bends light.
+Vec3f throughPlain(const Material& material, float alpha, float opacity, float eta) {
     const float coverage = coverageOf(material, alpha, opacity);
     Vec3f through = coverage * (1 - opacityOf(material, opacity)) * (Vec3f(1) - material.reflectivity);
     // Two boundaries of a dielectric reflect some of what passes; the bending is not followed.
-    if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, material.refractiveIndex).mean();
+    if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, eta).mean();
     return Vec3f(1 - coverage) + through;
 }
 
 }  // namespace
 
-Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
+Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction, std::optional<float> eta) {
+    if (eta && *eta == 0) return Vec3f(1);
     const SlotShading& slot = scene.slot(hit.instance);
     const MaterialEntry& entry = scene.materials[slot.material];
     const RayInstance& instance = scene.world->instance(hit.instance);
     const Mesh& mesh = *instance.mesh;
     const bool colored = mesh.colors.present() && mesh.colors.components() == 4;
     if (!letsThrough(scene, hit.instance)) return Vec3f(0);
-    if (hit.isCap()) return throughPlain(entry.material, 1, entry.material.opacity);
+    if (hit.isCap())
+        return throughPlain(entry.material, 1, entry.material.opacity, eta.value_or(entry.material.refractiveIndex));
     const bool behind = mesh.strokeCount == 0 && glm::dot(direction, hit.normal) > 0;
     const Material& material = behind && entry.material.back ? *entry.material.back : entry.material;
     if (mesh.strokeCount > 0) {
@@ -408,7 +411,7 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f
     if (material.texture(TextureRole::base) || !material.stages.empty())
         findAlpha({instance, slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position, hit.normal},
                   material, alpha, opacity);
-    return throughPlain(material, alpha, opacity);
+    return throughPlain(material, alpha, opacity, eta.value_or(material.refractiveIndex));
 }
 
 Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint) {
