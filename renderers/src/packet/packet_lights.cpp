@@ -219,7 +219,18 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
     for (std::uint32_t rest = behind; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
         through[lane] = scene.anyTransmits ? throughOwn(scene, s, lane) : Vec3f(0);
-        if (through[lane] == Vec3f(0)) rays.active[lane] = 0;
+        if (through[lane] != Vec3f(0)) continue;
+        if (const auto start = placeOnCurve(scene, s, lane)) {
+            Ray ray = rays.ray(lane);
+            if (light.kind == Light::Kind::point || light.kind == Light::Kind::spot ||
+                light.kind == Light::Kind::projector)
+                ray.direction = light.position - *start;
+            ray.origin = *start;
+            rays.set(lane, ray);
+            behind &= ~(1u << lane);
+        } else {
+            rays.active[lane] = 0;
+        }
     }
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
     std::uint32_t clear = 0;

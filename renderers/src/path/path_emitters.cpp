@@ -301,20 +301,25 @@ float factorOf(const TraceLight& light, float distance, const Vec3f& direction) 
 }
 
 /// Has a lane ask a lamp that was chosen with a probability.
-void askLamp(const SurfacePacket& s, int lane, const TraceLight& light, float probability, AskedLamps& asked,
-             EmitterLight& out) {
+void askLamp(const TraceScene& scene, const SurfacePacket& s, int lane, const TraceLight& light, float probability,
+             AskedLamps& asked, EmitterLight& out) {
     const Vec3f way = light.position - s.position.get(lane);
     const float distance = glm::length(way);
     const Vec3f direction = way / distance;
     const float factor = factorOf(light, distance, direction);
-    if (!(factor > 0) || !isAbove(s, lane, direction)) return;
+    if (!(factor > 0)) return;
+    std::optional<Vec3f> onCurve;
+    if (!isAbove(s, lane, direction)) {
+        if (glm::dot(direction, s.normal.get(lane)) > 0) onCurve = placeOnCurve(scene, s, lane);
+        if (!onCurve) return;
+    }
     out.direction.set(lane, direction);
     out.density[lane] = std::numeric_limits<float>::infinity();
     out.mask |= 1u << lane;
     // Units: a light of intensity 1 head-on shows a white surface's 1, radiance over a density 1 / pi.
     asked.lamp[lane] = &light, asked.sent[lane] = std::numbers::pi_v<float> * factor / probability;
     if (!light.shadows) return;
-    const Vec3f start = RayView::leave(s.point(lane), direction);
+    const Vec3f start = onCurve ? *onCurve : RayView::leave(s.point(lane), direction);
     asked.rays.set(lane, {start, kLeave, light.position - start, 1});
     asked.shadowed |= 1u << lane;
 }
@@ -336,7 +341,8 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom&
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             if (choices.thing[lane] != LightTree::kNone)
-                askLamp(s, at + lane, (*scene.lamps)[choices.thing[lane]], choices.probability[lane], asked, out);
+                askLamp(scene, s, at + lane, (*scene.lamps)[choices.thing[lane]], choices.probability[lane], asked,
+                        out);
         }
     }
     if (!out.mask) return;

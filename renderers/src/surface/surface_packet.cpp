@@ -368,6 +368,30 @@ HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& s, int lane) 
     return scene.world->point(hit, rayTo(s, lane));
 }
 
+std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& s, int lane) {
+    const std::uint32_t triangle = s.hits.triangle[lane];
+    if ((s.thin | s.caps) >> lane & 1u) return std::nullopt;
+    const RayInstance& instance = scene.world->instance(s.hits.instance[lane]);
+    const MeshAttribute& normals = instance.mesh->normals;
+    if (!normals.present() || normals.binding() == MeshAttribute::Binding::face) return std::nullopt;
+    const Vec3f place = s.exact.get(lane), facing = (s.back >> lane & 1u ? -1.0f : 1.0f) * s.outside(lane);
+    const float u = s.hits.u[lane], v = s.hits.v[lane], weights[] = {1 - u - v, u, v};
+    Vec3f off(0);
+    for (std::uint32_t corner = 0; corner < 3; ++corner) {
+        const float* const numbers = normals.data() + std::size_t{normals.valueIndex(triangle, corner)} * 3;
+        Vec3f normal = instance.normalFromLocal * Vec3f(numbers[0], numbers[1], numbers[2]);
+        const float length = glm::length(normal);
+        if (!(length > 0)) return std::nullopt;
+        normal *= (glm::dot(normal, facing) < 0 ? -1 : 1) / length;
+        const Vec3f from = instance.rayFromLocal * Vec4f(instance.mesh->vertex(triangle, corner), 1);
+        off -= weights[corner] * std::min(glm::dot(place - from, normal), 0.0f) * normal;
+    }
+    // As far as a ray that leaves the triangle itself starts from it, there is no curve.
+    const float error = glm::dot(glm::abs(facing), s.error.get(lane));
+    if (!(glm::dot(off, facing) > 2 * error)) return std::nullopt;
+    return place + off;
+}
+
 bool letsThrough(const TraceScene& scene, std::uint32_t instance) {
     if (scene.materials[scene.slot(instance).material].transmits) return true;
     const Mesh& mesh = *scene.world->instance(instance).mesh;

@@ -23,6 +23,11 @@ void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
 /// The start of rays that go straight on from a hit. Precondition: findPoints().
 HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& surfaces, int lane);
 
+/// A place on the curved surface that a lane's flat triangle stands for, on the viewer's side of it; nothing if that is
+/// not curved outwards there. Rays from it to lights that the shading normal faces and the triangle does not leave
+/// bodies that bulge. Precondition: findPoints(). Source: Hanika 2021 (Ray Tracing Gems II, chapter 4).
+std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& surfaces, int lane);
+
 /// Whether light may pass straight through an instance.
 bool letsThrough(const TraceScene& scene, std::uint32_t instance);
 
