@@ -34,7 +34,9 @@ enum DataLayer : std::uint32_t {
     kDepth = 1,       // "Z": metres along the view, of panoramas from the eye
     kPosition = 2,    // "P.X", "P.Y", "P.Z": world, metres
     kNormal = 4,      // "N.X" ...: as it is shaded, in world space, on the eye's side
-    kAlbedo = 8,      // "albedo.R" ...: diffuseColor, baseColor, or what an unlit one shows; with textures, as light
+    /// "albedo.R" ...: diffuseColor, baseColor, or what an unlit one shows, with textures, as light; 1 for the share
+    /// that is mirrored or bent. From 0 to 1.
+    kAlbedo = 8,
     kNode = 16,       // "node.id": NodeId of the Shape, an integer
     kObjects = 32,    // "CryptoObject00.R" ...: Cryptomatte 1.2 of RenderSettings::nameOf(shape)
     kMaterials = 64,  // "CryptoMaterial00.R" ...: of nameOf(appearance)
