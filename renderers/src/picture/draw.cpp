@@ -89,6 +89,7 @@ class Drawing {
         stats.cancelled = cancelled_;
         stats.missing = sum_.missing / pixels, stats.missingMost = sum_.missingMost;
         stats.error = std::sqrt(sum_.error / pixels), stats.unreached = sum_.unreached / pixels;
+        stats.noise = std::sqrt(sum_.noise / pixels), stats.mean = sum_.mean / pixels;
         stats.samples = sum_.samples / pixels;
         stats.kept = sum_.kept / pixels;
     }
@@ -113,6 +114,7 @@ class Drawing {
     }
     void addUp(const TileStats& own) {
         sum_.samples += own.samples, sum_.error += own.error, sum_.unreached += own.unreached;
+        sum_.noise += own.noise, sum_.mean += own.mean;
         sum_.missing += own.missing, sum_.missingMost = std::max(sum_.missingMost, own.missingMost);
     }
 
@@ -160,6 +162,8 @@ class Drawing {
         if (picture_.interval.empty()) return;
         picture_.interval[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture_.width) +
                           static_cast<std::size_t>(x)] = tile.interval[at];
+        const Vec4f& shown = picture_.at(x, y);
+        own.noise += tile.variance[at], own.mean += (double{shown.r} + shown.g + shown.b) / 3;
         own.error += double{tile.error[at]} * tile.error[at];
         own.unreached += tile.ranOut >> block & 1u;
     }
@@ -173,7 +177,7 @@ class Drawing {
     std::atomic<int> done_ = 0;
     std::atomic<bool> cancelled_ = false;
     std::mutex progressMutex_, sumMutex_;
-    RenderStats sum_;  // over pixels; of `error` the squares
+    RenderStats sum_;  // over pixels; of `error` and `noise` the squares
 };
 
 }  // namespace

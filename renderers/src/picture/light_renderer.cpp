@@ -173,6 +173,8 @@ void addCounts(const RenderStats& of, RenderStats& sum) {
     sum.missing = before * sum.missing + now * of.missing, sum.missingMost = std::max(sum.missingMost, of.missingMost);
     sum.error = std::sqrt(before * sum.error * sum.error + now * of.error * of.error);
     sum.unreached = before * sum.unreached + now * of.unreached, sum.kept = before * sum.kept + now * of.kept;
+    sum.noise = std::sqrt(before * sum.noise * sum.noise + now * of.noise * of.noise);
+    sum.mean = before * sum.mean + now * of.mean;
     sum.samples = before * sum.samples + now * of.samples;
     sum.cancelled = sum.cancelled || of.cancelled;
 }
