@@ -12,6 +12,7 @@
 #include "data_layers.h"
 #include "lighting/environment.h"
 #include "lighting/path_parts.h"
+#include "lighting/sample_points.h"
 #include "lighting/shutter.h"
 #include "mesh/simd8.h"
 #include "packet/tile_rays.h"
@@ -269,11 +270,39 @@ void findKept(const TraceScene& scene, const RenderSettings& settings, const Dif
 
 }  // namespace
 
+namespace {
+
+/// Samples of a pixel, after which a picture of what rests is as it is.
+constexpr double kMostRefined = 16384;
+
+/// Adds as many samples as a picture has to the last one, which shows the same.
+Picture refine(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+               const Part& part, RenderStats& stats, Trail::Part& last) {
+    RenderSettings own = settings;
+    const double before = last.stats.samples, share = settings.samplesPerPixel / (before + settings.samplesPerPixel);
+    own.seed = mixBits(settings.seed + static_cast<std::uint64_t>(before) * 0x9e3779b97f4a7c15ull);
+    own.layers = 0;
+    const Picture more = drawPart(state, world, camera, own, part, stats, nullptr);
+    stats.kept = 1;
+    if (stats.cancelled) return last.picture;
+    for (std::size_t i = 0; i < more.pixels.size(); ++i)
+        last.picture.pixels[i] += static_cast<float>(share) * (more.pixels[i] - last.picture.pixels[i]);
+    stats.samples += before;
+    stats.missing = (1 - share) * last.stats.missing + share * stats.missing;
+    stats.missingMost = std::max(stats.missingMost, last.stats.missingMost);
+    last.stats = stats;
+    return last.picture;
+}
+
+}  // namespace
+
 Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                  const Part& part, RenderStats& stats, Trail* trail) {
     Kept kept;
     if (trail) kept.last = &trail->next(camera);
     if (trail && trail->isSame()) {
+        if (trail->refines() && kept.last->stats.samples < kMostRefined)
+            return refine(state, world, camera, settings, part, stats, *kept.last);
         stats = kept.last->stats;
         stats.primaryRays = stats.shadowRays = stats.secondaryRays = 0, stats.kept = 1;
         stats.cancelled = settings.progress && !settings.progress(1);
