@@ -44,6 +44,7 @@ Result<> LiveOutputs::start(const Resources& resources) {
     if (!arguments_.render.empty()) {
         ImageOptions image = arguments_.picture.parse();
         if (arguments_.denoise) image.settings.layers = kLayersOfDenoising;
+        image.refine = true;
         image.settings.progress = [this](double) { return !abandoned_ && (afterInterruption_ || !interrupted()); };
         light_ = std::make_unique<LightRenderer>(world_, LightRenderer::Options(resources, image));
         if (!light_->attached()) return rtsg::fail(light_->failure());
@@ -157,6 +158,7 @@ Result<> LiveOutputs::takePicture(const WorldState& state, bool last) {
     ++live_.statesPictured;
     report_.pictureStates.push_back(light_->presented());
     report_.kept += light_->stats().kept;
+    report_.pictureSamples.push_back(light_->stats().samples);
     report_.pictureTimes.push_back(std::round(elapsed * 1e6) / 1e6);
     return files_.add(std::move(picture), static_cast<std::uint64_t>(skipped));
 }

@@ -40,16 +40,17 @@ void OutputReport::forget(bool pictures) {
     if (!pictures) return;
     pictureStates.clear();
     pictureTimes.clear();
+    pictureSamples.clear();
     soundStates.clear();
 }
 
 std::string OutputReport::json() const {
     std::string text = fmt::format(
-        R"(,"pictures":{},"kept":{:.4g},"sound_seconds":{:.3f},"picture_states":{},"picture_times":{},"sound_states":{},"behind_s":{:.3f},"overlapped":{},)"
+        R"(,"pictures":{},"kept":{:.4g},"sound_seconds":{:.3f},"picture_states":{},"picture_times":{},"picture_samples":{},"sound_states":{},"behind_s":{:.3f},"overlapped":{},)"
         R"("missing":{},"flattenings":{},"worlds":{},"commits":{})",
         pictureStates.size(), meanKept(), soundSeconds, jsonArray(pictureStates), jsonArray(pictureTimes),
-        jsonArray(soundStates), mostBehind, overlapped, missing.empty() ? "null" : jsonString(missing),
-        world.flatteners, world.rayWorlds, world.commits);
+        jsonArray(pictureSamples), jsonArray(soundStates), mostBehind, overlapped,
+        missing.empty() ? "null" : jsonString(missing), world.flatteners, world.rayWorlds, world.commits);
     if (cuts) text += tessellationJson(*cuts);
     if (live)
         text += fmt::format(
@@ -67,9 +68,11 @@ std::string OutputReport::text() const {
     if (!live)
         return fmt::format("{} pictures{}, {:.3f} s of sound, at most {:.2f} s behind", pictureStates.size(),
                            keptText(meanKept()), soundSeconds, mostBehind);
-    std::string text = fmt::format("{} pictures ({} skipped{}), {:.3f} s of sound, of {} of {} states",
-                                   pictureStates.size(), live->picturesSkipped, keptText(meanKept()), soundSeconds,
-                                   std::max(live->statesPictured, live->statesHeard), live->states);
+    const std::string samples =
+        pictureSamples.empty() ? "" : fmt::format(", the last of {:.6g} samples a pixel", pictureSamples.back());
+    std::string text = fmt::format("{} pictures ({} skipped{}{}), {:.3f} s of sound, of {} of {} states",
+                                   pictureStates.size(), live->picturesSkipped, keptText(meanKept()), samples,
+                                   soundSeconds, std::max(live->statesPictured, live->statesHeard), live->states);
     if (live->device)
         text += fmt::format("; {:.3f} s played on {}, {} underruns", live->device->seconds, live->device->device,
                             live->device->underruns);

@@ -19,8 +19,9 @@ struct OutputReport {
     /// made from (0: there is none); and the instant, in seconds from the start.
     std::vector<std::uint64_t> pictureStates, soundStates;
     std::vector<double> pictureTimes;
-    double kept = 0;       // RenderStats::kept, added up over the pictures
-    double unreached = 0;  // RenderStats::unreached, the most of a picture
+    std::vector<double> pictureSamples;  // RenderStats::samples of each
+    double kept = 0;                     // RenderStats::kept, added up over the pictures
+    double unreached = 0;                // RenderStats::unreached, the most of a picture
     double soundSeconds = 0;
     double mostBehind = 0;         // seconds of scene time that the outputs ever were behind the scene
     std::uint64_t overlapped = 0;  // frames that came while what the one before asked for was still in the making

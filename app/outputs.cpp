@@ -120,6 +120,7 @@ Result<> Outputs::make(const Job& job) {
         report_.pictureTimes.push_back(arguments_.animated() ? nextPicture() : job.until);
         report_.pictureStates.push_back(light_->presented());
         report_.kept += light_->stats().kept;
+        report_.pictureSamples.push_back(light_->stats().samples);
         report_.unreached = std::max(report_.unreached, light_->stats().unreached);
         report_.soundStates.push_back(sound_ ? sound_->presented() : 0);
         if (auto ok = files_.add(std::exchange(light_->frame(), Picture())); !ok) return ok;

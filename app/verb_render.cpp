@@ -66,12 +66,18 @@ void addEye(const RenderArguments& options, ImageOptions& image) {
     image.eyeDistance = options.eyeDistance;
 }
 
-/// `all` has, over the frames, the largest missing light and error, and the means of samples and of kept pixels.
+double noiseOverMean(const RenderStats& stats) {
+    return stats.mean > 0 ? stats.noise / stats.mean : 0;
+}
+
+/// `all` has, over the frames, the largest missing light, error and noise, and the means of samples and of kept pixels.
 void tellResult(const RenderArguments& options, const RenderSettings& settings, const RenderStats& all,
                 const RayWorld::Stats& rays, const std::optional<Flattener::Cuts>& cuts) {
     if (options.json) {
-        std::string more =
-            settings.error > 0 ? fmt::format(",\"error\":{:.4g},\"unreached\":{:.4g}", all.error, all.unreached) : "";
+        std::string more;
+        if (settings.error > 0)
+            more = fmt::format(",\"error\":{:.4g},\"rms_over_mean\":{:.4g},\"unreached\":{:.4g}", all.error,
+                               noiseOverMean(all), all.unreached);
         if (options.frames > 1) more += fmt::format(",\"kept\":{:.4g}", all.kept);
         if (cuts) more += tessellationJson(*cuts);
         fmt::print(
@@ -85,7 +91,8 @@ void tellResult(const RenderArguments& options, const RenderSettings& settings, 
                options.frames, options.frames == 1 ? "" : "s", all.seconds,
                options.frames == 1 ? "" : keptText(all.kept));
     if (settings.error > 0)
-        fmt::print("error {:.2g} (asked: {:g}) with {:.0f} samples a pixel\n", all.error, settings.error, all.samples);
+        fmt::print("error {:.2g} (asked: {:g}), noise {:.2g} of the mean, with {:.0f} samples a pixel\n", all.error,
+                   settings.error, noiseOverMean(all), all.samples);
 }
 
 int render(const RenderArguments& options) {
@@ -144,6 +151,7 @@ int render(const RenderArguments& options) {
         all.seconds += stats.seconds;
         all.missing = std::max(all.missing, stats.missing);
         all.error = std::max(all.error, stats.error), all.unreached = std::max(all.unreached, stats.unreached);
+        if (noiseOverMean(stats) >= noiseOverMean(all)) all.noise = stats.noise, all.mean = stats.mean;
         all.samples += stats.samples / options.frames, all.kept += stats.kept / options.frames;
     };
     const auto written = renderToFile(light, out, image, animation, options.picture.toneMap());

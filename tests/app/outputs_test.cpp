@@ -299,6 +299,7 @@ TEST_F(MadeOutputs, WithoutSoundNameNoStateOfIt) {
     EXPECT_EQ(report.at("picture_states"), json({2, 3}));
     EXPECT_EQ(report.at("sound_states"), json({0, 0}));
     EXPECT_EQ(report.at("picture_times"), json({0.0, 0.1}));
+    EXPECT_EQ(report.at("picture_samples"), json({1, 1}));
     EXPECT_FALSE(report.contains("live"));
 }
 
@@ -364,6 +365,43 @@ TEST_F(LiveOutputsOf, ASlowPictureHoldsUpNeitherTheSceneNorTheSound) {
     EXPECT_DOUBLE_EQ(seconds("p.wav"), 1);
     EXPECT_EQ(report.at("flattenings"), 1);
     EXPECT_EQ(report.at("worlds"), 1);
+}
+
+// A still picture by paths gets better with time, filtered or not, and says how many samples it has.
+TEST_F(LiveOutputsOf, PicturesByPathsGoOnAddingSamples) {
+    writeFile(folder / "still.x3dv",
+              "#X3D V4.0 utf8\nPROFILE Immersive\nBackground { skyColor .6 .7 .9 }\nViewpoint { position 0 0 3 }\n"
+              "Shape { appearance Appearance { material Material { } } geometry Box { solid FALSE size 4 4 4 } }\n"
+              "Shape { appearance Appearance { material Material { } } geometry Sphere { } }\n");
+    for (const bool filtered : {false, true}) {
+        const std::string name = filtered ? "f" : "n";
+        std::vector<std::string> run{"run",
+                                     folder / "still.x3dv",
+                                     "--for",
+                                     "1s",
+                                     "--fps",
+                                     "10",
+                                     "--live",
+                                     "--integrator",
+                                     "path",
+                                     "--spp",
+                                     "2",
+                                     "--render",
+                                     folder / (name + "%d.png"),
+                                     "--size",
+                                     "32x18",
+                                     "--json"};
+        if (filtered) run.push_back("--denoise");
+        const Outcome outcome = rtsg(run);
+        ASSERT_EQ(outcome.status, 0) << outcome.err;
+        const auto samples = json::parse(outcome.out).at("picture_samples").get<std::vector<double>>();
+        ASSERT_GE(samples.size(), 3u);
+        for (std::size_t k = 0; k < samples.size(); ++k) EXPECT_EQ(samples[k], 2. * (double(k) + 1));
+        EXPECT_NE(bytes(name + "0.png"), bytes(name + "1.png"));
+    }
+    const Outcome said = rtsg({"run", folder / "still.x3dv", "--for", "0.5s", "--fps", "10", "--live", "--integrator",
+                               "path", "--spp", "2", "--render", folder / "s%d.png", "--size", "16x9"});
+    EXPECT_THAT(said.out + said.err, HasSubstr("samples a pixel"));
 }
 
 TEST_F(LiveOutputsOf, OnePictureIsOfTheLastState) {

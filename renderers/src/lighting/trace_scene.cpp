@@ -74,6 +74,10 @@ MaterialList::MaterialList(const PagedArray<std::shared_ptr<const MaterialEntry>
         const Material& m = entry->material;
         return m.model == ShadingModel::physical || m.specular != Vec3f(0) || m.back;
     });
+    bends_ = std::ranges::any_of(entries_, [](const MaterialEntry* entry) {
+        const Material& m = entry->material;
+        return m.refractiveIndex > 0 || (m.back && m.back->refractiveIndex > 0);
+    });
     generates_ = std::ranges::any_of(entries_, [](const MaterialEntry* entry) { return !entry->generated.empty(); });
 }
 

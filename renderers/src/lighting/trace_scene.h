@@ -118,10 +118,12 @@ class MaterialList {
     bool generates() const { return generates_; }
     /// Whether any shows what others send as more than a matte surface does.
     bool glossy() const { return glossy_; }
+    /// Whether any has a refractive index.
+    bool bends() const { return bends_; }
 
   private:
     std::vector<const MaterialEntry*> entries_;
-    bool generates_ = false, glossy_ = false;
+    bool generates_ = false, glossy_ = false, bends_ = false;
 };
 
 /// Lights by the scope that they shine in: an instance sees those of its own scope and of all around it.
@@ -217,6 +219,7 @@ struct TraceScene {
     const LargeRays* large = nullptr;             // of paths in stages, where they pay
     const Shutter* shutter = nullptr;             // where something moves while it is open
     std::shared_ptr<CoincidentFaces> coincident;  // null: something moves, or nobody keeps what is found
+    std::vector<std::uint32_t> aroundEye;         // slots of what bends light, where all rays start in one place
     const PrimaryRays* primary = nullptr;         // of the picture, where they find what they meet together
     MaterialList materials;
     SlotPages slots;
@@ -275,7 +278,7 @@ struct PathTask {
     Vec3f weight{1};
     float travelled = 0;       // metres from the eye to the origin; for the size of a pixel on what it hits
     float line = 0;            // of them along this straight line; for fog
-    Vec3f absorption{0};       // 1/m, of what it runs in
+    std::uint32_t media = 0;   // the bodies that it runs in, as the tile's Media has them
     std::uint16_t pixel = 0;   // of its tile; of group g those from g * kTilePixels on
     std::uint16_t depth = 0;   // mirrorings, refractions and bounces before
     std::uint16_t passes = 0;  // clear surfaces passed straight

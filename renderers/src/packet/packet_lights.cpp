@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "surface/coincident.h"
@@ -114,14 +115,15 @@ bool passOn(const TraceScene& scene, const Hit& hit, const Vec3f& through, float
 
 /// leftOnTheWay() side by side of those rays of a packet that have met something clear.
 void passClear(const TraceScene& scene, const RayView& world, RayPacket16& rays, std::uint32_t met, float tMax,
-               Vec3f* left) {
+               RunsIn* in, Vec3f* left) {
     for (int step = 0; met; ++step) {
         std::uint32_t on = 0;
         for (int lane = 0; lane < 16; ++lane) {
             if (met >> lane & 1u) {
                 Ray ray = rays.ray(lane);
                 const Hit hit = world.hit(rays, lane);
-                if (passOn(scene, hit, straightTransmittance(scene, hit, ray.direction), tMax, ray, left[lane])) {
+                const Vec3f through = straightTransmittance(scene, hit, ray.direction, in[lane].pass(scene, ray, hit));
+                if (passOn(scene, hit, through, tMax, ray, left[lane])) {
                     rays.set(lane, ray);
                     on |= 1u << lane;
                     continue;
@@ -138,7 +140,7 @@ void passClear(const TraceScene& scene, const RayView& world, RayPacket16& rays,
 /// Takes from `left` what `lanes` of a packet, to a light at `tMax`, lose from hit to hit. Returns those that meet
 /// anything, and in `clear` those that meet something clear first.
 std::uint32_t followClear(const TraceScene& scene, const RayView& world, RayPacket16& rays, std::uint32_t lanes,
-                          float tMax, bool coherent, std::uint32_t& clear, Vec3f* left) {
+                          float tMax, bool coherent, RunsIn* in, std::uint32_t& clear, Vec3f* left) {
     for (int lane = 0; lane < 16; ++lane)
         if (!(lanes >> lane & 1u)) rays.skip(lane);
     const std::uint32_t met = world.intersect(rays, coherent, RayKind::shadow) & lanes;
@@ -149,15 +151,15 @@ std::uint32_t followClear(const TraceScene& scene, const RayView& world, RayPack
         clear |= 1u << lane;
         left[lane] = Vec3f(1);
     }
-    passClear(scene, world, rays, clear, tMax, left);
+    passClear(scene, world, rays, clear, tMax, in, left);
     return met;
 }
 
 /// The share of light that is left along a ray that nothing opaque stops.
-Vec3f leftBehind(const TraceScene& scene, const Ray& ray, int lane, ClearWay& way) {
+Vec3f leftBehind(const TraceScene& scene, const Ray& ray, int lane, RunsIn in, ClearWay& way) {
     Vec3f left(1);
-    way.visit(ray, lane, [&](const Hit& hit) {
-        left *= straightTransmittance(scene, hit, ray.direction);
+    way.visit(ray, lane, [&](const Hit& hit, std::span<const Hit> others) {
+        left *= straightTransmittance(scene, hit, ray.direction, in.pass(scene, ray.direction, hit, others));
         const bool isBright = std::max({left.x, left.y, left.z}) > kLeast;
         if (!isBright) left = Vec3f(0);
         return isBright;
@@ -166,10 +168,10 @@ Vec3f leftBehind(const TraceScene& scene, const Ray& ray, int lane, ClearWay& wa
 }
 
 /// Which rays, to a light at `tMax`, are blocked, and in `clear` which of them by something that may let light through:
-/// `left` tells how much. `world`: what they may meet. A ray that an opaque thing blocks needs no closer look, whatever
-/// else the scene holds.
+/// `left` tells how much. `world`: what they may meet, `in`: what each of them starts in. A ray that an opaque thing
+/// blocks needs no closer look, whatever else the scene holds.
 std::uint32_t findBlocked(const TraceScene& scene, const RayView& world, RayPacket16& rays, std::uint32_t tested,
-                          float tMax, bool coherent, std::uint32_t& clear, Vec3f* left) {
+                          float tMax, bool coherent, RunsIn* in, std::uint32_t& clear, Vec3f* left) {
     clear = 0;
     const std::uint32_t near = nearClear(scene, rays, tested);
     if (!near) return world.occluded(rays, coherent) & tested;
@@ -183,39 +185,63 @@ std::uint32_t findBlocked(const TraceScene& scene, const RayView& world, RayPack
         const int lane = std::countr_zero(rest);
         if (!way.passesAny(lane)) continue;
         clear |= 1u << lane;
-        left[lane] = leftBehind(scene, rays.ray(lane), lane, way);
+        left[lane] = leftBehind(scene, rays.ray(lane), lane, in[lane], way);
     }
     unknown &= tested;
     if (unknown) {
         for (std::uint32_t rest = unknown; rest; rest &= rest - 1) rays.tMax[std::countr_zero(rest)] = tMax;
         RayPacket16 alone = rays;
         std::uint32_t clearAlone = 0;
-        blocked |= followClear(scene, world, alone, unknown, tMax, coherent, clearAlone, left);
+        blocked |= followClear(scene, world, alone, unknown, tMax, coherent, in, clearAlone, left);
         clear |= clearAlone;
     }
     return blocked | clear;
 }
 
-void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket& s, std::uint32_t mask, Incoming& in,
-                 std::uint64_t& shadowRays) {
+/// The share of light that passes the surface which a lane shows.
+Vec3f throughOwn(const TraceScene& scene, const SurfacePacket& s, int lane) {
+    std::optional<float> eta;
+    if (s.material[lane]->refractiveIndex > 0) eta = s.eta[lane];
+    return straightTransmittance(scene, s.hit(lane), -s.view.get(lane), eta);
+}
+
+void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket& s, std::uint32_t mask,
+                 Incoming& incoming, std::uint64_t& shadowRays) {
     RayPacket16 rays;
     std::uint32_t behind = 0;  // lanes whose own surface lies between them and the light
     findPoints(scene, s);
     const bool directional = light.kind == Light::Kind::directional;
-    const std::uint32_t tested = packetKernels().shadowRays(light, s, in, mask, rays, behind);
+    const std::uint32_t tested = packetKernels().shadowRays(light, s, incoming, mask, rays, behind);
     behind &= ~s.thin;
     if (!tested) return;
     const float tMax = directional ? std::numeric_limits<float>::infinity() : 1;
     Vec3f through[16], leftBehind[16];
     for (std::uint32_t rest = behind; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        through[lane] = scene.anyTransmits ? straightTransmittance(scene, s.hit(lane), -s.view.get(lane)) : Vec3f(0);
-        if (through[lane] == Vec3f(0)) rays.active[lane] = 0;
+        through[lane] = scene.anyTransmits ? throughOwn(scene, s, lane) : Vec3f(0);
+        if (through[lane] != Vec3f(0)) continue;
+        if (const auto start = placeOnCurve(scene, s, lane)) {
+            Ray ray = rays.ray(lane);
+            if (light.kind == Light::Kind::point || light.kind == Light::Kind::spot ||
+                light.kind == Light::Kind::projector)
+                ray.direction = light.position - *start;
+            ray.origin = *start;
+            rays.set(lane, ray);
+            behind &= ~(1u << lane);
+        } else {
+            rays.active[lane] = 0;
+        }
     }
     shadowRays += static_cast<std::uint64_t>(std::popcount(tested));
     std::uint32_t clear = 0;
     const ViewOfLight world(scene, light);
-    const std::uint32_t blocked = findBlocked(scene, *world, rays, tested, tMax, s.fromEye, clear, leftBehind);
+    RunsIn in[16];
+    if (s.media)
+        for (std::uint32_t rest = tested; rest; rest &= rest - 1) {
+            const int lane = std::countr_zero(rest);
+            in[lane] = {s.media, behind >> lane & 1u ? s.beyond[lane] : s.within[lane]};
+        }
+    const std::uint32_t blocked = findBlocked(scene, *world, rays, tested, tMax, s.fromEye, in, clear, leftBehind);
     const std::uint32_t hazy =
         scene.volumes.empty() ? 0 : meetBox(rays, scene.volumeBounds) & tested & ~(blocked & ~clear);
     for (std::uint32_t rest = blocked | behind | hazy; rest; rest &= rest - 1) {
@@ -227,7 +253,7 @@ void castShadows(const TraceScene& scene, const TraceLight& light, SurfacePacket
         if (clear >> lane & 1u) left = leftBehind[lane];
         if ((hazy >> lane & 1u) && left != Vec3f(0)) left *= volumesLeft(scene, ray, light.scope);
         if (behind >> lane & 1u) left *= through[lane];
-        in.visible.set(lane, Vec3f(1) - light.shadowIntensity * (Vec3f(1) - left));
+        incoming.visible.set(lane, Vec3f(1) - light.shadowIntensity * (Vec3f(1) - left));
     }
 }
 
@@ -268,7 +294,7 @@ class InEyeSpace {
 
 }  // namespace
 
-Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind) {
+Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind, RunsIn in) {
     Vec3f left(1);
     const float tMax = ray.tMax;
     for (int step = 0; step < kMostPassed; ++step) {
@@ -276,7 +302,8 @@ Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKi
         if (!hit) return left;
         if (kind == RayKind::eye) hit = frontOf(scene, world, ray, hit, kind);
         const bool isNone = kind == RayKind::eye && isBackOfSolid(scene, hit, ray.direction);
-        const Vec3f through = isNone ? Vec3f(1) : straightTransmittance(scene, hit, ray.direction);
+        const Vec3f through =
+            isNone ? Vec3f(1) : straightTransmittance(scene, hit, ray.direction, in.pass(scene, ray, hit));
         if (!passOn(scene, hit, through, tMax, ray, left)) return left;
     }
     return Vec3f(0);

@@ -218,7 +218,8 @@ void compareMaterials(const LightState& before, const LightState& now, Compariso
 bool areDrawnAlike(const RenderSettings& a, const RenderSettings& b) {
     return a.integrator == b.integrator && a.width == b.width && a.height == b.height &&
            a.samplesPerPixel == b.samplesPerPixel && a.error == b.error && a.seed == b.seed && a.cutoff == b.cutoff &&
-           a.maxDepth == b.maxDepth && a.shadows == b.shadows && a.colorSpace == b.colorSpace && a.caps == b.caps;
+           a.maxDepth == b.maxDepth && a.shadows == b.shadows && a.colorSpace == b.colorSpace && a.caps == b.caps &&
+           a.layers == b.layers;
 }
 
 }  // namespace
@@ -310,6 +311,10 @@ void Trail::begin(std::shared_ptr<const LightState> light, std::shared_ptr<const
     settings_ = settings;
     settings_.progress = {}, settings_.nameOf = {}, settings_.before.reset();  // are not compared, and may hold much
     drawn_ = 0, usable_ = false;
+}
+
+bool Trail::refines() const {
+    return refines_ && settings_.integrator == Integrator::path && settings_.error == 0;
 }
 
 void Trail::end(bool complete) {

@@ -5,7 +5,7 @@
 // whose rays can have come into such a box, and none of whose surfaces such a light shines on, is as it was, bit for
 // bit. If something without bounds differs (the sun, the sky, a fog), or if rays go ways that are not recorded (paths,
 // volumes, generated cubes), only a picture of the very same state is kept. Invariant: a picture with a trail is the
-// one without. Threading: one picture at a time; its tiles on any threads.
+// one without, unless it is to be refined. Threading: one picture at a time; its tiles on any threads.
 #pragma once
 
 #include <cstddef>
@@ -77,7 +77,8 @@ class Untouched {
 
 /// The numbers that a tile adds to RenderStats.
 struct TileStats {
-    double samples = 0, error = 0, unreached = 0;  // sums over pixels; of `error` the squares
+    double samples = 0, error = 0, unreached = 0;  // sums over pixels; of `error` and `noise` the squares
+    double noise = 0, mean = 0;
     double missing = 0, missingMost = 0;
 };
 
@@ -91,6 +92,10 @@ class Trail {
         std::vector<TileReach> reaches;  // by tile; empty: not written down
         std::vector<TileStats> tiles;
     };
+
+    /// Whether pictures of the same state go on adding samples, where they are of the kind that may.
+    void refine(bool on) { refines_ = on; }
+    bool refines() const;
 
     /// To be called before and after a picture of these; `complete` is false for one that was cancelled. A kept picture
     /// holds these states.
@@ -112,6 +117,7 @@ class Trail {
     Differences differences_;
     std::vector<std::unique_ptr<Part>> parts_;
     std::size_t drawn_ = 0;
+    bool refines_ = false;
     bool known_ = false;   // there is a last picture, with the same settings
     bool usable_ = false;  // and of the present part too, with the same camera
 };

@@ -15,7 +15,6 @@ namespace rtsg::trace {
 
 namespace {
 
-constexpr int kMostStraight = 250;
 /// Shadows that are left out add up to the cutoff at most, of however many lights; of few each to a fourth of it.
 constexpr std::size_t kFewLights = 4;
 constexpr float kSmallShare = .1f;     // of a pixel
@@ -32,7 +31,12 @@ class Tile {
           x0_(x0),
           y0_(y0),
           counts_(groups[0]),
-          loop_(scene, camera, settings, x0, y0, groups) {}
+          loop_(scene, camera, settings, x0, y0, groups),
+          media_(scene) {
+        if (scene.materials.bends())
+            for (SurfacePacket& surfaces : surfaces_) surfaces.media = &media_;
+        fromEye_.media = media_.aroundEye();
+    }
 
     void run() {
         if (scene_.primary) find();
@@ -150,7 +154,8 @@ class Tile {
         if (!scene_.environments.lights.empty()) addEnvironments(scene_, surfaces);
         if (surfaces.special) findPoints(scene_, surfaces);
         const bool oneSpace = scene_.space != ColorSpace::automatic || !surfaces.linear;
-        if (!tasks && !surfaces.special && oneSpace && !marched_ && !isFogged(hits, surfaces)) {
+        const bool clearAir = !marched_ && !fromEye_.media;
+        if (!tasks && !surfaces.special && oneSpace && clearAir && !isFogged(hits, surfaces)) {
             packetKernels().addToPixels(surfaces, hits, &loop_.sumOf(packet.pixels[0]).x);
             return;
         }
@@ -195,13 +200,10 @@ class Tile {
         const PathTask* tasks = packet.tasks;
         const std::uint16_t pixel = packet.pixels[lane];
         const float t = s.distance[lane];
-        Vec3f weight(1);
+        const PathTask& from = tasks ? tasks[lane] : fromEye_;
+        Vec3f weight = from.weight;
         float fog = 1;
-        if (tasks) {
-            const PathTask& task = tasks[lane];
-            weight = task.weight;
-            if (task.absorption != Vec3f(0)) weight *= glm::exp(-task.absorption * t);
-        }
+        if (from.media) weight *= glm::exp(-media_.absorption(from.media) * t);
         if (marched_) weight *= left_[lane];
         if (scene_.fogs.any())
             fog = s.fogLeft(scene_, lane, packet.rays.at(lane, t), t + (tasks ? tasks[lane].line : 0));
@@ -243,7 +245,7 @@ class Tile {
             loop_.resultOf(pixel).addLight(pixel % kTilePixels, Vec3f(0),
                                            weight * fog * coverage * branches_.whole.get(lane));
 
-        const PathTask& from = task ? *task : kFromEye;
+        const PathTask& from = task ? *task : fromEye_;
         // Rays are filled in where they wait: to copy what was just written in parts takes as long as many sums.
         const auto queue = [&](Turn how, const Vec3f& share, const Lanes3& start, const Vec3f& towards,
                                const auto& fill) {
@@ -281,27 +283,29 @@ class Tile {
             else if (branches_.refracts >> lane & 1u)
                 queue(Turn::bent, entering * fog, branches_.behind, branches_.bent.get(lane), [&](PathTask& next) {
                     turn(next);
-                    next.absorption = s.back >> lane & 1u ? Vec3f(0) : s.material[lane]->absorption;
+                    next.media = s.beyond[lane];
                 });
         }
         const Vec3f straight = weight * (1 - coverage) + (glass ? Vec3f(0) : entering);
-        if (straight != Vec3f(0) && from.passes >= kMostStraight) {
+        if (straight != Vec3f(0) && from.passes >= kMostPassed) {
             cut(straight);
         } else if (straight != Vec3f(0)) {
             queue(Turn::none, straight, branches_.behind, -s.view.get(lane), [&](PathTask& next) {
                 next.passes = static_cast<std::uint16_t>(from.passes + 1);
                 next.line = from.line + s.distance[lane];
+                if (glass) next.media = s.beyond[lane];
             });
         }
     }
 
-    inline static const PathTask kFromEye{};
     const TraceScene& scene_;
     const RenderSettings& settings_;
     const float cutoff_ = std::max(settings_.cutoff, kLeastCutoff);
     const int x0_, y0_;
     TileResult& counts_;  // of all groups
     TileLoop loop_;
+    Media media_;
+    PathTask fromEye_{};
     SurfacePacket surfaces_[TileLoop::kTogether]{};  // unused lanes stay finite
     SurfaceBranches branches_;                       // of the packet at hand
     bool isKnown_ = false;

@@ -1,4 +1,5 @@
-// Groups of samples, their means' spread, and when a block has enough.
+// Groups of samples, their means' spread, and when a block has enough, which other groups decide than those that are
+// shown.
 #include "adaptive.h"
 
 #include <algorithm>
@@ -15,54 +16,87 @@ namespace {
 /// The share that the block's mean variance has in a pixel's.
 constexpr double kOthersShare = 0.2;
 
+/// The shares that the neighbours of a block and its whole tile have where it is decided whether it is good enough.
+constexpr double kAround = 0.4, kOfTile = 0.2;
+/// From so many samples of a group on, a block must be good enough twice in a row.
+constexpr int kOnceGood = 8;
+
 /// How far a block's error may stay above what is asked for, where others of its tile make up for it.
 constexpr double kWorstBlock = 1.1;
 
-/// Sums over the samples of each group, by pixel.
+/// Sums over the samples of each group, by pixel. Each fold has two groups.
 class Moments {
   public:
-    explicit Moments(int groups) : groups_(groups), sums_(static_cast<std::size_t>(groups) * kTilePixels, Vec3d(0)) {}
+    explicit Moments(int folds)
+        : folds_(folds), sums_(std::size_t{2} * static_cast<std::size_t>(folds) * kTilePixels, Vec3d(0)) {}
     void add(int group, int pixel, const Vec3d& sum) { sums_[index(group, pixel)] += sum; }
-    /// The mean of the groups' means, if each group of the pixel has so many samples.
-    Vec3d mean(int pixel, int samples) const {
-        Vec3d sum(0);
-        for (int g = 0; g < groups_; ++g) sum += sums_[index(g, pixel)];
-        return sum / (double(groups_) * samples);
+    /// The square of the standard error of the mean of a fold's groups, if each has so many samples.
+    Vec3d variance(int fold, int pixel, int samples) const {
+        const Vec3d off = sums_[index(fold, pixel)] - sums_[index(fold + folds_, pixel)];
+        return off * off / (4.0 * samples * samples);
     }
-    /// The standard error of that.
-    Vec3d error(int pixel, int samples) const { return error(pixel, samples, mean(pixel, samples)); }
-    double relativeError(int pixel, int samples) const {
-        const Vec3d middle = mean(pixel, samples), e = error(pixel, samples, middle);
-        return std::max({e.x, e.y, e.z}) / (std::max({middle.x, middle.y, middle.z, 0.0}) + double{kErrorFloor});
+    Vec3d mean(int fold, int pixel, int samples) const {
+        return (sums_[index(fold, pixel)] + sums_[index(fold + folds_, pixel)]) / (2.0 * samples);
+    }
+
+    /// The mean of the groups of all folds but one, and the square of its standard error.
+    struct Estimate {
+        Vec3d mean{0}, variance{0};
+    };
+    Estimate without(int fold, int pixel, int samples) const {
+        Vec3d sum(0), squares(0);
+        for (int group = 0; group < 2 * folds_; ++group)
+            if (group % folds_ != fold) sum += sums_[index(group, pixel)];
+        const double count = 2.0 * (folds_ - 1);
+        const Vec3d expected = sum / count;
+        for (int group = 0; group < 2 * folds_; ++group) {
+            if (group % folds_ == fold) continue;
+            const Vec3d off = sums_[index(group, pixel)] - expected;
+            squares += off * off;
+        }
+        return {expected / double(samples), squares / (count * (count - 1) * samples * samples)};
     }
 
   private:
-    Vec3d error(int pixel, int samples, const Vec3d& middle) const {
-        const Vec3d expected = middle * double(samples);
-        Vec3d squares(0);
-        for (int g = 0; g < groups_; ++g) {
-            const Vec3d off = sums_[index(g, pixel)] - expected;
-            squares += off * off;
-        }
-        return glm::sqrt(squares / (double(groups_) * (groups_ - 1))) / double(samples);
-    }
     static std::size_t index(int group, int pixel) {
         return static_cast<std::size_t>(group) * kTilePixels + static_cast<std::size_t>(pixel);
     }
 
-    int groups_;
+    int folds_;
     std::vector<Vec3d> sums_;
 };
 
-void addUp(const TileResult& round, TileResult& all) {
-    for (std::size_t i = 0; i < kTilePixels; ++i) all.sum[i] += round.sum[i];
-    for (std::size_t i = 0; i < round.light.size(); ++i)
-        all.addLight(static_cast<std::uint16_t>(i), round.light[i], round.share[i]);
-    for (std::size_t i = 0; i < round.missing.size(); ++i)
-        all.addMissing(static_cast<std::uint16_t>(i), round.missing[i]);
+/// The square of the standard error of the brightest channel over that channel's value.
+double relativeSquare(const Vec3d& value, const Vec3d& variance) {
+    const int c = value.x >= value.y ? (value.x >= value.z ? 0 : 2) : (value.y >= value.z ? 1 : 2);
+    const double over = std::max(value[c], 0.0) + double{kErrorFloor};
+    return variance[c] / (over * over);
+}
+
+/// Adds what is of these blocks, times a weight for each.
+void addBlocks(const TileResult& from, std::uint32_t blocks, const float* weights, TileResult& to) {
+    for (std::size_t i = 0; i < kTilePixels; ++i) {
+        const int block = blockOf(static_cast<int>(i));
+        if (!(blocks >> block & 1u)) continue;
+        const auto pixel = static_cast<std::uint16_t>(i);
+        const float weight = weights[block];
+        to.sum[i] += weight * from.sum[i];
+        if (!from.light.empty()) to.addLight(pixel, weight * from.light[i], weight * from.share[i]);
+        if (!from.missing.empty()) to.addMissing(pixel, weight * from.missing[i]);
+    }
+}
+
+void addRays(const TileResult& round, TileResult& all) {
     all.primaryRays += round.primaryRays, all.shadowRays += round.shadowRays;
     all.secondaryRays += round.secondaryRays;
 }
+
+constexpr std::uint32_t kAllBlocks = (1u << kBlocks) - 1;
+constexpr std::array<float, kBlocks> kWhole = [] {
+    std::array<float, kBlocks> ones{};
+    ones.fill(1);
+    return ones;
+}();
 
 }  // namespace
 
@@ -84,7 +118,8 @@ void traceRounds(const TraceScene& scene, const Camera& camera, const RenderSett
         round.firstSample = first, round.lastSample = std::min(first + kRound, samples);
         traceTile(scene, camera, settings, x0, y0, std::span(&round, 1));
         for (std::size_t i = 0; i < kTilePixels; ++i) sums[i] += glm::dvec4(round.sum[i]);
-        addUp(round, result);
+        addBlocks(round, kAllBlocks, kWhole.data(), result);
+        addRays(round, result);
     }
     for (std::size_t i = 0; i < kTilePixels; ++i) result.sum[i] = Vec4f(sums[i]);
 }
@@ -111,25 +146,27 @@ class Sampling {
           own_(settings),
           x0_(x0),
           y0_(y0),
-          most_(std::max(settings.samplesPerPixel, 2 * kLeastOfGroup)),
-          groups_(std::min(kGroups, most_ / kLeastOfGroup)),
+          most_(std::max(settings.samplesPerPixel, kFewGroups * (scene.shutter ? kLeastOfGroup : 1))),
+          groups_(most_ < kGroups * kLeastOfGroup ? kFewGroups : kGroups),
+          folds_(groups_ / 2),
           firstStep_(scene.shutter ? kLeastOfGroup : kFirstOfGroup),
           leastStep_(scene.shutter ? kLeastOfGroup : kStepOfGroup),
-          moments_(groups_),
+          decide_(folds_),
+          show_(folds_),
+          parts_(static_cast<std::size_t>(folds_)),
           tile_(tile) {}
 
     void run() {
-        for (std::uint32_t blocks = (1u << kBlocks) - 1; blocks; blocks = choose()) {
-            // Those that have as many go together.
-            for (std::uint32_t rest = blocks; rest;) {
-                const int samples = samples_[static_cast<std::size_t>(std::countr_zero(rest))];
-                std::uint32_t same = 0;
-                for (int block = 0; block < kBlocks; ++block)
-                    if (samples_[static_cast<std::size_t>(block)] == samples) same |= 1u << block;
-                advance(same & rest, samples);
-                rest &= ~same;
-            }
+        while (const std::uint32_t blocks = anyWanted()) {
+            const int next = after(samples_);
+            sample(blocks, samples_, next);
+            samples_ = next;
+            for (Fold& fold : parts_)
+                for (std::size_t block = 0; block < kBlocks; ++block)
+                    if (fold.wanted >> block & 1u) fold.shown[block] = samples_;
+            for (int fold = 0; fold < folds_; ++fold) judge(fold);
         }
+        join();
         tell();
     }
 
@@ -137,7 +174,20 @@ class Sampling {
     bool inside(int pixel) const {
         return x0_ + pixel % kTileSide < settings_.width && y0_ + pixel / kTileSide < settings_.height;
     }
-    int samplesOf(int pixel) const { return samples_[static_cast<std::size_t>(blockOf(pixel))]; }
+    /// What a fold of the groups shows, about which the others decide.
+    struct Fold {
+        TileResult sums;
+        std::uint32_t good = 0, wanted = kAllBlocks;  // blocks that it is to go on with
+        std::array<int, kBlocks> shown{};             // samples of each group
+        std::array<double, kBlocks> squares{};        // as look() has them
+    };
+    const Fold& fold(int number) const { return parts_[static_cast<std::size_t>(number)]; }
+    std::uint32_t anyWanted() const {
+        std::uint32_t blocks = 0;
+        for (const Fold& fold : parts_) blocks |= fold.wanted;
+        return blocks;
+    }
+    int shownOf(int number, int pixel) const { return fold(number).shown[static_cast<std::size_t>(blockOf(pixel))]; }
 
     /// Some more samples of each group.
     void sample(std::uint32_t blocks, int first, int last) {
@@ -171,13 +221,18 @@ class Sampling {
     }
 
     void take(int group, TileResult& now) {
-        addUp(now, tile_.result);
+        Fold& fold = parts_[static_cast<std::size_t>(group % folds_)];
+        const std::uint32_t seen = now.blocks & fold.wanted;
+        addBlocks(now, seen, kWhole.data(), fold.sums);
+        addRays(now, tile_.result);
         if (scene_.space == ColorSpace::automatic) addLight(now);
         for (int pixel = 0; pixel < kTilePixels; ++pixel) {
-            if (!(now.blocks >> blockOf(pixel) & 1u)) continue;
+            const int block = blockOf(pixel);
+            if (!(now.blocks >> block & 1u)) continue;
             Vec3d sum(now.sum[static_cast<std::size_t>(pixel)]);
             for (int c = 0; c < 3; ++c) sum[c] = std::isfinite(sum[c]) ? sum[c] : 0.0;
-            moments_.add(group, pixel, sum);
+            decide_.add(group, pixel, sum);
+            if (seen >> block & 1u) show_.add(group, pixel, sum);
         }
     }
 
@@ -189,73 +244,102 @@ class Sampling {
         return limit - (samples + step) < leastStep_ ? limit : samples + step;
     }
 
-    void advance(std::uint32_t blocks, int samples) {
-        const int next = after(samples);
-        sample(blocks, samples, next);
-        for (int block = 0; block < kBlocks; ++block)
-            if (blocks >> block & 1u) samples_[static_cast<std::size_t>(block)] = next, look(block);
+    /// Decides by all folds but one which blocks that one is to go on with.
+    void judge(int number) {
+        Fold& fold = parts_[static_cast<std::size_t>(number)];
+        double sum = 0, pixels = 0;
+        for (int block = 0; block < kBlocks; ++block) {
+            if (fold.wanted >> block & 1u) look(number, block);
+            sum += fold.squares[static_cast<std::size_t>(block)], pixels += pixels_[static_cast<std::size_t>(block)];
+        }
+        const bool last = samples_ >= most_ / groups_;
+        const double allowed = sum <= pixels ? kWorstBlock * kWorstBlock : 1;
+        for (std::uint32_t rest = fold.wanted; rest; rest &= rest - 1) {
+            const int block = std::countr_zero(rest);
+            const std::uint32_t bit = 1u << block;
+            const bool isGood = smoothed(fold, block, sum / pixels) <= allowed;
+            const bool enough = isGood && (samples_ < kOnceGood || (fold.good & bit));
+            fold.good = isGood ? fold.good | bit : fold.good & ~bit;
+            if (enough || last) fold.wanted &= ~bit;
+            if (!isGood && last) tile_.ranOut |= bit;
+        }
     }
-
-    /// Adds up, over the pixels of a block, the squares of their errors divided by the error that is asked for.
-    void look(int block) {
+    /// A block's mean square with some of its neighbours' and of the tile's: few samples that meet no rare bright light
+    /// tell less of a block than those beside it.
+    double smoothed(const Fold& fold, int block, double ofTile) const {
+        double around = 0, pixels = 0;
+        for (int y = std::max(block / 4 - 1, 0); y <= std::min(block / 4 + 1, 3); ++y)
+            for (int x = std::max(block % 4 - 1, 0); x <= std::min(block % 4 + 1, 3); ++x) {
+                const auto at = static_cast<std::size_t>(4 * y + x);
+                around += fold.squares[at], pixels += pixels_[at];
+            }
+        const auto own = static_cast<std::size_t>(block);
+        if (!(pixels_[own] > 0)) return 0;
+        return (1 - kAround - kOfTile) * fold.squares[own] / pixels_[own] + kAround * around / pixels +
+               kOfTile * ofTile;
+    }
+    /// Adds up, over the pixels of a block, the squares of the errors divided by the error that is asked for: those
+    /// that all folds together have if they vary as those without this one do.
+    void look(int number, int block) {
         const auto at = static_cast<std::size_t>(block);
-        squares_[at] = pixels_[at] = 0;
+        double& squares = parts_[static_cast<std::size_t>(number)].squares[at];
+        squares = pixels_[at] = 0;
+        const double share = (folds_ - 1.0) / folds_ / (double{settings_.error} * settings_.error);
         for (int pixel = 0; pixel < kTilePixels; ++pixel) {
             if (blockOf(pixel) != block || !inside(pixel)) continue;
-            const double e = moments_.relativeError(pixel, samples_[at]) / double{settings_.error};
-            squares_[at] += e * e, ++pixels_[at];
+            const Moments::Estimate known = decide_.without(number, pixel, samples_);
+            squares += share * relativeSquare(known.mean, known.variance), ++pixels_[at];
         }
     }
 
-    /// The blocks that are to go on; none if the tile has enough, or all that it may have.
-    std::uint32_t choose() {
-        double sum = 0, pixels = 0;
-        std::vector<int> worse;  // than what is asked for
-        tile_.ranOut = 0;
-        for (int block = 0; block < kBlocks; ++block) {
-            const auto at = static_cast<std::size_t>(block);
-            const bool isWorse = squares_[at] > pixels_[at];
-            if (isWorse && samples_[at] == most_ / groups_) {
-                tile_.ranOut |= 1u << block;
-                continue;
-            }
-            sum += squares_[at], pixels += pixels_[at];
-            if (isWorse) worse.push_back(block);
+    /// Makes the tile's sums of all folds', which count alike however many samples they have.
+    void join() {
+        std::array<int, kBlocks> all{};
+        for (std::size_t block = 0; block < kBlocks; ++block) {
+            for (const Fold& fold : parts_) all[block] += fold.shown[block];
+            tile_.samples[block] = static_cast<std::uint32_t>(2 * all[block]);
         }
-        const auto perPixel = [&](int block) {
-            return squares_[static_cast<std::size_t>(block)] / pixels_[static_cast<std::size_t>(block)];
-        };
-        std::ranges::sort(worse, [&](int a, int b) { return perPixel(a) > perPixel(b); });
-        std::uint32_t chosen = 0;
-        for (const int block : worse) {
-            if (sum <= pixels && perPixel(block) <= kWorstBlock * kWorstBlock) break;
-            const auto at = static_cast<std::size_t>(block);
-            chosen |= 1u << block;
-            // Expects less error from the block afterwards: variances fall as samples grow.
-            sum -= squares_[at] * (1 - double(samples_[at]) / after(samples_[at]));
+        for (const Fold& fold : parts_) {
+            std::array<float, kBlocks> weights;
+            for (std::size_t block = 0; block < kBlocks; ++block)
+                weights[block] = static_cast<float>(all[block]) / static_cast<float>(folds_ * fold.shown[block]);
+            addBlocks(fold.sums, kAllBlocks, weights.data(), tile_.result);
         }
-        return chosen;
     }
 
+    /// Of what is shown: each fold's own variance, over the others' value. Over its own it would look small where the
+    /// value is large by chance.
+    void estimate(int pixel, Vec3d& variance, double& square) const {
+        Vec3d sum(0);
+        for (int f = 0; f < folds_; ++f) sum += show_.mean(f, pixel, shownOf(f, pixel));
+        variance = Vec3d(0), square = 0;
+        for (int f = 0; f < folds_; ++f) {
+            const int samples = shownOf(f, pixel);
+            const Vec3d own = show_.variance(f, pixel, samples) / (double(folds_) * folds_);
+            variance += own;
+            square += relativeSquare((sum - show_.mean(f, pixel, samples)) / (folds_ - 1.0), own);
+        }
+    }
     void tell() const {
-        std::array<Vec3d, kBlocks> squares{};
+        std::array<Vec3d, kTilePixels> variances{};
+        std::array<Vec3d, kBlocks> sums{};
         std::array<int, kBlocks> pixels{};
         for (int pixel = 0; pixel < kTilePixels; ++pixel) {
             if (!inside(pixel)) continue;
-            const auto block = static_cast<std::size_t>(blockOf(pixel));
-            const Vec3d error = moments_.error(pixel, samplesOf(pixel));
-            squares[block] += error * error, ++pixels[block];
-        }
-        for (int pixel = 0; pixel < kTilePixels; ++pixel) {
             const auto at = static_cast<std::size_t>(pixel), block = static_cast<std::size_t>(blockOf(pixel));
-            const Vec3d error = moments_.error(pixel, samplesOf(pixel));
+            double square = 0;
+            estimate(pixel, variances[at], square);
+            sums[block] += variances[at], ++pixels[block];
+            tile_.error[at] = static_cast<float>(std::sqrt(square));
+            tile_.variance[at] = static_cast<float>((variances[at].x + variances[at].y + variances[at].z) / 3);
+        }
+        const double quantile = studentQuantile(folds_ + 1);  // what the neighbours tell counts as one degree more
+        for (std::size_t at = 0; at < kTilePixels; ++at) {
+            const auto block = static_cast<std::size_t>(blockOf(static_cast<int>(at)));
             // A pixel that has not met rare bright light yet is too dark and seems too certain: its neighbours'
             // variances correct that.
-            const Vec3d others = squares[block] / double(std::max(pixels[block], 1));
-            const Vec3d careful = glm::sqrt(glm::mix(error * error, others, kOthersShare));
-            tile_.interval[at] = Vec3f(careful * studentQuantile(groups_ - 1));
-            tile_.error[at] = static_cast<float>(moments_.relativeError(pixel, samplesOf(pixel)));
-            tile_.samples[block] = static_cast<std::uint32_t>(samplesOf(pixel) * groups_);
+            const Vec3d others = sums[block] / double(std::max(pixels[block], 1));
+            tile_.interval[at] = Vec3f(glm::sqrt(glm::mix(variances[at], others, kOthersShare)) * quantile);
         }
     }
 
@@ -263,13 +347,14 @@ class Sampling {
     const Camera& camera_;
     const RenderSettings& settings_;
     RenderSettings own_;  // as the integrator gets them
-    const int x0_, y0_, most_, groups_;
+    const int x0_, y0_, most_, groups_, folds_;
     /// Samples of a shutter's instants are spread over all that are asked for at once, and a single one is in the
     /// middle of its pixel: there each step is a sequence of its own, and not too short.
     const int firstStep_, leastStep_;
-    Moments moments_;
-    std::array<int, kBlocks> samples_{};                // of each group
-    std::array<double, kBlocks> squares_{}, pixels_{};  // of relative errors over what is asked for; inside the picture
+    Moments decide_, show_;
+    int samples_ = 0;  // of each group, of those blocks that go on
+    std::vector<Fold> parts_;
+    std::array<double, kBlocks> pixels_{};  // inside the picture
     AdaptiveTile& tile_;
 };
 

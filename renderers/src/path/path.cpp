@@ -32,9 +32,9 @@ using namespace simd;
 
 namespace {
 
-// Roulette ends paths; these only keep light between perfect mirrors from running for ever. Light that is cut off by
-// them is counted.
-constexpr int kMaxPasses = 10'000, kMaxBounces = 10'000;
+// Roulette ends paths; this only keeps light between perfect mirrors from running for ever. Light that is cut off is
+// counted.
+constexpr int kMaxBounces = 10'000;
 constexpr float kRedraw = Roulette8::kRedraw;
 
 /// Two unit vectors square to a unit vector and each other (Duff et al. 2017); as path_scatter.h has them.
@@ -71,7 +71,7 @@ struct alignas(64) Brought {
     std::uint32_t fresh = 0;   // lanes straight from the eye
     std::uint32_t inside = 0;  // in what absorbs
 
-    void read(const PathTask* tasks, std::uint32_t mask) {
+    void read(const PathTask* tasks, std::uint32_t mask, const Media& media) {
         fresh = inside = 0;
         for (; mask; mask &= mask - 1) {
             const int lane = std::countr_zero(mask);
@@ -79,7 +79,7 @@ struct alignas(64) Brought {
             weight.set(lane, task.weight);
             first[lane] = task.first, odds[lane] = task.odds, fate[lane] = task.fate;
             fresh |= static_cast<std::uint32_t>(task.depth == 0) << lane;
-            inside |= static_cast<std::uint32_t>(task.absorption != Vec3f(0)) << lane;
+            inside |= static_cast<std::uint32_t>(media.absorption(task.media) != Vec3f(0)) << lane;
         }
     }
 };
@@ -108,7 +108,10 @@ class Paths {
           roulette_(rouletteFor(settings, groups)),
           settings_(settings),
           counts_(groups[0]),
-          loop_(scene, camera, settings, x0, y0, groups) {}
+          loop_(scene, camera, settings, x0, y0, groups),
+          media_(scene) {
+        if (scene.materials.bends()) surfaces_.media = &media_;
+    }
 
     void run() {
         loop_.run([this](std::span<TilePacket> packets) {
@@ -162,7 +165,10 @@ class Paths {
             x[lane] = loop_.x(pixel), y[lane] = loop_.y(pixel);
         }
         randomOfPicture(packet.seed, x, y, packet.sample, settings_.samplesPerPixel, states);
-        for (int lane = 0; lane < 16; ++lane) first[lane].random = states[lane], first[lane].first = roulette_;
+        for (int lane = 0; lane < 16; ++lane) {
+            first[lane].random = states[lane], first[lane].first = roulette_;
+            first[lane].media = media_.aroundEye();
+        }
         trace(packet.rays, first, true);
     }
 
@@ -184,6 +190,7 @@ class Paths {
             s.distance[lane] = s.exponent[lane] = s.metallic[lane] = s.roughness[lane] = 0;
             s.coverage[lane] = s.opacity[lane] = 1;
             s.lights[lane] = 0;
+            s.within[lane] = s.beyond[lane] = 0;
             s.material[lane] = &white;
         }
     }
@@ -204,7 +211,9 @@ class Paths {
         if (!(clear > 0)) return 0;
         const Ray ray{RayWorld::leave(pointBehind(scene_, surfaces_, lane), direction), kLeave, direction,
                       std::numeric_limits<float>::infinity()};
-        const float left = clear * largest(leftOnTheWay(scene_, *scene_.world, ray, RayKind::eye));
+        RunsIn in;
+        if (surfaces_.media) in = {surfaces_.media, surfaces_.beyond[lane]};
+        const float left = clear * largest(leftOnTheWay(scene_, *scene_.world, ray, RayKind::eye, in));
         return left > 0 && !scene_.volumes.empty() ? left * volumesLeft(scene_, ray) : left;
     }
 
@@ -276,7 +285,7 @@ class Paths {
             if (material.reflectivity != Vec3f(0) || material.refractiveIndex > 0) lanes &= ~(rest & -rest);
         }
         if (scene_.fogs.any() || !lanes) return 0;
-        brought_.read(tasks, lanes);
+        brought_.read(tasks, lanes, media_);
         for (int at = 0; at < 16; at += 8) {
             const I8 whole = (load(s.coverage + at) == 1.0f) & (load(s.opacity + at) == 1.0f);
             lanes &= laneBits(whole) << at | 0xFFu << (8 - at);
@@ -382,7 +391,7 @@ class Paths {
         PathTask& next = push();
         next.origin = to.start.get(lane), next.direction = to.direction.get(lane), next.weight = to.weight.get(lane);
         next.travelled = task.travelled + s.distance[lane];
-        next.pixel = task.pixel, next.passes = task.passes;
+        next.pixel = task.pixel, next.passes = task.passes, next.media = task.media;
         next.depth = static_cast<std::uint16_t>(task.depth + 1);
         next.lights = s.lights[lane], next.linear = task.linear;
         next.random = draws_.next[lane];
@@ -421,7 +430,7 @@ class Paths {
         Vec3f mirrored = material.reflectivity, body = Vec3f(1) - mirrored;
         const bool glass = material.refractiveIndex > 0;
         if (glass) {
-            result.eta = s.back >> lane & 1u ? 1 / material.refractiveIndex : material.refractiveIndex;
+            result.eta = s.eta[lane];
             const float reflectance = fresnelDielectric(cosine, result.eta).mean();
             mirrored += body * reflectance;
             body *= 1 - reflectance;
@@ -442,7 +451,7 @@ class Paths {
         const bool back = s.back >> lane & 1u;
         const Vec3f normal = s.normal.get(lane), facing = back ? -s.outside(lane) : s.outside(lane);
         const float t = s.distance[lane];
-        if (task.absorption != Vec3f(0)) task.weight *= glm::exp(-task.absorption * t);
+        if (task.media) task.weight *= glm::exp(-media_.absorption(task.media) * t);
         const float cosine = std::clamp(glm::dot(normal, -direction), 1e-4f, 1.0f);
         const Bsdf own = bsdf(lane);
         const Ways w = ways(lane, cosine, own);
@@ -482,13 +491,15 @@ class Paths {
             if (bent && glm::dot(*bent, facing) >= 0) bent = refractDirection(direction, facing, w.eta);
             if (!bent) return;
             out = *bent;
-            task.absorption = back ? Vec3f(0) : material.absorption;
         } else if (way == surface) {
             const BsdfSample sample = scatter(own, frame, lane, out);
             share = w.solid * (w.total / w.chance[way]) * sample.weight;
             task.normal = normal, task.density = chance * sample.density;
         }
-        if (way == mirror || way == enter) task.density = 0;
+        const bool bends = material.refractiveIndex > 0, passes = way == enter || way == straight;
+        if (passes && bends) task.media = s.beyond[lane];
+        // What bends light, or would if there were no other body around it, is looked through by bounces alone.
+        if (way == mirror || (passes && bends)) task.density = 0;
         task.weight *= way == straight ? share : fog * share;
         follow(task, way == straight, t, out, lane);
     }
@@ -558,7 +569,7 @@ class Paths {
             if (!(task.fate < task.odds)) return;
             task.weight /= survival;
         }
-        const bool enough = straightOn ? task.passes >= kMaxPasses : task.depth >= kMaxBounces;
+        const bool enough = straightOn ? task.passes >= kMostPassed : task.depth >= kMaxBounces;
         if (enough) {
             loop_.resultOf(task.pixel).addMissing(task.pixel % kTilePixels, largest(task.weight));
             return;
@@ -589,6 +600,7 @@ class Paths {
     const RenderSettings& settings_;
     TileResult& counts_;  // of all groups
     TileLoop loop_;
+    Media media_;
     std::vector<PathTask>* elsewhere_ = nullptr;  // where rays go that a wavefront follows
     SurfacePacket surfaces_{};                    // unused lanes stay finite
     EmitterLight found_{}, lamp_{}, sky_{};

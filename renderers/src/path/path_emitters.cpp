@@ -169,7 +169,7 @@ bool arrives(const TraceScene& scene, const SurfacePacket& s, int lane, const Pa
     const float cosine = std::max(std::abs(glm::dot(direction, hit.normal)), 0.05f);
     const float footprint = scene.sampleWidth(run) / std::sqrt(cosine);
     left *= emitted(scene, hit, glm::dot(direction, hit.normal) > 0, footprint);
-    if (task.absorption != Vec3f(0)) left *= glm::exp(-task.absorption * distance);
+    if (task.media) left *= glm::exp(-s.media->absorption(task.media) * distance);
     if (scene.fogs.any())
         left *= scene.fogs.of(scene.slots[hit.instance].lights)
                     .left(*scene.world->instance(hit.instance).mesh, hit.triangle, hit.u, hit.v, place, distance);
@@ -208,7 +208,7 @@ void lookForEmitters(const TraceScene& scene, const SurfacePacket& s, const Path
     std::uint32_t even = clearAir ? out.mask & chosen.even : 0;  // emitters that send the same from everywhere
     for (std::uint32_t rest = even; rest; rest &= rest - 1) {
         const int lane = std::countr_zero(rest);
-        if (tasks[lane].absorption != Vec3f(0)) even &= ~(1u << lane);
+        if (tasks[lane].media && s.media->absorption(tasks[lane].media) != Vec3f(0)) even &= ~(1u << lane);
     }
     const std::uint32_t free = findFree(scene, rays, even, kBefore);
     std::uint32_t hits = 0;
@@ -301,20 +301,25 @@ float factorOf(const TraceLight& light, float distance, const Vec3f& direction) 
 }
 
 /// Has a lane ask a lamp that was chosen with a probability.
-void askLamp(const SurfacePacket& s, int lane, const TraceLight& light, float probability, AskedLamps& asked,
-             EmitterLight& out) {
+void askLamp(const TraceScene& scene, const SurfacePacket& s, int lane, const TraceLight& light, float probability,
+             AskedLamps& asked, EmitterLight& out) {
     const Vec3f way = light.position - s.position.get(lane);
     const float distance = glm::length(way);
     const Vec3f direction = way / distance;
     const float factor = factorOf(light, distance, direction);
-    if (!(factor > 0) || !isAbove(s, lane, direction)) return;
+    if (!(factor > 0)) return;
+    std::optional<Vec3f> onCurve;
+    if (!isAbove(s, lane, direction)) {
+        if (glm::dot(direction, s.normal.get(lane)) > 0) onCurve = placeOnCurve(scene, s, lane);
+        if (!onCurve) return;
+    }
     out.direction.set(lane, direction);
     out.density[lane] = std::numeric_limits<float>::infinity();
     out.mask |= 1u << lane;
     // Units: a light of intensity 1 head-on shows a white surface's 1, radiance over a density 1 / pi.
     asked.lamp[lane] = &light, asked.sent[lane] = std::numbers::pi_v<float> * factor / probability;
     if (!light.shadows) return;
-    const Vec3f start = RayView::leave(s.point(lane), direction);
+    const Vec3f start = onCurve ? *onCurve : RayView::leave(s.point(lane), direction);
     asked.rays.set(lane, {start, kLeave, light.position - start, 1});
     asked.shadowed |= 1u << lane;
 }
@@ -336,7 +341,8 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom&
         for (std::uint32_t rest = lanes; rest; rest &= rest - 1) {
             const int lane = std::countr_zero(rest);
             if (choices.thing[lane] != LightTree::kNone)
-                askLamp(s, at + lane, (*scene.lamps)[choices.thing[lane]], choices.probability[lane], asked, out);
+                askLamp(scene, s, at + lane, (*scene.lamps)[choices.thing[lane]], choices.probability[lane], asked,
+                        out);
         }
     }
     if (!out.mask) return;
@@ -353,7 +359,9 @@ void lookForLamps(const TraceScene& scene, const SurfacePacket& s, PacketRandom&
         if (asked.shadowed >> lane & 1u) {
             const Ray ray = asked.rays.ray(lane);
             Vec3f left(blocked >> lane & 1u ? 0.0f : 1.0f);
-            if ((blocked >> lane & 1u) && scene.anyTransmits) left = leftOnTheWay(scene, *scene.world, ray);
+            if ((blocked >> lane & 1u) && scene.anyTransmits)
+                left = leftOnTheWay(scene, *scene.world, ray, RayKind::shadow,
+                                    s.media ? RunsIn{s.media, s.within[lane]} : RunsIn());
             left *= volumesLeft(scene, ray);
             visible -= light.shadowIntensity * (Vec3f(1) - left);
         }

@@ -126,6 +126,7 @@ class Numbers {
 
 bool goesInWavefronts(const TraceScene& scene, const Camera& camera) {
     if (camera.isBounded()) return false;  // each ray from the eye has ends of its own
+    if (!scene.aroundEye.empty()) return false;
     const bool clearAir = scene.volumes.empty() && !scene.fogs.any() && !scene.filter && !scene.shutter;
     const bool plainLight = !scene.lamps && !scene.skyLight && scene.lightGroups.lights.empty() &&
                             scene.environments.lights.empty() && (!scene.emitters || scene.emitters->even());
@@ -467,7 +468,7 @@ void Wavefront::push(const PathTask& task) {
     const PathRandom random(task.random);
     next_.set(kIndex, at, reverseBits(random.index())), next_.set(kCalls, at, random.sequenceAndCalls());
     std::uint32_t other = 0;
-    if (task.passes > 0 || task.line > 0 || task.absorption != Vec3f(0)) {
+    if (task.passes > 0 || task.line > 0 || task.media) {
         nextOther_.push_back(task);
         other = static_cast<std::uint32_t>(nextOther_.size());
     }

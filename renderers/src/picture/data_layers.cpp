@@ -27,7 +27,6 @@ namespace {
 
 constexpr int kMostSamples = 64;  // of what is a mean
 constexpr std::size_t kRanks = 6;
-constexpr int kMostPasses = 256;  // clear surfaces before the one that counts
 
 struct Kind {
     DataLayer layer;
@@ -190,7 +189,7 @@ class LayerTiles {
                 static_cast<std::size_t>(x0 + pixels[lane] % kTileSide);
         }
         std::uint32_t going = active;
-        for (int pass = 0; going && pass < kMostPasses; ++pass) {
+        for (int pass = 0; going && pass < kMostPassed; ++pass) {
             const std::uint32_t hits = scene_.world->intersect(rays, pass == 0) & going;
             going = 0;
             if (!hits) break;
@@ -201,7 +200,7 @@ class LayerTiles {
                 if (hides(s, lane)) {
                     Seen& found = seen[static_cast<std::size_t>(lane)];
                     found.slot = s.hits.instance[lane], found.position = s.position.get(lane);
-                    found.normal = s.normal.get(lane), found.albedo = s.base.get(lane);
+                    found.normal = s.normal.get(lane), found.albedo = albedoOf(s, lane);
                     found.triangle = s.hits.triangle[lane], found.u = s.hits.u[lane], found.v = s.hits.v[lane];
                     continue;
                 }
@@ -216,6 +215,16 @@ class LayerTiles {
                 if (!(going >> lane & 1u)) rays.skip(lane);
         }
         return active;
+    }
+    static Vec3f albedoOf(const SurfacePacket& s, int lane) {
+        const Material& material = *s.material[lane];
+        Vec3f whole = material.reflectivity, base = s.base.get(lane);
+        if (material.refractiveIndex > 0) {
+            const float cosine = std::clamp(glm::dot(s.normal.get(lane), s.view.get(lane)), 0.0f, 1.0f);
+            whole += (Vec3f(1) - whole) * fresnelDielectric(cosine, s.eta[lane]).mean();
+            base = glm::mix(Vec3f(1), base, s.opacity[lane]);
+        }
+        return glm::clamp(whole + (Vec3f(1) - whole) * base, Vec3f(0), Vec3f(1));
     }
     static bool hides(const SurfacePacket& s, int lane) {
         const Material& material = *s.material[lane];

@@ -12,6 +12,7 @@
 #include "data_layers.h"
 #include "lighting/environment.h"
 #include "lighting/path_parts.h"
+#include "lighting/sample_points.h"
 #include "lighting/shutter.h"
 #include "mesh/simd8.h"
 #include "packet/tile_rays.h"
@@ -89,6 +90,7 @@ class Drawing {
         stats.cancelled = cancelled_;
         stats.missing = sum_.missing / pixels, stats.missingMost = sum_.missingMost;
         stats.error = std::sqrt(sum_.error / pixels), stats.unreached = sum_.unreached / pixels;
+        stats.noise = std::sqrt(sum_.noise / pixels), stats.mean = sum_.mean / pixels;
         stats.samples = sum_.samples / pixels;
         stats.kept = sum_.kept / pixels;
     }
@@ -113,6 +115,7 @@ class Drawing {
     }
     void addUp(const TileStats& own) {
         sum_.samples += own.samples, sum_.error += own.error, sum_.unreached += own.unreached;
+        sum_.noise += own.noise, sum_.mean += own.mean;
         sum_.missing += own.missing, sum_.missingMost = std::max(sum_.missingMost, own.missingMost);
     }
 
@@ -160,6 +163,8 @@ class Drawing {
         if (picture_.interval.empty()) return;
         picture_.interval[static_cast<std::size_t>(y) * static_cast<std::size_t>(picture_.width) +
                           static_cast<std::size_t>(x)] = tile.interval[at];
+        const Vec4f& shown = picture_.at(x, y);
+        own.noise += tile.variance[at], own.mean += (double{shown.r} + shown.g + shown.b) / 3;
         own.error += double{tile.error[at]} * tile.error[at];
         own.unreached += tile.ranOut >> block & 1u;
     }
@@ -173,7 +178,7 @@ class Drawing {
     std::atomic<int> done_ = 0;
     std::atomic<bool> cancelled_ = false;
     std::mutex progressMutex_, sumMutex_;
-    RenderStats sum_;  // over pixels; of `error` the squares
+    RenderStats sum_;  // over pixels; of `error` and `noise` the squares
 };
 
 }  // namespace
@@ -265,11 +270,39 @@ void findKept(const TraceScene& scene, const RenderSettings& settings, const Dif
 
 }  // namespace
 
+namespace {
+
+/// Samples of a pixel, after which a picture of what rests is as it is.
+constexpr double kMostRefined = 16384;
+
+/// Adds as many samples as a picture has to the last one, which shows the same.
+Picture refine(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
+               const Part& part, RenderStats& stats, Trail::Part& last) {
+    RenderSettings own = settings;
+    const double before = last.stats.samples, share = settings.samplesPerPixel / (before + settings.samplesPerPixel);
+    own.seed = mixBits(settings.seed + static_cast<std::uint64_t>(before) * 0x9e3779b97f4a7c15ull);
+    own.layers = 0;
+    const Picture more = drawPart(state, world, camera, own, part, stats, nullptr);
+    stats.kept = 1;
+    if (stats.cancelled) return last.picture;
+    for (std::size_t i = 0; i < more.pixels.size(); ++i)
+        last.picture.pixels[i] += static_cast<float>(share) * (more.pixels[i] - last.picture.pixels[i]);
+    stats.samples += before;
+    stats.missing = (1 - share) * last.stats.missing + share * stats.missing;
+    stats.missingMost = std::max(stats.missingMost, last.stats.missingMost);
+    last.stats = stats;
+    return last.picture;
+}
+
+}  // namespace
+
 Picture drawPart(const LightState& state, const RayView& world, const Camera& camera, const RenderSettings& settings,
                  const Part& part, RenderStats& stats, Trail* trail) {
     Kept kept;
     if (trail) kept.last = &trail->next(camera);
     if (trail && trail->isSame()) {
+        if (trail->refines() && kept.last->stats.samples < kMostRefined)
+            return refine(state, world, camera, settings, part, stats, *kept.last);
         stats = kept.last->stats;
         stats.primaryRays = stats.shadowRays = stats.secondaryRays = 0, stats.kept = 1;
         stats.cancelled = settings.progress && !settings.progress(1);

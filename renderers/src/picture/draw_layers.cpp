@@ -58,6 +58,7 @@ void addStats(const RenderStats& part, double share, RenderStats& sum) {
     sum.primaryRays += part.primaryRays, sum.shadowRays += part.shadowRays, sum.secondaryRays += part.secondaryRays;
     sum.missing += part.missing * share, sum.missingMost = std::max(sum.missingMost, part.missingMost);
     sum.error = std::hypot(sum.error, part.error * std::sqrt(share));
+    sum.noise = std::hypot(sum.noise, part.noise * std::sqrt(share)), sum.mean += part.mean * share;
     sum.unreached += part.unreached * share, sum.samples += part.samples * share, sum.kept += part.kept * share;
     sum.cancelled = sum.cancelled || part.cancelled;
 }

@@ -41,9 +41,12 @@ struct LightRenderer::Impl {
     double named = 0;                             // share of missing light that has been reported
     bool toldOfEye = false;                       // that sees nothing of the scene where it is
 
-    /// Whether the pictures of a series may leave a trail.
+    /// Whether the pictures of a series may leave a trail. Layers of paths are kept with them, but for what hangs on
+    /// names or on the picture before.
     static bool keeps(const ImageOptions& options) {
-        return options.keep && options.settings.shutter == 0 && options.settings.layers == 0;
+        const RenderSettings& settings = options.settings;
+        const std::uint32_t kept = settings.integrator == Integrator::path ? kDepth | kPosition | kNormal | kAlbedo : 0;
+        return options.keep && settings.shutter == 0 && !(settings.layers & ~kept);
     }
     void takeDiagnostics() {
         const auto& news = tracer.diagnostics().all();
@@ -173,6 +176,8 @@ void addCounts(const RenderStats& of, RenderStats& sum) {
     sum.missing = before * sum.missing + now * of.missing, sum.missingMost = std::max(sum.missingMost, of.missingMost);
     sum.error = std::sqrt(before * sum.error * sum.error + now * of.error * of.error);
     sum.unreached = before * sum.unreached + now * of.unreached, sum.kept = before * sum.kept + now * of.kept;
+    sum.noise = std::sqrt(before * sum.noise * sum.noise + now * of.noise * of.noise);
+    sum.mean = before * sum.mean + now * of.mean;
     sum.samples = before * sum.samples + now * of.samples;
     sum.cancelled = sum.cancelled || of.cancelled;
 }
@@ -244,6 +249,7 @@ Result<> LightRenderer::make(const ImageOptions& options, bool inSeries) {
     if (asksForMotion(settings) && !settings.before) settings.before = s.before;
     std::shared_ptr<const WorldState> state;  // null: this one's pixels are not kept, or cannot be
     if (inSeries && Impl::keeps(options)) state = world().present().value_or(nullptr);
+    for (trace::Trail& trail : s.trails) trail.refine(options.refine);
     const auto draw = [&](int number, const Camera& eye, const RenderSettings& own) {
         RenderStats drawn;
         auto picture = state ? drawNext(s.tracer.latest(), state->rays, eye, own, drawn,
@@ -300,6 +306,7 @@ Result<> LightRenderer::renderFrame(const WorldState& state) {
     RenderSettings settings = options.settings;
     if (asksForMotion(settings) && !settings.before) settings.before = s.before;
     const bool keeps = Impl::keeps(options);
+    for (trace::Trail& trail : s.trails) trail.refine(options.refine);
     const auto draw = [&](int number, const Camera& eye, const RenderSettings& own) {
         RenderStats drawn;
         auto picture = keeps ? drawNext(tables, state.rays, eye, own, drawn, s.trails[static_cast<std::size_t>(number)])

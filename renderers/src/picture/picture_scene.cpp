@@ -12,6 +12,7 @@
 #include "lighting/environment.h"
 #include "packet/volume_march.h"
 #include "surface/coincident.h"
+#include "surface/media.h"
 #include "tables/active.h"
 #include "tables/left_out.h"
 #include "world/ray_boxes.h"
@@ -226,6 +227,8 @@ TraceScene makeTraceScene(const LightState& state, const RayView& world, const C
     scene.emitterTable = state.emitterTable.get(), scene.skyTable = state.skyTable.get();
     scene.anyTransmits = state.anyTransmits;
     if (state.anyTransmits) boxClear(state, world, scene);
+    if (state.anyTransmits && scene.materials.bends() && !camera.orthographic)
+        scene.aroundEye = bodiesAround(scene, scene.eye);
     return scene;
 }
 

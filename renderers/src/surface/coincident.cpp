@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "media.h"
 #include "mesh/simd8.h"
 
 namespace rtsg::trace {
@@ -62,7 +63,9 @@ bool overlap(const FaceInPlane& a, const FaceInPlane& b, double margin) {
 enum State : std::uint64_t { unknown, alone, inCompany, tooMuch };
 
 /// tooMuch: more than `most` triangles lie around this part.
-State lookAround(const RayView& world, std::uint32_t slot, std::uint32_t triangle, const TrianglePart& part, int most) {
+template <class Counts>
+State lookAround(const RayView& world, std::uint32_t slot, std::uint32_t triangle, const TrianglePart& part, int most,
+                 const Counts& counts) {
     const FaceInPlane face(world.instance(slot), triangle);
     if (face.normal == Vec3d(0)) return inCompany;
     const double half = part.share / 2;
@@ -88,8 +91,8 @@ State lookAround(const RayView& world, std::uint32_t slot, std::uint32_t triangl
         const FaceInPlane other(instance, otherTriangle);
         const double cosine = glm::dot(face.normal, other.normal);
         constexpr double kParallel = .999;
-        const bool shows = cosine < -kParallel || (cosine > kParallel && !instance.mesh->solid);
-        if (shows && overlap(face, other, margin)) state = inCompany;
+        if (std::abs(cosine) > kParallel && counts(instance, otherSlot, cosine) && overlap(face, other, margin))
+            state = inCompany;
         return reach;
     });
     return state;
@@ -97,30 +100,44 @@ State lookAround(const RayView& world, std::uint32_t slot, std::uint32_t triangl
 
 }  // namespace
 
-bool CoincidentFaces::mayHide(const RayView& world, const Hit& hit) {
+template <class Counts>
+bool CoincidentFaces::ask(Answers& known, const RayView& world, const Hit& hit, const Counts& counts) {
     constexpr std::uint64_t kSlots = std::uint64_t{1} << 21;
     if (hit.instance >= kSlots) return true;
-    const auto ask = [&](std::uint64_t number, const TrianglePart& part, int most) {
+    const auto stateOf = [&](std::uint64_t number, const TrianglePart& part, int most) {
         const std::uint64_t key = std::uint64_t{hit.instance} << 43 | std::uint64_t{hit.triangle} << 11 | number << 2;
-        std::atomic<std::uint64_t>& place = known_[(key * 0x9E3779B97F4A7C15u) >> 52];
-        const std::uint64_t known = place.load(std::memory_order_relaxed);
-        if ((known & ~std::uint64_t{3}) == key && (known & 3u) != unknown) return static_cast<State>(known & 3u);
-        const State state = lookAround(world, hit.instance, hit.triangle, part, most);
+        std::atomic<std::uint64_t>& place = known[(key * 0x9E3779B97F4A7C15u) >> 52];
+        const std::uint64_t last = place.load(std::memory_order_relaxed);
+        if ((last & ~std::uint64_t{3}) == key && (last & 3u) != unknown) return static_cast<State>(last & 3u);
+        const State state = lookAround(world, hit.instance, hit.triangle, part, most, counts);
         place.store(key | state, std::memory_order_relaxed);
         return state;
     };
     constexpr int kFew = 256, kMany = 1 << 14;
     constexpr std::uint64_t kParts = 16;  // along a side
-    State state = ask(kParts * kParts, {}, kFew);
+    State state = stateOf(kParts * kParts, {}, kFew);
     if (state == tooMuch) {
         // A large triangle lies beside many others that do not matter at this place, so only a part of it is asked
         // about.
         const auto i = std::min<std::uint64_t>(static_cast<std::uint64_t>(hit.u * kParts), kParts - 1),
                    j = std::min<std::uint64_t>(static_cast<std::uint64_t>(hit.v * kParts), kParts - 1);
         constexpr double kShare = 1.0 / kParts;
-        state = ask(i * kParts + j, {static_cast<double>(i) * kShare, static_cast<double>(j) * kShare, kShare}, kMany);
+        state =
+            stateOf(i * kParts + j, {static_cast<double>(i) * kShare, static_cast<double>(j) * kShare, kShare}, kMany);
     }
     return state != alone;
+}
+
+bool CoincidentFaces::mayHide(const RayView& world, const Hit& hit) {
+    return ask(hiding_, world, hit, [](const RayInstance& instance, std::uint32_t, double cosine) {
+        return cosine < 0 || !instance.mesh->solid;
+    });
+}
+
+bool CoincidentFaces::mayTouchBodies(const TraceScene& scene, const Hit& hit) {
+    return ask(touching_, *scene.world, hit, [&](const RayInstance&, std::uint32_t slot, double) {
+        return slot != hit.instance && Media::isBody(scene, slot);
+    });
 }
 
 bool isBackOfSolid(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {

@@ -21,10 +21,18 @@ class CoincidentFaces {
     /// Whether something that shows itself to a ray which met this back lies in its triangle's plane and overlaps it,
     /// near this place if the triangle is large; also where that cannot be told soon.
     bool mayHide(const RayView& world, const Hit& hit);
+    /// The same of any surface of another body that bends light.
+    bool mayTouchBodies(const TraceScene& scene, const Hit& hit);
 
   private:
     static constexpr std::size_t kKept = std::size_t{1} << 12;
-    std::array<std::atomic<std::uint64_t>, kKept> known_{};  // the last answers: slot, triangle, part, the answer
+    /// The last answers: slot, triangle, part, the answer.
+    using Answers = std::array<std::atomic<std::uint64_t>, kKept>;
+    /// `counts(instance, slot, cosine)`: whether such a triangle in the same plane does.
+    template <class Counts>
+    static bool ask(Answers& known, const RayView& world, const Hit& hit, const Counts& counts);
+
+    Answers hiding_{}, touching_{};
 };
 
 /// Whether an eye sees through the backs of an instance because it is a solid; those of glass are there, so that light

@@ -74,7 +74,7 @@ void SurfaceBranches::find(const SurfacePacket& s, std::uint32_t lanes) {
         const std::uint32_t now = lanes >> at & 0xFFu;
         if (!now) continue;
         const OfMaterials own = ofMaterials(s, now, at);
-        const I8 isGlass = own.index > 0.0f, isBack = lanesFrom(s.back, at);
+        const I8 isGlass = own.index > 0.0f;
         const bool anyGlass = (laneBits(isGlass) & now) != 0;
         const V8 view = loadV(s.view, at), direction{-view.x, -view.y, -view.z};
         const V8 normal = loadV(s.normal, at), facing = facing8(s, at);
@@ -83,7 +83,7 @@ void SurfaceBranches::find(const SurfacePacket& s, std::uint32_t lanes) {
         V8 ofMirror = own.reflectivity, ofBody = rest, hides = rest;
         V8 straight = own.reflectivity * (1.0f - opacity) + V8{opacity, opacity, opacity};
         if (anyGlass) {
-            const F8 index = select(isGlass, own.index, all(1)), eta = select(isBack, 1.0f / index, index);
+            const F8 eta = select(isGlass, load(s.eta + at), all(1));
             const F8 share = select(isGlass, reflectance(cosine, eta), all(0));
             ofMirror = ofMirror + rest * share;
             ofBody = hides = rest * (1.0f - share);

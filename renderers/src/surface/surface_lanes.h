@@ -14,6 +14,8 @@
 
 namespace rtsg::trace {
 
+class Media;
+
 struct alignas(64) SurfacePacket {
     std::uint32_t mask = 0;            // lanes that hit something
     std::uint32_t back = 0;            // the ray came from behind
@@ -38,6 +40,11 @@ struct alignas(64) SurfacePacket {
     alignas(64) float occlusion[16];  // what is left of light from all around (glTF's occlusion)
     std::uint32_t lights[16];
     const Material* material[16];
+    /// Of what bends light: its index behind the surface over that before it; 0 coverage: there is no surface. What a
+    /// lane's ray runs in, and runs in behind the surface, as `media` counts it.
+    alignas(64) float eta[16];
+    Media* media = nullptr;  // of the tile; null: nobody asks
+    std::uint32_t within[16], beyond[16];
     Lanes3 exact, error;  // as HitPoint has them; filled by findPoints
     bool pointsFound = false;
     Lanes3 radiance;  // the result: emission and reflected light of lights

@@ -303,6 +303,7 @@ void fetchSurfaces(const TraceScene& scene, const RayPacket16& rays, std::uint32
             fetchMaterial(scene, common, lanes, tasks, out);
         rest &= ~lanes;
     }
+    if (scene.materials.bends()) findInterfaces(scene, rays, tasks, out);
     if (!scene.energyLimited) return;
     out.filled = nullptr;
     for (int at = 0; at < 16; at += 8) {
@@ -367,6 +368,30 @@ HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& s, int lane) 
     return scene.world->point(hit, rayTo(s, lane));
 }
 
+std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& s, int lane) {
+    const std::uint32_t triangle = s.hits.triangle[lane];
+    if ((s.thin | s.caps) >> lane & 1u) return std::nullopt;
+    const RayInstance& instance = scene.world->instance(s.hits.instance[lane]);
+    const MeshAttribute& normals = instance.mesh->normals;
+    if (!normals.present() || normals.binding() == MeshAttribute::Binding::face) return std::nullopt;
+    const Vec3f place = s.exact.get(lane), facing = (s.back >> lane & 1u ? -1.0f : 1.0f) * s.outside(lane);
+    const float u = s.hits.u[lane], v = s.hits.v[lane], weights[] = {1 - u - v, u, v};
+    Vec3f off(0);
+    for (std::uint32_t corner = 0; corner < 3; ++corner) {
+        const float* const numbers = normals.data() + std::size_t{normals.valueIndex(triangle, corner)} * 3;
+        Vec3f normal = instance.normalFromLocal * Vec3f(numbers[0], numbers[1], numbers[2]);
+        const float length = glm::length(normal);
+        if (!(length > 0)) return std::nullopt;
+        normal *= (glm::dot(normal, facing) < 0 ? -1 : 1) / length;
+        const Vec3f from = instance.rayFromLocal * Vec4f(instance.mesh->vertex(triangle, corner), 1);
+        off -= weights[corner] * std::min(glm::dot(place - from, normal), 0.0f) * normal;
+    }
+    // As far as a ray that leaves the triangle itself starts from it, there is no curve.
+    const float error = glm::dot(glm::abs(facing), s.error.get(lane));
+    if (!(glm::dot(off, facing) > 2 * error)) return std::nullopt;
+    return place + off;
+}
+
 bool letsThrough(const TraceScene& scene, std::uint32_t instance) {
     if (scene.materials[scene.slot(instance).material].transmits) return true;
     const Mesh& mesh = *scene.world->instance(instance).mesh;
@@ -375,25 +400,27 @@ bool letsThrough(const TraceScene& scene, std::uint32_t instance) {
 
 namespace {
 
-/// `alpha`: of textures.
-Vec3f throughPlain(const Material& material, float alpha, float opacity) {
+/// `alpha`: of textures. `eta`: of what bends light.
+Vec3f throughPlain(const Material& material, float alpha, float opacity, float eta) {
     const float coverage = coverageOf(material, alpha, opacity);
     Vec3f through = coverage * (1 - opacityOf(material, opacity)) * (Vec3f(1) - material.reflectivity);
     // Two boundaries of a dielectric reflect some of what passes; the bending is not followed.
-    if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, material.refractiveIndex).mean();
+    if (material.refractiveIndex > 0) through *= 1 - fresnelDielectric(1, eta).mean();
     return Vec3f(1 - coverage) + through;
 }
 
 }  // namespace
 
-Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction) {
+Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction, std::optional<float> eta) {
+    if (eta && *eta == 0) return Vec3f(1);
     const SlotShading& slot = scene.slot(hit.instance);
     const MaterialEntry& entry = scene.materials[slot.material];
     const RayInstance& instance = scene.world->instance(hit.instance);
     const Mesh& mesh = *instance.mesh;
     const bool colored = mesh.colors.present() && mesh.colors.components() == 4;
     if (!letsThrough(scene, hit.instance)) return Vec3f(0);
-    if (hit.isCap()) return throughPlain(entry.material, 1, entry.material.opacity);
+    if (hit.isCap())
+        return throughPlain(entry.material, 1, entry.material.opacity, eta.value_or(entry.material.refractiveIndex));
     const bool behind = mesh.strokeCount == 0 && glm::dot(direction, hit.normal) > 0;
     const Material& material = behind && entry.material.back ? *entry.material.back : entry.material;
     if (mesh.strokeCount > 0) {
@@ -408,7 +435,7 @@ Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f
     if (material.texture(TextureRole::base) || !material.stages.empty())
         findAlpha({instance, slot, hit, 0, ColorSpace::linear, &scene, scene.world->point(hit).position, hit.normal},
                   material, alpha, opacity);
-    return throughPlain(material, alpha, opacity);
+    return throughPlain(material, alpha, opacity, eta.value_or(material.refractiveIndex));
 }
 
 Vec3f emitted(const TraceScene& scene, const Hit& hit, bool behind, float footprint) {

@@ -5,8 +5,10 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 
 #include "lighting/trace_scene.h"
+#include "media.h"
 #include "surface_lanes.h"
 
 namespace rtsg::trace {
@@ -21,20 +23,28 @@ void findPoints(const TraceScene& scene, SurfacePacket& surfaces);
 /// The start of rays that go straight on from a hit. Precondition: findPoints().
 HitPoint pointBehind(const TraceScene& scene, const SurfacePacket& surfaces, int lane);
 
+/// A place on the curved surface that a lane's flat triangle stands for, on the viewer's side of it; nothing if that is
+/// not curved outwards there. Rays from it to lights that the shading normal faces and the triangle does not leave
+/// bodies that bulge. Precondition: findPoints(). Source: Hanika 2021 (Ray Tracing Gems II, chapter 4).
+std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& surfaces, int lane);
+
 /// Whether light may pass straight through an instance.
 bool letsThrough(const TraceScene& scene, std::uint32_t instance);
 
 /// The share of light that a surface lets through straight at a hit of a ray in this direction: 0 if it is opaque
-/// there. The side that the ray meets decides, as it does for an eye there.
-Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction);
+/// there. The side that the ray meets decides, as it does for an eye there. `eta`: of a body, as Media has it; nothing:
+/// it lies in air.
+Vec3f straightTransmittance(const TraceScene& scene, const Hit& hit, const Vec3f& direction,
+                            std::optional<float> eta = {});
 
-/// Clear surfaces that a ray towards a light passes; behind more it is dark. Only those that take nothing at all, such
-/// as the empty parts of textures, become so many before nothing is left.
+/// Clear surfaces that a ray passes straight; behind more it is dark. Only those that take nothing at all, such as the
+/// empty parts of textures, become so many before nothing is left.
 constexpr int kMostPassed = 10'000;
 
 /// The share of light that is left along a ray, which ends at tMax or goes on for ever. `world` has the things that it
-/// may meet.
-Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind = RayKind::shadow);
+/// may meet, `in` is what it starts in.
+Vec3f leftOnTheWay(const TraceScene& scene, const RayView& world, Ray ray, RayKind kind = RayKind::shadow,
+                   RunsIn in = {});
 
 /// The light that an opaque surface itself emits at a hit, in linear light. `footprint` is the width of a pixel there,
 /// in metres.

@@ -62,7 +62,7 @@ struct Reader {
         const std::string_view name = node.is(x3d::MetadataFloat::type) ? node.get(x3d::MetadataFloat::name).view()
                                                                         : node.get(x3d::MetadataDouble::name).view();
         Vec3f value;
-        if (name != "reflectivity" && name != "refractiveIndex" && name != "absorption") return;
+        if (name != "reflectivity" && name != "refractiveIndex" && name != "absorption" && name != "priority") return;
         if (!numbers(node, value)) {
             diagnostics.warning(
                 {}, "RTSG metadata \"" + std::string(name) + "\" wants one or three numbers from 0 on; ignored");
@@ -72,8 +72,10 @@ struct Reader {
             material.reflectivity = glm::min(value, Vec3f(1));
         else if (name == "absorption")
             material.absorption = value;
+        else if (name == "priority")
+            material.priority = value.x;
         else
-            material.refractiveIndex = value.x > 0 && value.x != 1 ? value.x : 0;
+            material.refractiveIndex = value.x;  // 1 as well: a bubble in glass
     }
 
     void metadata(NodeId id, Material& material) {

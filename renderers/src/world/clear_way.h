@@ -7,6 +7,8 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
+#include <vector>
 
 #include <rtsg/renderers/ray_view.h>
 
@@ -28,20 +30,26 @@ class ClearWay {
     }
     /// Whether a lane that is neither stopped nor unknown passes anything.
     bool passesAny(int lane) const { return passed_.count[lane] > 0; }
-    /// Calls visit(hit) for all that it passes, in the order in which the ray meets it, as long as that says true.
+    /// Calls visit(hit, others) for all that it passes, in the order in which the ray meets it, as long as that says
+    /// true. `others`: the surfaces in the same place, which do not count by themselves.
     template <class Visit>
     void visit(const Ray& ray, int lane, const Visit& visit) {
         sort(lane);
+        const bvh::RawHit* const hits = passed_.hits[lane];
         const std::uint32_t count = passed_.count[lane];
-        Vec3f start(0);
-        for (std::uint32_t i = 0; i < count; ++i) {
-            const Hit hit = view_.hit(passed_.hits[lane][i]);
-            const bool isLast = i + 1 == count;
-            if (i == 0 && isLast) return static_cast<void>(visit(hit));
-            const HitPoint point = view_.point(hit);
-            if (i > 0 && !isAhead(point, start, ray.direction)) continue;
-            if (!visit(hit)) return;
-            start = RayView::leave(point, ray.direction);
+        std::vector<Hit> others;
+        for (std::uint32_t i = 0; i < count;) {
+            const Hit hit = view_.hit(hits[i]);
+            others.clear();
+            if (++i < count) {
+                const Vec3f start = RayView::leave(view_.point(hit), ray.direction);
+                for (; i < count; ++i) {
+                    const Hit other = view_.hit(hits[i]);
+                    if (isAhead(view_.point(other), start, ray.direction)) break;
+                    others.push_back(other);
+                }
+            }
+            if (!visit(hit, std::span<const Hit>(others))) return;
         }
     }
 

@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "mesh/exact_meeting.h"
+#include "faces_in_place.h"
 #include "ray_view_impl.h"
 
 namespace rtsg {
@@ -24,49 +24,14 @@ bool isLeftOut(const RayFilter& filter, const Hit& hit, const Ray& ray) {
     return filter.leavesOutAlong(hit.instance, ray.origin, ray.direction, hit.t);
 }
 
-exact::Triangle inRaySpace(const RayInstance& instance, std::uint32_t triangle) {
-    const glm::dmat4x3 m(instance.rayFromLocal);
-    const auto corner = [&](std::uint32_t i) { return m * glm::dvec4(Vec3d(instance.mesh->vertex(triangle, i)), 1); };
-    return {corner(0), corner(1), corner(2)};
-}
-
-/// The normal that Hit::normal has.
-Vec3f outwards(const RayInstance& instance, std::uint32_t triangle) {
-    const Vec3d a(instance.mesh->vertex(triangle, 0)), b(instance.mesh->vertex(triangle, 1)),
-        c(instance.mesh->vertex(triangle, 2));
-    const Vec3d normal = glm::dmat3(instance.normalFromLocal) * glm::cross(b - a, c - a);
-    const double length = glm::length(normal);
-    return length > 0 ? Vec3f(normal / length) : Vec3f(0, 0, 1);
-}
-
-/// How far from a place rounded numbers may put what is there, of a ray that comes from `from`.
-float roundingAt(const Vec3f& from, const Vec3f& at) {
-    const Vec3f sizes = glm::max(glm::abs(from), glm::abs(at));
-    return 0x1p-20f * std::max({sizes.x, sizes.y, sizes.z}) + 1e-30f;
-}
-
-/// Calls `tell(hit)` for all triangles that the ray meets at `t`, give or take `radius` from their planes.
-template <class Tell>
-void visitPlace(const RayView& view, const bvh::TopView& top, const Ray& ray, float t, float radius, RayKind kind,
-                const Tell& tell) {
-    const Vec3d from(ray.origin), along(ray.direction);
-    const double length = glm::length(along);
-    top.visitNear(ray.origin + t * ray.direction, radius, [&](std::uint32_t slot, std::uint32_t triangle) {
-        const RayInstance& instance = view.instance(slot);
-        if (!(kindsOf(instance.info) & static_cast<std::uint32_t>(kind))) return radius;
-        const exact::Triangle corners = inRaySpace(instance, triangle);
-        const auto m = exact::meet(corners, from, along / length);
-        constexpr double kEdge = 1e-9;  // so that no ray slips between two triangles
-        if (!m || !m->isInside(kEdge)) return radius;
-        // Planes that lie as close as `radius` are farther apart along a ray that grazes them.
-        const Vec3d normal = glm::cross(corners.b - corners.a, corners.c - corners.a);
-        const double steep = std::abs(glm::dot(normal, along)) / (glm::length(normal) * length);
-        if (std::abs(m->distance - t * length) * std::max(steep, 0x1p-10) > radius) return radius;
-        const float u = std::clamp(static_cast<float>(m->where.u), 0.0f, 1.0f);
-        const float v = std::clamp(static_cast<float>(m->where.v), 0.0f, 1 - u);
-        tell(Hit{static_cast<float>(m->distance / length), slot, triangle, u, v, outwards(instance, triangle)});
-        return radius;
-    });
+/// Those that rays of a kind meet.
+auto nearOf(const RayView& view, const bvh::TopView& top, RayKind kind) {
+    return [&view, &top, kind](const Vec3f& center, float radius, const NearVisitor& visit) {
+        top.visitNear(center, radius, [&](std::uint32_t slot, std::uint32_t triangle) {
+            const bool counts = kindsOf(view.instance(slot).info) & static_cast<std::uint32_t>(kind);
+            return counts ? visit(slot, triangle) : radius;
+        });
+    };
 }
 
 }  // namespace
@@ -100,7 +65,7 @@ Hit RayView::meetInPlace(const Ray& ray, const Hit& leftOut, RayKind kind) const
         const bool hidden = filter_->concerns(found.instance) && isLeftOut(*filter_, found, ray);
         if (!hidden && found.t >= ray.tMin && found.t <= ray.tMax && found.t < best.t) best = found;
     };
-    visitPlace(*this, tables_->top, ray, leftOut.t, radius, kind, take);
+    visitPlace(*this, nearOf(*this, tables_->top, kind), ray, leftOut.t, radius, take);
     if (seesStrokes(kind)) {
         Ray near = ray;
         const float reach = radius / glm::length(ray.direction);
@@ -116,7 +81,7 @@ Hit RayView::frontInPlace(const Ray& ray, const Hit& back, RayKind kind) const {
     const float radius =
         roundingAt(ray.origin, ray.origin + back.t * ray.direction) + 2 * glm::length(point(back).error);
     Hit best;
-    visitPlace(*this, tables_->top, ray, back.t, radius, meant(kind), [&](const Hit& found) {
+    visitPlace(*this, nearOf(*this, tables_->top, meant(kind)), ray, back.t, radius, [&](const Hit& found) {
         const bool isBack = glm::dot(found.normal, ray.direction) > 0;
         if ((isBack && instances_[found.instance].mesh->solid) || found.t < ray.tMin || !(found.t < best.t)) return;
         if (!filter_ || !filter_->concerns(found.instance) || !isLeftOut(*filter_, found, ray)) best = found;
@@ -175,7 +140,7 @@ std::uint32_t RayView::bodyAround(const Vec3f& place, const Vec3f& direction, st
         Hit back;
         std::vector<std::uint32_t> fronts;
         if (isBody(first)) fronts.push_back(first.instance);
-        visitPlace(*this, tables_->top, ray, first.t, radius, kind, [&](const Hit& hit) {
+        visitPlace(*this, nearOf(*this, tables_->top, kind), ray, first.t, radius, [&](const Hit& hit) {
             if (hit.t < 0 || !isBody(hit)) return;
             if (glm::dot(hit.normal, direction) <= 0)
                 fronts.push_back(hit.instance);

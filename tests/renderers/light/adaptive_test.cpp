@@ -33,6 +33,19 @@ const char* const kPanelRoom =
     "Transform { translation .6 -1 -.5 rotation 0 1 0 .5 children Shape { appearance Appearance { material "
     "PhysicalMaterial { baseColor .2 .5 .8 roughness .6 metallic 0 } } geometry Box { size .8 1.4 .8 } } }\n";
 
+// A mirror ball and shiny walls in such a room: rare bright light.
+const char* const kMirrorRoom =
+    "Viewpoint { position 0 1 3.6 fieldOfView .7 }\n"
+    "Shape { appearance DEF WHITE Appearance { material Material { diffuseColor .85 .85 .85 } } geometry "
+    "IndexedFaceSet { solid FALSE coord Coordinate { point [-1 0 1, 1 0 1, 1 0 -1, -1 0 -1, -1 2 1, 1 2 1, 1 2 -1, -1 "
+    "2 -1] } coordIndex [0 1 2 3 -1 4 5 6 7 -1 3 2 6 7 -1 0 3 7 4 -1 1 2 6 5 -1] } }\n"
+    "Transform { translation 0 1.99 0 children Shape { appearance Appearance { material UnlitMaterial { emissiveColor "
+    "8 8 8 } } geometry IndexedFaceSet { solid FALSE coord Coordinate { point [-.3 0 .3, .3 0 .3, .3 0 -.3, -.3 0 -.3] "
+    "} coordIndex [0 1 2 3 -1] } } }\n"
+    "Transform { translation .3 .45 .2 children Shape { appearance Appearance { material Material { diffuseColor .3 .3 "
+    ".3 metadata MetadataSet { name \"RTSG\" value MetadataFloat { name \"reflectivity\" value .8 } } } } geometry "
+    "Sphere { radius .45 } } }\n";
+
 void byPaths(LightScene& s, float error, int most = 1 << 14) {
     s.options.settings.integrator = Integrator::path;
     s.options.settings.samplesPerPixel = most;
@@ -83,23 +96,62 @@ TEST(Adaptive, IntervalsHoldTheTruthAsOftenAsTheySay) {
             const Picture p = s.picture();
             ASSERT_EQ(p.interval.size(), p.pixels.size());
             EXPECT_EQ(s.stats.unreached, 0);
-            EXPECT_LE(s.stats.error, error);
+            EXPECT_LE(s.stats.error, 1.25f * error);
             told += s.stats.error * s.stats.error;
             for (std::size_t i = 0; i < p.pixels.size(); ++i) {
-                double worst = 0, value = 0;
+                double brightest = 0, value = -1;
                 for (int c = 0; c < 3; ++c) {
                     const double off = std::abs(double(p.pixels[i][c]) - truth.pixels[i][c]);
                     inside += off <= p.interval[i][c], count += 1;
-                    worst = std::max(worst, off), value = std::max(value, double(truth.pixels[i][c]));
+                    if (truth.pixels[i][c] > value) brightest = off, value = truth.pixels[i][c];
                 }
-                squares += worst * worst / ((value + kErrorFloor) * (value + kErrorFloor));
+                squares += brightest * brightest / ((value + kErrorFloor) * (value + kErrorFloor));
             }
         }
         EXPECT_GT(inside / count, 0.93);
         EXPECT_LT(inside / count, 0.97);
         const double real = std::sqrt(squares / (kSeeds * kSide * kSide)), said = std::sqrt(told / kSeeds);
-        EXPECT_NEAR(real / said, 1, 0.15);
+        EXPECT_NEAR(real / said, 1, 0.03);
+        EXPECT_LT(said, error);
     }
+}
+
+// To stop when samples look good makes pictures dark and errors small where light is rare: it did by half a per cent
+// and a tenth. The mean is that of a picture of fixed samples, and both figures of the error are those that there are.
+TEST(Adaptive, WhatDecidesIsNotWhatIsShown) {
+    constexpr int kSide = 12, kSeeds = 100;
+    LightScene s(kMirrorRoom, kSide, kSide);
+    byPaths(s, 0, 1 << 16);
+    s.options.settings.seed = 1'000'003;
+    const Picture truth = s.picture();
+    double expected = 0, sum = 0, squares = 0, told = 0, noise = 0, off = 0;
+    const auto add = [](const Vec4f& p) { return (double{p.r} + p.g + p.b) / 3; };
+    for (const Vec4f& p : truth.pixels) expected += add(p) / (kSide * kSide);
+    std::vector<double> means;
+    byPaths(s, .1f);
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+        s.options.settings.seed = static_cast<std::uint64_t>(seed);
+        const Picture p = s.picture();
+        double mean = 0;
+        for (std::size_t i = 0; i < p.pixels.size(); ++i) {
+            mean += add(p.pixels[i]) / (kSide * kSide);
+            const Vec4f d = p.pixels[i] - truth.pixels[i];
+            off += (double{d.r} * d.r + double{d.g} * d.g + double{d.b} * d.b) / 3;
+            const double value = std::max({truth.pixels[i].r, truth.pixels[i].g, truth.pixels[i].b});
+            const int c = truth.pixels[i].r == static_cast<float>(value) ? 0 : truth.pixels[i].g >= value ? 1 : 2;
+            squares += double{d[c]} * d[c] / ((value + kErrorFloor) * (value + kErrorFloor));
+        }
+        EXPECT_NEAR(s.stats.mean / mean, 1, 1e-5);
+        means.push_back(mean), sum += mean;
+        told += s.stats.error * s.stats.error, noise += s.stats.noise * s.stats.noise;
+    }
+    double spread = 0;
+    for (const double mean : means) spread += (mean - sum / kSeeds) * (mean - sum / kSeeds);
+    const double error = std::sqrt(spread / (kSeeds * (kSeeds - 1)));
+    EXPECT_LT(error / expected, .002);
+    EXPECT_NEAR(sum / kSeeds, expected, 3 * error) << "of " << expected;
+    EXPECT_NEAR(std::sqrt(squares / (kSide * kSide) / told), 1, .05);
+    EXPECT_NEAR(std::sqrt(off / (kSide * kSide) / noise), 1, .08);
 }
 
 TEST(Adaptive, SamplesGoWhereTheErrorIs) {
@@ -133,7 +185,7 @@ TEST(Adaptive, TilesEndNearWhatIsAskedForAndNoBlockFarAbove) {
         byPaths(s, error);
         const Picture p = s.picture();
         EXPECT_LE(s.stats.error, error);
-        EXPECT_GT(s.stats.error, 0.95f * error);
+        EXPECT_GT(s.stats.error, 0.85f * error);
         double worst = 0;
         for (int block = 0; block < kSide * kSide / (kBlock * kBlock); ++block) {
             double squares = 0;
@@ -143,14 +195,14 @@ TEST(Adaptive, TilesEndNearWhatIsAskedForAndNoBlockFarAbove) {
                 const auto at = static_cast<std::size_t>(y * kSide + x);
                 const Vec3f& off = p.interval[at];
                 const Vec4f& value = p.pixels[at];
-                const double e = std::max({off.x, off.y, off.z}) / trace::studentQuantile(trace::kGroups - 1) /
+                const double e = std::max({off.x, off.y, off.z}) / trace::studentQuantile(trace::kGroups / 2 + 1) /
                                  (std::max({value.r, value.g, value.b}) + double{kErrorFloor});
                 squares += e * e / (kBlock * kBlock);
             }
             worst = std::max(worst, std::sqrt(squares));
         }
         // Intervals hold a little of the neighbours' errors, too: those of dark pixels are wider for it.
-        EXPECT_LT(worst, 1.25 * error);
+        EXPECT_LT(worst, 1.5 * error);
         EXPECT_GT(worst, error);
     }
 }

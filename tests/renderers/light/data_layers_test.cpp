@@ -195,6 +195,37 @@ TEST(DataLayers, AreOfWhatHidesWhatIsBehind) {
     }
 }
 
+// What mirrors and bends is white as far as it does, lamps as bright as white at most, and 300 faint layers hide
+// nothing.
+TEST(DataLayers, AlbedosAreSharesOfLight) {
+    const struct {
+        std::string material;
+        double albedo;
+    } cases[] = {
+        {"material Material { diffuseColor .5 .5 .5 }", linearFromSrgb(Vec3f(.5f)).r},
+        {mirror("1"), 1},
+        {mirror(".25"), .25},
+        {glass(1.5), 1},
+        {"material Material { transparency 0 diffuseColor 0 0 0 metadata MetadataFloat { name \"refractiveIndex\" "
+         "reference \"RTSG\" value 1.5 } }",
+         .04},
+        {unlit("4 4 4"), 1},
+    };
+    for (const auto& c : cases) {
+        SCOPED_TRACE(c.material);
+        LightScene s(square(9, c.material), 3, 3);
+        s.options.settings.layers = kAlbedo;
+        EXPECT_NEAR(written(s, "albedo.exr").at("albedo.R", 1, 1), c.albedo, 1e-4);
+    }
+    std::string sheets = "Transform { translation 0 0 1 children DEF L " +
+                         square(5, "material UnlitMaterial { transparency .999 }") + "}";
+    for (int i = 1; i < 300; ++i)
+        sheets += fmt::format("Transform {{ translation 0 0 {} children USE L }}", 1 + i * .01);
+    LightScene s(square(9, matte("1 1 1")) + sheets, 3, 3);
+    s.options.settings.layers = kDepth;
+    EXPECT_NEAR(written(s, "sheets.exr").at("Z", 1, 1), 10, 1e-4);
+}
+
 // Each layer of a LayerSet covers what is behind it, and shows what it does not cover.
 TEST(DataLayers, LayersOfASceneCoverEachOther) {
     LightScene s("LayerSet { order [1 2] layers [ Layer { children [ Viewpoint { } DEF Back " +

@@ -418,5 +418,41 @@ TEST(LightTracer, AlphaModeMakesWhollyTransparentShapesOpaque) {
     }
 }
 
+// A Sphere stands for a ball: no facet that a light's rays reach by its normal lies in the shadow of its neighbours.
+TEST(LightShadows, NoFacetsAtTheEdgeOfABallsShadow) {
+    const std::string ball = "Shape { appearance Appearance { " + matte("1 1 1") + " } geometry Sphere { } }";
+    const Vec3d towards = glm::normalize(Vec3d(1, .2, .3));
+    for (const Integrator integrator : {Integrator::whitted, Integrator::path})
+        for (const char* light :
+             {"DirectionalLight { direction -1 -.2 -.3 }", "PointLight { location 1000 200 300 radius 1e5 }"}) {
+            LightScene s(std::string("Viewpoint { position 0 0 3.2 fieldOfView .8 }") + light + ball, 160, 160);
+            s.options.settings.integrator = integrator;
+            s.options.settings.colorSpace = ColorSpace::linear;
+            s.options.settings.layers = kNormal;
+            const Picture p = s.picture();
+            int near = 0, dark = 0;
+            for (std::size_t i = 0; i < p.pixels.size(); ++i) {
+                const float* n = &p.layers[0].values[3 * i];
+                const double facing = glm::dot(Vec3d(n[0], n[1], n[2]), towards);
+                if (!(facing > .02) || facing > .2) continue;
+                ++near, dark += p.pixels[i].r < .5 * facing;
+            }
+            EXPECT_GT(near, 500) << light;
+            EXPECT_EQ(dark, 0) << light << ' ' << static_cast<int>(integrator);
+        }
+    // What lies between is still in its way, also there.
+    LightScene s(
+        "Viewpoint { position 0 0 3.2 fieldOfView .8 } DirectionalLight { direction -1 -.2 -.3 } Transform { "
+        "translation 3 .6 .9 children Shape { geometry Box { size .1 9 9 } } }" +
+            ball,
+        40, 40);
+    double most = 0;
+    const Picture p = s.picture();
+    for (int y = 0; y < 40; ++y)
+        for (int x = 10; x < 30; ++x)
+            if (std::hypot(x - 19.5, y - 19.5) < 9) most = std::max(most, double{p.at(x, y).r});
+    EXPECT_EQ(most, 0);
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -215,5 +215,20 @@ TEST(LightTracer, ManyClearLayersAreFollowedToTheEnd) {
     expectColor(s.center(), Vec3d(0.3), 1e-6);
 }
 
+// Clear layers are no mirrorings: of 300 that each take a thousandth, .999^300 is left, in both integrators.
+TEST(LightTracer, ManyFaintLayersAreNoDepth) {
+    std::string layers;
+    for (int i = 1; i <= 300; ++i) layers += fmt::format("Transform {{ translation 0 0 {} children USE L }}", i * 0.01);
+    LightScene s("Background { skyColor 1 1 1 } Group { children DEF L " +
+                     square(5, "material UnlitMaterial { emissiveColor 0 0 0 transparency 0.999 }") + "}" + layers,
+                 3, 3);
+    s.options.settings.colorSpace = ColorSpace::linear;
+    EXPECT_NEAR(s.center().r, std::pow(.999, 301), 1e-4);
+    EXPECT_EQ(s.stats.missing, 0);
+    s.options.settings.integrator = Integrator::path;
+    s.options.settings.samplesPerPixel = 4096;
+    EXPECT_NEAR(s.center().r, std::pow(.999, 301), .02);
+}
+
 }  // namespace
 }  // namespace rtsg

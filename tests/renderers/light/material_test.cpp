@@ -75,6 +75,11 @@ TEST(MaterialReading, OpticsComeFromMetadata) {
         shape("material Material { metadata MetadataSet { name \"someone else\" value [ MetadataFloat { name "
               "\"refractiveIndex\" value 1.5 } ] } }"));
     EXPECT_EQ(foreign.material().refractiveIndex, 0);
+    Read bubble(shape(
+        "material Material { metadata MetadataSet { name \"RTSG\" value [ MetadataFloat { name \"refractiveIndex\" "
+        "value 1 } MetadataFloat { name \"priority\" value 3 } ] } }"));
+    EXPECT_EQ(bubble.material().refractiveIndex, 1);
+    EXPECT_EQ(bubble.material().priority, 3);
     Read bad(shape(
         "material Material { metadata MetadataFloat { name \"refractiveIndex\" reference \"RTSG\" value [-1] } }"));
     EXPECT_EQ(bad.material().refractiveIndex, 0);

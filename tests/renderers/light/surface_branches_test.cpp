@@ -57,6 +57,8 @@ class Packet {
             const Vec3f leaning = glm::normalize(facing + .3f * unit());
             s.normal.set(lane, glm::dot(leaning, view) > .02f ? leaning : facing);
             s.view.set(lane, view);
+            const float index = materials[which].refractiveIndex;
+            s.eta[lane] = back ? 1 / index : index;
             s.base.set(lane, {share(), share(), share()});
             s.metallic[lane] = share(), s.roughness[lane] = share(), s.opacity[lane] = share();
             s.exact.set(lane, 9.0f * unit()), s.error.set(lane, Vec3f(1e-5f));

@@ -471,5 +471,46 @@ TEST(Trail, ManyChangesAreTakenTogether) {
     EXPECT_NEAR(all.max.x, 300, .01f);
 }
 
+// A still picture by paths goes on adding samples where that is asked for, and says how many it has; what changes
+// begins anew.
+TEST(Trail, PicturesByPathsAreRefined) {
+    LightScene s(
+        "Background { skyColor .5 .5 .5 } Transform { translation 0 0 0 children Shape { appearance Appearance "
+        "{ material DEF M Material { diffuseColor .8 .6 .4 } } geometry Box { size 4 4 4 solid FALSE } } } "
+        "Viewpoint { position 0 0 6 } DirectionalLight { direction -1 -1 -2 }",
+        16, 16);
+    s.options.settings.integrator = Integrator::path;
+    s.options.settings.samplesPerPixel = 2048;
+    const Picture truth = s.picture();
+    const auto error = [&](const Picture& p) {
+        double sum = 0;
+        for (std::size_t i = 0; i < p.pixels.size(); ++i) sum += std::pow(p.pixels[i].r - truth.pixels[i].r, 2);
+        return std::sqrt(sum / static_cast<double>(p.pixels.size()));
+    };
+    s.options.settings.samplesPerPixel = 4;
+    s.options.refine = true;
+    s.options.settings.layers = kDepth;
+    const double first = error(next(s));
+    EXPECT_EQ(s.stats.samples, 4);
+    Picture last;
+    for (int i = 2; i <= 64; ++i) {
+        last = next(s);
+        EXPECT_EQ(s.stats.samples, 4 * i);
+        EXPECT_EQ(s.stats.kept, 1);
+        EXPECT_GT(s.stats.primaryRays, 0u);
+    }
+    ASSERT_EQ(last.layers.size(), 1u);
+    EXPECT_NEAR(error(last) / first, 1. / 8, .04) << "as the root of the samples";
+    // What a picture shows that is not refined is what it was.
+    s.options.refine = false;
+    EXPECT_EQ(next(s).pixels, last.pixels);
+    EXPECT_EQ(s.stats.primaryRays, 0u);
+    s.options.refine = true;
+    ASSERT_TRUE(s.scene.set(s.node("M"), x3d::Material::diffuseColor, Color{.2f, .2f, .2f}));
+    s.scene.newFrame(1);
+    next(s);
+    EXPECT_EQ(s.stats.samples, 4);
+}
+
 }  // namespace
 }  // namespace rtsg

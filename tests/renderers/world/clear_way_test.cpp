@@ -44,7 +44,7 @@ struct WholeWay {
 void expectPassed(ClearWay& way, const Ray& ray, int lane, const WholeWay& whole) {
     EXPECT_EQ(way.passesAny(lane), !whole.hits.empty());
     std::size_t next = 0;
-    way.visit(ray, lane, [&](const Hit& hit) {
+    way.visit(ray, lane, [&](const Hit& hit, std::span<const Hit>) {
         if (next == whole.hits.size()) return ++next, false;
         const BruteForce::Answer& expected = whole.hits[next++];
         EXPECT_EQ(hit.instance, expected.instance);
@@ -129,7 +129,12 @@ TEST(ClearWay, SurfacesInOnePlaceCountOnce) {
     EXPECT_EQ(unknown, 0u);
     for (int i = 0; i < 16; ++i) {
         std::vector<float> met;
-        way.visit(rays.ray(i), i, [&](const Hit& hit) { return met.push_back(hit.t), true; });
+        std::size_t others = 0;
+        way.visit(rays.ray(i), i, [&](const Hit& hit, std::span<const Hit> inPlace) {
+            others += inPlace.size();
+            return met.push_back(hit.t), true;
+        });
+        EXPECT_GE(others, 2u) << i;
         EXPECT_THAT(met, testing::Pointwise(testing::FloatNear(1e-6f), {1.f, 2.f, 3.f})) << i;
     }
 }
@@ -151,7 +156,7 @@ TEST(ClearWay, SaysOfWhichRaysItDoesNotTell) {
     EXPECT_EQ(way.find(rays, false, RayKind::shadow, unknown), 0u);
     EXPECT_EQ(unknown, 0x5555u);
     int count = 0;
-    way.visit(rays.ray(1), 1, [&](const Hit&) { return ++count, true; });
+    way.visit(rays.ray(1), 1, [&](const Hit&, std::span<const Hit>) { return ++count, true; });
     EXPECT_EQ(count, kMost);
 }
 

@@ -44,6 +44,9 @@ struct ImageOptions {
     /// pictures by `whitted` keep the tiles whose rays met nothing that has changed (RenderStats::kept). The pictures
     /// are the same as without. It holds a picture and a version of the world.
     bool keep = true;
+    /// A picture by `path` of what is the same as in the picture before goes on adding samples to that one, up to
+    /// 16,384 a pixel (RenderStats::samples); else it is that one. Counts where `keep` does, without `error`.
+    bool refine = false;
 
     /// The size of the whole picture, with both eyes.
     int fileWidth() const { return stereo == Stereo::beside ? 2 * settings.width : settings.width; }

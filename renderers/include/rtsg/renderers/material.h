@@ -7,6 +7,9 @@
 //   "refractiveIndex"  n > 0: a smooth dielectric; the share mirrored follows Fresnel's equations, what enters is bent;
 //                      `transparency` is the share of it that passes, the rest meets the material's own colours
 //   "absorption"       a or r g b, 1/m: Beer's law inside
+//   "priority"         p >= 0, by default 0: of bodies with a refractive index that overlap, the one with the highest
+//   is
+//                      there, of these the one with the smallest box
 // PhysicalMaterial mirrors by itself: Schlick's Fresnel term of baseColor and metallic times (1 - roughness)^2.
 // Colours are as their fields have them, and beside that in linear light. Threading: immutable once read. Source:
 // ISO/IEC 19775-1 V4.0 12.4, 17.2.2, 17.4, 18.2; glTF 2.0 appendix B.
@@ -147,6 +150,7 @@ struct Material {
     Vec3f reflectivity{0};
     float refractiveIndex = 0;  // 0: not a dielectric
     Vec3f absorption{0};
+    float priority = 0;
     std::array<TextureUse, kTextureRoles> textures;
     std::vector<TextureStage> stages;  // of a MultiTexture in place of the base texture
     Vec4f factor{1};                   // its colour and alpha

@@ -31,10 +31,12 @@ enum class Integrator : std::uint8_t { whitted, path, raster };
 /// infinite and all others are 0. depth, position, normal, node and motion are those of the pixel's middle, the others
 /// means over samples. All hold for the picture's own instant, whatever its shutter.
 enum DataLayer : std::uint32_t {
-    kDepth = 1,       // "Z": metres along the view, of panoramas from the eye
-    kPosition = 2,    // "P.X", "P.Y", "P.Z": world, metres
-    kNormal = 4,      // "N.X" ...: as it is shaded, in world space, on the eye's side
-    kAlbedo = 8,      // "albedo.R" ...: diffuseColor, baseColor, or what an unlit one shows; with textures, as light
+    kDepth = 1,     // "Z": metres along the view, of panoramas from the eye
+    kPosition = 2,  // "P.X", "P.Y", "P.Z": world, metres
+    kNormal = 4,    // "N.X" ...: as it is shaded, in world space, on the eye's side
+    /// "albedo.R" ...: diffuseColor, baseColor, or what an unlit one shows, with textures, as light; 1 for the share
+    /// that is mirrored or bent. From 0 to 1.
+    kAlbedo = 8,
     kNode = 16,       // "node.id": NodeId of the Shape, an integer
     kObjects = 32,    // "CryptoObject00.R" ...: Cryptomatte 1.2 of RenderSettings::nameOf(shape)
     kMaterials = 64,  // "CryptoMaterial00.R" ...: of nameOf(appearance)
@@ -97,8 +99,11 @@ struct RenderStats {
     double missing = 0, missingMost = 0;
     /// What came of RenderSettings::error. `error` is the relative standard error that was reached, as root mean square
     /// over the pixels; a pixel's is that of its brightest channel over (value + kErrorFloor). `unreached` is the share
-    /// of pixels in blocks that ran out of samples, `samples` the mean number of samples of a pixel.
+    /// of pixels in blocks that ran out of samples, `samples` the mean number of samples that a pixel shows.
     double error = 0, unreached = 0, samples = 0;
+    /// The root mean square of the pixels' standard errors, and the mean of the pixels, both over red, green and blue:
+    /// their quotient is the noise as one sees it in the whole picture. With RenderSettings::error alone.
+    double noise = 0, mean = 0;
     /// The share of pixels that were taken from the previous picture (LightRenderer), since their content cannot have
     /// changed. Counts of rays are of those that were traced; all other numbers are of the whole picture.
     double kept = 0;

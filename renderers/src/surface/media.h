@@ -1,0 +1,84 @@
+// Media: which bodies of glass, water and the like the rays of a tile run in, and what the surfaces that they meet lie
+// between.
+//
+// A body is an instance whose material has a refractive index. Where bodies overlap, one of them is there: that of the
+// highest priority, of these the smallest (the diagonal of its box), of these the last. So a ball in water, a drop on
+// a pane and two blocks that share a face are what they look like. A surface between a body and itself is not there.
+// Invariant: what a ray meets in one place counts as one surface, in whatever order it is told.
+// Threading: one tile's. Source: Schmidt & Budge 2002 (Simple Nested Dielectrics in Ray Traced Images).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "lighting/trace_scene.h"
+
+namespace rtsg::trace {
+
+struct SurfacePacket;
+
+class Media {
+  public:
+    /// The bodies around a place, by number; 0: none. One may be in it more than once, where it overlaps itself.
+    using Set = std::uint32_t;
+    explicit Media(const TraceScene& scene);
+
+    static bool isBody(const TraceScene& scene, std::uint32_t instance) {
+        return scene.materials[scene.slot(instance).material].material.refractiveIndex > 0;
+    }
+    Set aroundEye() const { return aroundEye_; }
+    /// Of what is there, 1/m.
+    const Vec3f& absorption(Set set) const;
+
+    struct Interface {
+        Set beyond = 0;
+        float eta = 1;    // the index there over that on this side; 0: there is no surface
+        float apart = 0;  // how far other surfaces in the same place may be from the one that was met, in metres
+    };
+    /// What a ray that runs in these bodies goes through at a hit of one. A body that it leaves without having come
+    /// into it was around it before.
+    Interface cross(Set from, const Ray& ray, const Hit& hit);
+    /// The same where the other surfaces in that place are known.
+    Interface cross(Set from, const Vec3f& direction, const Hit& hit, std::span<const Hit> others);
+
+  private:
+    struct Node {
+        std::uint32_t slot = 0;
+        Set rest = 0;
+        std::uint32_t count = 1;
+        std::uint32_t shown = 0;  // the slot of the body that is there
+        float index = 1, priority = 0, size = 0;
+        Vec3f absorption{0};
+    };
+    const Node& node(Set set) const { return nodes_[set - 1]; }
+    Set with(Set set, std::uint32_t slot);
+    Set without(Set set, std::uint32_t slot);
+    bool has(Set set, std::uint32_t slot) const;
+    std::vector<Hit> inPlace(const Ray& ray, const Hit& hit, float& apart) const;
+
+    const TraceScene& scene_;
+    std::vector<Node> nodes_;
+    std::unordered_map<std::uint64_t, Set> known_;  // with(), by both
+    Set aroundEye_ = 0;
+};
+
+/// The closed bodies that a place lies in.
+std::vector<std::uint32_t> bodiesAround(const TraceScene& scene, const Vec3f& place);
+
+/// What a ray runs in that goes straight through surface after surface.
+struct RunsIn {
+    Media* media = nullptr;  // null: nobody knows
+    Media::Set set = 0;
+    /// Goes through a hit; returns eta as Interface has it, nothing if it is none of a body.
+    std::optional<float> pass(const TraceScene& scene, const Ray& ray, const Hit& hit);
+    std::optional<float> pass(const TraceScene& scene, const Vec3f& direction, const Hit& hit,
+                              std::span<const Hit> others);
+};
+
+/// Finds what the surfaces of bodies in a packet lie between. `tasks`: null for rays from the eye.
+void findInterfaces(const TraceScene& scene, const RayPacket16& rays, const PathTask* tasks, SurfacePacket& surfaces);
+
+}  // namespace rtsg::trace
