@@ -20,9 +20,10 @@
 namespace rtsg {
 namespace {
 
-/// As many images as are looked at, each of which is as much work as direct sound; and their share of all at least.
-constexpr std::size_t kMostBentImages = 1;
-constexpr double kLeastOfAll = 0.1;
+/// An image that brings less of all than this is left as it is: where it begins or ends the level steps by .09 dB.
+constexpr double kLeastOfAll = 0.02;
+/// Each is as much work as direct sound: a room has six walls, and furniture some more that count.
+constexpr std::size_t kMostBentImages = 12;
 
 /// A wall, and the image of the source in it.
 struct WallImage {

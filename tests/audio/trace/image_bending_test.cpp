@@ -5,6 +5,7 @@
 #include <complex>
 #include <cstdint>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -113,6 +114,46 @@ TEST(ImageBending, AnImageIsHiddenWithoutAStep) {
         last = now;
     }
     EXPECT_TRUE(image && none);
+}
+
+/// A room from (0, 0, 0) on with a screen across it that stands on the floor.
+Walled roomWithScreen(const glm::dvec3& size, const glm::dvec3& low, const glm::dvec3& high, double absorption) {
+    std::vector<glm::dvec3> corners;
+    for (const auto& [from, to] : {std::pair(glm::dvec3(0), size), std::pair(low, high)})
+        for (int i = 0; i < 8; ++i)
+            corners.emplace_back(i & 1 ? to.x : from.x, i & 2 ? to.y : from.y, i & 4 ? to.z : from.z);
+    std::vector<std::uint32_t> triangles;
+    for (const std::uint32_t first : {0, 8})
+        for (const std::uint32_t corner : {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
+                                           2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5})
+            triangles.push_back(first + corner);
+    return {corners, triangles, absorption, {WorldFromLocal(1.0)}, false};
+}
+
+TEST(ImageBending, ImagesByEveryWallAreHiddenByAScreenWithoutAStep) {
+    // Behind a screen that reaches from wall to wall, and one that ends before them, the images by ceiling, floor and
+    // walls come into its shadow one after the other. With the loudest alone levels stepped by more than 3 dB.
+    const Walled office = roomWithScreen({12, 8, 2.8}, {5.97, .01, 0}, {6.03, 7.99, 1.6}, .5);
+    const Walled dead = roomWithScreen({10, 8, 3.5}, {4.95, 2, 0}, {5.05, 6, 2}, .95);
+    struct Walk {
+        const Walled& walls;
+        glm::dvec3 source, from, to;
+    };
+    for (const Walk& walk : {Walk{office, {4, 4, 1.2}, {6.1, 4, 1.2}, {7.5, 4, 1.2}},
+                             Walk{office, {4, 4, 1.2}, {6.5, 4, .6}, {6.5, 4, 2.2}},
+                             Walk{dead, {2.5, 4, 1.2}, {5.2, 4, 1.2}, {7.5, 4, 1.2}},
+                             Walk{dead, {2.5, 4, 1.2}, {6, 4.2, 1.2}, {6, 7.5, 1.2}}}) {
+        constexpr int kSteps = 160;
+        Bands last{};
+        for (int i = 0; i <= kSteps; ++i) {
+            const glm::dvec3 listener = glm::mix(walk.from, walk.to, double(i) / kSteps);
+            const Bands now = total(walk.walls.arrivals(walk.source, listener));
+            for (std::size_t b = 2; i > 0 && b < 8; ++b)
+                EXPECT_NEAR(10 * std::log10(now[b] / last[b]), 0, .7)
+                    << listener.x << ' ' << listener.y << ' ' << listener.z << " m, band " << b;
+            last = now;
+        }
+    }
 }
 
 TEST(ImageBending, WhatAFloorAbsorbsIsNotHeard) {
