@@ -95,19 +95,6 @@ bool FacePair::shareFace(const WallEdge& a, const WallEdge& b) {
     return sharedFace(a, b, inward) && sharedFace(b, a, inward);
 }
 
-bool FacePair::seenAcross(const WallEdge& edge, const WallEdge& other, const glm::dvec3& beyond, WallEdge& part,
-                          glm::dvec3& flat) {
-    glm::dvec3 inward, otherInward;
-    if (!sharedFace(edge, other, inward) || !sharedFace(other, edge, otherInward)) return false;
-    const Side side = layOne(edge, inward, other, otherInward, beyond, beyond);
-    if (!side.any()) return false;
-    part = edge;
-    part.from += edge.axis * side.low;
-    part.length = side.high - side.low;
-    flat = side.flat;
-    return true;
-}
-
 bool FacePair::lay(const WallEdge& first, const WallEdge& second, const glm::dvec3& source,
                    const glm::dvec3& listener) {
     glm::dvec3 firstInward, secondInward;

@@ -46,13 +46,10 @@ class FacePair {
     double strength(const TwoWedgePath& path) const;
 
     static bool shareFace(const WallEdge& a, const WallEdge& b);
-    /// The part of an edge that is seen across another one of its face, from a place beyond that, which is laid flat.
-    static bool seenAcross(const WallEdge& edge, const WallEdge& other, const glm::dvec3& beyond, WallEdge& part,
-                           glm::dvec3& flat);
-    /// Where the line from a place to what is laid flat crosses an edge.
-    static glm::dvec3 crossing(const glm::dvec3& from, const glm::dvec3& flat, const WallEdge& edge);
 
   private:
+    /// Where the line from a place to what is laid flat crosses an edge.
+    static glm::dvec3 crossing(const glm::dvec3& from, const glm::dvec3& flat, const WallEdge& edge);
     /// An edge and what counts of it: where it is seen from, and where it is seen across the other edge, laid flat.
     struct Side {
         WallEdge edge;

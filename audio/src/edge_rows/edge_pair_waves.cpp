@@ -32,13 +32,13 @@ void weigh(PairField& field, const std::array<std::complex<double>, kEdgeTones>&
 }
 
 std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
-                               const TraceOptions& options, std::uint32_t order) {
+                               const TraceOptions& options) {
     const Bands attenuation = airAttenuation(options.air);
     std::vector<EdgeWave> waves;
     for (const FacePair::End& end : field.ends) {
         if (end.second == listener || end.first == source) continue;
         EdgeWave wave;
-        wave.order = order;
+        wave.order = 2;
         wave.seconds = end.way / options.air.speedOfSound;
         wave.direction = glm::normalize(end.second - listener);
         wave.route = {end.first, end.second, glm::dvec3(0), glm::dvec3(0)};
@@ -72,7 +72,7 @@ Bent bentBy(const PairWay& way, const PairField& field, const glm::dvec3& source
     const double sent = sentTo(first);
     for (std::size_t t = 0; t < kEdgeTones; ++t) bent.wave.pressure[t] = std::complex<float>(field.wave[t]);
     weaken(bent.wave.pressure, sent, attenuation, length);
-    bent.ends = endWaves(field, source, listener, options, 2);
+    bent.ends = endWaves(field, source, listener, options);
     return bent;
 }
 
@@ -80,7 +80,7 @@ void EndWaves::add(const EdgeWave& wave) {
     const double rounding = 1e-6 + 2 * placeRounding(wave.route.first);
     const auto known = std::ranges::find_if(waves_, [&](const EdgeWave& one) {
         return glm::distance(one.route.first, wave.route.first) <= rounding &&
-               glm::distance(one.route.last, wave.route.last) <= rounding && one.order == wave.order &&
+               glm::distance(one.route.last, wave.route.last) <= rounding &&
                std::abs(one.seconds - wave.seconds) <= 1e-8 + 1e-7 * wave.seconds;
     });
     if (known == waves_.end()) {

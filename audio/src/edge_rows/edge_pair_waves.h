@@ -5,7 +5,6 @@
 
 #include <array>
 #include <complex>
-#include <cstdint>
 #include <vector>
 
 #include <glm/glm.hpp>
@@ -22,9 +21,9 @@ namespace rtsg {
 void weigh(PairField& field, const BodyWeights::Tones& weights);
 void weigh(PairField& field, const std::array<std::complex<double>, kEdgeTones>& factors);
 
-/// By the ends of edges along faces; `order`: of how many edges.
+/// By the ends of edges along faces.
 std::vector<EdgeWave> endWaves(const PairField& field, const glm::dvec3& source, const glm::dvec3& listener,
-                               const TraceOptions& options, std::uint32_t order);
+                               const TraceOptions& options);
 
 /// The waves that both edges bend.
 struct Bent {

@@ -14,7 +14,6 @@
 #include "edge_pair_way.h"
 #include "edge_rows.h"
 #include "edge_thin_faces.h"
-#include "edge_triples.h"
 #include "edges/edge_overlaps.h"
 #include "edges/edge_waves.h"
 #include "response/edge_tones.h"
@@ -79,7 +78,7 @@ TwoWedgePath offBoundaries(const PairWay& way, bool firstHides, bool secondHides
     return path;
 }
 
-/// The pairs of a source and a listener, one after the other, and what goes on round a third edge.
+/// The pairs of a source and a listener, one after the other.
 class EdgePairs {
   public:
     EdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
@@ -132,25 +131,6 @@ class EdgePairs {
         for (const EdgeWave& end : both.ends) ends_.add(end);
         if (byItself && isOnBoundary(way.atFirst) && isOnBoundary(way.atSecond)) takeDirectAway();
         return true;
-    }
-    /// What a third edge does to them.
-    void add(TripleField triple) {
-        weigh(triple.field, bodies_.of(triple.first->body, triple.third->body));
-        weigh(triple.field, leftOf({triple.thirdHides ? triple.first : nullptr,
-                                    triple.firstHides || triple.thirdHides ? triple.second : nullptr,
-                                    triple.firstHides ? triple.third : nullptr}));
-        const Bands attenuation = airAttenuation(options_.air);
-        const glm::dvec3 last = offEnds(*triple.third, triple.byThird);
-        EdgeWave wave;
-        wave.order = 3;
-        wave.seconds = triple.way / c();
-        wave.direction = glm::normalize(last - listener_);
-        wave.route = {triple.byFirst, triple.byThird, glm::dvec3(0), glm::dvec3(0)};
-        for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(triple.field.wave[t]);
-        const double sent = options_.pattern ? options_.pattern(glm::normalize(triple.byFirst - source_)) : 1;
-        weaken(wave.pressure, sent, attenuation, triple.way);
-        addWave(wave, triple.way);
-        for (const EdgeWave& end : endWaves(triple.field, source_, listener_, options_, 3)) ends_.add(end);
     }
     /// Of ends those above -54 dB: there are many.
     void addEnds() {
@@ -313,9 +293,6 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
     for (const EdgeCandidate& one : edges) all.push_back(&one.edge);
     EdgePairs pairs(geometry, source, listener, options, known, all, bodies, parts, field);
     for (const PairWay& way : ways) count.heard += pairs.add(way);
-    const EdgeTones tones(geometry, options.air.speedOfSound);
-    for (const TripleField& triple : triplesOf(geometry, source, listener, known.heardStraight, all, longest, tones))
-        pairs.add(triple);
     pairs.addEnds();
     return count;
 }

@@ -4,8 +4,8 @@
 // into what that one bends, so that at the boundary of the other edge's shadow half of the pressure is left on both
 // sides. Where direct sound is heard, or neither edge hides anything, it counts along a face of both, which sound
 // leaves at its far edge: over what is broad. So all is continuous but where both boundaries meet. Where edges end:
-// edge_face_pairs.h; what goes on round a third one: edge_triples.h. Of all pairs the shortest count, see
-// EdgePairCount. Source: see wedge.h. Threading: pure functions over const geometry.
+// edge_face_pairs.h. Of all pairs the shortest count, see EdgePairCount. Source: see wedge.h.
+// Threading: pure functions over const geometry.
 #pragma once
 
 #include <array>
