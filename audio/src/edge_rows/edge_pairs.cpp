@@ -13,7 +13,6 @@
 #include "edge_pair_waves.h"
 #include "edge_pair_way.h"
 #include "edge_rows.h"
-#include "edge_thin_faces.h"
 #include "edges/edge_overlaps.h"
 #include "edges/edge_waves.h"
 #include "response/edge_tones.h"
@@ -110,7 +109,6 @@ class EdgePairs {
         PairWay sided = way;
         sided.path = offBoundaries(way, firstHides, secondHides);
         PairField pressure = fieldOf(sided, tones_, c());
-        if (byItself) blendThinFace(way, source_, listener_, tones_, pressure);
         LitRow row;
         const bool inRow = way.onFace && !firstHides && !secondHides &&
                            litRowOf(sided, source_, listener_, edges_, tones_, bodies_, row);
