@@ -225,7 +225,7 @@ bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way) {
     else if (way.atSecond.inOnFace)
         off = way.atSecond.offFace(*way.second, false);
     const glm::dvec3 size = glm::max(glm::abs(first), glm::abs(second));
-    off *= std::max({1e-3, 1e-5 * std::max({size.x, size.y, size.z}), 1.1 * way.first->bulges(off)});
+    off *= std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
     const glm::dvec3 across = second - first;
     const double length = glm::length(across), rounding = std::min(0.25 * length, 1e-5 * (1 + length));
     AcousticHit hit;

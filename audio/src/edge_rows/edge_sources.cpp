@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <complex>
-#include <iterator>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -21,7 +20,6 @@
 #include "edges/edge_parts.h"
 #include "edges/edge_shares.h"
 #include "edges/edge_waves.h"
-#include "images/side_images.h"
 #include "response/edge_tones.h"
 #include "response/first_of.h"
 
@@ -68,10 +66,8 @@ class Diffraction {
         FirstOf<Bending, decltype(stronger)> pastAll(8 * kPast, stronger);
         std::vector<Bending> found;
         const double straight = glm::distance(source_, listener_);
-        std::vector<SideFacet> facets;
         geometry_.visitEdges([&](const WallEdge& edge) {
             bodies_.note(edge.body);
-            if (edge.rim) std::ranges::copy(facetsAt(edge), std::back_inserter(facets));
             const BesideEdge beside(edge, source_, listener_);
             if (options_.diffractionOrder > 1) edges.add(candidateBy(edge, beside));
             // Of most edges of a furnished room no angle need be known.
@@ -83,10 +79,6 @@ class Diffraction {
             else if (const double bent = bentPast(edge, round); bent > kLeastPast)
                 pastAll.add({bent, edge, round});
         });
-        if (!facets.empty()) {
-            replaceSideImages(geometry_, source_, listener_, options_, seconds_ * c(), facets, arrivals_);
-            known_ = arrivals_.size();
-        }
         found.insert(found.end(), pastAll.sorted().begin(), pastAll.sorted().end());
         joinOverlaps(found);
         std::size_t counted = 0;
@@ -188,7 +180,7 @@ class Diffraction {
             if (grazesFace(one.round.path)) return;
             const double at = glm::dot(one.round.by - one.edge.from, one.edge.axis);
             const double within = at >= from && at <= to ? at : 0.5 * (from + to);
-            const glm::dvec3 by = one.edge.onSurface(one.edge.from + one.edge.axis * within);
+            const glm::dvec3 by = one.edge.from + one.edge.axis * within;
             BodyWeights::Tones through;
             if (to - from > 0 && passesSmall(by, through)) bendPart(from, to, &through);
         };

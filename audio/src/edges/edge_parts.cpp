@@ -18,7 +18,7 @@ class EdgeView {
              const WallEdge& edge)
         : geometry_(geometry), source_(source), listener_(listener), edge_(edge) {}
 
-    glm::dvec3 placeAt(double along) const { return edge_.onSurface(edge_.from + edge_.axis * along); }
+    glm::dvec3 placeAt(double along) const { return edge_.from + edge_.axis * along; }
     /// A bit for each place, metres from the beginning on; at most AcousticRays::kMost.
     std::uint32_t seenAt(const std::vector<double>& places) const {
         const std::uint32_t all = (1u << places.size()) - 1;

@@ -168,8 +168,6 @@ glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3
         return place + sheetNormal(edge) * std::copysign(0.1 * openRadius(place), above);
     }
     const glm::dvec3 away = -(edge.faceA + edge.faceB);
-    // Its faces are those of chords: whether it is behind them angles tell.
-    if (edge.rim) return place + away * (glm::length(edge.rim->bulge) / glm::length(away));
     const glm::dvec3 way = from - place, across = way - edge.axis * glm::dot(way, edge.axis);
     const double size = glm::length(across), least = std::min(kLeast * size, 1e-7 + 4 * placeRounding(from));
     const auto isAlong = [&](const glm::dvec3& face, const glm::dvec3& other) {
@@ -193,8 +191,7 @@ bool seen(const AcousticGeometry& geometry, const glm::dvec3& from, const glm::d
 
 glm::dvec3 offEnds(const WallEdge& edge, const glm::dvec3& by) {
     const double off = std::min(2 * openRadius(by), 0.25 * edge.length);
-    return edge.onSurface(edge.from +
-                          edge.axis * std::clamp(glm::dot(by - edge.from, edge.axis), off, edge.length - off));
+    return edge.from + edge.axis * std::clamp(glm::dot(by - edge.from, edge.axis), off, edge.length - off);
 }
 
 bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by) {

@@ -131,7 +131,6 @@ WallEdge MirrorWorld::mirrored(const WallEdge& edge) const {
     image.axis = turned(edge.axis);
     image.faceA = turned(edge.faceA);
     image.faceB = turned(edge.faceB);
-    image.rim = mirrored(edge.rim);
     return image;
 }
 
@@ -154,21 +153,6 @@ const WallBody* MirrorWorld::mirrored(const WallBody* body) const {
         image.middle = mirrored(body->middle);
         image.axes = turn * body->axes;
         image.boxFromWorld = body->boxFromWorld * turn;
-    }
-    return &image;
-}
-
-const WallRim* MirrorWorld::mirrored(const WallRim* rim) const {
-    if (!rim) return nullptr;
-    const std::scoped_lock lock(mutex_);
-    const auto [known, fresh] = rims_.try_emplace(rim, *rim);
-    WallRim& image = known->second;
-    if (fresh) {
-        for (glm::dvec3& corner : image.corners) corner = mirrored(corner);
-        for (glm::dvec3& corner : image.facet) corner = mirrored(corner);
-        image.from = mirrored(rim->from);
-        image.axis = turned(rim->axis);
-        image.bulge = turned(rim->bulge);
     }
     return &image;
 }

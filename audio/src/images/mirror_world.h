@@ -45,7 +45,6 @@ class MirrorWorld final : public AcousticGeometry {
     WallEdge mirrored(const WallEdge& edge) const;
     RoundBody mirrored(const RoundBody& body) const;
     const WallBody* mirrored(const WallBody* body) const;
-    const WallRim* mirrored(const WallRim* rim) const;
 
     const AcousticGeometry& geometry_;
     std::uint32_t plane_;
@@ -53,7 +52,6 @@ class MirrorWorld final : public AcousticGeometry {
     double offset_;
     mutable std::mutex mutex_;
     mutable std::map<const WallBody*, WallBody> bodies_;
-    mutable std::map<const WallRim*, WallRim> rims_;
 };
 
 }  // namespace rtsg

@@ -71,7 +71,7 @@ bool isOnBody(const WallEdge& edge, const RoundBody& body) {
         }
         return std::abs(glm::length(way) - body.radius) < 1e-2 * body.radius;
     };
-    return isOn(edge.onSurface(edge.from)) && isOn(edge.onSurface(edge.from + edge.axis * edge.length));
+    return isOn(edge.from) && isOn(edge.from + edge.axis * edge.length);
 }
 
 }  // namespace
