@@ -29,13 +29,6 @@ void setShared(PairWay& way) {
     }
 }
 
-/// The complementary error function of sqrt(i x), x >= 0.
-std::complex<double> diagonalErfc(double x) {
-    if (!(x > 1e-12)) return 1;
-    // diffractionTransition() is this times i sqrt(pi x) exp(i x) exp(-i pi / 4).
-    return diffractionTransition(x) / std::polar(std::sqrt(std::numbers::pi * x), x + 0.25 * std::numbers::pi);
-}
-
 /// By the shortest way from a source round a first edge to a place on a second one.
 class WayToPlace {
   public:
@@ -136,7 +129,7 @@ std::complex<double> endsShare(const PairWay& way, double waveNumber) {
              {std::pair(way.fromLow[e], way.sharesLow[e]), std::pair(way.fromHigh[e], way.sharesHigh[e])}) {
             const double x = waveNumber * way.bend[e] * within * within;
             if (within >= 0 && x > 60) continue;
-            Complex beyond = 0.5 * diagonalErfc(x);
+            Complex beyond = 0.5 * fresnelBeyond(x) * std::polar(1.0, -x);
             if (within < 0)
                 // It fades towards where ways are not looked for any more.
                 one *= beyond * (1 + within / reachPast(e == 0 ? *way.first : *way.second));

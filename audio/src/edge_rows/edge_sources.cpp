@@ -59,7 +59,7 @@ class Diffraction {
         alone_.heardStraight = arrivalOf(arrivals_, known_, 0, glm::distance(source, listener) / c()) != nullptr;
     }
 
-    EdgePairCount run(EdgesSeen& seen) {
+    EdgePairCount run(BentParts& parts) {
         const auto shorter = [](const EdgeCandidate& a, const EdgeCandidate& b) { return a.way < b.way; };
         const auto stronger = [](const Bending& a, const Bending& b) { return a.bent > b.bent; };
         FirstOf<EdgeCandidate, decltype(shorter)> edges(kLookedAtEdges, shorter);
@@ -92,7 +92,7 @@ class Diffraction {
         const EdgePairCount pairs = addEdgePairs(geometry_, source_, listener_, options_, seconds_, edges.sorted(),
                                                  edges.told(), alone_, bodies_, parts_, field_);
         if (!alone_.heardStraight) addStraightOn();
-        seen = {std::move(alone_.partly), edges.sorted(), std::move(parts_)};
+        parts = std::move(parts_);
         return pairs;
     }
 
@@ -412,8 +412,8 @@ class Diffraction {
 
 EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                              const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
-                             EdgeField& field, EdgesSeen& seen) {
-    return Diffraction(geometry, source, listener, options, seconds, arrivals, field).run(seen);
+                             EdgeField& field, BentParts& parts) {
+    return Diffraction(geometry, source, listener, options, seconds, arrivals, field).run(parts);
 }
 
 }  // namespace rtsg

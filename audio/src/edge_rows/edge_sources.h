@@ -16,17 +16,11 @@
 
 namespace rtsg {
 
-/// What is known of edges when theirs has been added.
-struct EdgesSeen {
-    std::vector<PartlySeen> partly;       // of which something hides a part
-    std::vector<EdgeCandidate> shortest;  // by the way, kLookedAtEdges at most; none where pairs do not count
-    BentParts bent;
-};
-
 /// Places off walls; adds waves to `field`. Paths beyond `seconds` do not count. Of `arrivals`, what comes straight or
-/// mirrored, those that faces of small bodies mirror are weakened.
+/// mirrored, those that faces of small bodies mirror are
+/// weakened. `parts`: what goes on into mirror images.
 EdgePairCount addDiffraction(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                              const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals,
-                             EdgeField& field, EdgesSeen& seen);
+                             EdgeField& field, BentParts& parts);
 
 }  // namespace rtsg

@@ -91,6 +91,11 @@ Complex diffractionTransition(double x) {
     return sum;
 }
 
+Complex fresnelBeyond(double x) {
+    if (!(x > 1e-12)) return 1;
+    return diffractionTransition(x) * std::polar(1 / std::sqrt(kPi * x), -kPi / 4);
+}
+
 double WedgePath::wayBy(double offset) const {
     const double share = sourceRadius / (sourceRadius + receiverRadius);
     return std::hypot(sourceRadius, along * share + offset) + std::hypot(receiverRadius, along * (1 - share) - offset);

@@ -204,14 +204,10 @@ void addImage(const AcousticGeometry& geometry, const MirrorWorld& world, const 
 
 BentBy addBending(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                   const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field) {
-    RoundBodies bodies(geometry, source, listener, options, seconds, arrivals, field);
-    EdgesSeen edges;
-    bodies.addAlone();
+    addRoundBodies(geometry, source, listener, options, seconds, arrivals, field);
     BentBy bending;
-    bending.pairs = addDiffraction(geometry, source, listener, options, seconds, arrivals, field, edges);
-    bodies.addRows(edges);
-    setLevels(source, listener, options.air.speedOfSound, edges.bent, arrivals, field);
-    bending.parts = std::move(edges.bent);
+    bending.pairs = addDiffraction(geometry, source, listener, options, seconds, arrivals, field, bending.parts);
+    setLevels(source, listener, options.air.speedOfSound, bending.parts, arrivals, field);
     return bending;
 }
 

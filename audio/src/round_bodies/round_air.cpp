@@ -1,4 +1,4 @@
-// Rays that pass the facets of round bodies, whose circles are asked instead.
+// Rays that pass the facets of round bodies.
 #include "round_air.h"
 
 #include <algorithm>
@@ -16,16 +16,7 @@ constexpr double kAirPi = std::numbers::pi;
 /// Of bodies, those nearest to the straight way count.
 constexpr std::size_t kMostBodies = 16;
 /// Of the radius, that rays keep off the surface.
-constexpr double kOutside = 1e-2, kLifted = 1e-3;
-
-/// A place on the body's surface, moved off it.
-glm::dvec3 liftedOff(const RoundBody& body, const glm::dvec3& place) {
-    glm::dvec3 out = place - body.center;
-    if (!body.sphere) out -= body.axis * glm::dot(out, body.axis);
-    return place + kLifted * out;
-}
-
-}  // namespace
+constexpr double kOutside = 1e-2;
 
 bool isSameBody(const RoundBody& a, const RoundBody& b) {
     constexpr double kSame = 1e-4;
@@ -36,6 +27,8 @@ bool isSameBody(const RoundBody& a, const RoundBody& b) {
              std::abs(a.halfLength - b.halfLength) < kSame * a.radius && std::abs(a.halfArc - b.halfArc) < kSame &&
              (a.halfArc >= kAirPi || glm::distance(a.middle, b.middle) < kSame)));
 }
+
+}  // namespace
 
 RoundAir::RoundAir(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener)
     : geometry_(geometry) {
@@ -54,8 +47,7 @@ RoundAir::RoundAir(const AcousticGeometry& geometry, const glm::dvec3& source, c
         if (bodies_.empty() || !isSameBody(placed.body(), bodies_.back().body())) bodies_.push_back(placed);
 }
 
-/// Whose surface a place is on.
-const RoundBody* RoundAir::bodyAt(const glm::dvec3& place) const {
+bool RoundAir::isOnBody(const glm::dvec3& place) const {
     for (const PlacedBody& one : bodies_) {
         const RoundBody& body = one.body();
         glm::dvec3 way = place - body.center;
@@ -66,25 +58,12 @@ const RoundBody* RoundAir::bodyAt(const glm::dvec3& place) const {
         }
         const double radius = glm::length(way), rounding = 1e-3 * body.radius + 1e-5;
         if (radius < body.radius + rounding && radius > body.radius - one.depth() - rounding && one.has(place))
-            return &body;
+            return true;
     }
-    return nullptr;
+    return false;
 }
 
-/// `round`: whether its surface is there, so that this is known.
-bool RoundAir::hides(const RoundBody& body, const glm::dvec3& from, const glm::dvec3& to, bool& round) const {
-    constexpr double kGrazing = 1e-6;  // as the way to a place on the same circle does
-    const PlacedBody placed(body, from, to);
-    round = !placed.within();
-    if (placed.within() || placed.covered() < kGrazing * body.radius) return false;
-    const RoundSide near(placed, false);
-    round = near.touches();
-    return near.hides();
-}
-
-/// `passes`: whether it goes on at a body that a facet stands for.
-template <class Passes>
-bool RoundAir::passesFacets(const glm::dvec3& from, const glm::dvec3& to, const Passes& passes) const {
+bool RoundAir::isClear(const glm::dvec3& from, const glm::dvec3& to) const {
     constexpr int kMostFacets = 16;
     const double distance = glm::distance(from, to), rounding = seenRounding(distance, to);
     if (!(distance > rounding)) return true;
@@ -95,37 +74,12 @@ bool RoundAir::passesFacets(const glm::dvec3& from, const glm::dvec3& to, const 
         AcousticHit hit;
         const double left = distance - rounding - done;
         if (!(left > 0) || !geometry_.closest(from + way * done, way, left, except, hit)) return true;
-        const RoundBody* const body = bodyAt(from + way * (done + hit.distance));
-        if (!body || !passes(*body)) return false;
+        if (!isOnBody(from + way * (done + hit.distance))) return false;
         done += hit.distance;
         except = hit.plane;
         if (except == kNoPlane) done += 1e-6 * (1 + distance);
     }
     return false;
-}
-
-bool RoundAir::isClear(const glm::dvec3& from, const glm::dvec3& to, const RoundBody* one,
-                       const RoundBody* other) const {
-    const auto lifted = [&](const glm::dvec3& place) {
-        for (const RoundBody* const body : {one, other})
-            if (body && bodyAt(place) && isSameBody(*bodyAt(place), *body)) return liftedOff(*body, place);
-        return place;
-    };
-    const auto passes = [&](const RoundBody& body) {
-        if ((one && isSameBody(*one, body)) || (other && isSameBody(*other, body))) return true;
-        bool round = false;
-        return !hides(body, from, to, round) && round;
-    };
-    if (!passesFacets(lifted(from), lifted(to), passes)) return false;
-    return std::ranges::none_of(bodies_, [&](const PlacedBody& placed) {
-        const RoundBody& body = placed.body();
-        bool round = false;
-        return !(one && isSameBody(*one, body)) && !(other && isSameBody(*other, body)) && hides(body, from, to, round);
-    });
-}
-
-bool RoundAir::isClearButBodies(const glm::dvec3& from, const glm::dvec3& to) const {
-    return passesFacets(from, to, [](const RoundBody&) { return true; });
 }
 
 bool RoundAir::isFreeAlong(const RoundSide& side, double offset) const {
@@ -154,10 +108,8 @@ bool RoundAir::isFreeAlong(const RoundSide& side, double offset) const {
 }
 
 bool RoundAir::isFree(const RoundSide& side, const glm::dvec3& from, const glm::dvec3& to, double offset) const {
-    const RoundBody& body = side.placed().body();
     const glm::dvec3 along = side.placed().axis() * offset;
-    return isClear(from, side.first() + along, &body) && isClear(side.last() + along, to, &body) &&
-           isFreeAlong(side, offset);
+    return isClear(from, side.first() + along) && isClear(side.last() + along, to) && isFreeAlong(side, offset);
 }
 
 bool RoundAir::isEnd(const RoundSide& side, std::size_t end) const {

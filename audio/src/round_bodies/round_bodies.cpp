@@ -1,4 +1,4 @@
-// Finds the ways round each body and round two of them, and sums up what comes.
+// Finds the ways round each body, and weighs them by what others leave of them.
 #include "round_bodies.h"
 
 #include <algorithm>
@@ -6,24 +6,52 @@
 #include <cmath>
 #include <complex>
 #include <cstddef>
-#include <memory>
+#include <numbers>
+#include <optional>
 
 #include "edges/edge_paths.h"
 #include "edges/edge_waves.h"
 #include "response/edge_tones.h"
-#include "round_rows.h"
+#include "round_air.h"
+#include "round_side.h"
 
 namespace rtsg {
 namespace {
 
-/// Of edges those by which the way is shortest are tried with bodies.
-constexpr std::size_t kRowEdges = 12;
+using Complex = std::complex<double>;
+using TonePressures = std::array<Complex, kEdgeTones>;
 
-}  // namespace
+/// So many bodies, nearest to the straight way, are looked for beside the ways round others.
+constexpr std::size_t kBeside = 5;
 
-class RoundBodies::Impl {
+/// What comes by a way round bodies.
+struct RoundWave {
+    double way = 0;
+    glm::dvec3 first{0}, last{0}, direction{0};  // as of an arrival
+    std::uint32_t order = 1;
+    TonePressures pressure{};  // re the phase of its way
+};
+
+/// The side of a body that leads about its axis one way or the other; of a sphere the near one or the far one. None
+/// where one of both places is within.
+std::optional<RoundSide> sideOf(const RoundBody& body, bool backwards, const glm::dvec3& from, const glm::dvec3& to) {
+    const PlacedBody placed(body, from, to);
+    if (placed.within()) return {};
+    return RoundSide(placed, body.sphere ? backwards : (glm::dot(placed.axis(), body.axis) < 0) != backwards);
+}
+
+bool isBackwards(const RoundSide& side) {
+    const RoundBody& body = side.placed().body();
+    return body.sphere ? side.far() : (glm::dot(side.placed().axis(), body.axis) < 0) != side.far();
+}
+
+bool hides(const PlacedBody& body) {
+    return !body.within() && RoundSide(body, false).hides();
+}
+
+class RoundBends {
   public:
-    Impl(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+    RoundBends(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
          const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field)
         : geometry_(geometry),
           source_(source),
@@ -34,10 +62,9 @@ class RoundBodies::Impl {
           tones_(geometry, options.air.speedOfSound),
           arrivals_(arrivals),
           field_(field),
-          air_(geometry, source, listener),
-          rows_(air_, tones_, source, listener, longest_) {}
+          air_(geometry, source, listener) {}
 
-    void addAlone() {
+    void add() {
         if (air_.bodies().empty()) return;
         heard_ = findsDirect();
         open_ = heard_ && std::ranges::none_of(air_.bodies(), [](const PlacedBody& one) {
@@ -45,16 +72,6 @@ class RoundBodies::Impl {
                 });
         std::vector<RoundWave> waves;
         for (const PlacedBody& one : air_.bodies()) add(one, waves);
-        if (options_.diffractionOrder > 1) rows_.addBodies(open_, waves);
-        for (const RoundWave& wave : waves) addWave(wave);
-    }
-
-    void addRows(const EdgesSeen& edges) {
-        if (air_.bodies().empty() || options_.diffractionOrder < 2) return;
-        const std::vector<PartlySeen> shortest = nearest(edges);
-        std::vector<RoundWave> waves;
-        rows_.addEdges(shortest, open_, waves);
-        rows_.addEdgePairs(shortest, waves);
         for (const RoundWave& wave : waves) addWave(wave);
     }
 
@@ -65,21 +82,6 @@ class RoundBodies::Impl {
         return std::ranges::any_of(arrivals_, [&](const Arrival& one) {
             return one.order == 0 && std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds;
         });
-    }
-
-    /// Of those by which the way is shortest the ones with air beside them.
-    std::vector<PartlySeen> nearest(const EdgesSeen& edges) const {
-        std::vector<PartlySeen> result;
-        for (std::size_t i = 0; i < std::min(2 * kRowEdges, edges.shortest.size()) && result.size() < kRowEdges; ++i) {
-            const EdgeCandidate& one = edges.shortest[i];
-            if (!isOpen(geometry_.unnoted(), one.edge, offEnds(one.edge, one.by))) continue;
-            PartlySeen edge{one.edge, {}};
-            edge.left.fill(1);
-            for (const PartlySeen& known : edges.partly)
-                if (known.edge.from == one.edge.from && known.edge.axis == one.edge.axis) edge.left = known.left;
-            result.push_back(edge);
-        }
-        return result;
     }
 
     /// Facets are within the circle: beside them direct sound may be heard a little into its shadow.
@@ -107,14 +109,18 @@ class RoundBodies::Impl {
         if (!(main.way < longest_) || !side.touches()) return false;
         const std::array<bool, 2> past = side.past();
         const bool within = !past[0] && !past[1];
-        const bool free = air_.isFree(side, source_, listener_);
+        TonePressures left;
+        const PlacedBody* behind = nullptr;
+        const bool hidden = !besideOthers(side, left, behind), free = !hidden && air_.isFree(side, source_, listener_);
+        if (behind && !side.lit()) return addRows(side, *behind, waves);
+        if (hidden && !side.lit()) return false;
         // What hides the place where it mirrors does not hide what is near to the straight way.
-        const bool opens = side.lit() && beside && air_.isClearButBodies(source_, main.first) &&
-                           air_.isClearButBodies(listener_, main.first);
+        const bool opens = side.lit() && beside && air_.isClear(source_, main.first) &&
+                           air_.isClear(listener_, main.first);
         if (within && !free && !opens) return false;
         const bool missed = side.lit() && !heard_ &&
                             side.placed().covered() > -kRounding * side.placed().body().radius &&
-                            air_.isClear(source_, listener_, &side.placed().body());
+                            air_.isClear(source_, listener_);
         const Bands mirrors = free ? mirrorsOf(side.placed()) : allBands(0);
         for (std::size_t b = 0; b < kBandCount; ++b)
             tones_.each(b, [&](std::size_t tone, double k) {
@@ -126,6 +132,7 @@ class RoundBodies::Impl {
                                                       -k * (side.placed().path().distance() - main.way));
                 else if (side.lit() && !beside)
                     main.pressure[tone] -= side.pressure(beside, k, 0);
+                main.pressure[tone] *= left[tone];
             });
         // Where it leads past one end it comes by that alone.
         bool any = within;
@@ -133,6 +140,91 @@ class RoundBodies::Impl {
             if (!side.placed().body().sphere && (within || past[e])) any = addEnd(side, e, main, waves) || any;
         if (within) waves.push_back(main);
         return any;
+    }
+
+    /// What other bodies leave of a way by one side. False if one hides the body from the source, or from the listener:
+    /// then it is `behind`.
+    bool besideOthers(const RoundSide& side, TonePressures& left, const PlacedBody*& behind) const {
+        left.fill(1);
+        const std::size_t count = std::min(kBeside, air_.bodies().size());
+        for (std::size_t i = 0; i < count; ++i) {
+            const PlacedBody& other = air_.bodies()[i];
+            if (isOnOneAxis(other.body(), side.placed().body())) continue;
+            const PlacedBody before(other.body(), source_, side.first()), after(other.body(), side.last(), listener_);
+            if (hides(before)) return false;
+            if (hides(after)) {
+                behind = &other;
+                return false;
+            }
+            for (const PlacedBody* leg : {&before, &after})
+                if (!leg->within()) weighBeside(RoundSide(*leg, false), left);
+        }
+        return true;
+    }
+    /// The body itself, and what stands on it or below it.
+    static bool isOnOneAxis(const RoundBody& a, const RoundBody& b) {
+        constexpr double kOff = 0.05;  // of the radius
+        const glm::dvec3 way = b.center - a.center;
+        const double off = kOff * std::max(a.radius, b.radius);
+        if (a.sphere || b.sphere) return a.sphere == b.sphere && glm::length(way) < off;
+        return glm::length(glm::cross(a.axis, b.axis)) < kOff && glm::length(way - a.axis * glm::dot(way, a.axis)) < off;
+    }
+    /// By what a body beside a leg of a way takes of what goes straight along it, so that there is no step where it
+    /// begins to hide that.
+    void weighBeside(const RoundSide& side, TonePressures& left) const {
+        constexpr double kFar = 0.5;  // m off the leg, from where on it takes little
+        if (!side.lit() || !side.touches() || side.past()[0] || side.past()[1] || side.placed().covered() < -kFar) return;
+        const double leg = side.placed().path().distance();
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            tones_.each(b, [&](std::size_t tone, double k) {
+                left[tone] *= 1.0 + leg * side.pressure(true, k, 0) * std::polar(1.0, -k * (side.way().length() - leg));
+            });
+    }
+
+    /// Round a body and then round another one that hides it: whether anything comes.
+    bool addRows(const RoundSide& alone, const PlacedBody& other, std::vector<RoundWave>& waves) const {
+        bool any = false;
+        for (const bool backwards : {false, true}) any = addRow(alone, other.body(), backwards, waves) || any;
+        return any;
+    }
+    bool addRow(const RoundSide& alone, const RoundBody& other, bool backwards, std::vector<RoundWave>& waves) const {
+        constexpr int kSteps = 30;
+        const RoundBody& body = alone.placed().body();
+        RoundSide first = alone;
+        std::optional<RoundSide> second;
+        // A string round both.
+        for (int step = 0; step < kSteps; ++step) {
+            second = sideOf(other, backwards, first.last(), listener_);
+            if (!second || second->lit() || !second->touches()) return false;
+            const std::optional<RoundSide> next = sideOf(body, isBackwards(alone), source_, second->first());
+            if (!next || next->lit() || !next->touches()) return false;
+            const double moved = glm::distance(next->last(), first.last());
+            first = *next;
+            if (moved < 1e-9 * first.way().length()) break;
+        }
+        const glm::dvec3 over = second->first() - first.last();
+        const double between = glm::length(over);
+        // The second one as from where the source is on the way made straight.
+        const std::optional<RoundSide> whole =
+            between > 0 ? sideOf(other, backwards, second->first() - over * (first.way().length() / between), listener_)
+                        : std::nullopt;
+        if (!whole || !air_.isFree(first, source_, second->first()) ||
+            !air_.isFree(*second, first.last(), listener_))
+            return false;
+        RoundWave wave;
+        wave.way = first.way().length() + second->way().length() - between;
+        wave.order = 2;
+        wave.first = first.first();
+        wave.last = second->last();
+        wave.direction = second->arriving(second->last(), listener_);
+        if (!(wave.way < longest_)) return false;
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            tones_.each(b, [&](std::size_t tone, double k) {
+                wave.pressure[tone] =
+                    first.way().length() * first.pressure(false, k, 0) * whole->pressure(false, k, 0);
+            });
+        waves.push_back(wave);
+        return true;
     }
 
     Bands mirrorsOf(const PlacedBody& placed) const {
@@ -217,22 +309,14 @@ class RoundBodies::Impl {
     std::vector<Arrival>& arrivals_;
     EdgeField& field_;
     const RoundAir air_;
-    const RoundRows rows_;
     bool heard_ = false, open_ = false;  // direct sound; and no body's circle is in its way
 };
 
-RoundBodies::RoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-                         const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field)
-    : impl_(std::make_unique<Impl>(geometry, source, listener, options, seconds, arrivals, field)) {}
+}  // namespace
 
-RoundBodies::~RoundBodies() = default;
-
-void RoundBodies::addAlone() {
-    impl_->addAlone();
-}
-
-void RoundBodies::addRows(const EdgesSeen& edges) {
-    impl_->addRows(edges);
+void addRoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                    const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field) {
+    RoundBends(geometry, source, listener, options, seconds, arrivals, field).add();
 }
 
 }  // namespace rtsg

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "edges/two_shadows.h"
+#include "edges/wedge.h"
 
 namespace rtsg {
 namespace {

@@ -57,11 +57,6 @@ RoundWay::RoundWay(const RoundPath& path) : path_(path) {
     sine_ = flat / length_;
 }
 
-double RoundWay::fromBoundary() const {
-    const double angle = sine_ * (lit_ ? 2 * cosine_ : turn_);
-    return before_ * after_ / (before_ + after_) / sine_ * 0.5 * angle * angle;
-}
-
 /// Where both angles at the surface are the same.
 void RoundWay::findMirror() {
     const double a = path_.radius, s = path_.sourceRadius, r = path_.receiverRadius;

@@ -39,8 +39,6 @@ class RoundWay {
     /// The pressure re the phase of its length: in the dark all there is by this side, in the light what comes beside
     /// direct sound, of which the surface `mirrors` that share.
     std::complex<double> pressure(double waveNumber, double mirrors) const;
-    /// How far it is from the boundary of the shadow: half of the square of the angle, times m of the transition there.
-    double fromBoundary() const;
     /// How far in the light it is, for what surfaces mirror: 0 at the boundary, and in the dark, 1 far off.
     double light(double waveNumber) const;
 
