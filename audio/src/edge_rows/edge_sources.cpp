@@ -20,6 +20,7 @@
 #include "edges/edge_parts.h"
 #include "edges/edge_shares.h"
 #include "edges/edge_waves.h"
+#include "geometry/diffraction_parts.h"
 #include "response/edge_tones.h"
 #include "response/first_of.h"
 
@@ -162,7 +163,8 @@ class Diffraction {
         const double way = glm::distance(source_, one.round.by) + glm::distance(one.round.by, listener_);
         if (!(way < seconds_ * c())) return false;
         const std::vector<EdgePart> parts = partsSeen(geometry_, source_, listener_, one.edge, one.round.by);
-        const bool whole = parts.size() == 1 && parts[0].from == 0 && parts[0].to == one.edge.length;
+        const bool whole = (parts.size() == 1 && parts[0].from == 0 && parts[0].to == one.edge.length) ||
+                           (!parts.empty() && !diffractionParts().hiddenParts);
         if (whole) return bend(one.edge, one.round, nullptr, nullptr);
         Pressures sum{};
         bool heard = false;

@@ -6,6 +6,8 @@
 #include <limits>
 #include <numbers>
 
+#include "geometry/diffraction_parts.h"
+
 namespace rtsg {
 namespace {
 
@@ -115,7 +117,7 @@ BodyWeights::Tones BodyWeights::tonesOf(const WallBody& body) const {
     const auto has = [&](const glm::dvec3& place) {
         return isIn(body, place, 0) || isIn(body, geometry_.onceMore(place), 0);
     };
-    if (weight(body.size, fill, waveNumber(0)) > kWhole || has(source_) || has(listener_)) return one_;
+    if (!diffractionParts().smallBodies || weight(body.size, fill, waveNumber(0)) > kWhole || has(source_) || has(listener_)) return one_;
     const glm::dvec3 size = sizeWith(body);
     Tones weights;
     for (std::size_t t = 0; t < kEdgeTones; ++t) {

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 
+#include "diffraction_parts.h"
 #include "round_shapes.h"
 #include "straight_edges.h"
 #include "walls/mesh_bodies.h"
@@ -231,7 +232,7 @@ std::shared_ptr<const EdgeTable::Found> EdgeTable::foundIn(const std::shared_ptr
     Found found;
     found.edges = edgesOf(*mesh, kFlatFacet);
     joinStraight(found.edges);
-    found.rounds = roundsOf(found.edges);
+    if (diffractionParts().roundBodies) found.rounds = roundsOf(found.edges);
     const auto isFlat = [](const MeshEdge& edge) {
         return edge.round == MeshEdge::kNotRound && turnOf(edge) < kFlatEdge;
     };

@@ -12,6 +12,7 @@
 
 #include "edge_rows/edge_sources.h"
 #include "edges/edge_paths.h"
+#include "geometry/diffraction_parts.h"
 #include "images/image_candidates.h"
 #include "images/mirror_world.h"
 #include "response/wave_levels.h"
@@ -213,6 +214,7 @@ BentBy addBending(const AcousticGeometry& geometry, const glm::dvec3& source, co
 
 void addBentImages(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                    const TraceOptions& options, const BentParts& known, TraceResult& result) {
+    if (!diffractionParts().images) return;
     const double least = kLeastOfAll * sumOver(result.arrivals);
     std::size_t looked = 0;
     for (const WallImage& image : wallImages(geometry, source, listener, least)) {
