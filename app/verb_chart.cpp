@@ -33,7 +33,8 @@ constexpr Source kSources[] = {
      "against the time of a frame",
      bench::chartSound},
     {"sound-parts",
-     "what each mechanism of diffraction brings behind screens, corners, doors, tables, columns and cars, beside boundary elements",
+     "what each mechanism of diffraction brings behind screens, corners, doors, tables, columns and cars, beside "
+     "boundary elements",
      bench::chartSoundParts},
     {"sync", "bytes of a change against error and time by coding and mode; replicas and late joins of a mirror",
      [](const bench::ChartSink& sink, bool quick) {

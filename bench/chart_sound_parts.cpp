@@ -70,8 +70,8 @@ Closed rectangleOf(double x, double y, double toX, double toY) {
 std::vector<glm::dvec2> insideOf(const std::vector<Closed>& outlines) {
     std::vector<glm::dvec2> inside;
     for (const Closed& one : outlines)
-        for (const glm::dvec2& part : {glm::dvec2(.17, .41), glm::dvec2(.43, .23), glm::dvec2(.67, .79), glm::dvec2(.83, .59),
-                                       glm::dvec2(.29, .87), glm::dvec2(.57, .53)})
+        for (const glm::dvec2& part : {glm::dvec2(.17, .41), glm::dvec2(.43, .23), glm::dvec2(.67, .79),
+                                       glm::dvec2(.83, .59), glm::dvec2(.29, .87), glm::dvec2(.57, .53)})
             inside.push_back(glm::mix(glm::mix(one[0], one[1], part.x), glm::mix(one[3], one[2], part.x), part.y));
     return inside;
 }
@@ -87,7 +87,8 @@ std::function<std::vector<double>(std::size_t)> linesReference(const std::vector
         const double k = 2 * M_PI * edgeToneHz(static_cast<double>(tone)) / kPartsSpeed;
         std::vector<double> energies(places.size());
         for (const LineImage& image : images) {
-            const test::RigidOutline outline(image.outlines, insideOf(image.outlines), k, std::min(.12, 2 * M_PI / k / 7));
+            const test::RigidOutline outline(image.outlines, insideOf(image.outlines), k,
+                                             std::min(.12, 2 * M_PI / k / 7));
             for (std::size_t p = 0; p < places.size(); ++p)
                 // As of a point, each way of w metres times w / d.
                 energies[p] += std::norm(outline.beside(image.source, places[p])) /
@@ -202,8 +203,7 @@ ListenedScene boxScene(const std::string& name, const glm::dvec3& low, const glm
         body.light(source, 2 * M_PI * hz / kPartsSpeed);
         std::vector<double> energies;
         for (const glm::dvec3& here : listeners)
-            energies.push_back(std::norm(body.pressure(here)) +
-                               std::norm(body.pressure({here.x, here.y, -here.z})));
+            energies.push_back(std::norm(body.pressure(here)) + std::norm(body.pressure({here.x, here.y, -here.z})));
         return energies;
     };
     scene.lastBand = 3;
@@ -221,8 +221,7 @@ ListenedScene discScene(const std::vector<glm::dvec3>& listeners) {
         body.light(source, 2 * M_PI * edgeToneHz(static_cast<double>(tone)) / kPartsSpeed);
         std::vector<double> energies;
         for (const glm::dvec3& here : listeners)
-            energies.push_back(std::norm(body.pressure(here)) +
-                               std::norm(body.pressure({here.x, here.y, -here.z})));
+            energies.push_back(std::norm(body.pressure(here)) + std::norm(body.pressure({here.x, here.y, -here.z})));
         return energies;
     };
     scene.lastBand = 3;
@@ -414,8 +413,15 @@ PartsHeard heardWith(const ListenedScene& scene, const PartLeftOut& part) {
 }  // namespace
 
 bool chartSoundParts(const ChartSink& sink, bool quick) {
-    Chart chart{"sound-parts", "What each mechanism of diffraction brings", "dB", {"largest change (dB)"}, {""}, {}, {}};
-    Chart errors{"sound-parts-error", "Levels behind things beside boundary elements and series", "dB", {"root mean square (dB)"}, {""}, {}, {}};
+    Chart chart{
+        "sound-parts", "What each mechanism of diffraction brings", "dB", {"largest change (dB)"}, {""}, {}, {}};
+    Chart errors{"sound-parts-error",
+                 "Levels behind things beside boundary elements and series",
+                 "dB",
+                 {"root mean square (dB)"},
+                 {""},
+                 {},
+                 {}};
     const std::vector<PartLeftOut> parts = partsLeftOut();
     for (const PartLeftOut& part : parts) {
         chart.series.push_back({part.name, {}, false, true});
@@ -440,12 +446,15 @@ bool chartSoundParts(const ChartSink& sink, bool quick) {
         for (std::size_t i = 0; i < parts.size(); ++i) {
             const PartsHeard heard = heardWith(scene, parts[i]);
             if (!all) all = heard;
-            double most = 0; std::string where; double sum = 0, worst = 0;
+            double most = 0;
+            std::string where;
+            double sum = 0, worst = 0;
             int count = 0;
             for (std::size_t p = 0; p < heard.levels.size(); ++p)
                 for (std::size_t b = kFirstBand; b <= kLastBand; ++b) {
                     const double change = 10 * std::log10(heard.levels[p][b] / all->levels[p][b]);
-                    if (std::abs(change) > most) most = std::abs(change), where = fmt::format("{:+.1f}p{}b{}", change, p, b);
+                    if (std::abs(change) > most)
+                        most = std::abs(change), where = fmt::format("{:+.1f}p{}b{}", change, p, b);
                     if (truth.empty() || b > scene.lastBand) continue;
                     const double off = 10 * std::log10(heard.levels[p][b] / truth[p][b]);
                     sum += off * off;
@@ -454,7 +463,8 @@ bool chartSoundParts(const ChartSink& sink, bool quick) {
                 }
             const std::string time = fmt::format("{:.1f} ms", 1e3 * heard.seconds);
             chart.series[i].points.push_back({std::min(most, 99.0), row, where});
-            if (count) errors.series[i].points.push_back({std::sqrt(sum / count), known, fmt::format("worst {:.1f}", worst)});
+            if (count)
+                errors.series[i].points.push_back({std::sqrt(sum / count), known, fmt::format("worst {:.1f}", worst)});
         }
     }
     sink(chart);
