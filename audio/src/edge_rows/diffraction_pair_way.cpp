@@ -69,7 +69,7 @@ bool shortest(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way
     WayToPlace to(source, listener, a, b);
     setShared(way);
     // A little off the ends: at a corner that both share there is no direction from one to the other.
-    constexpr double kOff = 1e-9;
+    constexpr double kOff = 1e-9;  // of the length: a rounding of places in double precision
     double low = way.sharesLow[1] ? kOff * b.length : -reachPast(b);
     double high = b.length + (way.sharesHigh[1] ? -kOff * b.length : reachPast(b));
     double atLow = to.growthAt(low), atHigh = to.growthAt(high);
@@ -169,7 +169,8 @@ bool bends(const glm::dvec3& source, const glm::dvec3& listener, bool heardStrai
         return false;
     way.path.onOneFace = way.atFirst.outOnFace && way.atSecond.inOnFace;
     if (way.onFace && !way.path.onOneFace) return false;
-    // Sound that neither hides is bent by both where it goes along a face; not that which is thrown back.
+    // Sound that neither hides is bent by both where it goes along a face; not that which is thrown
+    // back by more than a right angle.
     constexpr double kBack = -0.5 * std::numbers::pi;
     const bool hidden = way.atFirst.shadow() > 0 || way.atSecond.shadow() > 0;
     if ((heardStraight || !hidden) && !way.path.onOneFace) return false;
@@ -193,7 +194,8 @@ bool findWay(const glm::dvec3& source, const glm::dvec3& listener, bool heardStr
 }
 
 double shareOverGap(const AcousticGeometry& geometry, const PairWay& way) {
-    constexpr int kPlaces = 15;  // where it is looked whether there is a face: an eighth of the way may be missed
+    constexpr int kPlaces =
+        15;  // where it is looked for a face, a bound of work: a gap of less than a fifteenth may be missed
     const glm::dvec3 off = way.atFirst.offFace(*way.first, true);
     const glm::dvec3 size = glm::max(glm::abs(way.byFirst), glm::abs(way.bySecond));
     const double reach = std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));

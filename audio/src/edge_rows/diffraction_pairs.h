@@ -43,9 +43,10 @@ struct EdgeCandidate {
 /// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
 EdgeCandidate candidateBy(const WallEdge& edge, const BesideEdge& beside);
 
-/// Of edges, those by which the way is shortest are tried with each other.
+/// Of edges, those by which the way is shortest are tried with each other: a bound of work, which grows with the
+/// square.
 constexpr std::size_t kPairedEdges = 32;
-/// They are chosen from so many: seams between bodies are among them, and edges that are one.
+/// They are chosen from so many: seams between bodies are among them, and edges that are one. A bound of work, too.
 constexpr std::size_t kLookedAtEdges = 256;
 
 /// What is known of edges by themselves, and whether direct sound is heard.

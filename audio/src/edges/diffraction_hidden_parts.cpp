@@ -9,7 +9,8 @@
 namespace rtsg {
 namespace {
 
-/// On either side of the shortest way, each half as far off as the next one.
+/// On either side of the shortest way, each half as far off as the next one: with the middle they are fifteen, as many
+/// as rays are asked about at once.
 constexpr int kPlacesASide = 7;
 
 class EdgeView {

@@ -42,7 +42,7 @@ double aboveSheet(const WallEdge& rim, const glm::dvec3& place) {
 }
 
 glm::dvec3 offSheet(const WallEdge& rim, const glm::dvec3& place) {
-    constexpr double kLeast = 5e-5;
+    constexpr double kLeast = 5e-5;  // radians: five times what counts as on a boundary
     const double along = std::clamp(glm::dot(place - rim.from, rim.axis), 0.0, rim.length);
     const double above = aboveSheet(rim, place), least = kLeast * glm::distance(place, rim.from + rim.axis * along);
     if (std::abs(above) >= least) return place;
@@ -150,7 +150,7 @@ bool turnAt(const WallEdge& edge, const glm::dvec3& back, const glm::dvec3& on, 
 
 bool isBehindFace(const AcousticGeometry& geometry, const WallEdge& edge, const EdgeTurn& turn, bool out,
                   const glm::dvec3& place) {
-    constexpr double kBehind = 1e-3;
+    constexpr double kBehind = 1e-3;  // m: contact, as of furniture at a wall
     AcousticHit hit;
     return (out ? turn.outOnFace : turn.inOnFace) &&
            geometry.closest(place, turn.offFace(edge, out), kBehind, kNoPlane, hit);
@@ -158,7 +158,7 @@ bool isBehindFace(const AcousticGeometry& geometry, const WallEdge& edge, const 
 
 glm::dvec3 aimAt(const WallEdge& edge, const glm::dvec3& place, const glm::dvec3& from) {
     // Radians above the face, or as far as what touches it is moved off; in its plane one may as well be beyond its far
-    // end, where that hides the edge or not.
+    // end, where that hides the edge or not. Tolerances, of roundings in single precision.
     constexpr double kLeast = 1e-6, kMost = 1e-2;
     const double between = glm::dot(edge.faceA, edge.faceB);
     if (isRim(edge)) {
@@ -201,8 +201,9 @@ bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::d
 }
 
 bool isOpen(const AcousticGeometry& geometry, const WallEdge& edge, const glm::dvec3& by, double opening, double turn) {
+    // A bound of work; and radians from the faces, as much as a wedge must be off flat to bend (pathRound()).
     constexpr int kSteps = 8;
-    constexpr double kOff = 0.05;  // radians from the faces
+    constexpr double kOff = 0.05;
     const double radius = openRadius(by);
     const glm::dvec3 beside = glm::cross(edge.axis, edge.faceA) * turn;
     const auto at = [&](int i) {

@@ -87,7 +87,8 @@ double zoneRadius(const WallImage& image, double share) {
 /// face, is what its edges make of it.
 std::optional<std::uint32_t> materialOf(const AcousticGeometry& geometry, const MirrorWorld& world,
                                         const WallImage& image, const glm::dvec3& listener) {
-    constexpr int kRound = 8, kEnough = 5;  // it may end at another wall
+    // A bound of work; and more than half of the zone, as beside another wall half of it is there.
+    constexpr int kRound = 8, kEnough = 5;
     const double share = world.height(listener) / (world.height(listener) - world.height(image.place));
     const glm::dvec3 by = glm::mix(listener, image.place, share), normal = world.normal();
     const std::optional<std::uint32_t> material = surfaceAt(geometry, world, by);
@@ -107,7 +108,7 @@ std::optional<std::uint32_t> materialOf(const AcousticGeometry& geometry, const 
 
 /// Whether something is in the way of the image, or so near to it that it bends what comes from there.
 bool isBeside(const MirrorWorld& world, const WallImage& image, const glm::dvec3& listener) {
-    constexpr int kRound = 8;
+    constexpr int kRound = 8;  // a bound of work
     const glm::dvec3 way = glm::normalize(listener - image.place);
     const glm::dvec3 side =
         glm::normalize(glm::cross(way, std::abs(way.x) < 0.6 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
@@ -127,7 +128,7 @@ bool isBeside(const MirrorWorld& world, const WallImage& image, const glm::dvec3
 
 /// Whether edges of the mirror change much of its image at any tone.
 bool endsBeside(const WallImage& image, const BentParts& known) {
-    constexpr float kMuch = 0.3f;
+    constexpr float kMuch = 0.3f;  // of its pressure: 3 dB
     EdgeTonePressures sum{};
     for (const ImagePart& part : known.images)
         if (glm::distance(part.image, image.place) < 1e-5 * (1 + glm::length(image.place)))

@@ -81,7 +81,7 @@ glm::dvec3 PlacedBody::at(double angle, bool far, double along, double off) cons
 }
 
 bool PlacedBody::has(const glm::dvec3& place) const {
-    constexpr double kRounding = 1e-4;
+    constexpr double kRounding = 1e-4;  // radians: corners in single precision are off by less
     if (body_.sphere || body_.halfArc >= std::numbers::pi) return true;
     const glm::dvec3 way = place - body_.center, across = way - body_.axis * glm::dot(way, body_.axis);
     return glm::dot(across, body_.middle) >= glm::length(across) * std::cos(body_.halfArc + kRounding);

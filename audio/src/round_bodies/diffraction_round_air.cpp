@@ -13,13 +13,13 @@ namespace rtsg {
 namespace {
 
 constexpr double kAirPi = std::numbers::pi;
-/// Of bodies, those nearest to the straight way count.
+/// Of bodies, those nearest to the straight way count: a bound of work.
 constexpr std::size_t kMostBodies = 16;
-/// Of the radius, that rays keep off the surface.
+/// Of the radius, that rays keep off the surface: more than its facets are off the circle (round_shapes.cpp).
 constexpr double kOutside = 1e-2;
 
 bool isSameBody(const RoundBody& a, const RoundBody& b) {
-    constexpr double kSame = 1e-4;
+    constexpr double kSame = 1e-4;  // of the radius: corners in single precision are off by less
     return a.sphere == b.sphere && glm::distance(a.center, b.center) < kSame * a.radius &&
            std::abs(a.radius - b.radius) < kSame * a.radius &&
            (a.sphere ||
@@ -64,7 +64,7 @@ bool RoundAir::isOnBody(const glm::dvec3& place) const {
 }
 
 bool RoundAir::isClear(const glm::dvec3& from, const glm::dvec3& to) const {
-    constexpr int kMostFacets = 16;
+    constexpr int kMostFacets = 16;  // two of each body that counts would be twice as many: a bound of work
     const double distance = glm::distance(from, to), rounding = seenRounding(distance, to);
     if (!(distance > rounding)) return true;
     const glm::dvec3 way = (to - from) / distance;
@@ -83,7 +83,7 @@ bool RoundAir::isClear(const glm::dvec3& from, const glm::dvec3& to) const {
 }
 
 bool RoundAir::isFreeAlong(const RoundSide& side, double offset) const {
-    constexpr double kStep = kAirPi / 12;
+    constexpr double kStep = kAirPi / 12;  // so a corner is off the surface by a hundredth of the radius
     const RoundWay& way = side.way();
     const double first = way.firstAngle(), last = way.lastAngle();
     const double from = way.firstAlong() + offset, to = way.lastAlong() + offset;

@@ -21,7 +21,7 @@ namespace {
 using Complex = std::complex<double>;
 using TonePressures = std::array<Complex, kEdgeTones>;
 
-/// So many bodies, nearest to the straight way, are looked for beside the ways round others.
+/// So many bodies, nearest to the straight way, are looked for beside the ways round others: a bound of work.
 constexpr std::size_t kBeside = 5;
 
 /// What comes by a way round bodies.
@@ -100,7 +100,7 @@ class RoundBends {
 
     /// Whether there is air on the way by one side; adds what comes by it. `beside`: direct sound is there, too.
     bool addSide(const RoundSide& side, bool beside, std::vector<RoundWave>& waves) const {
-        constexpr double kRounding = 1e-6;
+        constexpr double kRounding = 1e-6;  // of the radius
         RoundWave main;
         main.way = side.way().length();
         main.first = side.first();
@@ -163,7 +163,7 @@ class RoundBends {
     }
     /// The body itself, and what stands on it or below it.
     static bool isOnOneAxis(const RoundBody& a, const RoundBody& b) {
-        constexpr double kOff = 0.05;  // of the radius
+        constexpr double kOff = 0.05;  // of the radius: a tolerance of drawing
         const glm::dvec3 way = b.center - a.center;
         const double off = kOff * std::max(a.radius, b.radius);
         if (a.sphere || b.sphere) return a.sphere == b.sphere && glm::length(way) < off;
@@ -173,7 +173,7 @@ class RoundBends {
     /// By what a body beside a leg of a way takes of what goes straight along it, so that there is no step where it
     /// begins to hide that.
     void weighBeside(const RoundSide& side, TonePressures& left) const {
-        constexpr double kFar = 0.5;  // m off the leg, from where on it takes little
+        constexpr double kFar = 0.5;  // m off the leg: a bound of work, from where on it takes little
         if (!side.lit() || !side.touches() || side.past()[0] || side.past()[1] || side.placed().covered() < -kFar)
             return;
         const double leg = side.placed().path().distance();
@@ -190,7 +190,7 @@ class RoundBends {
         return any;
     }
     bool addRow(const RoundSide& alone, const RoundBody& other, bool backwards, std::vector<RoundWave>& waves) const {
-        constexpr int kSteps = 30;
+        constexpr int kSteps = 30;  // each comes nearer by the ratio of the radii to the ways: a bound of work
         const RoundBody& body = alone.placed().body();
         RoundSide first = alone;
         std::optional<RoundSide> second;

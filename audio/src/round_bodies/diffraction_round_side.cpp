@@ -23,7 +23,7 @@ RoundSide::RoundSide(const PlacedBody& placed, bool far)
       last_(placed.at(way_.lastAngle(), far, way_.lastAlong())) {}
 
 glm::dvec3 RoundSide::arriving(const glm::dvec3& last, const glm::dvec3& listener) const {
-    constexpr double kBack = 0.01;
+    constexpr double kBack = 0.01;  // radians: any small angle gives the direction
     const bool touches = glm::distance(last, listener) < 0.05 * placed_.body().radius;
     return glm::normalize(touches
                               ? placed_.at(way_.lastAngle() - kBack, far_, 0) - placed_.at(way_.lastAngle(), far_, 0)
@@ -46,6 +46,7 @@ Complex RoundSide::pressure(bool beside, double k, double mirrors) const {
     const double distance = path.distance();
     const Complex direct = std::polar(1 / distance, -k * (distance - way_.length()));
     // Where both sides of a sphere are about one way, they are no waves by themselves, but the series is short.
+    // Between these numbers the one goes over into the other, a choice.
     constexpr double kSeries = 2.5, kSides = 4;
     const double apart = k * path.radius * (kSidePi - path.angle);
     const double bySeries = path.sphere ? std::clamp((kSides - apart) / (kSides - kSeries), 0.0, 1.0) : 0.0;

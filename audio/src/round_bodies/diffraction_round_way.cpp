@@ -17,7 +17,8 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double kRoundPi = std::numbers::pi;
 constexpr Complex kRoundI(0, 1);
-/// Of the height of that layer, and of the radius, that places are lifted to; and m, as direct sound is bounded.
+/// Of the height of that layer, and of the radius, that places are lifted to, fitted to the series; and m, as direct
+/// sound is bounded.
 constexpr double kLift = 0.15, kMostLift = 0.5, kNearest = 0.01;
 /// exp(-i pi / 4)
 const Complex kRoundEighth(std::numbers::sqrt2 / 2, -std::numbers::sqrt2 / 2);

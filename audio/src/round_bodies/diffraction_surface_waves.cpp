@@ -16,12 +16,14 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double kSurfacePi = std::numbers::pi;
 constexpr Complex kSurfaceI(0, 1);
-/// From here on waves that creep are few enough, and up to here what is mirrored is all there is.
+/// From here on waves that creep are few enough, and up to here what is mirrored is all there is: both
+/// such that the table, the waves and the asymptotic series agree to 3e-5.
 constexpr double kDark = 2, kLight = -3;
 
 /// Airy's functions and their slopes at x from 0 to 10 by their series.
 struct Airy {
     explicit Airy(double x) {
+        // Ai(0) and -Ai'(0): Abramowitz and Stegun, 10.4.
         constexpr double kAi = 0.355028053887817239, kSlope = 0.258819403792806798;
         double f = 1, g = x, fSlope = 0, gSlope = 1, fTerm = 1, gTerm = x;
         for (int k = 1; k < 80; ++k) {
@@ -129,7 +131,7 @@ class SurfaceTable {
 
 /// The sum over waves that creep: where W' = q W, which is followed from q = 0, where it is known, on.
 Complex creeping(double xi, double q) {
-    /// Zeros of Ai' and Ai there, without their signs.
+    /// Zeros of Ai' and Ai there, without their signs: Abramowitz and Stegun, table 10.13.
     constexpr std::array<std::array<double, 2>, 6> kWaves{{{1.0187929716, 0.5356566560},
                                                            {3.2481975822, 0.4190154780},
                                                            {4.8200992112, 0.3804064686},
