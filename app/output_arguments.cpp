@@ -115,6 +115,9 @@ void SoundArguments::addTo(Command& command) {
     given.addTo(command);
     command.addOption("--rays", rays, "rays a source; else what is usual for the purpose")
         ->range(std::uint64_t{1}, std::uint64_t{1} << 40);
+    command.addOption("--diffraction", diffraction, "round how many edges in a row sound bends; 0: it goes straight")
+        ->preset()
+        ->range(0, 2);
     command.addOption("--temperature", air.celsius, "of the air, degrees Celsius; else the scene's, else 20")
         ->range(-50.0, 60.0);
     command.addOption("--humidity", air.relativeHumidity, "of the air, percent; else the scene's, else 50")
@@ -141,6 +144,7 @@ ListenOptions SoundArguments::parse() const {
     options.render.document = document;
     options.render.air = air;
     if (noAir) options.render.air.absorbs = false;
+    options.trace.diffractionOrder = options.render.trace.diffractionOrder = diffraction;
     if (length > 0) options.trace.maxSeconds = options.render.trace.maxSeconds = length;
     options.responses = ambisonic > 0 ? Channels::ambisonic
                         : binaural    ? Channels::binaural

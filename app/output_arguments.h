@@ -41,6 +41,7 @@ struct SoundArguments {
     bool binaural = false, stereo = false;
     int ambisonic = 0;
     std::uint64_t rays = 0;
+    int diffraction = TraceOptions().diffractionOrder;
     double error = 0, length = 0;
     AirChoice air;
     bool noAir = false;

@@ -32,6 +32,10 @@ constexpr Source kSources[] = {
      "sources "
      "against the time of a frame",
      bench::chartSound},
+    {"sound-parts",
+     "what each mechanism of diffraction brings behind screens, corners, doors, tables, columns and cars, beside "
+     "boundary elements",
+     bench::chartSoundParts},
     {"sync", "bytes of a change against error and time by coding and mode; replicas and late joins of a mirror",
      [](const bench::ChartSink& sink, bool quick) {
          const bool coded = bench::chartCodec(sink, quick);

@@ -102,6 +102,27 @@ TEST_F(Usage, EmptyValuesAreRefusedByName) {
     EXPECT_EQ(rtsg({"info", ""}).status, 2);
 }
 
+TEST_F(Usage, SoundBendsRoundAsManyEdgesAsAreAskedFor) {
+    const std::string scene = folder / "screen.x3dv";
+    std::ofstream(scene) << "#X3D V4.0 utf8\nPROFILE Full\nShape { geometry Box { size 1 4 60 } }\n"
+                            "Transform { translation -3 0 0 children SpatialSound { children OscillatorSource { } } }\n"
+                            "ListenerPointSource { position 3 0 0 }\n";
+    const auto asked = [&](const std::vector<std::string>& more) {
+        std::vector<std::string> verb{"listen", scene, "--metrics", "--rays", "20"};
+        verb.insert(verb.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(verb);
+        EXPECT_EQ(outcome.status, 0) << outcome.err;
+        return json::parse(outcome.out)["sources"][0];
+    };
+    const json usual = asked({}), two = asked({"--diffraction", "2"}), one = asked({"--diffraction", "1"});
+    EXPECT_EQ(usual, two);
+    EXPECT_GT(two["edge_pairs"]["heard"], 0);
+    // Behind what is thick nothing comes round one edge alone.
+    EXPECT_EQ(one["edge_pairs"]["heard"], 0);
+    EXPECT_GT(two["images"], one["images"]);
+    EXPECT_EQ(asked({"--diffraction", "0"})["images"], 0);
+}
+
 // Each by name, as somebody who typed five options wants to know which was meant.
 TEST_F(Usage, ValuesOutsideAnOptionsRangeAreRefusedByItsName) {
     const std::string png = folder / "a.png", wav = folder / "a.wav", log = folder / "a.rlog";
@@ -125,6 +146,7 @@ TEST_F(Usage, ValuesOutsideAnOptionsRangeAreRefusedByItsName) {
         {render, "--fps", {"0", "nan", "10001"}},
         {listen, "--ambisonic", {"0", "8"}},
         {listen, "--rays", {"0", "-1", "1099511627777"}},
+        {listen, "--diffraction", {"-1", "3", "1.5"}},
         {listen, "--temperature", {"-51", "61", "nan"}},
         {listen, "--humidity", {"-1", "101", "nan"}},
         {listen, "--speed-of-sound", {"9", "10001", "nan"}},

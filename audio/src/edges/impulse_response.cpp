@@ -11,7 +11,7 @@
 #include <rtsg/audio/panning.h>
 
 #include "arrival_pan.h"
-#include "edge_waves.h"
+#include "diffraction_waves.h"
 #include "response/band_classes.h"
 #include "signal/fft.h"
 #include "signal/fractional_delay.h"

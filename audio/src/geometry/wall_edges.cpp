@@ -5,7 +5,7 @@
 #include <bit>
 #include <cmath>
 
-#include "rim_chords.h"
+#include "diffraction_parts.h"
 #include "round_shapes.h"
 #include "straight_edges.h"
 #include "walls/mesh_bodies.h"
@@ -232,23 +232,16 @@ std::shared_ptr<const EdgeTable::Found> EdgeTable::foundIn(const std::shared_ptr
     Found found;
     found.edges = edgesOf(*mesh, kFlatFacet);
     joinStraight(found.edges);
-    found.rounds = roundsOf(found.edges);
+    if (diffractionParts().roundBodies) found.rounds = roundsOf(found.edges);
     const auto isFlat = [](const MeshEdge& edge) {
-        return edge.round == MeshEdge::kNotRound && edge.rim == MeshEdge::kNoRim && turnOf(edge) < kFlatEdge;
+        return edge.round == MeshEdge::kNotRound && turnOf(edge) < kFlatEdge;
     };
     if (!std::ranges::all_of(found.edges, isFlat)) {
         MeshBodies bodies(*mesh);
         for (MeshEdge& edge : found.edges) edge.body = bodies.at(edge.from);
         found.bodies = bodies.all();
-        found.round.rims = rimsOf(found.edges, found.round.edges);
-        if (!found.rounds.empty()) {
-            std::vector<MeshEdge> asFacets = found.edges;
-            for (MeshEdge& edge : asFacets) edge.round = MeshEdge::kNotRound;
-            found.oval.rims = rimsOf(asFacets, found.oval.edges);
-        }
     }
-    for (std::vector<MeshEdge>* edges : {&found.edges, &found.round.edges, &found.oval.edges})
-        std::erase_if(*edges, isFlat);
+    std::erase_if(found.edges, isFlat);
     cached = {mesh, std::make_shared<const Found>(std::move(found))};
     return cached.found;
 }
@@ -259,13 +252,11 @@ void EdgeTable::change(std::uint32_t slot, const Wall& wall) {
         edges_.resize(slot + 1);
         rounds_.resize(slot + 1);
         bodies_.resize(slot + 1);
-        rims_.resize(slot + 1);
     }
     removeAll(slot);
     roundCount_ -= rounds_[slot].size();
     rounds_[slot].clear();
     bodies_[slot].clear();
-    rims_[slot].clear();
     if (!wall.mesh) return;
     place(slot, wall, *foundIn(wall.mesh));
     if (meshes_.size() > 2 * meshesAtPurge_ + 64) {
@@ -294,23 +285,12 @@ void EdgeTable::place(std::uint32_t slot, const Wall& wall, const Found& found) 
     for (const MeshEdge& edge : found.edges)
         if (edge.round != MeshEdge::kNotRound && isRound[edge.round] && edge.body != MeshEdge::kNoBody)
             bodyOf[edge.body] = nullptr;
-    const Coarse* coarse = nullptr;
-    if (std::ranges::find(isRound, false) == isRound.end())
-        coarse = &found.round;
-    else if (std::ranges::find(isRound, true) == isRound.end())
-        coarse = &found.oval;
-    const bool hasChords = coarse && !coarse->rims.empty();
-    if (hasChords) rims_[slot].resize(coarse->rims.size());
-    for (const MeshEdge& edge : hasChords ? coarse->edges : found.edges) {
+    for (const MeshEdge& edge : found.edges) {
         if (edge.round != MeshEdge::kNotRound && (isRound[edge.round] || turnOf(edge) < kFlatEdge)) continue;
         WallEdge placed;
         if (!placedEdge(edge, wall.worldFromLocal, placed)) continue;
         placed.material = wall.material;
         if (edge.body != MeshEdge::kNoBody) placed.body = bodyOf[edge.body];
-        if (edge.rim != MeshEdge::kNoRim) {
-            rims_[slot][edge.rim] = placedRim(coarse->rims[edge.rim], wall.worldFromLocal, placed);
-            placed.rim = &rims_[slot][edge.rim];
-        }
         add(slot, placed);
     }
 }

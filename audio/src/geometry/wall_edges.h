@@ -19,7 +19,6 @@
 namespace rtsg {
 
 struct MeshBody;
-struct MeshRim;
 struct MeshRound;
 
 /// One edge by its corners in a mesh, and a corner of each surface beside it; twice the same at a rim.
@@ -28,9 +27,8 @@ struct MeshEdge {
     std::uint32_t round = kNotRound;  // the MeshRound that it is a part of
     std::uint32_t body = kNoBody;     // the MeshBody
     bool mayBeRound = true;
-    std::uint32_t rim = kNoRim;  // the MeshRim that it stands for
 
-    static constexpr std::uint32_t kNotRound = 0xFFFFFFFF, kNoBody = 0xFFFFFFFF, kNoRim = 0xFFFFFFFF;
+    static constexpr std::uint32_t kNotRound = 0xFFFFFFFF, kNoBody = 0xFFFFFFFF;
 };
 
 /// From the middle of surfaces that lie in one plane but for this (radians) nothing bends.
@@ -55,14 +53,8 @@ class EdgeTable {
     void visitRoundBut(std::span<const std::uint32_t> open, const AcousticGeometry::RoundVisitor& visit) const;
 
   private:
-    /// With few edges for each rim and round side; none if there is no rim.
-    struct Coarse {
-        std::vector<MeshEdge> edges;
-        std::vector<MeshRim> rims;
-    };
     struct Found {
         std::vector<MeshEdge> edges;
-        Coarse round, oval;  // where all that is round in the mesh is so in the world; where none of it is
         std::vector<MeshRound> rounds;
         std::vector<MeshBody> bodies;
     };
@@ -92,7 +84,6 @@ class EdgeTable {
     std::vector<std::vector<Placed>> edges_;
     std::vector<std::vector<RoundBody>> rounds_;
     std::vector<std::vector<WallBody>> bodies_;  // what edges point to: of a slot all at once
-    std::vector<std::vector<WallRim>> rims_;     // alike
     std::size_t roundCount_ = 0;
     std::vector<std::vector<Place>> groups_;  // edges at one place, in order
     std::vector<std::uint32_t> unused_;       // of the groups

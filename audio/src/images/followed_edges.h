@@ -2,10 +2,10 @@
 //
 // Their delays are those of the shortest ways by their edges. What a single edge bends is known for every place: its
 // field relative to its delay is a sum of four functions W(w t) = exp(i w t) erfc(sqrt(i w t)), one for each boundary
-// of light and shadow, where t is 0 and its sign turns over (see wedge.h; Macdonald's solution for a half plane). W is
-// a sum of low passes: the integral of 2 / sqrt(pi^3) D(sqrt(p t)) / (p + i w) over p, D being Dawson's function. So
-// the weights of a PoleBank follow from t by one product with a matrix. All else is as it was when it was traced.
-// Threading: pure functions.
+// of light and shadow, where t is 0 and its sign turns over (see diffraction_wedge.h; Macdonald's solution for a half
+// plane). W is a sum of low passes: the integral of 2 / sqrt(pi^3) D(sqrt(p t)) / (p + i w) over p, D being Dawson's
+// function. So the weights of a PoleBank follow from t by one product with a matrix. All else is as it was when it was
+// traced. Threading: pure functions.
 #pragma once
 
 #include <array>
@@ -17,7 +17,7 @@
 #include <rtsg/audio/echogram.h>
 #include <rtsg/audio/trace_result.h>
 
-#include "edges/edge_route.h"
+#include "edges/diffraction_route.h"
 #include "followed_images.h"
 #include "signal/pole_bank.h"
 

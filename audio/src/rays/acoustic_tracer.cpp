@@ -10,7 +10,7 @@
 #include <rtsg/renderers/parallel_for.h>
 
 #include "batch_tracer.h"
-#include "image_bending.h"
+#include "diffraction_images.h"
 #include "probe_ray.h"
 #include "walls/even_direction.h"
 

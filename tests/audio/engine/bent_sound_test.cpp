@@ -13,7 +13,7 @@
 
 #include <rtsg/audio/acoustic_engine.h>
 #include <rtsg/core/x3d.h>
-#include "edges/wedge.h"
+#include "edges/diffraction_wedge.h"
 
 #include "played_frames.h"
 

@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include "edges/wedge.h"
+#include "edges/diffraction_wedge.h"
 
 #include "audio/signal/rigid_sphere.h"
 #include "listen_scene.h"

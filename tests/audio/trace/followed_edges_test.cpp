@@ -6,9 +6,9 @@
 
 #include <gtest/gtest.h>
 
-#include "edges/wedge.h"
+#include "edges/diffraction_wedge.h"
 
-#include "edges/edge_route.h"
+#include "edges/diffraction_route.h"
 #include "images/followed_edges.h"
 #include "signal/pole_bank.h"
 #include "walled.h"

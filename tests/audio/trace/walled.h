@@ -11,7 +11,7 @@
 #include <rtsg/audio/acoustic_tracer.h>
 #include <rtsg/audio/impulse_response.h>
 #include <rtsg/audio/world_geometry.h>
-#include "edges/wedge.h"
+#include "edges/diffraction_wedge.h"
 
 namespace rtsg::test {
 

@@ -43,7 +43,7 @@ TEST(RoundShapes, ACylinderIsOneHoweverItIsCut) {
         EXPECT_NEAR(bodies[0].halfLength, 1, 1e-6);
         EXPECT_NEAR(bodies[0].facet, 2 * M_PI / sides, 1e-5);
         EXPECT_NEAR(bodies[0].halfArc, M_PI, 1e-9);
-        EXPECT_EQ(one.edges(), 24) << "its rims";
+        EXPECT_EQ(one.edges(), 2 * sides) << "its rims";
     }
 }
 
@@ -150,7 +150,7 @@ TEST(RoundShapes, OfALandscapeFewEdgesAreLookedAt) {
     EXPECT_LT(std::ranges::count_if(all, &MeshEdge::mayBeRound), 3 * kSide * kSide / 10);
 }
 
-TEST(RoundShapes, ATransformThatMakesAnOvalLeavesTwelveFacets) {
+TEST(RoundShapes, AnOvalAndADiscHaveEdgesInPlaceOfABody) {
     WorldFromLocal oval(1.0), tall(1.0);
     oval[0][0] = 2;
     tall[2][2] = 3;
@@ -158,7 +158,10 @@ TEST(RoundShapes, ATransformThatMakesAnOvalLeavesTwelveFacets) {
     const RoundMesh mesh = cylinderMesh(.5, -1, 1, 48);
     const Walled stretched = mesh.walled(0, {oval});
     EXPECT_TRUE(bodiesOf(stretched).empty());
-    EXPECT_EQ(stretched.edges(), 36) << "as few as stand for a side that is round";
+    EXPECT_EQ(stretched.edges(), 3 * 48);
+    const Walled disc = cylinderMesh(.6, .7, .74, 32).walled();
+    EXPECT_TRUE(bodiesOf(disc).empty());
+    EXPECT_EQ(disc.edges(), 3 * 32);
     const std::vector<RoundBody> bodies = bodiesOf(mesh.walled(0, {tall}));
     ASSERT_EQ(bodies.size(), 1u);
     EXPECT_NEAR(bodies[0].halfLength, 3, 1e-6);

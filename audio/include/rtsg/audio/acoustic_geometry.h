@@ -82,19 +82,6 @@ struct WallBody {
     glm::dmat3 boxFromWorld{1.0};
 };
 
-/// What one edge stands for: the corners of some pieces of a rim in many pieces, one after the other; or itself, where
-/// it is one of the few that stand for those of a round side of many facets.
-struct WallRim {
-    std::vector<glm::dvec3> corners;  // two at least
-    glm::dvec3 from{0}, axis{0};      // the edge that stands for all of them
-    double length = 0;
-    glm::dvec3 bulge{0};  // m, from the middle between both ends to the rim, or as far as the side may reach out
-    std::vector<glm::dvec3> facet;  // of a side: its corners, from this edge to the next one
-
-    /// On the rim, for a place on the edge.
-    glm::dvec3 at(const glm::dvec3& place) const;
-};
-
 /// An edge round which sound bends: where two surfaces meet, or the rim of one.
 struct WallEdge {
     glm::dvec3 from{0}, axis{0};  // unit axis
@@ -104,13 +91,6 @@ struct WallEdge {
     std::uint32_t material = 0;
     /// Whose it is, and nobody else's; null of what is open. Good until walls change.
     const WallBody* body = nullptr;
-    /// Where there are surfaces, if it stands for a part of a round rim; else null. Good as long.
-    const WallRim* rim = nullptr;
-
-    /// On the surfaces' edge, for a place on this one.
-    glm::dvec3 onSurface(const glm::dvec3& place) const { return rim ? rim->at(place) : place; }
-    /// Metres that surfaces may reach out from between places of theirs; `off` a face, unit.
-    double bulges(const glm::dvec3& off) const { return rim ? std::max(0.0, glm::dot(rim->bulge, off)) : 0; }
 };
 
 /// A cylinder, a part of one, or a sphere, that facets stand for whose edges turn a little each. Their corners are on

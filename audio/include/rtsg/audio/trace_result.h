@@ -33,9 +33,8 @@ struct TraceOptions {
     double receiverRadius = 0;
     std::uint64_t seed = 1;
     Air air;
-    /// Sound bends round edges (see edge_rows/edge_sources.h), 0 to 2 of them in a row; with 2 also round a third one
-    /// of the same body, along its faces; and, but with 0, round cylinders and spheres (see
-    /// round_bodies/round_bodies.h).
+    /// Sound bends round edges (see edge_rows/diffraction_edges.h), 0 to 2 of them in a row; and, but with 0, round
+    /// cylinders and spheres (see round_bodies/diffraction_round_bodies.h).
     int diffractionOrder = 2;
     /// Of the rays that escape, so many at most are told of each batch and run: TraceResult::exits.
     int exits = 0;

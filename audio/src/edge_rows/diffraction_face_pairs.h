@@ -1,0 +1,70 @@
+// Two edges of one face, along which sound goes from the one to the other.
+//
+// Laid flat into the face, the listener lies beyond the second edge, and all ways lead straight there from the first
+// one: that bends as a single edge as far as its ways lead by the second edge, which lets a share of it through. So
+// where the second edge begins to hide the first one, what the first one brings, its ends and all, is halved on both
+// sides; and of edges that meet at a corner of the face each has its part. The same holds the other way round, for the
+// source and the second edge; of both that counts which is nearer to its boundary.
+// Threading: pure functions.
+#pragma once
+
+#include <array>
+#include <complex>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/echogram.h>
+#include "edges/diffraction_wedge.h"
+
+#include "response/edge_tones.h"
+
+namespace rtsg {
+
+class FacePair {
+  public:
+    /// False if both are not of one face, or no way along it leads by both within their ends.
+    bool lay(const WallEdge& first, const WallEdge& second, const glm::dvec3& source, const glm::dvec3& listener);
+
+    bool shared = false;  // there is such a face
+    /// Of the places within both edges those by which the way is shortest, if it leads past their ends about so.
+    glm::dvec3 byFirst{0}, bySecond{0};
+    /// Whether the shortest way of edges without ends leads there.
+    bool within = false;
+
+    /// What is missing of edges without ends, or comes where the shortest way leads past, by the end of a part.
+    struct End {
+        glm::dvec3 first{0}, second{0};
+        double way = 0;
+        std::array<std::complex<double>, kEdgeTones> pressure{};  // re the phase of its way
+    };
+    /// `path`: the way by the places above, with its angles.
+    std::vector<End> endsOf(const TwoWedgePath& path, const EdgeTones& tones, double speedOfSound) const;
+
+    /// About how much of sound in the open at 125 Hz comes that way; cheap.
+    double strength(const TwoWedgePath& path) const;
+
+    static bool shareFace(const WallEdge& a, const WallEdge& b);
+
+  private:
+    /// Where the line from a place to what is laid flat crosses an edge.
+    static glm::dvec3 crossing(const glm::dvec3& from, const glm::dvec3& flat, const WallEdge& edge);
+    /// An edge and what counts of it: where it is seen from, and where it is seen across the other edge, laid flat.
+    struct Side {
+        WallEdge edge;
+        glm::dvec3 place{0}, flat{0};
+        double along = 0, radius = 0, alongFlat = 0, radiusFlat = 0;
+        double low = 0, high = 0, shortest = 0;  // metres from its beginning on
+
+        bool any() const { return high > low; }
+    };
+    static Side layOne(const WallEdge& edge, const glm::dvec3& inward, const WallEdge& other,
+                       const glm::dvec3& otherInward, const glm::dvec3& near, const glm::dvec3& beyond);
+    void addEnds(const Side& side, const TwoWedgePath& path, double share, const EdgeTones& tones, double speedOfSound,
+                 std::vector<End>& ends) const;
+
+    std::array<Side, 2> sides_;
+};
+
+}  // namespace rtsg

@@ -1,0 +1,241 @@
+// Looks for the places on two edges by which a way is shortest, and lays edges that share a face flat.
+#include "diffraction_pair_way.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace rtsg {
+namespace {
+
+/// Ways past an end count as far as this share of the edge, at most a metre.
+double reachPast(const WallEdge& edge) {
+    return std::min(1.0, 0.5 * edge.length);
+}
+
+bool isOnePlace(const glm::dvec3& a, const glm::dvec3& b) {
+    return glm::distance(a, b) <= 1e-6 * (1 + glm::length(a));
+}
+
+void setShared(PairWay& way) {
+    const WallEdge* const edges[] = {way.first, way.second};
+    for (std::size_t e = 0; e < 2; ++e) {
+        const WallEdge &edge = *edges[e], &other = *edges[1 - e];
+        const auto shared = [&](const glm::dvec3& end) {
+            return isOnePlace(end, other.from) || isOnePlace(end, other.from + other.axis * other.length);
+        };
+        way.sharesLow[e] = shared(edge.from);
+        way.sharesHigh[e] = shared(edge.from + edge.axis * edge.length);
+    }
+}
+
+/// By the shortest way from a source round a first edge to a place on a second one.
+class WayToPlace {
+  public:
+    WayToPlace(const glm::dvec3& source, const glm::dvec3& listener, const WallEdge& first, const WallEdge& second)
+        : listener_(listener), first_(first), second_(second) {
+        along_ = glm::dot(source - first.from, first.axis);
+        radius_ = glm::length(source - first.from - first.axis * along_);
+    }
+
+    /// How the way's length grows with the place on the second edge, at most 2.
+    double growthAt(double y) {
+        bySecond = second_.from + second_.axis * y;
+        const double along = glm::dot(bySecond - first_.from, first_.axis);
+        const double radius = glm::length(bySecond - first_.from - first_.axis * along);
+        if (!(radius_ + radius > 0)) return 0;
+        x = along_ + (along - along_) * radius_ / (radius_ + radius);
+        byFirst = first_.from + first_.axis * x;
+        across = glm::distance(byFirst, bySecond);
+        out = glm::distance(bySecond, listener_);
+        if (!(across > 0 && out > 0)) return 0;
+        return glm::dot(bySecond - byFirst, second_.axis) / across + glm::dot(bySecond - listener_, second_.axis) / out;
+    }
+
+    glm::dvec3 byFirst{0}, bySecond{0};
+    double x = 0, across = 0, out = 0;
+
+  private:
+    glm::dvec3 listener_;
+    const WallEdge &first_, &second_;
+    double along_ = 0, radius_ = 0;
+};
+
+/// The places on both edges by which the way is shortest. Its length is convex in both places, so that with the best
+/// one on the first edge for each on the second it is so, too, and its growth has one zero, however near the edges come
+/// to each other. False if that lies far beyond the edges' ends, or beyond a corner of both.
+bool shortest(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way) {
+    const WallEdge &a = *way.first, &b = *way.second;
+    WayToPlace to(source, listener, a, b);
+    setShared(way);
+    // A little off the ends: at a corner that both share there is no direction from one to the other.
+    constexpr double kOff = 1e-9;  // of the length: a rounding of places in double precision
+    double low = way.sharesLow[1] ? kOff * b.length : -reachPast(b);
+    double high = b.length + (way.sharesHigh[1] ? -kOff * b.length : reachPast(b));
+    double atLow = to.growthAt(low), atHigh = to.growthAt(high);
+    if (!(atLow < 0 && atHigh > 0)) return false;
+    // Regula falsi; an end that stays counts half, as in the Illinois method.
+    for (int step = 0, stayed = 0; step < 100 && high - low > 1e-10 * b.length; ++step) {
+        const double y = (low * atHigh - high * atLow) / (atHigh - atLow);
+        const double growth = to.growthAt(y);
+        if (std::abs(growth) < 1e-13) break;
+        if (growth < 0) {
+            low = y;
+            atLow = growth;
+            if (stayed == 1) atHigh *= 0.5;
+            stayed = 1;
+        } else {
+            high = y;
+            atHigh = growth;
+            if (stayed == -1) atLow *= 0.5;
+            stayed = -1;
+        }
+    }
+    const double toFirst = glm::distance(source, to.byFirst);
+    if (!(toFirst > 0 && to.across > 1e-9 * (toFirst + to.out))) return false;
+    if (!(to.x >= (way.sharesLow[0] ? 0 : -reachPast(a)) && a.length - to.x >= (way.sharesHigh[0] ? 0 : -reachPast(a))))
+        return false;
+    way.byFirst = to.byFirst;
+    way.bySecond = to.bySecond;
+    const glm::dvec3 in = (to.byFirst - source) / toFirst, out = (listener - to.bySecond) / to.out;
+    const glm::dvec3 across = (to.bySecond - to.byFirst) / to.across;
+    way.path.first.sine = glm::length(glm::cross(in, a.axis));
+    way.path.second.sine = glm::length(glm::cross(out, b.axis));
+    if (!(way.path.first.sine > 0 && way.path.second.sine > 0)) return false;
+    const double between = glm::dot(a.axis, b.axis) - glm::dot(across, a.axis) * glm::dot(across, b.axis);
+    setDistances(way.path, toFirst, to.across, to.out, between);
+    const auto square = [](double x) { return x * x; };
+    const auto squareSine = [&](const glm::dvec3& axis) { return 1 - square(glm::dot(across, axis)); };
+    const double xx = square(way.path.first.sine) / toFirst + squareSine(a.axis) / to.across;
+    const double yy = square(way.path.second.sine) / to.out + squareSine(b.axis) / to.across;
+    const double xy = between / to.across;
+    way.bend = {0.5 * std::max(0.0, xx - xy * xy / yy), 0.5 * std::max(0.0, yy - xy * xy / xx)};
+    const double y = glm::dot(to.bySecond - b.from, b.axis);
+    way.fromLow = {to.x, y};
+    way.fromHigh = {a.length - to.x, b.length - y};
+    way.past = 0;
+    for (std::size_t e = 0; e < 2; ++e)
+        way.past += way.bend[e] * square(std::min(0.0, std::min(way.fromLow[e], way.fromHigh[e])));
+    return true;
+}
+
+/// Of the whole wave that is bent by edges without ends: its share, less the phase of PairWay::past.
+std::complex<double> endsShare(const PairWay& way, double waveNumber) {
+    using Complex = std::complex<double>;
+    Complex share = std::polar(1.0, waveNumber * way.past);
+    for (std::size_t e = 0; e < 2; ++e) {
+        Complex one = 1;
+        for (const auto& [within, shared] :
+             {std::pair(way.fromLow[e], way.sharesLow[e]), std::pair(way.fromHigh[e], way.sharesHigh[e])}) {
+            const double x = waveNumber * way.bend[e] * within * within;
+            if (within >= 0 && x > 60) continue;
+            Complex beyond = 0.5 * fresnelBeyond(x) * std::polar(1.0, -x);
+            if (within < 0)
+                // It fades towards where ways are not looked for any more.
+                one *= beyond * (1 + within / reachPast(e == 0 ? *way.first : *way.second));
+            else
+                // What comes by the end is another wave, later: where that can be told it is not part of this one.
+                one -= beyond * std::exp(-x / 8) * (shared ? 2.0 : 1.0);
+        }
+        share *= one;
+    }
+    return share;
+}
+
+/// The same along a face of both edges, if that is what it is.
+bool shortestOnFace(const glm::dvec3& source, const glm::dvec3& listener, PairWay& way) {
+    const bool laid = way.flat.lay(*way.first, *way.second, source, listener);
+    way.onFace = way.flat.shared;
+    if (!laid) return false;
+    way.byFirst = way.flat.byFirst;
+    way.bySecond = way.flat.bySecond;
+    const double in = glm::distance(source, way.byFirst), out = glm::distance(way.bySecond, listener);
+    const double across = glm::distance(way.byFirst, way.bySecond);
+    if (!(in > 0 && out > 0 && across > 1e-9 * (in + out))) return false;
+    const glm::dvec3 along = (way.bySecond - way.byFirst) / across;
+    const WallEdge &a = *way.first, &b = *way.second;
+    way.path.first.sine = glm::length(glm::cross(along, a.axis));
+    way.path.second.sine = glm::length(glm::cross(along, b.axis));
+    if (!(way.path.first.sine > 1e-9 && way.path.second.sine > 1e-9)) return false;
+    const double between = glm::dot(a.axis, b.axis) - glm::dot(along, a.axis) * glm::dot(along, b.axis);
+    setDistances(way.path, in, across, out, between);
+    return std::isfinite(way.path.spreading);
+}
+
+bool bends(const glm::dvec3& source, const glm::dvec3& listener, bool heardStraight, PairWay& way) {
+    const glm::dvec3 across = way.bySecond - way.byFirst;
+    if (!turnAt(*way.first, source - way.byFirst, across, way.atFirst, way.side) ||
+        !turnAt(*way.second, -across, listener - way.bySecond, way.atSecond, way.side))
+        return false;
+    way.path.onOneFace = way.atFirst.outOnFace && way.atSecond.inOnFace;
+    if (way.onFace && !way.path.onOneFace) return false;
+    // Sound that neither hides is bent by both where it goes along a face; not that which is thrown
+    // back by more than a right angle.
+    constexpr double kBack = -0.5 * std::numbers::pi;
+    const bool hidden = way.atFirst.shadow() > 0 || way.atSecond.shadow() > 0;
+    if ((heardStraight || !hidden) && !way.path.onOneFace) return false;
+    if (way.atFirst.shadow() < kBack || way.atSecond.shadow() < kBack) return false;
+    way.path.first.opening = way.atFirst.opening;
+    way.path.first.in = way.atFirst.in;
+    way.path.first.out = way.atFirst.out;
+    way.path.second.opening = way.atSecond.opening;
+    way.path.second.in = way.atSecond.in;
+    way.path.second.out = way.atSecond.out;
+    return true;
+}
+
+}  // namespace
+
+bool findWay(const glm::dvec3& source, const glm::dvec3& listener, bool heardStraight, PairWay& way) {
+    return (shortestOnFace(source, listener, way) ||
+            (!way.onFace && !heardStraight && shortest(source, listener, way))) &&
+           bends(source, listener, heardStraight, way) &&
+           (!way.onFace || way.flat.strength(way.path) > leastOnFace(heardStraight));
+}
+
+bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way) {
+    const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
+    glm::dvec3 off(0);
+    if (way.atFirst.outOnFace)
+        off = way.atFirst.offFace(*way.first, true);
+    else if (way.atSecond.inOnFace)
+        off = way.atSecond.offFace(*way.second, false);
+    const glm::dvec3 size = glm::max(glm::abs(first), glm::abs(second));
+    off *= std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
+    const glm::dvec3 across = second - first;
+    const double length = glm::length(across), rounding = std::min(0.25 * length, 1e-5 * (1 + length));
+    AcousticHit hit;
+    if (geometry.closest(first + off + across * (rounding / length), across / length, length - 2 * rounding, kNoPlane,
+                         hit))
+        return false;
+    return isOpen(geometry, *way.first, first, way.atFirst.opening, way.atFirst.turn) &&
+           isOpen(geometry, *way.second, second, way.atSecond.opening, way.atSecond.turn);
+}
+
+namespace {
+
+/// Between edges of no common face that are near to each other beside a wave less goes through than the product of what
+/// both bend, as through a slit. Fitted to boundary elements, of a door that leaves one of 2 cm.
+double apartShare(const PairWay& way, double waveNumber) {
+    const double apart = waveNumber * glm::distance(way.byFirst, way.bySecond);
+    return -std::expm1(-apart * apart);
+}
+
+}  // namespace
+
+PairField fieldOf(const PairWay& way, const EdgeTones& tones, double speedOfSound) {
+    PairField field;
+    if (way.onFace) field.ends = way.flat.endsOf(way.path, tones, speedOfSound);
+    if (way.onFace && !way.flat.within) return field;
+    for (std::size_t b = 0; b < kBandCount; ++b) {
+        const double first = tones.mirrors(way.first->material, b), second = tones.mirrors(way.second->material, b);
+        tones.each(b, [&](std::size_t tone, double waveNumber) {
+            field.wave[tone] = twoWedgeField(way.path, waveNumber, first, second) *
+                               std::polar(1.0, waveNumber * way.path.way) *
+                               (way.onFace ? 1.0 : endsShare(way, waveNumber) * apartShare(way, waveNumber));
+        });
+    }
+    return field;
+}
+
+}  // namespace rtsg

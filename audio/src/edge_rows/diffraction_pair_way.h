@@ -1,0 +1,71 @@
+// A way round two edges: where it is shortest, how it bends there, whether there is air, and what comes by it.
+//
+// Threading: pure functions over const geometry.
+#pragma once
+
+#include <array>
+#include <complex>
+#include <cstddef>
+#include <numbers>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/echogram.h>
+#include "edges/diffraction_wedge.h"
+
+#include "diffraction_face_pairs.h"
+#include "edges/diffraction_paths.h"
+#include "response/edge_tones.h"
+
+namespace rtsg {
+
+/// A way round two edges.
+struct PairWay {
+    const WallEdge* first = nullptr;
+    const WallEdge* second = nullptr;
+    glm::dvec3 byFirst{0}, bySecond{0};
+    EdgeTurn atFirst, atSecond;
+    TwoWedgePath path;
+    /// Of each edge: how far within it both ends are from the place, metres, negative beyond an end; and half of the
+    /// second derivative of the way's length by the place, that of the other edge being the best.
+    std::array<double, 2> fromLow{}, fromHigh{}, bend{};
+    bool sharesLow[2]{}, sharesHigh[2]{};  // the end is one of the other edge, too
+    /// How much longer the way is by the ends that it leads past, metres.
+    double past = 0;
+    /// Along a face of both; then the ends are told by this, and nothing of the above is known of them.
+    FacePair flat;
+    bool onFace = false;
+    /// Of two rims of one sheet the side along which it leads, unit; else 0.
+    glm::dvec3 side{0};
+};
+
+/// The shortest way by both edges of `way`, and its angles; `heardStraight`: whether direct sound is. False if there is
+/// none that counts.
+bool findWay(const glm::dvec3& source, const glm::dvec3& listener, bool heardStraight, PairWay& way);
+
+/// Less of sound in the open than this does not count of ways along faces.
+inline double leastOnFace(bool heardStraight) {
+    return heardStraight ? 1e-2 : 2e-3;
+}
+
+/// Whether there is air from the one edge to the other and about both. What lies on a face is looked for a little off
+/// it.
+bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way);
+
+/// What both edges bend, by tone: by the shortest way, re the phase of that, and by ends.
+struct PairField {
+    std::array<std::complex<double>, kEdgeTones> wave{};
+    std::vector<FacePair::End> ends;
+
+    std::complex<double> sum(std::size_t tone, double waveNumber, double way) const {
+        std::complex<double> result = wave[tone] * std::polar(1.0, -waveNumber * way);
+        for (const FacePair::End& end : ends) result += end.pressure[tone] * std::polar(1.0, -waveNumber * end.way);
+        return result;
+    }
+};
+
+PairField fieldOf(const PairWay& way, const EdgeTones& tones, double speedOfSound);
+
+}  // namespace rtsg

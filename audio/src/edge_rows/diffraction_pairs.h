@@ -1,0 +1,65 @@
+// Diffraction of second order: sound that two edges in a row bend, behind what is thick, and behind two screens.
+//
+// Behind both edges it is an arrival of its own. Where one of them alone hides the source (or the listener), it goes on
+// into what that one bends, so that at the boundary of the other edge's shadow half of the pressure is left on both
+// sides. Where direct sound is heard, or neither edge hides anything, it counts along a face of both, which sound
+// leaves at its far edge: over what is broad. So all is continuous but where both boundaries meet. Where edges end:
+// diffraction_face_pairs.h. Of all pairs the shortest count, see EdgePairCount. Source: see diffraction_wedge.h.
+// Threading: pure functions over const geometry.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "edges/diffraction_paths.h"
+#include "edges/diffraction_small_bodies.h"
+#include "response/wave_levels.h"
+
+#include <rtsg/audio/trace_result.h>
+
+namespace rtsg {
+
+/// An edge that is heard by itself: in its shadow, or beside direct sound.
+struct BentByOne {
+    WallEdge edge;
+    RoundEdge round;
+    bool lit = false;
+};
+
+/// An edge of which something hides a part, and what it leaves to pairs of it and another edge, by tone.
+struct PartlySeen {
+    WallEdge edge;
+    std::array<float, kEdgeTones> left{};
+};
+
+/// Edges by which sound may go, with the way by each alone, or its bound.
+struct EdgeCandidate {
+    WallEdge edge;
+    double way = 0;
+    glm::dvec3 by{0};  // the place by which it goes
+};
+
+/// By the place on an edge that is nearest to the way between both; no shorter way leads round it.
+EdgeCandidate candidateBy(const WallEdge& edge, const BesideEdge& beside);
+
+/// Of edges, those by which the way is shortest are tried with each other: a bound of work, which grows with the
+/// square.
+constexpr std::size_t kPairedEdges = 32;
+/// They are chosen from so many: seams between bodies are among them, and edges that are one. A bound of work, too.
+constexpr std::size_t kLookedAtEdges = 256;
+
+/// What is known of edges by themselves, and whether direct sound is heard.
+struct EdgesAlone {
+    std::vector<BentByOne> bent;
+    std::vector<PartlySeen> partly;
+    bool heardStraight = false;
+};
+
+/// `candidates`: the shortest of `edgeCount`, kLookedAtEdges if there are so many.
+EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                           const TraceOptions& options, double seconds, const std::vector<EdgeCandidate>& candidates,
+                           std::size_t edgeCount, const EdgesAlone& known, BodyWeights& bodies, BentParts& parts,
+                           EdgeField& field);
+
+}  // namespace rtsg

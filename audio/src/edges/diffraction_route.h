@@ -1,0 +1,27 @@
+// Where waves by way of edges go when source and listener are elsewhere than they were when they were traced: the way
+// is the shortest by its edges, which go on beyond their ends.
+//
+// Threading: pure functions.
+#pragma once
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/echogram.h>
+#include "diffraction_wedge.h"
+
+namespace rtsg {
+
+struct EdgeWay {
+    double length = 0;
+    /// Unit, from the first place towards the source, and from the last one towards the listener: so does its length
+    /// grow.
+    glm::dvec3 toSource{0}, toListener{0};
+    glm::dvec3 last{0};  // place that it is heard from
+};
+EdgeWay edgeWay(const EdgeRoute& route, const glm::dvec3& source, const glm::dvec3& listener);
+
+/// What wedgeField() asks for. Angles beyond the air are as they come, below 2 pi.
+WedgePath pathAbout(const EdgeRoute& route, const BendingEdge& edge, const glm::dvec3& source,
+                    const glm::dvec3& listener);
+
+}  // namespace rtsg

@@ -1,0 +1,118 @@
+// Sound round an edge: the field of a point source beside a rigid wedge, by the uniform theory of diffraction.
+// An edge that ends: less what is beyond its ends, by the exact integral over an edge.
+//
+// The edge is the z axis, the wedge's faces are at the angles 0 and `opening` of the air beside it (2 pi: a half
+// plane). The field is relative to that of the source in the open at 1 m, time as exp(i w t). It is continuous
+// everywhere; near enough to the edge for a wave length to matter the theory is not exact any more (some tenths of a
+// decibel at a third of one). Two edges in a row: the product of their coefficients, of which the one that is
+// nearer to its boundary has the shorter distances, and half of it where the way between them lies on a face of both.
+// Source: Kouyoumjian and Pathak, Proc. IEEE 62 (1974), 1448-1461, hard boundaries; Pierce, JASA 55 (1974), 941-955; of
+// ends Svensson, Fred and Vanderkooy, JASA 106 (1999), 2331-2344. Threading: pure functions.
+#pragma once
+
+#include <array>
+#include <complex>
+#include <limits>
+#include <span>
+
+namespace rtsg {
+
+struct WedgePath {
+    double opening = 0;                           // radians of air, above 0 to 2 pi
+    double sourceRadius = 1, receiverRadius = 1;  // m from the edge
+    double along = 0;                             // m between both in the edge's direction
+    double sourceAngle = 0, receiverAngle = 0;    // radians from the face at 0
+
+    /// Where the edge ends: metres on from the place of the shortest way, as `along` counts.
+    double from = -std::numeric_limits<double>::infinity(), to = std::numeric_limits<double>::infinity();
+
+    /// Metres from one to the other by way of a place on the edge, `offset` metres on from where that is shortest.
+    double wayBy(double offset) const;
+    double shortestWay() const { return wayBy(0); }
+    /// Of what comes as if from the source's angle turned by `angle` less the receiver's: direct sound, or an image.
+    double distanceAt(double angle) const;
+};
+
+struct WedgeField {
+    /// What comes straight, and what comes mirrored by either face; 0 where they do not reach. exp(-i k d) / d.
+    std::complex<double> direct, mirrored;
+    /// By way of the edge: the parts that make each of the above continuous.
+    std::complex<double> besideDirect, besideMirrored;
+
+    std::complex<double> total() const { return direct + mirrored + besideDirect + besideMirrored; }
+};
+
+/// `waveNumber` in 1/m. Of an edge that goes on for ever.
+WedgeField wedgeField(const WedgePath& path, double waveNumber);
+
+/// One of the four terms of the coefficient of a wedge, for all wave numbers: a cotangent times a transition.
+class WedgeTerm {
+  public:
+    WedgeTerm() = default;
+    /// Of an opening of `n` pi: cot((pi + sign beta) / 2 n) and what belongs to it; `sign` is 1 or -1.
+    WedgeTerm(double n, double beta, double sign);
+    /// `kl`: wave number times the distance that counts.
+    std::complex<double> at(double kl) const;
+
+  private:
+    double cotangent_ = 0, turn_ = 0;
+    double limit_ = 0, epsilon_ = 0;  // at the boundary, where the cotangent is infinite: n times a side, and radians
+};
+
+/// The parts of wedgeField() by way of the edge, of one path for many wave numbers.
+class WedgeBend {
+  public:
+    explicit WedgeBend(const WedgePath& path);
+    struct Beside {
+        std::complex<double> direct, mirrored;
+    };
+    /// Re the phase of the shortest way: times exp(i k shortestWay()).
+    Beside at(double waveNumber) const;
+
+  private:
+    std::array<WedgeTerm, 4> terms_;
+    double length_ = 0;  // m that count in the transition
+    double strength_ = 0;
+};
+
+/// What an edge brings that begins at a place where the way is `way` metres, at least the shortest, and leads away from
+/// the place of the shortest for ever: one side of it. Its phase is re that of `way`; a multiple of exp(-i k way).
+struct WedgeEnd {
+    std::complex<double> besideDirect, besideMirrored;
+};
+/// For wave numbers from `waveNumber` on, each sqrt(2) times the one before.
+void wedgeBeyond(const WedgePath& path, double waveNumber, double way, std::span<WedgeEnd> ends);
+
+/// A way from a source round one edge and then another one, at the place where it is shortest.
+struct TwoWedgePath {
+    struct Wedge {
+        double opening = 0;      // radians of air
+        double in = 0, out = 0;  // radians from one face: where sound comes from, and where it goes to
+        double sine = 1;         // of the angle between the way and the edge
+        /// Metres that count in the transition at this edge: with the other edge a part of the straightened way, and
+        /// with the wave that it bends.
+        double whole = 1, part = 1;
+    };
+    Wedge first, second;
+    double way = 0;          // m
+    double spreading = 0;    // of the pressure of a bent wave, 1 / m^2
+    bool onOneFace = false;  // the way between the edges lies on a face of both
+};
+/// From the lengths of its three parts, the sines, and `between`: the cosine of the angle between both edges as seen
+/// along the way, that is of their parts square to it, times both sines. Sets whole, part, way and spreading.
+void setDistances(TwoWedgePath& path, double toFirst, double across, double fromSecond, double between);
+
+/// How much nearer one is to a boundary of the second edge than to one of the first: 1 on the former, 0 on the latter.
+double nearerToSecond(const TwoWedgePath& path);
+
+/// The part of the field that both edges bend, relative to that of the source in the open at 1 m. Faces mirror these
+/// shares of the pressure.
+std::complex<double> twoWedgeField(const TwoWedgePath& path, double waveNumber, double mirrorsFirst = 1,
+                                   double mirrorsSecond = 1);
+
+/// Fresnel's transition function 2 i sqrt(x) exp(i x) times the integral of exp(-i t^2) from sqrt(x) on; x >= 0.
+std::complex<double> diffractionTransition(double x);
+/// exp(i x) erfc(sqrt(i x)): of half of what a half plane leaves at its shadow's boundary, and x radians from there.
+std::complex<double> fresnelBeyond(double x);
+
+}  // namespace rtsg

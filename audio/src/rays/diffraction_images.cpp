@@ -1,0 +1,233 @@
+// Looks for walls that mirror and what is before them, and adds what comes by each image and the edges on its way.
+#include "diffraction_images.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <cstddef>
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "edge_rows/diffraction_edges.h"
+#include "edges/diffraction_paths.h"
+#include "geometry/diffraction_parts.h"
+#include "images/diffraction_mirror_world.h"
+#include "images/image_candidates.h"
+#include "response/wave_levels.h"
+#include "round_bodies/diffraction_round_bodies.h"
+
+namespace rtsg {
+namespace {
+
+/// An image that brings less of all than this is left as it is: where it begins or ends the level steps by .09 dB.
+constexpr double kLeastOfAll = 0.02;
+/// Each is as much work as direct sound: a room has six walls.
+constexpr std::size_t kMostBentImages = 8;
+/// m; an edge by which the way is so much longer brings at 125 Hz less than -18 dB of the image: half of
+/// fresnelBeyond().
+constexpr double kDetour = 2;
+
+/// A wall, and the image of the source in it.
+struct WallImage {
+    std::uint32_t plane = 0;
+    glm::dvec3 place{0};
+    double way = 0;     // m, to the listener
+    double energy = 0;  // at most
+};
+
+double sumOver(const std::vector<Arrival>& arrivals) {
+    double sum = 0;
+    for (const Arrival& one : arrivals) sum += *std::ranges::max_element(one.energy);
+    return sum;
+}
+
+/// Images of the source in planes before which it and the listener are, the loudest first; those of less than `least`
+/// are left out.
+std::vector<WallImage> wallImages(const AcousticGeometry& geometry, const glm::dvec3& source,
+                                  const glm::dvec3& listener, double least) {
+    std::vector<WallImage> images;
+    const auto planes = geometry.planes();
+    for (std::uint32_t p = 0; p < planes.size(); ++p) {
+        const ReflectingPlane& plane = planes[p];
+        const double from = plane.signedDistance(source), to = plane.signedDistance(listener);
+        if (!(from * to > 0)) continue;
+        WallImage image{p, source - plane.normal * (2 * from), 0, 0};
+        image.way = glm::distance(image.place, listener);
+        image.energy = plane.mirrors / (4 * std::numbers::pi * image.way * image.way);
+        const glm::dvec3 by = glm::mix(image.place, listener, from / (from + to));
+        if (image.energy > least && glm::distance(by, plane.center) < plane.radius) images.push_back(image);
+    }
+    std::ranges::sort(images, std::greater{}, &WallImage::energy);
+    return images;
+}
+
+/// What the wall is made of at a place on the mirror; none where it has no surface that faces source and listener.
+std::optional<std::uint32_t> surfaceAt(const AcousticGeometry& geometry, const MirrorWorld& world,
+                                       const glm::dvec3& place) {
+    AcousticHit hit;
+    const double reach = 1e-3 + 4 * placeRounding(place);
+    const auto isMirror = [&](const glm::dvec3& normal) { return glm::dot(normal, world.normal()) > 0.999; };
+    if (!geometry.closest(place + world.normal() * reach, -world.normal(), 2 * reach, kNoPlane, hit) ||
+        (!isMirror(hit.normal) && !isMirror(-hit.normal)))
+        return {};
+    // What faces away is the back of a body's face.
+    bool faces = false;
+    geometry.surfacesNear(place, reach, [&](const NearSurface& surface) {
+        faces = faces || isMirror(surface.normal) || (surface.solid == kNoSolid && isMirror(-surface.normal));
+    });
+    if (!faces) return {};
+    return hit.material;
+}
+
+/// Of the zone of an image's way in which waves of a metre are about in phase, at a share of the way.
+double zoneRadius(const WallImage& image, double share) {
+    return std::sqrt(image.way * share * (1 - share));
+}
+
+/// What a wall is made of where it mirrors the image, if it is a mirror to waves of a metre: a small one, as a brick's
+/// face, is what its edges make of it.
+std::optional<std::uint32_t> materialOf(const AcousticGeometry& geometry, const MirrorWorld& world,
+                                        const WallImage& image, const glm::dvec3& listener) {
+    // A bound of work; and more than half of the zone, as beside another wall half of it is there.
+    constexpr int kRound = 8, kEnough = 5;
+    const double share = world.height(listener) / (world.height(listener) - world.height(image.place));
+    const glm::dvec3 by = glm::mix(listener, image.place, share), normal = world.normal();
+    const std::optional<std::uint32_t> material = surfaceAt(geometry, world, by);
+    if (!material) return {};
+    const glm::dvec3 across =
+        glm::normalize(glm::cross(normal, std::abs(normal.x) < 0.6 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
+    const glm::dvec3 other = glm::cross(normal, across);
+    int found = 0;
+    for (int i = 0; i < kRound; ++i) {
+        const double angle = 2 * std::numbers::pi * (i + 0.5) / kRound;
+        const glm::dvec3 aside = std::cos(angle) * across + std::sin(angle) * other;
+        found += surfaceAt(geometry, world, by + zoneRadius(image, share) * aside).has_value();
+    }
+    if (found < kEnough) return {};
+    return material;
+}
+
+/// Whether something is in the way of the image, or so near to it that it bends what comes from there.
+bool isBeside(const MirrorWorld& world, const WallImage& image, const glm::dvec3& listener) {
+    constexpr int kRound = 8;  // a bound of work
+    const glm::dvec3 way = glm::normalize(listener - image.place);
+    const glm::dvec3 side =
+        glm::normalize(glm::cross(way, std::abs(way.x) < 0.6 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
+    const glm::dvec3 other = glm::cross(way, side);
+    for (const double radius : {0.0, 1.0, 0.5, 0.2}) {
+        const double off = radius * zoneRadius(image, 0.5);
+        for (int i = 0; i < (radius > 0 ? kRound : 1); ++i) {
+            const double angle = 2 * std::numbers::pi * i / kRound;
+            const glm::dvec3 aside = off * (std::cos(angle) * side + std::sin(angle) * other);
+            if (!seen(world, listener + 0.2 * aside, 0.5 * (listener + image.place) + aside) ||
+                !seen(world, image.place + 0.2 * aside, 0.5 * (listener + image.place) + aside))
+                return true;
+        }
+    }
+    return false;
+}
+
+/// Whether edges of the mirror change much of its image at any tone.
+bool endsBeside(const WallImage& image, const BentParts& known) {
+    constexpr float kMuch = 0.3f;  // of its pressure: 3 dB
+    EdgeTonePressures sum{};
+    for (const ImagePart& part : known.images)
+        if (glm::distance(part.image, image.place) < 1e-5 * (1 + glm::length(image.place)))
+            for (std::size_t t = 0; t < kEdgeTones; ++t) sum[t] += part.pressure[t];
+    return std::ranges::any_of(
+        sum, [&](const std::complex<float>& one) { return std::abs(one) * static_cast<float>(image.way) > kMuch; });
+}
+
+/// Where a wave goes, by places of which each is on the side of the mirror where source or listener is.
+void foldRoute(EdgeWave& wave, const MirrorWorld& world, const glm::dvec3& source, const glm::dvec3& listener,
+               double speedOfSound) {
+    const glm::dvec3 first = world.mirrored(wave.route.first), last = wave.route.last;
+    wave.route = {first, last, glm::dvec3(0), glm::dvec3(0)};
+    wave.route.over = wave.seconds * speedOfSound - glm::distance(source, first) - glm::distance(first, last) -
+                      glm::distance(last, listener);
+    wave.bends = {};
+}
+
+/// One image, with all that bends it, in place of what is known of it.
+void addImage(const AcousticGeometry& geometry, const MirrorWorld& world, const WallImage& image,
+              std::uint32_t material, const glm::dvec3& source, const glm::dvec3& listener, const TraceOptions& options,
+              TraceResult& result) {
+    const double c = options.air.speedOfSound;
+    const glm::dmat3 turn = trace::mirroring(world.normal());
+    TraceOptions own = options;
+    if (options.pattern) own.pattern = [&](const glm::dvec3& direction) { return options.pattern(turn * direction); };
+    const auto known = std::ranges::find_if(result.arrivals, [&](const Arrival& one) {
+        return one.order == 1 && std::abs(one.seconds * c - image.way) < 1e-6 * (1 + image.way) &&
+               glm::distance(listener + one.direction * image.way, image.place) < 1e-4 * image.way;
+    });
+    std::vector<Arrival> arrivals;
+    const Bands attenuation = airAttenuation(options.air);
+    if (known != result.arrivals.end()) {
+        Arrival& direct = arrivals.emplace_back();
+        direct.seconds = image.way / c;
+        direct.direction = (image.place - listener) / image.way;
+        direct.turn = glm::mat3(1.0f);
+        const double sent = own.pattern ? own.pattern(-direct.direction) : 1;
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            direct.energy[b] =
+                sent * std::exp(-attenuation[b] * image.way) / (4 * std::numbers::pi * image.way * image.way);
+    }
+    EdgeField field;
+    addBending(world, image.place, listener, own, std::min(result.seconds, (image.way + kDetour) / c), arrivals, field);
+    // What is 60 dB below it in the open is nothing: so a sealed room stays sealed.
+    constexpr double kLeastOfImage = 1e-6;
+    if (!(sumOver(arrivals) * 4 * std::numbers::pi * image.way * image.way > kLeastOfImage)) return;
+    Bands mirrors{};
+    for (std::size_t b = 0; b < kBandCount; ++b) mirrors[b] = geometry.materials()[material].mirrored(b);
+    if (known != result.arrivals.end()) result.arrivals.erase(known);
+    const auto shift = static_cast<std::int32_t>(result.edges.straight.size());
+    for (Bands& straight : field.straight) {
+        for (std::size_t b = 0; b < kBandCount; ++b) straight[b] *= mirrors[b];
+        result.edges.straight.push_back(straight);
+    }
+    for (Arrival& one : arrivals) {
+        if (one.straight >= 0) one.straight += shift;
+        for (std::size_t b = 0; b < kBandCount; ++b) one.energy[b] *= mirrors[b];
+        if (one.turn == glm::mat3(1.0f)) one.turn = glm::mat3(turn);
+        ++one.order;
+        result.arrivals.push_back(one);
+    }
+    for (EdgeWave& wave : field.waves) {
+        for (std::size_t t = 0; t < kEdgeTones; ++t)
+            wave.pressure[t] *=
+                static_cast<float>(std::sqrt(mirrors[t * static_cast<std::size_t>(kBandCount) / kEdgeTones]));
+        ++wave.order;
+        foldRoute(wave, world, source, listener, c);
+        result.edges.waves.push_back(wave);
+    }
+    std::ranges::stable_sort(result.arrivals, {}, &Arrival::seconds);
+}
+
+}  // namespace
+
+BentBy addBending(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                  const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field) {
+    addRoundBodies(geometry, source, listener, options, seconds, arrivals, field);
+    BentBy bending;
+    bending.pairs = addDiffraction(geometry, source, listener, options, seconds, arrivals, field, bending.parts);
+    setLevels(source, listener, options.air.speedOfSound, bending.parts, arrivals, field);
+    return bending;
+}
+
+void addBentImages(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                   const TraceOptions& options, const BentParts& known, TraceResult& result) {
+    if (!diffractionParts().images) return;
+    const double least = kLeastOfAll * sumOver(result.arrivals);
+    std::size_t looked = 0;
+    for (const WallImage& image : wallImages(geometry, source, listener, least)) {
+        const MirrorWorld world(geometry, image.plane, listener);
+        const std::optional<std::uint32_t> material = materialOf(geometry, world, image, listener);
+        if (!material || endsBeside(image, known) || !isBeside(world, image, listener)) continue;
+        addImage(geometry, world, image, *material, source, listener, options, result);
+        if (++looked == kMostBentImages) break;
+    }
+}
+
+}  // namespace rtsg

@@ -1,0 +1,28 @@
+// What bends round bodies on its way to or from a wall that mirrors: each mirror image of first order as a source of
+// its own, in a world that is the same once more beyond its mirror.
+//
+// Threading: pure functions.
+#pragma once
+
+#include <rtsg/audio/acoustic_geometry.h>
+#include <rtsg/audio/trace_result.h>
+
+#include "response/wave_levels.h"
+
+namespace rtsg {
+
+/// What bends of sound from one place to another, alone and round bodies in a row: changes `arrivals`, which are those
+/// of direct sound and of images, and adds waves to `field`.
+struct BentBy {
+    EdgePairCount pairs;
+    BentParts parts;  // what goes on into images
+};
+BentBy addBending(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                  const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field);
+
+/// All images by walls beside which something is, as far as each might bring a fiftieth of what is in `result`.
+/// `known`: what edges of mirrors do to their images, which stay as they are if that is much.
+void addBentImages(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                   const TraceOptions& options, const BentParts& known, TraceResult& result);
+
+}  // namespace rtsg

@@ -1,0 +1,330 @@
+// Finds the ways round each body, and weighs them by what others leave of them.
+#include "diffraction_round_bodies.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <cstddef>
+#include <numbers>
+#include <optional>
+
+#include "diffraction_round_air.h"
+#include "diffraction_round_side.h"
+#include "edges/diffraction_paths.h"
+#include "edges/diffraction_waves.h"
+#include "response/edge_tones.h"
+
+namespace rtsg {
+namespace {
+
+using Complex = std::complex<double>;
+using TonePressures = std::array<Complex, kEdgeTones>;
+
+/// So many bodies, nearest to the straight way, are looked for beside the ways round others: a bound of work.
+constexpr std::size_t kBeside = 5;
+
+/// What comes by a way round bodies.
+struct RoundWave {
+    double way = 0;
+    glm::dvec3 first{0}, last{0}, direction{0};  // as of an arrival
+    std::uint32_t order = 1;
+    TonePressures pressure{};  // re the phase of its way
+};
+
+/// The side of a body that leads about its axis one way or the other; of a sphere the near one or the far one. None
+/// where one of both places is within.
+std::optional<RoundSide> sideOf(const RoundBody& body, bool backwards, const glm::dvec3& from, const glm::dvec3& to) {
+    const PlacedBody placed(body, from, to);
+    if (placed.within()) return {};
+    return RoundSide(placed, body.sphere ? backwards : (glm::dot(placed.axis(), body.axis) < 0) != backwards);
+}
+
+bool isBackwards(const RoundSide& side) {
+    const RoundBody& body = side.placed().body();
+    return body.sphere ? side.far() : (glm::dot(side.placed().axis(), body.axis) < 0) != side.far();
+}
+
+/// Whether the circle is in the way, and whether the surface is there, too.
+bool isDark(const PlacedBody& body) {
+    if (body.within()) return false;
+    const RoundSide side(body, false);
+    return !side.lit() && !side.past()[0] && !side.past()[1];
+}
+bool hides(const PlacedBody& body) {
+    return isDark(body) && RoundSide(body, false).touches();
+}
+
+class RoundBends {
+  public:
+    RoundBends(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+               const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field)
+        : geometry_(geometry),
+          source_(source),
+          listener_(listener),
+          options_(options),
+          longest_(seconds * options.air.speedOfSound),
+          attenuation_(airAttenuation(options.air)),
+          tones_(geometry, options.air.speedOfSound),
+          arrivals_(arrivals),
+          field_(field),
+          air_(geometry, source, listener) {}
+
+    void add() {
+        if (air_.bodies().empty()) return;
+        heard_ = findsDirect();
+        open_ = heard_ && std::ranges::none_of(air_.bodies(), [](const PlacedBody& one) {
+                    return grazes(one) && RoundSide(one, false).hides();
+                });
+        std::vector<RoundWave> waves;
+        for (const PlacedBody& one : air_.bodies()) add(one, waves);
+        for (const RoundWave& wave : waves) addWave(wave);
+    }
+
+  private:
+    double c() const { return options_.air.speedOfSound; }
+    bool findsDirect() const {
+        const double seconds = glm::distance(source_, listener_) / c();
+        return std::ranges::any_of(arrivals_, [&](const Arrival& one) {
+            return one.order == 0 && std::abs(one.seconds - seconds) < 1e-8 + 1e-6 * seconds;
+        });
+    }
+
+    /// Facets are within the circle: beside them direct sound may be heard a little into its shadow.
+    static bool grazes(const PlacedBody& placed) {
+        return placed.covered() < 2 * placed.depth() + 1e-6 * placed.body().radius;
+    }
+
+    void add(const PlacedBody& placed, std::vector<RoundWave>& waves) {
+        const RoundSide near(placed, false), far(placed, true);
+        const bool beside = near.lit() ? open_ : heard_ && grazes(placed);
+        const bool byNear = addSide(near, beside, waves);
+        if (near.lit() && open_ && !byNear) return;
+        const bool byFar = addSide(far, heard_, waves);
+        if (byNear || (heard_ && byFar)) removeImages(placed);
+    }
+
+    /// Whether there is air on the way by one side; adds what comes by it. `beside`: direct sound is there, too.
+    bool addSide(const RoundSide& side, bool beside, std::vector<RoundWave>& waves) const {
+        constexpr double kRounding = 1e-6;  // of the radius
+        RoundWave main;
+        main.way = side.way().length();
+        main.first = side.first();
+        main.last = side.last();
+        main.direction = side.arriving(side.last(), listener_);
+        if (!(main.way < longest_)) return false;
+        const std::array<bool, 2> past = side.past();
+        const bool within = !past[0] && !past[1];
+        TonePressures left;
+        const PlacedBody* behind = nullptr;
+        const bool hidden = !besideOthers(side, left, behind), free = !hidden && air_.isFree(side, source_, listener_);
+        if (behind && !side.lit()) {
+            const bool any = addRows(side, *behind, waves);
+            if (any || hidden) return any;
+        }
+        if (!side.touches() || (hidden && !side.lit())) return false;
+        // What hides the place where it mirrors does not hide what is near to the straight way.
+        const bool opens =
+            side.lit() && beside && air_.isClear(source_, main.first) && air_.isClear(listener_, main.first);
+        if (within && !free && !opens) return false;
+        const bool missed = side.lit() && !heard_ &&
+                            side.placed().covered() > -kRounding * side.placed().body().radius &&
+                            air_.isClear(source_, listener_);
+        const Bands mirrors = free ? mirrorsOf(side.placed()) : allBands(0);
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            tones_.each(b, [&](std::size_t tone, double k) {
+                main.pressure[tone] = side.pressure(beside, k, mirrors[b]);
+                // Along the boundary itself a ray may have met a facet; where something else hides direct sound it is
+                // the mirror image alone.
+                if (missed)
+                    main.pressure[tone] += std::polar(1 / side.placed().path().distance(),
+                                                      -k * (side.placed().path().distance() - main.way));
+                else if (side.lit() && !beside)
+                    main.pressure[tone] -= side.pressure(beside, k, 0);
+                main.pressure[tone] *= left[tone];
+            });
+        // Where it leads past one end it comes by that alone.
+        bool any = within;
+        for (std::size_t e = 0; e < 2; ++e)
+            if (!side.placed().body().sphere && (within || past[e])) any = addEnd(side, e, main, waves) || any;
+        if (within) waves.push_back(main);
+        return any;
+    }
+
+    /// What other bodies leave of a way by one side. False if one hides the body from the source, or from the listener:
+    /// then it is `behind`, as is one whose surface a way round both may touch.
+    bool besideOthers(const RoundSide& side, TonePressures& left, const PlacedBody*& behind) const {
+        left.fill(1);
+        const std::size_t count = std::min(kBeside, air_.bodies().size());
+        for (std::size_t i = 0; i < count; ++i) {
+            const PlacedBody& other = air_.bodies()[i];
+            if (isOnOneAxis(other.body(), side.placed().body())) continue;
+            const PlacedBody before(other.body(), source_, side.first()), after(other.body(), side.last(), listener_);
+            if (hides(before)) return false;
+            if (isDark(after)) behind = &other;
+            if (hides(after)) return false;
+            for (const PlacedBody* leg : {&before, &after})
+                if (!leg->within()) weighBeside(RoundSide(*leg, false), left);
+        }
+        return true;
+    }
+    /// The body itself, and what stands on it or below it.
+    static bool isOnOneAxis(const RoundBody& a, const RoundBody& b) {
+        constexpr double kOff = 0.05;  // of the radius: a tolerance of drawing
+        const glm::dvec3 way = b.center - a.center;
+        const double off = kOff * std::max(a.radius, b.radius);
+        if (a.sphere || b.sphere) return a.sphere == b.sphere && glm::length(way) < off;
+        return glm::length(glm::cross(a.axis, b.axis)) < kOff &&
+               glm::length(way - a.axis * glm::dot(way, a.axis)) < off;
+    }
+    /// By what a body beside a leg of a way takes of what goes straight along it, so that there is no step where it
+    /// begins to hide that.
+    void weighBeside(const RoundSide& side, TonePressures& left) const {
+        constexpr double kFar = 0.5;  // m off the leg: a bound of work, from where on it takes little
+        if (!side.lit() || !side.touches() || side.past()[0] || side.past()[1] || side.placed().covered() < -kFar)
+            return;
+        const double leg = side.placed().path().distance();
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            tones_.each(b, [&](std::size_t tone, double k) {
+                left[tone] *= 1.0 + leg * side.pressure(true, k, 0) * std::polar(1.0, -k * (side.way().length() - leg));
+            });
+    }
+
+    /// Round a body and then round another one that hides it: whether anything comes.
+    bool addRows(const RoundSide& alone, const PlacedBody& other, std::vector<RoundWave>& waves) const {
+        bool any = false;
+        for (const bool backwards : {false, true}) any = addRow(alone, other.body(), backwards, waves) || any;
+        return any;
+    }
+    bool addRow(const RoundSide& alone, const RoundBody& other, bool backwards, std::vector<RoundWave>& waves) const {
+        constexpr int kSteps = 30;  // each comes nearer by the ratio of the radii to the ways: a bound of work
+        const RoundBody& body = alone.placed().body();
+        RoundSide first = alone;
+        std::optional<RoundSide> second;
+        // A string round both.
+        for (int step = 0; step < kSteps; ++step) {
+            second = sideOf(other, backwards, first.last(), listener_);
+            if (!second || second->lit()) return false;
+            const std::optional<RoundSide> next = sideOf(body, isBackwards(alone), source_, second->first());
+            if (!next || next->lit()) return false;
+            const double moved = glm::distance(next->last(), first.last());
+            first = *next;
+            if (moved < 1e-9 * first.way().length()) break;
+        }
+        const glm::dvec3 over = second->first() - first.last();
+        const double between = glm::length(over);
+        // The second one as from where the source is on the way made straight.
+        const std::optional<RoundSide> whole =
+            between > 0 ? sideOf(other, backwards, second->first() - over * (first.way().length() / between), listener_)
+                        : std::nullopt;
+        if (!whole || !first.touches() || !second->touches() || !air_.isFree(first, source_, second->first()) ||
+            !air_.isFree(*second, first.last(), listener_))
+            return false;
+        RoundWave wave;
+        wave.way = first.way().length() + second->way().length() - between;
+        wave.order = 2;
+        wave.first = first.first();
+        wave.last = second->last();
+        wave.direction = second->arriving(second->last(), listener_);
+        if (!(wave.way < longest_)) return false;
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            tones_.each(b, [&](std::size_t tone, double k) {
+                wave.pressure[tone] = first.way().length() * first.pressure(false, k, 0) * whole->pressure(false, k, 0);
+            });
+        waves.push_back(wave);
+        return true;
+    }
+
+    Bands mirrorsOf(const PlacedBody& placed) const {
+        Bands mirrors;
+        for (std::size_t b = 0; b < kBandCount; ++b) mirrors[b] = tones_.mirrors(placed.body().material, b);
+        return mirrors;
+    }
+
+    /// What is missing beyond an end of a cylinder that is in the air, or what comes by it; whether it is.
+    bool addEnd(const RoundSide& side, std::size_t end, const RoundWave& main, std::vector<RoundWave>& waves) const {
+        const RoundWay& way = side.way();
+        const PlacedBody& placed = side.placed();
+        const double at = placed.ends()[end];
+        RoundWave wave;
+        wave.way = side.lengthByEnd(end);
+        wave.first = placed.at(way.firstAngle(), side.far(), at);
+        wave.last = placed.at(way.lastAngle(), side.far(), at);
+        wave.direction = side.arriving(wave.last, listener_);
+        if (!air_.isEnd(side, end)) return false;
+        if (side.past()[end] && !air_.isFree(side, source_, listener_, at - way.middleAlong())) return false;
+        bool any = false;
+        for (std::size_t b = 0; b < kBandCount; ++b)
+            tones_.each(b, [&](std::size_t tone, double k) {
+                wave.pressure[tone] = side.byEnd(end, k) * main.pressure[tone];
+                any = any || std::abs(wave.pressure[tone]) * wave.way > 1e-3;
+            });
+        if (any) waves.push_back(wave);
+        return any;
+    }
+
+    /// The mirror images by its facets.
+    void removeImages(const PlacedBody& placed) {
+        std::erase_if(arrivals_, [&](const Arrival& arrival) {
+            if (arrival.order != 1) return false;
+            const glm::dvec3 image = listener_ + arrival.direction * (arrival.seconds * c()), way = source_ - image;
+            const double apart = glm::length(way);
+            if (!(apart > 0)) return false;
+            const glm::dvec3 normal = way / apart, middle = 0.5 * (source_ + image);
+            const double towards = glm::dot(arrival.direction, normal);
+            if (!(std::abs(towards) > 1e-12)) return false;
+            const glm::dvec3 by = listener_ + arrival.direction * (glm::dot(middle - listener_, normal) / towards);
+            return liesOn(placed, by, normal);
+        });
+    }
+    static bool liesOn(const PlacedBody& placed, const glm::dvec3& place, const glm::dvec3& normal) {
+        const RoundBody& body = placed.body();
+        glm::dvec3 way = place - body.center;
+        if (!body.sphere) {
+            const double along = glm::dot(way, body.axis);
+            if (std::abs(along) > body.halfLength * (1 + 1e-6) + 1e-6) return false;
+            way -= body.axis * along;
+        }
+        const double radius = glm::length(way), rounding = 1e-3 * body.radius + 1e-5;
+        return radius < body.radius + rounding && radius > body.radius - 2 * placed.depth() - rounding &&
+               std::abs(glm::dot(way, normal)) > radius * std::cos(body.facet + 0.01) && placed.has(place);
+    }
+
+    double sentTo(const glm::dvec3& by) const {
+        return options_.pattern && by != source_ ? options_.pattern(glm::normalize(by - source_)) : 1;
+    }
+
+    void addWave(const RoundWave& side) {
+        EdgeWave wave;
+        wave.seconds = side.way / c();
+        wave.direction = side.direction;
+        // Where source and listener move a little it touches the body elsewhere, at the same length but for its square.
+        wave.route = {side.first, side.last, glm::dvec3(0), glm::dvec3(0)};
+        wave.order = side.order;
+        wave.route.over = side.way - glm::distance(source_, side.first) - glm::distance(side.first, side.last) -
+                          glm::distance(side.last, listener_);
+        for (std::size_t t = 0; t < kEdgeTones; ++t) wave.pressure[t] = std::complex<float>(side.pressure[t]);
+        weaken(wave.pressure, sentTo(side.first), attenuation_, side.way);
+        if (!isFaint(wave.pressure, side.way)) field_.waves.push_back(wave);
+    }
+
+    const AcousticGeometry& geometry_;
+    const glm::dvec3 source_, listener_;
+    const TraceOptions& options_;
+    const double longest_;
+    const Bands attenuation_;
+    const EdgeTones tones_;
+    std::vector<Arrival>& arrivals_;
+    EdgeField& field_;
+    const RoundAir air_;
+    bool heard_ = false, open_ = false;  // direct sound; and no body's circle is in its way
+};
+
+}  // namespace
+
+void addRoundBodies(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
+                    const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field) {
+    RoundBends(geometry, source, listener, options, seconds, arrivals, field).add();
+}
+
+}  // namespace rtsg

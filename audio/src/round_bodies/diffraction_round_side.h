@@ -1,0 +1,54 @@
+// One side of a round body between two places: the way by it, where that touches, and what comes by it.
+//
+// Threading: const once made.
+#pragma once
+
+#include <array>
+#include <complex>
+#include <cstddef>
+
+#include <glm/glm.hpp>
+
+#include "diffraction_placed_body.h"
+#include "diffraction_round_way.h"
+
+namespace rtsg {
+
+class RoundSide {
+  public:
+    /// The side of less than half a turn, or the far one.
+    RoundSide(const PlacedBody& placed, bool far);
+
+    const PlacedBody& placed() const { return placed_; }
+    const RoundWay& way() const { return way_; }
+    bool far() const { return far_; }
+    bool lit() const { return way_.lit(); }
+    /// Where it comes to the body, and where it leaves.
+    const glm::dvec3& first() const { return first_; }
+    const glm::dvec3& last() const { return last_; }
+    /// Where it comes from at a place; next to the surface it comes along that. Unit.
+    glm::dvec3 arriving(const glm::dvec3& last, const glm::dvec3& listener) const;
+
+    /// Whether the surface is there where it touches.
+    bool touches() const { return placed_.has(first_) && placed_.has(last_); }
+    /// Whether it leads past an end of a cylinder, the lower one or the upper one.
+    std::array<bool, 2> past() const;
+    /// Whether the body is between both places, on this side.
+    bool hides() const;
+
+    /// Re the phase of its length: in the dark all there is by this side, in the light what comes beside direct sound,
+    /// of which the surface `mirrors` that share. `beside`: direct sound is there, too, whatever the light.
+    std::complex<double> pressure(bool beside, double waveNumber, double mirrors) const;
+    /// What an end of a cylinder takes away from that, or leaves of it past the end, re the phase of the way by it.
+    std::complex<double> byEnd(std::size_t end, double waveNumber) const;
+    /// The length of the way by an end.
+    double lengthByEnd(std::size_t end) const;
+
+  private:
+    PlacedBody placed_;
+    bool far_;
+    RoundWay way_;
+    glm::dvec3 first_, last_;
+};
+
+}  // namespace rtsg
