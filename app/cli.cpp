@@ -221,6 +221,10 @@ Result<> readState(Scene& scene, const std::string& file) {
 
 }  // namespace
 
+void tellOfFailuresInTheEnd(Scene& scene) {
+    scene.bus().setReporter({});
+}
+
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources) {
     runScripts(scene);
     if (file != "-" && isSceneFile(file)) {

@@ -85,6 +85,9 @@ struct NetworkArguments {
     void addTo(Command& command);
 };
 
+/// Subscribers of the scene that fail are told of with its diagnostics, which the verb prints, and not before.
+void tellOfFailuresInTheEnd(Scene& scene);
+
 /// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it. A scene with
 /// errors is used as far as it can be read: see statusOf().
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources);

@@ -390,6 +390,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     std::optional<WorldOnDemand> world;
     std::unique_ptr<Outputs> following;
     test.attach = [&](Scene& scene) -> Result<> {
+        tellOfFailuresInTheEnd(scene);
         keepResources(scene, resources, reports);
         auto attached = Outputs::attach(world.emplace(scene, resources), outputs, resources);
         if (!attached) return std::unexpected(attached.error());

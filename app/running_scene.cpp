@@ -71,7 +71,9 @@ RunningScene::RunningScene(std::string file, const ResourceArguments& arguments,
       start_(start.seconds()),
       startWasGiven_(!start.at.empty()),
       inlineDiagnostics_(file_),
-      world_(scene_, resources_) {}
+      world_(scene_, resources_) {
+    tellOfFailuresInTheEnd(scene_);
+}
 
 RunningScene::~RunningScene() {
     const std::size_t told = scene_.diagnostics().all().size();

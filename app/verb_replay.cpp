@@ -109,6 +109,7 @@ class Replaying {
           resources_(options.outputs.resources.ofFile(options.log)) {}
 
     int run() {
+        tellOfFailuresInTheEnd(replayer_.scene());
         registerDocuments(replayer_.scene());
         runScripts(replayer_.scene());
         replayer_.scene().setScriptResources(std::make_shared<const Resources>(resources_));
