@@ -356,8 +356,8 @@ int reportFailure(const ReplayTestArguments& arguments, const std::string& log, 
 
 int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json) {
     askForWhatIsExpected(arguments, outputs);
-    const std::vector<OutputName> reports = {{"--junit", arguments.junit, OutputKind::report},
-                                             {"--page", arguments.page, OutputKind::report}};
+    const std::vector<OutputName> reports = {{"--junit", arguments.junit, OutputKind::testResult},
+                                             {"--page", arguments.page, OutputKind::page}};
     std::vector<std::string> read = {log, arguments.rerun};
     if (!arguments.update) read.insert(read.end(), {arguments.expectPicture, arguments.expectSound});
     if (auto ok = outputs.check(read, reports); !ok) return printError(ok.error()), kBad;

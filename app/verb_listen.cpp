@@ -129,16 +129,11 @@ int listenTo(const ListenArguments& options) {
     if (!options.places.empty() && options.report.empty() && !isSofa(options.ir))
         throw UsageError("--place is of --report and of --ir FILE.sofa");
     for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
-    const std::string form = std::filesystem::path(options.report).extension().string();
-    if (!options.report.empty() && form != ".html" && form != ".json" && form != ".txt")
-        throw UsageError("--report", options.report + ": reports are .html, .json or .txt");
-    if (!options.ir.empty() && !isSofa(options.ir) && !checkSoundName(options.ir))
-        throw UsageError("--ir", options.ir + ": responses are .wav or .sofa");
     // All of the sound is kept until its end.
     constexpr double kLongest = 24 * 3600;
     if (parseSeconds(options.duration) > kLongest) throw UsageError("--for", options.duration + ": it is 24h at most");
     std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
-                                    {"--ir", options.ir, isSofa(options.ir) ? OutputKind::report : OutputKind::sound},
+                                    {"--ir", options.ir, OutputKind::response},
                                     {"--report", options.report, OutputKind::report}};
     for (const std::string& file : options.sent.files()) outputs.push_back({"--stream-out", file, OutputKind::sound});
     std::vector<std::string> inputs = options.sound.files();

@@ -363,7 +363,7 @@ int replay(const Command& command, const ReplayArguments& options) {
     checkTogether(command.given());
     if (auto ok = options.outputs.check(
             {options.log, options.diff, options.test.rerun},
-            {{"--export", options.exported, OutputKind::log}, {"--compact", options.compact, OutputKind::log}});
+            {{"--export", options.exported, OutputKind::capture}, {"--compact", options.compact, OutputKind::log}});
         !ok)
         return printError(ok.error()), kBad;
     if (!options.diff.empty()) return diff(options);
