@@ -225,6 +225,13 @@ std::vector<OutputName> OutputArguments::names() const {
             {"--save", save, OutputKind::scene}};
 }
 
+std::string OutputArguments::written() const {
+    std::string files;
+    for (const OutputName& output : names())
+        if (!output.file.empty()) files += (files.empty() ? "" : ", ") + output.file;
+    return files;
+}
+
 Result<> OutputArguments::leftUnwritten() const {
     const PictureFiles pictures(render, picturesPerSecond);
     std::string files;

@@ -78,6 +78,8 @@ struct OutputArguments {
     bool isLive() const { return live || onDevice(); }
     bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
     std::vector<OutputName> names() const;
+    /// The files that are asked for, by commas.
+    std::string written() const;
     /// Interrupted before the end that was stated: what is one file for all of it, or for its end, is not complete.
     bool isCutShort() const { return !endsByInterruption && interrupted(); }
     /// These files, not written: an error that names them, if there are any.

@@ -298,6 +298,52 @@ TEST_F(Replay, SeeksAndSaves) {
     EXPECT_EQ(readFile(folder / "half.png"), readFile(folder / "direct.png"));
 }
 
+/// Status 0 means that all that was asked for is there.
+TEST_F(Replay, MoreOfALogThanThereIsIsStatusOneAndNamesWhatIsNotWhole) {
+    record(log, scene());  // of 1 s
+    const std::string saved = folder / "end.x3dv", mcap = folder / "end.mcap", shorter = folder / "end.rlog",
+                      wav = folder / "end.wav";
+    const std::string lacks = ".5 of 1 s of the log, which ends at t = 1 s";
+    using Arguments = std::vector<std::string>;
+    for (const auto& [more, files] : std::vector<std::pair<Arguments, std::string>>{
+             {{}, ""},
+             {{"--verify"}, ""},
+             {{"--save", saved}, saved},
+             {{"--export", mcap}, mcap},
+             {{"--listen", wav, "--rays", "20"}, wav},
+             {{"--render", folder / "end%02d.png", "--size", "8x8", "--fps", "4"}, "end%02d.png"},
+         }) {
+        Arguments arguments{"replay", "--json", log, "--seek", "0.5s", "--for", "1s"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 1) << testing::PrintToString(more);
+        EXPECT_THAT(outcome.err, HasSubstr("missing: 0" + lacks)) << testing::PrintToString(more);
+        EXPECT_THAT(outcome.err, HasSubstr(files)) << testing::PrintToString(more);
+        EXPECT_THAT(json::parse(outcome.out).at("missing").get<std::string>(), HasSubstr(lacks));
+    }
+    EXPECT_THAT(readFile(saved), HasSubstr("translation 1 0 0")) << "the last state that there is";
+    const Outcome compacted = rtsg({"replay", "--json", log, "--compact", shorter, "--seek", "0.5s", "--for", "1s"});
+    EXPECT_EQ(compacted.status, 1);
+    EXPECT_THAT(compacted.err, HasSubstr("missing: 0" + lacks + ": " + shorter + " is shorter"));
+    EXPECT_EQ(json::parse(compacted.out).at("complete"), false);
+    EXPECT_EQ(rtsg({"replay", shorter, "--verify"}).status, 0) << "it is a whole log";
+    // All that there is is not more than there is.
+    for (const char* asked : {"--save", "--compact"})
+        EXPECT_EQ(rtsg({"replay", log, asked, asked == std::string("--save") ? saved : shorter, "--seek", "0.5s",
+                        "--for", "0.5s", "--force"})
+                      .status,
+                  0);
+    for (const char* made : {"--save", "--compact", "--export"}) {
+        const std::string name = folder / (made == std::string("--save")      ? "none.x3dv"
+                                           : made == std::string("--compact") ? "none.rlog"
+                                                                              : "none.mcap");
+        const Outcome beyond = rtsg({"replay", log, made, name, "--seek", "2s"});
+        EXPECT_EQ(beyond.status, 1);
+        EXPECT_THAT(beyond.err, HasSubstr("--seek 2s: the log ends at 1 s"));
+        EXPECT_FALSE(std::filesystem::exists(name));
+    }
+}
+
 /// What one use of it would not do is refused, before anything is opened or made.
 TEST_F(Replay, OptionsThatGoNotTogetherAreWrongUsage) {
     record(log, scene());
