@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <sys/file.h>
 #include <unistd.h>
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "program.h"
@@ -282,6 +283,43 @@ TEST_F(Replay, ComparesLogsAndNamesTheField) {
     EXPECT_EQ(found.at("field"), "keyValue") << found;
     EXPECT_GT(found.at("frame"), 0);
     EXPECT_THAT(different.err, HasSubstr("PATH.keyValue"));
+}
+
+/// Neither of the two is the one that the other is to be like.
+TEST_F(Replay, DiffSaysTheSameBothWays) {
+    const std::string more = folder / "more.x3dv", longer = folder / "more.rlog";
+    writeFile(more, scene() +
+                        "DEF LAMP PointLight { }\nDEF BLINK TimeSensor { cycleInterval .3 loop TRUE }\n"
+                        "DEF WINK BooleanTrigger { }\nROUTE BLINK.cycleTime TO WINK.set_triggerTime\n"
+                        "ROUTE WINK.triggerTrue TO LAMP.set_on\n");
+    record(log, scene());
+    record(longer, readFile(more));
+    const auto swapped = [](std::string text) {
+        for (const auto& [from, to] : {std::pair{"first", "#"}, {"second", "first"}, {"#", "second"}})
+            for (std::size_t at = 0; (at = text.find(from, at)) != text.npos; at += std::strlen(to))
+                text.replace(at, std::strlen(from), to);
+        return text;
+    };
+    const auto compare = [&](const std::string& a, const std::string& b, const std::vector<std::string>& options) {
+        std::vector<std::string> arguments{"diff", a, b, "--json"};
+        arguments.insert(arguments.end(), options.begin(), options.end());
+        return rtsg(arguments);
+    };
+    for (const auto& [a, b] : {std::pair{file, more}, {log, longer}})
+        for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
+                 {"--field", "LAMP.*"}, {"--field", "LAMP.on", "--field", "BOX.*"}, {"--ignore", "initial"}}) {
+            const Outcome there = compare(a, b, options), back = compare(b, a, options);
+            EXPECT_EQ(there.status, back.status) << testing::PrintToString(options) << there.err << back.err;
+            EXPECT_EQ(there.err, back.err);
+            EXPECT_EQ(there.out, swapped(back.out)) << testing::PrintToString(options);
+            if (a == file && options.front() == "--ignore") continue;  // nothing has happened in a document
+            EXPECT_EQ(there.status, 1) << testing::PrintToString(options);
+            EXPECT_THAT(there.out, HasSubstr("LAMP"));
+            EXPECT_THAT(there.out, HasSubstr("only in second"));
+        }
+    EXPECT_THAT(compare(log, longer, {"--field", "NOBODY.*"}).err, HasSubstr("no such field"));
+    // A log says what is to be tested: what a scene has besides is no difference of a rerun.
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", more, "--field", "BOX.*"}).status, 0);
 }
 
 TEST_F(Replay, SeeksAndSaves) {
