@@ -196,7 +196,7 @@ class Mirroring {
     }
     /// Since it joined.
     double framesPerSecond() const {
-        const auto frames = static_cast<double>(client_->statistics().frames - framesBefore_);
+        const auto frames = static_cast<double>(statistics().frames - framesBefore_);
         return joined() && seconds_ > 0 ? frames / seconds_ : 0;
     }
     /// The replica is in the state that the origin was in when we came, or as near to it as it will be. Before, what
@@ -219,10 +219,11 @@ class Mirroring {
     bool isOver(std::size_t applied);
     bool bringsOnlyGarbage(std::size_t applied);
     void sayWhetherHeard();
+    const MirrorStatistics& statistics() const { return client_ ? client_->statistics() : statistics_; }
     /// The state to catch up with; of another session, which may have begun since, it is that one's.
-    std::uint64_t wanted() const { return std::min(known_, client_->statistics().originSequence); }
+    std::uint64_t wanted() const { return std::min(known_, statistics().originSequence); }
     /// The origin was in this state when we had seen enough, or in that which the replica has got to since.
-    std::uint64_t origin() const { return std::max(wanted(), client_->statistics().sequence); }
+    std::uint64_t origin() const { return std::max(wanted(), statistics().sequence); }
     void catchUp();
     void awaitAnswers();
     void sayWhatIsMissing();
@@ -241,7 +242,8 @@ class Mirroring {
     Scene replica_;
     Requests requests_;
     std::size_t controls_ = 0, replies_ = 0;  // sent, answered
-    std::unique_ptr<MirrorClient> client_;
+    std::unique_ptr<MirrorClient> client_;    // null once it is over
+    MirrorStatistics statistics_;             // then
     std::unique_ptr<Made> made_;
     std::optional<std::uint64_t> firstState_;  // that counts as joined
     std::uint64_t known_ = 0;                  // the origin's state when we had seen enough
@@ -416,20 +418,22 @@ void Mirroring::sayWhatIsMissing() {
 }
 
 void Mirroring::finish() {
-    const MirrorStatistics& statistics = client_->statistics();
+    statistics_ = client_->statistics();
     seconds_ = secondsSince(joinedAt_);
+    // What is still to be drawn takes its time: a server would take one for lost that it does not hear meanwhile.
+    client_.reset();
     if (joined()) {
         if (auto ok = made_->finish(); !ok) fail(ok.error().format());
         report_ = made_->report();
         if (!report_.missing.empty()) fail("missing: " + report_.missing);
     }
-    equal_ = statistics.equal && statistics.sequence >= wanted();
-    good_ = good_ && equal_ && statistics.divergences == 0 && requests_.refused + requests_.unsent == 0;
+    equal_ = statistics_.equal && statistics_.sequence >= wanted();
+    good_ = good_ && equal_ && statistics_.divergences == 0 && requests_.refused + requests_.unsent == 0;
 }
 
 /// Compares the hashes if both are in the same state.
 std::string Mirroring::comparison() const {
-    const MirrorStatistics& statistics = client_->statistics();
+    const MirrorStatistics& statistics = statistics_;
     if (statistics.equal && !equal_)
         return fmt::format("behind: state {} here, {} at the origin", statistics.sequence, origin());
     return fmt::format("{}: {} here, {} at the origin", equal_ ? "equal" : "not equal", statistics.hash.hex(),
@@ -437,7 +441,7 @@ std::string Mirroring::comparison() const {
 }
 
 void Mirroring::print() const {
-    const MirrorStatistics& statistics = client_->statistics();
+    const MirrorStatistics& statistics = statistics_;
     if (statistics.frames == 0) return fmt::print("no state of {} has come\n", options_.endpoint);
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
@@ -456,7 +460,7 @@ void Mirroring::print() const {
 }
 
 void Mirroring::printJson() const {
-    const MirrorStatistics& statistics = client_->statistics();
+    const MirrorStatistics& statistics = statistics_;
     const double frames = static_cast<double>(std::max<std::uint64_t>(1, statistics.frames));
     fmt::print(
         "{{\"frames\":{},\"snapshots\":{},\"gaps\":{},\"bytes\":{},\"hash\":\"{}\",\"origin_hash\":\"{}\",\"equal\":{},"
