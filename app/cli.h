@@ -39,6 +39,7 @@ Verb addDiff(Command& program);
 Verb addServe(Command& program);
 Verb addMirror(Command& program);
 Verb addRelay(Command& program);
+Verb addKeys(Command& program);
 Verb addHelp(Command& program);
 Verb addCompletion(Command& program);
 

@@ -20,7 +20,8 @@ std::vector<Verb> addVerbs(Command& program) {
     std::vector<Verb> verbs{addInfo(program),   addValidate(program), addConvert(program), addRun(program),
                             addRender(program), addListen(program),   addServe(program),   addMirror(program),
                             addRecord(program), addReplay(program),   addPick(program),    addBench(program),
-                            addChart(program),  addRelay(program),    addDiff(program),    addMeasure(program)};
+                            addChart(program),  addRelay(program),    addDiff(program),    addMeasure(program),
+                            addKeys(program)};
     verbs.push_back(addCompletion(program));
     verbs.push_back(addHelp(program));  // last: it knows those before
     return verbs;

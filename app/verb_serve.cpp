@@ -57,7 +57,7 @@ Result<std::optional<MirrorKeys>> serverKeysFrom(const std::string& file) {
     if (file.empty()) return std::nullopt;
     if (!std::filesystem::exists(file)) {
         if (auto ok = MirrorKeys::generate(file); !ok) return std::unexpected(ok.error());
-        fmt::print(stderr, "new keys in {}: give a mirror a copy\n", file);
+        fmt::print(stderr, "new keys in {}: rtsg keys {} --client CLIENT.key makes those of a mirror\n", file, file);
     }
     auto keys = MirrorKeys::load(file);
     if (!keys) return std::unexpected(keys.error());
