@@ -106,6 +106,7 @@ TessellationError PictureArguments::tessellationError() const {
 }
 
 void SoundArguments::addTo(Command& command) {
+    const Command::Section section(command, "Sound");
     auto* b = command.addFlag("--binaural", binaural, "for headphones");
     auto* s = command.addFlag("--stereo", stereo, "for loudspeakers (the default)");
     auto* a = command.addOption("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->range(1, 7);
@@ -156,6 +157,7 @@ ListenOptions SoundArguments::parse() const {
 }
 
 void OutputArguments::addTo(Command& command, Options which) {
+    const Command::Section section(command, "What is made");
     command.addOption("--render", render,
                       "picture of the last state; with %04d in the name, .mp4 or .gif, one every 1/--fps s");
     if (which != Options::ofRun)

@@ -159,28 +159,22 @@ void check(const FieldSelection& selection) {
 }
 
 void ReplayTestArguments::addTo(Command& command) {
-    const std::string group = "As a test";
+    const Command::Section section(command, "As a test");
     addFieldSelection(command, compared);
-    command.addOption("--rerun", rerun, "run SCENE afresh on the log's input; every frame has to be the recorded one")
-        ->group(group);
-    command.addOption("--expect-picture", expectPicture, "picture that the last state has to give")->group(group);
+    command.addOption("--rerun", rerun, "run SCENE afresh on the log's input; every frame has to be the recorded one");
+    command.addOption("--expect-picture", expectPicture, "picture that the last state has to give");
     command.addOption("--picture-tolerance", pictureTolerance, "root mean square error allowed, linear, white is 1")
-        ->preset()
-        ->group(group);
-    command.addOption("--expect-sound", expectSound, "WAV that has to be heard")->group(group);
+        ->preset();
+    command.addOption("--expect-sound", expectSound, "WAV that has to be heard");
     command.addOption("--sound-tolerance", soundTolerance, "level allowed of the difference, dB below the sound")
-        ->preset()
-        ->group(group);
-    command.addOption("--junit", junit, "what came of it, as JUnit XML")->group(group);
-    command
-        .addOption("--page", page,
-                   "if the test fails, one HTML page: time line, what differed first and why, pictures side by side")
-        ->group(group);
-    command.addOption("--name", name, "of the test, in both; else the log's")->group(group);
-    command
-        .addFlag("--update", update,
-                 "record anew instead: write the log as SCENE runs now, and the picture and sound expected")
-        ->group(group);
+        ->preset();
+    command.addOption("--junit", junit, "what came of it, as JUnit XML");
+    command.addOption(
+        "--page", page,
+        "if the test fails, one HTML page: time line, what differed first and why, pictures side by side");
+    command.addOption("--name", name, "of the test, in both; else the log's");
+    command.addFlag("--update", update,
+                    "record anew instead: write the log as SCENE runs now, and the picture and sound expected");
 }
 
 namespace {

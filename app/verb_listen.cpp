@@ -191,26 +191,32 @@ Verb addListen(Command& program) {
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "WAV to write");
     command->addOption("--for", options->duration, "how long")->preset();
-    command->addOption("--ir", options->ir,
-                       "impulse responses, mono or with the channels of --stereo, --binaural, --ambisonic: .wav at the "
-                       "listener, source "
-                       "by source, or .sofa (AES69) from every source to all listeners of the scene, or to --place");
-    command->addOption("--report", options->report,
-                       "figures by ISO 3382 at all listeners of the scene and their averages: .html, .json or .txt");
-    command->addOption("--place", options->places, "\"X Y Z\" to listen at for --report and .sofa, once or more often")
-        ->repeatable();
-    command->addFlag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
-    command
-        ->addOption("--error", options->sound.error,
-                    "trace until the figures' 95 % half width is this many noticeable differences")
-        ->positive();
     command->addFlag("--live", options->live, "play it now, on a sound device");
     command->addOption("--device", options->device, "of --live; else the default one");
     options->start.addTo(*command);
-    options->resources.addTo(*command);
+    {
+        const Command::Section section(*command, "Figures of the room");
+        command->addFlag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
+        command->addFlag("--json", options->json, "the same as --metrics");
+        command->addOption(
+            "--report", options->report,
+            "figures by ISO 3382 at all listeners of the scene and their averages: .html, .json or .txt");
+        command->addOption(
+            "--ir", options->ir,
+            "impulse responses, mono or with the channels of --stereo, --binaural, --ambisonic: .wav at the "
+            "listener, source "
+            "by source, or .sofa (AES69) from every source to all listeners of the scene, or to --place");
+        command
+            ->addOption("--place", options->places, "\"X Y Z\" to listen at for --report and .sofa, once or more often")
+            ->repeatable();
+        command
+            ->addOption("--error", options->sound.error,
+                        "trace until the figures' 95 % half width is this many noticeable differences")
+            ->positive();
+    }
     options->sound.addTo(*command);
     options->sent.addTo(*command);
-    command->addFlag("--json", options->json, "the same as --metrics");
+    options->resources.addTo(*command);
     command->footer("Example: rtsg listen hall.x3dv -o hall.wav --for 5s --binaural --metrics");
     return {command, [options] { return listenTo(*options); }};
 }

@@ -426,20 +426,27 @@ Verb addReplay(Command& program) {
                      "all of it, to the index that a session ends with; states are checked in any case");
     command->addOption("--seek", options->seek, "begin with the state so long after the log's start");
     command->addOption("--for", options->duration, "how much to play");
-    command->addOption("--diff", options->diff, "compare with another log, state by state");
-    command->addOption("--blame", options->blamed,
-                       "who changed NODE.field, when, and by which routes, as far as the log tells");
-    command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
-    command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
-    command->addOption("--compact", options->compact,
-                       "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
-    command->addOption("--every", options->every, "with --compact: so many frames become one")
-        ->preset()
-        ->range(std::uint64_t{1}, UINT64_MAX);
-    command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")->preset();
-    options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
-    options->test.addTo(*command);
     command->addFlag("--json", options->json, "the report as JSON");
+    {
+        const Command::Section section(*command, "In place of playing it");
+        command->addOption("--diff", options->diff, "compare with another log, state by state");
+        command->addOption("--blame", options->blamed,
+                           "who changed NODE.field, when, and by which routes, as far as the log tells");
+        command->addOption("--compact", options->compact,
+                           "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
+        command->addOption("--every", options->every, "with --compact: so many frames become one")
+            ->preset()
+            ->range(std::uint64_t{1}, UINT64_MAX);
+        command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")
+            ->preset();
+    }
+    options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
+    {
+        const Command::Section section(*command, "What is made");
+        command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
+        command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
+    }
+    options->test.addTo(*command);
     command->footer(
         "Example: rtsg replay hall.rlog --verify\n"
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"
