@@ -179,6 +179,9 @@ std::string notExpected(const CLI::App& program, const CLI::ExtrasError& error) 
     for (const std::string& word : words)
         if (word.size() > 1 && word.starts_with("-"))
             return command.get_name() + " has no option " + word.substr(0, word.find('='));
+    for (const std::string& word : program.remaining())
+        if (words.empty() && word.starts_with("-"))
+            return word.substr(0, word.find('=')) + " stands before the verb: options of a verb stand behind it";
     return words.empty() ? error.what() : command.get_name() + " takes no '" + words.front() + "' after what it has";
 }
 

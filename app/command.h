@@ -23,7 +23,9 @@ namespace rtsg::app {
 /// The user typed what cannot be meant; exit status 2.
 struct UsageError : std::runtime_error {
     explicit UsageError(const std::string& text) : std::runtime_error(text) {}
-    UsageError(const std::string& option, const std::string& text) : std::runtime_error(option + ": " + text) {}
+    UsageError(const std::string& option, const std::string& text, std::string likely = {})
+        : std::runtime_error(option + ": " + text), meant(std::move(likely)) {}
+    std::string meant;  // what may have been, if that is known
 };
 
 /// Something that an option names cannot be had or used, such as a scene that cannot be read; exit status 1.

@@ -11,6 +11,7 @@
 
 #include "cli.h"
 #include "command_table.h"
+#include "hints.h"
 #include "verb_measure.h"
 
 namespace rtsg::app {
@@ -35,7 +36,8 @@ bool isVerbOrOption(const Command& program, const std::string& word) {
         if (verb.name == word) return true;
         names.push_back(verb.name);
     }
-    const std::string meant = nearest(word, names);
+    std::string meant = hintForVerb(word);
+    if (meant.empty()) meant = nearest(word, names);
     printError(fmt::format("there is no verb {}", word));
     fmt::print(stderr, "{}rtsg help names them\n", meant.empty() ? "" : "did you mean " + meant + "?\n");
     return false;

@@ -18,6 +18,7 @@
 
 #include "behind.h"
 #include "cli.h"
+#include "hints.h"
 #include "live_outputs.h"
 #include "requests.h"
 
@@ -480,7 +481,9 @@ void Mirroring::printJson() const {
 }
 
 int Mirroring::run() {
+    checkEndpoint("ENDPOINT", options_.endpoint);
     if (auto ok = options_.outputs.check({options_.key}); !ok) return printError(ok.error()), kBad;
+    tellOfFailuresInTheEnd(replica_);
     registerDocuments(replica_);
     runScripts(replica_);
     replica_.setScriptResources(std::make_shared<const Resources>(resources_));

@@ -19,6 +19,7 @@
 #include <rtsg/sync/record_log.h>
 
 #include "files.h"
+#include "hints.h"
 #include "keyframes.h"
 #include "rotate.h"
 #include "running_scene.h"
@@ -123,7 +124,7 @@ std::chrono::milliseconds millisecondsFrom(const std::string& duration) {
 
 /// All but what depends on the scene.
 Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
-    if (const auto local = isLocalEndpoint(options.endpoint); !local) throw UsageError("--bind", local.error().text);
+    checkEndpoint("--bind", options.endpoint);
     MirrorServerOptions result;
     auto keys = serverKeysFrom(options.key);
     if (!keys) return std::unexpected(keys.error());
