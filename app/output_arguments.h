@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/audio/sound_renderer.h>
@@ -15,6 +16,12 @@
 #include "given_sounds.h"
 
 namespace rtsg::app {
+
+/// "1280x720". Throws UsageError.
+struct PictureSize {
+    int width = 0, height = 0;
+    static PictureSize parse(std::string_view text);
+};
 
 /// --size, --spp and so on; shared by all verbs that make pictures.
 struct PictureArguments {

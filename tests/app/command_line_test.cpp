@@ -49,6 +49,12 @@ TEST_F(Usage, PickAnswersAsJson) {
     EXPECT_EQ(seen["path"], (json{"T", "B"}));
     EXPECT_EQ(json::parse(rtsg({"pick", scene, "--json", "--pixel", "1", "1", "--size", "120x90"}).out)["hit"], false);
     EXPECT_EQ(rtsg({"pick", scene, "--pixel", "1", "1", "--size", "12"}).status, 2);
+    for (const auto& [x, y] : {std::pair{"120", "45"}, {"60", "90"}, {"-1", "45"}, {"60", "-0.1"}}) {
+        const Outcome outside = rtsg({"pick", scene, "--pixel", x, y, "--size", "120x90"});
+        EXPECT_EQ(outside.status, 2) << x << ' ' << y;
+        EXPECT_THAT(outside.err, HasSubstr("is outside a picture of 120 x 90"));
+    }
+    EXPECT_EQ(rtsg({"pick", scene, "--pixel", "119.9", "89.9", "--size", "120x90"}).status, 0);
     EXPECT_EQ(rtsg({"pick", scene}).status, 2);
     EXPECT_EQ(rtsg({"pick", scene, "--ray", "0", "0", "0", "0", "0", "0"}).status, 2);
 }
