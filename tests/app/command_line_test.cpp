@@ -256,6 +256,18 @@ TEST_F(Convert, RoundTripsKeepTheState) {
     for (const std::string& name : {xml, packed, back}) EXPECT_EQ(hash(name), hash(file)) << name;
 }
 
+TEST_F(Convert, StandardOutputHasTheEncodingThatIsAskedFor) {
+    for (const std::string encoding : {"x3d", "x3dv", "wrl", "json"}) {
+        const std::string name = folder / ("a." + encoding);
+        ASSERT_EQ(rtsg({"convert", file, name}).status, 0);
+        EXPECT_EQ(rtsg({"convert", file, "-", "--encoding", encoding}).out, readFile(name)) << encoding;
+        const Outcome twice = rtsg({"convert", file, name, "--encoding", encoding, "--force"});
+        EXPECT_EQ(twice.status, 2);
+        EXPECT_THAT(twice.err, HasSubstr("is of -, standard output"));
+    }
+    EXPECT_EQ(rtsg({"convert", file, "-"}).out, readFile(folder / "a.x3dv"));
+}
+
 TEST_F(Convert, BadInputIsStatusOne) {
     const std::string bad = folder / "bad.x3d";
     writeFile(bad, "<X3D><Scene><Shape></Scene></X3D>");
