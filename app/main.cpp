@@ -102,6 +102,8 @@ int main(int argc, char** argv) {
     using namespace rtsg::app;
     // A file that may not grow any more is an error of that write, not the end of the process.
     std::signal(SIGXFSZ, SIG_IGN);
+    // Whoever reads along gets events as they happen, and a signal that ends this cuts no line.
+    std::setvbuf(stdout, nullptr, _IOLBF, 1 << 16);
     giveLargePiecesBack();
     try {
         const int status = statusOf(run(argc, argv));

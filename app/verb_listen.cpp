@@ -55,6 +55,7 @@ int listenLive(const ListenArguments& options) {
     Pace pace;
     pace.seconds = parseSeconds(options.duration);
     pace.realtime = true;
+    (void)interrupted();  // from here on an interruption ends in order
     running.run(pace, "listening to " + options.scene, [&](std::uint64_t, const ChangeSet&) {
         (*sound)->sendEvents();
         return !interrupted() && (*sound)->report().failure.empty();
@@ -69,7 +70,9 @@ int listenLive(const ListenArguments& options) {
         jsonString(report.device), report.seconds, report.blocks, report.underruns, 1e3 * report.latencySeconds,
         report.busy, report.heard.responses, report.clipped);
     if (!report.failure.empty()) return printError(report.failure), kBad;
-    return kDone;
+    if (!interrupted() || running.time() >= pace.seconds) return kDone;
+    printError(fmt::format("interrupted after {:.3f} of {} s", running.time(), pace.seconds));
+    return kBad;
 }
 
 /// "X Y Z", with or without commas.

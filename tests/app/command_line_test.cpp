@@ -330,6 +330,22 @@ TEST_F(Running, InjectsEvents) {
     EXPECT_TRUE(toggled) << outcome.out;
 }
 
+/// What has been said is whole lines, the program ends by itself, and says that there is less than was asked for.
+TEST_F(Running, AnInterruptionCutsNoLine) {
+    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+             {"run", file, "--for", "1e6s", "--watch", "*"}, {"run", file, "--for", "1e6s", "--hash", "--json"}}) {
+        Program program(arguments, streams());
+        program.firstLine();
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        program.signal(SIGINT);
+        const Outcome outcome = program.wait();
+        EXPECT_EQ(outcome.status, 1) << outcome.err;
+        EXPECT_THAT(outcome.err, ContainsRegex("interrupted after [0-9.]+ of 1000000 s"));
+        EXPECT_TRUE(outcome.out.ends_with("}\n")) << lastLine(outcome.out);
+        EXPECT_GT(jsonLines(outcome.out).size(), 1u);
+    }
+}
+
 TEST_F(Running, HashesEveryFrame) {
     const auto first = jsonLines(rtsg({"run", file, "--for", "0.5", "--hash"}).out);
     const auto second = jsonLines(rtsg({"run", file, "--for", "0.5", "--hash"}).out);
