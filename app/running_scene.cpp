@@ -92,7 +92,7 @@ bool RunningScene::load() {
     if (!app::load(scene_, file_, diagnostics, resources_)) return false;
     // A scene file, or a log, begins with a state of its own time, which the scene does not go back from.
     if (startWasGiven_ && scene_.now() > start_) {
-        printError(fmt::format("{}: --at: it begins with a state of a later time, {} s", file_, scene_.now()));
+        printError(fmt::format("{}: --at: it begins with a state of a later time, {}", file_, dateText(scene_.now())));
         return false;
     }
     start_ = std::max(start_, scene_.now());

@@ -334,6 +334,11 @@ TEST_F(Manners, InfoDescribesALog) {
     EXPECT_EQ(whole.at("keyframes"), 1);
     EXPECT_EQ(whole.at("sessions"), 1);
     EXPECT_EQ(whole.at("duration_s"), 1);
+    EXPECT_EQ(whole.at("begins"), "2000-01-01T00:00:00Z");
+    EXPECT_THAT(rtsg({"info", log}).out, HasSubstr("time       1 s, from 2000-01-01T00:00:00Z on\n"));
+    const std::string other = folder / "dated.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", other, "--for", "0s", "--at", "2026-11-20T12:34:56.25Z"}).status, 0);
+    EXPECT_EQ(json::parse(rtsg({"info", other, "--json"}).out).at("begins"), "2026-11-20T12:34:56.25Z");
     EXPECT_EQ(whole.at("bytes"), std::filesystem::file_size(log));
     EXPECT_EQ(whole.at("damaged"), 0);
     EXPECT_EQ(whole.at("closed"), true);
