@@ -34,6 +34,7 @@ void OutputsBehind::run() {
 Result<> OutputsBehind::follow() {
     copy_ = std::make_unique<Scene>();  // a scene belongs to the thread that makes it
     Scene& copy = *copy_;
+    tellOfFailuresInTheEnd(copy);  // finish() says why
     copy.setBehavioursEnabled(false);
     for (;;) {
         if (abandoned_) return {};

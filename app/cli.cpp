@@ -136,6 +136,7 @@ Progress progressBar(std::string label) {
 }
 
 void ResourceArguments::addTo(Command& command) {
+    const Command::Section section(command, "Files and addresses");
     command.addOption("--base", base, "folder where relative urls start, and below which they may open files");
     command.addOption("--allow", allow, "urls may open files in this folder and below, too (repeatable)")->repeatable();
     command
@@ -146,6 +147,7 @@ void ResourceArguments::addTo(Command& command) {
 }
 
 void NetworkArguments::addTo(Command& command) {
+    const Command::Section section(command, "Files and addresses");
     command
         .addOption("--dis", dis,
                    "nodes of the DIS component may use this address, HOST or HOST:PORT, or any (repeatable); else none")
@@ -220,6 +222,10 @@ Result<> readState(Scene& scene, const std::string& file) {
 }
 
 }  // namespace
+
+void tellOfFailuresInTheEnd(Scene& scene) {
+    scene.bus().setReporter({});
+}
 
 bool load(Scene& scene, const std::string& file, Diagnostics& diagnostics, const Resources& resources,
           const std::string& clip) {

@@ -40,6 +40,7 @@ Verb addDiff(Command& program);
 Verb addServe(Command& program);
 Verb addMirror(Command& program);
 Verb addRelay(Command& program);
+Verb addKeys(Command& program);
 Verb addHelp(Command& program);
 Verb addCompletion(Command& program);
 
@@ -85,6 +86,9 @@ struct NetworkArguments {
 
     void addTo(Command& command);
 };
+
+/// Subscribers of the scene that fail are told of with its diagnostics, which the verb prints, and not before.
+void tellOfFailuresInTheEnd(Scene& scene);
 
 /// Loads SCENE ("-" is standard input) and prints its diagnostics. False if nothing usable was in it. A scene with
 /// errors is used as far as it can be read: see statusOf(). `clip`: as ReadOptions.

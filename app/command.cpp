@@ -3,6 +3,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <sstream>
 
 #include <CLI/CLI.hpp>
 
@@ -34,6 +35,33 @@ CLI::Option* notNegative(CLI::Option* option) {
         return problem == std::errc::result_out_of_range ? text + " is too large" : std::string();
     });
 }
+
+/// Help with the examples first, and its lines as long as people read them.
+class Help : public CLI::Formatter {
+  public:
+    std::string make_help(const CLI::App* app, std::string name, CLI::AppFormatMode mode) const override {
+        std::string examples, rest;
+        std::istringstream footer(app->get_footer());
+        for (std::string line; std::getline(footer, line);)
+            (line.starts_with("Example: ") ? examples : rest) += line + "\n";
+        if (!examples.empty()) examples.insert(0, "\n");
+        const std::string options =
+            CLI::detail::find_and_replace(make_positionals(app) + make_groups(app, mode), "\n\n\n", "\n\n");
+        return make_description(app) + make_usage(app, std::move(name)) + examples + options +
+               make_subcommands(app, mode) + (rest.empty() ? "" : "\n" + rest);
+    }
+    std::string make_option_desc(const CLI::Option* option) const override {
+        constexpr std::size_t kWidth = 70;
+        std::string text;
+        std::size_t column = 0;
+        std::istringstream words(option->get_description());
+        for (std::string word; words >> word; column += word.size() + 1) {
+            if (column > 0 && column + word.size() > kWidth) column = 0;
+            text += (text.empty() ? "" : column == 0 ? "\n" : " ") + word;
+        }
+        return text;
+    }
+};
 
 }  // namespace
 
@@ -68,7 +96,9 @@ Option* Option::positive() {
     return this;
 }
 Option* Option::bytes() {
-    parsed_->transform(CLI::AsSizeValue(true));
+    CLI::AsSizeValue size(true);
+    size.description("SIZE");
+    parsed_->transform(size);
     return this;
 }
 Option* Option::oneOf(std::vector<std::string> values) {
@@ -87,14 +117,11 @@ Option* Option::excludes(Option* other) {
     parsed_->excludes(other->parsed_);
     return this;
 }
-Option* Option::group(const std::string& name) {
-    parsed_->group(name);
-    return this;
-}
 
 Command::Command(const std::string& name, const std::string& description, const std::string& version)
     : own_(std::make_unique<CLI::App>(description, name)), parser_(own_.get()) {
     parser_->require_subcommand(1);
+    parser_->formatter(std::make_shared<Help>());  // verbs have it from here
     parser_->set_version_flag("-V,--version", name + " " + version);
 }
 Command::Command(CLI::App* parser) : parser_(parser) {}
@@ -106,6 +133,7 @@ Command* Command::addVerb(const std::string& name, const std::string& descriptio
 }
 
 Option* Command::add(CLI::Option* option) {
+    if (!heading_.empty()) option->group(heading_);
     options_.push_back(std::unique_ptr<Option>(new Option(option)));
     return options_.back().get();
 }
@@ -151,6 +179,9 @@ std::string notExpected(const CLI::App& program, const CLI::ExtrasError& error) 
     for (const std::string& word : words)
         if (word.size() > 1 && word.starts_with("-"))
             return command.get_name() + " has no option " + word.substr(0, word.find('='));
+    for (const std::string& word : program.remaining())
+        if (words.empty() && word.starts_with("-"))
+            return word.substr(0, word.find('=')) + " stands before the verb: options of a verb stand behind it";
     return words.empty() ? error.what() : command.get_name() + " takes no '" + words.front() + "' after what it has";
 }
 

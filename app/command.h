@@ -10,6 +10,7 @@
 #include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace CLI {
@@ -22,7 +23,9 @@ namespace rtsg::app {
 /// The user typed what cannot be meant; exit status 2.
 struct UsageError : std::runtime_error {
     explicit UsageError(const std::string& text) : std::runtime_error(text) {}
-    UsageError(const std::string& option, const std::string& text) : std::runtime_error(option + ": " + text) {}
+    UsageError(const std::string& option, const std::string& text, std::string likely = {})
+        : std::runtime_error(option + ": " + text), meant(std::move(likely)) {}
+    std::string meant;  // what may have been, if that is known
 };
 
 /// Something that an option names cannot be had or used, such as a scene that cannot be read; exit status 1.
@@ -47,7 +50,6 @@ class Option {
     /// May come several times, with a value each.
     Option* repeatable();
     Option* excludes(Option* other);
-    Option* group(const std::string& name);
 
   private:
     friend class Command;
@@ -75,7 +77,21 @@ class Command {
     Option* addOption(const std::string& names, std::vector<std::string>& into, const std::string& description);
     Option* addOption(const std::string& names, std::vector<double>& into, const std::string& description);
     Option* addFlag(const std::string& names, bool& into, const std::string& description);
+    /// Lines that begin with "Example: " stand first in the help, the others last.
     void footer(const std::string& text);
+    /// Options that are added while it lives stand under this heading in the help. Of two, the inner one holds.
+    class Section {
+      public:
+        Section(Command& command, std::string heading)
+            : command_(command), outer_(std::exchange(command.heading_, std::move(heading))) {}
+        ~Section() { command_.heading_ = std::move(outer_); }
+        Section(const Section&) = delete;
+        Section& operator=(const Section&) = delete;
+
+      private:
+        Command& command_;
+        std::string outer_;
+    };
 
     /// Parses the program's arguments. Returns the exit status if help or version were asked for, which are then
     /// printed. Throws UsageError.
@@ -100,6 +116,7 @@ class Command {
 
     std::unique_ptr<CLI::App> own_;  // of the program
     CLI::App* parser_;
+    std::string heading_;  // empty: the parser's own
     std::deque<std::unique_ptr<Command>> verbs_;
     std::deque<std::unique_ptr<Option>> options_;
 };

@@ -7,6 +7,8 @@
 
 #include <CLI/CLI.hpp>
 
+#include "hints.h"
+
 namespace rtsg::app {
 
 namespace {
@@ -86,6 +88,7 @@ std::string nearest(const std::string& typed, const std::vector<std::string>& kn
 
 std::string suggestion(const Command& program, const UsageError& error) {
     static const std::regex kNotIn(R"((\S+) not in \{([^}]*)\})");
+    if (!error.meant.empty()) return error.meant;
     const std::string text = error.what();
     if (std::smatch found; std::regex_search(text, found, kNotIn))
         return nearest(found[1], choicesOf("{" + found[2].str() + "}"));
@@ -94,9 +97,17 @@ std::string suggestion(const Command& program, const UsageError& error) {
     std::vector<std::string> known;
     for (const OptionRow& row : rowsOf(command))
         if (!row.positional) known.insert(known.end(), row.names.begin(), row.names.end());
+    const std::vector<std::string> given = verb ? verb->given() : std::vector<std::string>();
+    const auto has = [](const std::vector<std::string>& names) {
+        return std::ranges::find(names, "--output") != names.end();
+    };
+    const bool lacksOutput = has(known) && !has(given);
     for (std::string typed : command.remaining()) {
-        if (!typed.starts_with("--")) continue;  // every single letter is near to every other
+        if (lacksOutput && !typed.starts_with('-') && typed.contains('.')) return "-o " + typed;
+        if (!typed.starts_with('-')) continue;
         typed = typed.substr(0, typed.find('='));
+        if (std::string name = hintForOption(typed, known); !name.empty()) return name;
+        if (!typed.starts_with("--")) continue;  // every single letter is near to every other
         if (std::string name = nearest(typed, known); !name.empty()) return name;
     }
     return {};

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -49,36 +50,79 @@ bool isOneOf(const fs::path& file, const fs::path& pattern) {
     return false;
 }
 
-void checkName(const OutputName& output) {
-    const auto refuse = [&](const Diagnostic& why) { throw UsageError(output.option, output.file + ": " + why.text); };
+/// A pipe or a device, say.
+bool isOfNoKind(const std::string& name) {
+    std::error_code error;
+    const fs::file_status status = fs::status(name, error);
+    return fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status);
+}
+
+/// What files of kinds that no library checks are called. Empty endings: a library does.
+struct Names {
+    std::string_view plural;
+    std::vector<std::string_view> endings;
+};
+Names namesOf(OutputKind kind) {
+    switch (kind) {
+        case OutputKind::response:
+            return {"responses", {".wav", ".sofa"}};
+        case OutputKind::log:
+            return {"logs", {".rlog"}};
+        case OutputKind::capture:
+            return {"MCAP files", {".mcap"}};
+        case OutputKind::report:
+            return {"reports", {".html", ".json", ".txt"}};
+        case OutputKind::page:
+            return {"pages", {".html", ".htm"}};
+        case OutputKind::testResult:
+            return {"JUnit's results", {".xml"}};
+        case OutputKind::picture:
+        case OutputKind::sound:
+        case OutputKind::scene:
+            break;
+    }
+    return {};
+}
+
+/// ".a, .b or .c".
+std::string either(const std::vector<std::string_view>& words) {
+    std::string text(words.front());
+    for (std::size_t i = 1; i < words.size(); ++i)
+        text += fmt::format("{}{}", i + 1 < words.size() ? ", " : " or ", words[i]);
+    return text;
+}
+
+/// The binary encoding, other programs' meshes and standard output are convert's alone.
+void checkSceneName(const OutputName& output) {
+    const bool isOfConvert = output.option == "OUT";
     MeshFormat mesh{};
     Encoding encoding{};
     bool gzip = false;
-    switch (output.kind) {
-        case OutputKind::picture:
-            if (PictureFiles(output.file, 1).together()) break;
-            if (auto ok = checkPictureName(output.file); !ok) refuse(ok.error());
-            break;
-        case OutputKind::sound:
-            if (auto ok = checkSoundName(output.file); !ok) refuse(ok.error());
-            break;
-        case OutputKind::scene:
-            // The binary encoding and other programs' meshes are convert's alone.
-            if (output.option == "OUT" &&
-                (fs::path(output.file).extension() == ".rtsgb" || meshFormatFromName(output.file, mesh)))
-                break;
-            if (output.file != "-" && !encodingFromName(output.file, encoding, gzip))
-                throw UsageError(
-                    output.option,
-                    output.file +
-                        ": no kind of scene that can be written has such a name; there are: .x3d .x3dv .wrl .json, "
-                        "each also with .gz" +
-                        (output.option == "OUT" ? "; .rtsgb; .stl .obj .ply .glb" : ""));
-            break;
-        case OutputKind::log:
-        case OutputKind::report:
-            break;
+    if (isOfConvert &&
+        (output.file == "-" || fs::path(output.file).extension() == ".rtsgb" || meshFormatFromName(output.file, mesh)))
+        return;
+    if (encodingFromName(output.file, encoding, gzip)) return;
+    throw UsageError(
+        output.option,
+        fmt::format("{}: no kind of scene that can be written has such a name; there are: .x3d .x3dv .wrl .json, "
+                    "each also with .gz{}",
+                    output.file, isOfConvert ? "; .rtsgb; .stl .obj .ply .glb" : ""));
+}
+
+void checkName(const OutputName& output) {
+    const auto check = [&](const Result<>& ok) {
+        if (!ok) throw UsageError(output.option, output.file + ": " + ok.error().text);
+    };
+    if (output.kind == OutputKind::scene) return checkSceneName(output);
+    if (output.kind == OutputKind::sound) return check(checkSoundName(output.file));
+    if (output.kind == OutputKind::picture) {
+        if (!PictureFiles(output.file, 1).together()) check(checkPictureName(output.file));
+        return;
     }
+    const Names names = namesOf(output.kind);
+    const std::string ending = fs::path(output.file).extension().string();
+    if (std::ranges::find(names.endings, ending) == names.endings.end() && !isOfNoKind(output.file))
+        throw UsageError(output.option, fmt::format("{}: {} are {}", output.file, names.plural, either(names.endings)));
 }
 
 std::string beginOf(const std::string& file) {
@@ -89,11 +133,11 @@ std::string beginOf(const std::string& file) {
     return begin;
 }
 
-/// Whether the file is a log, ours or one that --export writes, whole or damaged, or is empty.
-bool isLogToReplace(const std::string& file) {
-    const std::string begin = beginOf(file);
-    return begin.empty() || begin.starts_with("\x89MCAP") || fs::path(file).extension() == ".mcap" ||
-           isLogOrNamedSo(file);
+/// What is made again and again, and holds nothing that cannot be made again. A response as WAV is a sound.
+bool isReport(const OutputName& output) {
+    return output.kind == OutputKind::report || output.kind == OutputKind::page ||
+           output.kind == OutputKind::testResult ||
+           (output.kind == OutputKind::response && fs::path(output.file).extension() == ".sofa");
 }
 
 /// Texts have no zero bytes; sounds, pictures and most other files have. A SOFA file may be replaced by another.
@@ -136,15 +180,13 @@ Result<> checkFiles(const std::vector<std::string>& inputs, const std::vector<Ou
     for (const OutputName& output : outputs) {
         std::error_code error;
         if (!isFile(output.file) || !fs::exists(output.file, error)) continue;
-        // A sound or a picture of a scene, say, which no log knows before it is played.
-        if (output.kind == OutputKind::log && !isLogToReplace(output.file))
-            return fail(output.option + " takes the place of logs only", {}, output.file);
         if (force) continue;
-        if (output.kind == OutputKind::scene || output.kind == OutputKind::log)
+        const bool isLog = output.kind == OutputKind::log || output.kind == OutputKind::capture;
+        if (output.kind == OutputKind::scene || isLog)
             return fail("there is a file already; --force replaces it", {}, output.file);
-        if (output.kind == OutputKind::report && isSceneOrLog(output.file))
+        if (isReport(output) && isSceneOrLog(output.file))
             return fail(output.option + " takes the place of no scene or log", {}, output.file);
-        if (output.kind == OutputKind::report && isBinary(output.file))
+        if (isReport(output) && isBinary(output.file))
             return fail(output.option + " takes the place of no binary file", {}, output.file);
     }
     return {};

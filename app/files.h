@@ -1,11 +1,13 @@
 // Checks the files that a verb reads and writes before any work, so that nothing is overwritten that was not meant to
 // be.
 //
-// Inputs and outputs are told apart by the files that their names lead to, through any links. Pictures, sounds and
-// reports are replaced. Logs and scenes are replaced only with --force; so is a log, a scene or a binary file by a
-// report. A log takes the place of logs only. Names that are no regular files (a pipe, /dev/null) are not checked.
+// Each kind of file has names that end as it says, whichever option names it. Inputs and outputs are told apart by the
+// files that their names lead to, through any links. Pictures, sounds and reports are replaced. Logs and scenes are
+// replaced only with --force; so is a log, a scene or a binary file by a report. Names of what is there and no regular
+// file (a pipe, /dev/null) are not checked, but for those of pictures and sounds.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -18,7 +20,8 @@
 
 namespace rtsg::app {
 
-enum class OutputKind { picture, sound, scene, log, report };
+/// `capture`: an MCAP file; `page`: one that shows a test; `testResult`: JUnit's XML.
+enum class OutputKind : std::uint8_t { picture, sound, response, scene, log, capture, report, page, testResult };
 
 struct OutputName {
     std::string option, file;  // "--save"; empty: not asked for

@@ -122,6 +122,7 @@ void checkId(const GivenSource& source, const Scene& scene) {
 }  // namespace
 
 void GivenSoundArguments::addTo(Command& command) {
+    const Command::Section section(command, "Sound");
     command.addOption("--microphone", microphones,
                       "[ID=]SOURCE: what MicrophoneSources hear, those with that mediaDeviceID: a sound file, a pipe "
                       "or - with WAV (raw: s16@RATExCHANNELS:PIPE, f32@...), or device[:NAME], live only");
@@ -180,6 +181,7 @@ std::optional<SoundBuffer> sumOf(const std::vector<StreamedSound>& streams, cons
 }  // namespace
 
 void SentSoundArguments::addTo(Command& command) {
+    const Command::Section section(command, "Sound");
     command.addOption("--stream-out", given,
                       "[ID=]WAV to write: what leads into StreamAudioDestinations, those with that streamIdentifier; "
                       "of several the sum, in floating point");

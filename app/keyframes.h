@@ -15,6 +15,7 @@ struct KeyframeArguments {
     std::string seconds = "10s";
 
     void addTo(Command& command) {
+        const Command::Section section(command, "Log");
         command
             .addOption("--keyframe-bytes", bytes,
                        "a keyframe once the frames since the last take so much and twice its size, as 1MB; damage to a "

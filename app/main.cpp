@@ -11,6 +11,7 @@
 
 #include "cli.h"
 #include "command_table.h"
+#include "hints.h"
 #include "verb_measure.h"
 
 namespace rtsg::app {
@@ -21,7 +22,7 @@ std::vector<Verb> addVerbs(Command& program) {
                             addRender(program), addListen(program),   addServe(program),   addMirror(program),
                             addRecord(program), addReplay(program),   addPick(program),    addBench(program),
                             addChart(program),  addRelay(program),    addDiff(program),    addMeasure(program),
-                            addView(program)};
+                             addView(program),   addKeys(program)};
     verbs.push_back(addCompletion(program));
     verbs.push_back(addHelp(program));  // last: it knows those before
     return verbs;
@@ -35,7 +36,8 @@ bool isVerbOrOption(const Command& program, const std::string& word) {
         if (verb.name == word) return true;
         names.push_back(verb.name);
     }
-    const std::string meant = nearest(word, names);
+    std::string meant = hintForVerb(word);
+    if (meant.empty()) meant = nearest(word, names);
     printError(fmt::format("there is no verb {}", word));
     fmt::print(stderr, "{}rtsg help names them\n", meant.empty() ? "" : "did you mean " + meant + "?\n");
     return false;
@@ -100,6 +102,8 @@ int main(int argc, char** argv) {
     using namespace rtsg::app;
     // A file that may not grow any more is an error of that write, not the end of the process.
     std::signal(SIGXFSZ, SIG_IGN);
+    // Whoever reads along gets events as they happen, and a signal that ends this cuts no line.
+    std::setvbuf(stdout, nullptr, _IOLBF, 1 << 16);
     giveLargePiecesBack();
     try {
         const int status = statusOf(run(argc, argv));

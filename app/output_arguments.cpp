@@ -9,7 +9,21 @@
 
 namespace rtsg::app {
 
+PictureSize PictureSize::parse(std::string_view text) {
+    PictureSize size;
+    const auto cross = text.find('x');
+    const auto number = [](std::string_view digits, int& value) {
+        const auto [end, problem] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
+        return problem == std::errc() && end == digits.data() + digits.size() && value > 0 && value <= 65536;
+    };
+    if (cross == text.npos || !number(text.substr(0, cross), size.width) ||
+        !number(text.substr(cross + 1), size.height))
+        throw UsageError("--size", "expected WIDTHxHEIGHT in pixels, each from 1 to 65536, such as 1280x720");
+    return size;
+}
+
 void PictureArguments::addTo(Command& command) {
+    const Command::Section section(command, "Pictures");
     command.addOption("--size", size, "pixels, such as 1280x720")->preset();
     command.addOption("--viewpoint", viewpoint, "DEF name or description of a viewpoint; else the bound one");
     command
@@ -54,14 +68,8 @@ void PictureArguments::addTo(Command& command) {
 
 ImageOptions PictureArguments::parse() const {
     ImageOptions options;
-    const auto cross = size.find('x');
-    const auto number = [&](std::string_view text, int& value) {
-        const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
-        return problem == std::errc() && end == text.data() + text.size() && value > 0 && value <= 65536;
-    };
-    if (cross == std::string::npos || !number(std::string_view(size).substr(0, cross), options.settings.width) ||
-        !number(std::string_view(size).substr(cross + 1), options.settings.height))
-        throw UsageError("--size", "expected WIDTHxHEIGHT in pixels, each from 1 to 65536, such as 1280x720");
+    const PictureSize pixels = PictureSize::parse(size);
+    options.settings.width = pixels.width, options.settings.height = pixels.height;
     if (integrator == "raster")
         throw UsageError("--integrator", integrator + " is not built in; there are: whitted, path");
     options.settings.integrator = integrator == "path" ? Integrator::path : Integrator::whitted;
@@ -106,6 +114,7 @@ TessellationError PictureArguments::tessellationError() const {
 }
 
 void SoundArguments::addTo(Command& command) {
+    const Command::Section section(command, "Sound");
     auto* b = command.addFlag("--binaural", binaural, "for headphones");
     auto* s = command.addFlag("--stereo", stereo, "for loudspeakers (the default)");
     auto* a = command.addOption("--ambisonic", ambisonic, "AmbiX (ACN, SN3D) of this order")->range(1, 7);
@@ -160,6 +169,7 @@ ListenOptions SoundArguments::parse() const {
 }
 
 void OutputArguments::addTo(Command& command, Options which) {
+    const Command::Section section(command, "What is made");
     command.addOption("--render", render,
                       "picture of the last state; with %04d in the name, .mp4 or .gif, one every 1/--fps s");
     if (which != Options::ofRun)
@@ -227,6 +237,13 @@ std::vector<OutputName> OutputArguments::names() const {
             {"--listen", onDevice() || soundInFilm() ? std::string() : listen, OutputKind::sound},
             {"--record", record, OutputKind::log},
             {"--save", save, OutputKind::scene}};
+}
+
+std::string OutputArguments::written() const {
+    std::string files;
+    for (const OutputName& output : names())
+        if (!output.file.empty()) files += (files.empty() ? "" : ", ") + output.file;
+    return files;
 }
 
 Result<> OutputArguments::leftUnwritten() const {

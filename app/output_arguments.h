@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <limits>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <rtsg/audio/sound_renderer.h>
@@ -15,6 +16,12 @@
 #include "given_sounds.h"
 
 namespace rtsg::app {
+
+/// "1280x720". Throws UsageError.
+struct PictureSize {
+    int width = 0, height = 0;
+    static PictureSize parse(std::string_view text);
+};
 
 /// --size, --spp and so on; shared by all verbs that make pictures.
 struct PictureArguments {
@@ -79,6 +86,8 @@ struct OutputArguments {
     bool isLive() const { return live || onDevice(); }
     bool any() const { return !render.empty() || !listen.empty() || !record.empty() || !save.empty(); }
     std::vector<OutputName> names() const;
+    /// The files that are asked for, by commas.
+    std::string written() const;
     /// Interrupted before the end that was stated: what is one file for all of it, or for its end, is not complete.
     bool isCutShort() const { return !endsByInterruption && interrupted(); }
     /// These files, not written: an error that names them, if there are any.

@@ -77,7 +77,8 @@ std::string timeLine(const ReplayReport& r) {
         double from, to;
     };
     std::vector<Lane> lanes;
-    const double length = std::max(r.end - r.start, 1e-9);
+    const double length = r.end - r.start;
+    if (!(length > 0)) return {};  // one instant, or none
     const auto share = [&](double t) { return std::clamp(t / length, 0.0, 1.0); };
     for (const FieldDifference& d : r.differences) {
         if (lanes.size() == 40) break;
@@ -104,7 +105,8 @@ std::string curve(const FieldHistory& h, double start) {
                 if (std::isfinite(v)) low = std::min(low, double(v)), high = std::max(high, double(v));
     if (!(high >= low)) return {};
     const double span = high > low ? high - low : 1, t0 = h.samples.front().time;
-    const double duration = std::max(h.samples.back().time - t0, 1e-9);
+    const double duration = h.samples.back().time - t0;
+    if (!(duration > 0)) return {};
     // Words beside the curve and not in it: a drawing that shrinks with the page would shrink them too.
     std::string svg = fmt::format(
         "<h3><code>{}.{}</code></h3>\n<p class=\"soft\">{:.4g} to {:.4g}</p>\n<svg viewBox=\"0 0 720 170\" "

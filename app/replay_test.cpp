@@ -159,28 +159,22 @@ void check(const FieldSelection& selection) {
 }
 
 void ReplayTestArguments::addTo(Command& command) {
-    const std::string group = "As a test";
+    const Command::Section section(command, "As a test");
     addFieldSelection(command, compared);
-    command.addOption("--rerun", rerun, "run SCENE afresh on the log's input; every frame has to be the recorded one")
-        ->group(group);
-    command.addOption("--expect-picture", expectPicture, "picture that the last state has to give")->group(group);
+    command.addOption("--rerun", rerun, "run SCENE afresh on the log's input; every frame has to be the recorded one");
+    command.addOption("--expect-picture", expectPicture, "picture that the last state has to give");
     command.addOption("--picture-tolerance", pictureTolerance, "root mean square error allowed, linear, white is 1")
-        ->preset()
-        ->group(group);
-    command.addOption("--expect-sound", expectSound, "WAV that has to be heard")->group(group);
+        ->preset();
+    command.addOption("--expect-sound", expectSound, "WAV that has to be heard");
     command.addOption("--sound-tolerance", soundTolerance, "level allowed of the difference, dB below the sound")
-        ->preset()
-        ->group(group);
-    command.addOption("--junit", junit, "what came of it, as JUnit XML")->group(group);
-    command
-        .addOption("--page", page,
-                   "if the test fails, one HTML page: time line, what differed first and why, pictures side by side")
-        ->group(group);
-    command.addOption("--name", name, "of the test, in both; else the log's")->group(group);
-    command
-        .addFlag("--update", update,
-                 "record anew instead: write the log as SCENE runs now, and the picture and sound expected")
-        ->group(group);
+        ->preset();
+    command.addOption("--junit", junit, "what came of it, as JUnit XML");
+    command.addOption(
+        "--page", page,
+        "if the test fails, one HTML page: time line, what differed first and why, pictures side by side");
+    command.addOption("--name", name, "of the test, in both; else the log's");
+    command.addFlag("--update", update,
+                    "record anew instead: write the log as SCENE runs now, and the picture and sound expected");
 }
 
 namespace {
@@ -356,8 +350,8 @@ int reportFailure(const ReplayTestArguments& arguments, const std::string& log, 
 
 int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, OutputArguments outputs, bool json) {
     askForWhatIsExpected(arguments, outputs);
-    const std::vector<OutputName> reports = {{"--junit", arguments.junit, OutputKind::report},
-                                             {"--page", arguments.page, OutputKind::report}};
+    const std::vector<OutputName> reports = {{"--junit", arguments.junit, OutputKind::testResult},
+                                             {"--page", arguments.page, OutputKind::page}};
     std::vector<std::string> read = {log, arguments.rerun};
     if (!arguments.update) read.insert(read.end(), {arguments.expectPicture, arguments.expectSound});
     if (auto ok = outputs.check(read, reports); !ok) return printError(ok.error()), kBad;
@@ -390,6 +384,7 @@ int runReplayTest(const std::string& log, const ReplayTestArguments& arguments, 
     std::optional<WorldOnDemand> world;
     std::unique_ptr<Outputs> following;
     test.attach = [&](Scene& scene) -> Result<> {
+        tellOfFailuresInTheEnd(scene);
         keepResources(scene, resources, reports);
         auto attached = Outputs::attach(world.emplace(scene, resources), outputs, resources);
         if (!attached) return std::unexpected(attached.error());

@@ -11,6 +11,7 @@
 namespace rtsg::app {
 
 void RequestArguments::addTo(Command& command) {
+    const Command::Section section(command, "Acting on the scene");
     command.addOption(
         "--set", set,
         "send an event to the origin: DEF.field=VALUE@TIME or pointer=...@TIME, in scene time since joining");

@@ -19,6 +19,7 @@ struct RotateArguments {
     std::string rotate, keep;
 
     void addTo(Command& command) {
+        const Command::Section section(command, "Log");
         command.addOption("--rotate", rotate,
                           "begin a new file after so much, as 1GB, 10min, 30s or 500ms: NAME.0001.rlog and so on are "
                           "the ones before");

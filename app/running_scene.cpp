@@ -72,7 +72,9 @@ RunningScene::RunningScene(std::string file, const ResourceArguments& arguments,
       start_(start.seconds()),
       startWasGiven_(!start.at.empty()),
       inlineDiagnostics_(file_),
-      world_(scene_, resources_) {}
+      world_(scene_, resources_) {
+    tellOfFailuresInTheEnd(scene_);
+}
 
 RunningScene::~RunningScene() {
     const std::size_t told = scene_.diagnostics().all().size();
@@ -92,7 +94,7 @@ bool RunningScene::load() {
     errorsOfLoading_ = diagnostics.errors();
     // A scene file, or a log, begins with a state of its own time, which the scene does not go back from.
     if (startWasGiven_ && scene_.now() > start_) {
-        printError(fmt::format("{}: --at: it begins with a state of a later time, {} s", file_, scene_.now()));
+        printError(fmt::format("{}: --at: it begins with a state of a later time, {}", file_, dateText(scene_.now())));
         return false;
     }
     start_ = std::max(start_, scene_.now());

@@ -133,16 +133,14 @@ class Playing {
 }  // namespace
 
 void ServeLogArguments::addTo(Command& command) {
-    const std::string group = "Of a log";
-    command.addOption("--rate", rate, "seconds of the log a second")->preset()->range(1e-3, 1000.0)->group(group);
-    command.addFlag("--loop", loop, "from its end on at its start again")->group(group);
-    command.addFlag("--paused", paused, "begin in the first state and wait for commands")->group(group);
-    command
-        .addFlag(
-            "--control", control,
-            "commands as lines of standard input: pause, play, step [N], rate R, seek T, loop on|off, status; mirrors "
-            "that --upstream lets send may give them too")
-        ->group(group);
+    const Command::Section section(command, "Of a log");
+    command.addOption("--rate", rate, "seconds of the log a second")->preset()->range(1e-3, 1000.0);
+    command.addFlag("--loop", loop, "from its end on at its start again");
+    command.addFlag("--paused", paused, "begin in the first state and wait for commands");
+    command.addFlag(
+        "--control", control,
+        "commands as lines of standard input: pause, play, step [N], rate R, seek T, loop on|off, status; mirrors "
+        "that --upstream lets send may give them too");
 }
 
 int serveLog(const ServedLog& log, const MirrorServerOptions& options) {

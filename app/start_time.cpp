@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstdio>
 
+#include <fmt/format.h>
+
 namespace rtsg::app {
 
 namespace {
@@ -46,6 +48,23 @@ double parseDate(const std::string& text) {
     if (!good)
         throw UsageError("--at", text + ": expected seconds since 1970, a date such as 2026-11-20T12:00:00Z, or now");
     return static_cast<double>(sys_days(date).time_since_epoch().count()) * 86400 + hour * 3600 + minute * 60 + second;
+}
+
+std::string dateText(double secondsSince1970) {
+    using namespace std::chrono;
+    constexpr double kLast = 253'402'300'799;  // the end of 9999
+    if (!(secondsSince1970 >= 0 && secondsSince1970 <= kLast)) return fmt::format("{} s", secondsSince1970);
+    const auto all = static_cast<std::int64_t>(std::round(secondsSince1970 * 1e6));
+    const std::int64_t whole = all / 1'000'000, micro = all % 1'000'000;
+    const year_month_day date{sys_days(days(whole / 86400))};
+    std::string text = fmt::format("{:04}-{:02}-{:02}T{:02}:{:02}:{:02}", static_cast<int>(date.year()),
+                                   static_cast<unsigned>(date.month()), static_cast<unsigned>(date.day()),
+                                   whole / 3600 % 24, whole / 60 % 60, whole % 60);
+    if (micro != 0) {
+        text += fmt::format(".{:06}", micro);
+        text.erase(text.find_last_not_of('0') + 1);
+    }
+    return text + "Z";
 }
 
 void StartTime::addTo(Command& command) {

@@ -26,6 +26,9 @@ struct StartTime {
 /// Of verbs that read a scene without running it.
 void addClip(Command& command, std::string& clip);
 
+/// "2026-11-20T12:00:00Z" for seconds since 1970, with as many decimals as it has, to a microsecond. What is no date
+/// (before 1970, after 9999) is left as a number: "1e+20 s".
+std::string dateText(double secondsSince1970);
 /// Seconds since 1970 of "1234.5", "2026-11-20", "2026-11-20T12:00:00Z" or "now". Throws UsageError.
 double parseDate(const std::string& text);
 

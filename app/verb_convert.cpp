@@ -30,7 +30,7 @@ namespace {
 constexpr std::string_view kTriangulate = "triangulate";  // of the renderers, who know geometry
 
 struct ConvertArguments {
-    std::string in, out, clip;
+    std::string in, out, encoding, clip;
     std::vector<std::string> filters;
     unsigned threads = 0;
     bool force = false;
@@ -38,6 +38,14 @@ struct ConvertArguments {
 
 bool isBinaryName(const std::string& file) {
     return std::filesystem::path(file).extension() == ".rtsgb";
+}
+
+/// Of standard output: its name says nothing.
+Encoding encodingOf(const ConvertArguments& options) {
+    Encoding encoding = Encoding::classicVrml;
+    bool gzip = false;
+    if (!options.encoding.empty()) encodingFromName("out." + options.encoding, encoding, gzip);
+    return encoding;
 }
 
 /// Filters, as they are named, before `last`: `chain` owns them.
@@ -103,7 +111,8 @@ int convertBinary(const ConvertArguments& options) {
     } else if (isBinaryName(options.out)) {
         written = writeSceneFile(scene, options.out, existing(options.force));
     } else {
-        auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force));
+        auto writer =
+            DocumentFileWriter::create(options.out, diagnostics, existing(options.force), encodingOf(options));
         if (!writer) return printError(writer.error()), kBad;
         DocumentHandler* first = &(*writer)->handler();
         if (isSceneFile(options.in)) first = filtered(options, *first, diagnostics, chain);
@@ -117,6 +126,8 @@ int convertBinary(const ConvertArguments& options) {
 
 int convert(const ConvertArguments& options) {
     checkFilters(options);
+    if (!options.encoding.empty() && options.out != "-")
+        throw UsageError("--encoding", fmt::format("is of -, standard output: the name {} says its own", options.out));
     if (auto ok = checkFiles({options.in}, {{"OUT", options.out, OutputKind::scene}}, options.force); !ok)
         return printError(ok.error()), kBad;
     MeshFormat mesh{};
@@ -125,7 +136,7 @@ int convert(const ConvertArguments& options) {
         return convertBinary(options);
     Diagnostics diagnostics(options.in);
     (void)interrupted();  // from here on an interruption ends in order: no half file stays
-    auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force));
+    auto writer = DocumentFileWriter::create(options.out, diagnostics, existing(options.force), encodingOf(options));
     if (!writer) return printError(writer.error()), kBad;
     const Progress bar = progressBar("converting " + options.in);
     const Progress progress = [&](std::uint64_t done, std::uint64_t total) {
@@ -167,6 +178,11 @@ Verb addConvert(Command& program) {
         ->addOption("OUT", options->out,
                     "file to write (.x3d .x3dv .wrl .json, also .gz; .rtsgb; .stl .obj .ply .glb), or -")
         ->required();
+    command
+        ->addOption("--encoding", options->encoding,
+                    "of OUT -, as files of it are called: x3d (XML), x3dv (ClassicVRML, unless told otherwise), wrl "
+                    "(VRML97), json")
+        ->oneOf({"x3d", "x3dv", "wrl", "json"});
     command->addOption("--filter", options->filters, "NAME or NAME=ARGUMENT, applied in this order; listed below");
     addClip(*command, options->clip);
     command->addOption("--threads", options->threads,
@@ -180,7 +196,9 @@ Verb addConvert(Command& program) {
             line(kTriangulate, "", "geometry becomes triangles with indices");
         line(one.name, one.argument, one.what);
     }
-    command->footer(list + "Example: rtsg convert hall.wrl hall.x3d --filter drop-metadata --filter quantise=1e-4");
+    command->footer(list +
+                    "Example: rtsg convert hall.wrl hall.x3d --filter drop-metadata --filter quantise=1e-4\n"
+                    "Example: rtsg convert hall.x3dv - --encoding json");
     addForce(*command, options->force);
     return {command, [options] { return convert(*options); }};
 }

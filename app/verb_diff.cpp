@@ -83,7 +83,8 @@ int diffScenes(const DiffArguments& options) {
         for (Divergence& d : found) d.frame = 0;
         return report(options, found, "");
     }
-    FieldComparison fields(options.selection, scenes[0], scenes[1], {"first", "second"});
+    FieldComparison fields(options.selection, scenes[0], scenes[1], {"first", "second"},
+                           FieldComparison::Fields::ofEither);
     fields.first();
     if (const std::string why = fields.nothingCompared(); !why.empty())
         return printError(fmt::format("{}: {}", options.a, why)), kBad;

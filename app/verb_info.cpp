@@ -1,4 +1,5 @@
 // rtsg info: what is in a scene, or in a log.
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -15,6 +16,7 @@
 #include "cli.h"
 #include "files.h"
 #include "outputs.h"
+#include "start_time.h"
 
 namespace rtsg::app {
 
@@ -112,26 +114,27 @@ std::string gapsText(const LogSummary& log) {
 int describeLog(const InfoArguments& options) {
     const auto log = summariseLog(options.file);
     if (!log) return printError(log.error()), kBad;
-    const double duration = log->end - log->start;
+    const double duration = std::round((log->end - log->start) * 1e6) / 1e6;
     if (options.json) {
         fmt::print(
             "{{\"frames\":{},\"keyframes\":{},\"inputs\":{},\"sessions\":{},\"first_state\":{},\"last_state\":{},"
-            "\"t\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"gaps\":{},\"missing_"
+            "\"t\":{},\"begins\":{},\"duration_s\":{},\"bytes\":{},\"damaged\":{},\"damaged_bytes\":{},\"gaps\":{},"
+            "\"missing_"
             "frames\":{},\"frames_behind\":{},\"closed\":{},\"goes_on\":{},"
             "\"being_written\":{},\"mode\":{},"
             "\"coding\":{},\"creator\":{},\"nodes\":{},\"types\":{}}}\n",
             log->frames, log->keyframes, log->inputs, log->sessions, log->firstState, log->lastState, log->start,
-            duration, log->bytes, log->damaged, log->damagedBytes, log->gaps, log->missingFrames, log->framesBehind,
-            log->closed, log->goesOn, log->beingWritten, jsonString(log->mode), jsonString(log->coding),
-            jsonString(log->creator), log->nodes, asJson(log->types));
+            jsonString(dateText(log->start)), duration, log->bytes, log->damaged, log->damagedBytes, log->gaps,
+            log->missingFrames, log->framesBehind, log->closed, log->goesOn, log->beingWritten, jsonString(log->mode),
+            jsonString(log->coding), jsonString(log->creator), log->nodes, asJson(log->types));
     } else {
         fmt::print(
             "{}\n  frames     {}, states {} to {}\n  keyframes  {}\n  inputs     {}\n  sessions   {}\n"
-            "  time       {} to {} s, {} s long\n  bytes      {}\n  damage     {} places, {} bytes{}\n"
+            "  time       {} s, from {} on\n  bytes      {}\n  damage     {} places, {} bytes{}\n"
             "  gaps       {}{}\n"
             "  mode       {}, coding {}, written by {}\n  nodes      {} in the last state\n",
             terminalText(options.file), log->frames, log->firstState, log->lastState, log->keyframes, log->inputs,
-            log->sessions, log->start, log->end, duration, log->bytes, log->damaged, log->damagedBytes,
+            log->sessions, duration, dateText(log->start), log->bytes, log->damaged, log->damagedBytes,
             log->beingWritten ? "; it is still being written"
             : log->closed     ? ""
             : log->goesOn     ? "; the session goes on in a next piece"

@@ -55,6 +55,7 @@ int listenLive(const ListenArguments& options) {
     Pace pace;
     pace.seconds = parseSeconds(options.duration);
     pace.realtime = true;
+    (void)interrupted();  // from here on an interruption ends in order
     running.run(pace, "listening to " + options.scene, [&](std::uint64_t, const ChangeSet&) {
         (*sound)->sendEvents();
         return !interrupted() && (*sound)->report().failure.empty();
@@ -69,7 +70,9 @@ int listenLive(const ListenArguments& options) {
         jsonString(report.device), report.seconds, report.blocks, report.underruns, 1e3 * report.latencySeconds,
         report.busy, report.heard.responses, report.clipped);
     if (!report.failure.empty()) return printError(report.failure), kBad;
-    return kDone;
+    if (!interrupted() || running.time() >= pace.seconds) return kDone;
+    printError(fmt::format("interrupted after {:.3f} of {} s", running.time(), pace.seconds));
+    return kBad;
 }
 
 /// "X Y Z", with or without commas.
@@ -129,16 +132,11 @@ int listenTo(const ListenArguments& options) {
     if (!options.places.empty() && options.report.empty() && !isSofa(options.ir))
         throw UsageError("--place is of --report and of --ir FILE.sofa");
     for (const std::string& text : options.places) static_cast<void>(parsePlace(text));
-    const std::string form = std::filesystem::path(options.report).extension().string();
-    if (!options.report.empty() && form != ".html" && form != ".json" && form != ".txt")
-        throw UsageError("--report", options.report + ": reports are .html, .json or .txt");
-    if (!options.ir.empty() && !isSofa(options.ir) && !checkSoundName(options.ir))
-        throw UsageError("--ir", options.ir + ": responses are .wav or .sofa");
     // All of the sound is kept until its end.
     constexpr double kLongest = 24 * 3600;
     if (parseSeconds(options.duration) > kLongest) throw UsageError("--for", options.duration + ": it is 24h at most");
     std::vector<OutputName> outputs{{"-o", options.out, OutputKind::sound},
-                                    {"--ir", options.ir, isSofa(options.ir) ? OutputKind::report : OutputKind::sound},
+                                    {"--ir", options.ir, OutputKind::response},
                                     {"--report", options.report, OutputKind::report}};
     for (const std::string& file : options.sent.files()) outputs.push_back({"--stream-out", file, OutputKind::sound});
     std::vector<std::string> inputs = options.sound.files();
@@ -196,26 +194,32 @@ Verb addListen(Command& program) {
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command->addOption("-o,--output", options->out, "WAV to write");
     command->addOption("--for", options->duration, "how long")->preset();
-    command->addOption("--ir", options->ir,
-                       "impulse responses, mono or with the channels of --stereo, --binaural, --ambisonic: .wav at the "
-                       "listener, source "
-                       "by source, or .sofa (AES69) from every source to all listeners of the scene, or to --place");
-    command->addOption("--report", options->report,
-                       "figures by ISO 3382 at all listeners of the scene and their averages: .html, .json or .txt");
-    command->addOption("--place", options->places, "\"X Y Z\" to listen at for --report and .sofa, once or more often")
-        ->repeatable();
-    command->addFlag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
-    command
-        ->addOption("--error", options->sound.error,
-                    "trace until the figures' 95 % half width is this many noticeable differences")
-        ->positive();
     command->addFlag("--live", options->live, "play it now, on a sound device");
     command->addOption("--device", options->device, "of --live; else the default one");
     options->start.addTo(*command);
-    options->resources.addTo(*command);
+    {
+        const Command::Section section(*command, "Figures of the room");
+        command->addFlag("--metrics", options->metrics, "print EDT T20 T30 C50 C80 D50 Ts G per octave band as JSON");
+        command->addFlag("--json", options->json, "the same as --metrics");
+        command->addOption(
+            "--report", options->report,
+            "figures by ISO 3382 at all listeners of the scene and their averages: .html, .json or .txt");
+        command->addOption(
+            "--ir", options->ir,
+            "impulse responses, mono or with the channels of --stereo, --binaural, --ambisonic: .wav at the "
+            "listener, source "
+            "by source, or .sofa (AES69) from every source to all listeners of the scene, or to --place");
+        command
+            ->addOption("--place", options->places, "\"X Y Z\" to listen at for --report and .sofa, once or more often")
+            ->repeatable();
+        command
+            ->addOption("--error", options->sound.error,
+                        "trace until the figures' 95 % half width is this many noticeable differences")
+            ->positive();
+    }
     options->sound.addTo(*command);
     options->sent.addTo(*command);
-    command->addFlag("--json", options->json, "the same as --metrics");
+    options->resources.addTo(*command);
     command->footer("Example: rtsg listen hall.x3dv -o hall.wav --for 5s --binaural --metrics");
     return {command, [options] { return listenTo(*options); }};
 }

@@ -18,6 +18,7 @@
 
 #include "behind.h"
 #include "cli.h"
+#include "hints.h"
 #include "live_outputs.h"
 #include "requests.h"
 
@@ -517,7 +518,9 @@ void Mirroring::printJson() const {
 }
 
 int Mirroring::run() {
+    checkEndpoint("ENDPOINT", options_.endpoint);
     if (auto ok = options_.outputs.check({options_.key}); !ok) return printError(ok.error()), kBad;
+    tellOfFailuresInTheEnd(replica_);
     registerDocuments(replica_);
     runScripts(replica_);
     replica_.setScriptResources(std::make_shared<const Resources>(resources_));
@@ -543,6 +546,58 @@ int mirror(const MirrorArguments& options) {
     return Mirroring(options).run();
 }
 
+void addActing(Command& command, MirrorArguments& options) {
+    const Command::Section section(command, "Acting on the scene");
+    command.addOption(
+        "--name", options.name,
+        "whose wish it is that --set, --edit and so on ask for, in logs and for undo; a key file may say another");
+    options.requests.addTo(command);
+    command
+        .addOption("--control", options.control,
+                   "tell a server that plays a log: pause, play, step [N], rate R, seek T, loop on|off, status; "
+                   "the replies "
+                   "go to standard error")
+        ->repeatable();
+}
+
+void addParts(Command& command, MirrorArguments& options) {
+    const Command::Section section(command, "Less than all");
+    command.addOption("--part", options.parts,
+                      "follow only this subtree: a DEF name, or # and a node's number; or what is near: "
+                      "region:[NAME,|x,y,z,]RADIUS[,MARGIN] round a node, a point or the bound viewpoint");
+    command.addOption("--aspect", options.aspects, "follow only fields of this aspect, as transform or geometry")
+        ->oneOf(std::vector<std::string>(std::begin(kAspects), std::end(kAspects)));
+    command.addOption("--most-fps", options.fps, "at most so many frames a second, others merged; 0: all")
+        ->preset()
+        ->range(0.0, 1e4);
+    command.addOption("--mode", options.mode, "input: run the cascade here, from what comes into each frame")
+        ->oneOf({"state", "input"})
+        ->preset();
+}
+
+void addSlowLinks(Command& command, MirrorArguments& options) {
+    const Command::Section section(command, "Slow links");
+    command.addOption(
+        "--max-lag", options.maxLag,
+        "how old frames may come on a slow link before they are merged, beside its delay; 0: never merged "
+        "for that, the default with --render, --listen, --record and --save, else 250ms");
+    command
+        .addOption("--when-slow", options.whenSlow,
+                   "what to get when too slow: merged frames; these with views, sounds and what is near the viewer "
+                   "first, the rest waits for at most a second; every frame while the scene waits (if the server lets "
+                   "it); or a new snapshot: these two however late, until 8 MiB wait")
+        ->preset()
+        ->oneOf({"merge", "near", "block", "resync"});
+    command.addOption("--latency", options.latency, "hold frames this long after they were published, for evenness")
+        ->preset();
+    command.addOption("--max-rate", options.maxRate, "most bytes a second taken from the server, as 100kB; 0: any")
+        ->bytes()
+        ->preset();
+    command.addOption("--max-record", options.maxRecord, "longest record taken from the server, as 64MB")
+        ->bytes()
+        ->preset();
+}
+
 }  // namespace
 
 Verb addMirror(Command& program) {
@@ -558,50 +613,14 @@ Verb addMirror(Command& program) {
                     "give up after so long without a server, or with a scene that stands still where its time is "
                     "needed, but not before --for")
         ->preset();
-    command->addOption(
-        "--name", options->name,
-        "whose wish it is that --set, --edit and so on ask for, in logs and for undo; a key file may say another");
     command->addOption("--key", options->key, "key file, the server's or one with its public key and a pair");
-    options->requests.addTo(*command);
-    command->addOption("--part", options->parts,
-                       "follow only this subtree: a DEF name, or # and a node's number; or what is near: "
-                       "region:[NAME,|x,y,z,]RADIUS[,MARGIN] round a node, a point or the bound viewpoint");
-    command->addOption("--aspect", options->aspects, "follow only fields of this aspect, as transform or geometry")
-        ->oneOf(std::vector<std::string>(std::begin(kAspects), std::end(kAspects)));
-    command->addOption("--mode", options->mode, "input: run the cascade here, from what comes into each frame")
-        ->oneOf({"state", "input"})
-        ->preset();
-    command->addOption("--latency", options->latency, "hold frames this long after they were published, for evenness")
-        ->preset();
-    command->addOption("--most-fps", options->fps, "at most so many frames a second, others merged; 0: all")
-        ->preset()
-        ->range(0.0, 1e4);
-    command->addOption(
-        "--max-lag", options->maxLag,
-        "how old frames may come on a slow link before they are merged, beside its delay; 0: never merged "
-        "for that, the default with --render, --listen, --record and --save, else 250ms");
-    command->addOption("--max-rate", options->maxRate, "most bytes a second taken from the server, as 100kB; 0: any")
-        ->bytes()
-        ->preset();
-    command
-        ->addOption(
-            "--control", options->control,
-            "tell a server that plays a log: pause, play, step [N], rate R, seek T, loop on|off, status; the replies "
-            "go to standard error")
-        ->repeatable();
-    command->addOption("--max-record", options->maxRecord, "longest record taken from the server, as 64MB")
-        ->bytes()
-        ->preset();
-    command
-        ->addOption("--when-slow", options->whenSlow,
-                    "what to get when too slow: merged frames; these with views, sounds and what is near the viewer "
-                    "first, the rest waits for at most a second; every frame while the scene waits (if the server lets "
-                    "it); or a new snapshot: these two however late, until 8 MiB wait")
-        ->preset()
-        ->oneOf({"merge", "near", "block", "resync"});
-    options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
     command->addFlag("--json", options->json, "the summary as JSON");
+    addActing(*command, *options);
+    addParts(*command, *options);
+    addSlowLinks(*command, *options);
+    options->outputs.addTo(*command, OutputArguments::Options::ofMirror);
     command->footer(
+        "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --save replica.x3d\n"
         "Example: rtsg mirror tcp://127.0.0.1:4711 --for 10s --render out/%04d.png --size 320x180 "
         "--listen out.wav --base examples/demo\n"
         "Exit status 1 unless the replica had the origin's state hash in every frame, and the origin took every "

@@ -1,5 +1,4 @@
 // rtsg pick: what a ray, a point or a moving ball meets in a scene.
-#include <cstdio>
 #include <memory>
 
 #include <fmt/format.h>
@@ -54,10 +53,10 @@ int runPick(const PickArguments& options) {
         printError("one of --ray, --point, --sweep and --pixel is needed");
         return kUsage;
     }
-    int width = 0, height = 0;
-    char after = 0;
-    if (std::sscanf(options.size.c_str(), "%dx%d%c", &width, &height, &after) != 2 || width < 1 || height < 1)
-        throw UsageError("--size", "expected WIDTHxHEIGHT in pixels, such as 1280x720");
+    const auto [width, height] = PictureSize::parse(options.size);
+    if (const auto& at = options.pixel; !at.empty() && (at[0] < 0 || at[1] < 0 || at[0] >= width || at[1] >= height))
+        throw UsageError("--pixel", fmt::format("{} {} is outside a picture of {} x {}: --size says how large it is",
+                                                at[0], at[1], width, height));
     const double time = parseSeconds(options.time);
     RunningScene running(options.scene, options.resources, options.start);
     if (!running.load()) return kBad;

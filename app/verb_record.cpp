@@ -131,25 +131,29 @@ Verb addRecord(Command& program) {
     command->addOption(
         "--set", options->set,
         "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, wheel=, head=");
-    command
-        ->addOption("--mode", options->mode,
-                    "state: the changes; input: only what came into each frame; lossy: as state, within --error")
-        ->oneOf(std::vector<std::string>(kModeNames.begin(), kModeNames.end()))
-        ->preset();
-    command->addOption("--error", options->error, "lossy: largest error in motion, metres and radians; rest is exact")
-        ->preset()
-        ->positive();
-    command->addOption("--coding", options->coding, "of values: raw, fastest; compact; smallest")
-        ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
-        ->preset();
-    command->addFlag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
-    options->keyframes.addTo(*command);
     options->start.addTo(*command);
     options->resources.addTo(*command);
     options->network.addTo(*command);
     command->addFlag("--realtime", options->realtime, "one second a second");
-    addForce(*command, options->force);
     command->addFlag("--json", options->json, "the summary as JSON");
+    {
+        const Command::Section section(*command, "Log");
+        command
+            ->addOption("--mode", options->mode,
+                        "state: the changes; input: only what came into each frame; lossy: as state, within --error")
+            ->oneOf(std::vector<std::string>(kModeNames.begin(), kModeNames.end()))
+            ->preset();
+        command
+            ->addOption("--error", options->error, "lossy: largest error in motion, metres and radians; rest is exact")
+            ->preset()
+            ->positive();
+        command->addOption("--coding", options->coding, "of values: raw, fastest; compact; smallest")
+            ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
+            ->preset();
+        command->addFlag("--inputs", options->inputs, "with state: also what came into each frame, for exact reruns");
+        options->keyframes.addTo(*command);
+        addForce(*command, options->force);
+    }
     command->footer(
         "Example: rtsg record hall.x3dv -o hall.rlog --for 10s\n"
         "Example: rtsg record door.x3dv -o door.rlog --for 3s --set PRESSED.set_boolean=TRUE@0.5\n"

@@ -10,6 +10,7 @@
 #include <rtsg/sync/mirror_relay.h>
 
 #include "cli.h"
+#include "hints.h"
 
 namespace rtsg::app {
 
@@ -68,8 +69,8 @@ class Relaying {
     }
 
     Result<> connect() {
-        for (const auto& [option, endpoint] : {std::pair("ENDPOINT", options_.origin), {"--bind", options_.endpoint}})
-            if (const auto local = isLocalEndpoint(endpoint); !local) throw UsageError(option, local.error().text);
+        checkEndpoint("ENDPOINT", options_.origin);
+        checkEndpoint("--bind", options_.endpoint);
         MirrorClientOptions from;
         MirrorServerOptions to;
         auto theirs = keysFrom(options_.key), ours = keysFrom(options_.serveKey);

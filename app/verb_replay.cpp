@@ -65,6 +65,23 @@ Result<> reaches(const std::string& log, double time, const std::string& seek) {
         {}, log);
 }
 
+/// "2 of 5 s of the log, which ends at t = 3 s"; empty if it goes as far as was asked for.
+std::string missingOfLog(double there, double wanted, double end) {
+    constexpr double kRounding = 1e-6;  // times since 1970 are exact to a quarter of that
+    if (there >= wanted - kRounding) return {};
+    return fmt::format("{:.6g} of {:.6g} s of the log, which ends at t = {:.6g} s", wanted - there, wanted, end);
+}
+
+/// What --compact keeps is shorter than --for.
+Result<std::string> missingOfCompacted(const ReplayArguments& options) {
+    if (options.duration.empty()) return std::string();
+    const auto summary = summariseLog(options.log);
+    if (!summary) return std::unexpected(summary.error());
+    const double end = summary->end - logStart(options.log);
+    return missingOfLog(end - (options.seek.empty() ? 0 : parseSeconds(options.seek)), parseSeconds(options.duration),
+                        end);
+}
+
 int compact(const ReplayArguments& options) {
     CompactOptions to;
     const double start = logStart(options.log), from = options.seek.empty() ? 0 : parseSeconds(options.seek);
@@ -79,6 +96,8 @@ int compact(const ReplayArguments& options) {
         if (progress) progress(done, total);
         return !interrupted();
     };
+    const auto missing = missingOfCompacted(options);
+    if (!missing) return printError(missing.error()), kBad;
     const auto report = compactLog(options.log, options.compact, to);
     if (interrupted() && !report) return printError("interrupted: " + options.compact + " was not written"), kBad;
     if (!report) return printError(report.error()), kBad;
@@ -89,12 +108,13 @@ int compact(const ReplayArguments& options) {
     else
         fmt::print(
             "{{\"states\":{},\"states_before\":{},\"bytes\":{},\"bytes_before\":{},\"damaged\":{},\"gaps\":{},"
-            "\"complete\":{}}}\n",
+            "\"complete\":{},\"missing\":{}}}\n",
             report->statesWritten, report->statesRead, report->bytesWritten, report->bytesRead, report->damaged,
-            report->gaps, report->lacks.empty());
-    if (report->lacks.empty()) return kDone;
-    printError(fmt::format("{} is not complete: {}: {}", options.compact, options.log, report->lacks));
-    return kBad;
+            report->gaps, report->lacks.empty() && missing->empty(), missing->empty() ? "null" : jsonString(*missing));
+    if (!report->lacks.empty())
+        printError(fmt::format("{} is not complete: {}: {}", options.compact, options.log, report->lacks));
+    if (!missing->empty()) printError(fmt::format("missing: {}: {} is shorter", *missing, options.compact));
+    return report->lacks.empty() && missing->empty() ? kDone : kBad;
 }
 
 /// A log played from its start, or from --seek on, with what is made of it.
@@ -109,6 +129,7 @@ class Replaying {
           resources_(options.outputs.resources.ofFile(options.log)) {}
 
     int run() {
+        tellOfFailuresInTheEnd(replayer_.scene());
         registerDocuments(replayer_.scene());
         runScripts(replayer_.scene());
         replayer_.scene().setScriptResources(std::make_shared<const Resources>(resources_));
@@ -149,6 +170,7 @@ class Replaying {
     }
 
     Result<> play() {
+        begun_ = time();
         OutputArguments wanted = options_.outputs;
         if (!options_.duration.empty()) wanted.seconds = length_;
         WorldOnDemand world(replayer_.scene(), resources_);
@@ -171,13 +193,26 @@ class Replaying {
             printError(ok.error());
             cut_ = true;
         }
-        const OutputReport report = outputs.report();
+        tell(outputs.report(), wanted);
+        return {};
+    }
+
+    /// What is missing, and which files lack it.
+    void tell(OutputReport report, const OutputArguments& wanted) {
+        const std::string ofLog =
+            options_.duration.empty() || cut_ ? std::string() : missingOfLog(time() - begun_, length_, time());
+        if (!ofLog.empty()) {
+            std::string files = wanted.written();
+            if (!options_.exported.empty()) files += (files.empty() ? "" : ", ") + options_.exported;
+            printError(fmt::format("missing: {}{}", ofLog, files.empty() ? "" : ": not whole: " + files));
+            cut_ = true;
+        }
         if (!report.missing.empty()) {
             printError("missing: " + report.missing);
             cut_ = true;
         }
+        if (!ofLog.empty()) report.missing = ofLog + (report.missing.empty() ? "" : ", " + report.missing);
         made_ = report.json();
-        return {};
     }
 
     /// Null if there is none to be made.
@@ -280,7 +315,7 @@ class Replaying {
     Replayer& replayer_;
     LogCheck check_;
     const double start_;
-    double time_ = 0;
+    double time_ = 0, begun_ = 0;  // now; when it began to play
     const double length_;
     const Resources resources_;
     bool more_ = false, cut_ = false;
@@ -362,7 +397,7 @@ int replay(const Command& command, const ReplayArguments& options) {
     checkTogether(command.given());
     if (auto ok = options.outputs.check(
             {options.log, options.diff, options.test.rerun},
-            {{"--export", options.exported, OutputKind::log}, {"--compact", options.compact, OutputKind::log}});
+            {{"--export", options.exported, OutputKind::capture}, {"--compact", options.compact, OutputKind::log}});
         !ok)
         return printError(ok.error()), kBad;
     if (!options.diff.empty()) return diff(options);
@@ -391,20 +426,27 @@ Verb addReplay(Command& program) {
                      "all of it, to the index that a session ends with; states are checked in any case");
     command->addOption("--seek", options->seek, "begin with the state so long after the log's start");
     command->addOption("--for", options->duration, "how much to play");
-    command->addOption("--diff", options->diff, "compare with another log, state by state");
-    command->addOption("--blame", options->blamed,
-                       "who changed NODE.field, when, and by which routes, as far as the log tells");
-    command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
-    command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
-    command->addOption("--compact", options->compact,
-                       "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
-    command->addOption("--every", options->every, "with --compact: so many frames become one")
-        ->preset()
-        ->range(std::uint64_t{1}, UINT64_MAX);
-    command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")->preset();
-    options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
-    options->test.addTo(*command);
     command->addFlag("--json", options->json, "the report as JSON");
+    {
+        const Command::Section section(*command, "In place of playing it");
+        command->addOption("--diff", options->diff, "compare with another log, state by state");
+        command->addOption("--blame", options->blamed,
+                           "who changed NODE.field, when, and by which routes, as far as the log tells");
+        command->addOption("--compact", options->compact,
+                           "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
+        command->addOption("--every", options->every, "with --compact: so many frames become one")
+            ->preset()
+            ->range(std::uint64_t{1}, UINT64_MAX);
+        command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")
+            ->preset();
+    }
+    options->outputs.addTo(*command, OutputArguments::Options::ofReplay);
+    {
+        const Command::Section section(*command, "What is made");
+        command->addOption("--export", options->exported, "MCAP file of it, for Foxglove: /tf, /scene, /rtsg/changes");
+        command->addFlag("--export-plain", options->exportPlain, "the MCAP's chunks uncompressed");
+    }
+    options->test.addTo(*command);
     command->footer(
         "Example: rtsg replay hall.rlog --verify\n"
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"

@@ -86,7 +86,7 @@ class RunMade {
     }
     /// To be called after each frame; false if it is useless to go on.
     bool follow(std::uint64_t frame) {
-        if (!arguments_.any()) return true;
+        if (!arguments_.any()) return !interrupted();
         if (frame == 0) {
             arguments_.sound.document = running_.file();
             auto attached = makeOutputs(running_.world(), arguments_, running_.resources());
@@ -100,11 +100,11 @@ class RunMade {
     }
     /// False, and said, if not all that was asked for is there.
     bool finish(bool complete) {
-        if (!arguments_.any()) return true;
+        if (!complete && interrupted() && !(outputs_ && outputs_->failed()))
+            printError(fmt::format("interrupted after {} of {} s", running_.time(), arguments_.seconds));
+        if (!arguments_.any()) return complete;
         if (!outputs_) return false;
         bool good = complete;
-        if (!complete && !outputs_->failed())
-            printError(fmt::format("interrupted after {} of {} s", running_.time(), arguments_.seconds));
         if (auto ok = outputs_->finish(); !ok) {
             printError(ok.error());
             good = false;
@@ -163,6 +163,7 @@ int runScene(const RunArguments& options) {
     if (!watches) return printError(watches.error()), kUsage;
     if (!watches->empty()) printEvents(running, *watches);
     RunMade made(running, options);
+    (void)interrupted();  // from here on an interruption ends in order: no line is cut
     const std::uint64_t frames = running.run(pace, "running " + options.scene, [&](std::uint64_t k, const auto& set) {
         if (options.hash) fmt::print("{{\"frame\":{},\"t\":{},\"hash\":\"{}\"}}\n", k, running.time(), set.hash.hex());
         return made.follow(k);

@@ -19,6 +19,7 @@
 #include <rtsg/sync/record_log.h>
 
 #include "files.h"
+#include "hints.h"
 #include "keyframes.h"
 #include "rotate.h"
 #include "running_scene.h"
@@ -57,7 +58,7 @@ Result<std::optional<MirrorKeys>> serverKeysFrom(const std::string& file) {
     if (file.empty()) return std::nullopt;
     if (!std::filesystem::exists(file)) {
         if (auto ok = MirrorKeys::generate(file); !ok) return std::unexpected(ok.error());
-        fmt::print(stderr, "new keys in {}: give a mirror a copy\n", file);
+        fmt::print(stderr, "new keys in {}: rtsg keys {} --client CLIENT.key makes those of a mirror\n", file, file);
     }
     auto keys = MirrorKeys::load(file);
     if (!keys) return std::unexpected(keys.error());
@@ -125,7 +126,7 @@ std::chrono::milliseconds millisecondsFrom(const std::string& duration) {
 
 /// All but what depends on the scene.
 Result<MirrorServerOptions> serverOptionsOf(const ServeArguments& options) {
-    if (const auto local = isLocalEndpoint(options.endpoint); !local) throw UsageError("--bind", local.error().text);
+    checkEndpoint("--bind", options.endpoint);
     MirrorServerOptions result;
     auto keys = serverKeysFrom(options.key);
     if (!keys) return std::unexpected(keys.error());
@@ -404,6 +405,36 @@ int serve(const ServeArguments& options, const std::vector<std::string>& given) 
     return session.close();
 }
 
+void addMirrors(Command& command, ServeArguments& options) {
+    const Command::Section section(command, "Mirrors");
+    command.addOption("--key", options.key, "key file: encrypts, and lets in only those listed; made if missing");
+    command.addFlag("--insecure", options.insecure, "serve other machines without keys");
+    command
+        .addOption("--upstream", options.upstream,
+                   "what mirrors may send, if the key file does not say it; code: edits of urls and Scripts too")
+        ->preset()
+        ->oneOf({"none", "events", "edits", "code"});
+    command.addOption("--peers", options.peers, "how many mirrors may follow")->preset();
+    command.addOption("--parts", options.parts, "how many different parts of the scene they may ask for")->preset();
+    command
+        .addOption("--mode", options.mode,
+                   "state: bit for bit; lossy: within --error while in motion; input: as state, and mirrors that ask "
+                   "for it get what comes into each frame and run it")
+        ->oneOf({"state", "lossy", "input"})
+        ->preset();
+    command.addOption("--error", options.error, "lossy: largest error, metres and radians; what rests is exact")
+        ->positive()
+        ->preset();
+    command.addOption("--coding", options.coding, "of values: raw, fastest; compact; smallest")
+        ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
+        ->preset();
+    command.addOption("--max-rate", options.maxRate, "most bytes a second to each mirror, as 1MB; 0: any")
+        ->bytes()
+        ->preset();
+    command.addOption("--block", options.block, "how long a mirror that asks for it may hold up a frame")->preset();
+    command.addOption("--linger", options.linger, "how long mirrors may catch up at the end")->preset();
+}
+
 }  // namespace
 
 Verb addServe(Command& program) {
@@ -418,43 +449,21 @@ Verb addServe(Command& program) {
     command->addOption("--bind", options->endpoint, "ZeroMQ endpoint; * picks a free port")->preset();
     command->addOption("--for", options->duration, "how long; else until Ctrl-C");
     command->addOption("--fps", options->fps, "frames a second")->preset()->range(1e-3, 1e4);
-    command
-        ->addOption("--mode", options->mode,
-                    "state: bit for bit; lossy: within --error while in motion; input: as state, and mirrors that ask "
-                    "for it get what comes into each frame and run it")
-        ->oneOf({"state", "lossy", "input"})
-        ->preset();
-    command->addOption("--error", options->error, "lossy: largest error, metres and radians; what rests is exact")
-        ->positive()
-        ->preset();
-    command->addOption("--coding", options->coding, "of values: raw, fastest; compact; smallest")
-        ->oneOf(std::vector<std::string>(kCodingNames.begin(), kCodingNames.end()))
-        ->preset();
-    command->addOption("--record", options->record, "log to write as well (.rlog)");
-    options->keyframes.addTo(*command);
-    options->rotate.addTo(*command);
+    options->start.addTo(*command);
+    command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
+    command->addOption("--await", options->await, "begin with the first frame when so many mirrors follow")->preset();
+    addMirrors(*command, *options);
+    {
+        const Command::Section section(*command, "Log");
+        command->addOption("--record", options->record, "log to write as well (.rlog)");
+        options->keyframes.addTo(*command);
+        options->rotate.addTo(*command);
+        addForce(*command, options->force);
+    }
     options->log.addTo(*command);
     options->web.addTo(*command);
-    addForce(*command, options->force);
-    command->addOption("--key", options->key, "key file: encrypts, and lets in only those listed; made if missing");
-    command->addOption("--linger", options->linger, "how long mirrors may catch up at the end")->preset();
-    command
-        ->addOption("--upstream", options->upstream,
-                    "what mirrors may send, if the key file does not say it; code: edits of urls and Scripts too")
-        ->preset()
-        ->oneOf({"none", "events", "edits", "code"});
-    command->addOption("--peers", options->peers, "how many mirrors may follow")->preset();
-    command->addOption("--parts", options->parts, "how many different parts of the scene they may ask for")->preset();
-    command->addOption("--max-rate", options->maxRate, "most bytes a second to each mirror, as 1MB; 0: any")
-        ->bytes()
-        ->preset();
-    command->addOption("--await", options->await, "begin with the first frame when so many mirrors follow")->preset();
-    command->addOption("--block", options->block, "how long a mirror that asks for it may hold up a frame")->preset();
-    command->addFlag("--insecure", options->insecure, "serve other machines without keys");
-    options->start.addTo(*command);
     options->resources.addTo(*command);
     options->network.addTo(*command);
-    command->addFlag("--json", options->json, "first the endpoint, then the summary as JSON lines");
     command->footer(
         "Example: rtsg serve hall.x3dv --bind tcp://127.0.0.1:4711 --for 20s --record hall.rlog\n"
         "Example: rtsg serve --resume hall.rlog --bind tcp://127.0.0.1:4711 --for 20s\n"

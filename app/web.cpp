@@ -12,21 +12,17 @@
 namespace rtsg::app {
 
 void WebArguments::addTo(Command& command) {
-    const std::string group = "Browsers";
-    command
-        .addOption("--web", listen,
-                   "PORT, or ADDRESS:PORT beyond this machine: a page that follows, shows and compares; 0 picks a port")
-        ->group(group);
-    command
-        .addOption("--web-token", token,
-                   "what a browser has to know; beyond this machine one is made up if none is given, and printed with "
-                   "the page's address")
-        ->group(group);
-    command
-        .addOption("--web-cert", certificate,
-                   "PEM file: serve by TLS with this certificate (and those that vouch for it)")
-        ->group(group);
-    command.addOption("--web-key", privateKey, "PEM file: its private key")->group(group);
+    const Command::Section section(command, "Browsers");
+    command.addOption(
+        "--web", listen,
+        "PORT, or ADDRESS:PORT beyond this machine: a page that follows, shows and compares; 0 picks a port");
+    command.addOption(
+        "--web-token", token,
+        "what a browser has to know; beyond this machine one is made up if none is given, and printed with "
+        "the page's address");
+    command.addOption("--web-cert", certificate,
+                      "PEM file: serve by TLS with this certificate (and those that vouch for it)");
+    command.addOption("--web-key", privateKey, "PEM file: its private key");
 }
 
 void WebArguments::check() const {

@@ -17,6 +17,8 @@ function(rtsg_library name)
   add_library(rtsg_${name} STATIC ${sources})
   add_library(rtsg::${name} ALIAS rtsg_${name})
   set_target_properties(rtsg_${name} PROPERTIES EXPORT_NAME ${name} LINKER_LANGUAGE CXX)
+  # Headers need it, so programs that use an installed copy need not name a standard.
+  target_compile_features(rtsg_${name} PUBLIC cxx_std_23)
   target_include_directories(rtsg_${name} PUBLIC
     "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>" "$<INSTALL_INTERFACE:include>"
     PRIVATE src)

@@ -11,7 +11,7 @@ int main(int argc, char** argv) {
     if (argc != 3) return std::cerr << "usage: 02_render_picture SCENE PICTURE\n", 2;
     rtsg::Scene scene;
     rtsg::Diagnostics diagnostics;
-    const bool loaded = rtsg::loadFile(scene, argv[1], diagnostics);
+    const bool loaded = rtsg::loadFile(scene, argv[1], diagnostics);  // true as well if only a part is usable
     for (const rtsg::Diagnostic& d : diagnostics.all()) std::cerr << d.format() << '\n';
     if (!loaded) return 1;
 

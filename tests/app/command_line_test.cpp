@@ -49,6 +49,12 @@ TEST_F(Usage, PickAnswersAsJson) {
     EXPECT_EQ(seen["path"], (json{"T", "B"}));
     EXPECT_EQ(json::parse(rtsg({"pick", scene, "--json", "--pixel", "1", "1", "--size", "120x90"}).out)["hit"], false);
     EXPECT_EQ(rtsg({"pick", scene, "--pixel", "1", "1", "--size", "12"}).status, 2);
+    for (const auto& [x, y] : {std::pair{"120", "45"}, {"60", "90"}, {"-1", "45"}, {"60", "-0.1"}}) {
+        const Outcome outside = rtsg({"pick", scene, "--pixel", x, y, "--size", "120x90"});
+        EXPECT_EQ(outside.status, 2) << x << ' ' << y;
+        EXPECT_THAT(outside.err, HasSubstr("is outside a picture of 120 x 90"));
+    }
+    EXPECT_EQ(rtsg({"pick", scene, "--pixel", "119.9", "89.9", "--size", "120x90"}).status, 0);
     EXPECT_EQ(rtsg({"pick", scene}).status, 2);
     EXPECT_EQ(rtsg({"pick", scene, "--ray", "0", "0", "0", "0", "0", "0"}).status, 2);
 }
@@ -272,6 +278,18 @@ TEST_F(Convert, RoundTripsKeepTheState) {
     for (const std::string& name : {xml, packed, back}) EXPECT_EQ(hash(name), hash(file)) << name;
 }
 
+TEST_F(Convert, StandardOutputHasTheEncodingThatIsAskedFor) {
+    for (const std::string encoding : {"x3d", "x3dv", "wrl", "json"}) {
+        const std::string name = folder / ("a." + encoding);
+        ASSERT_EQ(rtsg({"convert", file, name}).status, 0);
+        EXPECT_EQ(rtsg({"convert", file, "-", "--encoding", encoding}).out, readFile(name)) << encoding;
+        const Outcome twice = rtsg({"convert", file, name, "--encoding", encoding, "--force"});
+        EXPECT_EQ(twice.status, 2);
+        EXPECT_THAT(twice.err, HasSubstr("is of -, standard output"));
+    }
+    EXPECT_EQ(rtsg({"convert", file, "-"}).out, readFile(folder / "a.x3dv"));
+}
+
 TEST_F(Convert, BadInputIsStatusOne) {
     const std::string bad = folder / "bad.x3d";
     writeFile(bad, "<X3D><Scene><Shape></Scene></X3D>");
@@ -332,6 +350,22 @@ TEST_F(Running, InjectsEvents) {
         toggled = toggled || (line.at("field") == "toggle" && line.at("value") == true);
     }
     EXPECT_TRUE(toggled) << outcome.out;
+}
+
+/// What has been said is whole lines, the program ends by itself, and says that there is less than was asked for.
+TEST_F(Running, AnInterruptionCutsNoLine) {
+    for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
+             {"run", file, "--for", "1e6s", "--watch", "*"}, {"run", file, "--for", "1e6s", "--hash", "--json"}}) {
+        Program program(arguments, streams());
+        program.firstLine();
+        std::this_thread::sleep_for(std::chrono::milliseconds(50));
+        program.signal(SIGINT);
+        const Outcome outcome = program.wait();
+        EXPECT_EQ(outcome.status, 1) << outcome.err;
+        EXPECT_THAT(outcome.err, ContainsRegex("interrupted after [0-9.]+ of 1000000 s"));
+        EXPECT_TRUE(outcome.out.ends_with("}\n")) << lastLine(outcome.out);
+        EXPECT_GT(jsonLines(outcome.out).size(), 1u);
+    }
 }
 
 TEST_F(Running, HashesEveryFrame) {

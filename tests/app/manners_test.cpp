@@ -136,6 +136,65 @@ TEST_F(Manners, SaysWhatWasMeant) {
     EXPECT_THAT(said({"render"}), HasSubstr("rtsg help render"));
 }
 
+/// Who comes from other programs.
+TEST_F(Manners, UsualSlipsGetAHint) {
+    const std::string picture = folder / "a.png";
+    using Arguments = std::vector<std::string>;
+    for (const auto& [arguments, hint] : std::vector<std::pair<Arguments, std::string>>{
+             {{"-v"}, "--version"},
+             {{"version"}, "rtsg --version"},
+             {{"view", file}, "rtsg serve SCENE --web 8080"},
+             {{"connect", "localhost"}, "rtsg mirror ENDPOINT"},
+             {{file}, "rtsg info " + file},
+             {{"tcp://127.0.0.1:1"}, "rtsg mirror tcp://127.0.0.1:1"},
+             {{"render", file, "-o", picture, "--width", "640"}, "--size 1280x720"},
+             {{"render", file, "-o", picture, "--camera", "FRONT"}, "--viewpoint"},
+             {{"render", file, picture}, "-o " + picture},
+             {{"listen", file, folder / "a.wav"}, "-o " + (folder / "a.wav")},
+             {{"run", file, "--duration", "2s"}, "--for"},
+             {{"run", file, "--time", "2s"}, "--for"},
+             {{"convert", file, "-", "--to", "json"}, "--encoding"},
+             {{"record", file, "-o", folder / "a.rlog", "-f"}, "--force"},
+             {{"replay", folder / "a.rlog", "--start", "2s"}, "--seek"},
+             {{"run", file, "--start", "2s"}, "--at"},
+             {{"mirror", "localhost:5570"}, "tcp://127.0.0.1:5570"},
+             {{"mirror", "http://example.org:5570/"}, "tcp://example.org:5570"},
+             {{"mirror", "10.0.0.1"}, "tcp://10.0.0.1:5570"},
+             {{"mirror", file}, "rtsg serve " + file},
+             {{"serve", file, "--bind", "5571"}, "tcp://127.0.0.1:5571"},
+             {{"serve", file, "--bind", "tcp://localhost:5571"}, "tcp://127.0.0.1:5571"},
+             {{"serve", file, "--port", "5571"}, "--bind tcp://127.0.0.1:5570"},
+             {{"relay", ":5570"}, "tcp://127.0.0.1:5570"},
+             {{"relay", "tcp://127.0.0.1:1", "--bind", "*:5571"}, "tcp://*:5571"},
+         }) {
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
+        EXPECT_THAT(outcome.err, HasSubstr("did you mean " + hint)) << testing::PrintToString(arguments);
+    }
+    EXPECT_THAT(rtsg({"--for", "5", "run", file}).err,
+                HasSubstr("--for stands before the verb: options of a verb stand behind it"));
+    for (const Arguments& unclear : std::vector<Arguments>{{"mirror", "nonsense"}, {"mirror", "a b"}, {"run", "--zzz"}})
+        EXPECT_THAT(rtsg(unclear).err, Not(HasSubstr("did you mean"))) << testing::PrintToString(unclear);
+}
+
+/// A long list is read from its top: what it is for, then its options by what they are about.
+TEST_F(Manners, HelpBeginsWithExamplesAndHasSections) {
+    for (const std::string& verb : verbs()) {
+        const std::string help = rtsg({verb, "--help"}).out;
+        const std::size_t example = help.find("\nExample: rtsg " + verb), options = help.find("\nOptions:\n");
+        EXPECT_LT(help.find("Usage: rtsg " + verb), example) << verb;
+        EXPECT_LT(example, options) << verb;
+        std::istringstream lines(help);
+        std::string line;
+        int inSection = 0, most = 0;
+        while (std::getline(lines, line)) {
+            inSection = line.ends_with(":") && !line.starts_with(" ") ? 0 : inSection + line.starts_with("  -");
+            most = std::max(most, inSection);
+        }
+        EXPECT_LE(most, 20) << verb;
+    }
+}
+
 TEST_F(Manners, WithoutAVerbTheVerbsAreNamed) {
     const Outcome bare = rtsg({});
     EXPECT_EQ(bare.status, 2);
@@ -275,6 +334,11 @@ TEST_F(Manners, InfoDescribesALog) {
     EXPECT_EQ(whole.at("keyframes"), 1);
     EXPECT_EQ(whole.at("sessions"), 1);
     EXPECT_EQ(whole.at("duration_s"), 1);
+    EXPECT_EQ(whole.at("begins"), "2000-01-01T00:00:00Z");
+    EXPECT_THAT(rtsg({"info", log}).out, HasSubstr("time       1 s, from 2000-01-01T00:00:00Z on\n"));
+    const std::string other = folder / "dated.rlog";
+    ASSERT_EQ(rtsg({"record", file, "-o", other, "--for", "0s", "--at", "2026-11-20T12:34:56.25Z"}).status, 0);
+    EXPECT_EQ(json::parse(rtsg({"info", other, "--json"}).out).at("begins"), "2026-11-20T12:34:56.25Z");
     EXPECT_EQ(whole.at("bytes"), std::filesystem::file_size(log));
     EXPECT_EQ(whole.at("damaged"), 0);
     EXPECT_EQ(whole.at("closed"), true);

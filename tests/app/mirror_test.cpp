@@ -507,6 +507,53 @@ TEST_F(Mirror, KeysLetInOnlyThoseWhoHaveThem) {
     EXPECT_EQ(server->wait().status, 0);
 }
 
+TEST_F(Mirror, KeyFilesAreMadeForEachSide) {
+    const std::string keys = folder / "hall.key", one = folder / "one.key", two = folder / "two.key";
+    const Outcome made = rtsg({"keys", keys, "--client", one});
+    EXPECT_EQ(made.status, 0) << made.err;
+    EXPECT_THAT(made.out, HasSubstr(one + ": for rtsg mirror --key"));
+    EXPECT_EQ(rtsg({"keys", keys, "--client", two, "--upstream", "events", "--name", "Kim Doe"}).status, 0);
+    EXPECT_THAT(readFile(keys), testing::ContainsRegex("\nclient-public .{40} events Kim Doe\n"));
+    EXPECT_THAT(readFile(one), testing::Not(HasSubstr("server-secret")));
+    EXPECT_EQ(std::filesystem::status(one).permissions(),
+              std::filesystem::perms::owner_read | std::filesystem::perms::owner_write);
+    serve({"--for", "5s", "--linger", "0", "--key", keys}, "tcp://127.0.0.1:*");
+    Program first({"mirror", "--json", endpoint, "--key", one, "--for", "300ms", "--wait", "60s"}, streams());
+    Program second({"mirror", "--json", endpoint, "--key", two, "--for", "300ms", "--wait", "60s", "--set",
+                    "FLAG.set_boolean=TRUE@0"},
+                   streams());
+    for (Program* mirror : {&first, &second}) {
+        const Outcome followed = mirror->wait();
+        EXPECT_EQ(followed.status, 0) << followed.err;
+    }
+    const Outcome without = rtsg({"mirror", endpoint, "--wait", "500ms"});
+    EXPECT_EQ(without.status, 1);
+    // Nothing is replaced, and what cannot be meant makes no file.
+    const std::string before = readFile(keys), own = readFile(one);
+    EXPECT_EQ(rtsg({"keys", keys}).status, 1);
+    EXPECT_EQ(rtsg({"keys", keys, "--client", one}).status, 1);
+    EXPECT_EQ(rtsg({"keys", one, "--client", folder / "three.key"}).status, 1) << "no server's";
+    EXPECT_EQ(rtsg({"keys", keys, "--client", folder / "three.key", "--name", "Kim"}).status, 2);
+    EXPECT_EQ(rtsg({"keys", keys, "--upstream", "code"}).status, 2);
+    EXPECT_EQ(readFile(keys), before);
+    EXPECT_EQ(readFile(one), own);
+    EXPECT_FALSE(std::filesystem::exists(folder / "three.key"));
+}
+
+/// It has what it came for: its server is not to take it for lost, nor keep its place.
+TEST_F(Mirror, LeavesWhenItHasSeenEnoughThoughItStillDraws) {
+    serve({"--for", "60s", "--peers", "1"}, "ipc://" + folder / "one");
+    const std::string drawing = streams();
+    Program first({"mirror", endpoint, "--for", "200ms", "--wait", "60s", "--render", folder / "a%d.png", "--fps", "10",
+                   "--size", "1920x1080", "--integrator", "path", "--spp", "100000"},
+                  drawing);
+    while (!std::filesystem::exists(drawing + ".out")) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    std::this_thread::sleep_for(std::chrono::milliseconds(200));  // it is first, if only most often
+    const Outcome second = rtsg({"mirror", "--json", endpoint, "--for", "200ms", "--wait", "20s"});
+    EXPECT_EQ(second.status, 0) << second.err;
+    EXPECT_EQ(readFile(drawing + ".out"), "") << "the first one still draws";
+}
+
 TEST_F(Mirror, ServerRefusesToBeOpenToOthersWithoutKeys) {
     const Outcome outcome = rtsg({"serve", file, "--bind", "tcp://0.0.0.0:*", "--for", "100ms"});
     EXPECT_EQ(outcome.status, 1);

@@ -90,6 +90,11 @@ TEST_F(NothingIsLost, WhatTheSceneUsesIsNotOverwritten) {
     ASSERT_EQ(rtsg({"render", file, "-o", picture, "--size", "8x8"}).status, 0);
     ASSERT_EQ(rtsg({"listen", file, "-o", sound, "--for", "0.1s", "--rays", "10"}).status, 0);
     fs::create_symlink(picture, folder / "link.png");
+    writeFile(folder / "part.xml", "<X3D profile='Immersive' version='4.0'><Scene><Group/></Scene></X3D>");
+    fs::copy_file(folder / "part.xml", folder / "part.html");
+    writeFile(folder / "pages.x3dv",
+              "#X3D V4.0 utf8\nPROFILE Immersive\nInline { url \"part.xml\" }\nInline { url \"part.html\" }\n");
+    ASSERT_EQ(rtsg({"record", folder / "pages.x3dv", "-o", folder / "pages.rlog", "--for", "0.1s"}).status, 0);
     const std::string log2 = folder / "given.rlog";
     ASSERT_EQ(rtsg({"record", given, "-o", log2, "--for", "0.2s"}).status, 0);
     writeFile(folder / "user.x3dv", "#X3D V4.0 utf8\nPROFILE Immersive\nInline { url \"model.ply\" }\n");
@@ -117,8 +122,9 @@ TEST_F(NothingIsLost, WhatTheSceneUsesIsNotOverwritten) {
              {"replay", log2, "--render", picture},
              {"replay", log2, "--live", "--render", picture},
              {"replay", log2, "--listen", sound},
-             {"replay", log2, "--verify", "--junit", sound, "--force"},
-             {"replay", log2, "--rerun", given, "--page", picture, "--force"},
+             {"replay", folder / "pages.rlog", "--verify", "--junit", folder / "part.xml", "--force"},
+             {"replay", folder / "pages.rlog", "--rerun", folder / "pages.x3dv", "--page", folder / "part.html",
+              "--force"},
          }) {
         const Outcome outcome = rtsg(arguments);
         EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments) << outcome.err;
@@ -144,7 +150,9 @@ TEST_F(NothingIsLost, ABrokenSceneIsNoReferenceForATest) {
 TEST_F(NothingIsLost, LogsAndScenesAreReplacedOnlyByForce) {
     const std::string other = folder / "other.x3dv", kept = folder / "kept.rlog", recorded = readFile(log);
     writeFile(other, "precious");
+    const std::string capture = folder / "kept.mcap";
     fs::copy_file(log, kept);
+    fs::copy_file(log, capture);
     for (const std::vector<std::string>& arguments : std::vector<std::vector<std::string>>{
              {"convert", file, other},
              {"record", file, "-o", log},
@@ -152,7 +160,7 @@ TEST_F(NothingIsLost, LogsAndScenesAreReplacedOnlyByForce) {
              {"mirror", "ipc://" + folder / "nobody", "--record", log},
              {"mirror", "ipc://" + folder / "nobody", "--save", other},
              {"replay", log, "--save", other},
-             {"replay", log, "--export", kept},
+             {"replay", log, "--export", capture},
              {"replay", log, "--compact", kept},
          }) {
         const Outcome outcome = rtsg(arguments);
@@ -550,12 +558,11 @@ TEST_F(Ends, APartThatDoesNotExistIsStatusOne) {
 
 /// A name that was meant for another option.
 TEST_F(NothingIsLost, AReportReplacesNoSceneOrLog) {
-    const std::string scene = readFile(file), kept = folder / "kept.rlog", report = folder / "old.xml";
+    const std::string scene = readFile(file), kept = folder / "kept.xml", report = folder / "old.xml";
     fs::copy_file(log, kept);
-    fs::copy_file(file, folder / "other.x3dv");
-    writeFile(folder / "named.txt", scene);
+    writeFile(folder / "named.xml", scene);
     writeFile(report, "<?xml version='1.0'?><testsuites></testsuites>");
-    for (const std::string& there : {kept, folder / "other.x3dv", folder / "named.txt"}) {
+    for (const std::string& there : {kept, folder / "named.xml"}) {
         const std::string before = readFile(there);
         const Outcome outcome = rtsg({"replay", log, "--rerun", file, "--junit", there});
         EXPECT_EQ(outcome.status, 1) << there;
@@ -566,7 +573,7 @@ TEST_F(NothingIsLost, AReportReplacesNoSceneOrLog) {
     EXPECT_THAT(readFile(report), HasSubstr("states"));
     EXPECT_EQ(rtsg({"replay", log, "--rerun", file, "--junit", kept, "--force"}).status, 0);
     // A test whose scene cannot be loaded knows of no sound that the scene would use.
-    const std::string sound = folder / "tone.wav";
+    const std::string sound = folder / "tone.xml";
     writeFile(sound, std::string("RIFF\0\0\0\0WAVE", 12));
     const Outcome outcome = rtsg({"replay", log, "--rerun", folder / "none.x3dv", "--junit", sound});
     EXPECT_EQ(outcome.status, 1);
@@ -574,7 +581,8 @@ TEST_F(NothingIsLost, AReportReplacesNoSceneOrLog) {
     EXPECT_EQ(readFile(sound).size(), 12U);
 }
 
-/// --force is of the log that was there: a log knows of no files that its scene uses before it is played.
+/// A sound or a picture of a scene, say, which no log knows before it is played: nothing of another kind has the name
+/// of a log.
 TEST_F(NothingIsLost, ALogTakesThePlaceOfLogsOnly) {
     const std::string sound = folder / "tone.wav", damaged = folder / "damaged.rlog", mcap = folder / "old.mcap";
     for (const std::string& there : {sound, folder / "part.x3dv"}) {
@@ -587,18 +595,63 @@ TEST_F(NothingIsLost, ALogTakesThePlaceOfLogsOnly) {
                  {"serve", file, "--record", there, "--for", "0.1s", "--force"},
              }) {
             const Outcome outcome = rtsg(arguments);
-            EXPECT_EQ(outcome.status, 1) << testing::PrintToString(arguments);
-            EXPECT_THAT(outcome.err, HasSubstr("takes the place of logs only")) << testing::PrintToString(arguments);
+            EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments);
             EXPECT_EQ(readFile(there), "what somebody made") << testing::PrintToString(arguments);
         }
     }
     writeFile(damaged, "no log any more");
-    writeFile(folder / "empty", "");
-    fs::copy_file(log, folder / "unnamed");
-    for (const std::string& there : {damaged, folder / "empty", folder / "unnamed"})
+    writeFile(folder / "empty.rlog", "");
+    for (const std::string& there : {damaged, folder / "empty.rlog"})
         EXPECT_EQ(rtsg({"replay", log, "--compact", there, "--force"}).status, 0) << there;
     EXPECT_EQ(rtsg({"replay", log, "--export", mcap}).status, 0);
     EXPECT_EQ(rtsg({"replay", log, "--export", mcap, "--force"}).status, 0);
+}
+
+/// Each option that names a file which is written, in each verb that has it.
+TEST_F(NothingIsLost, NamesOfEachKindEndAsItsFilesDo) {
+    const std::string endpoint = "ipc://" + folder / "nobody";
+    const std::vector<std::string> run{"run", file}, mirror{"mirror", endpoint}, replay{"replay", log},
+        listen{"listen", file}, rerun{"replay", log, "--rerun", file};
+    const std::vector<std::pair<std::vector<std::string>, std::string>> options = {
+        {{"convert", file}, ""},
+        {{"render", file}, "-o"},
+        {{"record", file}, "-o"},
+        {{"serve", file, "--for", "0.1s"}, "--record"},
+        {listen, "-o"},
+        {listen, "--ir"},
+        {listen, "--report"},
+        {listen, "--stream-out"},
+        {run, "--render"},
+        {run, "--listen"},
+        {run, "--save"},
+        {mirror, "--render"},
+        {mirror, "--listen"},
+        {mirror, "--record"},
+        {mirror, "--save"},
+        {replay, "--render"},
+        {replay, "--listen"},
+        {replay, "--save"},
+        {replay, "--export"},
+        {replay, "--compact"},
+        {rerun, "--junit"},
+        {rerun, "--page"},
+        {rerun, "--expect-picture"},
+        {rerun, "--expect-sound"},
+    };
+    const auto before = files();
+    for (const auto& [verb, option] : options)
+        for (const std::string name : {"-", "name", "a.bat", "a.rlog.bak"}) {
+            if (option.empty() && name == "-") continue;  // standard output
+            std::vector<std::string> arguments = verb;
+            if (!option.empty()) arguments.push_back(option);
+            arguments.push_back(name == "-" ? name : folder / name);
+            const Outcome outcome = rtsg(arguments);
+            EXPECT_EQ(outcome.status, 2) << testing::PrintToString(arguments) << outcome.err;
+            EXPECT_THAT(outcome.err, HasSubstr(option.empty() ? "OUT: " : option + ": "));
+        }
+    EXPECT_EQ(files(), before);
+    // A device has the name that it has.
+    EXPECT_EQ(rtsg({"replay", log, "--export", "/dev/null"}).status, 0);
 }
 
 }  // namespace

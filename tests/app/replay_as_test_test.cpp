@@ -213,7 +213,7 @@ TEST_F(ReplayAsTest, ASceneFileRunsAsItsDocument) {
     ASSERT_EQ(rtsg({"record", "--at", "2020-01-01", file, "-o", later, "--for", "0.1s"}).status, 0);
     const Outcome back = rtsg({"render", "--at", "2000-01-01", later, "-o", other, "--size", "48x32"});
     EXPECT_EQ(back.status, 1);
-    EXPECT_THAT(back.err, HasSubstr("--at: it begins with a state of a later time, 1577836800 s"));
+    EXPECT_THAT(back.err, HasSubstr("--at: it begins with a state of a later time, 2020-01-01T00:00:00Z"));
 }
 
 TEST_F(ReplayAsTest, AFailureLeavesAPageAndJUnitXml) {

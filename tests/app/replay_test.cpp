@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <sys/file.h>
 #include <unistd.h>
+#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "program.h"
@@ -284,6 +285,43 @@ TEST_F(Replay, ComparesLogsAndNamesTheField) {
     EXPECT_THAT(different.err, HasSubstr("PATH.keyValue"));
 }
 
+/// Neither of the two is the one that the other is to be like.
+TEST_F(Replay, DiffSaysTheSameBothWays) {
+    const std::string more = folder / "more.x3dv", longer = folder / "more.rlog";
+    writeFile(more, scene() +
+                        "DEF LAMP PointLight { }\nDEF BLINK TimeSensor { cycleInterval .3 loop TRUE }\n"
+                        "DEF WINK BooleanTrigger { }\nROUTE BLINK.cycleTime TO WINK.set_triggerTime\n"
+                        "ROUTE WINK.triggerTrue TO LAMP.set_on\n");
+    record(log, scene());
+    record(longer, readFile(more));
+    const auto swapped = [](std::string text) {
+        for (const auto& [from, to] : {std::pair{"first", "#"}, {"second", "first"}, {"#", "second"}})
+            for (std::size_t at = 0; (at = text.find(from, at)) != text.npos; at += std::strlen(to))
+                text.replace(at, std::strlen(from), to);
+        return text;
+    };
+    const auto compare = [&](const std::string& a, const std::string& b, const std::vector<std::string>& options) {
+        std::vector<std::string> arguments{"diff", a, b, "--json"};
+        arguments.insert(arguments.end(), options.begin(), options.end());
+        return rtsg(arguments);
+    };
+    for (const auto& [a, b] : {std::pair{file, more}, {log, longer}})
+        for (const std::vector<std::string>& options : std::vector<std::vector<std::string>>{
+                 {"--field", "LAMP.*"}, {"--field", "LAMP.on", "--field", "BOX.*"}, {"--ignore", "initial"}}) {
+            const Outcome there = compare(a, b, options), back = compare(b, a, options);
+            EXPECT_EQ(there.status, back.status) << testing::PrintToString(options) << there.err << back.err;
+            EXPECT_EQ(there.err, back.err);
+            EXPECT_EQ(there.out, swapped(back.out)) << testing::PrintToString(options);
+            if (a == file && options.front() == "--ignore") continue;  // nothing has happened in a document
+            EXPECT_EQ(there.status, 1) << testing::PrintToString(options);
+            EXPECT_THAT(there.out, HasSubstr("LAMP"));
+            EXPECT_THAT(there.out, HasSubstr("only in second"));
+        }
+    EXPECT_THAT(compare(log, longer, {"--field", "NOBODY.*"}).err, HasSubstr("no such field"));
+    // A log says what is to be tested: what a scene has besides is no difference of a rerun.
+    EXPECT_EQ(rtsg({"replay", log, "--rerun", more, "--field", "BOX.*"}).status, 0);
+}
+
 TEST_F(Replay, SeeksAndSaves) {
     record(log, scene());
     const std::string saved = folder / "half.x3dv";
@@ -296,6 +334,52 @@ TEST_F(Replay, SeeksAndSaves) {
     // The same picture as of the scene itself at that time.
     ASSERT_EQ(rtsg({"render", file, "-o", folder / "direct.png", "--time", "0.5", "--size", "24x16"}).status, 0);
     EXPECT_EQ(readFile(folder / "half.png"), readFile(folder / "direct.png"));
+}
+
+/// Status 0 means that all that was asked for is there.
+TEST_F(Replay, MoreOfALogThanThereIsIsStatusOneAndNamesWhatIsNotWhole) {
+    record(log, scene());  // of 1 s
+    const std::string saved = folder / "end.x3dv", mcap = folder / "end.mcap", shorter = folder / "end.rlog",
+                      wav = folder / "end.wav";
+    const std::string lacks = ".5 of 1 s of the log, which ends at t = 1 s";
+    using Arguments = std::vector<std::string>;
+    for (const auto& [more, files] : std::vector<std::pair<Arguments, std::string>>{
+             {{}, ""},
+             {{"--verify"}, ""},
+             {{"--save", saved}, saved},
+             {{"--export", mcap}, mcap},
+             {{"--listen", wav, "--rays", "20"}, wav},
+             {{"--render", folder / "end%02d.png", "--size", "8x8", "--fps", "4"}, "end%02d.png"},
+         }) {
+        Arguments arguments{"replay", "--json", log, "--seek", "0.5s", "--for", "1s"};
+        arguments.insert(arguments.end(), more.begin(), more.end());
+        const Outcome outcome = rtsg(arguments);
+        EXPECT_EQ(outcome.status, 1) << testing::PrintToString(more);
+        EXPECT_THAT(outcome.err, HasSubstr("missing: 0" + lacks)) << testing::PrintToString(more);
+        EXPECT_THAT(outcome.err, HasSubstr(files)) << testing::PrintToString(more);
+        EXPECT_THAT(json::parse(outcome.out).at("missing").get<std::string>(), HasSubstr(lacks));
+    }
+    EXPECT_THAT(readFile(saved), HasSubstr("translation 1 0 0")) << "the last state that there is";
+    const Outcome compacted = rtsg({"replay", "--json", log, "--compact", shorter, "--seek", "0.5s", "--for", "1s"});
+    EXPECT_EQ(compacted.status, 1);
+    EXPECT_THAT(compacted.err, HasSubstr("missing: 0" + lacks + ": " + shorter + " is shorter"));
+    EXPECT_EQ(json::parse(compacted.out).at("complete"), false);
+    EXPECT_EQ(rtsg({"replay", shorter, "--verify"}).status, 0) << "it is a whole log";
+    // All that there is is not more than there is.
+    for (const char* asked : {"--save", "--compact"})
+        EXPECT_EQ(rtsg({"replay", log, asked, asked == std::string("--save") ? saved : shorter, "--seek", "0.5s",
+                        "--for", "0.5s", "--force"})
+                      .status,
+                  0);
+    for (const char* made : {"--save", "--compact", "--export"}) {
+        const std::string name = folder / (made == std::string("--save")      ? "none.x3dv"
+                                           : made == std::string("--compact") ? "none.rlog"
+                                                                              : "none.mcap");
+        const Outcome beyond = rtsg({"replay", log, made, name, "--seek", "2s"});
+        EXPECT_EQ(beyond.status, 1);
+        EXPECT_THAT(beyond.err, HasSubstr("--seek 2s: the log ends at 1 s"));
+        EXPECT_FALSE(std::filesystem::exists(name));
+    }
 }
 
 /// What one use of it would not do is refused, before anything is opened or made.

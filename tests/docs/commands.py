@@ -97,7 +97,8 @@ def main():
         prepare(folder)
         # What the texts take for granted: files made earlier, by the commands that make them.
         for given in (["convert", "door.x3dv", "models/door.x3d"], ["convert", "door.x3dv", "old.wrl"], ["convert", "door.x3dv", "hall.wrl"],
-                      ["record", "hall.x3dv", "-o", "hall.rlog", "--for", "1s", "--fps", "10"],
+                      ["record", "hall.x3dv", "-o", "hall.rlog", "--for", "2s", "--fps", "10"],
+                      ["keys", "hall.key", "--client", "laptop.key"],
                       ["record", "door.x3dv", "-o", "door.rlog", "--for", "3s", "--fps", "30", "--set", "PRESSED.set_boolean=TRUE@0.5"]):
             made = run(program, given, folder)
             if made.returncode != 0:
@@ -124,6 +125,9 @@ def main():
             if arguments[0] == "record" or "--record" in arguments:
                 made = arguments[arguments.index("-o" if arguments[0] == "record" else "--record") + 1]
                 (folder / made).unlink(missing_ok=True)
+            if arguments[0] == "keys":
+                for made in arguments[1], arguments[arguments.index("--client") + 1]:
+                    (folder / made).unlink(missing_ok=True)
             if "--update" in arguments:
                 (folder / arguments[1]).unlink(missing_ok=True)
             if arguments[0] == "serve" and "--upstream" in arguments and not arguments[1].endswith(".rlog"):
@@ -133,7 +137,8 @@ def main():
             if arguments[0] == "relay":
                 arguments[arguments.index("--bind") + 1] = free_endpoint()
             if arguments[0] in ("mirror", "relay"):
-                server = subprocess.Popen([program, "serve", *scene, "--bind", endpoint, "--for", "20s", "--fps", "10"], cwd=folder,
+                secret = ["--key", "hall.key"] if "--key" in arguments else []
+                server = subprocess.Popen([program, "serve", *scene, *secret, "--bind", endpoint, "--for", "20s", "--fps", "10"], cwd=folder,
                                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             try:
                 done = run(program, arguments, folder)

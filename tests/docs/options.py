@@ -23,7 +23,7 @@ def help_of(program, *verb):
 def options(text):
     """The names of each option, as a line of --help begins with them: "-o,--output TEXT ..."."""
     for line in text.splitlines():
-        names = re.match(rf" +({NAME}(?:, ?{NAME})*)(?=\s|$)", line)
+        names = re.match(rf"  ({NAME}(?:, ?{NAME})*)(?=\s|$)", line)
         if names:
             yield re.split(", ?", names[1])
 

@@ -10,6 +10,21 @@ step("${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${WORK}/prefix")
 step("${CMAKE_COMMAND}" -G "${GENERATOR}" "-DCMAKE_CXX_COMPILER=${COMPILER}" -S "${SOURCE}/tests/install" -B "${WORK}/build" "-DCMAKE_PREFIX_PATH=${WORK}/prefix" ${FLAGS})
 step("${CMAKE_COMMAND}" --build "${WORK}/build")
 step("${WORK}/build/consumer")
+
+# The project that the docs show, with the example that they show below it.
+file(READ "${SOURCE}/docs/getting-started.md" page)
+string(FIND "${page}" "cmake_minimum_required" begin)
+string(SUBSTRING "${page}" ${begin} -1 project)
+string(FIND "${project}" "\n```\n" end)
+string(SUBSTRING "${project}" 0 ${end} project)
+file(WRITE "${WORK}/shown/CMakeLists.txt" "${project}")
+configure_file("${SOURCE}/examples/02_render_picture.cpp" "${WORK}/shown/mine.cpp" COPYONLY)
+step("${CMAKE_COMMAND}" -G "${GENERATOR}" "-DCMAKE_CXX_COMPILER=${COMPILER}" -S "${WORK}/shown" -B "${WORK}/shown/build" "-DCMAKE_PREFIX_PATH=${WORK}/prefix" ${FLAGS})
+step("${CMAKE_COMMAND}" --build "${WORK}/shown/build")
+
+# The man page is that of this program, whichever targets were built.
+execute_process(COMMAND "${WORK}/prefix/bin/rtsg" help --man OUTPUT_FILE "${WORK}/rtsg.1")
+step("${CMAKE_COMMAND}" -E compare_files "${WORK}/rtsg.1" "${WORK}/prefix/share/man/man1/rtsg.1")
 step("${CMAKE_CTEST_COMMAND}" --test-dir "${WORK}/build" --output-on-failure --no-tests=error)
 
 # Image files come as modules, PNG files by one of their own: the installed program finds them, and says what is missing without them.

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """What a newcomer runs first: the demonstration, shortened. Its proofs hold, and its report is one page that stands alone."""
 import html.parser
+import json
 import os
 import subprocess
 import sys
@@ -13,9 +14,10 @@ class Page(html.parser.HTMLParser):
 
     def __init__(self):
         super().__init__()
-        self.loaded, self.linked, self.text = [], [], ""
+        self.loaded, self.linked, self.text, self.tags = [], [], "", []
 
     def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
         for name, value in attributes:
             if name in ("src", "srcset", "data", "poster") or name == "href" and tag != "a":
                 self.loaded.append((tag, value))
@@ -45,8 +47,28 @@ def test_its_proofs_hold_and_its_page_stands_alone(user):
     for link in page.linked:
         check((out / link).is_file(), f"the page links to {link}, which is not there")
     check("FAILED" not in page.text, "a proof failed")
+    said = [line for line in ran.stderr.splitlines() if not line.startswith(("1/4", "2/4", "3/4", "4/4", "note: the sound exceeded"))]
+    equal(said, [], "what a good run says on standard error besides")
     version = subprocess.run([user.program, "--version"], capture_output=True, text=True).stdout.strip()
     check(version in page.text, f"the page names the version, {version}")
+
+
+def test_its_page_is_for_people(user):
+    out, ran = demo(user, SECONDS_TO_RUN="3", FPS="30")
+    text = (out / "report.html").read_text()
+    page = Page()
+    page.feed(text)
+    # A page of the 12 s that the demonstration has by default is 5 MB at most: pictures, film and sound take four times as much there.
+    check(len(text) < 2_000_000, f"the page has {len(text)} bytes")
+    named = lambda tag: [attributes for name, attributes in page.tags if name == tag]
+    equal(len(named("figure")), 5, "figures: the large picture, three small ones, the film")
+    equal(len(named("figcaption")), 5, "captions")
+    check(named("video")[0].get("poster", "").startswith("data:image/"), "the film has a poster")
+    check("±" in page.text, "figures have their intervals")
+    check(any("below" in attributes.get("class", "") for attributes in named("td")), "octaves below the Schroeder frequency are grey")
+    serve = json.loads((out / "serve.jsonl").read_text().splitlines()[-1])
+    check(f"Why {serve['frames']:,}" in page.text and f"number {serve['sequence']:,}" in page.text, "frames, states and their numbers are told apart")
+    equal(serve["lost"], 0, "mirrors that the server lost")
 
 
 def test_what_others_made_is_left_alone(user):

@@ -463,6 +463,7 @@ ${far.map((i) => `ROUTE WAY.value_changed TO FAR${i}.set_translation`).join('\n'
     allEqual(await counts(page));
     await stop(next);
     await until(page, () => document.getElementById('connection').dataset.state === 'left');
+    assert.equal(await page.textContent('#verdict'), 'not compared now');
     const other = await serve(door, '--web', port);
     await until(page, () => document.getElementById('connection').dataset.state === 'following' && rtsg.mirror.count.keyframes > 1);
     allEqual(await counts(page));

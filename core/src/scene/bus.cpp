@@ -35,12 +35,17 @@ class Reports {
     void setReporter(std::function<void(const Diagnostic&)> reporter) {
         const std::scoped_lock lock(mutex_);
         reporter_ = std::move(reporter);
+        chosen_ = true;
     }
     void report(Diagnostic diagnostic) {
         std::function<void(const Diagnostic&)> reporter;
         {
             const std::scoped_lock lock(mutex_);
-            if (!reporter_) return kept_.add(std::move(diagnostic));
+            if (!reporter_) {
+                // Who chose nothing might look nowhere, and wonder why the subscriber gets no more sets.
+                if (!chosen_) tell(diagnostic);
+                return kept_.add(std::move(diagnostic));
+            }
             reporter = reporter_;
         }
         reporter(diagnostic);  // without the lock: it may set another one
@@ -53,8 +58,21 @@ class Reports {
     }
 
   private:
+    /// A text may be a scene's: nothing in it gives a terminal orders (C0, and C1 in UTF-8).
+    static void tell(const Diagnostic& diagnostic) {
+        std::string line = diagnostic.format();
+        for (std::size_t i = 0; i < line.size(); ++i) {
+            const auto byte = static_cast<unsigned char>(line[i]);
+            const bool second = i > 0 && line[i - 1] == '\xc2' && byte >= 0x80 && byte < 0xa0;
+            if (byte < 0x20 || byte == 0x7f) line[i] = '?';
+            if (second) line[i - 1] = line[i] = '?';
+        }
+        fmt::print(stderr, "{}\n", line);
+    }
+
     std::mutex mutex_;
     std::function<void(const Diagnostic&)> reporter_;
+    bool chosen_ = false;  // a reporter, or none
     Diagnostics kept_;
 };
 

@@ -205,11 +205,12 @@ struct DocumentFileWriter::File {
 DocumentFileWriter::~DocumentFileWriter() = default;
 
 Result<std::unique_ptr<DocumentFileWriter>> DocumentFileWriter::create(const std::filesystem::path& file,
-                                                                       Diagnostics& diagnostics, Existing existing) {
+                                                                       Diagnostics& diagnostics, Existing existing,
+                                                                       Encoding ofStandardOutput) {
     std::unique_ptr<DocumentFileWriter> result(new DocumentFileWriter);
     result->file_ = std::make_unique<File>();
     File& out = *result->file_;
-    Encoding encoding = Encoding::classicVrml;
+    Encoding encoding = ofStandardOutput;
     bool gzip = false;
     if (file != "-") {
         if (!encodingFromName(file, encoding, gzip))

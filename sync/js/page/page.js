@@ -23,6 +23,10 @@ let view = null, chosen = '', originsView = 0, first, reached = false, left = fa
 function connection(state, words) {
   $('connection').dataset.state = state;
   text('connection', words ?? state);
+  // What was compared last says nothing of what the origin is now.
+  if (state === 'following' || !$('equality').dataset.equal) return;
+  $('equality').dataset.equal = 'past';
+  text('verdict', 'not compared now');
 }
 function notice(words) { text('notice', words); }
 

@@ -147,8 +147,8 @@ struct FieldComparison::State {
         FieldHistory history;
     };
 
-    State(FieldSelection chosen, const Scene& x, const Scene& y, DifferenceWords said)
-        : selection(std::move(chosen)), a{x, {}, {}}, b{y, {}, {}}, words(said) {
+    State(FieldSelection chosen, const Scene& x, const Scene& y, DifferenceWords said, bool alike)
+        : selection(std::move(chosen)), ofEither(alike), a{x, {}, {}}, b{y, {}, {}}, words(said) {
         if (selection.fields.empty()) selection.fields.emplace_back("*.*");
         for (const std::string& p : selection.fields) fields.emplace_back(p);
         for (const std::string& p : selection.ignore) {
@@ -169,7 +169,6 @@ struct FieldComparison::State {
         return any && !ignores;
     }
 
-    /// Fields of the second scene are looked at only where the first has them.
     void bind(Side& side, const Node& node) {
         const std::string path = pathOf(side.scene, node.id());
         if (path.empty()) return;
@@ -181,7 +180,7 @@ struct FieldComparison::State {
             std::string key = fmt::format("{}.{}", path, def.name);
             auto found = byName.find(key);
             if (found == byName.end()) {
-                if (!first || !chosen(path, def.name)) continue;
+                if (!(first || ofEither) || !chosen(path, def.name)) continue;
                 found = byName.emplace(std::move(key), watches.size()).first;
                 Watch& made = watches.emplace_back();
                 made.path = path;
@@ -194,8 +193,9 @@ struct FieldComparison::State {
             if (std::ranges::find(ofNode, found->second) == ofNode.end()) ofNode.push_back(found->second);
             queue(found->second);
         }
-        // It may have been there in the second scene before.
-        if (const Node* other = isNew ? findPath(b.scene, path) : nullptr) bind(b, *other);
+        // It may have been there in the other scene before.
+        Side& opposite = first ? b : a;
+        if (const Node* other = isNew ? findPath(opposite.scene, path) : nullptr) bind(opposite, *other);
     }
     void unbind(Side& side, NodeId node) {
         const auto found = side.watches.find(node.value);
@@ -249,8 +249,8 @@ struct FieldComparison::State {
     double distance(const Watch& w, std::string& text) const {
         const Node* x = w.a.node ? a.scene.find(w.a.node) : nullptr;
         const Node* y = w.b.node ? b.scene.find(w.b.node) : nullptr;
-        if (!x) return 0;
-        if (!y) return text = fmt::format("only in {}", words.a), kApart;
+        if (!x && (!y || !ofEither)) return 0;
+        if (!x || !y) return text = fmt::format("only in {}", x ? words.a : words.b), kApart;
         const Value p = x->value(w.a.field), q = y->value(w.b.field);
         if (p.type() != q.type())
             return text = fmt::format("{} {}, {} {}", words.a, info(p.type()).name, words.b, info(q.type()).name),
@@ -275,10 +275,16 @@ struct FieldComparison::State {
         w.history.samples.push_back(s);
     }
     std::string causeOf(const Watch& w) const {
+        const auto of = [](const Side& side, const Place& place) {
+            return place.node ? told(side.touched.cause(side.scene, place.node, place.field)) : std::string();
+        };
         // What the second scene did is under test; where it did nothing, what it should have done.
-        if (b.touched.has(w.b.node, w.b.field)) return told(b.touched.cause(b.scene, w.b.node, w.b.field));
-        const std::string then = told(a.touched.cause(a.scene, w.a.node, w.a.field));
-        return then.empty() ? then : fmt::format("{} only: {}", words.a, then);
+        const bool second = b.touched.has(w.b.node, w.b.field);
+        if (!ofEither && second) return of(b, w.b);
+        const std::string x = of(a, w.a), y = ofEither ? of(b, w.b) : std::string();
+        if (x == y) return x;
+        if (x.empty() || y.empty()) return fmt::format("{} only: {}", x.empty() ? words.b : words.a, x + y);
+        return fmt::format("{}: {}; {}: {}", words.a, x, words.b, y);
     }
     static std::string told(const FrameTouches::Cause& cause) {
         return cause.author.empty() ? cause.text : fmt::format("{}, as {} asked", cause.text, cause.author);
@@ -330,7 +336,7 @@ struct FieldComparison::State {
 
     FieldSelection selection;
     std::vector<Pattern> fields, ignored;
-    bool initialCounts = true;
+    bool initialCounts = true, ofEither = false;
     Side a, b;
     DifferenceWords words;
     std::vector<Watch> watches;
@@ -340,8 +346,9 @@ struct FieldComparison::State {
     std::size_t histories = 0;
 };
 
-FieldComparison::FieldComparison(FieldSelection selection, const Scene& a, const Scene& b, DifferenceWords words)
-    : state_(std::make_unique<State>(std::move(selection), a, b, words)) {}
+FieldComparison::FieldComparison(FieldSelection selection, const Scene& a, const Scene& b, DifferenceWords words,
+                                 Fields whose)
+    : state_(std::make_unique<State>(std::move(selection), a, b, words, whose == Fields::ofEither)) {}
 FieldComparison::~FieldComparison() = default;
 
 bool FieldComparison::first() {

@@ -80,7 +80,7 @@ Result<LogFieldReport> diffLogFields(const std::filesystem::path& a, const std::
         if (!side) return std::unexpected(side.error());
     Side &x = *opened[0], &y = *opened[1];
     if (auto met = Side::meet(x, y); !met) return std::unexpected(met.error());
-    FieldComparison fields(selection, x.scene(), y.scene());
+    FieldComparison fields(selection, x.scene(), y.scene(), {}, FieldComparison::Fields::ofEither);
     LogFieldReport report;
     const auto changedA = [&](const ChangeSet& set) { fields.changedA(set); };
     const auto changedB = [&](const ChangeSet& set) { fields.changedB(set); };

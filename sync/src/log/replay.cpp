@@ -543,7 +543,12 @@ std::optional<Divergence> differenceOfStates(const Scene& s, const Scene& t) {
         return Divergence{s.sequence(), s.now(), {}, {}, "other hash"};
     }
     if (s.now() != t.now())
-        return Divergence{s.sequence(), s.now(), {}, "time", fmt::format("{} s and {} s", s.now(), t.now())};
+        return Divergence{s.sequence(),
+                          s.now(),
+                          {},
+                          "time",
+                          fmt::format("second is {:.9g} s {} than first", std::abs(t.now() - s.now()),
+                                      t.now() > s.now() ? "later" : "earlier")};
     return std::nullopt;
 }
 

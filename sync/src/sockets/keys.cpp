@@ -82,24 +82,79 @@ Result<MirrorKeys> MirrorKeys::load(const std::filesystem::path& file) {
     return keys;
 }
 
-Result<> MirrorKeys::generate(const std::filesystem::path& file) {
-    char pairs[2][2][41];
-    for (auto& pair : pairs)
-        if (zmq_curve_keypair(pair[0], pair[1]) != 0) return fail("ZeroMQ was built without encryption");
-    const std::string text = fmt::format(
-        "# Keys of a mirror: keep secret. A client's copy needs no server-secret.\n"
-        "server-public {}\nserver-secret {}\nclient-public {}\nclient-secret {}\n",
-        pairs[0][0], pairs[0][1], pairs[1][0], pairs[1][1]);
-    const int descriptor = ::open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-    if (descriptor < 0) return fail(fmt::format("cannot create: {}", std::strerror(errno)), {}, file.string());
+namespace {
+
+struct Pair {
+    char open[41], secret[41];
+};
+Result<Pair> freshPair() {
+    Pair pair{};
+    if (zmq_curve_keypair(pair.open, pair.secret) != 0) return fail("ZeroMQ was built without encryption");
+    return pair;
+}
+
+enum class Writing : std::uint8_t { anew, atTheEnd };
+
+Result<> writeKeys(const std::filesystem::path& file, const std::string& text, Writing how) {
+    const int flags = how == Writing::anew ? O_CREAT | O_EXCL : O_APPEND;
+    const int descriptor = ::open(file.c_str(), O_WRONLY | O_CLOEXEC | flags, 0600);
+    if (descriptor < 0)
+        return fail(fmt::format("cannot {}: {}", how == Writing::anew ? "create" : "write", std::strerror(errno)), {},
+                    file.string());
     errno = 0;  // a disk with room for a part sets none
     const bool written = ::write(descriptor, text.data(), text.size()) == static_cast<ssize_t>(text.size());
     const int error = errno;
     ::close(descriptor);
-    if (!written) ::unlink(file.c_str());  // half a key file is none
-    if (!written)
-        return fail(fmt::format("cannot write: {}", error != 0 ? std::strerror(error) : "no room"), {}, file.string());
-    return {};
+    if (written) return {};
+    if (how == Writing::anew) ::unlink(file.c_str());  // half a key file is none
+    return fail(fmt::format("cannot write: {}", error != 0 ? std::strerror(error) : "no room"), {}, file.string());
+}
+
+}  // namespace
+
+Result<> MirrorKeys::generate(const std::filesystem::path& file) {
+    const auto server = freshPair(), client = freshPair();
+    if (!server || !client) return std::unexpected((server ? client : server).error());
+    return writeKeys(file,
+                     fmt::format("# Keys of a mirror: keep secret. A client's copy needs no server-secret.\n"
+                                 "server-public {}\nserver-secret {}\nclient-public {}\nclient-secret {}\n",
+                                 server->open, server->secret, client->open, client->secret),
+                     Writing::anew);
+}
+
+Result<> MirrorKeys::generateServer(const std::filesystem::path& file) {
+    const auto server = freshPair();
+    if (!server) return std::unexpected(server.error());
+    return writeKeys(file,
+                     fmt::format("# Keys of a server of mirrors: they stay here. Each client-public is let in.\n"
+                                 "server-public {}\nserver-secret {}\n",
+                                 server->open, server->secret),
+                     Writing::anew);
+}
+
+Result<> MirrorKeys::addClient(const std::filesystem::path& server, const std::filesystem::path& client,
+                               std::string_view permission, std::string_view name) {
+    if (!permission.empty() && !mirrorUpstreamFromName(permission))
+        return fail(fmt::format("'{}' is none of none, events, edits, code", permission));
+    if (!name.empty() && permission.empty()) return fail("a name stands behind what its holder may send");
+    if (name.size() > kLongestName || name.find_first_of("\r\n") != name.npos)
+        return fail(fmt::format("a name is one line of at most {} bytes", kLongestName));
+    const auto known = load(server);
+    if (!known) return std::unexpected(known.error());
+    if (known->serverPublic.empty() || known->serverSecret.empty())
+        return fail("no server's: it lacks server-public or server-secret", {}, server.string());
+    const auto pair = freshPair();
+    if (!pair) return std::unexpected(pair.error());
+    const std::string own =
+        fmt::format("# Keys of a mirror's client: keep secret.\nserver-public {}\nclient-public {}\nclient-secret {}\n",
+                    known->serverPublic, pair->open, pair->secret);
+    if (auto ok = writeKeys(client, own, Writing::anew); !ok) return ok;
+    // The last line may have no end of its own.
+    const std::string line = fmt::format("\nclient-public {}{}{}{}{}\n", pair->open, permission.empty() ? "" : " ",
+                                         permission, name.empty() ? "" : " ", name);
+    const Result<> added = writeKeys(server, line, Writing::atTheEnd);
+    if (!added) ::unlink(client.c_str());
+    return added;
 }
 
 Result<> MirrorKeys::checkForServer() const {

@@ -282,6 +282,25 @@ TEST(BusReports, APolledSubscriberThatFailsIsReportedAsAnImmediateOneIs) {
     EXPECT_TRUE(scene.diagnostics().all().empty());
 }
 
+/// Who chose nothing looks nowhere.
+TEST(BusReports, StandardErrorHearsUnlessAReporterIsChosenOrNone) {
+    struct Shown : Failing {
+        std::string subscriberName() const override { return "sh\x1b[31m\xc2\x9bown"; }
+    };
+    const auto said = [](auto&& prepare) {
+        testing::internal::CaptureStderr();
+        Scene scene;
+        prepare(scene);
+        Shown failing;
+        const Attachment attachment = scene.bus().attach(failing);
+        EXPECT_FALSE(attachment.attached());
+        return testing::internal::GetCapturedStderr();
+    };
+    EXPECT_EQ(said([](Scene&) {}), "sh?[31m??own: error: detached: enough [subscriber-failed]\n");
+    EXPECT_EQ(said([](Scene& scene) { scene.bus().setReporter({}); }), "");
+    EXPECT_EQ(said([](Scene& scene) { scene.bus().setReporter([](const Diagnostic&) {}); }), "");
+}
+
 TEST(BusReports, WhatNobodyListensToIsFoundWithTheScene) {
     for (const Delivery delivery : {Delivery::immediate, Delivery::polled}) {
         Scene scene;

@@ -102,8 +102,9 @@ class Bus {
     void beforeRestart();
     /// Called by the scene when it is reset: nobody has seen anything yet.
     void restart();
-    /// Hears of each subscriber that is detached because it failed, on the thread where it did. Until one is set, and
-    /// when it is empty, they are found in Scene::diagnostics().
+    /// Hears of each subscriber that is detached because it failed, on the thread where it did. Without one, and when
+    /// it is empty, they are found in Scene::diagnostics(); until one is set, an empty one say, a line on standard
+    /// error tells of each, too.
     void setReporter(std::function<void(const Diagnostic&)> reporter);
     /// Moves what was reported from any thread, while there was no reporter, to `into`; for Scene::diagnostics().
     void takeReports(Diagnostics& into);

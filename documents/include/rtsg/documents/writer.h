@@ -32,13 +32,14 @@ std::unique_ptr<DocumentHandler> makeWriter(Encoding encoding, TextSink sink, Di
 /// if the name has no encoding that can be written.
 bool encodingFromName(const std::filesystem::path& file, Encoding& encoding, bool& gzip);
 
-/// Writes a document into a file, gzipped if its name says so; "-" is standard output, as ClassicVRML. The file has its
-/// name from close() on; without that there is none.
+/// Writes a document into a file, gzipped if its name says so; "-" is standard output, in the encoding that is given
+/// for it. The file has its name from close() on; without that there is none.
 class DocumentFileWriter {
   public:
     static Result<std::unique_ptr<DocumentFileWriter>> create(const std::filesystem::path& file,
                                                               Diagnostics& diagnostics,
-                                                              Existing existing = Existing::replace);
+                                                              Existing existing = Existing::replace,
+                                                              Encoding ofStandardOutput = Encoding::classicVrml);
     ~DocumentFileWriter();
     DocumentHandler& handler() { return *writer_; }
     /// After endDocument: flushes, and says whether everything arrived (a full disk, say).

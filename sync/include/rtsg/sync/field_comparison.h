@@ -66,8 +66,13 @@ double valueDistance(const Value& a, const Value& b);
 
 class FieldComparison {
   public:
+    /// Whose fields are compared: those of the first scene, which says how the second one is to be; or those that
+    /// either has, whichever is first.
+    enum class Fields : std::uint8_t { ofFirst, ofEither };
+
     /// Precondition: selection.check() is good. Both scenes outlive this.
-    FieldComparison(FieldSelection selection, const Scene& a, const Scene& b, DifferenceWords words = {});
+    FieldComparison(FieldSelection selection, const Scene& a, const Scene& b, DifferenceWords words = {},
+                    Fields whose = Fields::ofFirst);
     ~FieldComparison();
 
     /// Compares the states that both scenes are in, whole. True if all that was chosen agrees.
@@ -82,8 +87,8 @@ class FieldComparison {
     const std::vector<FieldDifference>& differences() const;
     /// Of the fields that differed, as far as they are numbers: at most 64 fields and 4096 samples each.
     std::vector<FieldHistory> histories() const;
-    /// Why the comparison says nothing: a pattern that no field of the first scene has matched, or all that was chosen
-    /// is ignored. Empty if there was something to compare.
+    /// Why the comparison says nothing: a pattern that none of the fields has matched that are compared, or all that
+    /// was chosen is ignored. Empty if there was something to compare.
     std::string nothingCompared() const;
     /// What was to be ignored and is not there: patterns that were misspelled, or of nodes that are gone.
     std::vector<std::string> ignoredInVain() const;
@@ -95,8 +100,8 @@ class FieldComparison {
     std::unique_ptr<State> state_;
 };
 
-/// What two logs differ in, by fields: of one session, though one log begins later, states of the same numbers and
-/// times are compared, else those of the same times since the logs' starts.
+/// What two logs differ in, by fields that either has: of one session, though one log begins later, states of the same
+/// numbers and times are compared, else those of the same times since the logs' starts.
 struct LogFieldReport {
     std::vector<FieldDifference> differences;  // frames and times are those of `a`
     std::uint64_t states = 0;                  // compared
