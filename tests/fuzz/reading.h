@@ -1,5 +1,5 @@
 // What holds for every text, whatever it is: reading ends, commands nest, failure is reported; and what was understood
-// can be written, read back without an error, and written again to the same text.
+// can be written, read back without an error but for those of what is kept, and written again to the same text.
 #pragma once
 
 #include <cstdio>
@@ -29,6 +29,13 @@ inline std::string rewrite(std::string_view text, Encoding encoding, Diagnostics
     return out;
 }
 
+/// Nodes in fields that there are not are an error each time they are read, and are kept each time.
+inline bool isFaultless(const Diagnostics& diagnostics) {
+    for (const Diagnostic& d : diagnostics.all())
+        if (d.severity == Severity::error && !d.text.contains("what is in it is kept under its name")) return false;
+    return true;
+}
+
 inline void checkText(std::string_view text) {
     test::RecordingHandler handler;
     handler.quiet = true;
@@ -43,7 +50,7 @@ inline void checkText(std::string_view text) {
         const std::string written = rewrite(text, encoding, first);
         if (written.empty()) continue;
         const std::string again = rewrite(written, encoding, second);
-        require(second.errors() == 0, "what was written is read with errors", written, second);
+        require(isFaultless(second), "what was written is read with errors", written, second);
         const std::string last = rewrite(again, encoding, third);
         require(again == last, "writing is not stable", again + "\n--------\n" + last, third);
     }

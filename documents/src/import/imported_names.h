@@ -12,7 +12,7 @@ namespace rtsg::detail {
 
 class UniqueNames {
   public:
-    /// `wanted` as UTF-8 without control characters, if it is free; else with `_kind` behind it, if there is a kind;
+    /// `wanted` as UTF-8 without control characters, if it is free; else with the kind behind it, if there is one;
     /// else with a number behind that. The empty name stays empty.
     std::string take(std::string_view wanted, std::string_view kind = {});
 
