@@ -4,8 +4,9 @@
 // Frame: z is the shading normal; `view` and `light` are unit vectors away from the surface. Threading: values.
 // Units: those of X3D, in which a white Lambertian surface under a light of intensity 1 head-on shows 1: pi times
 // those of radiometry. packet_lights.cpp has value() eight lanes wide.
-// Source: glTF 2.0 appendix B (physical); ISO/IEC 19775-1 V4.0 17.2.2 (phong: not reciprocal, as the highlight is not
-// multiplied by the cosine; see energyLimited()); Heitz 2018, Journal of Computer Graphics Techniques 7, 4 (samples).
+// Source: glTF 2.0 appendix B, as metallicRoughness() has it (physical); ISO/IEC 19775-1 V4.0 17.2.2 (phong: not
+// reciprocal, as the highlight is not multiplied by the cosine; see energyLimited()); Heitz 2018, Journal of Computer
+// Graphics Techniques 7, 4 (samples).
 #pragma once
 
 #include <algorithm>

@@ -12,7 +12,7 @@
 //                      there, of these the one with the smallest box
 // PhysicalMaterial mirrors by itself: Schlick's Fresnel term of baseColor and metallic times (1 - roughness)^2.
 // Colours are as their fields have them, and beside that in linear light. Threading: immutable once read. Source:
-// ISO/IEC 19775-1 V4.0 12.4, 17.2.2, 17.4, 18.2; glTF 2.0 appendix B.
+// ISO/IEC 19775-1 V4.0 12.4, 17.2.2, 17.4, 18.2; glTF 2.0, 3.9 and, as shading.h says, appendix B.
 #pragma once
 
 #include <array>

@@ -2,7 +2,7 @@
 //
 // Lengths in metres, angles in radians, all directions unit vectors. Threading: re-entrant.
 // Source: ISO/IEC 19775-1 V4.0 17.2.2 (lighting equations), 24.4.2 (fog); Fresnel's equations as in Born & Wolf,
-// Principles of Optics, 1.5.2; GGX as in Walter et al. 2007 with Heitz' correlated masking, as glTF 2.0 B.3 has it.
+// Principles of Optics, 1.5.2; glTF 2.0, appendix B, for metallic-roughness, but for what metallicRoughness() says.
 #pragma once
 
 #include <algorithm>
@@ -78,7 +78,11 @@ inline float ggx(float cosHalf, float alphaSquared) {
 }
 
 /// pi * BRDF of glTF's metallic-roughness model, so that a white Lambertian surface gives 1 as X3D's diffuse term does.
-/// The cosines are clamped to what is above the horizon by the caller.
+/// It differs from glTF 2.0, appendix B, in two terms. Masking and shadowing are correlated by height (Heitz 2014),
+/// where the appendix takes them as independent and calls the correlated form more accurate; Khronos' viewer has it.
+/// And what the diffuse part loses is Fresnel's term of the mixed f0 for all of it, not of .04 for its dielectric
+/// share: the same at a metallic of 0 and 1, and darker between. The cosines are clamped to what is above the horizon
+/// by the caller.
 inline Vec3f metallicRoughness(const Vec3f& baseColor, float metallic, float roughness, float cosLight, float cosView,
                                float cosHalf, float cosLightHalf) {
     const Vec3f f0 = glm::mix(Vec3f(0.04f), baseColor, metallic);
