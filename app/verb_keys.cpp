@@ -21,7 +21,7 @@ int makeKeys(const KeyArguments& options) {
     if (options.upstream.empty() && !options.name.empty())
         throw UsageError("--name", "goes with --upstream: a key file has both, or neither");
     if (!std::filesystem::exists(options.server)) {
-        if (auto ok = MirrorKeys::generateServer(options.server); !ok) return printError(ok.error()), kBad;
+        if (auto ok = MirrorKeys::generate(options.server); !ok) return printError(ok.error()), kBad;
         fmt::print("{}: for rtsg serve --key; it stays on the server\n", options.server);
     } else if (options.client.empty()) {
         return printError(options.server + ": there is a file already; --client lets one more in"), kBad;

@@ -116,19 +116,9 @@ Result<> MirrorKeys::generate(const std::filesystem::path& file) {
     const auto server = freshPair(), client = freshPair();
     if (!server || !client) return std::unexpected((server ? client : server).error());
     return writeKeys(file,
-                     fmt::format("# Keys of a mirror: keep secret. A client's copy needs no server-secret.\n"
+                     fmt::format("# Keys of a server of mirrors, and of one client: keep secret. `rtsg keys` adds more.\n"
                                  "server-public {}\nserver-secret {}\nclient-public {}\nclient-secret {}\n",
                                  server->open, server->secret, client->open, client->secret),
-                     Writing::anew);
-}
-
-Result<> MirrorKeys::generateServer(const std::filesystem::path& file) {
-    const auto server = freshPair();
-    if (!server) return std::unexpected(server.error());
-    return writeKeys(file,
-                     fmt::format("# Keys of a server of mirrors: they stay here. Each client-public is let in.\n"
-                                 "server-public {}\nserver-secret {}\n",
-                                 server->open, server->secret),
                      Writing::anew);
 }
 

@@ -32,8 +32,6 @@ struct MirrorKeys {
     static Result<MirrorKeys> load(const std::filesystem::path& file);
     /// Fresh keys for one server and one client, in a new file that only its owner may read.
     static Result<> generate(const std::filesystem::path& file);
-    /// Fresh keys for a server that knows no clients yet, likewise.
-    static Result<> generateServer(const std::filesystem::path& file);
     /// Fresh keys for one more client: its own and the server's public one in a new file, its public one at the end of
     /// the server's. `permission`: what it may send, as the file has it, and `name`: its holder's; empty: not said.
     /// Errors: files that cannot be read or written, no server's file, a name without permission or of several lines.
