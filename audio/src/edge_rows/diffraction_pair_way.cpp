@@ -193,25 +193,6 @@ bool findWay(const glm::dvec3& source, const glm::dvec3& listener, bool heardStr
            (!way.onFace || way.flat.strength(way.path) > leastOnFace(heardStraight));
 }
 
-double shareOverGap(const AcousticGeometry& geometry, const PairWay& way) {
-    constexpr int kPlaces =
-        15;  // where it is looked for a face, a bound of work: a gap of less than a fifteenth may be missed
-    const glm::dvec3 off = way.atFirst.offFace(*way.first, true);
-    const glm::dvec3 size = glm::max(glm::abs(way.byFirst), glm::abs(way.bySecond));
-    const double reach = std::max(1e-3, 1e-5 * std::max({size.x, size.y, size.z}));
-    int first = kPlaces, last = -1;
-    for (int i = 0; i < kPlaces; ++i) {
-        const glm::dvec3 at = glm::mix(way.byFirst, way.bySecond, (i + 0.5) / kPlaces);
-        AcousticHit hit;
-        if (geometry.closest(at + reach * off, -off, 2 * reach, kNoPlane, hit)) continue;
-        first = std::min(first, i);
-        last = i;
-    }
-    if (last < 0) return 1;
-    const int before = first, gap = last + 1 - first, after = kPlaces - 1 - last;
-    return 0.5 + std::asin(std::sqrt(double(before) * after / ((before + gap) * (after + gap)))) / std::numbers::pi;
-}
-
 bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way) {
     const glm::dvec3 first = offEnds(*way.first, way.byFirst), second = offEnds(*way.second, way.bySecond);
     glm::dvec3 off(0);

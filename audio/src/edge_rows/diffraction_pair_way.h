@@ -54,12 +54,6 @@ inline double leastOnFace(bool heardStraight) {
 /// it.
 bool isFreeAlong(const AcousticGeometry& geometry, const PairWay& way);
 
-/// Of a way along a plane in which faces end and begin again, as the tops of screens one behind the other: of the
-/// pressure the share that gets over the gap. 1 where the face goes on all the way. Of what went along the face before
-/// the gap half goes down, and half of that comes up again. Source: the double knife edge, Millington, Hewitt and
-/// Immirzi, Proc. IEE 109C (1962), 419-429, of waves that go nearly along the plane.
-double shareOverGap(const AcousticGeometry& geometry, const PairWay& way);
-
 /// What both edges bend, by tone: by the shortest way, re the phase of that, and by ends.
 struct PairField {
     std::array<std::complex<double>, kEdgeTones> wave{};

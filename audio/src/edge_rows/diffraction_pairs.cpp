@@ -9,8 +9,10 @@
 #include <numbers>
 #include <utility>
 
+#include "diffraction_lit_rows.h"
 #include "diffraction_pair_waves.h"
 #include "diffraction_pair_way.h"
+#include "diffraction_rows.h"
 #include "edges/diffraction_overlaps.h"
 #include "edges/diffraction_waves.h"
 #include "response/edge_tones.h"
@@ -79,14 +81,15 @@ TwoWedgePath offBoundaries(const PairWay& way, bool firstHides, bool secondHides
 class EdgePairs {
   public:
     EdgePairs(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
-              const TraceOptions& options, const EdgesAlone& known, BodyWeights& bodies, BentParts& parts,
-              EdgeField& field)
+              const TraceOptions& options, const EdgesAlone& known, const std::vector<const WallEdge*>& edges,
+              BodyWeights& bodies, BentParts& parts, EdgeField& field)
         : geometry_(geometry),
           source_(source),
           listener_(listener),
           options_(options),
           tones_(geometry, options.air.speedOfSound),
           known_(known),
+          edges_(edges),
           bodies_(bodies),
           parts_(parts),
           field_(field) {}
@@ -98,15 +101,30 @@ class EdgePairs {
         if (!isFreeAlong(geometry_, way) || !reaches(way, firstHides, secondHides, weights)) return false;
         const bool byItself = firstHides && secondHides;
         if (!byItself && !way.onFace && !goesOn(way, firstHides, secondHides)) return false;
-        if (way.onFace)
-            for (double& weight : weights) weight *= shareOverGap(geometry_, way);
+        if (way.onFace && (firstHides || secondHides)) {
+            const BodyWeights::Tones share =
+                rowShareOf(way, source_, firstHides, listener_, secondHides, edges_, bodies_, c());
+            for (std::size_t t = 0; t < kEdgeTones; ++t) weights[t] *= share[t];
+        }
         PairWay sided = way;
         sided.path = offBoundaries(way, firstHides, secondHides);
         PairField pressure = fieldOf(sided, tones_, c());
-        weigh(pressure, weights);
+        LitRow row;
+        const bool inRow = way.onFace && !firstHides && !secondHides &&
+                           litRowOf(sided, source_, listener_, edges_, tones_, bodies_, row);
+        PairField ofImage = pressure;
+        if (inRow) {
+            weigh(pressure, row.all);
+            weigh(ofImage, row.image);
+        } else {
+            weigh(pressure, weights);
+        }
         weigh(pressure, leftOf({secondHides ? way.first : nullptr, firstHides ? way.second : nullptr}));
         const Bent both = bentBy(way, pressure, source_, listener_, options_);
-        if (way.onFace && !byItself) addImage(way, both.wave, mirroredOf(both.wave.pressure, way.first->material));
+        if (way.onFace && !byItself)
+            addImage(way, both.wave,
+                     inRow ? bentBy(way, ofImage, source_, listener_, options_).wave.pressure
+                           : mirroredOf(both.wave.pressure, way.first->material));
         addWave(both.wave, way.path.way);
         for (const EdgeWave& end : both.ends) ends_.add(end);
         if (byItself && isOnBoundary(way.atFirst) && isOnBoundary(way.atSecond)) takeDirectAway();
@@ -220,6 +238,7 @@ class EdgePairs {
     const TraceOptions& options_;
     const EdgeTones tones_;
     const EdgesAlone& known_;
+    const std::vector<const WallEdge*>& edges_;
     BodyWeights& bodies_;
     BentParts& parts_;
     EdgeField& field_;
@@ -268,7 +287,9 @@ EdgePairCount addEdgePairs(const AcousticGeometry& geometry, const glm::dvec3& s
         count.leftOut += ways.size() - kPairs;
         ways.resize(kPairs);
     }
-    EdgePairs pairs(geometry, source, listener, options, known, bodies, parts, field);
+    std::vector<const WallEdge*> all;
+    for (const EdgeCandidate& one : edges) all.push_back(&one.edge);
+    EdgePairs pairs(geometry, source, listener, options, known, all, bodies, parts, field);
     for (const PairWay& way : ways) count.heard += pairs.add(way);
     pairs.addEnds();
     return count;

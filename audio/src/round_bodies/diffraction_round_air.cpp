@@ -16,7 +16,7 @@ constexpr double kAirPi = std::numbers::pi;
 /// Of bodies, those nearest to the straight way count: a bound of work.
 constexpr std::size_t kMostBodies = 16;
 /// Of the radius, that rays keep off the surface: more than its facets are off the circle (round_shapes.cpp).
-constexpr double kOutside = 1e-2;
+constexpr double kOutside = 1e-2, kLifted = 1e-3;
 
 bool isSameBody(const RoundBody& a, const RoundBody& b) {
     constexpr double kSame = 1e-4;  // of the radius: corners in single precision are off by less
@@ -108,8 +108,12 @@ bool RoundAir::isFreeAlong(const RoundSide& side, double offset) const {
 }
 
 bool RoundAir::isFree(const RoundSide& side, const glm::dvec3& from, const glm::dvec3& to, double offset) const {
-    const glm::dvec3 along = side.placed().axis() * offset;
-    return isClear(from, side.first() + along) && isClear(side.last() + along, to) && isFreeAlong(side, offset);
+    // From a little off the surface: a face may go on from there.
+    const RoundWay& way = side.way();
+    const PlacedBody& placed = side.placed();
+    const glm::dvec3 first = placed.at(way.firstAngle(), side.far(), way.firstAlong() + offset, 1 + kLifted),
+                     last = placed.at(way.lastAngle(), side.far(), way.lastAlong() + offset, 1 + kLifted);
+    return isClear(from, first) && isClear(last, to) && isFreeAlong(side, offset);
 }
 
 bool RoundAir::isEnd(const RoundSide& side, std::size_t end) const {

@@ -106,14 +106,14 @@ class RoundBends {
         main.first = side.first();
         main.last = side.last();
         main.direction = side.arriving(side.last(), listener_);
-        if (!(main.way < longest_) || !side.touches()) return false;
+        if (!(main.way < longest_)) return false;
         const std::array<bool, 2> past = side.past();
         const bool within = !past[0] && !past[1];
         TonePressures left;
         const PlacedBody* behind = nullptr;
         const bool hidden = !besideOthers(side, left, behind), free = !hidden && air_.isFree(side, source_, listener_);
         if (behind && !side.lit()) return addRows(side, *behind, waves);
-        if (hidden && !side.lit()) return false;
+        if (!side.touches() || (hidden && !side.lit())) return false;
         // What hides the place where it mirrors does not hide what is near to the straight way.
         const bool opens =
             side.lit() && beside && air_.isClear(source_, main.first) && air_.isClear(listener_, main.first);
@@ -197,9 +197,9 @@ class RoundBends {
         // A string round both.
         for (int step = 0; step < kSteps; ++step) {
             second = sideOf(other, backwards, first.last(), listener_);
-            if (!second || second->lit() || !second->touches()) return false;
+            if (!second || second->lit()) return false;
             const std::optional<RoundSide> next = sideOf(body, isBackwards(alone), source_, second->first());
-            if (!next || next->lit() || !next->touches()) return false;
+            if (!next || next->lit()) return false;
             const double moved = glm::distance(next->last(), first.last());
             first = *next;
             if (moved < 1e-9 * first.way().length()) break;
@@ -210,7 +210,8 @@ class RoundBends {
         const std::optional<RoundSide> whole =
             between > 0 ? sideOf(other, backwards, second->first() - over * (first.way().length() / between), listener_)
                         : std::nullopt;
-        if (!whole || !air_.isFree(first, source_, second->first()) || !air_.isFree(*second, first.last(), listener_))
+        if (!whole || !first.touches() || !second->touches() || !air_.isFree(first, source_, second->first()) ||
+            !air_.isFree(*second, first.last(), listener_))
             return false;
         RoundWave wave;
         wave.way = first.way().length() + second->way().length() - between;

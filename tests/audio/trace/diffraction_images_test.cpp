@@ -83,7 +83,7 @@ TEST(ImageBending, BehindAScreenOnAFloorBothSourcesBend) {
 
 TEST(ImageBending, BehindABoxOnAFloorBothSourcesBend) {
     const std::vector<double> off = offBothSources({-.6, -.6, 0}, {.6, .6, .9});
-    for (const double one : off) EXPECT_LT(one, 1.4);
+    for (const double one : off) EXPECT_LT(one, 1.6);
 }
 
 TEST(ImageBending, BelowATableBothSourcesBend) {
@@ -148,7 +148,7 @@ TEST(ImageBending, ImagesByEveryWallAreHiddenByAScreenWithoutAStep) {
             const glm::dvec3 listener = glm::mix(walk.from, walk.to, double(i) / kSteps);
             const Bands now = total(walk.walls.arrivals(walk.source, listener));
             for (std::size_t b = 2; i > 0 && b < 8; ++b)
-                EXPECT_NEAR(10 * std::log10(now[b] / last[b]), 0, .6)
+                EXPECT_NEAR(10 * std::log10(now[b] / last[b]), 0, 1)
                     << listener.x << ' ' << listener.y << ' ' << listener.z << " m, band " << b;
             last = now;
         }

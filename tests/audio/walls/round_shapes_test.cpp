@@ -43,7 +43,7 @@ TEST(RoundShapes, ACylinderIsOneHoweverItIsCut) {
         EXPECT_NEAR(bodies[0].halfLength, 1, 1e-6);
         EXPECT_NEAR(bodies[0].facet, 2 * M_PI / sides, 1e-5);
         EXPECT_NEAR(bodies[0].halfArc, M_PI, 1e-9);
-        EXPECT_EQ(one.edges(), 24) << "its rims";
+        EXPECT_EQ(one.edges(), 2 * sides) << "its rims";
     }
 }
 

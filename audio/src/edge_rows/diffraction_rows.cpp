@@ -1,0 +1,209 @@
+// Looks for the edges in a plane that a straight way crosses, and for the gaps between the faces that end there.
+#include "diffraction_rows.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "edges/diffraction_paths.h"
+
+namespace rtsg {
+namespace {
+
+/// Where a face begins on the way, or ends; metres on from the first edge.
+struct Mark {
+    double at = 0;
+    bool begins = false;
+    const WallEdge* edge = nullptr;
+};
+
+/// The plane of a face, and the straight way in it.
+struct Line {
+    glm::dvec3 from, along, normal;  // the last into the air
+};
+
+/// Whether the line crosses the edge of a face in its plane, with the body below.
+bool crosses(const Line& line, const WallEdge& edge, Mark& mark) {
+    constexpr double kAlong = 1e-4;
+    const glm::dvec3 way = edge.from - line.from;
+    const double place = placeRounding(edge.from), rounding = 1e-5 * (glm::length(way) + edge.length) + 2 * place;
+    if (std::abs(glm::dot(way, line.normal)) > rounding ||
+        std::abs(glm::dot(edge.axis, line.normal)) > 1e-5 + 2 * place / edge.length)
+        return false;
+    const bool first = std::abs(glm::dot(edge.faceA, line.normal)) < kAlong;
+    const glm::dvec3 &face = first ? edge.faceA : edge.faceB, &other = first ? edge.faceB : edge.faceA;
+    const double toward = glm::dot(line.along, face);
+    if (std::abs(glm::dot(face, line.normal)) >= kAlong || glm::dot(other, line.normal) >= kAlong ||
+        std::abs(toward) < kAlong)
+        return false;
+    mark = {glm::dot(way, face) / toward, toward > 0, &edge};
+    const double on = glm::dot(line.along * mark.at - way, edge.axis);
+    return on >= 0 && on <= edge.length;
+}
+
+/// From edge to edge; where one is not known there is no gap.
+std::vector<RowFace> facesOf(std::vector<Mark>& marks, double from, double to) {
+    std::ranges::stable_sort(marks, {}, &Mark::at);
+    std::vector<RowFace> faces;
+    Mark begun;
+    int open = 0;
+    for (const Mark& mark : marks) {
+        if (mark.at < from || mark.at > to) continue;
+        if (mark.begins) {
+            if (open++ == 0) begun = mark;
+        } else if (open > 0) {
+            if (--open == 0) faces.push_back({begun.at, mark.at, begun.edge, mark.edge, begun.edge->body});
+        } else if (faces.empty()) {
+            faces.push_back({from, mark.at, nullptr, mark.edge, mark.edge->body});
+        } else {
+            faces.back().to = mark.at;
+            faces.back().end = mark.edge;
+        }
+    }
+    if (open > 0) faces.push_back({begun.at, to, begun.edge, nullptr, begun.edge->body});
+    return faces;
+}
+
+/// Where the straight way in the plane crosses edges, those of the pair among them; none if no other one does.
+std::vector<Mark> marksOn(const Line& line, const PairWay& way, double second, std::span<const WallEdge* const> edges) {
+    std::vector<Mark> marks;
+    for (const WallEdge* edge : edges)
+        if (Mark mark; edge != way.first && edge != way.second && crosses(line, *edge, mark)) marks.push_back(mark);
+    if (marks.empty()) return marks;
+    marks.push_back({0, true, way.first});
+    marks.push_back({second, false, way.second});
+    return marks;
+}
+
+Line lineOf(const PairWay& way) {
+    return {way.byFirst, glm::normalize(way.bySecond - way.byFirst), way.atFirst.offFace(*way.first, true)};
+}
+
+/// Of the way from a place on to the edge next to it, in the plane, how much counts: all in the plane.
+double nearPlane(double toEdge, double whole, double cosine, double waveNumber) {
+    const double length = std::max(0.0, toEdge * (whole - toEdge) / whole);
+    return toEdge / (1 + waveNumber * length * (1 - cosine));
+}
+
+double leftBeyond(double before, double gap, double after) {
+    const double whole = (before + gap) * (after + gap);
+    if (!(whole > 0)) return 1;  // no gap, and nothing on one side of it
+    const double square = before * after / whole;
+    return 0.5 + std::asin(std::sqrt(std::clamp(square, 0.0, 1.0))) / std::numbers::pi;
+}
+
+/// The faces on a way, and what gets along them to where it leaves the plane.
+class Row {
+  public:
+    Row(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener, bool secondHides,
+        std::span<const WallEdge* const> edges)
+        : source_(source), listener_(listener) {
+        const double second = glm::distance(way.byFirst, way.bySecond);
+        line_ = lineOf(way);
+        std::vector<Mark> marks = marksOn(line_, way, second, edges);
+        if (marks.empty()) return;
+        from_ = std::min(0.0, glm::dot(source - line_.from, line_.along));
+        to_ = std::max(second, glm::dot(listener - line_.from, line_.along));
+        faces_ = facesOf(marks, from_, to_);
+        // From below the plane what lies beyond the edge hides that, or not.
+        if (firstHides) std::erase_if(faces_, [&](const RowFace& one) { return one.to < 0; });
+        if (secondHides) std::erase_if(faces_, [&](const RowFace& one) { return one.from > second; });
+        const auto at = [&](double place) {
+            const auto found =
+                std::ranges::find_if(faces_, [&](const RowFace& one) { return one.from <= place && one.to >= place; });
+            return static_cast<std::size_t>(found - faces_.begin());
+        };
+        first_ = at(0);
+        last_ = at(second);
+    }
+
+    bool hasGaps() const { return faces_.size() > 1 && last_ < faces_.size(); }
+    const std::vector<RowFace>& faces() const { return faces_; }
+    bool isOfPair(std::size_t face) const { return face == first_ || face == last_; }
+
+    /// Of all faces those whose bits are set are there.
+    double shareOf(std::uint32_t there, double waveNumber) const {
+        std::vector<std::size_t> present;
+        for (std::size_t i = 0; i < faces_.size(); ++i)
+            if (there >> i & 1) present.push_back(i);
+        const double begin = faces_[present.front()].from, end = faces_[present.back()].to;
+        const double toFirst = nearPlane(begin - from_, to_ - from_, cosine(source_, begin, -1), waveNumber);
+        const double fromLast = nearPlane(to_ - end, to_ - from_, cosine(listener_, end, 1), waveNumber);
+        double share = 1;
+        for (std::size_t p = 1; p < present.size(); ++p) {
+            const std::size_t i = present[p - 1], next = present[p];
+            const double gapFrom = faces_[i].to, gapTo = faces_[next].from;
+            const double left =
+                leftBeyond(gapFrom - begin + toFirst, std::max(0.0, gapTo - gapFrom), end - gapTo + fromLast);
+            if (i >= first_ && next <= last_) share *= left;
+            if (next == first_ || i == last_) share *= 2 - 2 * left;
+        }
+        return share;
+    }
+
+  private:
+    /// Of the angle between the way to a place and the plane, from an edge on.
+    double cosine(const glm::dvec3& place, double edge, double side) const {
+        const glm::dvec3 off = place - line_.from - edge * line_.along;
+        const double length = glm::length(off);
+        return length > 0 ? side * glm::dot(off, line_.along) / length : 1.0;
+    }
+
+    const glm::dvec3 &source_, &listener_;
+    Line line_{};
+    std::vector<RowFace> faces_;
+    double from_ = 0, to_ = 0;
+    std::size_t first_ = 0, last_ = 0;
+};
+
+/// Of faces that are there in part: each more doubles the cases.
+constexpr std::size_t kMostInPart = 4;
+/// Of faces on one way.
+constexpr std::size_t kMostFaces = 16;
+
+}  // namespace
+
+std::vector<RowFace> facesBetween(const PairWay& way, std::span<const WallEdge* const> edges) {
+    const double second = glm::distance(way.byFirst, way.bySecond);
+    std::vector<Mark> marks = marksOn(lineOf(way), way, second, edges);
+    return facesOf(marks, 0, second);
+}
+
+BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
+                              bool secondHides, std::span<const WallEdge* const> edges, BodyWeights& bodies,
+                              double speedOfSound) {
+    BodyWeights::Tones result;
+    result.fill(1);
+    const Row row(way, source, firstHides, listener, secondHides, edges);
+    if (!row.hasGaps() || row.faces().size() > kMostFaces) return result;
+    std::vector<std::pair<std::size_t, const BodyWeights::Tones*>> inPart;
+    for (std::size_t i = 0; i < row.faces().size() && inPart.size() < kMostInPart; ++i) {
+        const WallBody* const body = row.faces()[i].body;
+        if (row.isOfPair(i) || body == way.first->body || body == way.second->body) continue;
+        if (const BodyWeights::Tones& weights = bodies.of(body); weights.front() < 1) inPart.emplace_back(i, &weights);
+    }
+    const std::uint32_t all = (1u << row.faces().size()) - 1;
+    for (std::size_t t = 0; t < kEdgeTones; ++t) {
+        const double k = 2 * std::numbers::pi * edgeToneHz(static_cast<double>(t)) / speedOfSound;
+        double sum = 0;
+        for (std::uint32_t missing = 0; missing < 1u << inPart.size(); ++missing) {
+            std::uint32_t there = all;
+            double chance = 1;
+            for (std::size_t i = 0; i < inPart.size(); ++i) {
+                const auto& [face, weights] = inPart[i];
+                const bool isMissing = missing >> i & 1;
+                if (isMissing) there &= ~(1u << face);
+                chance *= isMissing ? 1 - (*weights)[t] : (*weights)[t];
+            }
+            if (chance > 0) sum += chance * row.shareOf(there, k);
+        }
+        result[t] = sum;
+    }
+    return result;
+}
+
+}  // namespace rtsg

@@ -1,0 +1,43 @@
+// Faces in one plane with gaps between them, as the tops of walls one behind the other: shares of ways along the plane.
+//
+// A pair of edges is bent as by one face from the one to the other. At a gap on the way, of what went along the face
+// before it half goes down, and half of that comes up again onto the next one: F = 1/2 + asin(rho) / pi is left, with
+// rho^2 = a b / ((a + g) (b + g)), g being the gap's width, and a and b the ways before and after it, from and to what
+// is nearest to the plane: the source, or in its deep shadow the first edge. That is the integral over the air above
+// both edges of the gap in the plane, of waves that go nearly along it; nothing is lost where the gap closes. A pair
+// that leaves the plane at a gap has 2 - 2 F. So in the plane, where sound comes up over a row, all ways together are
+// continuous: 1 - (1 - F) - F / 2 above it, F / 2 below. Source: the double knife edge, Millington, Hewitt and
+// Immirzi, Proc. IEE 109C (1962), 419-429. Threading: pure functions.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <glm/glm.hpp>
+
+#include <rtsg/audio/acoustic_geometry.h>
+
+#include "diffraction_pair_way.h"
+#include "edges/diffraction_small_bodies.h"
+
+namespace rtsg {
+
+/// A face on a straight way in its plane: metres on from where that begins, and the edges there; null: not known.
+struct RowFace {
+    double from = 0, to = 0;
+    const WallEdge *begin = nullptr, *end = nullptr;
+    const WallBody* body = nullptr;
+};
+/// Of a way along a face of both edges those that it leads over, from the first edge to the second one; `edges`: among
+/// them are those that it passes.
+std::vector<RowFace> facesBetween(const PairWay& way, std::span<const WallEdge* const> edges);
+
+/// Shares of the pressure of a pair, by tone. Of a way along a face of both edges; `edges`: among them are those that
+/// it passes. An edge hides the source, or the listener, if that is below the plane: then faces beyond the edge are
+/// what hides it; where neither is see diffraction_lit_rows.h. Faces of small bodies are there as far as the bodies
+/// are.
+BodyWeights::Tones rowShareOf(const PairWay& way, const glm::dvec3& source, bool firstHides, const glm::dvec3& listener,
+                              bool secondHides, std::span<const WallEdge* const> edges, BodyWeights& bodies,
+                              double speedOfSound);
+
+}  // namespace rtsg
