@@ -45,8 +45,14 @@ bool isBackwards(const RoundSide& side) {
     return body.sphere ? side.far() : (glm::dot(side.placed().axis(), body.axis) < 0) != side.far();
 }
 
+/// Whether the circle is in the way, and whether the surface is there, too.
+bool isDark(const PlacedBody& body) {
+    if (body.within()) return false;
+    const RoundSide side(body, false);
+    return !side.lit() && !side.past()[0] && !side.past()[1];
+}
 bool hides(const PlacedBody& body) {
-    return !body.within() && RoundSide(body, false).hides();
+    return isDark(body) && RoundSide(body, false).touches();
 }
 
 class RoundBends {
@@ -112,7 +118,10 @@ class RoundBends {
         TonePressures left;
         const PlacedBody* behind = nullptr;
         const bool hidden = !besideOthers(side, left, behind), free = !hidden && air_.isFree(side, source_, listener_);
-        if (behind && !side.lit()) return addRows(side, *behind, waves);
+        if (behind && !side.lit()) {
+            const bool any = addRows(side, *behind, waves);
+            if (any || hidden) return any;
+        }
         if (!side.touches() || (hidden && !side.lit())) return false;
         // What hides the place where it mirrors does not hide what is near to the straight way.
         const bool opens =
@@ -143,7 +152,7 @@ class RoundBends {
     }
 
     /// What other bodies leave of a way by one side. False if one hides the body from the source, or from the listener:
-    /// then it is `behind`.
+    /// then it is `behind`, as is one whose surface a way round both may touch.
     bool besideOthers(const RoundSide& side, TonePressures& left, const PlacedBody*& behind) const {
         left.fill(1);
         const std::size_t count = std::min(kBeside, air_.bodies().size());
@@ -152,10 +161,8 @@ class RoundBends {
             if (isOnOneAxis(other.body(), side.placed().body())) continue;
             const PlacedBody before(other.body(), source_, side.first()), after(other.body(), side.last(), listener_);
             if (hides(before)) return false;
-            if (hides(after)) {
-                behind = &other;
-                return false;
-            }
+            if (isDark(after)) behind = &other;
+            if (hides(after)) return false;
             for (const PlacedBody* leg : {&before, &after})
                 if (!leg->within()) weighBeside(RoundSide(*leg, false), left);
         }

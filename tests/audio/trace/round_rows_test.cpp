@@ -139,7 +139,7 @@ TEST(RoundRows, NothingJumpsBehindThem) {
     const Drawn one = circle({0, 0}, .3, 48), other = circle({1.2, 0}, .3, 48);
     expectSmooth(standing({one, other}), {-1.5, .1}, {2.7, -2}, {2.7, 2}, 2);
     // Side by side there is no first and no second one.
-    expectSmooth(standing({one, circle({.1, 1}, .25, 24)}), {-1.5, .3}, {1.5, -1}, {1.5, 2}, 3.5);
+    expectSmooth(standing({one, circle({.1, 1}, .25, 24)}), {-1.5, .3}, {1.5, -1}, {1.5, 2}, 4);
 }
 
 }  // namespace
