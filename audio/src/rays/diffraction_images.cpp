@@ -21,7 +21,8 @@
 namespace rtsg {
 namespace {
 
-/// An image that brings less of all than this is left as it is: where it begins or ends the level steps by .09 dB.
+/// An image that brings less of any octave than this is left as it is: where it begins or ends the level steps by .09
+/// dB.
 constexpr double kLeastOfAll = 0.02;
 /// Each is as much work as direct sound: a room has six walls.
 constexpr std::size_t kMostBentImages = 8;
@@ -41,6 +42,14 @@ double sumOver(const std::vector<Arrival>& arrivals) {
     double sum = 0;
     for (const Arrival& one : arrivals) sum += *std::ranges::max_element(one.energy);
     return sum;
+}
+
+/// Of all in the octave that has the least, from 125 Hz to 4 kHz: behind a screen high tones are what images bring.
+double leastOf(const std::vector<Arrival>& arrivals) {
+    Bands sum{};
+    for (const Arrival& one : arrivals)
+        for (std::size_t b = 0; b < kBandCount; ++b) sum[b] += one.energy[b];
+    return *std::min_element(sum.begin() + kBand1k - 3, sum.begin() + kBand1k + 3);
 }
 
 /// Images of the source in planes before which it and the listener are, the loudest first; those of less than `least`
@@ -219,7 +228,7 @@ BentBy addBending(const AcousticGeometry& geometry, const glm::dvec3& source, co
 void addBentImages(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                    const TraceOptions& options, const BentParts& known, TraceResult& result) {
     if (!diffractionParts().images) return;
-    const double least = kLeastOfAll * sumOver(result.arrivals);
+    const double least = kLeastOfAll * leastOf(result.arrivals);
     std::size_t looked = 0;
     for (const WallImage& image : wallImages(geometry, source, listener, least)) {
         const MirrorWorld world(geometry, image.plane, listener);

@@ -20,7 +20,8 @@ struct BentBy {
 BentBy addBending(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                   const TraceOptions& options, double seconds, std::vector<Arrival>& arrivals, EdgeField& field);
 
-/// All images by walls beside which something is, as far as each might bring a fiftieth of what is in `result`.
+/// All images by walls beside which something is, as far as each might bring a fiftieth of an octave of what is in
+/// `result`.
 /// `known`: what edges of mirrors do to their images, which stay as they are if that is much.
 void addBentImages(const AcousticGeometry& geometry, const glm::dvec3& source, const glm::dvec3& listener,
                    const TraceOptions& options, const BentParts& known, TraceResult& result);
