@@ -29,6 +29,8 @@ using OpenBeside = std::function<Result<std::string>(std::string_view url)>;
 struct ImportInput {
     std::string_view bytes;
     OpenBeside open;  // null: nothing may be opened
+    std::uint64_t maximumBytes = std::uint64_t{4}
+                                 << 30;  // of memory for what is made of the bytes before it is a scene
 };
 
 /// Each gives a whole document, from beginDocument to endDocument; false if nothing was usable (then there may be
