@@ -16,6 +16,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <rtsg/core/memory.h>
 #include <rtsg/core/terminal.h>
 #include <rtsg/scripts/run_scripts.h>
 #include <rtsg/sync/scene_file.h>
@@ -142,7 +143,8 @@ void ResourceArguments::addTo(Command& command) {
     command
         .addOption(
             "--limit", limits,
-            "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds")
+            "NAME=N sets a limit on documents: bytes of a file, nodes, depth, pixels, samples, instances, seconds; "
+            "memory: bytes of the whole process")
         ->repeatable();
 }
 
@@ -163,11 +165,15 @@ ResourcePolicy ResourceArguments::policy() const {
         if (!std::filesystem::is_directory(folder, ignored)) throw UsageError("--allow", folder + " is no folder");
         policy.roots.emplace_back(folder);
     }
-    const std::pair<std::string_view, std::uint64_t*> known[] = {
-        {"bytes", &policy.maximumBytes},     {"nodes", &policy.maximumNodes},
-        {"depth", &policy.maximumDepth},     {"pixels", &policy.maximumPixels},
-        {"samples", &policy.maximumSamples}, {"instances", &policy.maximumInstances},
-        {"seconds", &policy.maximumSeconds}};
+    std::uint64_t memory = memoryLimit();
+    const std::pair<std::string_view, std::uint64_t*> known[] = {{"memory", &memory},
+                                                                 {"bytes", &policy.maximumBytes},
+                                                                 {"nodes", &policy.maximumNodes},
+                                                                 {"depth", &policy.maximumDepth},
+                                                                 {"pixels", &policy.maximumPixels},
+                                                                 {"samples", &policy.maximumSamples},
+                                                                 {"instances", &policy.maximumInstances},
+                                                                 {"seconds", &policy.maximumSeconds}};
     for (const std::string& limit : limits) {
         const std::string_view text = limit;
         const auto equals = std::min(text.find('='), text.size());
@@ -181,8 +187,10 @@ ResourcePolicy ResourceArguments::policy() const {
         if (!good)
             throw UsageError(
                 "--limit",
-                limit + ": expected bytes=N, nodes=N, depth=N, pixels=N, samples=N, instances=N or seconds=N");
+                limit +
+                    ": expected memory=N, bytes=N, nodes=N, depth=N, pixels=N, samples=N, instances=N or seconds=N");
     }
+    setMemoryLimit(memory);
     return policy;
 }
 

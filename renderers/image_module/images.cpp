@@ -146,22 +146,41 @@ void setDelays(std::vector<unsigned char>& gif, double framesPerSecond) {
     }
 }
 
+/// Libraries throw where there is no memory, and some where a file is damaged.
+template <class Read>
+std::string withoutThrowing(const Read& read) {
+    try {
+        return read();
+    } catch (const std::exception& error) {
+        return std::string("the picture cannot be read: ") + error.what();
+    }
+}
+
 class Files final : public ImageFiles {
   public:
     std::string openTiles(ByteSource source, const std::string& name,
                           std::unique_ptr<TiledPicture>& out) const override {
-        return openTiledPicture(std::move(source), name, out);
+        return withoutThrowing([&] { return openTiledPicture(std::move(source), name, out); });
     }
 
     std::string readFile(const std::string& file, const ReadRequest& request, FilePixels& out) const override {
-        if (const std::vector<std::uint8_t> bytes = bytesToLookAt(file); !bytes.empty())
-            return readMemory(bytes, file, request, out);
-        const auto input = openFor(request, file, nullptr);
-        return input ? readInput(*input, request, out) : inOneLine(OIIO::geterror());
+        return withoutThrowing([&] { return readNamed(file, request, out); });
     }
 
     std::string readMemory(std::span<const std::uint8_t> bytes, const std::string& name, const ReadRequest& request,
                            FilePixels& out) const override {
+        return withoutThrowing([&] { return readBytes(bytes, name, request, out); });
+    }
+
+    static std::string readNamed(const std::string& file, const ReadRequest& request, FilePixels& out) {
+        if (const std::vector<std::uint8_t> bytes = bytesToLookAt(file); !bytes.empty())
+            return readBytes(bytes, file, request, out);
+        const auto input = openFor(request, file, nullptr);
+        return input ? readInput(*input, request, out) : inOneLine(OIIO::geterror());
+    }
+
+    static std::string readBytes(std::span<const std::uint8_t> bytes, const std::string& name,
+                                 const ReadRequest& request, FilePixels& out) {
         if (isKtx2(bytes)) return readKtx2(bytes, request, readBlocks, out);
         if (isPng(bytes))
             if (std::string damage = damageOfPng(bytes, request.check); !damage.empty()) return damage;

@@ -3,6 +3,12 @@
 
 #include <vector>
 
+#include "film_tables.h"
+
+extern "C" {
+#include <libavutil/imgutils.h>
+}
+
 namespace rtsg {
 
 namespace {
@@ -37,6 +43,10 @@ std::int64_t FilmFile::seek(void* self, std::int64_t offset, int whence) {
 
 std::string FilmFile::open(std::int64_t most) {
     format_.reset(), io_.reset();
+    if (std::string why = whyTablesAreTooLong(bytes_); !why.empty()) return why;
+    // No block of memory is larger than a picture may be, of four channels of 16 bits.
+    constexpr std::int64_t kBytesOfPixel = 8, kLeast = std::int64_t{1} << 26;
+    av_max_alloc(static_cast<std::size_t>(std::max(kBytesOfPixel * most, kLeast)));
     at_ = 0;
     auto* buffer = static_cast<unsigned char*>(av_malloc(kBuffer));
     io_.reset(avio_alloc_context(buffer, kBuffer, 0, this, read, nullptr, seek));
@@ -58,7 +68,23 @@ std::string FilmFile::open(std::int64_t most) {
     return {};
 }
 
-std::string FilmDecoder::open(AVFormatContext& format, AVMediaType kind, std::int64_t mostPixels) {
+namespace {
+
+/// Memory for a picture, if the process may hold it: decoders keep as many as a film says that they need.
+int takePicture(AVCodecContext* codec, AVFrame* frame, int flags) {
+    const auto format = static_cast<AVPixelFormat>(frame->format);
+    if (codec->codec_type == AVMEDIA_TYPE_VIDEO) {
+        const int bytes = av_image_get_buffer_size(format, frame->width, frame->height, 1);
+        if (bytes < 0 || !static_cast<const FilmFile*>(codec->opaque)->mayTake(static_cast<std::uint64_t>(bytes)))
+            return AVERROR(ENOMEM);
+    }
+    return avcodec_default_get_buffer2(codec, frame, flags);
+}
+
+}  // namespace
+
+std::string FilmDecoder::open(FilmFile& file, AVMediaType kind, std::int64_t mostPixels) {
+    AVFormatContext& format = file.format();
     const std::string what = kind == AVMEDIA_TYPE_VIDEO ? "pictures" : "sound";
     const AVCodec* decoder = nullptr;
     stream = av_find_best_stream(&format, kind, -1, -1, &decoder, 0);
@@ -71,6 +97,8 @@ std::string FilmDecoder::open(AVFormatContext& format, AVMediaType kind, std::in
     codec->max_pixels = mostPixels;
     codec->pkt_timebase = chosen.time_base;
     codec->thread_count = 1;
+    codec->opaque = &file;
+    codec->get_buffer2 = takePicture;
     timeBase = av_q2d(chosen.time_base);
     const int error = avcodec_open2(codec.get(), decoder, nullptr);
     return error < 0 ? "its " + what + " cannot be decoded: " + textOfError(error) : std::string();

@@ -48,6 +48,7 @@ class FilmFile {
     /// From its beginning, with what is in it found out; pictures of more than `most` pixels are not looked at.
     std::string open(std::int64_t most);
     AVFormatContext& format() { return *format_; }
+    bool mayTake(std::uint64_t bytes) const { return !bytes_.mayTake || bytes_.mayTake(bytes); }
 
   private:
     static int read(void* self, std::uint8_t* to, int length);
@@ -67,7 +68,7 @@ struct FilmDecoder {
     Owned<AVPacket> packet;
     bool draining = false;
 
-    std::string open(AVFormatContext& format, AVMediaType kind, std::int64_t mostPixels);
+    std::string open(FilmFile& file, AVMediaType kind, std::int64_t mostPixels);
     /// The next picture or piece of sound; false at the end. What is damaged costs what it holds, no more.
     bool next(AVFormatContext& format, AVFrame& frame);
 };

@@ -82,7 +82,7 @@ std::string readFilmSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSo
     FilmFile file(std::move(bytes));
     if (std::string error = file.open(kMostPixels); !error.empty()) return error;
     FilmDecoder decoder;
-    if (std::string error = decoder.open(file.format(), AVMEDIA_TYPE_AUDIO, kMostPixels); !error.empty()) return error;
+    if (std::string error = decoder.open(file, AVMEDIA_TYPE_AUDIO, kMostPixels); !error.empty()) return error;
     const int pictures = av_find_best_stream(&file.format(), AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
     const Owned<AVFrame> frame(av_frame_alloc());
     Interleaver interleaver;
@@ -92,6 +92,11 @@ std::string readFilmSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSo
                 static_cast<std::uint64_t>(frame->nb_samples) * static_cast<std::uint64_t>(out.channels) >
             maximumSamples)
             return "more than " + std::to_string(maximumSamples) + " samples; --limit samples=N raises this";
+        // What is there is copied while it grows.
+        const std::size_t wanted =
+            out.samples.size() + static_cast<std::size_t>(frame->nb_samples) * static_cast<std::size_t>(out.channels);
+        if (wanted > out.samples.capacity() && !file.mayTake(2 * sizeof(float) * wanted))
+            return "its sound is longer than the process may hold; --limit memory=N raises this";
         if (!interleaver.add(*frame, out)) return "its sound changes its rate or its channels on the way";
     }
     if (out.samples.empty()) return "its sound is empty";

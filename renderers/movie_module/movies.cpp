@@ -1,6 +1,7 @@
 // The module librtsg_movies.so: pictures of films, and films of pictures, by FFmpeg's libraries. Links nothing of ours,
 // throws nothing.
 #include <algorithm>
+#include <climits>
 #include <cmath>
 #include <cstring>
 #include <string_view>
@@ -68,7 +69,7 @@ class Film final : public MovieFile {
         lastTime_ = 0;
         const auto most = static_cast<std::int64_t>(std::min<std::uint64_t>(maximumPixels_, INT32_MAX));
         if (std::string error = file_.open(most); !error.empty()) return error;
-        if (std::string error = decoder_.open(file_.format(), AVMEDIA_TYPE_VIDEO, most); !error.empty()) return error;
+        if (std::string error = decoder_.open(file_, AVMEDIA_TYPE_VIDEO, most); !error.empty()) return error;
         const AVCodecContext& codec = *decoder_.codec;
         // Some know it only when they have decoded a picture.
         if (codec.width > 0 && codec.height > 0)
@@ -215,6 +216,7 @@ class Files final : public MovieFiles {
     }
     std::string make(MovieSink sink, const FilmShape& shape, std::unique_ptr<MovieMaker>& out) const override {
         av_log_set_level(AV_LOG_QUIET);
+        av_max_alloc(INT_MAX);  // the user's pictures, not a file's
         return makeFilm(std::move(sink), shape, out);
     }
     std::string readSound(MovieBytes bytes, std::uint64_t maximumSamples, FileSound& out) const override {

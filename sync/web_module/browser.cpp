@@ -15,12 +15,13 @@ constexpr std::size_t kLongestIncoming = 10 << 10;  // a part of a submission is
 
 }  // namespace
 
-Browser::Browser(Gateway& gateway, Stream&& stream)
+Browser::Browser(Gateway& gateway, Stream&& stream, std::string source)
     : gateway_(gateway),
       socket_(std::move(stream)),
       link_(gateway.context(), gateway.settings()),
       descriptor_(gateway.io(), link_.descriptor()),
-      farewell_(gateway.io()) {
+      farewell_(gateway.io()),
+      source_(std::move(source)) {
     gateway_.came(this);
 }
 
@@ -49,6 +50,7 @@ void Browser::begin(Request request) {
 void Browser::read() {
     socket_.async_read(incoming_, [self = shared_from_this()](beast::error_code error, std::size_t) {
         if (error || self->gone_) return self->leave();
+        self->spoke_ = true;
         const auto bytes = self->incoming_.data();
         if (!self->socket_.got_binary() || !self->link_.send({static_cast<const char*>(bytes.data()), bytes.size()})) {
             ++self->gateway_.refused;

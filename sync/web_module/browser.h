@@ -4,6 +4,7 @@
 // within the client's window. Threading: the gateway's thread.
 #pragma once
 
+#include <chrono>
 #include <deque>
 #include <memory>
 #include <string>
@@ -20,18 +21,25 @@ namespace rtsg::web {
 
 class Browser : public std::enable_shared_from_this<Browser> {
   public:
-    Browser(Gateway& gateway, Stream&& stream);
+    Browser(Gateway& gateway, Stream&& stream, std::string source);
     ~Browser();
     void begin(Request request);
     /// What the server has said goes out, then a proper end.
     void end();
+    /// At once.
+    void leave();
+    std::chrono::steady_clock::time_point since() const { return since_; }
+    /// It has been there that long, and has said nothing.
+    bool isSilentFor(std::chrono::steady_clock::duration time) const {
+        return !spoke_ && std::chrono::steady_clock::now() - since_ >= time;
+    }
+    const std::string& source() const { return source_; }
 
   private:
     void read();
     void pump();
     void watch();
     void write();
-    void leave();
     void leaveSoon();
 
     Gateway& gateway_;
@@ -43,7 +51,9 @@ class Browser : public std::enable_shared_from_this<Browser> {
     beast::flat_buffer incoming_;
     std::deque<std::string> queue_;
     std::size_t queued_ = 0;
-    bool accepted_ = false, writing_ = false, watching_ = false, ending_ = false, gone_ = false;
+    bool accepted_ = false, writing_ = false, watching_ = false, ending_ = false, gone_ = false, spoke_ = false;
+    const std::chrono::steady_clock::time_point since_ = std::chrono::steady_clock::now();
+    std::string source_;
 };
 
 }  // namespace rtsg::web

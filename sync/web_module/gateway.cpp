@@ -1,6 +1,7 @@
 // Listens for browsers, and says who may follow.
 #include "gateway.h"
 
+#include <algorithm>
 #include <bit>
 #include <cerrno>
 #include <chrono>
@@ -19,7 +20,11 @@ namespace rtsg::web {
 
 namespace {
 
-constexpr int kMostVisits = 256;  // connections that have not become browsers
+constexpr std::size_t kMostVisits = 256;           // connections that have not become browsers
+constexpr std::size_t kMostOfSource = 64;          // of them, of one address of another machine
+constexpr std::size_t kQuarters = 3;               // of the WebSockets, for such an address
+constexpr auto kSlow = std::chrono::seconds(5);  // an answer that takes longer gives its place up
+constexpr auto kSilent = std::chrono::seconds(2);  // a browser says at once who it is
 constexpr auto kGatewayFarewell = std::chrono::milliseconds(500);
 constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor to give
 constexpr std::size_t kMostNews = 100;
@@ -130,12 +135,52 @@ void Gateway::accept() {
             });
             return;
         }
-        if (visits_ < kMostVisits)
+        if (makeRoomFor(sourceOf(socket)))
             std::make_shared<Visit>(*this, std::move(socket))->begin();
         else
             ++refused;
         accept();
     });
+}
+
+/// On loopback, and behind a proxy on this machine, one address is everybody's.
+bool Gateway::isShared(const std::string& source) const {
+    beast::error_code error;
+    const auto address = net::ip::make_address(source, error);
+    return settings_.loopback || (!error && address.is_loopback());
+}
+
+/// Of too many connections one goes that has asked for nothing yet, else one that waits for what its browser may want
+/// next, else one that takes its answer slowly: the oldest of the address that has most. False: all are at work.
+bool Gateway::makeRoomFor(const std::string& source) {
+    std::map<std::string, std::size_t> bySource;
+    for (const Visit* visit : visits_) ++bySource[visit->source()];
+    const bool hasShare = !isShared(source) && bySource[source] >= kMostOfSource;
+    if (visits_.size() < kMostVisits && !hasShare) return true;
+    const auto slow = std::chrono::steady_clock::now() - kSlow;
+    for (const Visit::State state : {Visit::State::silent, Visit::State::idle, Visit::State::busy}) {
+        Visit* found = nullptr;
+        for (Visit* visit : visits_) {
+            if (state == Visit::State::busy && visit->since() > slow) continue;
+            if (visit->state() != state || (hasShare && visit->source() != source)) continue;
+            if (!found || bySource[visit->source()] > bySource[found->source()]) found = visit;
+        }
+        if (!found) continue;
+        ++refused;
+        found->end();
+        return true;
+    }
+    return false;
+}
+
+void Gateway::makeRoomForBrowser() {
+    if (connections_ < settings_.maximumConnections) return;
+    Browser* found = nullptr;
+    for (Browser* browser : browsers_)
+        if (browser->isSilentFor(kSilent) && (!found || browser->since() < found->since())) found = browser;
+    if (!found) return;
+    ++refused;
+    found->leave();
 }
 
 void Gateway::stop() {
@@ -214,17 +259,51 @@ std::string Gateway::packedPage(const PageFile& file, const std::string& text) {
     return bytes;
 }
 
-bool Gateway::knowsHost(const Request& request) const {
-    if (!settings_.loopback) return true;
-    std::string host = textOf(request[http::field::host]);
-    const std::size_t colon = host.rfind(':');
-    if (colon != std::string::npos && host.find(']', colon) == std::string::npos) host.resize(colon);
+std::string sourceOf(const Tcp::socket& socket) {
     beast::error_code error;
-    const auto address = net::ip::make_address(host, error);  // a name that only begins like one is another's
-    return host == "localhost" || host == "[::1]" || (!error && address.is_loopback());
+    auto address = socket.remote_endpoint(error).address();
+    if (!address.is_v6()) return address.to_string();
+    if (address.to_v6().is_v4_mapped())
+        return net::ip::make_address_v4(net::ip::v4_mapped, address.to_v6()).to_string();
+    if (address.is_loopback()) return address.to_string();
+    auto bytes = address.to_v6().to_bytes();
+    std::fill(bytes.begin() + bytes.size() / 2, bytes.end(), static_cast<unsigned char>(0));
+    return net::ip::address_v6(bytes).to_string();
 }
 
-std::string Gateway::refusal(const Request& request) const {
+std::optional<std::string> hostOf(const Request& request) {
+    constexpr unsigned kHttp11 = 11;
+    const std::size_t count = request.count(http::field::host);
+    if (count == 0 && request.version() < kHttp11) return "";
+    if (count != 1) return std::nullopt;
+    const std::string all = textOf(request[http::field::host]);
+    const bool isBracketed = all.starts_with('[');
+    const std::size_t end = isBracketed ? all.find(']') : std::min(all.find(':'), all.size());
+    if (end == std::string::npos) return std::nullopt;
+    const std::string host = all.substr(isBracketed ? 1 : 0, end - (isBracketed ? 1 : 0));
+    std::string_view port = std::string_view(all).substr(end + (isBracketed ? 1 : 0));
+    const auto isOf = [](std::string_view text, std::string_view others) {
+        return std::ranges::all_of(text, [&](unsigned char c) {
+            return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || others.contains(c);
+        });
+    };
+    if (host.empty() || !isOf(host, isBracketed ? ":.%" : "-._~")) return std::nullopt;
+    if (port.empty()) return host;
+    if (!port.starts_with(':') || port.size() > 6) return std::nullopt;
+    port.remove_prefix(1);
+    if (!std::ranges::all_of(port, [](char c) { return c >= '0' && c <= '9'; })) return std::nullopt;
+    return host;
+}
+
+bool Gateway::knowsHost(const Request& request) const {
+    if (!settings_.loopback) return true;
+    const std::string host = hostOf(request).value_or("");
+    beast::error_code error;
+    const auto address = net::ip::make_address(host, error);  // a name that only begins like one is another's
+    return host == "localhost" || (!error && address.is_loopback());
+}
+
+std::string Gateway::refusal(const Request& request, const std::string& source) const {
     const std::string target = textOf(request.target()), host = textOf(request[http::field::host]);
     const std::string origin = textOf(request[http::field::origin]);
     if (!knowsHost(request)) return "This server is known by another name.";
@@ -235,6 +314,10 @@ std::string Gateway::refusal(const Request& request) const {
     const bool follows = beast::websocket::is_upgrade(request);
     if (follows && target.substr(0, target.find('?')) != "/mirror") return "There is nothing to follow here.";
     if (follows && connections_ >= settings_.maximumConnections) return "As many browsers follow as may.";
+    const auto ofSource = static_cast<std::size_t>(
+        std::ranges::count_if(browsers_, [&](const Browser* browser) { return browser->source() == source; }));
+    if (follows && !isShared(source) && 4 * ofSource >= kQuarters * settings_.maximumConnections)
+        return "As many browsers of one address follow as may.";
     return {};
 }
 

@@ -7,9 +7,11 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
@@ -37,6 +39,12 @@ inline std::string textOf(beast::string_view text) {
 class Browser;
 class Visit;
 
+/// Whom a connection counts for: its address, of IPv6 the first half, as one customer has all of the other.
+std::string sourceOf(const Tcp::socket& socket);
+/// The host in the request's one Host field, without its port; nothing if there is none, or several, or no host's name
+/// (RFC 9112, 3.2). HTTP/1.0 knows requests without: "".
+std::optional<std::string> hostOf(const Request& request);
+
 class Gateway : public WebModule {
   public:
     explicit Gateway(WebSettings settings);
@@ -58,12 +66,16 @@ class Gateway : public WebModule {
     void* context() { return context_.get(); }
     void news(std::string text);
     /// Why who asks so may not follow, nor have files that the scene names; empty if he may.
-    std::string refusal(const Request& request) const;
-    /// The host that the request names is one of ours, so that no other site's name leads here.
+    std::string refusal(const Request& request, const std::string& source) const;
+    /// The host that the request names is one of ours, so that no other site's name leads here. Precondition: hostOf()
+    /// gives one.
     bool knowsHost(const Request& request) const;
     void came(Browser* browser);
     void went(Browser* browser);
-    void visited(int change) { visits_ += change; }
+    void came(Visit* visit) { visits_.push_back(visit); }
+    void went(Visit* visit) { std::erase(visits_, visit); }
+    /// Ends a WebSocket that has said nothing yet, if there are as many as may be.
+    void makeRoomForBrowser();
     /// `visit` is answered by the scene's thread; false when too many wait.
     bool wish(FileWish wish, std::weak_ptr<Visit> visit);
     /// The file as gzip, packed once for all who ask; empty where that is not worth it: on loopback, or small.
@@ -82,6 +94,8 @@ class Gateway : public WebModule {
     };
     std::string readCertificate();
     void accept();
+    bool makeRoomFor(const std::string& address);
+    bool isShared(const std::string& address) const;
     void stop();
 
     WebSettings settings_;
@@ -90,7 +104,7 @@ class Gateway : public WebModule {
     std::set<Browser*> browsers_;
     std::atomic<std::size_t> connections_{0};
     std::atomic<std::uint64_t> opened_{0};
-    int visits_ = 0;
+    std::vector<Visit*> visits_;  // the oldest first
     bool stopping_ = false;
     mutable std::mutex mutex_;
     std::vector<std::string> news_;

@@ -103,10 +103,16 @@ Response page(const Request& request, Gateway& gateway) {
 
 Visit::Visit(Gateway& gateway, Tcp::socket&& socket)
     : gateway_(gateway),
+      source_(sourceOf(socket)),
       stream_(std::move(socket), gateway.tls()),
       buffer_(kLongestHead + kLongestBody),
       waiting_(gateway.io()) {
-    gateway_.visited(1);
+    gateway_.came(this);
+}
+
+void Visit::end() {
+    gateway_.went(this);
+    stream_.tcp().close();
 }
 
 void Visit::begin() {
@@ -125,11 +131,24 @@ void Visit::read() {
     stream_.tcp().expires_after(gateway_.settings().requestTimeout);
     http::async_read(stream_, buffer_, *parser_, [self = shared_from_this()](beast::error_code error, std::size_t) {
         if (!error) return self->answer(self->parser_->release());
-        if (error != http::error::end_of_stream && error != beast::error::timeout && error != net::error::eof &&
-            error != net::error::operation_aborted && error != net::error::connection_reset &&
-            error != net::ssl::error::stream_truncated)
-            ++self->gateway_.refused;
+        self->refuse(error);
     });
+}
+
+/// What was read is no request, or none came.
+void Visit::refuse(beast::error_code error) {
+    if (error == http::error::end_of_stream || error == beast::error::timeout || error == net::error::eof ||
+        error == net::error::operation_aborted || error == net::error::connection_reset ||
+        error == net::ssl::error::stream_truncated)
+        return;
+    ++gateway_.refused;
+    const bool isOfHttp = error.category() == beast::error_code(http::error::end_of_stream).category();
+    if (!isOfHttp || error == http::error::partial_message) return;
+    if (error == http::error::header_limit || error == http::error::buffer_overflow)
+        return say(refused({}, http::status::request_header_fields_too_large, "The request's head is too long."));
+    if (error == http::error::body_limit)
+        return say(refused({}, http::status::payload_too_large, "The request's body is too long."));
+    say(refused({}, http::status::bad_request, "This is no request of HTTP/1.1."));
 }
 
 /// `/picture/NODE/INDEX`, and sounds likewise. Who asks for something else under such a name is told that there is
@@ -162,12 +181,19 @@ void Visit::show(std::string bytes, const std::string& type) {
 
 void Visit::answer(Request request) {
     ++gateway_.requests;
+    state_ = State::busy;
+    since_ = std::chrono::steady_clock::now();
+    if (!hostOf(request)) {
+        ++gateway_.refused;
+        return say(refused(request, http::status::bad_request, "The request names no host, or not one."));
+    }
     const bool wantsSocket = beast::websocket::is_upgrade(request);
     const bool wantsNamed = namedIn(request) != nullptr;
-    std::string why = wantsSocket || wantsNamed ? gateway_.refusal(request) : "";
+    if (wantsSocket) gateway_.makeRoomForBrowser();
+    std::string why = wantsSocket || wantsNamed ? gateway_.refusal(request, source_) : "";
     if (wantsSocket && why.empty()) {
         stream_.tcp().expires_never();
-        std::make_shared<Browser>(gateway_, std::move(stream_))->begin(std::move(request));
+        std::make_shared<Browser>(gateway_, std::move(stream_), source_)->begin(std::move(request));
         return;
     }
     if (why.empty() && !gateway_.knowsHost(request)) why = "This server is known by another name.";
@@ -203,6 +229,7 @@ void Visit::say(Response response) {
     stream_.tcp().expires_after(gateway_.settings().requestTimeout +
                                 std::chrono::seconds(response_.body().size() / kSlowestReader));
     http::async_write(stream_, response_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+        self->state_ = State::idle;
         if (!error && self->response_.keep_alive()) return self->read();
         self->stream_.shutdown([self](beast::error_code) {});
     });

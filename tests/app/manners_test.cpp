@@ -457,6 +457,21 @@ TEST_F(Manners, TheDemoRemovesOnlyWhatItMade) {
     EXPECT_THAT(shell("! RTSG=\"$RTSG\" " RTSG_SOURCE_DIR "/examples/demo/run " + precious),
                 HasSubstr("was not made by the demo"));
     EXPECT_EQ(readFile(precious + "/thesis.txt"), "years of work");
+    // In a folder of its own, too, it removes what its marker lists and nothing else, and writes over nothing.
+    const std::string own = folder / "own", fails = folder / "fails";
+    writeFile(fails, "#!/bin/sh\nexit 3\n");
+    const std::string run =
+        "chmod +x " + fails + "; ! RTSG=" + fails + " " RTSG_SOURCE_DIR "/examples/demo/run " + own + " 2>&1";
+    EXPECT_THAT(shell(run), HasSubstr("the server has stopped"));
+    EXPECT_EQ(readFile(own + "/.rtsg-demo"), "serve.jsonl\n");
+    writeFile(own + "/thesis.txt", "years of work");
+    writeFile(own + "/.rtsg-demo", "serve.jsonl\n../precious/thesis.txt\n");
+    EXPECT_THAT(shell(run), HasSubstr("the server has stopped"));
+    EXPECT_EQ(readFile(own + "/thesis.txt"), "years of work");
+    EXPECT_EQ(readFile(precious + "/thesis.txt"), "years of work");
+    writeFile(own + "/hall.png", "holidays");
+    EXPECT_THAT(shell(run), HasSubstr("hall.png, which the demo has not made"));
+    EXPECT_EQ(readFile(own + "/hall.png"), "holidays");
 }
 
 }  // namespace

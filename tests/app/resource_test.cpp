@@ -129,6 +129,13 @@ TEST_F(ResourceOptions, LimitsAreRaisedByAnOption) {
     EXPECT_THAT(few.out, HasSubstr("\"nodes\":3,"));
     EXPECT_EQ(rtsg({"info", given, "--limit", "nodes=3"}).err, "");
     EXPECT_THAT(rtsg({"info", given, "--limit", "bytes=10"}).err, HasSubstr("more than 10 bytes"));
+    // Of the whole process, and of what the user names too: a million nodes take some 300 MB.
+    std::string many = "#X3D V4.0 utf8\n";
+    for (int i = 0; i < 1'000'000; ++i) many += "Group{}";
+    const Outcome much = rtsg({"info", document(many), "--limit", "memory=100000000"});
+    EXPECT_EQ(much.status, 1);
+    EXPECT_THAT(much.err, HasSubstr("the process would hold more than 100000000 bytes; --limit memory=N raises this"));
+    EXPECT_THAT(much.err, HasSubstr("[memory]"));
     EXPECT_EQ(rtsg({"info", given, "--limit", "nodes"}).status, 2);
     EXPECT_EQ(rtsg({"info", given, "--limit", "knots=3"}).status, 2);
     EXPECT_EQ(rtsg({"info", given, "--allow", folder / "nowhere"}).status, 2);

@@ -117,7 +117,7 @@ Result<SoundBuffer> readMpegSound(SoundBytes file, std::uint64_t maxSamples, std
         if (mpg123_info(mp3, &info) == MPG123_OK)
             gaps.frameAt(file, mpg123_framepos(mp3), info.framesize, sound.seconds());
         const std::size_t at = sound.samples.size();
-        sound.samples.resize(at + bytes / sizeof(float));
+        if (auto ok = makeRoom(sound, bytes / sizeof(float)); !ok) return std::unexpected(ok.error());
         std::copy_n(audio, bytes, reinterpret_cast<unsigned char*>(sound.samples.data() + at));
         if (sound.samples.size() > maxSamples) return tooManySamples(maxSamples);
     }

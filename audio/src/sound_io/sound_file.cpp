@@ -74,7 +74,8 @@ Result<SoundBuffer> readAll(SoundBytes bytes, std::uint64_t maxSamples, std::str
     constexpr sf_count_t kPiece = 1 << 16;
     for (;;) {
         const std::size_t at = sound.samples.size();
-        sound.samples.resize(at + static_cast<std::size_t>(kPiece * info.channels));
+        if (auto ok = makeRoom(sound, static_cast<std::size_t>(kPiece * info.channels)); !ok)
+            return std::unexpected(ok.error());
         const sf_count_t got = std::max<sf_count_t>(0, sf_readf_float(file, sound.samples.data() + at, kPiece));
         sound.samples.resize(at + static_cast<std::size_t>(got * info.channels));
         if (sound.samples.size() > maxSamples) return tooManySamples(maxSamples);

@@ -7,6 +7,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/memory.h>
+
 namespace rtsg {
 namespace {
 
@@ -97,6 +99,18 @@ std::string unreadableFrom(const SoundBuffer& sound) {
 
 std::unexpected<Diagnostic> tooManySamples(std::uint64_t maxSamples) {
     return fail(fmt::format("more than {} samples; --limit samples=N raises this", maxSamples));
+}
+
+Result<> makeRoom(SoundBuffer& sound, std::size_t more) {
+    const std::size_t wanted = sound.samples.size() + more;
+    if (wanted > sound.samples.capacity()) {
+        // What is there is copied while it grows.
+        const std::size_t grown = std::max(wanted, 2 * sound.samples.size());
+        if (auto ok = mayHold(grown * sizeof(float)); !ok) return ok;
+        sound.samples.reserve(grown);
+    }
+    sound.samples.resize(wanted);
+    return {};
 }
 
 }  // namespace rtsg

@@ -21,5 +21,7 @@ std::string missingSound(double promised, const SoundBuffer& sound, double toler
 std::string unreadableFrom(const SoundBuffer& sound);
 /// The error of readSound().
 std::unexpected<Diagnostic> tooManySamples(std::uint64_t maxSamples);
+/// Makes room for so many more samples. Error: the process may not hold twice as many as there are.
+Result<> makeRoom(SoundBuffer& sound, std::size_t more);
 
 }  // namespace rtsg

@@ -12,6 +12,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/memory.h>
 #include <rtsg/core/scene.h>
 
 #include "resource_url.h"
@@ -94,6 +95,7 @@ Resource::~Resource() {
 
 Result<std::string> Resource::read() {
     if (descriptor_ < 0) return std::move(data_);
+    if (auto ok = mayHold(size()); !ok) return fail(ok.error().code, fmt::format("{}: {}", name_, ok.error().text));
     auto text = detail::readDescriptor(descriptor_, limit_);
     ::close(std::exchange(descriptor_, -1));
     if (!text) return fail(fmt::format("{}: {}", name_, text.error().text));
@@ -177,6 +179,9 @@ Result<Resource> Resources::open(const std::filesystem::path& from, std::string_
     resource.fragment_ = std::move(parts.fragment);
     resource.limit_ = policy_.maximumBytes;
     if (parts.kind == detail::UrlParts::Kind::data) {
+        // Decoded twice, by percent signs and by base64; the second is shorter.
+        if (auto ok = mayHold(2 * url.size()); !ok)
+            return fail(ok.error().code, fmt::format("'{}': {}", shown, ok.error().text));
         auto data = detail::decodeDataUrl(url);
         if (!data) return fail(fmt::format("'{}' is no well-formed data: url", shown));
         if (data->bytes.size() > policy_.maximumBytes)

@@ -28,6 +28,7 @@ constexpr std::size_t kMaximumProtoDepth = 64;
 class LoadSession {
   public:
     struct File {
+        explicit File(CommandList::Limits limits) : commands(limits) {}
         DocumentSource source;
         CommandList commands;
         Diagnostics diagnostics;
@@ -35,9 +36,10 @@ class LoadSession {
         Environment* prototypes = nullptr;  // its PROTOs, once asked for
     };
 
-    /// The file behind `url`, seen from the folder `from`. Fails for a file that the policy refuses, that is missing,
-    /// or that has no usable content.
-    Result<File*> open(const Resources& resources, const std::filesystem::path& from, std::string_view url);
+    /// The file behind `url`, seen from the folder `from`, as far as `nodesLeft` nodes go. Fails for a file that the
+    /// policy refuses, that is missing, or that has no usable content.
+    Result<File*> open(const Resources& resources, const std::filesystem::path& from, std::string_view url,
+                       std::uint64_t nodesLeft);
     Environment* newEnvironment(const Environment* outer = nullptr, std::size_t visible = 0) {
         return &environments_.emplace_back(outer, visible);
     }
@@ -126,6 +128,10 @@ struct SceneBuilder::State {
     State(SceneBuilder& builder, Scene& target, Diagnostics& sink, BuildOptions buildOptions);
     /// Counts a node that is about to be made. False, and reported once, if it is one too many or too late.
     bool hasRoomFor(const NameScope& scope, SourceLocation where);
+    /// Looks at the clock and at the memory of the process.
+    void lookAtLimits(SourceLocation where);
+    /// Nodes that Inlines and PROTO bodies may still have.
+    std::uint64_t nodesLeft() const;
 
     SceneBuilder& handler;
     Scene& scene;
@@ -144,7 +150,7 @@ struct SceneBuilder::State {
     std::uint64_t expandedNodes = 0;  // in PROTO bodies and Inlines
     const std::chrono::steady_clock::time_point started = std::chrono::steady_clock::now();
     std::uint64_t nodesBegun = 0;
-    bool isLate = false;  // more time has gone by than the policy lets: no further node is made
+    bool isOver = false;  // the time that the policy lets, or the process's memory: no further node is made
     bool finished = false;
     bool linksFonts = false;                                                     // a FontLibrary has come
     std::set<std::pair<const DocumentSource*, std::string_view>> withoutEffect;  // types that were named, by file
@@ -228,6 +234,9 @@ struct SceneBuilder::State {
 
 /// The node that `name` means inside `scope`: a DEF, or an imported node if its Inline is loaded.
 NodeId resolveLocalName(const Scene& scene, NodeId scope, std::string_view name, int depth = 0);
+/// Which limit has been reached.
+std::string tooManyNodes(std::uint64_t most);
+std::string whyFull(const CommandList& commands, const ResourcePolicy& policy);
 /// The declaration as ClassicVRML text.
 std::string declarationText(const ProtoDeclaration& proto);
 /// A document of all PROTOs and EXTERNPROTOs that the scene's own document declares; empty if there are none.

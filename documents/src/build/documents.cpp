@@ -207,8 +207,10 @@ Result<DocumentServices::Piece> Documents::makePieceOfUrls(Scene& scene, NodeId 
     const Node* node = scene.find(script);
     BuildOptions options = detachedOptions(node ? node->scope() : NodeId{}, &beside);
     options.file = opened->file;
+    options.namedByUrl = true;
     SceneBuilder builder(scene, diagnostics, options);
-    const bool complete = readDocumentFile(opened->file, builder, diagnostics);
+    const bool complete =
+        readDocumentFile(opened->file, builder, diagnostics, {.maximumBytes = resources->policy().maximumBytes});
     builder.finish();
     return pieceOf(scene, builder, complete, diagnostics);
 }
@@ -231,6 +233,7 @@ Result<> serveWorld(Scene& scene, const DocumentRequest& request, const Resource
     if (!opened) return std::unexpected(opened.error());
     LoadOptions options;
     options.resources = Resources(opened->file.parent_path(), resources->policy());
+    options.namedByUrl = true;
     Diagnostics diagnostics{opened->file.string()};
     const bool loaded = loadWorld(scene, opened->file, diagnostics, options);
     scene.diagnostics().append(diagnostics);

@@ -48,22 +48,20 @@ const Array<NodeId>& contentOf(const Node& node) {
 }  // namespace
 
 Result<LoadSession::File*> LoadSession::open(const Resources& resources, const std::filesystem::path& from,
-                                             std::string_view url) {
+                                             std::string_view url, std::uint64_t nodesLeft) {
     auto resource = resources.open(from, url);
     if (!resource) return std::unexpected(resource.error());
     const auto base = Resources::folderBehind(from, url);
+    const ResourcePolicy& policy = resources.policy();
     auto& file = files_[{resource->path().empty() ? std::string(url) : resource->path().string(), base}];
     if (!file) {
-        file = std::make_unique<File>();
+        file = std::make_unique<File>(CommandList::Limits{nodesLeft, policy.maximumBytes});
         file->source = {resource->path(), base, resource->name()};
         file->diagnostics.setFile(resource->name());
-        const auto text = resource->read();
-        if (text)
-            detail::readSceneBytes(*text, file->commands, file->diagnostics,
-                                   {resources.policy().maximumBytes, true,
-                                    detail::openBeside(resources, Resources::folderBehind(from, url))});
-        else
-            file->diagnostics.error({}, text.error().text);
+        CommandList& commands = file->commands;
+        detail::readResource(*resource, policy.maximumBytes, detail::openBeside(resources, base), commands,
+                             file->diagnostics);
+        if (commands.isFull()) file->diagnostics.error(commands.fullAt(), whyFull(commands, policy));
     }
     if (!file->commands.empty()) return file.get();
     // No word of a file that is no scene is repeated, since its content is nobody's business.
@@ -112,7 +110,7 @@ bool SceneBuilder::State::loadInline(NodeId id, SourceLocation where) {
     for (const String& url : urls) {
         Result<LoadSession::File*> file = fail({});
         for (std::size_t i = 0; i < folders.size() && !file; ++i) {
-            auto one = session.open(*options.resources, folders[i], url);
+            auto one = session.open(*options.resources, folders[i], url, nodesLeft());
             if (one || i == 0) file = std::move(one);
         }
         if (file && std::ranges::any_of(scopes, [&](const auto& one) {

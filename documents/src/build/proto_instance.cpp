@@ -180,7 +180,7 @@ void SceneBuilder::State::resolveExternal(ProtoDeclaration& declaration) {
     std::string why;
     const auto failed = [&](const std::string& reason) { why += (why.empty() ? "" : "; ") + reason; };
     for (const std::string& url : declaration.url) {
-        const auto file = session.open(*options.resources, declaration.source->base, url);
+        const auto file = session.open(*options.resources, declaration.source->base, url, nodesLeft());
         if (!file) {
             failed(file.error().text);
             continue;

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/memory.h>
 #include <rtsg/core/x3d.h>
 
 #include "builder_state.h"
@@ -85,23 +86,50 @@ void SceneBuilder::unit(std::string_view category, std::string_view name, double
     state_->head.units.push_back({std::string(category), std::string(name), conversionFactor});
 }
 
-bool SceneBuilder::State::hasRoomFor(const NameScope& scope, SourceLocation where) {
-    constexpr std::uint64_t kNodesPerLook = 1024;  // at the clock
-    const ResourcePolicy& policy = options.resources->policy();
-    if (++nodesBegun % kNodesPerLook == 0 && !isLate) {
-        isLate = std::chrono::steady_clock::now() - started > std::chrono::seconds(policy.maximumSeconds);
-        if (isLate)
-            diagnostics.error(where, fmt::format("reading takes more than {} seconds; the rest is left out, unless "
-                                                 "--limit seconds=N raises this",
-                                                 policy.maximumSeconds));
+void SceneBuilder::State::lookAtLimits(SourceLocation where) {
+    const std::uint64_t seconds = options.resources->policy().maximumSeconds;
+    if (std::chrono::steady_clock::now() - started > std::chrono::seconds(seconds)) {
+        isOver = true;
+        diagnostics.error(where, fmt::format("reading takes more than {} seconds; the rest is left out, unless "
+                                             "--limit seconds=N raises this",
+                                             seconds));
+    } else if (auto ok = mayHold(); !ok) {
+        isOver = true;
+        diagnostics.error(where, "the rest of the nodes is left out: " + ok.error().text, ok.error().code);
     }
-    if (isLate) return false;
-    if ((!scope.proto && !scope.owner) || ++expandedNodes <= policy.maximumNodes) return true;
-    if (expandedNodes == policy.maximumNodes + 1)
-        diagnostics.error(where, fmt::format("PROTO instances and Inlines make more than {} nodes; the rest is left "
-                                             "out, unless --limit nodes=N raises this",
-                                             policy.maximumNodes));
+}
+
+std::uint64_t SceneBuilder::State::nodesLeft() const {
+    const std::uint64_t most = options.resources->policy().maximumNodes;
+    return most - std::min(expandedNodes, most);
+}
+
+bool SceneBuilder::State::hasRoomFor(const NameScope& scope, SourceLocation where) {
+    constexpr std::uint64_t kNodesPerLook = 1024;
+    const std::uint64_t most = options.resources->policy().maximumNodes;
+    if (++nodesBegun % kNodesPerLook == 0 && !isOver) lookAtLimits(where);
+    if (isOver) return false;
+    if ((!scope.proto && !scope.owner && !options.namedByUrl) || ++expandedNodes <= most) return true;
+    if (expandedNodes == most + 1) diagnostics.error(where, tooManyNodes(most));
     return false;
+}
+
+bool SceneBuilder::isFull() const {
+    const State& s = *state_;
+    return s.isOver || (s.options.namedByUrl && s.expandedNodes > s.options.resources->policy().maximumNodes);
+}
+
+std::string tooManyNodes(std::uint64_t most) {
+    return fmt::format(
+        "PROTO instances and Inlines make more than {} nodes; the rest is left out, unless --limit nodes=N raises this",
+        most);
+}
+
+std::string whyFull(const CommandList& commands, const ResourcePolicy& policy) {
+    if (commands.hasTooManyNodes()) return tooManyNodes(policy.maximumNodes);
+    return fmt::format(
+        "what is read takes more than {} bytes; the rest is left out, unless --limit bytes=N raises this",
+        policy.maximumBytes);
 }
 
 void SceneBuilder::beginNode(std::string_view type, std::string_view def, std::string_view field,

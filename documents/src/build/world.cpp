@@ -14,6 +14,7 @@
 #include <rtsg/documents/scene_exporter.h>
 #include <rtsg/documents/writer.h>
 
+#include "builder_state.h"
 #include "commands/document_head.h"
 
 namespace rtsg {
@@ -29,6 +30,7 @@ BuildOptions buildOptions(const LoadOptions& options, const Resources& otherwise
     BuildOptions result;
     result.loadInlines = options.loadInlines;
     result.resources = options.resources ? *options.resources : otherwise;
+    result.namedByUrl = options.namedByUrl;
     return result;
 }
 
@@ -158,17 +160,25 @@ bool loadWorld(Scene& scene, const std::filesystem::path& file, Diagnostics& dia
         return false;
     }
     if (diagnostics.file().empty()) diagnostics.setFile(file == "-" ? "<stdin>" : file.string());
-    CommandList commands;
+    BuildOptions build = buildOptions(options, Resources::ofFile(file));
+    const ResourcePolicy& policy = build.resources->policy();
+    ReadOptions reading{options.progress, options.threads};
+    CommandList::Limits limits;
+    if (options.namedByUrl) {
+        reading.maximumBytes = policy.maximumBytes;
+        limits = {policy.maximumNodes, policy.maximumBytes};
+    }
+    CommandList commands(limits);
     const std::size_t errors = diagnostics.errors();
-    const bool complete = readDocumentFile(
-        file, commands, diagnostics, {.progress = options.progress, .threads = options.threads, .clip = options.clip});
+    reading.clip = options.clip;
+    const bool complete = readDocumentFile(file, commands, diagnostics, reading);
+    if (commands.isFull()) diagnostics.error(commands.fullAt(), whyFull(commands, policy));
     // A document without nodes is a world, too, but for one that is no document.
     if (commands.firstNodeType().empty() && (!complete || diagnostics.errors() > errors)) return false;
     if (auto ok = clear(scene, {}); !ok) {
         diagnostics.add(std::move(ok.error()));
         return false;
     }
-    BuildOptions build = buildOptions(options, Resources::ofFile(file));
     if (file != "-") build.file = file;
     scene.setScriptResources(std::make_shared<const Resources>(*build.resources), true);
     SceneBuilder builder(scene, diagnostics, build);

@@ -1,11 +1,55 @@
 // Records document commands, and gives them to another handler.
 #include <rtsg/documents/command_list.h>
 
+#include <cstring>
 #include <utility>
 
 namespace rtsg {
 
+namespace {
+
+std::size_t bytesOfArray(std::size_t bytes) {
+    return bytes == 0 ? bytes : sizeof(detail::ArrayHeader) + bytes + detail::kArrayPadding;
+}
+std::size_t bytesOf(std::string_view text) {
+    return bytesOfArray(text.size());
+}
+/// Memory behind a value: its elements, and those of each string.
+std::size_t bytesOf(const Value& value) {
+    if (value.holds<String>()) return bytesOf(value.as<String>().view());
+    if (value.holds<Image>()) return bytesOfArray(value.as<Image>().words.size() * sizeof(std::int32_t));
+    if (value.holds<Array<String>>()) {
+        const auto& all = value.as<Array<String>>();
+        std::size_t bytes = bytesOfArray(all.size() * sizeof(String));
+        for (const String& one : all) bytes += bytesOf(one.view());
+        return bytes;
+    }
+    if (value.holds<Array<Image>>()) {
+        std::size_t bytes = 0;
+        for (const Image& one : value.as<Array<Image>>())
+            bytes += bytesOfArray(one.words.size() * sizeof(std::int32_t)) + sizeof(Image);
+        return bytes;
+    }
+    if (!info(value.type()).shared) return 0;
+    const detail::ArrayHeader* header = nullptr;
+    std::memcpy(static_cast<void*>(&header), value.storage(), sizeof(header));
+    return header ? bytesOfArray(header->size * header->elementSize) : 0;
+}
+
+}  // namespace
+
+bool CommandList::take(std::size_t bytes, SourceLocation where) {
+    bytes_ += bytes;
+    if (!isFull_ && (bytes_ > limits_.bytes || nodes_ > limits_.nodes)) {
+        isFull_ = true;
+        fullOfNodes_ = nodes_ > limits_.nodes;
+        fullAt_ = where;
+    }
+    return !isFull_;
+}
+
 CommandList::Command& CommandList::add(Kind kind, SourceLocation where) {
+    if (!take(sizeof(Command), where)) return dropped_ = {};
     Command& command = commands_.emplace_back();
     command.kind = kind;
     command.where = where;
@@ -16,12 +60,16 @@ String CommandList::shared(std::string_view text) {
     if (text.empty()) return {};
     const auto found = shared_.find(text);
     if (found != shared_.end()) return found->second;
+    if (isFull_) return {};
+    constexpr std::size_t kEntry = 64;  // of the table
+    bytes_ += kEntry + bytesOf(text);
     String copy(text);
     shared_.emplace(copy.view(), copy);
     return copy;
 }
 
 void CommandList::beginDocument(const DocumentHeader& header) {
+    if (isFull_) return;
     add(Kind::beginDocument, {}).index = static_cast<std::uint32_t>(headers_.size());
     headers_.push_back(header);
 }
@@ -37,6 +85,7 @@ void CommandList::component(std::string_view name, int level, SourceLocation whe
 }
 
 void CommandList::meta(std::string_view name, std::string_view content, SourceLocation where) {
+    if (!take(bytesOf(name) + bytesOf(content), where)) return;
     Command& command = add(Kind::meta, where);
     command.names[0] = String(name);
     command.names[1] = String(content);
@@ -51,6 +100,8 @@ void CommandList::unit(std::string_view category, std::string_view name, double 
 }
 
 void CommandList::beginNode(std::string_view type, std::string_view def, std::string_view field, SourceLocation where) {
+    ++nodes_;
+    if (!take(bytesOf(def), where)) return;
     Command& command = add(Kind::beginNode, where);
     command.names[0] = shared(type);
     command.names[1] = String(def);
@@ -68,19 +119,21 @@ void CommandList::useNode(std::string_view def, std::string_view field, SourceLo
 }
 
 void CommandList::setField(std::string_view name, Value value, SourceLocation where) {
+    if (!take(bytesOf(value), where)) return;
     Command& command = add(Kind::setField, where);
     command.names[0] = shared(name);
     command.value = std::move(value);
 }
 
 void CommandList::declareField(const FieldDeclaration& field, std::optional<Value> value, SourceLocation where) {
+    if (value && !take(bytesOf(*value), where)) return;
     Command& command = add(Kind::declareField, where);
     command.names[0] = shared(field.name);
     command.access = field.access;
     command.type = field.type;
     command.hasValue = value.has_value();
     if (value) command.value = *std::move(value);
-    if (!field.about) return;
+    if (!field.about || !take(bytesOf(field.about->appinfo) + bytesOf(field.about->documentation), where)) return;
     documentations_.push_back(field.about);
     command.index = static_cast<std::uint32_t>(documentations_.size());
 }
@@ -105,6 +158,10 @@ void CommandList::endProto(SourceLocation where) {
 
 void CommandList::externProto(std::string_view name, const std::vector<FieldDeclaration>& fields,
                               const std::vector<std::string>& url, SourceLocation where) {
+    std::size_t bytes = fields.size() * sizeof(FieldDeclaration) + url.size() * sizeof(std::string);
+    for (const FieldDeclaration& field : fields) bytes += bytesOf(field.name);
+    for (const std::string& one : url) bytes += bytesOf(one);
+    if (!take(bytes, where)) return;
     Command& command = add(Kind::externProto, where);
     command.names[0] = shared(name);
     command.index = static_cast<std::uint32_t>(externs_.size());
@@ -135,10 +192,12 @@ void CommandList::exportNode(std::string_view localName, std::string_view export
 }
 
 void CommandList::comment(std::string_view text, SourceLocation where) {
+    if (!take(bytesOf(text), where)) return;
     add(Kind::comment, where).names[0] = String(text);
 }
 
 void CommandList::documentation(const Documentation& about, SourceLocation where) {
+    if (!take(bytesOf(about.appinfo) + bytesOf(about.documentation), where)) return;
     add(Kind::documentation, where).index = static_cast<std::uint32_t>(documentations_.size());
     documentations_.push_back(std::make_shared<const Documentation>(about));
 }

@@ -6,6 +6,8 @@
 #include <cstring>
 #include <set>
 
+#include <rtsg/core/memory.h>
+
 #include "text/text_position.h"
 
 namespace rtsg::detail {
@@ -111,6 +113,17 @@ std::string toBase64(std::string_view bytes) {
 bool GltfFile::open() {
     std::string_view text = input_.bytes;
     if (text.starts_with("glTF") && !openBinary(text)) return false;
+    // Each value takes memory, and there is one before each of these signs at most.
+    constexpr std::uint64_t kValue = 100;
+    const auto signs = std::ranges::count_if(text, [](char c) { return c == ',' || c == '[' || c == '{'; });
+    if (const std::uint64_t bytes = kValue * static_cast<std::uint64_t>(signs); bytes > input_.maximumBytes) {
+        diagnostics_.error({}, "the values of the glTF file's JSON take more than " +
+                                   std::to_string(input_.maximumBytes) + " bytes; --limit bytes=N raises this");
+        return false;
+    } else if (auto ok = mayHold(bytes); !ok) {
+        diagnostics_.error({}, ok.error().text, ok.error().code);
+        return false;
+    }
     try {
         root_ = json::parse(text);
     } catch (const json::out_of_range&) {
@@ -326,6 +339,12 @@ std::optional<GltfFile::Elements> GltfFile::elementsOf(const json& accessor, std
     if (stride == 0) stride = size;
     const bool fits = size != 0 && count != 0 && offset <= bytes.size() && size <= bytes.size() - offset &&
                       (count - 1) <= (bytes.size() - offset - size) / stride;
+    constexpr std::size_t kLarge = std::size_t{1} << 20;
+    if (fits && count * components > kLarge && !mayHold(2 * sizeof(float) * count * components)) {
+        diagnostics_.error({}, "an accessor of the glTF file is left out, as the process may hold no more memory",
+                           DiagnosticCode("memory"));
+        return std::nullopt;
+    }
     if (!fits) {
         warn("an accessor of the glTF file reaches beyond its buffer view; it is left out");
         return std::nullopt;
@@ -388,14 +407,30 @@ std::vector<float> GltfFile::floats(std::size_t number, std::size_t& components)
             }))
             return {};
     } else {
-        // Zeros, of which a sparse accessor replaces some: no more of them than of these is believed.
+        // Zeros, of which a sparse accessor replaces some.
         const std::size_t count = index(*accessor, "count").value_or(0);
-        if (!accessor->contains("sparse") || count > (std::size_t{1} << 28)) return {};
+        if (!accessor->contains("sparse") || !mayTakeZeros(*accessor, count, components)) return {};
         result.resize(count * components);
     }
     if (accessor->contains("sparse") && !sparse(*accessor, components, result)) return {};
     makeFinite(result);
     return result;
+}
+
+/// Nothing stands for them in the file; but a mesh has bytes for each of its points, and so many morph targets of it.
+bool GltfFile::mayTakeZeros(const json& accessor, std::size_t count, std::size_t components) {
+    constexpr std::size_t kOfByte = 16;
+    bufferView(index(object(object(accessor, "sparse"), "indices"), "bufferView").value_or(SIZE_MAX));
+    std::size_t bytes = input_.bytes.size();
+    for (const auto& buffer : buffers_) bytes += buffer ? buffer->size() : 0;
+    const std::size_t left = kOfByte * bytes - std::min(zeros_, kOfByte * bytes);
+    if (count > left / components) {
+        warn("a sparse accessor of the glTF file counts " + std::to_string(count) +
+             " elements, more than there can be; it is left out");
+        return false;
+    }
+    zeros_ += count * components;
+    return true;
 }
 
 bool GltfFile::sparse(const json& accessor, std::size_t components, std::vector<float>& into) {

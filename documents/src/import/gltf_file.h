@@ -72,6 +72,7 @@ class GltfFile {
     bool copyAll(const nlohmann::json& accessor, std::size_t components, std::size_t type, To& into);
     template <class Take>
     bool forEach(const nlohmann::json& accessor, std::size_t components, const Take& take);
+    bool mayTakeZeros(const nlohmann::json& accessor, std::size_t count, std::size_t components);
     bool sparse(const nlohmann::json& accessor, std::size_t components, std::vector<float>& into);
 
     const ImportInput& input_;
@@ -79,6 +80,7 @@ class GltfFile {
     nlohmann::json root_;
     std::string_view chunk_;  // of a GLB
     std::vector<std::optional<std::string>> buffers_;
+    std::size_t zeros_ = 0;  // floats of sparse accessors that no byte stands for
     std::vector<std::string> warned_;
 };
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 
+#include <rtsg/core/memory.h>
 #include <rtsg/documents/filter.h>
 
 #include "commands/value_numbers.h"
@@ -243,6 +244,11 @@ Import importOf(FileKind kind) {
 bool importFile(FileKind kind, const ImportInput& input, DocumentHandler& handler, Diagnostics& diagnostics) {
     const Import import = importOf(kind);
     if (!import.run) return false;
+    constexpr std::uint64_t kArrays = 4;  // bytes of them for each of the file
+    if (auto ok = mayHold(kArrays * input.bytes.size()); !ok) {
+        diagnostics.error({}, ok.error().text, ok.error().code);
+        return false;
+    }
     FiniteNumbers finite(handler);
     const bool usable = import.run(input, finite, diagnostics);
     if (finite.changed())

@@ -28,7 +28,9 @@ using OpenBeside = std::function<Result<std::string>(std::string_view url)>;
 
 struct ImportInput {
     std::string_view bytes;
-    OpenBeside open;          // null: nothing may be opened
+    OpenBeside open;  // null: nothing may be opened
+    std::uint64_t maximumBytes = std::uint64_t{4}
+                                 << 30;  // of memory for what is made of the bytes before it is a scene
     std::string_view clip{};  // the animation that plays, of files that have several; empty: the first
 };
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 namespace rtsg::detail {
@@ -49,6 +50,11 @@ bool isFontFile(std::string_view bytes, std::string& why) {
     if (kind == woff || kind == woff2) {
         // The tables of WOFF2 are one packed stream: its length is all there is to see.
         if (fontNumber(bytes, 8, 4) != bytes.size()) return why = "it is not as long as its head says", false;
+        // Who reads it takes memory for all of it, as the head says; deflate makes 258 bytes of two bits.
+        constexpr std::uint64_t mostOfByte = 1032, mostUnpacked = std::uint64_t{1} << 28;
+        const std::uint64_t unpacked = fontNumber(bytes, 16, 4);
+        if (unpacked > mostUnpacked || (kind == woff && unpacked / mostOfByte > bytes.size()))
+            return why = "its head says " + std::to_string(unpacked) + " bytes unpacked, which are not in it", false;
         return kind == woff2 || hasTables(bytes, fontNumber(bytes, 12, 2), {44, 20, 4, 8}, why);
     }
     std::uint64_t start = 0;

@@ -1,20 +1,12 @@
-// Gzip by content: unpacking into memory, with a bound.
-//
-// Invariant: what could be decoded before an error is kept. Memory is bounded by `limit`, whatever the packed bytes
-// claim. Threading: pure functions.
+// Gzip by content: how a file begins that is so packed. TextFeed unpacks it.
 #pragma once
 
-#include <string>
 #include <string_view>
-
-#include <rtsg/core/diagnostic.h>
 
 namespace rtsg::detail {
 
-bool isGzip(std::string_view bytes);
-
-/// Appends the unpacked bytes of all members to `out`. Damage, truncation and reaching the limit are reported; false
-/// if nothing at all came out.
-bool gunzip(std::string_view packed, std::string& out, Diagnostics& diagnostics, std::size_t limit);
+inline bool isGzip(std::string_view bytes) {
+    return bytes.size() >= 2 && bytes[0] == '\x1f' && bytes[1] == '\x8b';
+}
 
 }  // namespace rtsg::detail

@@ -11,12 +11,6 @@
 
 namespace rtsg::detail {
 
-struct SceneBytes {
-    std::size_t limit = 0;      // of the unpacked text, bytes
-    bool mustBeHeaded = false;  // refuses what shows no sign of being a scene, without repeating a word of it
-    OpenBeside beside{};        // of what is imported: its other files
-};
-
 /// Opens what the resources let, from the folder of the file that is read (the resources' own if it is empty).
 OpenBeside openBeside(Resources resources, std::filesystem::path folder);
 /// As readDocument.
@@ -27,8 +21,9 @@ bool readText(std::string_view text, const OpenBeside& beside, DocumentHandler& 
 bool readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside& beside, DocumentHandler& handler,
                             Diagnostics& diagnostics, const ReaderOptions& options);
 
-/// As readDocument.
-bool readSceneBytes(std::string_view bytes, DocumentHandler& handler, Diagnostics& diagnostics,
-                    const SceneBytes& options);
+/// What a url names, piece by piece where it is a file or packed. What shows no sign of being a scene is refused
+/// without repeating a word of it. `maximumBytes` is of the unpacked text.
+bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBeside& beside, DocumentHandler& handler,
+                  Diagnostics& diagnostics);
 
 }  // namespace rtsg::detail

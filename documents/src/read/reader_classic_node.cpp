@@ -27,7 +27,10 @@ void ClassicReader::comment(std::string_view line) {
     if (!comment_) commentStart_ = line.data();
     commentEnd_ = line.data() + line.size();
     line.remove_prefix(line.starts_with("# ") ? 2 : 1);
-    comment_ = comment_ ? *comment_ + '\n' + std::string(line) : std::string(line);
+    if (comment_)
+        comment_->append(1, '\n').append(line);  // in place: there may be millions of lines
+    else
+        comment_.emplace(line);
 }
 
 void ClassicReader::tellComment() {

@@ -18,6 +18,9 @@ struct ReaderOptions {
     ReaderProgress progress{};
     Splitting splitting{};
     bool headerless = false;
+    bool mustBeHeaded = false;  // refuses what shows no sign of being a scene, without repeating a word of it
+    std::uint64_t maximumBytes = std::uint64_t{4} << 30;  // of a text that says nothing of its size
+    std::uint64_t maximumMemory = UINT64_MAX;             // that the process takes while it reads
     std::string clip{};
 };
 

@@ -2,11 +2,14 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
+#include <utility>
 
 #include <fcntl.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <rtsg/core/memory.h>
 #include <rtsg/documents/read_document.h>
 
 #include "gzip.h"
@@ -22,10 +25,15 @@ namespace rtsg {
 namespace {
 
 detail::ReaderOptions readerOptions(const ReadOptions& options) {
-    return {options.progress, detail::splitting(options.threads), options.headerless, options.clip};
+    // Who bounds the text bounds what it becomes.
+    const std::uint64_t memory = options.maximumBytes == ReadOptions().maximumBytes ? UINT64_MAX : options.maximumBytes;
+    return {.progress = options.progress,
+            .splitting = detail::splitting(options.threads),
+            .headerless = options.headerless,
+            .maximumBytes = options.maximumBytes,
+            .maximumMemory = memory,
+            .clip = options.clip};
 }
-
-constexpr std::size_t kBytesLimit = std::size_t{4} << 30;  // of what says nothing of its size: packed files, pipes
 
 }  // namespace
 
@@ -50,9 +58,51 @@ bool isHeaded(std::string_view text) {
 
 namespace {
 
+/// Ends the reading of a text between two of its blocks: for a handler that takes no more, and for the process's
+/// memory.
+class ReadingEnd {
+  public:
+    ReadingEnd(const DocumentHandler& handler, Diagnostics& diagnostics, std::uint64_t maximumMemory)
+        : handler_(handler), diagnostics_(diagnostics), most_(maximumMemory), before_(heldMemory()) {}
+
+    bool isReached() {
+        if (!handler_.isFull() && !isOutOfMemory()) return false;
+        reports_ = diagnostics_;
+        return true;
+    }
+    /// Leaves out what was reported of the place where the text ends, which is nobody's fault; and says why it does.
+    void settle() {
+        if (!reports_) return;
+        diagnostics_ = std::move(*reports_);
+        if (why_) diagnostics_.error({}, why_->text, why_->code);
+    }
+
+  private:
+    bool isOutOfMemory() {
+        constexpr std::uint64_t kBlock = 1 << 20;
+        const std::uint64_t held = heldMemory();
+        if (auto ok = mayHold(kBlock); !ok)
+            why_ = std::move(ok.error());
+        else if (held > before_ && held - before_ > most_)
+            why_ = Diagnostic{Severity::error,
+                              {},
+                              {},
+                              "what is read takes more than " + std::to_string(most_) +
+                                  " bytes; the rest is left out, unless --limit bytes=N raises this",
+                              DiagnosticCode("memory")};
+        return why_.has_value();
+    }
+
+    const DocumentHandler& handler_;
+    Diagnostics& diagnostics_;
+    std::uint64_t most_, before_;
+    std::optional<Diagnostics> reports_;
+    std::optional<Diagnostic> why_;
+};
+
 /// Reads a document whose text is fetched as it is needed.
-bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
-              Diagnostics& diagnostics, const detail::ReaderOptions& options) {
+bool readFed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
+             Diagnostics& diagnostics, const detail::ReaderOptions& options) {
     feed.fill(detail::TextFeed::kHead);
     const auto text = [&] { return std::string_view(feed.begin(), feed.end()); };
     const detail::FileKind kind = detail::fileKind(text(), feed.size());
@@ -63,10 +113,15 @@ bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, Document
     // TimeSensors of X3D and VRML run or wait as they say themselves.
     if (!options.clip.empty() && kind != detail::FileKind::gltf && kind != detail::FileKind::glb)
         diagnostics.error({}, "it has no clip " + options.clip + ": only glTF files have clips");
+    if (kind == detail::FileKind::document && options.mustBeHeaded && !isHeaded(text())) {
+        diagnostics.error({}, "it starts neither with #X3D or #VRML, nor as XML or JSON");
+        return false;
+    }
     if (kind != detail::FileKind::document) {
         feed.fill();
         if (!feed.failure().empty()) diagnostics.error({}, feed.failure(), DiagnosticCode("gzip"));
-        return detail::importFile(kind, {text(), beside, options.clip}, handler, diagnostics);
+        return !feed.wasStopped() &&
+               detail::importFile(kind, {text(), beside, options.maximumBytes, options.clip}, handler, diagnostics);
     }
     const Encoding encoding = detectEncoding(text());
     const bool utf8 = encoding != Encoding::xml || !detail::isOtherXmlEncoding(detail::withoutBom(text()));
@@ -95,6 +150,15 @@ bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, Document
                                                    "taken instead");
     if (!feed.failure().empty()) diagnostics.error({}, feed.failure(), DiagnosticCode("gzip"));
     return complete;
+}
+
+bool readFeed(detail::TextFeed& feed, const detail::OpenBeside& beside, DocumentHandler& handler,
+              Diagnostics& diagnostics, const detail::ReaderOptions& options) {
+    ReadingEnd end(handler, diagnostics, options.maximumMemory);
+    feed.stopWhen([&] { return end.isReached(); });
+    const bool complete = readFed(feed, beside, handler, diagnostics, options);
+    end.settle();
+    return complete && !feed.wasStopped();
 }
 
 }  // namespace
@@ -135,26 +199,30 @@ OpenBeside openBeside(Resources resources, std::filesystem::path folder) {
     };
 }
 
-bool readSceneBytes(std::string_view bytes, DocumentHandler& handler, Diagnostics& diagnostics,
-                    const SceneBytes& options) {
-    std::string unpacked;
-    if (isGzip(bytes)) {
-        if (!gunzip(bytes, unpacked, diagnostics, options.limit)) return false;
-        bytes = unpacked;
-    }
-    const FileKind kind = fileKind(bytes.substr(0, TextFeed::kHead), bytes.size());
-    if (options.mustBeHeaded && kind == FileKind::document && !isHeaded(bytes)) {
-        diagnostics.error({}, "it starts neither with #X3D or #VRML, nor as XML or JSON");
+bool readResource(Resource& resource, std::uint64_t maximumBytes, const OpenBeside& beside, DocumentHandler& handler,
+                  Diagnostics& diagnostics) {
+    ReaderOptions options = readerOptions({});
+    options.mustBeHeaded = true;
+    options.maximumBytes = options.maximumMemory = maximumBytes;
+    const auto fed = [&](const Result<std::unique_ptr<TextFeed>>& feed) {
+        if (!feed) diagnostics.error({}, feed.error().text, feed.error().code);
+        return feed && readFeed(**feed, beside, handler, diagnostics, options);
+    };
+    if (resource.descriptor() >= 0) return fed(TextFeed::of(resource.descriptor(), maximumBytes));
+    const auto bytes = resource.read();
+    if (!bytes) {
+        diagnostics.error({}, bytes.error().text, bytes.error().code);
         return false;
     }
-    return readText(bytes, options.beside, handler, diagnostics, readerOptions({}));
+    if (isGzip(*bytes)) return fed(TextFeed::ofPacked(*bytes, maximumBytes));
+    return readText(*bytes, beside, handler, diagnostics, options);
 }
 
 }  // namespace detail
 
 bool detail::readDescriptorInBlocks(int descriptor, std::size_t block, const OpenBeside& beside,
                                     DocumentHandler& handler, Diagnostics& diagnostics, const ReaderOptions& options) {
-    auto feed = TextFeed::of(descriptor, kBytesLimit, block);
+    auto feed = TextFeed::of(descriptor, options.maximumBytes, block);
     if (!feed) {
         diagnostics.error({}, "cannot read " + diagnostics.file() + ": " + feed.error().text, DiagnosticCode("file"));
         return false;

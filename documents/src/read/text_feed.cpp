@@ -21,6 +21,8 @@ namespace rtsg::detail {
 
 struct TextFeed::Source {
     int descriptor = -1;
+    std::string_view memory;  // in place of a file
+    std::size_t memoryRead = 0;
     off_t start = 0;      // where the text starts in the file
     bool isOurs = false;  // the descriptor
     std::uint64_t limit = 0, total = 0, done = 0, textSize = 0;
@@ -55,6 +57,7 @@ ssize_t readSome(int descriptor, char* to, std::size_t most) {
 }
 
 constexpr std::size_t kPackedBlock = 1 << 16;
+constexpr std::uint64_t kWorst = 3;  // each bad byte becomes three
 /// The system gives memory in pages; a long text gets large ones, if the system has them, since handing out small ones
 /// and taking them back is most of the cost of reading.
 constexpr std::size_t kLargePage = 1 << 21, kLongText = 1 << 24;
@@ -75,8 +78,7 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(int descriptor, std::uint64_t lim
     source->block = block;
     source->start = std::max<off_t>(0, ::lseek(descriptor, 0, SEEK_CUR));
     if (S_ISREG(status.st_mode)) source->total = static_cast<std::uint64_t>(status.st_size);
-    // Each bad byte becomes three. A packed file may be a thousand times as long unpacked, and says nothing of it.
-    constexpr std::uint64_t worst = 3;
+    // A packed file may be a thousand times as long unpacked, and says nothing of it.
     char head[2] = {};
     const bool plain =
         S_ISREG(status.st_mode) && !(::pread(descriptor, head, 2, 0) == 2 && isGzip(std::string_view(head, 2)));
@@ -88,7 +90,21 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(int descriptor, std::uint64_t lim
             ssize_t{sizeof(unpacked)})
         source->textSize = unpacked;
     source->limit = plain ? UINT64_MAX : limit;
-    source->reserved = worst * (plain ? source->total : limit) + 4 * block + (1 << 16);
+    return of(std::move(source), kWorst * (plain ? source->total : limit));
+}
+
+Result<std::unique_ptr<TextFeed>> TextFeed::ofPacked(std::string_view packed, std::uint64_t limit) {
+    auto source = std::make_unique<Source>();
+    source->memory = packed;
+    source->block = 1 << 20;
+    source->total = packed.size();
+    source->limit = limit;
+    return of(std::move(source), kWorst * limit);
+}
+
+/// With addresses for so much text.
+Result<std::unique_ptr<TextFeed>> TextFeed::of(std::unique_ptr<Source> source, std::uint64_t longest) {
+    source->reserved = longest + 4 * source->block + (1 << 16);
     void* region = MAP_FAILED;
     // A process may have been given few addresses: then as many as there are.
     for (constexpr std::size_t least = 1 << 26;; source->reserved /= 2) {
@@ -107,6 +123,13 @@ Result<std::unique_ptr<TextFeed>> TextFeed::of(int descriptor, std::uint64_t lim
 
 std::unique_ptr<TextFeed> TextFeed::again() const {
     struct stat status{};
+    if (source_ && !source_->memory.empty()) {
+        auto feed = ofPacked(source_->memory, source_->limit);
+        if (!feed) return nullptr;
+        (*feed)->fill(skipped_);
+        (*feed)->skip(skipped_);
+        return std::move(*feed);
+    }
     if (!source_ || fstat(source_->descriptor, &status) != 0 || !S_ISREG(status.st_mode)) return nullptr;
     // A description of its own, so that the places of the two in the file are independent.
     const std::string name = "/proc/self/fd/" + std::to_string(source_->descriptor);
@@ -147,6 +170,12 @@ void TextFeed::fill(std::size_t size) {
 std::size_t TextFeed::read(char* to, std::size_t most) {
     Source& s = *source_;
     const auto raw = [&](char* where, std::size_t count) -> std::size_t {
+        if (s.descriptor < 0) {
+            const std::size_t copied = s.memory.substr(s.memoryRead).copy(where, count);
+            s.memoryRead += copied;
+            s.done += copied;
+            return copied;
+        }
         const ssize_t got = readSome(s.descriptor, where, count);
         if (got < 0) failure_ = std::string("it cannot be read on: ") + std::strerror(errno);
         s.done += got > 0 ? static_cast<std::uint64_t>(got) : 0;
@@ -204,6 +233,11 @@ std::size_t TextFeed::read(char* to, std::size_t most) {
     return most - s.inflater.avail_out;
 }
 
+bool TextFeed::mayReadOn() {
+    if (failure_.empty() && !stopped_) stopped_ = enough_ && enough_();
+    return failure_.empty() && !stopped_;
+}
+
 bool TextFeed::more() {
     if (!source_ || source_->ended) return false;
     Source& s = *source_;
@@ -212,8 +246,9 @@ bool TextFeed::more() {
         char* const to = s.region + s.filled + s.pending;
         const std::size_t room = s.reserved - s.filled - s.pending;
         std::size_t got = 0;
-        if (!failure_.empty() || room <= 3 * s.block) {
-            if (failure_.empty()) failure_ = "there are no more addresses for its text; what was read is used";
+        if (!mayReadOn() || room <= 3 * s.block) {
+            if (!stopped_ && failure_.empty())
+                failure_ = "there are no more addresses for its text; what was read is used";
         } else {
             got = read(to, s.block);
             // The bytes that decide the encoding must be there together.

@@ -3,12 +3,13 @@
 //
 // Invariant: [begin(), end()) of a file is valid UTF-8, unless it is XML that names another encoding (invalid bytes are
 // replaced, and counted); text before the last release() is gone. Memory in use is the text that was read and not
-// released. A file is read, not mapped: whoever truncated a mapped file would end the process. Threading: one thread a
-// feed.
+// released. A file is read, not mapped: whoever truncated a mapped
+// file would end the process. Threading: one thread a feed.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -26,6 +27,8 @@ class TextFeed {
     /// Opens the text of an open file, which is plain or gzip, as its first bytes say. It may have `limit` bytes at
     /// most, unpacked. `block` bytes are read at a time. The caller closes the descriptor afterwards.
     static Result<std::unique_ptr<TextFeed>> of(int descriptor, std::uint64_t limit, std::size_t block = 1 << 20);
+    /// Likewise, of gzip that is in memory, which must outlive the feed.
+    static Result<std::unique_ptr<TextFeed>> ofPacked(std::string_view packed, std::uint64_t limit);
     /// Another feed of the same text, from begin() as it is now. Null where the text can be had only once (a pipe).
     std::unique_ptr<TextFeed> again() const;
     ~TextFeed();
@@ -36,6 +39,10 @@ class TextFeed {
     const char* end() const { return end_; }
     /// Reads on. False if there is no more; end() has moved otherwise.
     bool more();
+    /// Asked before each block of a file: true ends the text there, and it is not a failure.
+    void stopWhen(std::function<bool()> enough) { enough_ = std::move(enough); }
+    /// It has ended so.
+    bool wasStopped() const { return stopped_; }
     /// Reads to the end, or until there are `size` bytes.
     void fill(std::size_t size = SIZE_MAX);
     /// Nothing before `upTo` is looked at again.
@@ -64,6 +71,8 @@ class TextFeed {
   private:
     struct Source;
     explicit TextFeed(std::unique_ptr<Source> source);
+    static Result<std::unique_ptr<TextFeed>> of(std::unique_ptr<Source> source, std::uint64_t longest);
+    bool mayReadOn();
     std::size_t read(char* to, std::size_t most);
     void clean(char* from, std::size_t size, bool last);
 
@@ -75,6 +84,8 @@ class TextFeed {
     std::size_t invalid_ = 0;
     SourceLocation firstInvalid_;
     std::string failure_;
+    std::function<bool()> enough_;
+    bool stopped_ = false;
 };
 
 }  // namespace rtsg::detail

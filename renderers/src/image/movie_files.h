@@ -23,6 +23,8 @@ struct MovieBytes {
     std::uint64_t size = 0;
     /// Fills `to` with what is there from `offset` on, as far as the file goes; how many bytes that were.
     std::function<std::size_t(std::uint64_t offset, std::span<std::uint8_t> to)> read;
+    /// Asked before memory is taken for a picture; not set: there is enough.
+    std::function<bool(std::uint64_t bytes)> mayTake{};
 };
 
 class MovieFile {
@@ -80,6 +82,6 @@ class MovieFiles {
 Result<const MovieFiles*> movieFiles();
 
 /// The name that the module exports; it changes whenever this header does.
-#define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles4
+#define RTSG_MOVIE_FILES_SYMBOL rtsgMovieFiles5
 
 }  // namespace rtsg

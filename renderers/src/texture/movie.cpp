@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/memory.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -18,11 +19,13 @@ namespace rtsg {
 namespace {
 
 MovieBytes bytesOf(const Resource& file) {
-    return {file.size(), [&file](std::uint64_t offset, std::span<std::uint8_t> to) {
+    return {file.size(),
+            [&file](std::uint64_t offset, std::span<std::uint8_t> to) {
                 const std::string part = file.readAt(offset, to.size());
                 std::memcpy(to.data(), part.data(), part.size());
                 return part.size();
-            }};
+            },
+            [](std::uint64_t more) { return mayHold(more).has_value(); }};
 }
 
 Result<std::unique_ptr<MovieFile>> openFile(const Resource& named, MovieBytes bytes, std::uint64_t maximumPixels) {

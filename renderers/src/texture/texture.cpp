@@ -3,15 +3,20 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
 #include <cstring>
+#include <fstream>
+#include <iterator>
 
 #include <fmt/format.h>
 
+#include <rtsg/core/memory.h>
 #include <rtsg/core/resource.h>
 #include <rtsg/renderers/picture.h>
 
 #include "image/image_files.h"
+#include "image/picture_head.h"
 #include "mesh/simd8.h"
 #include "texture_pixels.h"
 
@@ -148,7 +153,12 @@ ReadRequest request(std::uint64_t maximumPixels, Texture::Content content, bool 
             if (count > kMaxSide) return "the texture has more than 32768 layers";
             const auto pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height) *
                                 static_cast<std::uint64_t>(count);
-            if (pixels <= maximumPixels / (bytes ? 1 : 4)) return std::string();
+            // While it is read there are rows of the file's kind, and what is kept of them.
+            const std::uint64_t whileRead = pixels * (bytes ? 2 * 4 : 2 * sizeof(Vec4f));
+            if (pixels <= maximumPixels / (bytes ? 1 : 4)) {
+                const auto ok = mayHold(whileRead);
+                return ok ? std::string() : ok.error().text;
+            }
             return fmt::format(
                 "{} x {}{} pixels{} are more than {}; --limit pixels=N raises this, to a fourth of N, and TIFF and EXR "
                 "files of tiles (maketx makes them) may have more",
@@ -231,21 +241,18 @@ Result<Texture> Texture::fromImage(const Image& image, Content content) {
 }
 
 Result<Texture> Texture::fromFile(const std::filesystem::path& file, Content content, std::uint64_t maximumPixels) {
-    const auto files = imageFiles();
-    if (!files) return std::unexpected(files.error());
-    FilePixels pixels;
-    if (const std::string error = (*files)->readFile(file.string(), request(maximumPixels, content), pixels);
-        !error.empty())
-        return fail(error, {}, file.string());
-    auto result = textureFromPixels(pixels, content);
-    if (!result) result.error().file = file.string();
-    return result;
+    std::ifstream stream(file, std::ios::binary);
+    if (!stream) return fail(std::strerror(errno), {}, file.string());
+    const std::string bytes{std::istreambuf_iterator<char>(stream), {}};
+    return fromMemory({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, file.string(), content,
+                      maximumPixels);
 }
 
 Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const std::string& name, Content content,
                                     std::uint64_t maximumPixels) {
     FilePixels pixels;
-    std::string refused;
+    std::string refused = whyNotWithin(file);
+    if (!refused.empty()) return fail(refused, {}, name);
     if (const auto plain = plainReader(file);
         plain && (*plain)(file, request(maximumPixels, content), pixels, refused)) {
         auto texture = textureFromPixels(pixels, content);
@@ -264,6 +271,7 @@ Result<Texture> Texture::fromMemory(std::span<const std::uint8_t> file, const st
 
 Result<std::vector<Texture>> Texture::layersFromMemory(std::span<const std::uint8_t> file, const std::string& name,
                                                        Content content, std::uint64_t maximumPixels) {
+    if (std::string refused = whyNotWithin(file); !refused.empty()) return fail(refused, {}, name);
     const auto files = imageFiles();
     if (!files) return std::unexpected(files.error());
     FilePixels pixels;
@@ -280,8 +288,6 @@ Result<std::vector<Texture>> Texture::layersFromMemory(std::span<const std::uint
 }
 
 Result<Texture> Texture::fromTiles(std::shared_ptr<const Resource> file, const std::string& name, Content content) {
-    const auto files = imageFiles();
-    if (!files) return std::unexpected(files.error());
     ByteSource source;
     source.size = file->size();
     source.read = [file](std::uint64_t offset, void* to, std::size_t length) {
@@ -289,6 +295,9 @@ Result<Texture> Texture::fromTiles(std::shared_ptr<const Resource> file, const s
         std::memcpy(to, part.data(), part.size());
         return part.size();
     };
+    if (std::string refused = whyNotWithin(source); !refused.empty()) return fail(refused, {}, file->name());
+    const auto files = imageFiles();
+    if (!files) return std::unexpected(files.error());
     std::unique_ptr<TiledPicture> picture;
     if (const std::string error = (*files)->openTiles(std::move(source), name, picture); !error.empty())
         return fail(error, {}, file->name());

@@ -71,10 +71,14 @@ std::string madeUpToken() {
     return token;
 }
 
+/// Six bits a character: fewer would be guessed.
+constexpr std::size_t kShortestToken = 16;
+
 bool isToken(const std::string& text) {
-    return std::ranges::all_of(text, [](char c) {
-        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
-    });
+    return (text.empty() || text.size() >= kShortestToken) && std::ranges::all_of(text, [](char c) {
+               return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' ||
+                      c == '_';
+           });
 }
 
 Result<StartWeb> loadWeb() {
@@ -135,7 +139,8 @@ std::string fileOf(const Scene& scene, const Resources& resources, const FileWis
 
 Result<> WebGatewayOptions::check() const {
     if (const auto place = placeFrom(listen); !place) return std::unexpected(place.error());
-    if (!isToken(token)) return fail("a token is made of letters, digits, '-' and '_'");
+    if (!isToken(token))
+        return fail(fmt::format("a token is made of {} letters, digits, '-' and '_' or more", kShortestToken));
     if (certificate.empty() != privateKey.empty())
         return fail("encryption needs a certificate and its private key, not one of them");
     return {};

@@ -175,5 +175,26 @@ TEST(FontFile, DamageIsSeen) {
     EXPECT_FALSE(with(12 + 12, "\xFF\xFF\xFF\xFF")) << "a length of a table";
 }
 
+// FreeType takes as much memory as the head of such a file says that it has unpacked.
+TEST(FontFiles, HeadsThatPromiseMoreThanThereIsAreNotBelieved) {
+    const auto put = [](std::string& to, std::uint64_t number, int bytes) {
+        for (int i = bytes - 1; i >= 0; --i) to += static_cast<char>(number >> (8 * i) & 255);
+    };
+    const auto woff = [&](const std::string& kind, std::uint64_t unpacked) {
+        std::string file = kind;
+        put(file, 0x00010000, 4), put(file, 200, 4), put(file, 0, 4), put(file, unpacked, 4);
+        file.resize(200);
+        return file;
+    };
+    std::string why;
+    EXPECT_FALSE(detail::isFontFile(woff("wOFF", 0x70000000), why));
+    EXPECT_THAT(why, HasSubstr("its head says 1879048192 bytes unpacked"));
+    EXPECT_FALSE(detail::isFontFile(woff("wOFF", 1'000'000), why));
+    EXPECT_THAT(why, HasSubstr("its head says 1000000 bytes unpacked"));
+    EXPECT_FALSE(detail::isFontFile(woff("wOF2", 0x70000000), why));
+    EXPECT_THAT(why, HasSubstr("bytes unpacked"));
+    EXPECT_TRUE(detail::isFontFile(woff("wOF2", 1'000'000), why)) << why;
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -13,6 +13,7 @@
 #include "renderers/light/light_scene.h"
 #include "support/animated_png.h"
 #include "support/plain_film.h"
+#include "support/taken_memory.h"
 #include "support/temp_folder.h"
 #include "test_paths.h"
 
@@ -194,6 +195,62 @@ TEST_F(Films, AreRefusedWithAReason) {
     EXPECT_THAT(why(still), HasSubstr("no film of a format")) << "what follows a chunk that is not known";
     EXPECT_THAT(why(moving.substr(0, 40)), HasSubstr("film"));
     EXPECT_THAT(why(moving.substr(0, moving.find("acTL"))), HasSubstr("no film of a format"));
+}
+
+/// An MP4 file of 64 x 64 pixels whose tables count samples: in its head, or in a piece.
+std::string filmThatCounts(std::uint32_t samples, bool inAPiece) {
+    const auto number = [](std::uint64_t value, int bytes = 4) {
+        std::string result;
+        for (int i = bytes - 1; i >= 0; --i) result += static_cast<char>(value >> (8 * i) & 255);
+        return result;
+    };
+    const auto box = [&](const char* kind, const std::string& content) {
+        return number(8 + content.size()) + kind + content;
+    };
+    const std::string none = number(0) + number(0), id = number(0) + number(1);
+    const std::uint32_t inHead = inAPiece ? 0 : samples;
+    const std::string matrix =
+        number(0x10000) + std::string(12, '\0') + number(0x10000) + std::string(12, '\0') + number(0x40000000);
+    const std::string entry = box("mp4v", std::string(6, '\0') + number(1, 2) + std::string(16, '\0') + number(64, 2) +
+                                              number(64, 2) + std::string(46, '\0') + number(24, 2) + number(65535, 2));
+    const std::string tables =
+        box("stsd", id + entry) + box("stts", inAPiece ? none : id + number(samples) + number(1)) +
+        box("stsc", inAPiece ? none : id + number(1) + number(samples) + number(1)) +
+        box("stsz", number(0) + number(1) + number(inHead)) + box("stco", inAPiece ? none : id + number(40));
+    const std::string media = box("mdhd", std::string(12, '\0') + number(1000) + number(1000) + number(0)) +
+                              box("hdlr", none + "vide" + std::string(13, '\0')) +
+                              box("minf", box("vmhd", std::string(12, '\0')) + box("stbl", tables));
+    const std::string track = box("tkhd", number(7) + std::string(8, '\0') + number(1) + std::string(24, '\0') +
+                                              matrix + number(64 << 16) + number(64 << 16)) +
+                              box("mdia", media);
+    std::string head =
+        box("mvhd", std::string(12, '\0') + number(1000) + number(1000) + number(0x10000) + number(0x100, 2) +
+                        std::string(10, '\0') + matrix + std::string(24, '\0') + number(2)) +
+        box("trak", track);
+    if (inAPiece) head += box("mvex", box("trex", id + number(1) + number(1) + number(1) + number(0)));
+    std::string film = box("ftyp", "isom" + number(0) + "isom") + box("moov", head);
+    if (inAPiece)
+        film += box("moof", box("mfhd", id) + box("traf", box("tfhd", number(0x20000) + number(1)) +
+                                                              box("trun", number(0) + number(samples))));
+    return film + box("mdat", std::string(100, '\0'));
+}
+
+// FFmpeg makes an entry of each sample that a table counts.
+TEST_F(Films, WhoseTablesCountMoreThanTheFileCanHoldTakeNoMemory) {
+    if (!test::kMemoryIsOurs) GTEST_SKIP() << "sanitizers have memory of their own";
+    ASSERT_TRUE(open(plainFilm(2, 10)));  // FFmpeg's libraries are there from here on
+    for (const bool inAPiece : {false, true}) {
+        const std::size_t taken = test::takenBy([&] {
+            const auto movie = open(filmThatCounts(80'000'000, inAPiece));
+            EXPECT_FALSE(movie);
+            return !movie && movie.error().text.contains("80000000 samples, which are not in a file");
+        });
+        EXPECT_LT(taken, 16 * test::kMegabyte) << inAPiece;
+        // As many as there are bytes for lead further.
+        const auto movie = open(filmThatCounts(50, inAPiece));
+        ASSERT_FALSE(movie);
+        EXPECT_THAT(movie.error().text, testing::Not(HasSubstr("samples")));
+    }
 }
 
 TEST_F(Films, ThatAreDamagedEndInAPictureOrAReason) {

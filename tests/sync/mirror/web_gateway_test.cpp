@@ -82,7 +82,7 @@ TEST(WebGateway, OnLoopbackOtherNamesAndOtherSitesAreRefused) {
     for (const char* name : {"localhost", "127.0.0.1", "[::1]"})
         EXPECT_EQ(served.ask("/", "GET", {}, name + port).status, 200) << name;
     for (const char* name :
-         {"evil.example", "127.0.0.1.evil.example", "localhost.evil.example", "[::1].evil.example", ""})
+         {"evil.example", "127.0.0.1.evil.example", "localhost.evil.example", "[2001:db8::1]", "evil.example."})
         EXPECT_EQ(served.ask("/", "GET", {}, name + port).status, 403) << name;
     for (const std::string& origin : {std::string(), "http://" + served.host}) {
         WebSocketLine line(served.port);
@@ -98,6 +98,78 @@ TEST(WebGateway, OnLoopbackOtherNamesAndOtherSitesAreRefused) {
     EXPECT_EQ(served.open(other, "/mirror", {}, "evil.example"), 403);
     EXPECT_GE(served.gateway->statistics().refused, 10u);
     EXPECT_FALSE(served.gateway->takeDiagnostics().empty());
+}
+
+/// RFC 9112: 3.2 (one Host field, of a host and a port), 2.2 and 3 (the form of a request).
+TEST(WebGateway, WhatIsNoRequestGetsTheStatusThatSaysSo) {
+    ServedPage served;
+    for (const char* host : {"127.0.0.1:80@evil.example", "evil.example@127.0.0.1", "127.0.0.1:80:80", "127.0.0.1:8x",
+                             "127.0.0.1/", "[::1].evil.example", "[::1", ":80", "127.0.0.1 evil", "127.0.0.1, evil"})
+        EXPECT_EQ(served.ask("/", "GET", {}, host).status, 400) << host;
+    EXPECT_EQ(served.ask("/", "GET", "Host: evil.example\r\n").status, 400) << "two of them";
+    const auto statusOf = [&](const std::string& request) {
+        Line line(served.port);
+        line.say(request);
+        EXPECT_TRUE(line.ended()) << request.substr(0, 40);
+        return line.heard.size() > 12 ? std::stoi(line.heard.substr(9, 3)) : 0;
+    };
+    const std::string host = "Host: " + served.host + "\r\n";
+    EXPECT_EQ(statusOf("GET / HTTP/1.1\r\n\r\n"), 400) << "no Host";
+    for (const std::string& request :
+         {std::string("nonsense\r\n\r\n"), std::string("\x16\x03\x01\x02\0\x01\0\x01\xFC\x03\x03\r\n\r\n", 15),
+          "GET /\r\n" + host + "\r\n", "GET / HTTP/3.7\r\n" + host + "\r\n",
+          "GET / HTTP/1.1\r\n" + host + "no colon\r\n\r\n", "GET / HTTP/1.1\r\n" + host + "Content-Length: x\r\n\r\n",
+          "G\tT / HTTP/1.1\r\n" + host + "\r\n"})
+        EXPECT_EQ(statusOf(request), 400) << request;
+    EXPECT_EQ(statusOf("GET / HTTP/1.1\r\n" + host + "X: " + std::string(9000, 'x') + "\r\n\r\n"), 431);
+    EXPECT_EQ(statusOf("POST / HTTP/1.1\r\n" + host + "Content-Length: 5000\r\n\r\n"), 413);
+    EXPECT_EQ(served.ask("/").status, 200);
+}
+
+// Nobody keeps others out by saying nothing: the oldest of those that do make way.
+TEST(WebGateway, TheSilentMakeWay) {
+    ServedPage served;
+    std::vector<std::unique_ptr<Line>> silent;
+    for (int i = 0; i < 300; ++i) silent.push_back(std::make_unique<Line>(served.port));
+    silent.front()->say("GET / HTTP/1.1\r\nHost: ");
+    for (int i = 0; i < 5; ++i) EXPECT_EQ(served.ask("/").status, 200) << i;
+    EXPECT_GE(served.gateway->statistics().refused, 40u);
+    EXPECT_TRUE(silent.front()->ended()) << "the oldest";
+    EXPECT_TRUE(silent.back()->more(1ms)) << "the newest";
+    // Those whose browser may want more are next.
+    silent.clear();
+    std::vector<std::unique_ptr<Line>> idle;
+    for (int i = 0; i < 260; ++i) {
+        idle.push_back(std::make_unique<Line>(served.port));
+        idle.back()->say("GET /src/index.js HTTP/1.1\r\nHost: " + served.host + "\r\n\r\n");
+        ASSERT_TRUE(idle.back()->hear([&] { return idle.back()->heard.ends_with("export {};"); })) << i;
+    }
+    EXPECT_EQ(served.ask("/").status, 200);
+    EXPECT_TRUE(idle.front()->ended());
+    idle.back()->heard.clear();
+    idle.back()->say("GET /src/index.js HTTP/1.1\r\nHost: " + served.host + "\r\n\r\n");
+    EXPECT_TRUE(idle.back()->hear([&] { return idle.back()->heard.ends_with("export {};"); }));
+}
+
+TEST(WebGateway, AWebSocketThatSaysNothingMakesWay) {
+    WebGatewayOptions options;
+    options.maximumConnections = 2;
+    ServedPage served(options);
+    WebSocketLine silent(served.port), speaks(served.port), next(served.port), tooMany(served.port);
+    ASSERT_EQ(served.open(silent), 101);
+    ASSERT_EQ(served.open(speaks), 101);
+    speaks.sayMessage(helloOf(5));
+    ASSERT_TRUE(speaks.next());
+    // A browser may take a moment.
+    EXPECT_EQ(served.open(tooMany), 403);
+    std::this_thread::sleep_for(2500ms);
+    EXPECT_EQ(served.open(next), 101);
+    EXPECT_TRUE(silent.ended());
+    next.sayMessage(helloOf(6));
+    ASSERT_TRUE(next.next());
+    std::this_thread::sleep_for(2500ms);
+    WebSocketLine last(served.port);
+    EXPECT_EQ(served.open(last), 403) << "both speak";
 }
 
 TEST(WebGateway, ManyRefusalsAreToldByTheirNumber) {
@@ -173,21 +245,21 @@ TEST(WebGateway, TextGoesPackedBeyondThisMachine) {
 
 TEST(WebGateway, ATokenIsAskedForWhereThereIsOne) {
     WebGatewayOptions options;
-    options.token = "open-Sesame_1";
+    options.token = "open-Sesame_1-234";
     ServedPage served(options);
-    EXPECT_TRUE(served.gateway->url().ends_with("/#token=open-Sesame_1")) << served.gateway->url();
-    for (const char* target : {"/mirror", "/mirror?token=", "/mirror?token=open", "/mirror?token=open-Sesame_12",
-                               "/mirror?x=open-Sesame_1", "/mirror?nottoken=open-Sesame_1"}) {
+    EXPECT_TRUE(served.gateway->url().ends_with("/#token=open-Sesame_1-234")) << served.gateway->url();
+    for (const char* target : {"/mirror", "/mirror?token=", "/mirror?token=open", "/mirror?token=open-Sesame_1-2345",
+                               "/mirror?x=open-Sesame_1-234", "/mirror?nottoken=open-Sesame_1-234"}) {
         WebSocketLine line(served.port);
         EXPECT_EQ(served.open(line, target), 403) << target;
     }
-    for (const char* target : {"/mirror?token=open-Sesame_1", "/mirror?x=1&token=open-Sesame_1"}) {
+    for (const char* target : {"/mirror?token=open-Sesame_1-234", "/mirror?x=1&token=open-Sesame_1-234"}) {
         WebSocketLine line(served.port);
         EXPECT_EQ(served.open(line, target), 101) << target;
     }
     EXPECT_EQ(served.ask("/picture/1/0").status, 403);
     EXPECT_EQ(served.ask("/sound/1/0").status, 403);
-    EXPECT_EQ(served.ask("/picture/1/0?token=open-Sesame_1").status, 404);
+    EXPECT_EQ(served.ask("/picture/1/0?token=open-Sesame_1-234").status, 404);
     EXPECT_EQ(served.ask("/").status, 200);  // the page itself is no secret
     // Where diagnostics go, others may read.
     const std::vector<Diagnostic> told = served.gateway->takeDiagnostics();
@@ -221,8 +293,10 @@ TEST(WebGateway, BeyondThisMachineATokenIsMadeUp) {
         EXPECT_FALSE(WebGateway::start(options)) << bad;
     }
     options.listen = "0";
-    options.token = "no spaces";
-    EXPECT_FALSE(WebGateway::start(options));
+    for (const char* bad : {"no spaces in a token", "a", "fifteen-letters"}) {
+        options.token = bad;
+        EXPECT_FALSE(WebGateway::start(options)) << bad;
+    }
     options.token.clear();
     options.folder = folder.path() / "page";
     const auto without = WebGateway::start(options);

@@ -16,6 +16,7 @@
 
 #include "mirror_support.h"
 #include "support/temp_folder.h"
+#include "web_line.h"
 
 namespace rtsg {
 namespace {
@@ -184,6 +185,21 @@ TEST_F(WebTls, WhoSpeaksSomethingElseGetsNothing) {
     EXPECT_EQ(::recv(silent, buffer, sizeof(buffer), 0), 0) << "who says nothing is let go";
     ::close(silent);
     EXPECT_TRUE(test::eventually([&] { return gateway->statistics().refused >= 3; }));
+}
+
+// Who has not agreed on encryption yet is silent, too.
+TEST_F(WebTls, TheSilentMakeWay) {
+    start();
+    std::vector<std::unique_ptr<test::Line>> silent;
+    for (int i = 0; i < 300; ++i) silent.push_back(std::make_unique<test::Line>(port));
+    for (int i = 0; i < 5; ++i) {
+        TlsLine page(port);
+        ASSERT_TRUE(page.agreed);
+        page.say("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n");
+        ASSERT_TRUE(page.hear([&] { return page.heard.size() > 15; }));
+        EXPECT_THAT(page.heard, StartsWith("HTTP/1.1 200 OK\r\n"));
+    }
+    EXPECT_TRUE(silent.front()->ended());
 }
 
 TEST_F(WebTls, CertificatesThatAreNoneAreNamed) {

@@ -51,8 +51,11 @@ class Resource {
     const std::string& mediaType() const { return mediaType_; }
     /// What follows `#`, decoded.
     const std::string& fragment() const { return fragment_; }
-    /// The content; once. Errors: more bytes than the policy lets, or what the system says.
+    /// The content; once. Errors: more bytes than the policy lets, or than the process may hold (memory.h), or what the
+    /// system says.
     Result<std::string> read();
+    /// The open file, which stays this object's, for who reads it piece by piece; -1 for a `data:` url.
+    int descriptor() const { return descriptor_; }
     /// Bytes there are; 0 after read().
     std::uint64_t size() const;
     /// `length` bytes from `offset` on; fewer at the end, after an error, and after read(). Leaves read() as it is.

@@ -2,7 +2,8 @@
 //
 // It is how a PROTO body, an Inline's document and the nodes of a default value are kept. Recording is cheap: names
 // are shared between commands and values share their elements. Invariant: replaying gives the recorded calls, in
-// order, with their positions. Threading: recording by one thread; replaying a finished list by any number.
+// order, with their positions; of more than the limits let only the first are there. Threading: recording by one
+// thread; replaying a finished list by any number.
 #pragma once
 
 #include <string_view>
@@ -15,6 +16,20 @@ namespace rtsg {
 
 class CommandList final : public DocumentHandler {
   public:
+    /// Of what may come from anybody.
+    struct Limits {
+        std::uint64_t nodes = UINT64_MAX;
+        std::uint64_t bytes = UINT64_MAX;  // of memory that the commands and their values take
+    };
+    CommandList() = default;
+    explicit CommandList(Limits limits) : limits_(limits) {}
+
+    /// The first node was left out, or value, or whatever came when the limit of bytes was reached, and all after it.
+    bool isFull() const override { return isFull_; }
+    /// Whether that was for the nodes, and where it stands.
+    bool hasTooManyNodes() const { return fullOfNodes_; }
+    SourceLocation fullAt() const { return fullAt_; }
+
     bool empty() const { return commands_.empty(); }
     std::size_t size() const { return commands_.size(); }
     void replay(DocumentHandler& handler) const;
@@ -86,8 +101,15 @@ class CommandList final : public DocumentHandler {
     };
 
     Command& add(Kind kind, SourceLocation where);
+    /// Counts memory for a value or a name. False: it and all that follows is left out.
+    bool take(std::size_t bytes, SourceLocation where);
     String shared(std::string_view text);
 
+    Limits limits_;
+    std::uint64_t nodes_ = 0, bytes_ = 0;
+    bool isFull_ = false, fullOfNodes_ = false;
+    SourceLocation fullAt_;
+    Command dropped_;  // what a command is written into that is left out
     std::vector<Command> commands_;
     std::vector<DocumentHeader> headers_;
     std::vector<Extern> externs_;

@@ -106,10 +106,16 @@ class DocumentHandler {
     virtual void comment(std::string_view text, SourceLocation where);
     /// About the PROTO or EXTERNPROTO that comes next.
     virtual void documentation(const Documentation& about, SourceLocation where);
+
+    /// True: what comes now would be left out, for a limit that was told of; so a reader may stop at once.
+    virtual bool isFull() const;
 };
 
 inline void DocumentHandler::comment(std::string_view, SourceLocation) {}
 inline void DocumentHandler::documentation(const Documentation&, SourceLocation) {}
+inline bool DocumentHandler::isFull() const {
+    return false;
+}
 
 /// Takes everything and does nothing: for those who care for some of it.
 class NullHandler : public DocumentHandler {

@@ -84,6 +84,7 @@ class Filter : public DocumentHandler {
     void documentation(const Documentation& about, SourceLocation where) override {
         if (next_) next_->documentation(about, where);
     }
+    bool isFull() const override { return next_ && next_->isFull(); }
 
   private:
     DocumentHandler* next_;

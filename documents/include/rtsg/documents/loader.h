@@ -32,8 +32,9 @@ struct LoadOptions {
     bool loadInlines = true;
     std::optional<Resources> resources;  // none given: of loadFile Resources::ofFile(file), of loadText Resources(base)
     Progress progress;
-    unsigned threads = 0;  // as ReadOptions
-    std::string clip{};    // as ReadOptions
+    unsigned threads = 0;     // as ReadOptions
+    bool namedByUrl = false;  // as BuildOptions
+    std::string clip{};       // as ReadOptions
 };
 
 /// Reads a file into a scene, and appends to its content. False if the file has nothing usable.

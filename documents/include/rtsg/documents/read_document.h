@@ -1,7 +1,8 @@
 // Reads a document of any encoding, plain or gzip, as a stream of commands to a handler.
 //
 // Threading: one thread, which may have others help it with long lists. Never throws for bad input: it is in the
-// diagnostics, with positions. Source: RTSG paper 3.1.
+// diagnostics, with positions. Reading ends where the process holds as much as it may (memory.h). Source: RTSG
+// paper 3.1.
 #pragma once
 
 #include <cstdint>
@@ -27,6 +28,9 @@ struct ReadOptions {
     /// by the caller's thread alone.
     unsigned threads = 0;
     bool headerless = false;  // ClassicVRML may come without its header's line
+    /// Of text that says nothing of its size: a packed file, a pipe. If it is another than this, also of the memory that
+    /// the process takes while it reads.
+    std::uint64_t maximumBytes = std::uint64_t{4} << 30;
     /// Of a file with several animations (glTF) the one that plays, by its author's name or its DEF; an error if there
     /// is none. Empty: the first.
     std::string clip{};

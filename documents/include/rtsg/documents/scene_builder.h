@@ -26,6 +26,7 @@ struct BuildOptions {
     std::optional<Resources> resources;  // what urls may open, and limits; none given: Resources::ofFile(file)
     bool loadInlines = true;
     bool detached = false;    // roots() are put nowhere: that is the caller's
+    bool namedByUrl = false;  // not by the user: its own nodes are limited, as those of Inlines are
     NodeId scope;             // the PROTO instance or Inline that the nodes belong to; none: the document itself
     MediaLength mediaLength;  // of InlineLoader: for what is neither a WAVE nor an MP4 file
 };
@@ -66,6 +67,7 @@ class SceneBuilder final : public DocumentHandler {
     void importNode(std::string_view inlineDef, std::string_view exportedName, std::string_view localName,
                     SourceLocation where) override;
     void exportNode(std::string_view localName, std::string_view exportedName, SourceLocation where) override;
+    bool isFull() const override;
 
   private:
     friend class InlineLoader;

@@ -54,8 +54,8 @@ struct WebGatewayOptions {
     /// For a request to be whole, for its file to come, and for the answer to be taken; then the connection ends.
     std::chrono::milliseconds requestTimeout{20000};
 
-    /// What is wrong with it on any machine: `listen` is no place, the token has other characters than letters, digits,
-    /// '-' and '_', of certificate and key one is missing.
+    /// What is wrong with it on any machine: `listen` is no place, the token is shorter than 16 or has other characters
+    /// than letters, digits, '-' and '_', of certificate and key one is missing.
     Result<> check() const;
 };
 

@@ -1,0 +1,85 @@
+// Finds how much memory the process holds, by /proc, and how much the machine has.
+#include <rtsg/core/memory.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <fstream>
+#include <string>
+
+#include <fcntl.h>
+#include <malloc.h>
+#include <unistd.h>
+
+namespace rtsg {
+
+namespace {
+
+std::uint64_t pageSize() {
+    static const auto size = static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+    return size;
+}
+
+/// What the control group of the process may hold (cgroup v2); as much as there can be if nothing says.
+std::uint64_t groupLimit() {
+    std::uint64_t least = UINT64_MAX;
+    const auto take = [&](const std::string& folder) {
+        std::ifstream file(folder + "/memory.max");
+        std::uint64_t bytes = 0;
+        if (file >> bytes) least = std::min(least, bytes);  // "max" is no number
+    };
+    std::ifstream own("/proc/self/cgroup");
+    for (std::string line; std::getline(own, line);)
+        if (line.starts_with("0::")) take("/sys/fs/cgroup" + line.substr(3));
+    take("/sys/fs/cgroup");
+    return least;
+}
+
+std::uint64_t usualLimit() {
+    const std::uint64_t machine = static_cast<std::uint64_t>(::sysconf(_SC_PHYS_PAGES)) * pageSize();
+    return std::min(machine, groupLimit()) / 4 * 3;
+}
+
+std::atomic<std::uint64_t>& limit() {
+    static std::atomic<std::uint64_t> bytes = usualLimit();
+    return bytes;
+}
+
+}  // namespace
+
+std::uint64_t heldMemory() {
+    const int file = ::open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
+    if (file < 0) return 0;
+    char text[128] = {};
+    const ssize_t got = ::read(file, text, sizeof(text) - 1);
+    ::close(file);
+    if (got <= 0) return 0;
+    // "size resident ...", in pages.
+    const std::string all(text);
+    const std::size_t space = std::min(all.find(' '), all.size() - 1);
+    return std::strtoull(all.c_str() + space, nullptr, 10) * pageSize();
+}
+
+std::uint64_t memoryLimit() {
+    return limit();
+}
+
+void setMemoryLimit(std::uint64_t bytes) {
+    limit() = bytes;
+}
+
+Result<> mayHold(std::uint64_t more) {
+    const std::uint64_t most = memoryLimit();
+    const auto fits = [&] {
+        const std::uint64_t held = heldMemory();
+        return held <= most && more <= most - held;
+    };
+    if (fits()) return {};
+    // The allocator keeps what was given back, and that is still ours.
+    ::malloc_trim(0);
+    if (fits()) return {};
+    return fail("the process would hold more than " + std::to_string(most) +
+                " bytes; --limit memory=N raises this if there is so much");
+}
+
+}  // namespace rtsg

@@ -1,0 +1,16 @@
+// The headers of an OpenEXR file, attribute by attribute: whether all that they say lies within the file.
+//
+// Source: "OpenEXR File Layout" (openexr.com). Threading: pure functions.
+#pragma once
+
+#include <string>
+
+#include "head_bytes.h"
+
+namespace rtsg {
+
+bool isExr(const HeadBytes& file);
+/// As whyNotWithin().
+std::string whyNotWithinExr(const HeadBytes& file);
+
+}  // namespace rtsg
