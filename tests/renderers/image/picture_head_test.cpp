@@ -171,7 +171,7 @@ std::string webp(const std::string& kind, const std::string& data) {
         .bytes;
 }
 
-std::string dds(std::uint32_t width, std::uint32_t height) {
+std::string ddsHead(std::uint32_t width, std::uint32_t height) {
     return Written()
         .text("DDS ")
         .little(124, 4)
@@ -237,7 +237,7 @@ std::vector<Lie> lies() {
         {"hdr", "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8000 +X 8000\n" + std::string(20, '\0')},
         {"pnm", "P6 # a comment\n8000 8000 255\n" + std::string(20, '\0')},
         {"tga", tga(8000, 8000)},
-        {"dds", dds(8000, 8000)},
+        {"dds", ddsHead(8000, 8000)},
         {"webp", webp("VP8L", Written().text("\x2F").little(7999 | 7999u << 14, 4).text("\x88\x88\x08").bytes)},
         {"webp, animated", webp("VP8X", Written().little(2, 4).little(16000, 3).little(16000, 3).bytes)},
     };
@@ -275,7 +275,7 @@ TEST(PictureHeads, ThatMayBeTrueAreBelieved) {
     for (int y = 0; y < 4000; ++y) rows += std::string(1 + 4 * 4000, '\0');
     EXPECT_EQ(why(png(4000, 4000, zipped(rows))), "");
     for (const std::string& file : {png(500, 500, ""), jpeg(1000, 1000), gif(1000, 1000), bmp(1000, 1000, 0, 24),
-                                    tiffHead(1000, 1000, 0, 1), dds(1000, 1000), tga(1000, 1000), exr(500, 500, 0),
+                                    tiffHead(1000, 1000, 0, 1), ddsHead(1000, 1000), tga(1000, 1000), exr(500, 500, 0),
                                     jpeg(64, 64, 90), std::string("no picture at all, whatever it is"), std::string()})
         EXPECT_EQ(why(file), "");
     EXPECT_EQ(why(bmp(2000, 2000, 0, 24) + std::string(12'000'000, 'x')), "");
