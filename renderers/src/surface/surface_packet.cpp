@@ -1,6 +1,7 @@
 // Fetches and interpolates what sixteen hits need for shading.
 #include "surface_packet.h"
 
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -376,13 +377,19 @@ std::optional<Vec3f> placeOnCurve(const TraceScene& scene, const SurfacePacket& 
     if (!normals.present() || normals.binding() == MeshAttribute::Binding::face) return std::nullopt;
     const Vec3f place = s.exact.get(lane), facing = (s.back >> lane & 1u ? -1.0f : 1.0f) * s.outside(lane);
     const float u = s.hits.u[lane], v = s.hits.v[lane], weights[] = {1 - u - v, u, v};
-    Vec3f off(0);
+    std::array<Vec3f, 3> at;
+    Vec3f mean(0), off(0);
     for (std::uint32_t corner = 0; corner < 3; ++corner) {
         const float* const numbers = normals.data() + std::size_t{normals.valueIndex(triangle, corner)} * 3;
         Vec3f normal = instance.normalFromLocal * Vec3f(numbers[0], numbers[1], numbers[2]);
         const float length = glm::length(normal);
         if (!(length > 0)) return std::nullopt;
-        normal *= (glm::dot(normal, facing) < 0 ? -1 : 1) / length;
+        at[corner] = normal * ((glm::dot(normal, facing) < 0 ? -1 : 1) / length);
+        mean += at[corner] / 3.0f;
+    }
+    for (std::uint32_t corner = 0; corner < 3; ++corner) {
+        // Normals that all lean the same way bend no surface: what they have in common is the triangle's own.
+        const Vec3f normal = glm::normalize(at[corner] - mean + facing);
         const Vec3f from = instance.rayFromLocal * Vec4f(instance.mesh->vertex(triangle, corner), 1);
         off -= weights[corner] * std::min(glm::dot(place - from, normal), 0.0f) * normal;
     }

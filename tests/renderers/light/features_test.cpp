@@ -248,7 +248,7 @@ std::vector<Feature> placesAndTimes() {
         {"switch", "DEF E Switch { whichChoice 0 children [ " + unlitShape("Rectangle2D { size 4 4 }") + " ] }", kS,
          "E", "whichChoice", "-1", kNothing},
         {"level of detail",
-         "DEF E LOD { level [ " + unlitShape("Rectangle2D { size 4 4 }") +
+         "DEF E LOD { children [ " + unlitShape("Rectangle2D { size 4 4 }") +
              " DEF B Shape { appearance Appearance { material UnlitMaterial { emissiveColor 0 1 0 } } geometry "
              "Rectangle2D { size 4 4 } } ] range 20 }",
          kS,

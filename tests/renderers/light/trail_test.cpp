@@ -475,9 +475,10 @@ TEST(Trail, ManyChangesAreTakenTogether) {
 // begins anew.
 TEST(Trail, PicturesByPathsAreRefined) {
     LightScene s(
-        "Background { skyColor .5 .5 .5 } Transform { translation 0 0 0 children Shape { appearance Appearance "
-        "{ material DEF M Material { diffuseColor .8 .6 .4 } } geometry Box { size 4 4 4 solid FALSE } } } "
-        "Viewpoint { position 0 0 6 } DirectionalLight { direction -1 -1 -2 }",
+        "Background { skyColor .5 .5 .5 } Shape { appearance Appearance { material DEF M Material { diffuseColor .8 .6 "
+        ".4 } } geometry Box { size 9 .1 9 } } Transform { translation 0 1 0 children Shape { appearance Appearance { "
+        "material Material { diffuseColor .9 .9 .9 } } geometry Sphere { } } } "
+        "Viewpoint { position 0 1 4 } DirectionalLight { direction -1 -1 -2 }",
         16, 16);
     s.options.settings.integrator = Integrator::path;
     s.options.settings.samplesPerPixel = 2048;
