@@ -94,13 +94,34 @@ std::vector<std::uint32_t> AcousticEngine::Impl::bodyOf(std::vector<std::uint32_
     return around;
 }
 
-/// The walls in the straight way that moved; of what is its body nothing is in its way.
-void AcousticEngine::Impl::noteMoved(const WorldGeometry::Changes& changes, EmitterState& emitter) const {
+namespace {
+
+/// Whether a wall goes as a source does, which in the same time has gone `motion`: a vehicle's do, in bends too.
+bool goesAlong(const AcousticBox& before, const AcousticBox& now, const glm::dvec3& motion) {
+    const glm::dvec3 gone = 0.5 * (now.low + now.high - before.low - before.high);
+    return motion != glm::dvec3(0) && glm::distance(gone, motion) <= 0.5 * glm::length(motion);
+}
+
+}  // namespace
+
+/// The walls in the straight way that moved, as the source goes `motion`; of what is its body nothing is in its way.
+void AcousticEngine::Impl::noteMoved(const WorldGeometry::Changes& changes, const glm::dvec3& motion,
+                                     EmitterState& emitter) const {
     constexpr double kNear = 0.5;  // metres from where it will be: what moves is heard from where it was
-    for (std::size_t i = 0; i < changes.boxes.size(); ++i)
-        if (changes.boxes[i].meetsWay(emitter.to, now.position, kNear) &&
-            std::ranges::find(emitter.body, changes.slots[i]) == emitter.body.end())
-            emitter.movedWalls.add(changes.slots[i], seconds());
+    for (std::size_t i = 0; i < changes.boxes.size(); ++i) {
+        const std::uint32_t slot = changes.slots[i];
+        if (!changes.boxes[i].meetsWay(emitter.to, now.position, kNear) ||
+            std::ranges::find(emitter.body, slot) != emitter.body.end())
+            continue;
+        emitter.movedWalls.add(slot, seconds());
+        // The boxes of a wall before and after follow each other.
+        const std::size_t other = i > 0 && changes.slots[i - 1] == slot ? i - 1 : i + 1;
+        const bool both = other < changes.slots.size() && changes.slots[other] == slot;
+        std::erase(emitter.alongside, slot);
+        if (both && emitter.alongside.size() < MovedWalls::kMost &&
+            goesAlong(changes.boxes[std::min(i, other)], changes.boxes[std::max(i, other)], motion))
+            emitter.alongside.push_back(slot);
+    }
 }
 
 /// Takes over the walls and marks the emitters that what changed may concern.
@@ -122,7 +143,11 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
             inBody = inBody || !(box.distance(emitter.to) > 1.01 * options.bodySize);
         }
         if (concerned) noteWallsChanged(emitter);
-        if (!changes.everything && changes.boxes.size() <= kManyChanges) noteMoved(changes, emitter);
+        if (changes.everything) emitter.alongside.clear();
+        if (!changes.everything && changes.boxes.size() <= kManyChanges) {
+            const SoundEmitter* moved = state.sounds.find(id);
+            noteMoved(changes, moved ? moved->position() - emitter.to : glm::dvec3(0), emitter);
+        }
         if (inBody && !emitter.gone) emitter.around = geometry.instancesAround(emitter.to, options.bodySize);
     }
 }

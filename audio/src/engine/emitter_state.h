@@ -87,10 +87,11 @@ struct EmitterState {
     AcousticBox reached;                     // by its paths
     bool stale = false;                      // something changed there since
     std::size_t responseFrames = 0;
-    std::optional<Seal> seal;  // nothing arrived, and why; until it was told
-    RoomOpenings openings;     // of the room, until they were told
-    MovedWalls movedWalls;     // in the straight way, since what is heard was traced
-    bool leaksSought = false;  // and some found, since walls changed,
+    std::optional<Seal> seal;              // nothing arrived, and why; until it was told
+    RoomOpenings openings;                 // of the room, until they were told
+    MovedWalls movedWalls;                 // in the straight way, since what is heard was traced
+    std::vector<std::uint32_t> alongside;  // slots of walls near that way that go along with it
+    bool leaksSought = false;              // and some found, since walls changed,
     glm::dvec3 leaksSoughtFrom{0};
     bool countsAsSearch = false;
     /// When walls changed since leaks were looked for: first and last.
