@@ -102,6 +102,12 @@ bool goesAlong(const AcousticBox& before, const AcousticBox& now, const glm::dve
     return motion != glm::dvec3(0) && glm::distance(gone, motion) <= 0.5 * glm::length(motion);
 }
 
+/// Seen under so small an angle that what sound does there is a small part of all; what is no number is not.
+bool isSmallFrom(const AcousticBox& box, const glm::dvec3& place) {
+    constexpr double kSmall = 0.2;
+    return glm::length(box.high - box.low) < kSmall * box.distance(place);
+}
+
 }  // namespace
 
 /// The walls in the straight way that moved, as the source goes `motion`; of what is its body nothing is in its way.
@@ -136,9 +142,12 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
     for (auto& [id, emitter] : states) {
         bool inBody = changes.everything;
         bool concerned = changes.everything || (emitter.tracing && !boxes.empty());
+        emitter.staleSoon = emitter.staleSoon || changes.everything;
         for (const AcousticBox& box : boxes) {
-            concerned =
-                concerned || mayReach(emitter.reached, emitter.tracedSource, emitter.tracedListener, longest, box);
+            const bool reached = mayReach(emitter.reached, emitter.tracedSource, emitter.tracedListener, longest, box);
+            concerned = concerned || reached;
+            emitter.staleSoon = emitter.staleSoon || (reached && !isSmallFrom(box, emitter.tracedSource)) ||
+                                (reached && !isSmallFrom(box, emitter.tracedListener));
             // Written so that a box which is no number is near.
             inBody = inBody || !(box.distance(emitter.to) > 1.01 * options.bodySize);
         }
@@ -166,7 +175,7 @@ void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double pos
         state.to = to;
         if (!state.jumps) state.motion.put(time, to, false);
         const auto body = bodyOf(state.around, now.position);
-        state.stale = state.stale || body != state.body;
+        if (body != state.body) state.stale = state.staleSoon = true;
         state.body = body;
     }
 }
@@ -212,7 +221,7 @@ void AcousticEngine::Impl::followAir(const SoundVersion& sounds) {
     if (fresh == air) return;
     air = fresh;
     longest = options.trace.maxSeconds * air.speedOfSound;
-    for (auto& [id, state] : states) state.stale = true;
+    for (auto& [id, state] : states) state.stale = state.staleSoon = true;
 }
 
 EmitterState& AcousticEngine::Impl::stateOf(const SoundEmitter& emitter, double time) {
