@@ -50,16 +50,19 @@ int listenLive(const ListenArguments& options) {
         options.sound.given.open(running.scene(), true, parseSeconds(options.duration), live.render.sampleRate);
     live.device = options.device;
     SharedWorld& world = running.world().get();
-    auto sound = LiveSound::start(world, live);
-    if (!sound) return printError(sound.error()), kBad;
+    // What is heard first is the scene of the first frame: in the file nothing is where behaviours put it.
+    Result<std::unique_ptr<LiveSound>> sound;
     Pace pace;
     pace.seconds = parseSeconds(options.duration);
     pace.realtime = true;
     (void)interrupted();  // from here on an interruption ends in order
     running.run(pace, "listening to " + options.scene, [&](std::uint64_t, const ChangeSet&) {
+        if (sound && !*sound) sound = LiveSound::start(world, live);
+        if (!sound) return false;
         (*sound)->sendEvents();
         return !interrupted() && (*sound)->report().failure.empty();
     });
+    if (!sound) return printError(sound.error()), kBad;
     const LiveReport report = (*sound)->stop();
     running.printDiagnostics();
     print(report.diagnostics);

@@ -1,6 +1,7 @@
 // What the user says that microphones and streams hear: files, pipes, standard input, devices; live and not.
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <fstream>
@@ -261,6 +262,26 @@ TEST_F(GivenSounds, APipeIsHeardLiveAndNobodyWaitsForIt) {
         most = std::max(most, row);
     }
     EXPECT_GE(most, 9500u);
+}
+
+/// Before its first frame the source is where the listener is.
+TEST_F(GivenSounds, LiveSoundBeginsWithTheFirstFrame) {
+    const std::string played = folder_ / "played.wav", settings = folder_ / "openal.conf", scene = folder_ / "far.x3dv";
+    writeFile(settings, "[general]\ndrivers = wave\nfrequency = 48000\n[wave]\nfile = " + played + "\n");
+    writeFile(
+        scene,
+        "#X3D V4.0 utf8\nPROFILE Full\nDEF T TimeSensor { loop TRUE }\n"
+        "DEF P PositionInterpolator { key [ 0 1 ] keyValue [ 100 0 0 100 0 0 ] }\n"
+        "DEF X Transform { children Sound { minFront 5 minBack 5 maxFront 20 maxBack 20 source OscillatorSource { "
+        "frequency 500 } } }\nListenerPointSource { position 0 0 1 }\n"
+        "ROUTE T.fraction_changed TO P.set_fraction\nROUTE P.value_changed TO X.set_translation\n");
+    ::setenv("ALSOFT_CONF", settings.c_str(), 1);
+    const Outcome outcome = Program({"listen", scene, "--live", "--for", "0.5s"}, folder_ / "live").wait();
+    ::unsetenv("ALSOFT_CONF");
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    const std::vector<float> left = leftOf(played);
+    ASSERT_GT(left.size(), 4800u);
+    EXPECT_LT(*std::ranges::max_element(left), 1e-3f);
 }
 
 }  // namespace

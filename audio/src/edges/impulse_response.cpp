@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 #include <numbers>
-#include <random>
 #include <utility>
 
 #include <rtsg/audio/ambisonics.h>
@@ -13,23 +12,18 @@
 #include "arrival_pan.h"
 #include "diffraction_waves.h"
 #include "response/band_classes.h"
+#include "signal/band_filters.h"
+#include "signal/band_noise.h"
 #include "signal/fft.h"
 #include "signal/fractional_delay.h"
-#include "signal/random.h"
 #include "signal/sphere_ear.h"
 
 namespace rtsg {
 namespace {
 
 constexpr double kFourPi = 4 * std::numbers::pi;
-/// Width of the transition between neighbouring bands, octaves.
-constexpr double kTransition = 0.5;
-
-/// Normally distributed numbers that do not depend on the standard library's taste.
-double gaussian(Random& random) {
-    const double u = 1 - random.uniform(), v = random.uniform();
-    return std::sqrt(-2 * std::log(u)) * std::cos(2 * std::numbers::pi * v);
-}
+/// Samples in which filters of bands ring, before and after together.
+constexpr std::size_t kFilterRings = 4096;
 
 }  // namespace
 
@@ -151,49 +145,51 @@ void addArrival(const Arrival& arrival, const HeadArrival* head, std::size_t ban
     }
 }
 
-/// On the octave axis on which band b spans b - 1/2 ... b + 1/2.
-double octaveOf(double hz) {
-    return std::log2(hz / 1000) + kBand1k;
-}
-
-double weightAt(int band, double octave) {
-    const auto rise = [](double x) {  // 0 below an edge, 1 above
-        const double u = std::clamp(x / kTransition + 0.5, 0.0, 1.0);
-        const double s = std::sin(u * std::numbers::pi / 2);
-        return s * s;
-    };
-    const double lower = band == 0 ? 1 : rise(octave - (band - 0.5));
-    const double upper = band == kBandCount - 1 ? 0 : rise(octave - (band + 0.5));
-    return lower - upper;
-}
-
-class BandFilters {
-  public:
-    /// Of each class of bands together.
-    BandFilters(const RealFft& fft, int sampleRate, const trace::BandClasses& classes) : bins_(fft.bins()) {
-        for (std::size_t c = 0; c < classes.count; ++c) weights_[c].resize(bins_);
-        weights_[classes.of[0]][0] = 1;
-        for (std::size_t i = 1; i < bins_; ++i) {
-            const double octave = octaveOf(static_cast<double>(i) * sampleRate / static_cast<double>(fft.size()));
-            // No others have a share here.
-            const int middle = std::clamp(static_cast<int>(std::lround(octave)), 0, kBandCount - 1);
-            for (int b = std::max(0, middle - 1); b <= std::min(kBandCount - 1, middle + 1); ++b)
-                weights_[classes.of[static_cast<std::size_t>(b)]][i] += static_cast<float>(weightAt(b, octave));
-        }
-    }
-    const std::vector<float>& operator[](std::size_t c) const { return weights_[c]; }
-
-  private:
-    std::size_t bins_;
-    std::array<std::vector<float>, kBandCount> weights_;
-};
-
 }  // namespace
 
 double bandWeight(int band, double hz) {
-    if (hz <= 0) return band == 0 ? 1 : 0;
-    return weightAt(band, octaveOf(hz));
+    return octaveWeight(band, hz);
 }
+
+namespace {
+
+/// Adds the arrivals to the channels, filtered in bands where those differ. The transform is as long as they last.
+void addPulses(std::span<const Arrival> pulses, std::span<const HeadArrival> heads,
+               const ImpulseResponseOptions& options, std::size_t throughEars,
+               std::vector<std::vector<float>>& channels) {
+    double last = -1;
+    for (const Arrival& pulse : pulses)
+        if (pulse.order >= options.firstOrder && pulse.energy != Bands{}) last = std::max(last, pulse.seconds);
+    if (last < 0) return;
+    const std::size_t frames =
+        std::min(channels.front().size(), static_cast<std::size_t>(last * options.sampleRate) + throughEars);
+    const auto kept = RealFft::kept(RealFft::sizeFor(frames + kFilterRings));
+    const RealFft& fft = *kept;
+    const trace::BandClasses classes = trace::bandClasses(pulses, {});
+    const auto filters = BandFilters::kept(fft.size(), options.sampleRate, classes.of);
+    RealFft::Spectrum sum(fft.bins()), spectrum;
+    std::vector<float> band(fft.size());
+    for (std::size_t channel = 0; channel < channels.size(); ++channel) {
+        sum.assign(fft.bins(), 0);
+        for (std::size_t c = 0; c < classes.count; ++c) {
+            const std::size_t b = classes.first[c];
+            std::fill(band.begin(), band.end(), 0.0f);
+            for (std::size_t i = 0; i < pulses.size(); ++i) {
+                const Arrival& arrival = pulses[i];
+                if (arrival.order < options.firstOrder || !(arrival.energy[b] > 0)) continue;
+                addArrival(arrival, i < heads.size() ? &heads[i] : nullptr, b, static_cast<int>(channel), options,
+                           std::span(band).first(frames));
+            }
+            fft.forward(band, spectrum);
+            for (std::size_t i = 0; i < fft.bins(); ++i) sum[i] += spectrum[i] * (*filters)[c][i];
+        }
+        fft.inverse(std::move(sum), band);
+        const std::size_t count = std::min(channels[channel].size(), frames + kFilterRings / 2);
+        for (std::size_t i = 0; i < count; ++i) channels[channel][i] += band[i];
+    }
+}
+
+}  // namespace
 
 ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseResponseOptions& asked) {
     using Channels = ImpulseResponseOptions::Channels;
@@ -216,56 +212,17 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
     const std::size_t useful = static_cast<std::size_t>(usefulDuration(echogram, options.cutShare) * rate) +
                                2 * SincTable::kHalf + 64 + farEar + throughEars;
     const std::size_t frames = std::max(useful, framesOfWaves(echogram, options));
-    const auto kept = RealFft::kept(RealFft::sizeFor(frames + 4096));
-    const RealFft& fft = *kept;
-    const trace::BandClasses classes = trace::bandClasses(pulses, std::span(&echogram.late, 1));
-    const BandFilters filters(fft, options.sampleRate, classes);
-
-    const auto endOf = [&](std::size_t bin) {
-        return std::min(frames, static_cast<std::size_t>(std::llround(echogram.late.startOf(bin + 1) * rate)));
-    };
-
     ImpulseResponse result;
     result.sampleRate = options.sampleRate;
+    result.channels.assign(static_cast<std::size_t>(channelCount), std::vector<float>(frames));
+    addPulses(pulses, heads, options, 2 * SincTable::kHalf + 64 + farEar + throughEars, result.channels);
+    const auto noise = BandNoise::kept(options.sampleRate, frames);
     for (int channel = 0; channel < channelCount; ++channel) {
         // In a diffuse field a channel of degree l carries 1 / (2 l + 1) of the pressure's energy.
         const double diffuseShare = ambisonic ? 1.0 / (2 * ambisonicDegree(channel) + 1) : 1;
-        // One noise for all bands: equal bands then leave it as it is.
-        Random random(Random::mix(options.seed, static_cast<std::uint64_t>(channel)));
-        std::vector<float> noise(frames);
-        std::vector<float> scale;  // per bin: makes the noise's energy in it exactly 1
-        for (std::size_t k = 0, i = 0; k < echogram.late.bins.size() && i < frames; ++k) {
-            const std::size_t end = endOf(k);
-            double energy = 0;
-            for (; i < end; ++i) {
-                noise[i] = static_cast<float>(gaussian(random));
-                energy += static_cast<double>(noise[i]) * static_cast<double>(noise[i]);
-            }
-            scale.push_back(energy > 0 ? static_cast<float>(1 / std::sqrt(energy)) : 0.0f);
-        }
-
-        RealFft::Spectrum sum(fft.bins()), spectrum;
-        std::vector<float> band(fft.size());
-        for (std::size_t c = 0; c < classes.count; ++c) {
-            const std::size_t b = classes.first[c];
-            std::fill(band.begin(), band.end(), 0.0f);
-            for (std::size_t k = 0, i = 0; k < scale.size(); ++k) {
-                const std::size_t end = endOf(k);
-                const float amplitude =
-                    scale[k] * static_cast<float>(std::sqrt(kFourPi * diffuseShare * echogram.late.bins[k][b]));
-                for (; i < end; ++i) band[i] = noise[i] * amplitude;
-            }
-            for (std::size_t i = 0; i < pulses.size(); ++i) {
-                const Arrival& arrival = pulses[i];
-                if (arrival.order < options.firstOrder || !(arrival.energy[b] > 0)) continue;
-                addArrival(arrival, i < heads.size() ? &heads[i] : nullptr, b, channel, options,
-                           std::span(band).first(frames));
-            }
-            fft.forward(band, spectrum);
-            for (std::size_t i = 0; i < fft.bins(); ++i) sum[i] += spectrum[i] * filters[c][i];
-        }
-        fft.inverse(std::move(sum), band);
-        result.channels.emplace_back(band.begin(), band.begin() + static_cast<std::ptrdiff_t>(frames));
+        const auto c = static_cast<std::size_t>(channel);
+        noise->add({echogram.late.bins, echogram.late.start, echogram.late.binsPerSecond}, kFourPi * diffuseShare,
+                   options.seed, c, result.channels[c]);
     }
     addEdgeWaves(echogram, options, result.channels);
     return result;
@@ -273,9 +230,9 @@ ImpulseResponse makeImpulseResponse(const Echogram& echogram, const ImpulseRespo
 
 EnergyHistogram analyseImpulseResponse(std::span<const float> samples, int sampleRate, double binsPerSecond) {
     EnergyHistogram histogram{binsPerSecond, {}};
-    const auto kept = RealFft::kept(RealFft::sizeFor(samples.size() + 4096));
+    const auto kept = RealFft::kept(RealFft::sizeFor(samples.size() + kFilterRings));
     const RealFft& fft = *kept;
-    const BandFilters filters(fft, sampleRate, trace::bandClasses([](std::size_t a, std::size_t b) { return a == b; }));
+    const BandFilters filters(fft.size(), sampleRate, BandFilters::apart());
     std::vector<float> padded(fft.size()), band(fft.size());
     std::copy(samples.begin(), samples.end(), padded.begin());
     RealFft::Spectrum all, filtered(fft.bins());

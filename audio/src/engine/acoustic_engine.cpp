@@ -94,13 +94,40 @@ std::vector<std::uint32_t> AcousticEngine::Impl::bodyOf(std::vector<std::uint32_
     return around;
 }
 
-/// The walls in the straight way that moved; of what is its body nothing is in its way.
-void AcousticEngine::Impl::noteMoved(const WorldGeometry::Changes& changes, EmitterState& emitter) const {
+namespace {
+
+/// Whether a wall goes as a source does, which in the same time has gone `motion`: a vehicle's do, in bends too.
+bool goesAlong(const AcousticBox& before, const AcousticBox& now, const glm::dvec3& motion) {
+    const glm::dvec3 gone = 0.5 * (now.low + now.high - before.low - before.high);
+    return motion != glm::dvec3(0) && glm::distance(gone, motion) <= 0.5 * glm::length(motion);
+}
+
+/// Seen under so small an angle that what sound does there is a small part of all; what is no number is not.
+bool isSmallFrom(const AcousticBox& box, const glm::dvec3& place) {
+    constexpr double kSmall = 0.2;
+    return glm::length(box.high - box.low) < kSmall * box.distance(place);
+}
+
+}  // namespace
+
+/// The walls in the straight way that moved, as the source goes `motion`; of what is its body nothing is in its way.
+void AcousticEngine::Impl::noteMoved(const WorldGeometry::Changes& changes, const glm::dvec3& motion,
+                                     EmitterState& emitter) const {
     constexpr double kNear = 0.5;  // metres from where it will be: what moves is heard from where it was
-    for (std::size_t i = 0; i < changes.boxes.size(); ++i)
-        if (changes.boxes[i].meetsWay(emitter.to, now.position, kNear) &&
-            std::ranges::find(emitter.body, changes.slots[i]) == emitter.body.end())
-            emitter.movedWalls.add(changes.slots[i], seconds());
+    for (std::size_t i = 0; i < changes.boxes.size(); ++i) {
+        const std::uint32_t slot = changes.slots[i];
+        if (!changes.boxes[i].meetsWay(emitter.to, now.position, kNear) ||
+            std::ranges::find(emitter.body, slot) != emitter.body.end())
+            continue;
+        emitter.movedWalls.add(slot, seconds());
+        // The boxes of a wall before and after follow each other.
+        const std::size_t other = i > 0 && changes.slots[i - 1] == slot ? i - 1 : i + 1;
+        const bool both = other < changes.slots.size() && changes.slots[other] == slot;
+        std::erase(emitter.alongside, slot);
+        if (both && emitter.alongside.size() < MovedWalls::kMost &&
+            goesAlong(changes.boxes[std::min(i, other)], changes.boxes[std::max(i, other)], motion))
+            emitter.alongside.push_back(slot);
+    }
 }
 
 /// Takes over the walls and marks the emitters that what changed may concern.
@@ -115,14 +142,21 @@ void AcousticEngine::Impl::follow(const AcousticState& state, const RayView& ray
     for (auto& [id, emitter] : states) {
         bool inBody = changes.everything;
         bool concerned = changes.everything || (emitter.tracing && !boxes.empty());
+        emitter.staleSoon = emitter.staleSoon || changes.everything;
         for (const AcousticBox& box : boxes) {
-            concerned =
-                concerned || mayReach(emitter.reached, emitter.tracedSource, emitter.tracedListener, longest, box);
+            const bool reached = mayReach(emitter.reached, emitter.tracedSource, emitter.tracedListener, longest, box);
+            concerned = concerned || reached;
+            emitter.staleSoon = emitter.staleSoon || (reached && !isSmallFrom(box, emitter.tracedSource)) ||
+                                (reached && !isSmallFrom(box, emitter.tracedListener));
             // Written so that a box which is no number is near.
             inBody = inBody || !(box.distance(emitter.to) > 1.01 * options.bodySize);
         }
         if (concerned) noteWallsChanged(emitter);
-        if (!changes.everything && changes.boxes.size() <= kManyChanges) noteMoved(changes, emitter);
+        if (changes.everything) emitter.alongside.clear();
+        if (!changes.everything && changes.boxes.size() <= kManyChanges) {
+            const SoundEmitter* moved = state.sounds.find(id);
+            noteMoved(changes, moved ? moved->position() - emitter.to : glm::dvec3(0), emitter);
+        }
         if (inBody && !emitter.gone) emitter.around = geometry.instancesAround(emitter.to, options.bodySize);
     }
 }
@@ -141,7 +175,7 @@ void AcousticEngine::Impl::followEmitters(const SoundVersion& sounds, double pos
         state.to = to;
         if (!state.jumps) state.motion.put(time, to, false);
         const auto body = bodyOf(state.around, now.position);
-        state.stale = state.stale || body != state.body;
+        if (body != state.body) state.stale = state.staleSoon = true;
         state.body = body;
     }
 }
@@ -187,7 +221,7 @@ void AcousticEngine::Impl::followAir(const SoundVersion& sounds) {
     if (fresh == air) return;
     air = fresh;
     longest = options.trace.maxSeconds * air.speedOfSound;
-    for (auto& [id, state] : states) state.stale = true;
+    for (auto& [id, state] : states) state.stale = state.staleSoon = true;
 }
 
 EmitterState& AcousticEngine::Impl::stateOf(const SoundEmitter& emitter, double time) {

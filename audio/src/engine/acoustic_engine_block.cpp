@@ -21,10 +21,12 @@ void AcousticEngine::Impl::play(const SoundEmitter& emitter, EmitterState& state
         // Two loudspeakers: what leads into a destination is mixed up or down to them as into any node.
         const bool speakers = sound.law == SoundNode::Law::none && !sound.stream && options.ambisonicOrder == 0;
         const auto exactly = static_cast<std::size_t>(speakers ? std::min(sound.maxChannels, 2) : 0);
+        // What has a place is mixed down to two at most, as panners do ("clamped-max"; Web Audio API 1.1, 1.27).
+        const std::size_t most = sound.law == SoundNode::Law::none || sound.stream ? 0 : 2;
         AudioChannels& played = exactly == 1 ? state.lead : state.dry;
         state.mix.render(sound.voices, sound.processes,
                          {clips, samples, options.blockSize, emitter, block.listener, *head}, played,
-                         {sound.discrete, exactly, std::max<std::size_t>(1, state.inputs.size())});
+                         {sound.discrete, exactly, std::max<std::size_t>(1, state.inputs.size()), most});
         if (exactly == 1) {
             state.dry.resize(2);
             for (std::vector<float>& dry : state.dry) dry = state.lead[0];

@@ -104,6 +104,7 @@ struct AcousticEngine::Impl {
                     std::vector<std::uint32_t>& body) const;
     double straightShare(std::vector<std::uint32_t>& open, const glm::dvec3& apparent,
                          const glm::dvec3& listener) const;
+    double shareOfAll(EmitterState& state, const glm::dvec3& apparent, Block& block) const;
     void measureWay(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent, Block& block) const;
     void levelOf(const SoundEmitter& emitter, const EmitterState& state, const glm::dvec3& apparent, const Block& block,
                  HeardLevel& to, bool& audible) const;
@@ -148,7 +149,7 @@ struct AcousticEngine::Impl {
     void endSeal(InstanceId emitter, double seconds);
     double seconds() const { return static_cast<double>(samples) / options.sampleRate; }
     void noteWallsChanged(EmitterState& state) const;
-    void noteMoved(const WorldGeometry::Changes& changes, EmitterState& emitter) const;
+    void noteMoved(const WorldGeometry::Changes& changes, const glm::dvec3& motion, EmitterState& emitter) const;
     bool shallSeekLeaks(const EmitterState& state) const;
     bool leaksKnownFrom(const glm::dvec3& source) const;
     void noteLeaks(const SoundEmitter& emitter, const glm::dvec3& source, double seconds, const RoomOpenings& openings);

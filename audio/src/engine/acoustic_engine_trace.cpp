@@ -15,11 +15,16 @@ namespace {
 constexpr double kTurned = 0.998;
 /// So many sources look for leaks, and with so many rays of each batch.
 constexpr int kLeakSearches = 8, kLeakExits = 32;
+/// Metres that source and listener go at most while late energy goes on to count.
+constexpr double kNearly = 2;
 /// Seconds in which what begins to move is followed, and metres that it has moved by then.
 constexpr double kSetOff = 0.01, kSetOffMoved = 1e-4;
 /// Seconds after a trace the next one at the earliest, and in which it fades over, where a wall has moved into the
 /// straight way or out of it.
 constexpr double kSoon = 0.05;
+/// So many times as long a response is kept where all that has changed is small and far off: what that does to it is
+/// less than what other rays do.
+constexpr double kFarChanges = 5;
 /// Images of a source that follow, and waves by way of edges, at most.
 constexpr std::size_t kMostImages = 8, kMostEdges = 16;
 
@@ -37,11 +42,12 @@ AcousticEngine::Impl::Renewal AcousticEngine::Impl::renewalOf(const SoundEmitter
     if (!state.hasResponse) return Renewal::trace;
     if (setsOff(emitter, state, source, listener)) return Renewal::setOff;
     const bool outdated = state.movedWalls.outdated();
-    if (seconds() < state.tracedAt + std::min(outdated ? kSoon : options.retraceSeconds, options.retraceSeconds))
-        return Renewal::none;
+    const double age = seconds() - state.tracedAt;
+    if (age < std::min(outdated ? kSoon : options.retraceSeconds, options.retraceSeconds)) return Renewal::none;
     if (outdated) return Renewal::trace;
     const bool aimed = emitter.sound->directional(options.levels == AcousticOptions::Levels::x3d);
-    const bool moved = state.stale || glm::distance(state.tracedSource, source) > options.moveTolerance ||
+    const bool stale = state.stale && (state.staleSoon || age >= kFarChanges * options.retraceSeconds);
+    const bool moved = stale || glm::distance(state.tracedSource, source) > options.moveTolerance ||
                        glm::distance(state.tracedListener, listener.position) > options.moveTolerance ||
                        (aimed && !(glm::dot(state.tracedAim, emitter.aim()) >= kTurned));
     if (moved || (state.wallsChanged && shallSeekLeaks(state))) return Renewal::trace;
@@ -139,6 +145,11 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
         isFollowed(emitter, state, source, listener, hasEdges(state) ? kSetOffMoved : 0.5 * options.moveTolerance);
     job.followed = followedOf(state, kMostImages);
     job.followedEdges = followedOf(state, kMostEdges);
+    // Each has rays of its own, so that their mean tells more than any of them.
+    if (options.error == 0) job.tracing.seed += state.traces++;
+    if (options.error == 0 && job.tracing.exits == 0 &&
+        glm::distance(state.tracedSource, source) + glm::distance(state.tracedListener, listener.position) <= kNearly)
+        job.kept = state.kept;
     job.error = options.error;
     job.maxRays = options.maxRays;
     job.longest = longest;
@@ -148,7 +159,7 @@ void AcousticEngine::Impl::trace(EmitterState& state, const SoundEmitter& emitte
     state.tracedListener = listener.position;
     state.tracedAim = emitter.aim();
     state.movedWalls.asked = {state.movedWalls.open(), seconds()};
-    state.stale = false;
+    state.stale = state.staleSoon = false;
     state.tracing = worker != nullptr;
     submit(state, std::move(job), listener);
 }
@@ -235,6 +246,7 @@ void AcousticEngine::Impl::takeResponse(TracedResponse traced) {
     state.responseFrames = std::max(state.responseFrames, traced.frames);
     if (traced.turned) return;
     state.traced = std::move(traced.traced);
+    state.kept = std::move(traced.kept);
     state.reached = traced.reached;
     state.tracing = false;
     state.seal = std::move(traced.seal);

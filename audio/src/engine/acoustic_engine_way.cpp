@@ -42,6 +42,26 @@ double AcousticEngine::Impl::straightShare(std::vector<std::uint32_t>& open, con
     return sum;
 }
 
+/// What all walls leave. Those that go along with the source stood beside it as they do now when it sent what is heard
+/// now from where it was: they are asked about from where both are now. Else the body of a train would cover its own
+/// sound, and be gone again with the next block.
+double AcousticEngine::Impl::shareOfAll(EmitterState& state, const glm::dvec3& apparent, Block& block) const {
+    const glm::dvec3& listener = block.listener.position;
+    if (apparent == state.to) state.alongside.clear();
+    if (state.alongside.empty()) return straightShare(block.bodies, apparent, listener);
+    const auto without = [&](const std::vector<std::uint32_t>& body) {
+        block.open = body;
+        block.open.insert(block.open.end(), state.alongside.begin(), state.alongside.end());
+        return std::ref(block.open);
+    };
+    const double others = straightShare(without(block.bodies), apparent, listener);
+    const glm::dvec3 beside = listener + (state.to - apparent);
+    const double most = straightShare(without(state.body), state.to, beside);
+    if (!(others > 0) || !(most > 0)) return others;
+    block.open = state.body;
+    return others * std::min(1.0, straightShare(block.open, state.to, beside) / most);
+}
+
 /// What walls leave of direct sound at the end of the block: those that moved since what is heard was traced leave what
 /// they left then.
 void AcousticEngine::Impl::measureWay(const SoundNode& sound, EmitterState& state, const glm::dvec3& apparent,
@@ -57,7 +77,7 @@ void AcousticEngine::Impl::measureWay(const SoundNode& sound, EmitterState& stat
     if (!(glm::distance(apparent, block.listener.position) < kHorizon) || sound.law == SoundNode::Law::none)
         return forget();
     findBodyAt(state, apparent, block.listener, block.bodies);
-    moved.all = straightShare(block.bodies, apparent, block.listener.position);
+    moved.all = shareOfAll(state, apparent, block);
     if (!moved.any() || !options.reflections || !sound.reflected || !state.traced || state.jumped) return forget();
     const auto resting = [&] {
         block.open = block.bodies;

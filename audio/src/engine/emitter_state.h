@@ -22,6 +22,7 @@
 #include "scene/process_player.h"
 #include "signal/delay_line.h"
 #include "signal/head_filter.h"
+#include "trace_worker.h"
 #include "trajectory.h"
 
 namespace rtsg {
@@ -82,15 +83,19 @@ struct EmitterState {
     double tracedRadius = kHeadRadius;
     glm::dvec3 tracedSource{0}, tracedListener{0}, tracedRight{0}, tracedBack{0}, tracedAim{0};
     std::shared_ptr<const Echogram> traced;  // for when the listener turns
-    ImagePlayer::Images tracedImages;        // that the response leaves out
-    bool moves = false;                      // it, or the listener, since it was traced before
-    AcousticBox reached;                     // by its paths
-    bool stale = false;                      // something changed there since
+    KeptEnergy kept;                         // and for the next trace
+    std::uint64_t traces = 0;
+    ImagePlayer::Images tracedImages;  // that the response leaves out
+    bool moves = false;                // it, or the listener, since it was traced before
+    AcousticBox reached;               // by its paths
+    bool stale = false;                // something changed there since,
+    bool staleSoon = false;            // and near source or listener, for its size
     std::size_t responseFrames = 0;
-    std::optional<Seal> seal;  // nothing arrived, and why; until it was told
-    RoomOpenings openings;     // of the room, until they were told
-    MovedWalls movedWalls;     // in the straight way, since what is heard was traced
-    bool leaksSought = false;  // and some found, since walls changed,
+    std::optional<Seal> seal;              // nothing arrived, and why; until it was told
+    RoomOpenings openings;                 // of the room, until they were told
+    MovedWalls movedWalls;                 // in the straight way, since what is heard was traced
+    std::vector<std::uint32_t> alongside;  // slots of walls near that way that go along with it
+    bool leaksSought = false;              // and some found, since walls changed,
     glm::dvec3 leaksSoughtFrom{0};
     bool countsAsSearch = false;
     /// When walls changed since leaks were looked for: first and last.

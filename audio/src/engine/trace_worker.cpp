@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <utility>
 
@@ -55,6 +57,69 @@ std::shared_ptr<const std::vector<FollowedImage>> followedBy(const TraceJob& job
     return std::make_shared<const std::vector<FollowedImage>>(std::move(images));
 }
 
+/// Of rays and energy: what is new of a mean that goes on. Eight traces in a row have the rays of one anew.
+constexpr std::uint64_t kParts = 8;
+
+/// Which bin begins with the first arrival.
+std::ptrdiff_t onsetOf(const Echogram& echogram) {
+    if (echogram.arrivals.empty()) return 0;
+    return std::llround((echogram.arrivals.front().seconds - echogram.late.start) * echogram.late.binsPerSecond);
+}
+
+/// Energy of the bands of speech and music from a bin on.
+double energyFrom(const EnergyHistogram& late, std::ptrdiff_t bin) {
+    double sum = 0;
+    for (std::ptrdiff_t k = std::max<std::ptrdiff_t>(0, bin); k < std::ssize(late.bins); ++k)
+        for (std::size_t b = 2; b < 8; ++b) sum += late.bins[static_cast<std::size_t>(k)][b];
+    return sum;
+}
+
+/// Whether late energy is as loud as it was, of all and of what comes 100 ms after the onset.
+bool isAlike(const Echogram& fresh, const Echogram& kept) {
+    // More than chance does to an eighth of the rays; and metres that a source goes between traces.
+    constexpr double kAlike = 1.6;
+    constexpr std::ptrdiff_t kNearly = 8;
+    const std::ptrdiff_t a = onsetOf(fresh), b = onsetOf(kept);
+    if (std::abs(a - b) > kNearly || fresh.late.binsPerSecond != kept.late.binsPerSecond) return false;
+    const auto later = static_cast<std::ptrdiff_t>(0.1 * fresh.late.binsPerSecond);
+    for (const std::ptrdiff_t after : {std::ptrdiff_t{0}, later}) {
+        const double is = energyFrom(fresh.late, a + after), was = energyFrom(kept.late, b + after);
+        if (!(is > 0 && was > 0 && is < kAlike * was && was < kAlike * is)) return false;
+    }
+    return true;
+}
+
+/// The mean that goes on, from onset to onset.
+EnergyHistogram goneOn(const Echogram& fresh, const Echogram& kept) {
+    constexpr double kNew = 1.0 / kParts;
+    const std::ptrdiff_t later = onsetOf(fresh) - onsetOf(kept), first = std::max<std::ptrdiff_t>(0, later);
+    EnergyHistogram moved{fresh.late.binsPerSecond, {}, fresh.late.start};
+    moved.bins.resize(static_cast<std::size_t>(first), Bands{});
+    for (std::ptrdiff_t k = first - later; k < std::ssize(kept.late.bins); ++k)
+        moved.bins.push_back(kept.late.bins[static_cast<std::size_t>(k)]);
+    EnergyHistogram mean{fresh.late.binsPerSecond, {}, fresh.late.start};
+    mean.accumulate(moved, 1 - kNew);
+    mean.accumulate(fresh.late, kNew);
+    return mean;
+}
+
+/// The rays of a job, or an eighth of them and what was kept.
+TraceResult traceFor(const TraceJob& job, const AcousticTracer& tracer, Echogram& echogram) {
+    TraceOptions options = job.tracing;
+    if (job.kept.traced) options.rays = (options.rays + kParts - 1) / kParts;
+    TraceResult traced = tracer.trace(job.source, job.listener, options);
+    echogram = traced.echogram();
+    if (!job.kept.traced) return traced;
+    if (traced.imageOrder == job.kept.imageOrder && traced.imageShare == job.kept.imageShare &&
+        isAlike(echogram, *job.kept.traced)) {
+        echogram.late = goneOn(echogram, *job.kept.traced);
+    } else if (job.tracing.rays > traced.rays) {
+        tracer.refine(traced, job.source, job.listener, options, job.tracing.rays - traced.rays);
+        echogram = traced.echogram();
+    }
+    return traced;
+}
+
 }  // namespace
 
 TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry) {
@@ -71,15 +136,19 @@ TracedResponse traceResponse(const TraceJob& job, const WorldGeometry& geometry)
     const OpenedGeometry room(geometry, job.body);
     const ReachRecorder recorder(room, job.longest);
     const AcousticTracer tracer(recorder);
-    TraceResult traced = tracer.trace(job.source, job.listener, job.tracing);
+    Echogram echogram;
+    TraceResult traced = traceFor(job, tracer, echogram);
     TracedResponse result;
     result.emitter = job.emitter;
     result.error = std::numeric_limits<double>::quiet_NaN();
     result.seal = sealOf(traced, room, job.source, job.listener);
-    if (job.error > 0 && !result.seal)
+    if (job.error > 0 && !result.seal) {
         result.error = tracer.refineTo(traced, job.source, job.listener, job.tracing, job.error, job.maxRays);
+        echogram = traced.echogram();
+    }
     if (!traced.exits.empty()) result.openings = room.openings(job.source, traced.exits, traced.escaped);
-    result.traced = std::make_shared<const Echogram>(traced.echogram());
+    result.traced = std::make_shared<const Echogram>(std::move(echogram));
+    result.kept = {result.traced, traced.imageOrder, traced.imageShare};
     result.images = followedBy(job, *result.traced);
     makeChannels(job, result);
     result.reached = recorder.reached();

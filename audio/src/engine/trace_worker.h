@@ -25,11 +25,21 @@
 
 namespace rtsg {
 
+/// What was traced of an emitter before, as far as it goes on to count.
+struct KeptEnergy {
+    std::shared_ptr<const Echogram> traced;  // null: nothing does
+    // Which images are among its arrivals: their energy is not in what is late.
+    int imageOrder = 0;
+    double imageShare = 0;
+};
+
 struct TraceJob {
     InstanceId emitter;
     glm::dvec3 source{0}, listener{0};
     std::vector<std::uint32_t> body;  // slots that are not there
     TraceOptions tracing;
+    /// Late energy is the mean of this and of an eighth of the rays, unless they tell of another room.
+    KeptEnergy kept;
     double error = 0;  // refine to this many noticeable differences, if positive
     std::uint64_t maxRays = 0;
     double longest = 0;  // metres that sound goes within a response
@@ -58,6 +68,7 @@ struct TracedResponse {
     std::vector<Convolver::Response> channels;
     std::size_t frames = 0;
     std::shared_ptr<const Echogram> traced;
+    KeptEnergy kept;  // for the next one
     std::shared_ptr<const std::vector<FollowedImage>> images;
     bool setsOff = false;  // the job's images are chosen, as its source begins to move
     bool turned = false;   // it is the job's: all below says nothing

@@ -124,6 +124,7 @@ void AudioMix::render(const std::vector<SoundVoice>& voices,
         processes_[i]->render(*processes[i], block, processed_[i]);
         channels = std::max(channels, processed_[i].size());
     }
+    if (layout.most > 0) channels = std::min(channels, layout.most);
     if (layout.exactly > 0) channels = layout.exactly;
     out.resize(channels);
     for (std::vector<float>& channel : out) channel.assign(frames, 0.0f);

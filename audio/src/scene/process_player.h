@@ -47,7 +47,7 @@ struct GraphBlock {
 
 struct AudioLayout {
     bool discrete = false;
-    std::size_t exactly = 0, least = 1;  // channels; 0: as many as there are
+    std::size_t exactly = 0, least = 1, most = 0;  // channels; 0: as many as there are
 };
 
 /// What voices and processes give together, in as many channels as the one with the most, or as the layout says.

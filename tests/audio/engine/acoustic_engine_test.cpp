@@ -124,6 +124,19 @@ TEST(AcousticEngine, TracesAgainOnlyWhatAChangeCanReach) {
     EXPECT_NE(through.second, still.second);
 }
 
+/// What it does to the response is less than other rays do.
+TEST(AcousticEngine, WhatMovesFarOffAndIsSmallIsTracedOnceASecond) {
+    Stage stage(
+        "#X3D V4.0 utf8\nPROFILE Full\n"
+        "Transform { translation 15 10 4 children Shape { geometry Box { size 30 20 8 solid FALSE } } }\n"
+        "DEF In Transform { translation 28 18 1 children Shape { geometry Box { size .4 .4 .4 } } }\n"
+        "DEF Voice Transform { children Sound { location 1 1 1.5 minBack 30 minFront 30 maxBack 60 maxFront 60 source "
+        "OscillatorSource { frequency 440 } } }\nDEF Eye Viewpoint { position 4 3 1.5 }\n");
+    auto engine = *AcousticEngine::create(few());
+    stage.render(*engine, 2.5, [&](int frame) { stage.move("In", {28, 18, 1 + .01f * static_cast<float>(frame)}); });
+    EXPECT_EQ(engine->heard().responses, 3u);
+}
+
 /// A head that turns traces nothing, and hears in the end what one does that was turned so from the start.
 TEST(AcousticEngine, AHeadThatTurnsTracesNothing) {
     const auto heard = [](int turnedAt, bool live) {

@@ -162,7 +162,8 @@ TEST_F(Listen, ReverberationFollowsTheDirectSound) {
     EXPECT_NEAR(taps, .95, .05);
     EXPECT_NEAR(energy(a->sound, direct + 200, 28800), 0, 1e-6);
     // With one the ratio of reflected to direct energy is that of the response traced with the same seed, which is made
-    // of noise of exactly that energy and of arrivals, of which some come so close together that they interfere.
+    // of noise of that energy, within what chance leaves, and of arrivals, of which some come so close together that
+    // they interfere.
     ListenOptions m = o;
     m.sound = false;
     m.metrics = true;
@@ -176,7 +177,7 @@ TEST_F(Listen, ReverberationFollowsTheDirectSound) {
     for (const Bands& bin : traced.echogram().late.bins) reflected += bin[kBand1k];
     reflected *= 4 * M_PI * 13;  // re direct
     const double heard = energy(b->sound, direct + 60, 28800) / 0.25;
-    EXPECT_NEAR(10 * std::log10(heard / reflected), 0, 0.3);
+    EXPECT_NEAR(10 * std::log10(heard / reflected), 0, 0.4);
     EXPECT_LE(b->sound.peak(), 1.0f);
 }
 

@@ -290,6 +290,24 @@ TEST(AudioGraph, NodesMixTheirInputsAsTheySay) {
     }
 }
 
+/// What has a place is mixed down as before a panner.
+TEST(AudioGraph, SoundsOfManyChannelsAreMixedAsADestinationMixesThem) {
+    for (const int count : {3, 4, 6}) {
+        std::string clip =
+            "BufferAudioSource { sampleRate 48000 loop TRUE numberOfChannels " + std::to_string(count) + " buffer [";
+        for (int c = 1; c <= count; ++c) clip += " ." + std::to_string(c);
+        clip += " ] }";
+        const auto mixed = hear(clip, .1);
+        for (const std::string& sound :
+             {"Sound { spatialize FALSE minFront 10 minBack 10 maxFront 20 maxBack 20 source " + clip + " }",
+              "SpatialSound { spatialize FALSE children " + clip + " }"}) {
+            std::string told;
+            const auto placed = hear("", .1, &told, "", sound + " Viewpoint { position 0 0 0 }");
+            for (std::size_t ear = 0; ear < 2; ++ear) EXPECT_NEAR(placed[ear][4000], mixed[ear][4000], 1e-5) << sound;
+        }
+    }
+}
+
 /// Whatever leads into a destination is mixed to its two loudspeakers as into any node, or to as many as it has.
 TEST(AudioGraph, ADestinationMixesToItsLoudspeakers) {
     const float h = std::sqrt(.5f);

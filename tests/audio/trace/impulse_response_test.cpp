@@ -129,5 +129,122 @@ TEST(ImpulseResponse, StereoPansAndRepeats) {
     EXPECT_NEAR(makeImpulseResponse(echogram, options).channels[1][468], 0, 1e-3);
 }
 
+/// Loud and faint ones, between which the transforms of waves begin anew.
+Echogram bentSound(int loud, int faint) {
+    Echogram echogram;
+    echogram.arrivals = {arrivalAt(3)};
+    for (int i = 0; i < loud + faint; ++i) {
+        EdgeWave& wave = echogram.edges.waves.emplace_back();
+        wave.seconds = .01 + .0013 * i;
+        wave.direction = glm::normalize(glm::dvec3(std::sin(i), 0, std::cos(i)));
+        const float amplitude = i < loud ? .05f : 3e-4f;
+        // A pulse that fades within a millisecond, with nothing before it.
+        for (std::size_t t = 0; t < kEdgeTones; ++t)
+            wave.pressure[t] =
+                amplitude / std::complex<float>(1, static_cast<float>(edgeToneHz(static_cast<double>(t)) / 500));
+    }
+    return echogram;
+}
+
+double energyOf(const std::vector<float>& samples) {
+    double sum = 0;
+    for (const float sample : samples) sum += static_cast<double>(sample) * static_cast<double>(sample);
+    return sum;
+}
+
+/// Energy of what a response is off the sum of those of its waves, dB re that.
+double offSingleWaves(const Echogram& echogram, ImpulseResponseOptions options) {
+    options.firstOrder = 1;
+    const ImpulseResponse all = makeImpulseResponse(echogram, options);
+    double off = 0, sum = 0;
+    for (std::size_t c = 0; c < all.channels.size(); ++c) {
+        std::vector<float> rest = all.channels[c], single(rest.size());
+        for (const EdgeWave& wave : echogram.edges.waves) {
+            // The first arrival says what is heard through a head; less of it, and no wave is faint beside it.
+            Echogram one{.arrivals = echogram.arrivals, .late = {}, .edges = {.waves = {wave}, .straight = {}}};
+            for (double& energy : one.arrivals[0].energy) energy *= 1e-9;
+            const std::vector<float> part = makeImpulseResponse(one, options).channels[c];
+            for (std::size_t i = 0; i < std::min(part.size(), rest.size()); ++i) single[i] += part[i];
+        }
+        for (std::size_t i = 0; i < rest.size(); ++i) rest[i] -= single[i];
+        off += energyOf(rest);
+        sum += energyOf(single);
+    }
+    return 10 * std::log10(off / sum);
+}
+
+TEST(ImpulseResponse, WavesThatAreSummedAreTheSumOfEach) {
+    using Channels = ImpulseResponseOptions::Channels;
+    for (const Channels channels : {Channels::mono, Channels::stereo, Channels::binaural, Channels::ambisonic}) {
+        ImpulseResponseOptions options;
+        options.channels = channels;
+        EXPECT_LT(offSingleWaves(bentSound(60, 0), options), -35) << static_cast<int>(channels);
+    }
+}
+
+TEST(ImpulseResponse, WavesThatAreLeftOutAre40DbBelowAll) {
+    const Echogram echogram = bentSound(10, 200);
+    EXPECT_LT(offSingleWaves(echogram, {}), -30);
+    // Of what arrives, direct sound among it, they have one part in 10,000.
+    Echogram faint = echogram;
+    faint.edges.waves.erase(faint.edges.waves.begin(), faint.edges.waves.begin() + 10);
+    ImpulseResponseOptions options;
+    options.firstOrder = 1;
+    const double direct = 1.0 / 9;
+    EXPECT_LT(energyOf(makeImpulseResponse(faint, options).channels[0]), 2e-4 * direct);
+}
+
+/// Late sound of some octaves, each bin unlike its neighbours, as few rays bring it.
+Echogram unevenDecay(double low, double high) {
+    Echogram echogram;
+    for (int i = 20; i < 1000; ++i) {
+        Bands energy = allBands(low * (i % 3 == 0 ? 2.5 : .25) * 1e-5 * std::exp(-.005 * i));
+        for (std::size_t b = 6; b < kBandCount; ++b) energy[b] *= high / low;
+        echogram.late.add((i + .5) * .001, energy);
+    }
+    return echogram;
+}
+
+TEST(ImpulseResponse, NoiseHasTheEnergyOfEachOctaveAndLeaksNone) {
+    const Echogram even = unevenDecay(1, 1), steep = unevenDecay(1, 1e-6);
+    for (const std::uint64_t seed : {1, 2, 3}) {
+        ImpulseResponseOptions options;
+        options.seed = seed;
+        const auto levels = [&](const Echogram& echogram) {
+            Echogram measured;
+            measured.late = analyseImpulseResponse(makeImpulseResponse(echogram, options).channels[0], 48000);
+            const Bands is = measured.total(), asked = echogram.total();
+            Bands ratio;
+            for (std::size_t b = 0; b < kBandCount; ++b) ratio[b] = 10 * std::log10(is[b] / asked[b]);
+            return ratio;
+        };
+        const Bands same = levels(even), down = levels(steep);
+        for (std::size_t b = 2; b < kBandCount; ++b)
+            EXPECT_NEAR(same[b], 0, .2 + 30 / std::sqrt(kBandHz[b])) << kBandHz[b] << " Hz, seed " << seed;
+        for (std::size_t b = 7; b < kBandCount; ++b)
+            EXPECT_LT(down[b], 20) << "60 dB below the other octaves: " << kBandHz[b] << " Hz";
+    }
+}
+
+/// Responses begin elsewhere in noise that is made once.
+TEST(ImpulseResponse, NoiseOfSourcesAndChannelsIsUnlike) {
+    const Echogram late = unevenDecay(1, 1);
+    ImpulseResponseOptions options;
+    options.channels = ImpulseResponseOptions::Channels::ambisonic;
+    std::vector<std::vector<float>> all;
+    for (const std::uint64_t seed : {1, 2, 3}) {
+        options.seed = seed;
+        const ImpulseResponse response = makeImpulseResponse(late, options);
+        all.insert(all.end(), response.channels.begin(), response.channels.end());
+    }
+    for (std::size_t a = 0; a < all.size(); ++a)
+        for (std::size_t b = 0; b < a; ++b) {
+            double both = 0;
+            for (std::size_t i = 0; i < std::min(all[a].size(), all[b].size()); ++i)
+                both += static_cast<double>(all[a][i]) * static_cast<double>(all[b][i]);
+            EXPECT_LT(std::abs(both) / std::sqrt(energyOf(all[a]) * energyOf(all[b])), .15) << a << " and " << b;
+        }
+}
+
 }  // namespace
 }  // namespace rtsg

@@ -2,9 +2,10 @@
 //
 // Pressure 1 is that of the source at 1 m in free field: direct sound at distance d has amplitude 1 / d, and a band's
 // energy E (see Echogram) becomes a squared pressure of 4 pi E. Arrivals are band-limited impulses at fractional
-// sample times; the remainder is Gaussian noise, the same in all bands and of exactly the energy of each bin. Bands are
-// weighted by zero-phase filters that add up to 1, so what is alike in all bands passes unchanged; those of high order
-// ring for some milliseconds before an impulse where bands differ.
+// sample times; the remainder is Gaussian noise, the same in all bands, that has the energy of each bin but for chance;
+// waves round edges that are 40 dB below all in every octave, taken together, are left out. Bands are weighted by
+// zero-phase filters that add up to 1, so what is alike in all bands passes unchanged; those of high order ring for
+// some milliseconds before an impulse where bands differ.
 // Threading: pure functions.
 #pragma once
 
