@@ -7,6 +7,7 @@ run's own. A command that follows a server gets one: that of its page, or one of
 text names any more is an error too. Exit status 1, with the command's own words, for each that fails.
 """
 import argparse
+import os
 import pathlib
 import re
 import shlex
@@ -51,6 +52,9 @@ def shortened(arguments):
     for argument in arguments:
         out.append(argument if late and previous in TIMES else SHORTER.get(previous) or argument)
         previous = argument
+    # A window closes by itself.
+    if arguments[0] == "view" and "--for" not in out:
+        out += ["--for", SHORTER["--for"]]
     # So do pictures and sounds of the size, length and rays that they have by themselves.
     for verb, option in (("run", "--size"), ("listen", "--for"), ("listen", "--rays")):
         if arguments[0] == verb and option not in out and (verb == "listen" or "--render" in out):
@@ -89,6 +93,7 @@ def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("program")
     program = str(pathlib.Path(parser.parse_args().program).resolve())
+    os.environ["SDL_VIDEODRIVER"] = "offscreen"  # windows
     failed, ran, unused = [], 0, set(NOT_RUN)
     with tempfile.TemporaryDirectory() as scratch:
         folder = pathlib.Path(scratch) / "now"
@@ -136,7 +141,7 @@ def main():
                 arguments += ["--for", "1s"]
             if arguments[0] == "relay":
                 arguments[arguments.index("--bind") + 1] = free_endpoint()
-            if arguments[0] in ("mirror", "relay"):
+            if arguments[0] in ("mirror", "relay") or (arguments[0] == "view" and endpoint in arguments):
                 secret = ["--key", "hall.key"] if "--key" in arguments else []
                 server = subprocess.Popen([program, "serve", *scene, *secret, "--bind", endpoint, "--for", "20s", "--fps", "10"], cwd=folder,
                                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

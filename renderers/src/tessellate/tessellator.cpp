@@ -121,13 +121,12 @@ std::shared_ptr<const Mesh> Tessellator::deform(const Scene& scene, NodeId geome
     std::unique_ptr<detail::DeformingSurface>& surface = found->second;
     if (surface)
         if (auto mesh = surface->deform(params)) return mesh;
-    const bool isTold = !isNew && !surface;  // when it was seen for the first time
     surface = std::make_unique<detail::DeformingSurface>(params);
     Mesh& mesh = *surface->mesh();
     problems.diagnostics.append(mesh.diagnostics);
     mesh.diagnostics = std::move(problems.diagnostics);
     detail::labelDiagnostics(scene, *node, mesh);
-    if (!isTold) diagnostics_.append(mesh.diagnostics);
+    diagnostics_.append(mesh.diagnostics);
     return surface->mesh();
 }
 
