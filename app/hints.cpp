@@ -24,7 +24,8 @@ struct Slip {
 constexpr Slip kVerbs[] = {
     {"version", "rtsg --version"},
     {"man", "rtsg help --man"},
-    {"view show open display browse window gui", "rtsg serve SCENE --web 8080, which shows it in a browser"},
+    {"show open display window gui", "rtsg view SCENE"},
+    {"browse", "rtsg serve SCENE --web 8080, which shows it in a browser"},
     {"play playback seek", "rtsg replay LOG"},
     {"test rerun", "rtsg replay LOG --rerun SCENE"},
     {"blame", "rtsg replay LOG --blame NODE.field"},

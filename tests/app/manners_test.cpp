@@ -143,7 +143,8 @@ TEST_F(Manners, UsualSlipsGetAHint) {
     for (const auto& [arguments, hint] : std::vector<std::pair<Arguments, std::string>>{
              {{"-v"}, "--version"},
              {{"version"}, "rtsg --version"},
-             {{"view", file}, "rtsg serve SCENE --web 8080"},
+             {{"show", file}, "rtsg view SCENE"},
+             {{"browse", file}, "rtsg serve SCENE --web 8080"},
              {{"connect", "localhost"}, "rtsg mirror ENDPOINT"},
              {{file}, "rtsg info " + file},
              {{"tcp://127.0.0.1:1"}, "rtsg mirror tcp://127.0.0.1:1"},

@@ -104,6 +104,10 @@ TEST_F(View, WithoutAScreenItSaysSo) {
     view({file, "--for", "1s"}, 1);
     ::unsetenv("DISPLAY");
     EXPECT_THAT(said, HasSubstr("no window can be opened"));
+    ::unsetenv("SDL_VIDEODRIVER");
+    ::unsetenv("WAYLAND_DISPLAY");
+    view({file, "--for", "1s"}, 1);
+    EXPECT_THAT(said, HasSubstr("there is no display")) << "nobody looks at one that SDL makes up";
     ::setenv("SDL_VIDEODRIVER", "offscreen", 1);
     view({folder / "nothing.x3d"}, 1);
     EXPECT_THAT(said, HasSubstr("nothing.x3d"));

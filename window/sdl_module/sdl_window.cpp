@@ -27,6 +27,10 @@ class SdlWindow final : public WindowModule {
         SDL_SetHint(SDL_HINT_VIDEO_ALLOW_SCREENSAVER, "1");
         SDL_SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
         if (SDL_Init(SDL_INIT_VIDEO) != 0) return problem = SDL_GetError(), false;
+        // Where there is no display SDL takes one that nobody sees; who wants that says so.
+        const std::string driver = SDL_GetCurrentVideoDriver();
+        if ((driver == "offscreen" || driver == "dummy") && !SDL_getenv("SDL_VIDEODRIVER"))
+            return problem = "there is no display (SDL_VIDEODRIVER=offscreen does without one)", false;
         const Uint32 flags = SDL_WINDOW_RESIZABLE | (settings.fullscreen ? Uint32{SDL_WINDOW_FULLSCREEN_DESKTOP} : 0U);
         window_ = SDL_CreateWindow(settings.title.c_str(), SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED,
                                    settings.width, settings.height, flags);
