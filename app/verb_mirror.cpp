@@ -273,7 +273,7 @@ class Mirroring {
     Scene replica_;
     Requests requests_;
     std::size_t controls_ = 0, replies_ = 0;  // sent, answered
-    std::unique_ptr<MirrorClient> client_;  // until it has left
+    std::unique_ptr<MirrorClient> client_;    // until it has left
     MirrorStatistics last_;
     std::unique_ptr<Made> made_;
     std::optional<std::uint64_t> firstState_;  // that counts as joined

@@ -23,7 +23,7 @@ namespace {
 constexpr std::size_t kMostVisits = 256;           // connections that have not become browsers
 constexpr std::size_t kMostOfSource = 64;          // of them, of one address of another machine
 constexpr std::size_t kQuarters = 3;               // of the WebSockets, for such an address
-constexpr auto kSlow = std::chrono::seconds(5);  // an answer that takes longer gives its place up
+constexpr auto kSlow = std::chrono::seconds(5);    // an answer that takes longer gives its place up
 constexpr auto kSilent = std::chrono::seconds(2);  // a browser says at once who it is
 constexpr auto kGatewayFarewell = std::chrono::milliseconds(500);
 constexpr auto kAcceptAgain = std::chrono::milliseconds(50);  // after the system had no descriptor to give

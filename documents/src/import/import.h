@@ -31,7 +31,7 @@ struct ImportInput {
     OpenBeside open;  // null: nothing may be opened
     std::uint64_t maximumBytes = std::uint64_t{4}
                                  << 30;  // of memory for what is made of the bytes before it is a scene
-    std::string_view clip{};  // the animation that plays, of files that have several; empty: the first
+    std::string_view clip{};             // the animation that plays, of files that have several; empty: the first
 };
 
 /// Each gives a whole document, from beginDocument to endDocument; false if nothing was usable (then there may be

@@ -115,11 +115,12 @@ Result<> writeKeys(const std::filesystem::path& file, const std::string& text, W
 Result<> MirrorKeys::generate(const std::filesystem::path& file) {
     const auto server = freshPair(), client = freshPair();
     if (!server || !client) return std::unexpected((server ? client : server).error());
-    return writeKeys(file,
-                     fmt::format("# Keys of a server of mirrors, and of one client: keep secret. `rtsg keys` adds more.\n"
-                                 "server-public {}\nserver-secret {}\nclient-public {}\nclient-secret {}\n",
-                                 server->open, server->secret, client->open, client->secret),
-                     Writing::anew);
+    return writeKeys(
+        file,
+        fmt::format("# Keys of a server of mirrors, and of one client: keep secret. `rtsg keys` adds more.\n"
+                    "server-public {}\nserver-secret {}\nclient-public {}\nclient-secret {}\n",
+                    server->open, server->secret, client->open, client->secret),
+        Writing::anew);
 }
 
 Result<> MirrorKeys::addClient(const std::filesystem::path& server, const std::filesystem::path& client,

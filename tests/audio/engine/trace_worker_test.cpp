@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include "engine/trace_worker.h"
 #include "audio/trace/walled.h"
+#include "engine/trace_worker.h"
 
 namespace rtsg {
 namespace {

@@ -28,8 +28,8 @@ struct ReadOptions {
     /// by the caller's thread alone.
     unsigned threads = 0;
     bool headerless = false;  // ClassicVRML may come without its header's line
-    /// Of text that says nothing of its size: a packed file, a pipe. If it is another than this, also of the memory that
-    /// the process takes while it reads.
+    /// Of text that says nothing of its size: a packed file, a pipe. If it is another than this, also of the memory
+    /// that the process takes while it reads.
     std::uint64_t maximumBytes = std::uint64_t{4} << 30;
     /// Of a file with several animations (glTF) the one that plays, by its author's name or its DEF; an error if there
     /// is none. Empty: the first.

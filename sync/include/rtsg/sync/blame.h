@@ -25,9 +25,9 @@ struct FieldStep {
     std::string value;
     /// Who asked for it, or for what it followed from (ChangeSet::authors); empty: the application, or time itself.
     std::string author;
-    /// "set from outside", "from a pointer", "ROUTE A.x > B.y", one followed by the other; "in state 7" if that set off a
-    /// node that acts over time; "came into the part" where the log is of a part of the scene and the node
-    /// was not in it before, "came into the scene" where it cannot tell; empty where the log cannot tell anything.
+    /// "set from outside", "from a pointer", "ROUTE A.x > B.y", one followed by the other; "in state 7" if that set off
+    /// a node that acts over time; "came into the part" where the log is of a part of the scene and the node was not in
+    /// it before, "came into the scene" where it cannot tell; empty where the log cannot tell anything.
     std::string cause;
     bool wasSet = false;  // from outside, or with its node: nothing in the scene led there
 };
