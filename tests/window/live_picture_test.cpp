@@ -22,13 +22,14 @@ struct Seen {
     Scene scene;
     std::unique_ptr<SharedWorld> world;
     std::unique_ptr<LivePicture> pictures;
+    LivePicture* there = nullptr;  // also while it goes
     NodeId box;
     double time = 0;
     std::mutex mutex;
     std::vector<std::shared_ptr<const LivePictureShown>> all;  // every picture, in order
     std::size_t looked = 0;
 
-    ~Seen() { pictures.reset(); }
+    ~Seen() { pictures.reset(); }  // before what its thread writes to
     explicit Seen(double budget = 1 / 30.0, int mostSamples = 8) {
         Diagnostics diagnostics;
         EXPECT_TRUE(loadText(scene,
@@ -48,9 +49,10 @@ struct Seen {
         options.restsAfter = .02;
         options.wake = [this] {
             const std::scoped_lock lock(mutex);
-            if (auto shown = pictures->take()) all.push_back(std::move(shown));
+            if (auto shown = there->take()) all.push_back(std::move(shown));
         };
         pictures = std::make_unique<LivePicture>(*world, options);
+        there = pictures.get();
         EXPECT_TRUE(pictures->show());
     }
     void move() {
