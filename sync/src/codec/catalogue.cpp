@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <vector>
 
+#include <rtsg/core/lasting.h>
+
 #include "columns/wire.h"
 
 namespace rtsg::wire {
@@ -17,7 +19,7 @@ namespace {
 using Entries = std::vector<std::span<const std::byte>>;
 
 const Entries& catalogueEntries() {
-    static const Entries entries = [] {
+    static const Entries& entries = lasting([] {
         Entries result;
         for (Reader in(std::as_bytes(catalogueBytes())); in.left() && !in.problem;) {
             const std::byte* start = in.at;
@@ -25,7 +27,7 @@ const Entries& catalogueEntries() {
             result.emplace_back(start, in.at);
         }
         return result;
-    }();
+    });
     return entries;
 }
 
