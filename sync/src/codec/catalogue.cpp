@@ -1,4 +1,4 @@
-// Finds entries in the catalogue's bytes, which are a run of descriptions of types.
+// Finds entries in the catalogue's bytes, which are type descriptions one after the other.
 #include "catalogue.h"
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace rtsg::wire {
 
-/// In a source that the build makes of sync/catalogue.bin and sync/words.bin.
+/// The build makes the source of these from sync/catalogue.bin and sync/words.bin.
 std::span<const unsigned char> catalogueBytes();
 std::span<const unsigned char> wordsBytes();
 
