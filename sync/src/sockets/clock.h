@@ -1,4 +1,4 @@
-// ServerClock: the server's clock as seen from here, and how evenly frames arrive.
+// MirrorClock: the server's clock as seen from here, and how evenly frames arrive.
 //
 // Invariant: of the last 32 exchanges the one with the shortest round trip counts (as in NTP's clock filter, RFC 5905,
 // section 10). Its offset is wrong by at most half the round trip. Both clocks are steady, so changes of the time of

@@ -1,5 +1,5 @@
-// Gate: decides who may connect. It is the ZAP handler of an encrypted mirror (ZeroMQ RFC 27), counts connections that
-// never became peers, and watches for those that send an endless message.
+// MirrorGate: decides who may connect. It is the ZAP handler of an encrypted mirror (ZeroMQ RFC 27), counts connections
+// that never became peers, and watches for those that send an endless message.
 //
 // Invariant: with keys, a connection's user id is its public key, and only keys on the list get one.
 // Threading: the thread of the socket that is watched.
