@@ -1,4 +1,4 @@
-// rtsg bench: the benches by name, and their lines as JSON.
+// rtsg bench: runs benches by name, and prints their lines as JSON.
 #include <algorithm>
 #include <memory>
 #include <type_traits>
@@ -18,19 +18,19 @@ namespace {
 
 struct Bench {
     const char* name;
-    const char* group;  // whose name runs all of it but those that run only by their own
+    const char* group;  // the name of the group, which runs all but onlyByName
     const char* about;
     bool (*run)(const bench::Report& report, bool quick);
-    bool onlyByName = false;  // takes minutes and gigabytes
+    bool onlyByName = false;  // it takes minutes and gigabytes
 };
 
-/// A bench that cannot fail as one that can.
+/// Wraps a bench that cannot fail.
 template <void (*Run)(const bench::Report&, bool)>
 bool always(const bench::Report& report, bool quick) {
     Run(report, quick);
     return true;
 }
-/// One of sync's, in the size asked for.
+/// Wraps one of sync's benches in the requested size.
 template <auto Run>
 bool synced(const bench::Report& report, bool quick) {
     bench::SyncSizes sizes;

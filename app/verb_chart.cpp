@@ -1,4 +1,4 @@
-// rtsg chart: measures, and writes what was measured as CSV and SVG.
+// rtsg chart: measures, and writes the results as CSV and SVG.
 #include <algorithm>
 #include <memory>
 #include <vector>
