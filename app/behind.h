@@ -1,8 +1,8 @@
 // OutputsBehind: makes pictures and sound of every frame of a live scene on a thread of its own.
 //
 // The scene does not wait: its steps are queued (RecordQueue), and a second scene goes through them at the pace of the
-// outputs, which may end long after the scene did. Invariant: the outputs are, frame by frame, what they would be of
-// the scene itself on a machine that is never late.
+// outputs, which may end long after the scene did.
+// Invariant: the outputs are, frame by frame, what they would be of the scene itself on a machine that is never late.
 // Threading: all calls on the scene's thread; the outputs have their own.
 #pragma once
 

@@ -6,9 +6,9 @@
 //   /rtsg/changes  rtsg.Changes: every frame with its hash and every change in it
 //
 // A frame costs what changed in it. Only a complete message once a second of scene time, for more than some hundred
-// shapes, grows with the scene. Invariant: time stamps are scene time. Scale and shear are in /scene, because frames
-// only turn and move. Viewers that jump get the last message of each topic, so an incomplete message is followed by a
-// complete one within seconds.
+// shapes, grows with the scene.
+// Invariant: time stamps are scene time. Scale and shear are in /scene, because frames only turn and move. Viewers that
+// jump get the last message of each topic, so an incomplete message is followed by a complete one within seconds.
 // Threading: the scene's thread.
 #pragma once
 

@@ -1,6 +1,7 @@
 // MirrorPlayout: what a client has received and not applied yet, in order. Frames are held until they are due.
 //
-// Invariant: an item never overtakes another. Threading: the replica's thread.
+// Invariant: an item never overtakes another.
+// Threading: the replica's thread.
 #pragma once
 
 #include <cstdint>

@@ -1,8 +1,8 @@
 // Packed arrays: arrays of 32-bit numbers in few bytes, coding 3 of columns (PROTOCOL.md, "Arrays").
 //
 // Numbers in files are rarely random: indices count up, points follow each other, and decimals have few digits. Each
-// block states how its numbers are predicted, and has the differences in as many bits as they need. Invariant: reading
-// gives exactly the bits that were written, with negative zeros and payloads of NaN.
+// block states how its numbers are predicted, and has the differences in as many bits as they need.
+// Invariant: reading gives exactly the bits that were written, with negative zeros and payloads of NaN.
 // Threading: pure functions.
 #pragma once
 

@@ -1,7 +1,8 @@
 // Plain columns: frames that have only raw columns of plain values. Their targets (fields of nodes) are separated from
 // the values.
 //
-// Invariant: views point into the record that was read. Threading: none of its own.
+// Invariant: views point into the record that was read.
+// Threading: none of its own.
 #pragma once
 
 #include <optional>

@@ -4,8 +4,8 @@
 // Such are urls, other fields that start a load (X3DUrlObject's load and refresh times), fields that pass a value on to
 // these by routes or IS connections, and everything of a Script. It uses the tables of node types, so it covers new
 // nodes and PROTOs. An input that the author has connected to a Script is open to peers like any other; the author's
-// program then runs with their value. Invariant: a peer without MirrorUpstream::code changes none of these, whatever it
-// sends and in whatever order.
+// program then runs with their value.
+// Invariant: a peer without MirrorUpstream::code changes none of these, whatever it sends and in whatever order.
 // Threading: the scene's thread.
 #pragma once
 

@@ -3,8 +3,9 @@
 // The part holds the root, the subtrees asked for, and the nodes on the way to them. These keep their fields, but refer
 // only to nodes of the part. Fields that refer to nodes and those of the aspects asked for have their values; others
 // have their defaults. Routes are there if both ends are. State numbers are the whole scene's; the hash is that of a
-// scene that holds just this. Invariant: following step by step gives the same as building the part anew. A frame that
-// moves no node in or out costs what it changes; another one costs a walk over the part.
+// scene that holds just this.
+// Invariant: following step by step gives the same as building the part anew. A frame that moves no node in or out
+// costs what it changes; another one costs a walk over the part.
 //
 // A part by region (region.h) holds what is near. Its steps cost what changes in it. The lists of its groups are
 // ordered by node number, because the scene's order would cost a walk along the whole list.

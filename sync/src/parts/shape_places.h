@@ -4,8 +4,8 @@
 // The hierarchy is cut into groups, which only move what is below them, and units below these, which enter and leave as
 // a whole. Units are shapes, and nodes whose children depend on each other or on their order. Each path from the root
 // to a group or unit is a place. A step costs what the set changes, and the places below what it moves. One object
-// serves all regions. Invariant: following step by step gives the same as building anew, apart from the numbers of
-// places.
+// serves all regions.
+// Invariant: following step by step gives the same as building anew, apart from the numbers of places.
 // Threading: one thread.
 #pragma once
 

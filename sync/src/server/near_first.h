@@ -4,9 +4,9 @@
 // It keeps a scene that equals the peer's scene once everything sent has arrived, so that each set has the right hash.
 // Of frames merged up to state m the first set leads to state m - 1, in which values that can wait are as before. The
 // second set brings those and leads to m. Values that wait are merged with later ones, and are sent after kLongestWait
-// at the latest. Only values of visible aspects wait; nodes, references, names and routes never do. Invariant: a set
-// and then all that waits lead to the same scene as the frames. This is checked whenever nothing is left to wait. It
-// costs the memory of one more scene.
+// at the latest. Only values of visible aspects wait; nodes, references, names and routes never do.
+// Invariant: a set and then all that waits lead to the same scene as the frames. This is checked whenever nothing is
+// left to wait. It costs the memory of one more scene.
 // Threading: one thread.
 #pragma once
 

@@ -5,9 +5,9 @@
 // a connection that is more than one message of ours behind. For local (ipc) connections the system only tells whether
 // bytes wait. Bytes belong to a message that is soon complete, so a connection is shut, too, if bytes wait on it again
 // and again and no message comes. While nothing comes there is no need to look: after rest() the system tells when
-// something does. Invariant: an unfinished message has at most kMostUnfinished bytes and what comes between two looks.
-// A local connection may bring what comes in kBusyFor, or some megabytes if it is so slow that it is rarely seen with
-// bytes.
+// something does.
+// Invariant: an unfinished message has at most kMostUnfinished bytes and what comes between two looks. A local
+// connection may bring what comes in kBusyFor, or some megabytes if it is so slow that it is rarely seen with bytes.
 // Threading: one thread.
 #pragma once
 

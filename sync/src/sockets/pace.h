@@ -5,7 +5,8 @@
 // is the greatest rate of acknowledged bytes in the last seconds in which there was more to send. The delay is the
 // least since the link was last empty. Under way may be what the link carries in that delay and an eighth of the
 // allowed lag, and at least one record. If nothing empties the link by itself, it is left to run empty every ten
-// seconds. Invariant: without a lag and a rate nothing is limited.
+// seconds.
+// Invariant: without a lag and a rate nothing is limited.
 // Threading: one thread.
 #pragma once
 

@@ -1,8 +1,9 @@
 // Input codec: turns the input of a frame (core's FrameInput) into an input record and back (PROTOCOL.md, "Input").
 //
 // A stream in input mode has a keyframe, its run state, and then one input record a frame. A frame whose input is not
-// complete is sent as changes, followed by its run state. Invariant: running decode(encode(x)) leads to the same state
-// as running x. Input is never trusted: every count is checked against the bytes that are there.
+// complete is sent as changes, followed by its run state.
+// Invariant: running decode(encode(x)) leads to the same state as running x. Input is never trusted: every count is
+// checked against the bytes that are there.
 // Threading: one thread an object.
 #pragma once
 

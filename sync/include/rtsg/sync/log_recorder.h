@@ -3,8 +3,9 @@
 // For each frame the scene's thread only puts a pointer into a queue and notifies the recorder. The recorder keeps a
 // replica, checks its hash against every frame's and takes keyframes from it. So it needs the memory of a second scene
 // (arrays are shared). When it is 256 frames behind, it either merges those into one, which loses no change, or makes
-// the scene wait, which loses no state. Invariant: states up to acknowledged() are in the file, as with LogWriter. A
-// failure of its thread (no memory, say) ends the log without an index, and not the process; the bus reports it.
+// the scene wait, which loses no state.
+// Invariant: states up to acknowledged() are in the file, as with LogWriter. A failure of its thread (no memory, say)
+// ends the log without an index, and not the process; the bus reports it.
 // Threading: the scene's thread. acknowledged() and failure() may be called on any.
 #pragma once
 

@@ -2,9 +2,10 @@
 //
 // A polled subscriber gets the frames that it missed merged into one; this reader gets each of them. Writers of files
 // from a live session need that, and may take longer than the session. Records are shared with all who have them. What
-// exceeds the limit of memory waits in a file without a name, which vanishes with the process. Invariant: take() hands
-// out what add() put in, in order and unmerged. Waiting records hold at most one record more memory (counted by
-// capacity) than the limit. A full disk ends the queue: add() reports it at once, take() after the last intact set.
+// exceeds the limit of memory waits in a file without a name, which vanishes with the process.
+// Invariant: take() hands out what add() put in, in order and unmerged. Waiting records hold at most one record more
+// memory (counted by capacity) than the limit. A full disk ends the queue: add() reports it at once, take() after the
+// last intact set.
 // Threading: add() and close() on one thread, take() on another, the numbers on any.
 #pragma once
 
