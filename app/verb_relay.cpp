@@ -39,7 +39,7 @@ void printNews(Source& source) {
         if (d.severity != Severity::note) fmt::print(stderr, "{}\n", terminalText(d.format()));
 }
 
-/// Between two looks at what to report, if nothing comes.
+/// The wait between two looks at what to report, if nothing comes.
 constexpr std::chrono::milliseconds kTurn{500};
 
 class Relaying {

@@ -128,7 +128,7 @@ Result<> LogWriter::takePlace() {
     return {};
 }
 
-/// Beside the new pieces they would look like the beginning of the new session.
+/// Deletes pieces of the replaced log, which would look like the first pieces of the new session.
 Result<> LogWriter::dropReplacedPieces() {
     for (const std::filesystem::path& piece : std::exchange(replacedPieces_, {})) {
         std::error_code error;

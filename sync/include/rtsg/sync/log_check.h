@@ -20,7 +20,7 @@ class LogCheck {
           gaps_(replayer.frames() > 0 ? replayer.gaps() : 0),
           unclosed_(replayer.unclosedSessions()) {}
 
-    /// As Replayer::step().
+    /// Does what Replayer::step() does, and notes what it finds.
     Result<bool> step();
     /// Call it at the log's end to also check that each session was closed in order.
     void expectClosed();
