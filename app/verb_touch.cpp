@@ -61,7 +61,13 @@ Result<Hand> handOf(const TouchArguments& arguments) {
         hand.device = std::move(*device);
         return hand;
     }
-    throw UsageError("--device", fmt::format("is sim:FILE.csv or udp:PORT, not '{}'", name));
+    if (name == "spnav" || name.starts_with("spnav:")) {
+        auto device = name == "spnav" ? spaceMouse() : spaceMouse(name.substr(6));
+        if (!device) return std::unexpected(device.error());
+        hand.device = std::move(*device);
+        return hand;
+    }
+    throw UsageError("--device", fmt::format("is sim:FILE.csv, udp:PORT or spnav, not '{}'", name));
 }
 
 class Touching {
@@ -229,7 +235,8 @@ Verb addTouch(Command& program) {
     command->addOption("SCENE", options->scene, "scene file, or -")->required();
     command
         ->addOption("--device", options->device,
-                    "sim:FILE.csv, a path of lines seconds,x,y,z; or udp:PORT, where a driver sends places")
+                    "sim:FILE.csv, a path of lines seconds,x,y,z; udp:PORT, where a driver sends places; or spnav, "
+                    "a 3D mouse")
         ->required();
     command->addOption("-o,--output", options->out, "every tick as .csv, or drawn as .svg");
     command->addOption("--record", options->record, "log of the session, contacts included (.rlog)");

@@ -88,7 +88,9 @@ TEST_F(Touch, WhatCannotBeIsNamed) {
     touch({"--device", "sim:/nowhere.csv"}, 1);
     touch({"--device", "udp:99999"}, 2);
     touch({"--device", "hand"}, 2);
-    EXPECT_THAT(said, HasSubstr("sim:FILE.csv or udp:PORT"));
+    EXPECT_THAT(said, HasSubstr("sim:FILE.csv, udp:PORT or spnav"));
+    touch({"--device", "spnav:" + std::string(folder / "none.sock")}, 1);
+    EXPECT_THAT(said, HasSubstr("spacenavd"));
     touch({"--device", knock, "-o", folder / "a.txt"}, 2);
     touch({"--device", "udp:0", "--for", ".3s"}, 1);
     EXPECT_THAT(said, HasSubstr("never said where the hand is"));

@@ -10,6 +10,7 @@
 
 #include <arpa/inet.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include <glm/geometric.hpp>
@@ -124,6 +125,35 @@ TEST(UdpDevice, TakesPlacesAndGivesForces) {
     driver.send(places[0], 24);
     EXPECT_TRUE((*device)->place(0)) << "and goes on";
     EXPECT_FALSE(udpDevice(port)) << "the port is taken";
+}
+
+TEST(SpaceMouse, MovesTheHandAsLongAsItIsPushed) {
+    const std::string name = std::filesystem::temp_directory_path() / ("spnav-" + std::to_string(::getpid()) + ".sock");
+    EXPECT_FALSE(spaceMouse(name)) << "no daemon";
+    const int daemon = ::socket(AF_UNIX, SOCK_STREAM, 0);
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    std::copy(name.begin(), name.end(), address.sun_path);
+    ASSERT_EQ(::bind(daemon, reinterpret_cast<const sockaddr*>(&address), sizeof(address)), 0);
+    ASSERT_EQ(::listen(daemon, 1), 0);
+    auto mouse = spaceMouse(name, .5);
+    ASSERT_TRUE(mouse) << mouse.error().format();
+    const int peer = ::accept(daemon, nullptr, nullptr);
+    EXPECT_EQ(*(*mouse)->place(0), Vec3d(0));
+    const std::int32_t pushed[8] = {0, 350, 0, -175, 0, 0, 0, 16}, button[8] = {1, 0, 1}, rest[8] = {0};
+    ASSERT_EQ(::send(peer, pushed, 20, 0), 20);  // a packet in two pieces
+    EXPECT_EQ(*(*mouse)->place(.01), Vec3d(0));
+    ASSERT_EQ(::send(peer, reinterpret_cast<const char*>(pushed) + 20, 12, 0), 12);
+    ASSERT_EQ(::send(peer, button, 32, 0), 32);
+    EXPECT_LT(glm::length(*(*mouse)->place(.05) - Vec3d(.02, 0, .01)), 1e-12) << "half a metre a second to the right";
+    EXPECT_LT(glm::length(*(*mouse)->place(9) - Vec3d(.07, 0, .035)), 1e-12) << "at most a tenth of a second at once";
+    ASSERT_EQ(::send(peer, rest, 32, 0), 32);
+    const Vec3d stood = *(*mouse)->place(9.01);
+    EXPECT_EQ(*(*mouse)->place(9.02), stood);
+    ::close(peer);
+    EXPECT_FALSE((*mouse)->place(9.03)) << "the daemon has gone";
+    ::close(daemon);
+    std::filesystem::remove(name);
 }
 
 }  // namespace

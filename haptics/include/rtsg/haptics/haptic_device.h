@@ -48,4 +48,7 @@ std::unique_ptr<HapticDevice> simulatedDevice(SimulatedHand hand);
 Result<std::unique_ptr<HapticDevice>> udpDevice(std::uint16_t port, double patience = 0.1,
                                                 std::uint16_t* bound = nullptr);
 
+/// A 3D mouse by spacenavd: it moves the hand by at most `speed` m/s, and takes no force. Error: there is no daemon.
+Result<std::unique_ptr<HapticDevice>> spaceMouse(const std::string& socket = "/run/spnav.sock", double speed = 0.2);
+
 }  // namespace rtsg
