@@ -3,10 +3,9 @@
 // A subscriber like light and sound, on the same world and the same BVH. Its thread takes the newest state, asks the
 // device where the hand is, finds how far a small ball (the proxy) can follow it, and gives the device the force that
 // draws the hand back. The scene never waits for it. Contact is an event of the scene: the proxy is a pointing device,
-// so TouchSensors answer, logs and mirrors have it, and replays need no device. Invariants: the force is finite and at
-// most maxForce; surfaces at rest give no energy. Threading: attachToScene(), detachFromScene(), start(), sendEvents(),
-// stop() and the destructor on the scene's thread; touch() on any one thread while no device is started; report() from
-// any.
+// so TouchSensors answer, logs and mirrors have it, and replays need no device.
+// Invariants: the force is finite and at most maxForce; surfaces at rest give no energy. Threading: the scene's thread;
+// but touch() on any one thread while no device is started.
 // Source: ISO/IEC 19775-1 V4.0 20.4.4 (what contact does); the paper's section 8 names haptics as future work.
 #pragma once
 
