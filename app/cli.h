@@ -29,6 +29,7 @@ Verb addValidate(Command& program);
 Verb addConvert(Command& program);
 Verb addRun(Command& program);
 Verb addView(Command& program);
+Verb addTouch(Command& program);
 Verb addRender(Command& program);
 Verb addPick(Command& program);
 Verb addBench(Command& program);

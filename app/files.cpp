@@ -68,6 +68,8 @@ Names namesOf(OutputKind kind) {
             return {"responses", {".wav", ".sofa"}};
         case OutputKind::log:
             return {"logs", {".rlog"}};
+        case OutputKind::ticks:
+            return {"ticks", {".csv", ".svg"}};
         case OutputKind::capture:
             return {"MCAP files", {".mcap"}};
         case OutputKind::report:

@@ -19,8 +19,8 @@
 
 namespace rtsg::app {
 
-/// `capture` is an MCAP file, `page` the page of a test, `testResult` JUnit XML.
-enum class OutputKind : std::uint8_t { picture, sound, response, scene, log, capture, report, page, testResult };
+/// `capture` is an MCAP file, `page` the page of a test, `testResult` JUnit XML, `ticks` the table of a touch.
+enum class OutputKind : std::uint8_t { picture, sound, response, scene, log, capture, report, page, testResult, ticks };
 
 struct OutputName {
     std::string option, file;  // "--save", say; an empty file was not asked for

@@ -71,6 +71,7 @@ constexpr Bench kBenches[] = {
     {"sound", "audio", "the acoustic tracer's rays against bare Embree; the time of a box's figures", bench::sound},
     {"deform", "world", "following a deforming mesh against a bare refit; rays against a rebuilt BVH",
      always<bench::deform>},
+    {"touch", "world", "a tick of touch on a mesh of 100,352 triangles, still and moving", always<bench::touch>},
     {"codec", "sync", "encoding and decoding a changed field", synced<bench::codec>},
     {"input", "sync", "input mode: bytes and time of a frame that derives from the clock", synced<bench::input>},
     {"mirror", "sync", "transform changes a second over loopback TCP, hash equal each frame",

@@ -13,7 +13,7 @@ import re
 import sys
 
 ROOT = pathlib.Path(__file__).parent.parent
-FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "window", "app", "bench", "examples", "tests"]
+FOLDERS = ["core", "documents", "scripts", "renderers", "audio", "sync", "physics", "dis", "window", "haptics", "app", "bench", "examples", "tests"]
 MOST, MOST_OPENING, MOST_ITEM = 80, 15, 120
 
 # Comments, strings and characters; raw strings first.
@@ -60,7 +60,7 @@ def functions(text):
 DEFINED = re.compile(r"^(?:template <[^\n]*>\n)?(?:(?:struct|class|enum class|enum) (\w+)(?= [{:f])|using (\w+) =|"
                      r"(?:[A-Za-z_][\w:<>,&*\[\] ]*?[&* ])(\w+)(?= ?[=({;\[]))", re.M)
 PROGRAMS = ["app", "sync/web_module", "bench"] + ["tests/" + name for name in ("app", "audio", "bench_scenes", "contract", "core", "documents", "renderers", "scenarios",
-                                                              "scripts", "stability", "sync")]
+                                                              "scripts", "stability", "sync", "haptics")]
 IN_PLACE = {"auto", "bool", "char", "const", "double", "float", "int", "TEST", "TEST_F", "TEST_P", "INSTANTIATE_TEST_SUITE_P", "main"}
 INSTEAD = {"verb_no_bench.cpp"}  # compiled where others are not
 
