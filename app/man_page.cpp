@@ -25,6 +25,11 @@ std::string plain(const std::string& text) {
     return out;
 }
 
+std::vector<std::string> plainOf(std::vector<std::string> texts) {
+    for (std::string& text : texts) text = plain(text);
+    return texts;
+}
+
 /// Formats a footer: lines that begin with "Example: " one by one, the others as text.
 std::string footer(const std::string& text) {
     std::string out;
@@ -46,7 +51,7 @@ std::string option(const OptionRow& row) {
     for (const std::string& name : row.names) names.push_back("\\fB" + plain(name) + "\\fR");
     std::string out = fmt::format(".TP\n{}", fmt::join(names, ", "));
     if (!row.choices.empty())
-        out += " " + plain(fmt::format("{}", fmt::join(row.choices, "|")));
+        out += fmt::format(" {}", fmt::join(plainOf(row.choices), "|\\:"));  // a line may end behind each
     else if (!row.positional && !row.value.empty())
         out += " \\fI" + plain(row.value) + "\\fR";
     out += "\n" + plain(row.description);
@@ -58,7 +63,7 @@ std::string option(const OptionRow& row) {
 
 std::string manPage(const Command& program, const std::string& version) {
     std::string out = fmt::format(
-        ".TH RTSG 1 \"\" \"rtsg {}\" \"User Commands\"\n"
+        ".TH RTSG 1 \"\" \"rtsg {}\" \"User Commands\"\n.ad l\n"
         ".SH NAME\nrtsg \\- one X3D scene and any number of subscribers in step with it\n"
         ".SH SYNOPSIS\n.B rtsg\n\\fIVERB\\fR [\\fIOPTION\\fR...] [\\fIARGUMENT\\fR...]\n"
         ".SH DESCRIPTION\n{}\n.SH VERBS\n",

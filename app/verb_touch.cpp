@@ -245,31 +245,37 @@ Verb addTouch(Command& program) {
     command->addOption("--set", options->set,
                        "inject an event: DEF.field=VALUE@TIME, VALUE as in ClassicVRML; or pointer=, key=, text=, "
                        "wheel=, head=");
-    command->addOption("--rate", options->options.rate, "ticks a second")->preset()->range(1., 1e5);
-    command->addOption("--radius", options->options.radius, "of the ball that touches, metres")
-        ->preset()
-        ->range(1e-4, 1.);
-    command->addOption("--max-force", options->options.maxForce, "N")->preset()->range(0., 1e4);
-    command->addOption("--stiffness", options->options.surface.stiffness, "N/m, of surfaces that say none")
-        ->preset()
-        ->range(0., 1e6);
-    command->addOption("--origin", options->origin, "where the device's zero is in the world: X Y Z")->preset();
-    command->addOption("--scale", options->options.scale, "metres in the world for one of the device's")
-        ->preset()
-        ->range(1e-6, 1e6);
-    command->addOption("--mass", options->mass, "of sim: kg of a hand that an arm holds to the path; 0 is on it")
-        ->preset()
-        ->range(0., 1e3);
-    command->addOption("--arm-stiffness", options->stiffness, "of --mass: N/m")->preset()->range(0., 1e6);
-    command->addOption("--arm-damping", options->damping, "of --mass: N s/m")->preset()->range(0., 1e6);
+    {
+        const Command::Section section(*command, "Touch");
+        command->addOption("--rate", options->options.rate, "ticks a second")->preset()->range(1., 1e5);
+        command->addOption("--radius", options->options.radius, "of the ball that touches, metres")
+            ->preset()
+            ->range(1e-4, 1.);
+        command->addOption("--max-force", options->options.maxForce, "N")->preset()->range(0., 1e4);
+        command->addOption("--stiffness", options->options.surface.stiffness, "N/m, of surfaces that say none")
+            ->preset()
+            ->range(0., 1e6);
+        command->addOption("--origin", options->origin, "where the device's zero is in the world: X Y Z")->preset();
+        command->addOption("--scale", options->options.scale, "metres in the world for one of the device's")
+            ->preset()
+            ->range(1e-6, 1e6);
+    }
+    {
+        const Command::Section section(*command, "Simulated hand");
+        command->addOption("--mass", options->mass, "of sim: kg of a hand that an arm holds to the path; 0 is on it")
+            ->preset()
+            ->range(0., 1e3);
+        command->addOption("--arm-stiffness", options->stiffness, "of --mass: N/m")->preset()->range(0., 1e6);
+        command->addOption("--arm-damping", options->damping, "of --mass: N s/m")->preset()->range(0., 1e6);
+    }
     options->start.addTo(*command);
     options->resources.addTo(*command);
     command->addFlag("--realtime", options->realtime, "of sim: one second a second, on a thread of its own");
     command->addFlag("--force", options->force, "replace files that are there");
     command->addFlag("--json", options->json, "the summary as JSON");
     command->footer(
-        "Example: rtsg touch door.x3dv --device sim:knock.csv -o knock.csv --record knock.rlog\n"
-        "Example: rtsg touch hall.x3dv --device udp:5571 --origin \"0 1.2 3\"\n"
+        "Example: rtsg touch examples/touch.x3dv --device sim:examples/knock.csv -o knock.svg --record knock.rlog\n"
+        "Example: rtsg touch hall.x3dv --device udp:5571 --origin \"0 1.2 3\" --for 10s\n"
         "Surfaces say how they feel in the metadata of their Appearance: stiffness, damping, staticFriction and "
         "dynamicFriction in a MetadataSet named RTSG. TouchSensors answer to what is touched.");
     return {command, [options] { return touch(*options); }};

@@ -21,6 +21,7 @@ ROOT = pathlib.Path(__file__).parent.parent.parent
 NOT_RUN = {
     "bench": "measures for minutes; test_bench_scenes and test_sync run the benches small",
     "chart": "measures for minutes",
+    "udp:5571": "waits for a driver; app.Touch has one",
 }
 # Durations and sizes that show the same in less time.
 SHORTER = {"--for": "1s", "--web": "0", "--seek": "0.5s", "--size": "64x36", "--spp": "2", "--rays": "500", "--frames": "2", "--fps": None}
@@ -119,8 +120,9 @@ def main():
                 arguments.pop()
             if ">" in arguments:  # into a file, as a shell does
                 arguments = arguments[:arguments.index(">")]
-            if arguments[0] in NOT_RUN:
-                unused.discard(arguments[0])
+            key = next((name for name in NOT_RUN if text.startswith(f"rtsg {name}") or name in arguments), None)
+            if key:
+                unused.discard(key)
                 continue
             arguments = shortened([a for given in arguments for a in ((sorted(map(str, folder.glob(given))) or [given]) if "*" in given and "//" not in given else [given])])
             endpoint, server = free_endpoint(), None
