@@ -3,7 +3,6 @@
 #include <rtsg/core/portable_math.h>
 
 #include <array>
-#include <limits>
 
 #include "error_free.h"
 
@@ -12,9 +11,6 @@ namespace rtsg::portable {
 namespace {
 
 constexpr Pair kHalfPi{0x1.921fb54442d18p+0, 0x1.1a62633145c07p-54}, kPi{0x1.921fb54442d18p+1, 0x1.1a62633145c07p-53};
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-/// Below it the next term of a series is less than half a unit in the last place.
-constexpr double kTiny = 0x1p-28;
 
 // ---- sine, cosine, tangent ------------------------------------------------------------------------------------------
 
@@ -104,7 +100,7 @@ Reduced reduced(double angle) {
         if (std::abs(rest.high) > 0x1p-30)
             return {quickSum(rest.high, below), static_cast<unsigned>(static_cast<int>(quarters))};
     }
-    if (!(size < std::numeric_limits<double>::infinity())) return {{kNaN, 0}, 0};
+    if (!(size < kInfinity)) return {{kNaN, 0}, 0};
     return reducedByBits(angle);
 }
 
@@ -266,7 +262,7 @@ double atan2(double y, double x) {
         angle = octantAngle(shorter, longer);
     } else if (!(shorter <= longer)) {
         return kNaN;
-    } else if (longer == std::numeric_limits<double>::infinity()) {
+    } else if (longer == kInfinity) {
         if (shorter == longer) angle = kArcTangents[16];
     } else if (shorter <= longer * 0x1p-64) {
         // The angle is its tangent; beside a quarter or half a turn it is nothing.

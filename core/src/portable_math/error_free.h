@@ -10,9 +10,15 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 
 namespace rtsg::portable {
+
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity(),
+                        kNaN = std::numeric_limits<double>::quiet_NaN();
+/// Below it x^3 is less than half a unit in the last place of x.
+inline constexpr double kTiny = 0x1p-28;
 
 /// The number high + low, where low is small beside high.
 struct Pair {

@@ -2,8 +2,6 @@
 // made of it.
 #include <rtsg/core/portable_math.h>
 
-#include <limits>
-
 #include "kernels.h"
 
 namespace rtsg::portable {
@@ -55,8 +53,8 @@ Hyperbola hyperbola(double x) {
 }  // namespace
 
 double exp(double x) {
-    if (!(std::abs(x) < 0x1p10)) return std::isnan(x) ? x : x > 0 ? std::numeric_limits<double>::infinity() : 0;
-    if (x > kLargest) return std::numeric_limits<double>::infinity();
+    if (!(std::abs(x) < 0x1p10)) return std::isnan(x) ? x : x > 0 ? kInfinity : 0;
+    if (x > kLargest) return kInfinity;
     if (x < kSmallest) return 0;
     const Exponential e = exponential(x, 0);
     return scaled(e.fraction.high + e.fraction.low, e.exponent);
@@ -88,7 +86,7 @@ double sinh(double x) {
     if (size < kMinute) return x;
     if (size <= .3) return x + sinhRest(x);
     if (!(size < 40)) {
-        if (!(size < 711)) return std::isnan(x) ? x : std::copysign(std::numeric_limits<double>::infinity(), x);
+        if (!(size < 711)) return std::isnan(x) ? x : std::copysign(kInfinity, x);
         const Exponential e = exponential(size, 0);
         return std::copysign(scaled(e.fraction.high + e.fraction.low, e.exponent - 1), x);
     }
@@ -99,7 +97,7 @@ double sinh(double x) {
 double cosh(double x) {
     const double size = std::abs(x);
     if (!(size < 40)) {
-        if (!(size < 711)) return std::isnan(x) ? x : std::numeric_limits<double>::infinity();
+        if (!(size < 711)) return std::isnan(x) ? x : kInfinity;
         const Exponential e = exponential(size, 0);
         return scaled(e.fraction.high + e.fraction.low, e.exponent - 1);
     }
@@ -109,7 +107,7 @@ double cosh(double x) {
 
 double tanh(double x) {
     const double size = std::abs(x);
-    if (size < 0x1p-28) return x;
+    if (size < kTiny) return x;
     if (!(size < 22)) return std::isnan(x) ? x : std::copysign(1, x);
     const Hyperbola h = hyperbola(size);
     const Pair tangent = h.sine / h.cosine;

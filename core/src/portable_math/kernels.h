@@ -80,8 +80,8 @@ struct Divided {
 
 /// Whether x is positive, finite and not subnormal.
 constexpr bool isOrdinary(double x) {
-    constexpr std::uint64_t kLeast = std::uint64_t{1} << 52, kInfinity = std::uint64_t{0x7ff} << 52;
-    return std::bit_cast<std::uint64_t>(x) - kLeast < kInfinity - kLeast;
+    constexpr std::uint64_t kLeast = std::uint64_t{1} << 52, kEnd = std::uint64_t{0x7ff} << 52;
+    return std::bit_cast<std::uint64_t>(x) - kLeast < kEnd - kLeast;
 }
 
 /// Precondition: x is ordinary.

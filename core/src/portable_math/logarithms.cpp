@@ -2,19 +2,14 @@
 // hyperbolic functions.
 #include <rtsg/core/portable_math.h>
 
-#include <array>
-#include <limits>
-
 #include "kernels.h"
 
 namespace rtsg::portable {
 
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity(), kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr Pair kOverLogOfTwo{0x1.71547652b82fep+0, 0x1.777d0ffda0d24p-56},
     kOverLogOfTen{0x1.bcb7b1526e50ep-2, 0x1.95355baaafad3p-57};
-constexpr double kTiny = 0x1p-28;
 
 double rounded(Pair x) {
     return x.high + x.low;

@@ -3,15 +3,12 @@
 
 #include <algorithm>
 #include <array>
-#include <limits>
 
 #include "kernels.h"
 
 namespace rtsg::portable {
 
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity(), kNaN = std::numeric_limits<double>::quiet_NaN();
 
 bool isWhole(double x) {
     return std::trunc(x) == x;

@@ -136,7 +136,7 @@ TEST(PortableMath, SinesTogetherAreThoseAlone) {
         }
 }
 
-bool same(double a, double b) {
+bool agree(double a, double b) {
     return std::isnan(a) ? std::isnan(b) : a == b && std::signbit(a) == std::signbit(b);
 }
 
@@ -152,27 +152,27 @@ TEST(PortableMath, SpecialArgumentsAreAsInTheLibrary) {
         for (const double x : {0., -0., kInf, -kInf, kNan, kLeast, -kLeast, 1., -1., 1.5, -1.5}) {
             const double ours = one.function(x), theirs = library.at(one.name)(x);
             const bool isSpecial = !std::isfinite(theirs) || std::abs(theirs) < 1e-300;
-            EXPECT_TRUE(!isSpecial || same(ours, theirs))
+            EXPECT_TRUE(!isSpecial || agree(ours, theirs))
                 << one.name << " of " << x << ": " << ours << ", not " << theirs;
         }
     }
     for (const double big : {kMost, -kMost, 710.5, -745.2, 1e4, -1e4}) {
-        EXPECT_TRUE(same(p::exp(big), std::exp(big))) << big;
-        EXPECT_TRUE(same(p::expm1(-std::abs(big)), -1)) << big;
-        EXPECT_TRUE(same(p::sinh(big), std::sinh(big)) || std::abs(big) < 800) << big;
-        EXPECT_TRUE(same(p::tanh(big), std::copysign(1, big))) << big;
+        EXPECT_TRUE(agree(p::exp(big), std::exp(big))) << big;
+        EXPECT_TRUE(agree(p::expm1(-std::abs(big)), -1)) << big;
+        EXPECT_TRUE(agree(p::sinh(big), std::sinh(big)) || std::abs(big) < 800) << big;
+        EXPECT_TRUE(agree(p::tanh(big), std::copysign(1, big))) << big;
     }
     const std::array values{0.,  -0., kInf, -kInf, kNan, kLeast, -kLeast, kMost, -kMost, .5,
                             -.5, 1.,  -1.,  2.,    -2.,  3.,     -3.,     1e300, 0x1p53, 0x1p53 - 1};
     for (const double a : values)
         for (const double b : values) {
             const double power = std::pow(a, b);
-            EXPECT_TRUE(same(p::pow(a, b), power) || std::abs(p::pow(a, b) / power - 1) < 1e-15)
+            EXPECT_TRUE(agree(p::pow(a, b), power) || std::abs(p::pow(a, b) / power - 1) < 1e-15)
                 << a << " to the power " << b;
             const double angle = std::atan2(a, b);
-            EXPECT_TRUE(same(p::atan2(a, b), angle) || std::abs(p::atan2(a, b) / angle - 1) < 1e-15) << a << ", " << b;
+            EXPECT_TRUE(agree(p::atan2(a, b), angle) || std::abs(p::atan2(a, b) / angle - 1) < 1e-15) << a << ", " << b;
             const double length = std::hypot(a, b);
-            EXPECT_TRUE(same(p::hypot(a, b), length) || std::abs(p::hypot(a, b) / length - 1) < 1e-15)
+            EXPECT_TRUE(agree(p::hypot(a, b), length) || std::abs(p::hypot(a, b) / length - 1) < 1e-15)
                 << a << ", " << b;
         }
 }
