@@ -23,8 +23,7 @@
     }
 
     // ---- elementary functions: the scene's, which have the same bits everywhere --------------------------------------
-    const elementary = Object.entries(native.math);
-    for (const [, f] of elementary) Object.freeze(f);
+    const elementary = Object.getOwnPropertyNames(native.math).map(name => [name, Object.freeze(native.math[name])]);
     function arithmetic(global) {
         for (const [name, f] of elementary) global.Math[name] = f;
     }
