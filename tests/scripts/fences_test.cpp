@@ -328,7 +328,8 @@ void expectSame(const std::string& call, const std::function<double(double)>& fu
     const std::vector<double> found = valuesOf(call);
     for (std::size_t i = 0; i < found.size(); ++i) {
         const double x = static_cast<double>(i) * .185 - 30, expected = function(x);
-        if (!std::isnan(expected) || !std::isnan(found[i])) ASSERT_EQ(found[i], expected) << call << " of " << x;
+        const bool agree = found[i] == expected || (std::isnan(found[i]) && std::isnan(expected));
+        ASSERT_TRUE(agree) << call << " of " << x << ": " << found[i] << ", not " << expected;
     }
 }
 
