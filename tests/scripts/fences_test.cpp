@@ -312,14 +312,14 @@ TEST(ScriptFences, TheLocaleIsFixed) {
     EXPECT_EQ(fenced("new Intl.Collator().resolvedOptions().locale"), "en-US");
 }
 
-/// What Math's function of this name makes of 400 numbers between -30 and 44 (or their sizes), and of these and their
-/// fourths.
+/// What an expression in x makes of 400 numbers from -30 to 44.
 std::vector<double> valuesOf(const std::string& call) {
     ScriptScene s("outputOnly MFDouble y",
                   "function initialize() { y = new MFDouble(...Array.from({length: 400}, (_, i) => { const x = i * "
                   "0.185 - 30; return " +
                       call + "; })); }");
-    const auto& y = s.get<Array<double>>("y");
+    s.frame();
+    const auto y = s.get<Array<double>>("y");
     EXPECT_EQ(y.size(), 400u) << s.problems();
     return {y.begin(), y.end()};
 }
