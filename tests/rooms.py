@@ -14,7 +14,7 @@ KNOT, FILES = 6, 28
 LARGER = {}  # rooms that are yet to be divided
 # Outside libraries that only one room may include.
 DOORS = {r"^embree[34]/": ("renderers", "embree"), r"^tbb/(parallel|task|blocked)": ("renderers", "embree"), r"^OpenImageIO/": ("renderers", "image_module"),
-         r"^lib(av(?!util/tx\.h)|sw)": ("renderers", "movie_module"), r"^libavutil/tx\.h": ("audio", "signal"), r"^kissfft/": ("audio", "signal"),
+         r"^lib(av(?!util/tx\.h)|sw)": ("renderers", "movie_module"), r"^libavutil/tx\.h": ("audio", "fft_module"), r"^kissfft/": ("audio", "signal"),
          r"^(ft2build|fontconfig/|hb)": ("renderers", "font_module"), r"^(jsapi\.h|js/)": ("scripts", "engine"), r"^expat\.h": ("documents", "read"),
          r"^zmq": ("sync", "sockets"), r"^boost/": ("sync", "web_module"), r"^AL/": ("audio", "sound_io"), r"^ode/": ("physics", "engine"),
          r"^netcdf\.h": ("audio", "netcdf_module"), r"^SDL": ("window", "sdl_module")}

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Seven rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository and in the change log.
+"""Eight rules of CONTRIBUTING.md that a script can check, in every C++ file of the repository and in the change log.
 
 Each .cpp opens with a comment: a sentence that says what is in it; each header with one of at most 15 lines. No function is longer
 than 80 lines, from its first line to its closing brace. What sources of one program keep to themselves has names of its own, as builds
 from nothing compile several sources at once. Who uses gmock's matchers includes them, as builds without precompiled headers have no others.
+What reaches the state of a scene is computed with the functions of rtsg/core/portable_math.h, not with those of the C library.
 Tables that functions keep in core, documents, scripts and sync are lasting() (rtsg/core/lasting.h), as threads read them until the process is gone.
 What is under "Unreleased" in CHANGELOG.md are items of one line, of at most 120 characters.
 Exit status 1 and a line for each file or function that breaks one.
@@ -94,6 +95,22 @@ def shared_names():
                     yield f"{path.relative_to(ROOT)}: {name} is a name of {other.relative_to(ROOT)} too, which may be compiled with it"
 
 
+# Folders whose results reach the state: readers, behaviours, scripts, what is picked or collides, and what sync encodes.
+EXACT = ("core/", "documents/", "scripts/", "physics/", "dis/", "sync/", "renderers/src/shapes/", "renderers/src/tessellate/", "renderers/src/flatten/")
+ELEMENTARY = "sin|cos|tan|sincos|asin|acos|atan|atan2|sinh|cosh|tanh|asinh|acosh|atanh|exp|exp2|expm1|log|log2|log10|log1p|pow|cbrt|hypot"
+LIBRARY = re.compile(r"\bstd::(?:(?:" + ELEMENTARY + r")[fl]?|polar|arg)\(|(?<![\w:.>])(?:" + ELEMENTARY + r")[fl]\(|\bglm::(?:" + ELEMENTARY +
+                     r"|angleAxis|rotate|slerp|angle|axis|eulerAngles|pitch|yaw|roll|perspective)\(|\bstd::(?:" + ELEMENTARY + r")\b(?!\()")
+
+
+def inexact(name, text):
+    """What a source whose results reach the state takes from the C library."""
+    if not name.startswith(EXACT):
+        return
+    for number, line in enumerate(SKIPPED.sub(blank, text).splitlines(), 1):
+        if found := LIBRARY.search(line):
+            yield f"{name}:{number}: {found[0].rstrip('(')} has other bits elsewhere: take rtsg/core/portable_math.h or rotation.h"
+
+
 def changelog_items():
     """The faults of what is under "Unreleased"."""
     unreleased = False
@@ -119,6 +136,7 @@ def main():
             problems.append(f"{name}:1: opens with {opening} lines of comment, not 1 to {MOST_OPENING}")
         if MATCHERS.search(text) and "<gmock/gmock.h>" not in text:
             problems.append(f"{name}:1: uses gmock's matchers without <gmock/gmock.h>")
+        problems += inexact(name, text)
         for match in PERISHING.finditer(text) if name.startswith(READ_BY_THREADS) else ():
             problems.append(f"{name}:{text.count(chr(10), 0, match.start()) + 1}: a table that exit() destroys while threads may read it; see lasting()")
         for function, first, lines in functions(text):

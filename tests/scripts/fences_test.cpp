@@ -1,9 +1,15 @@
-// What a Script cannot take from the machine: more memory than it may hold, the clock, the time zone, the locale.
+// What a Script cannot take from the machine: more memory than it may hold, the clock, the time zone, the locale, the
+// last bits of its arithmetic.
+#include <array>
 #include <atomic>
+#include <cmath>
+#include <functional>
 #include <thread>
 #include <vector>
 
 #include <malloc.h>
+
+#include <rtsg/core/portable_math.h>
 
 #include "script_scene.h"
 #include "support/resident_bytes.h"
@@ -304,6 +310,64 @@ TEST(ScriptFences, TheLocaleIsFixed) {
     EXPECT_EQ(fenced("(1234567.5).toLocaleString()"), "1,234,567.5");
     EXPECT_EQ(fenced("new Intl.NumberFormat().resolvedOptions().locale"), "en-US");
     EXPECT_EQ(fenced("new Intl.Collator().resolvedOptions().locale"), "en-US");
+}
+
+/// What an expression in x makes of 400 numbers from -30 to 44.
+std::vector<double> valuesOf(const std::string& call) {
+    ScriptScene s("outputOnly MFDouble y",
+                  "function initialize() { y = new MFDouble(...Array.from({length: 400}, (_, i) => { const x = i * "
+                  "0.185 - 30; return " +
+                      call + "; })); }");
+    s.frame();
+    const auto y = s.get<Array<double>>("y");
+    EXPECT_EQ(y.size(), 400u) << s.problems();
+    return {y.begin(), y.end()};
+}
+
+void expectSame(const std::string& call, const std::function<double(double)>& function) {
+    const std::vector<double> found = valuesOf(call);
+    for (std::size_t i = 0; i < found.size(); ++i) {
+        const double x = static_cast<double>(i) * .185 - 30, expected = function(x);
+        const bool agree = found[i] == expected || (std::isnan(found[i]) && std::isnan(expected));
+        ASSERT_TRUE(agree) << call << " of " << x << ": " << found[i] << ", not " << expected;
+    }
+}
+
+// SpiderMonkey's own differ in the last bit between its versions, C libraries and processors.
+TEST(ScriptFences, ElementaryFunctionsAreTheScenes) {
+    namespace p = portable;
+    const std::vector<std::pair<const char*, double (*)(double)>> functions{
+        {"acos", p::acos},   {"acosh", p::acosh}, {"asin", p::asin},   {"asinh", p::asinh}, {"atan", p::atan},
+        {"atanh", p::atanh}, {"cbrt", p::cbrt},   {"cos", p::cos},     {"cosh", p::cosh},   {"exp", p::exp},
+        {"expm1", p::expm1}, {"log", p::log},     {"log10", p::log10}, {"log1p", p::log1p}, {"log2", p::log2},
+        {"sin", p::sin},     {"sinh", p::sinh},   {"tan", p::tan},     {"tanh", p::tanh}};
+    for (const auto& [name, function] : functions) {
+        expectSame("Math." + std::string(name) + "(x)", function);
+        expectSame("Math." + std::string(name) + "(x / 30)", [f = function](double x) { return f(x / 30); });
+    }
+    expectSame("Math.atan2(x, 3)", [](double x) { return p::atan2(x, 3); });
+    expectSame("Math.pow(Math.abs(x), 2.3)", [](double x) { return p::pow(std::abs(x), 2.3); });
+    expectSame("Math.pow(1.1, i)", [](double x) { return p::pow(1.1, std::round((x + 30) / .185)); });
+    expectSame("Math.hypot(x, 3)", [](double x) { return p::hypot(x, 3); });
+    expectSame("Math.hypot(x, 3, '7', .1)", [](double x) { return p::hypot(std::array{x, 3., 7., .1}); });
+    // What the prelude computes for programs, too.
+    expectSame("new SFVec3d(x, 3, .1).length()", [](double x) { return p::hypot(x, 3, .1); });
+}
+
+TEST(ScriptFences, ElementaryFunctionsAreThoseOfTheStandardOtherwise) {
+    using test::evaluated;
+    EXPECT_EQ(evaluated("[Math.pow(1, Infinity), Math.pow(-1, -Infinity), Math.pow(1, NaN), Math.pow(NaN, 0), "
+                        "Math.pow(), Math.pow(-8, 1 / 3)]"),
+              "NaN,NaN,NaN,1,NaN,NaN");
+    EXPECT_EQ(evaluated("[Math.hypot(), Math.hypot(-3), Math.hypot(NaN, -Infinity), Math.hypot(NaN), Math.sin(), "
+                        "Math.cos('0'), Math.exp(null)]"),
+              "0,3,Infinity,NaN,NaN,1,1");
+    EXPECT_EQ(evaluated("[1 / Math.sin(-0), 1 / Math.atan2(-0, 1), Math.sin.name, Math.pow.length, Math.hypot.length, "
+                        "Object.keys(Math).length]"),
+              "-Infinity,-Infinity,sin,2,2,0");
+    EXPECT_EQ(evaluated("(() => { try { Math.sin(Symbol()); return 'no error'; } catch (e) { return e instanceof "
+                        "TypeError; } })()"),
+              "true");
 }
 
 }  // namespace

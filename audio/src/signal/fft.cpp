@@ -1,4 +1,4 @@
-// Transforms of real signals, by libavutil or by kissfft.
+// Transforms of real signals, by the module of libavutil or by kissfft.
 #include "fft.h"
 
 #include <algorithm>
@@ -9,9 +9,9 @@
 #include <kissfft/kiss_fftr.h>
 
 #if defined(RTSG_AVUTIL)
-extern "C" {
-#include <libavutil/tx.h>
-}
+#include <rtsg/core/module.h>
+
+#include "quick_fft.h"
 #endif
 
 namespace rtsg {
@@ -24,32 +24,43 @@ struct FreeKiss {
 using Kiss = std::unique_ptr<kiss_fftr_state, FreeKiss>;
 
 #if defined(RTSG_AVUTIL)
+#define RTSG_FFT_TEXT_OF(name) #name
+#define RTSG_FFT_TEXT(name) RTSG_FFT_TEXT_OF(name)
+
+/// Null without the module: then kissfft does all, for four times the time.
+const QuickTransforms* quickTransforms() {
+    static const QuickTransforms* const loaded = []() -> const QuickTransforms* {
+        const auto symbol = loadModule("rtsg_fft", RTSG_FFT_TEXT(RTSG_FFT_SYMBOL), "quick transforms need");
+        return symbol ? reinterpret_cast<const QuickTransforms* (*)()>(*symbol)() : nullptr;
+    }();
+    return loaded;
+}
+
 /// A transform of libavutil, if it has one.
 class Vectorised {
   public:
     Vectorised(std::size_t size, bool isInverse) {
         // Other sizes, and larger ones, it may take by the sum that defines them; those with an odd half are wrong.
-        if (size < kLeast || size > kMost || !std::has_single_bit(size)) return;
+        if (size < kLeast || size > kMost || !std::has_single_bit(size) || !quickTransforms()) return;
         const float scale = isInverse ? 1.0f / static_cast<float>(size) : 1.0f;
-        if (av_tx_init(&context_, &run_, AV_TX_FLOAT_RDFT, isInverse ? 1 : 0, static_cast<int>(size), &scale,
-                       AV_TX_UNALIGNED) < 0)
-            context_ = nullptr;
+        if (!quickTransforms()->make(size, isInverse, scale, made_)) made_.context = nullptr;
     }
-    ~Vectorised() { av_tx_uninit(&context_); }
+    ~Vectorised() {
+        if (made_.context) quickTransforms()->destroy(made_);
+    }
     Vectorised(const Vectorised&) = delete;
     Vectorised& operator=(const Vectorised&) = delete;
 
-    explicit operator bool() const { return context_ != nullptr; }
+    explicit operator bool() const { return made_.context != nullptr; }
     /// An inverse one writes over its input.
     template <class To, class From>
     void operator()(To* to, From* from) const {
-        run_(context_, to, from, sizeof(From));
+        made_.run(made_.context, to, from, sizeof(From));
     }
 
   private:
     static constexpr std::size_t kLeast = 16, kMost = std::size_t{1} << 17;
-    AVTXContext* context_ = nullptr;
-    av_tx_fn run_ = nullptr;
+    QuickTransform made_;
 };
 #endif
 

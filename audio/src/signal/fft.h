@@ -1,6 +1,6 @@
 // RealFft: forward and inverse transforms of one even size; scaled so that inverse(forward(x)) == x.
 //
-// Sizes that are powers of two go by FFmpeg's libavutil, which uses the machine's vectors, where the build has it;
+// Sizes that are powers of two go by FFmpeg's libavutil, a module that uses the machine's vectors, where it is there;
 // others, and all without it, by kissfft. So the last bits are those of a machine and a build. Threading: one thread
 // per object.
 #pragma once

@@ -13,6 +13,7 @@
 
 #include <glm/gtc/quaternion.hpp>
 
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviour/behaviours.h"
@@ -204,7 +205,7 @@ struct Chaser {
     /// The response to a step: 0 when it happens, 1 after `duration`.
     static double response(double t, double duration) {
         if (t >= duration) return 1;
-        return t <= 0 ? 0 : .5 - .5 * std::cos(std::numbers::pi * t / duration);
+        return t <= 0 ? 0 : .5 - .5 * portable::cos(std::numbers::pi * t / duration);
     }
     static std::size_t count(const Node& node) { return node.get(N::_base).size(); }
     static std::vector<E> destination(const Node& node) {
@@ -356,7 +357,7 @@ struct Damper {
                 began_[i] = i >= each_ && filters[i] == filters[i - each_]
                                 ? began_[i - each_]
                                 : M::from(to_[i % each_], M::widen(filters[i]));
-            double weight = std::exp(-s);
+            double weight = portable::exp(-s);
             for (std::size_t k = 0; k < order_; ++k) {
                 weights_[k] = weight;
                 weight *= s / static_cast<double>(k + 1);

@@ -8,6 +8,7 @@
 
 #include <rtsg/core/color_blend.h>
 #include <rtsg/core/geospatial.h>
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviour/behaviours.h"
@@ -63,8 +64,9 @@ Rotation blend(const Rotation& a, const Rotation& b, float w) {
     const auto toQuaternion = [](const Rotation& r) -> Quaternion {
         const double length = std::sqrt(double(r.x) * r.x + double(r.y) * r.y + double(r.z) * r.z);
         if (!(length > 0)) return {0, 0, 0, 1};
-        const double s = std::sin(r.angle * .5) / length;
-        return {r.x * s, r.y * s, r.z * s, std::cos(r.angle * .5)};
+        const portable::SineCosine half = portable::sineCosine(r.angle * .5);
+        const double s = half.sine / length;
+        return {r.x * s, r.y * s, r.z * s, half.cosine};
     };
     // At the keys the authored values come out as they are.
     if (w == 0) return a;
@@ -78,16 +80,16 @@ Rotation blend(const Rotation& a, const Rotation& b, float w) {
     }
     double wp = 1 - double(w), wq = w;
     if (cosine < 1 - 1e-9) {
-        const double angle = std::acos(cosine), sine = std::sin(angle);
-        wp = std::sin((1 - double(w)) * angle) / sine;
-        wq = std::sin(double(w) * angle) / sine;
+        const double angle = portable::acos(cosine), sine = portable::sin(angle);
+        wp = portable::sin((1 - double(w)) * angle) / sine;
+        wq = portable::sin(double(w) * angle) / sine;
     }
     const double x = wp * p.x + wq * q.x, y = wp * p.y + wq * q.y, z = wp * p.z + wq * q.z;
     const double c = wp * p.w + wq * q.w;
     const double s = std::sqrt(x * x + y * y + z * z);
     if (!(s > 0)) return {a.x, a.y, a.z, 0};
     return {static_cast<float>(x / s), static_cast<float>(y / s), static_cast<float>(z / s),
-            static_cast<float>(2 * std::atan2(s, c))};
+            static_cast<float>(2 * portable::atan2(s, c))};
 }
 
 /// 19.4.5: along the great circle between the two directions.
@@ -96,9 +98,10 @@ Vec3f mixNormal(const Vec3f& a, const Vec3f& b, float w) {
     if (!(la > 0) || !(lb > 0)) return blend(a, b, w);
     const Vec3f p = a / la, q = b / lb;
     const float cosine = std::clamp(glm::dot(p, q), -1.0f, 1.0f);
-    const float angle = std::acos(cosine), sine = std::sin(angle);
-    if (!(sine > 1e-6f)) return w < .5f ? p : q;  // equal, or opposite: no circle is singled out
-    return p * (std::sin((1 - w) * angle) / sine) + q * (std::sin(w * angle) / sine);
+    const double angle = portable::acos(cosine), sine = portable::sin(angle);
+    if (!(sine > 1e-6)) return w < .5f ? p : q;  // equal, or opposite: no circle is singled out
+    const double wp = portable::sin((1 - double(w)) * angle) / sine, wq = portable::sin(double(w) * angle) / sine;
+    return p * static_cast<float>(wp) + q * static_cast<float>(wq);
 }
 
 /// One value a key: where the event's fraction lies among them, if it does.

@@ -13,9 +13,9 @@
 
 #include <rtsg/core/x3d.h>
 
+#include <rtsg/core/rotation.h>
 #include "behaviour/behaviours.h"
 #include "humanoids.h"
-#include "scene/rotations.h"
 
 namespace rtsg::behaviours {
 
@@ -148,7 +148,7 @@ void poseJoint(Cascade& cascade, const Node& node, const Node& joint, const Row&
         if (channel.moves == Moves::scale) scale[channel.axis] = value;
         glm::dvec3 axis(0);
         axis[channel.axis] = 1;
-        if (channel.moves == Moves::rotation) turn = turn * glm::angleAxis(glm::radians(double(value)), axis);
+        if (channel.moves == Moves::rotation) turn = turn * turnAbout(axis, glm::radians(double(value)));
     }
     if (moves[static_cast<int>(Moves::position)]) setJoint(cascade, node, joint, J::translation, place);
     if (moves[static_cast<int>(Moves::rotation)]) setJoint(cascade, node, joint, J::rotation, toRotation(turn));

@@ -6,6 +6,7 @@
 #include <string>
 
 #include <rtsg/core/nurbs.h>
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviour/behaviours.h"
@@ -86,7 +87,7 @@ void orientation(Cascade& cascade, const Node& node, FieldIndex field, EventValu
     const Vec3d unit = sine > 1e-12 ? axis / sine : Vec3d(0, 1, 0);
     cascade.emit(node, N::value_changed,
                  Rotation{static_cast<float>(unit.x), static_cast<float>(unit.y), static_cast<float>(unit.z),
-                          static_cast<float>(std::atan2(sine, along.z))});
+                          static_cast<float>(portable::atan2(sine, along.z))});
 }
 
 void surface(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {

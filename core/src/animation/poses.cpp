@@ -11,9 +11,9 @@
 
 #include <rtsg/core/x3d.h>
 
+#include <rtsg/core/rotation.h>
 #include "behaviour/behaviours.h"
 #include "humanoids.h"
-#include "scene/rotations.h"
 
 namespace rtsg::behaviours {
 
@@ -32,15 +32,8 @@ struct Placed {
 };
 constexpr std::size_t kNumbers = 10;  // of one in `_from`
 
-glm::dquat quaternionOf(const Rotation& r) {
-    const glm::dvec3 axis(r.x, r.y, r.z);
-    const double length = glm::length(axis);
-    if (!(length > 0) || !std::isfinite(length)) return {1, 0, 0, 0};
-    return glm::angleAxis(double(r.angle), axis / length);
-}
-
 Placed placedAs(const Node& joint) {
-    return {glm::dvec3(joint.get(J::translation)), quaternionOf(joint.get(J::rotation)),
+    return {glm::dvec3(joint.get(J::translation)), toQuaternion(joint.get(J::rotation)),
             glm::dvec3(joint.get(J::scale))};
 }
 
@@ -90,7 +83,7 @@ void showPose(Cascade& cascade, const Node& pose, std::int32_t task, double frac
             return Vec3f(fraction < 1 ? glm::mix(glm::dvec3(a[0], a[1], a[2]), b, fraction) : b);
         };
         const glm::dquat turn =
-            fraction < 1 ? glm::slerp(glm::normalize(turned), aim.rotation, fraction) : aim.rotation;
+            fraction < 1 ? alongShorterArc(glm::normalize(turned), aim.rotation, fraction) : aim.rotation;
         setJoint(cascade, pose, *joint, J::translation, between(f, aim.translation));
         setJoint(cascade, pose, *joint, J::rotation, toRotation(turn));
         setJoint(cascade, pose, *joint, J::scale, between(f + 7, aim.scale));

@@ -6,6 +6,8 @@
 
 #include <glm/gtc/quaternion.hpp>
 
+#include <rtsg/core/portable_math.h>
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviour/behaviours.h"
@@ -111,20 +113,6 @@ void spline(Cascade& cascade, const Node& node, FieldIndex field, EventValue eve
 
 using Quaternion = glm::dquat;
 
-Quaternion quaternion(const Rotation& r) {
-    const glm::dvec3 axis(r.x, r.y, r.z);
-    const double length = glm::length(axis);
-    if (!(length > 0)) return {1, 0, 0, 0};
-    const glm::dvec3 v = axis * (std::sin(r.angle * .5) / length);
-    return {std::cos(r.angle * .5), v.x, v.y, v.z};
-}
-Rotation rotation(Quaternion q) {
-    if (q.w < 0) q = -q;
-    const double s = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z);
-    if (!(s > 0)) return {0, 0, 1, 0};
-    return {static_cast<float>(q.x / s), static_cast<float>(q.y / s), static_cast<float>(q.z / s),
-            static_cast<float>(2 * std::atan2(s, q.w))};
-}
 Quaternion toward(const Quaternion& q, const Quaternion& other) {
     return glm::dot(q, other) < 0 ? -other : other;
 }
@@ -132,20 +120,21 @@ Quaternion toward(const Quaternion& q, const Quaternion& other) {
 glm::dvec3 logarithm(const Quaternion& q) {
     const glm::dvec3 v(q.x, q.y, q.z);
     const double s = glm::length(v);
-    return s > 0 ? v * (std::atan2(s, q.w) / s) : glm::dvec3(0);
+    return s > 0 ? v * (portable::atan2(s, q.w) / s) : glm::dvec3(0);
 }
 Quaternion exponential(const glm::dvec3& v) {
     const double angle = glm::length(v);
     if (!(angle > 0)) return {1, 0, 0, 0};
-    const glm::dvec3 u = v * (std::sin(angle) / angle);
-    return {std::cos(angle), u.x, u.y, u.z};
+    const glm::dvec3 u = v * (portable::sin(angle) / angle);
+    return {portable::cos(angle), u.x, u.y, u.z};
 }
 /// Interpolates along the arc between the two as they are, which may be the longer one. Between opposite ones, which
 /// have no single arc, it takes the chord.
 Quaternion slerp(const Quaternion& a, const Quaternion& b, double w) {
-    const double cosine = std::clamp(glm::dot(a, b), -1.0, 1.0), angle = std::acos(cosine), sine = std::sin(angle);
+    const double cosine = std::clamp(glm::dot(a, b), -1.0, 1.0), angle = portable::acos(cosine),
+                 sine = portable::sin(angle);
     if (!(sine > 1e-9)) return w < .5 ? a : b;
-    return a * (std::sin((1 - w) * angle) / sine) + b * (std::sin(w * angle) / sine);
+    return a * (portable::sin((1 - w) * angle) / sine) + b * (portable::sin(w * angle) / sine);
 }
 
 void squad(Cascade& cascade, const Node& node, FieldIndex field, EventValue event) {
@@ -162,15 +151,15 @@ void squad(Cascade& cascade, const Node& node, FieldIndex field, EventValue even
     const Span s = locate(key, count, fraction);
     if (s.from == s.to || s.weight == 0) return cascade.emit(node, N::value_changed, value[s.from]);
     // Four neighbours, each on the side of the one before it: the shorter way from key to key.
-    const Quaternion a = quaternion(value[s.from]), b = toward(a, quaternion(value[s.to]));
+    const Quaternion a = toQuaternion(value[s.from]), b = toward(a, toQuaternion(value[s.to]));
     const auto inner = [](const Quaternion& before, const Quaternion& q, const Quaternion& after) {
         const Quaternion back = glm::conjugate(q);
         return q * exponential((logarithm(back * before) + logarithm(back * after)) * -.25);
     };
-    const Quaternion sa = s.from == 0 ? a : inner(toward(a, quaternion(value[s.from - 1])), a, b);
-    const Quaternion sb = s.to + 1 == count ? b : inner(a, b, toward(b, quaternion(value[s.to + 1])));
+    const Quaternion sa = s.from == 0 ? a : inner(toward(a, toQuaternion(value[s.from - 1])), a, b);
+    const Quaternion sb = s.to + 1 == count ? b : inner(a, b, toward(b, toQuaternion(value[s.to + 1])));
     const double w = s.weight;
-    cascade.emit(node, N::value_changed, rotation(slerp(slerp(a, b, w), slerp(sa, sb, w), 2 * w * (1 - w))));
+    cascade.emit(node, N::value_changed, toRotation(slerp(slerp(a, b, w), slerp(sa, sb, w), 2 * w * (1 - w))));
 }
 
 /// 19.4.4: parabolas where it begins and ends, a line between.

@@ -9,15 +9,15 @@
 #include <cstdint>
 #include <numbers>
 
+#include <rtsg/core/portable_math.h>
+
 namespace rtsg {
 
-struct SineCosine {
-    double sine, cosine;
-};
+using portable::SineCosine;
 
-/// Absolute error at most 3e-16; beyond 10^5 radians, and of what is not finite, as std::sin and std::cos have it.
+/// Absolute error at most 3e-16; beyond 10^5 radians, and of what is not finite, as portable::sineCosine() has it.
 inline SineCosine sineCosine(double angle) {
-    if (!(std::abs(angle) <= 1e5)) return {std::sin(angle), std::cos(angle)};
+    if (!(std::abs(angle) <= 1e5)) return portable::sineCosine(angle);
     // The first part has 33 bits, so that whole multiples of it are exact.
     constexpr double kQuarter = 1.57079632673412561417e+00, kQuarterRest = 6.07710050650619224932e-11;
     const double quarters = std::nearbyint(angle * (2 / std::numbers::pi));

@@ -12,8 +12,8 @@
 #include <rtsg/core/dis_input.h>
 #include <rtsg/core/x3d.h>
 
+#include <rtsg/core/rotation.h>
 #include "behaviours.h"
-#include "scene/rotations.h"
 
 namespace rtsg::behaviours {
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
@@ -39,7 +40,8 @@ double speedOf(const Node& node) {
     using B = x3d::BufferAudioSource;
     if (node.is(x3d::AudioClip::type)) return node.get(x3d::AudioClip::pitch);
     if (node.is(x3d::MovieTexture::type)) return node.get(x3d::MovieTexture::speed);
-    if (node.is(B::type)) return double(node.get(B::playbackRate)) * std::pow(2.0, double(node.get(B::detune)) / 1200);
+    if (node.is(B::type))
+        return double(node.get(B::playbackRate)) * portable::pow(2.0, double(node.get(B::detune)) / 1200);
     return 1;
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <rtsg/core/geospatial.h>
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 
 #include "behaviours.h"
@@ -47,7 +48,7 @@ struct Transition {
         double share = std::clamp((time - begin) / seconds, 0.0, 1.0);
         if (eased) share = share * share * (3 - 2 * share);
         return {glm::mix(from.position, to.position, share),
-                glm::normalize(glm::slerp(from.orientation, to.orientation, share))};
+                glm::normalize(alongShorterArc(from.orientation, to.orientation, share))};
     }
 };
 

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include <rtsg/core/portable_math.h>
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -36,7 +38,7 @@ std::vector<glm::dvec3> startsOf(const glm::dvec3& direction, const Avatar& avat
     for (int i = 0; i < 8; ++i) {
         const double angle = i * M_PI / 4;
         for (const double share : {1.0, .5})
-            starts.push_back((side * std::cos(angle) + other * std::sin(angle)) * (r * share));
+            starts.push_back((side * portable::cos(angle) + other * portable::sin(angle)) * (r * share));
     }
     return starts;
 }
@@ -109,15 +111,15 @@ Stand standOrFall(glm::dvec3 eye, double fallSpeed, double seconds, const Avatar
 }
 
 ViewerPose orbited(const ViewerPose& pose, const glm::dvec3& center, double across, double over) {
-    const glm::dquat q = glm::angleAxis(across, kUp) * glm::angleAxis(over, pose.orientation * glm::dvec3(1, 0, 0));
+    const glm::dquat q = turnAbout(kUp, across) * turnAbout(pose.orientation * glm::dvec3(1, 0, 0), over);
     return {center + q * (pose.position - center), glm::normalize(q * pose.orientation)};
 }
 
 ViewerPose turned(const ViewerPose& pose, double left, double up) {
     constexpr double kMost = 89 * M_PI / 180;
-    const double now = std::asin(std::clamp((pose.orientation * glm::dvec3(0, 0, -1)).y, -1.0, 1.0));
+    const double now = portable::asin(std::clamp((pose.orientation * glm::dvec3(0, 0, -1)).y, -1.0, 1.0));
     const double then = std::clamp(now + up, std::min(-kMost, now), std::max(kMost, now));
-    const glm::dquat q = glm::angleAxis(left, kUp) * pose.orientation * glm::angleAxis(then - now, glm::dvec3(1, 0, 0));
+    const glm::dquat q = turnAbout(kUp, left) * pose.orientation * turnAbout(glm::dvec3(1, 0, 0), then - now);
     return {pose.position, glm::normalize(q)};
 }
 

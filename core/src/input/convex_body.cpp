@@ -6,6 +6,8 @@
 #include <limits>
 #include <span>
 
+#include <rtsg/core/portable_math.h>
+
 namespace rtsg {
 
 namespace {
@@ -123,7 +125,7 @@ Vec3d ConvexBody::support(const Vec3d& direction) const {
     const double x = direction.x, y = direction.y, z = direction.z;
     if (kind_ == Kind::box) return {std::copysign(half_.x, x), std::copysign(half_.y, y), std::copysign(half_.z, z)};
     if (kind_ == Kind::sphere) return glm::normalize(direction) * half_.x;
-    const double across = std::hypot(x, z);
+    const double across = portable::hypot(x, z);
     const double rx = across > 0 ? half_.x * (x / across) : 0, rz = across > 0 ? half_.x * (z / across) : 0;
     if (kind_ == Kind::cylinder) return {rx, std::copysign(half_.y, y), rz};
     return half_.x * across - half_.y * y > half_.y * y ? Vec3d(rx, -half_.y, rz) : Vec3d(0, half_.y, 0);
@@ -145,7 +147,7 @@ bool ConvexBody::segmentMeets(const Vec3d& from, const Vec3d& to) const {
     const auto inside = [&](double t) {
         const Vec3d p = from + t * along;
         if (kind_ == Kind::sphere) return glm::dot(p, p) <= r * r;
-        return std::hypot(p.x, p.z) <= (kind_ == Kind::cone ? slope * (h - p.y) : r);
+        return portable::hypot(p.x, p.z) <= (kind_ == Kind::cone ? slope * (h - p.y) : r);
     };
     if (inside(first) || inside(last)) return true;
     // The place where x^2 + z^2 + upright (y - top)^2 is least.

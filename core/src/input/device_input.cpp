@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 
 #include "avatar.h"
@@ -234,7 +235,7 @@ Bearing bearingThrough(const Scene& scene, double x, double y, double aspect) {
         const Vec3d at((low[0] + high[0]) / 2 + right * half[0], (low[1] + high[1]) / 2 + up * half[1], 0);
         bearing.origin += viewer.orientation * at;
     } else {
-        const double t = std::tan(std::clamp(fieldOfViewOf(view), 1e-6, M_PI - 1e-6) / 2);
+        const double t = portable::tan(std::clamp(fieldOfViewOf(view), 1e-6, M_PI - 1e-6) / 2);
         bearing.direction = Vec3d(right * t * std::max(aspect, 1.0), up * t / std::min(aspect, 1.0), -1);
     }
     bearing.direction = glm::normalize(viewer.orientation * bearing.direction);

@@ -9,8 +9,9 @@
 #include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
+#include <rtsg/core/portable_math.h>
+#include <rtsg/core/rotation.h>
 #include "avatar.h"
-#include "scene/rotations.h"
 #include "scene/view_pose.h"
 #include "state/state.h"
 #include "viewer_move.h"
@@ -226,7 +227,7 @@ class Navigator {
         const double turn = kTurnRate * devices.seconds;
         orbit(between(Key::kLeft, Key::kRight) * turn, between(Key::kDown, Key::kUp) * turn);
         if (devices.wheel.y != 0)
-            pose_.position = center() + (pose_.position - center()) * std::pow(kWheelStep, -devices.wheel.y);
+            pose_.position = center() + (pose_.position - center()) * portable::pow(kWheelStep, -devices.wheel.y);
     }
 
     void travel(const Devices& devices) {
@@ -310,7 +311,7 @@ class Navigator {
         const ViewerPose eye = transformed(world_, start_);
         const glm::dquat back = glm::conjugate(eye.orientation);
         const glm::dvec3 direction = back * pointer.direction;
-        Vec2d place = Vec2d(direction) / (-direction.z * std::tan(halfAngle(view_)));
+        Vec2d place = Vec2d(direction) / (-direction.z * portable::tan(halfAngle(view_)));
         if (view_.is(x3d::OrthoViewpoint::type)) {
             const auto& field = view_.get(x3d::OrthoViewpoint::fieldOfView);
             Vec2d low(-1), high(1);
@@ -369,7 +370,7 @@ class Navigator {
             glm::dvec3 away = pose_.position - middle;
             if (!(glm::length(away) > 0)) away = pose_.orientation * glm::dvec3(0, 0, 1);
             away = glm::normalize(away);
-            const ViewerPose there{middle + away * (radius / std::sin(halfAngle(view_))), lookAlong(-away, pose_)};
+            const ViewerPose there{middle + away * (radius / portable::sin(halfAngle(view_))), lookAlong(-away, pose_)};
             move.kind = ViewerMove::Kind::look;
             move.center = middle;
             target_ = relative(authorsView(view_, fields_), there);
@@ -497,7 +498,7 @@ Result<> viewAll(Scene& scene, SpaceQueries& queries) {
     if (!(radius > 0) || !std::isfinite(radius)) return fail("there is nothing to be seen");
     ViewerPose pose = viewerPose(scene);
     const glm::dvec3 back = pose.orientation * glm::dvec3(0, 0, 1);
-    pose.position = (low + high) * .5 + back * (radius / std::sin(halfAngle(*bound->view)));
+    pose.position = (low + high) * .5 + back * (radius / portable::sin(halfAngle(*bound->view)));
     return moveViewer(scene, pose);
 }
 

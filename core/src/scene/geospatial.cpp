@@ -4,6 +4,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 
 #include <rtsg/core/geospatial.h>
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -30,7 +31,7 @@ Vec3d anchorOf(const GeoReference& reference, const Array<Vec3d>& points) {
 
 glm::dmat4 turnBy(const Rotation& r, double sign) {
     const glm::dvec3 axis(r.x, r.y, r.z);
-    return glm::length(axis) > 0 ? glm::rotate(glm::dmat4(1), sign * double(r.angle), axis) : glm::dmat4(1);
+    return glm::length(axis) > 0 ? glm::dmat4(turnMatrix(axis, sign * double(r.angle))) : glm::dmat4(1);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include <rtsg/core/geospatial.h>
 #include <rtsg/core/lasting.h>
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 
 #include "view_pose.h"
@@ -90,7 +91,7 @@ glm::dmat4 parentFromLocal(const Scene& scene, const Node& node) {
     };
     const auto rotate = [](const Rotation& r) {
         const glm::dvec3 axis(r.x, r.y, r.z);
-        return glm::length(axis) > 0 ? glm::rotate(glm::dmat4(1), double(r.angle), axis) : glm::dmat4(1);
+        return glm::length(axis) > 0 ? glm::dmat4(turnMatrix(axis, double(r.angle))) : glm::dmat4(1);
     };
     const Rotation orientation = get(Rotation{0, 0, 1, 0}, fields.scaleOrientation);
     Rotation back = orientation;

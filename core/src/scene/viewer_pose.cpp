@@ -4,7 +4,7 @@
 #include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
-#include "rotations.h"
+#include <rtsg/core/rotation.h>
 #include "view_pose.h"
 
 namespace rtsg {
@@ -15,7 +15,7 @@ ViewerPose authorsView(const Node& viewpoint, const ViewFields& fields) {
     // A GeoViewpoint is where its coordinates are: see geoPlace().
     ViewerPose pose;
     if (fields.position.index != kNoField) pose.position = Vec3d(viewpoint.get(fields.position));
-    if (glm::length(axis) > 0) pose.orientation = glm::angleAxis(double(r.angle), glm::normalize(axis));
+    if (glm::length(axis) > 0) pose.orientation = turnAbout(glm::normalize(axis), double(r.angle));
     return pose;
 }
 

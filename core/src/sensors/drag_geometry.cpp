@@ -5,6 +5,9 @@
 
 #include <glm/geometric.hpp>
 
+#include <rtsg/core/portable_math.h>
+#include <rtsg/core/rotation.h>
+
 namespace rtsg::behaviours {
 
 std::optional<glm::dvec3> onPlane(const DragRay& ray, const glm::dvec3& point, const glm::dvec3& normal) {
@@ -15,7 +18,7 @@ std::optional<glm::dvec3> onPlane(const DragRay& ray, const glm::dvec3& point, c
 }
 
 double turnAboutY(const glm::dvec3& point) {
-    return std::atan2(point.x, point.z);
+    return portable::atan2(point.x, point.z);
 }
 
 double wrapped(double angle) {
@@ -54,7 +57,8 @@ std::optional<OnCylinder> onCylinder(const DragRay& ray, double radius, bool far
     const double edge = wrapped(turnAboutY(foot) - found.facing);  // a right angle to one side or the other
     found.beside = edge + std::copysign((distance - radius) / radius, edge);
     const double angle = found.facing + found.beside;
-    found.point = {radius * std::sin(angle), ray.origin.y + ray.direction.y * middle, radius * std::cos(angle)};
+    found.point = {radius * portable::sin(angle), ray.origin.y + ray.direction.y * middle,
+                   radius * portable::cos(angle)};
     return found;
 }
 
@@ -74,7 +78,7 @@ std::optional<glm::dvec3> onSphere(const DragRay& ray, double radius, bool far) 
     }
     const glm::dvec3 ahead = ray.direction / std::sqrt(dd), facing = far ? ahead : -ahead, edge = foot / distance;
     const double beyond = (distance - radius) / radius;
-    return radius * (edge * std::cos(beyond) - facing * std::sin(beyond));
+    return radius * (edge * portable::cos(beyond) - facing * portable::sin(beyond));
 }
 
 bool leavesSphere(const DragRay& ray, const glm::dvec3& point) {
@@ -85,7 +89,7 @@ glm::dquat shortestTurn(const glm::dvec3& from, const glm::dvec3& to) {
     const glm::dvec3 a = glm::normalize(from), b = glm::normalize(to);
     glm::dvec3 axis = glm::cross(a, b);
     const double sine = glm::length(axis), cosine = glm::dot(a, b);
-    if (sine > 1e-15) return glm::angleAxis(std::atan2(sine, cosine), axis / sine);
+    if (sine > 1e-15) return turnAbout(axis / sine, portable::atan2(sine, cosine));
     if (cosine > 0) return {1, 0, 0, 0};
     const glm::dvec3 other = std::abs(a.y) < .5 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0);
     axis = glm::normalize(other - a * glm::dot(a, other));

@@ -7,10 +7,11 @@
 #include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
+#include <rtsg/core/portable_math.h>
+#include <rtsg/core/rotation.h>
 #include "behaviour/behaviours.h"
 #include "input/box_overlap.h"
 #include "scene/places.h"
-#include "scene/rotations.h"
 #include "scene/view_pose.h"
 
 namespace rtsg::behaviours {
@@ -138,7 +139,7 @@ std::vector<glm::dvec4> viewVolume(const Scene& scene, const Viewer& viewer) {
     }
     const double field = fieldOfViewOf(view);
     if (field < M_PI) {
-        const double t = std::tan(std::max(field, 1e-6) / 2), wide = t * kAspect;
+        const double t = portable::tan(std::max(field, 1e-6) / 2), wide = t * kAspect;
         planes.insert(planes.end(), {{1, 0, -wide, 0}, {-1, 0, -wide, 0}, {0, 1, -t, 0}, {0, -1, -t, 0}});
     }
     return planes;

@@ -11,10 +11,11 @@
 #include <rtsg/core/geospatial.h>
 #include <rtsg/core/x3d.h>
 
+#include <rtsg/core/portable_math.h>
+#include <rtsg/core/rotation.h>
 #include "behaviour/behaviours.h"
 #include "drag_geometry.h"
 #include "scene/places.h"
-#include "scene/rotations.h"
 
 namespace rtsg::behaviours {
 
@@ -160,11 +161,6 @@ struct Grip {
     }
 };
 
-glm::dquat turnOf(const Rotation& r) {
-    const glm::dvec3 axis(r.x, r.y, r.z);
-    const double length = glm::length(axis);
-    return length > 0 ? glm::angleAxis(double(r.angle), axis / length) : glm::dquat(1, 0, 0, 0);
-}
 DragRay turned(const glm::dquat& by, const DragRay& ray) {
     return {by * ray.origin, by * ray.direction};
 }
@@ -177,14 +173,14 @@ void begin(const Node&, const x3d::PlaneSensor*, const DragRay&, Grip&) {}  // a
 /// 20.4.1: seen along its axis it is a disk, else a cylinder through the point that was hit.
 void begin(const Node& node, const x3d::CylinderSensor*, const DragRay& local, Grip& grip) {
     using N = x3d::CylinderSensor;
-    const glm::dquat toSensor = glm::conjugate(turnOf(node.get(N::axisRotation)));
+    const glm::dquat toSensor = glm::conjugate(toQuaternion(node.get(N::axisRotation)));
     const DragRay ray = turned(toSensor, local);
     const glm::dvec3 start = toSensor * grip.start;
     const double along = std::abs(ray.direction.y) / glm::length(ray.direction);
-    grip.disk = std::acos(std::min(1.0, along)) < node.get(N::diskAngle);
+    grip.disk = portable::acos(std::min(1.0, along)) < node.get(N::diskAngle);
     grip.last = turnAboutY(start);
     grip.far = leavesCylinder(ray, start);
-    if (const auto on = onCylinder(ray, std::hypot(start.x, start.z), grip.far); on && !grip.disk) {
+    if (const auto on = onCylinder(ray, portable::hypot(start.x, start.z), grip.far); on && !grip.disk) {
         grip.facing = on->facing;
         grip.beside = on->beside;
     }
@@ -197,7 +193,7 @@ void begin(const Node&, const x3d::SphereSensor*, const DragRay& local, Grip& gr
 /// outputs are in the node's own coordinates, limits in the turned ones.
 void track(Cascade& cascade, const Node& node, const x3d::PlaneSensor*, const DragRay& ray, Grip& grip) {
     using N = x3d::PlaneSensor;
-    const glm::dquat axes = turnOf(node.get(N::axisRotation));
+    const glm::dquat axes = toQuaternion(node.get(N::axisRotation));
     const auto point = onPlane(ray, grip.start, axes * glm::dvec3(0, 0, 1));
     if (!point || !isFinite(*point)) return;
     glm::dvec3 moved = glm::conjugate(axes) * (*point - grip.start + glm::dvec3(node.get(N::offset)));
@@ -212,7 +208,7 @@ void track(Cascade& cascade, const Node& node, const x3d::PlaneSensor*, const Dr
 
 void track(Cascade& cascade, const Node& node, const x3d::CylinderSensor*, const DragRay& local, Grip& grip) {
     using N = x3d::CylinderSensor;
-    const glm::dquat axes = turnOf(node.get(N::axisRotation)), toSensor = glm::conjugate(axes);
+    const glm::dquat axes = toQuaternion(node.get(N::axisRotation)), toSensor = glm::conjugate(axes);
     const DragRay ray = turned(toSensor, local);
     const glm::dvec3 start = toSensor * grip.start;
     glm::dvec3 point;
@@ -223,7 +219,7 @@ void track(Cascade& cascade, const Node& node, const x3d::CylinderSensor*, const
         const double angle = turnAboutY(point);
         grip.turned += wrapped(angle - std::exchange(grip.last, angle));
     } else {
-        const double radius = std::hypot(start.x, start.z);
+        const double radius = portable::hypot(start.x, start.z);
         const auto on = radius > 0 ? onCylinder(ray, radius, grip.far) : std::nullopt;
         if (!on || !isFinite(on->point) || !std::isfinite(on->beside)) return;
         point = on->point;
@@ -244,7 +240,7 @@ void track(Cascade& cascade, const Node& node, const x3d::SphereSensor*, const D
     const double radius = glm::length(grip.start);
     const auto point = radius > 0 ? onSphere(ray, radius, grip.far) : std::nullopt;
     if (!point || !isFinite(*point) || !(glm::length(*point) > 0)) return;
-    const glm::dquat all = shortestTurn(grip.start, *point) * turnOf(node.get(N::offset));
+    const glm::dquat all = shortestTurn(grip.start, *point) * toQuaternion(node.get(N::offset));
     grip.moved = true;
     cascade.emit(node, N::trackPoint_changed, Vec3f(*point));
     cascade.emit(node, N::rotation_changed, toRotation(all));

@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include <rtsg/core/geo_system.h>
+#include <rtsg/core/portable_math.h>
+#include <rtsg/core/rotation.h>
 
 namespace rtsg::dis {
 
@@ -28,7 +30,8 @@ Weights integralOf(double rate, double t) {
         return {t * (1 - y / 6 * (1 - y / 20 * (1 - y / 42 * (1 - y / 72)))),
                 t * t / 2 * (1 - y / 12 * (1 - y / 30 * (1 - y / 56 * (1 - y / 90)))),
                 t * t * t / 6 * (1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110))))};
-    return {std::sin(x) / rate, (1 - std::cos(x)) / (rate * rate), (x - std::sin(x)) / (rate * rate * rate)};
+    return {portable::sin(x) / rate, (1 - portable::cos(x)) / (rate * rate),
+            (x - portable::sin(x)) / (rate * rate * rate)};
 }
 
 /// The weights of the integral from 0 to t of s exp(W s) ds.
@@ -38,7 +41,7 @@ Weights momentOf(double rate, double t) {
         return {t2 * (1. / 2 - y * (1. / 8 - y * (1. / 144 - y * (1. / 5760 - y / 403200)))),
                 t2 * t * (1. / 3 - y * (1. / 30 - y * (1. / 840 - y * (1. / 45360 - y / 3991680)))),
                 t2 * t2 * (1. / 8 - y * (1. / 144 - y * (1. / 5760 - y * (1. / 403200 - y / 43545600))))};
-    const double c = std::cos(x), s = std::sin(x), r2 = rate * rate;
+    const double c = portable::cos(x), s = portable::sin(x), r2 = rate * rate;
     return {(c + x * s - 1) / r2, (s - x * c) / (r2 * rate), (y / 2 - c - x * s + 1) / (r2 * r2)};
 }
 
@@ -66,18 +69,17 @@ bool isMoving(const EntityState& state) {
 }
 
 glm::dquat orientationOf(const EulerAngles& angles) {
-    const auto about = [](double angle, const glm::dvec3& axis) { return glm::angleAxis(angle, axis); };
-    return about(double{angles.psi}, {0, 0, 1}) * about(double{angles.theta}, {0, 1, 0}) *
-           about(double{angles.phi}, {1, 0, 0});
+    return turnAbout({0, 0, 1}, double{angles.psi}) * turnAbout({0, 1, 0}, double{angles.theta}) *
+           turnAbout({1, 0, 0}, double{angles.phi});
 }
 
 EulerAngles anglesOf(const glm::dquat& worldFromBody) {
     const glm::dmat3 m = glm::mat3_cast(worldFromBody);  // m[column][row]
-    const double theta = std::asin(glm::clamp(-m[0][2], -1.0, 1.0));
-    if (std::hypot(m[0][0], m[0][1]) < 1e-9)
-        return {static_cast<float>(std::atan2(-m[1][0], m[1][1])), static_cast<float>(theta), 0};
-    return {static_cast<float>(std::atan2(m[0][1], m[0][0])), static_cast<float>(theta),
-            static_cast<float>(std::atan2(m[1][2], m[2][2]))};
+    const double theta = portable::asin(glm::clamp(-m[0][2], -1.0, 1.0));
+    if (portable::hypot(m[0][0], m[0][1]) < 1e-9)
+        return {static_cast<float>(portable::atan2(-m[1][0], m[1][1])), static_cast<float>(theta), 0};
+    return {static_cast<float>(portable::atan2(m[0][1], m[0][0])), static_cast<float>(theta),
+            static_cast<float>(portable::atan2(m[1][2], m[2][2]))};
 }
 
 EntityPose deadReckon(const EntityState& state, double t) {
@@ -93,7 +95,7 @@ EntityPose deadReckon(const EntityState& state, double t) {
             pose.worldFromBody * (integralOf(speed, t)(rate, velocity) + momentOf(speed, t)(rate, acceleration));
     else
         pose.location += velocity * t + acceleration * (t * t / 2);
-    if (speed > 0) pose.worldFromBody = glm::normalize(pose.worldFromBody * glm::angleAxis(speed * t, rate / speed));
+    if (speed > 0) pose.worldFromBody = glm::normalize(pose.worldFromBody * turnAbout(rate / speed, speed * t));
     return pose;
 }
 

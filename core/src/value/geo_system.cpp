@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/geo_system.h>
+#include <rtsg/core/portable_math.h>
 
 namespace rtsg {
 
@@ -42,28 +43,28 @@ struct Geodetic {
 
 Vec3d geocentricOf(const Ellipsoid& e, const Geodetic& g) {
     const double f = e.flattening(), e2 = f * (2 - f);
-    const double s = std::sin(g.latitude), c = std::cos(g.latitude);
+    const double s = portable::sin(g.latitude), c = portable::cos(g.latitude);
     const double n = e.equatorialRadius / std::sqrt(1 - e2 * s * s);
     const double across = (n + g.height) * c;
-    return {across * std::cos(g.longitude), across * std::sin(g.longitude), (n * (1 - e2) + g.height) * s};
+    return {across * portable::cos(g.longitude), across * portable::sin(g.longitude), (n * (1 - e2) + g.height) * s};
 }
 
 Geodetic geodeticOf(const Ellipsoid& e, const Vec3d& p) {
     const double a = e.equatorialRadius, f = e.flattening(), b = a * (1 - f), e2 = f * (2 - f);
-    const double across = std::hypot(p.x, p.y);
-    const double longitude = across > 0 ? std::atan2(p.y, p.x) : 0;
+    const double across = portable::hypot(p.x, p.y);
+    const double longitude = across > 0 ? portable::atan2(p.y, p.x) : 0;
     if (!(across > 0)) return {std::copysign(M_PI / 2, p.z), longitude, std::abs(p.z) - b};
     // Bowring's step from one reduced latitude to the next; from the surface the second changes nothing any more.
     double tangent = p.z * a / (across * b), latitude = 0;
     for (int step = 0; step < 30; ++step) {
         const double c = 1 / std::sqrt(1 + tangent * tangent), s = tangent * c;
-        const double next = std::atan2(p.z + e2 / (1 - e2) * b * s * s * s, across - e2 * a * c * c * c);
+        const double next = portable::atan2(p.z + e2 / (1 - e2) * b * s * s * s, across - e2 * a * c * c * c);
         const bool done = std::abs(next - latitude) <= 1e-17;
         latitude = next;
-        tangent = (1 - f) * std::tan(latitude);
+        tangent = (1 - f) * portable::tan(latitude);
         if (done) break;
     }
-    const double s = std::sin(latitude), c = std::cos(latitude);
+    const double s = portable::sin(latitude), c = portable::cos(latitude);
     return {latitude, longitude, across * c + p.z * s - a * std::sqrt(1 - e2 * s * s)};
 }
 
@@ -102,7 +103,7 @@ Krueger kruegerOf(const Ellipsoid& e) {
 /// Tangent of the conformal latitude of a latitude's.
 double conformalTangent(double tangent, double eccentricity) {
     const double secant = std::sqrt(1 + tangent * tangent);
-    const double s = std::sinh(eccentricity * std::atanh(eccentricity * tangent / secant));
+    const double s = portable::sinh(eccentricity * portable::atanh(eccentricity * tangent / secant));
     return tangent * std::sqrt(1 + s * s) - s * secant;
 }
 /// The other way round, by Newton's method (Karney, equations 19 to 21).
@@ -128,14 +129,14 @@ double middleOfZone(int zone) {
 Vec2d projected(const Ellipsoid& e, int zone, const Geodetic& g) {
     const Krueger k = kruegerOf(e);
     const double longitude = std::remainder(g.longitude - middleOfZone(zone), 2 * M_PI);
-    const double t = conformalTangent(std::tan(g.latitude), k.eccentricity);
-    const double c = std::cos(longitude);
-    const double xi = std::atan2(t, c), eta = std::asinh(std::sin(longitude) / std::hypot(t, c));
+    const double t = conformalTangent(portable::tan(g.latitude), k.eccentricity);
+    const double c = portable::cos(longitude);
+    const double xi = portable::atan2(t, c), eta = portable::asinh(portable::sin(longitude) / portable::hypot(t, c));
     double north = xi, east = eta;
     for (int j = 0; j < 6; ++j) {
         const double m = 2 * (j + 1);
-        north += k.forth[std::size_t(j)] * std::sin(m * xi) * std::cosh(m * eta);
-        east += k.forth[std::size_t(j)] * std::cos(m * xi) * std::sinh(m * eta);
+        north += k.forth[std::size_t(j)] * portable::sin(m * xi) * portable::cosh(m * eta);
+        east += k.forth[std::size_t(j)] * portable::cos(m * xi) * portable::sinh(m * eta);
     }
     return Vec2d(east, north) * (kScaleInMiddle * k.radius);
 }
@@ -146,12 +147,12 @@ Geodetic unprojected(const Ellipsoid& e, int zone, const Vec2d& place, double he
     double xi = at.y, eta = at.x;
     for (int j = 0; j < 6; ++j) {
         const double m = 2 * (j + 1);
-        xi -= k.back[std::size_t(j)] * std::sin(m * at.y) * std::cosh(m * at.x);
-        eta -= k.back[std::size_t(j)] * std::cos(m * at.y) * std::sinh(m * at.x);
+        xi -= k.back[std::size_t(j)] * portable::sin(m * at.y) * portable::cosh(m * at.x);
+        eta -= k.back[std::size_t(j)] * portable::cos(m * at.y) * portable::sinh(m * at.x);
     }
-    const double c = std::cos(xi), sh = std::sinh(eta);
-    const double tangent = tangentOf(std::sin(xi) / std::hypot(sh, c), k.eccentricity);
-    return {std::atan(tangent), middleOfZone(zone) + std::atan2(sh, c), height};
+    const double c = portable::cos(xi), sh = portable::sinh(eta);
+    const double tangent = tangentOf(portable::sin(xi) / portable::hypot(sh, c), k.eccentricity);
+    return {portable::atan(tangent), middleOfZone(zone) + portable::atan2(sh, c), height};
 }
 
 bool takeZone(std::string_view word, int& zone) {
@@ -213,8 +214,8 @@ Vec3d GeoSystem::fromGeocentric(const Vec3d& point) const {
 glm::dmat3 GeoSystem::frameAt(const Vec3d& point) const {
     if (!(glm::length(point) > 0) || !std::isfinite(glm::length(point))) return glm::dmat3(1);
     const Geodetic g = geodeticOf(ellipsoid, point);
-    const double s = std::sin(g.latitude), c = std::cos(g.latitude);
-    const double across = std::hypot(point.x, point.y);
+    const double s = portable::sin(g.latitude), c = portable::cos(g.latitude);
+    const double across = portable::hypot(point.x, point.y);
     const double cosine = across > 0 ? point.x / across : 1, sine = across > 0 ? point.y / across : 0;
     return {{-sine, cosine, 0}, {c * cosine, c * sine, s}, {s * cosine, s * sine, -c}};
 }

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <rtsg/core/dead_reckoning.h>
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 
 #include "stations.h"
@@ -28,12 +29,6 @@ glm::vec3 finite(const glm::dvec3& v) {
 }
 float finite(float v) {
     return std::isfinite(v) ? v : 0;
-}
-
-glm::dquat turnOf(const Rotation& r) {
-    const glm::dvec3 axis(r.x, r.y, r.z);
-    const double length = glm::length(axis);
-    return length > 0 ? glm::angleAxis(double{r.angle}, axis / length) : glm::dquat(1, 0, 0, 0);
 }
 
 Descriptor descriptorOf(const Node& node) {
@@ -87,7 +82,7 @@ EntityState entityStateOf(const Node& node, const EntityId& id, const ExerciseFr
     state.deadReckoning = fieldOf<std::uint8_t>(node, Espdu::deadReckoning);
     const glm::dvec3 place(node.get(Espdu::translation));
     state.location = std::isfinite(place.x + place.y + place.z) ? frame.toWorld(place) : frame.origin;
-    state.orientation = anglesOf(frame.toWorld(turnOf(node.get(Espdu::rotation))));
+    state.orientation = anglesOf(frame.toWorld(toQuaternion(node.get(Espdu::rotation))));
     const auto vector = [&](const Vec3f& v) {
         return finite(isBodyModel(state.deadReckoning) ? bodyFromModel(v)
                                                        : glm::transpose(frame.sceneFromWorld) * glm::dvec3(v));
@@ -235,7 +230,7 @@ Pdu collisionOf(const Node& node, const EntityId& id) {
     collision.type = fieldOf<std::uint8_t>(node, Espdu::collisionType);
     const glm::dvec3 v(node.get(Espdu::linearVelocity));
     collision.velocity = finite(isBodyModel(fieldOf<std::uint8_t>(node, Espdu::deadReckoning))
-                                    ? frame.toWorld(turnOf(node.get(Espdu::rotation))) * bodyFromModel(v)
+                                    ? frame.toWorld(toQuaternion(node.get(Espdu::rotation))) * bodyFromModel(v)
                                     : glm::transpose(frame.sceneFromWorld) * v);
     return {{}, collision};
 }

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/documents/loader.h>
 
@@ -23,7 +24,7 @@ constexpr float kAxisTolerance = 1e-3f;
 bool normaliseAxis(Rotation& r) {
     const float squared = r.x * r.x + r.y * r.y + r.z * r.z;
     if (std::abs(squared - 1.0f) <= 2 * kAxisTolerance) return false;
-    const double length = std::hypot(double(r.x), double(r.y), double(r.z));
+    const double length = portable::hypot(double(r.x), double(r.y), double(r.z));
     if (!std::isfinite(length) || length == 0.0) {
         r = Rotation{};  // no axis: no rotation
     } else {

@@ -12,6 +12,8 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <glm/gtc/quaternion.hpp>
 
+#include <rtsg/core/rotation.h>
+
 #include "commands/document_tree.h"
 #include "filter_parts.h"
 
@@ -24,7 +26,7 @@ using Matrix = glm::dmat4;
 Matrix rotationMatrix(const Rotation& r) {
     const glm::dvec3 axis(r.x, r.y, r.z);
     const double length = glm::length(axis);
-    return length == 0 ? Matrix(1) : glm::rotate(Matrix(1), static_cast<double>(r.angle), axis / length);
+    return length == 0 ? Matrix(1) : Matrix(turnMatrix(axis, static_cast<double>(r.angle)));
 }
 
 /// A matrix as a translation, a rotation and scales, if it has no shear.
@@ -192,11 +194,7 @@ class FlattenTransforms final : public TreeFilter {
             item.value = std::move(value);
             node.items.push_back(add(std::move(item)));
         };
-        const glm::dvec3 axis = glm::axis(parts.rotation);
-        const auto angle = static_cast<float>(glm::angle(parts.rotation));
-        if (angle != 0)
-            set("rotation", Value(Rotation{static_cast<float>(axis.x), static_cast<float>(axis.y),
-                                           static_cast<float>(axis.z), angle}));
+        if (const Rotation rotation = toRotation(parts.rotation); rotation.angle != 0) set("rotation", Value(rotation));
         if (const Vec3f scale(parts.scale); scale != Vec3f(1)) set("scale", Value(scale));
         if (const Vec3f translation(parts.translation); translation != Vec3f(0)) set("translation", Value(translation));
         node.items.insert(node.items.end(), children.begin(), children.end());

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include <rtsg/core/lasting.h>
+#include <rtsg/core/portable_math.h>
 
 namespace rtsg::detail {
 
@@ -45,7 +46,7 @@ GltfLookup lookupOf(const json& reference) {
 struct Moved {
     Vec2d s, t, origin;
     explicit Moved(const GltfLookup& by) {
-        const double c = std::cos(by.rotation), n = std::sin(by.rotation);
+        const double c = portable::cos(by.rotation), n = portable::sin(by.rotation);
         s = {c * by.scale.x, n * by.scale.x};
         t = {-n * by.scale.y, c * by.scale.y};
         origin = {by.offset.x + n * by.scale.y, 1 - by.offset.y - c * by.scale.y};
@@ -70,7 +71,7 @@ void writeTransform(DocumentHandler& out, const GltfMapping& mapping, const char
         return;
     }
     // It moves first: the origin goes to where the rest takes it.
-    const double c = std::cos(by.rotation), n = std::sin(by.rotation);
+    const double c = portable::cos(by.rotation), n = portable::sin(by.rotation);
     const Vec2d translation{(c * moved.origin.x + n * moved.origin.y) / by.scale.x,
                             (-n * moved.origin.x + c * moved.origin.y) / by.scale.y};
     GltfNode node(out, "TextureTransform", field);

@@ -3,6 +3,8 @@
 
 #include <cmath>
 
+#include <rtsg/core/portable_math.h>
+
 namespace rtsg::detail {
 
 Rotation rotationOf(const double* q) {
@@ -12,7 +14,7 @@ Rotation rotationOf(const double* q) {
     result.x = static_cast<float>(q[0] / sine);
     result.y = static_cast<float>(q[1] / sine);
     result.z = static_cast<float>(q[2] / sine);
-    result.angle = static_cast<float>(2 * std::atan2(sine, q[3]));
+    result.angle = static_cast<float>(2 * portable::atan2(sine, q[3]));
     return result;
 }
 

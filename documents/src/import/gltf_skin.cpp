@@ -8,6 +8,8 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <glm/gtc/type_ptr.hpp>
 
+#include <rtsg/core/portable_math.h>
+
 namespace rtsg::detail {
 
 using nlohmann::json;
@@ -54,7 +56,7 @@ Rotation rotationOf(const glm::dquat& turn) {
     const double sine = std::sqrt(turn.x * turn.x + turn.y * turn.y + turn.z * turn.z);
     if (sine == 0) return {};
     return {static_cast<float>(turn.x / sine), static_cast<float>(turn.y / sine), static_cast<float>(turn.z / sine),
-            static_cast<float>(2 * std::atan2(sine, turn.w))};
+            static_cast<float>(2 * portable::atan2(sine, turn.w))};
 }
 
 Rotation GltfSkin::Joint::rotation(const glm::dquat& turn) const {

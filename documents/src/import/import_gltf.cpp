@@ -4,6 +4,8 @@
 #include <cmath>
 #include <set>
 
+#include <rtsg/core/portable_math.h>
+
 #include "gltf_animation.h"
 
 namespace rtsg::detail {
@@ -184,7 +186,7 @@ class GltfImporter {
             // X3D's angle is that of the shorter side.
             const double vertical = GltfFile::number(lens, "yfov", .7854);
             const double aspect = GltfFile::number(lens, "aspectRatio", 1);
-            const double angle = aspect < 1 ? 2 * std::atan(std::tan(vertical / 2) * aspect) : vertical;
+            const double angle = aspect < 1 ? 2 * portable::atan(portable::tan(vertical / 2) * aspect) : vertical;
             view.set("fieldOfView", static_cast<float>(angle));
         }
         if (const double near = GltfFile::number(lens, "znear", -1); near > 0)

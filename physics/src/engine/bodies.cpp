@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 
 #include "engine.h"
@@ -198,7 +199,7 @@ void RigidBodyPhysics::Engine::send(Body& body, const Node& node) {
         if (!same) cascade.emit(node, field, value);
     };
     put(B::position, body.written.position, Vec3f(body.pose.place));
-    put(B::orientation, body.written.orientation, toField(body.pose.turn));
+    put(B::orientation, body.written.orientation, toRotation(body.pose.turn));
     put(B::linearVelocity, body.written.linearVelocity, Vec3f(body.linear));
     put(B::angularVelocity, body.written.angularVelocity, Vec3f(body.angular));
     if (!node.get(B::enabled)) return;  // it does not act, on its shapes neither
@@ -209,7 +210,7 @@ void RigidBodyPhysics::Engine::send(Body& body, const Node& node) {
         // Drawn below its CollidableOffsets, it is where the body has it.
         const Pose local = geom.listed == geom.leaf ? body.pose : geom.offset.inverse() * body.pose * geom.offset;
         const Vec3f place(local.place);
-        const Rotation turn = toField(local.turn);
+        const Rotation turn = toRotation(local.turn);
         using S = x3d::CollidableShape;
         if (!isSame(leaf->get(S::translation), place)) cascade.emit(*leaf, S::translation, place);
         if (!(leaf->get(S::rotation) == turn)) cascade.emit(*leaf, S::rotation, turn);

@@ -37,10 +37,6 @@ struct Pose {
     }
 };
 
-/// The quaternion of a field; a rotation without an axis becomes the identity.
-glm::dquat toQuaternion(const Rotation& rotation);
-/// The field of a unit quaternion; its angle is at most pi.
-Rotation toField(glm::dquat turn);
 bool isFinite(const Pose& pose);
 
 constexpr std::size_t kNone = SIZE_MAX;

@@ -2,6 +2,7 @@
 // drawn.
 #include <cmath>
 
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 
 #include "engine.h"
@@ -15,21 +16,6 @@ bool isLength(double value) {
 }
 
 }  // namespace
-
-glm::dquat toQuaternion(const Rotation& rotation) {
-    const glm::dvec3 axis(rotation.x, rotation.y, rotation.z);
-    const double length = glm::length(axis);
-    if (!(length > 0) || !std::isfinite(length) || !std::isfinite(rotation.angle)) return {1, 0, 0, 0};
-    return glm::angleAxis(static_cast<double>(rotation.angle), axis / length);
-}
-
-Rotation toField(glm::dquat turn) {
-    if (turn.w < 0) turn = -turn;
-    const double sine = std::sqrt(turn.x * turn.x + turn.y * turn.y + turn.z * turn.z);
-    if (!(sine > 0)) return {0, 0, 1, 0};
-    return {static_cast<float>(turn.x / sine), static_cast<float>(turn.y / sine), static_cast<float>(turn.z / sine),
-            static_cast<float>(2 * std::atan2(sine, turn.w))};
-}
 
 bool isFinite(const Pose& pose) {
     const auto sound = [](double value) { return std::abs(value) < 1e12; };  // false for NaN
@@ -59,7 +45,7 @@ bool GeomMaker::make(const Node& geometry, Geom& into) {
         const double radius = geometry.get(x3d::Cylinder::radius), height = geometry.get(x3d::Cylinder::height);
         if (!isLength(radius) || !isLength(height)) return false;
         into.geom = dCreateCylinder(nullptr, radius, height);  // along z
-        into.shape.turn = glm::angleAxis(std::acos(0.0), glm::dvec3(1, 0, 0));
+        into.shape.turn = turnAbout(glm::dvec3(1, 0, 0), std::numbers::pi / 2);
         return true;
     }
     return mesh(geometry, into);

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 
 #include "engine.h"

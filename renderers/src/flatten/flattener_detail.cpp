@@ -3,6 +3,8 @@
 #include <cmath>
 #include <limits>
 
+#include <rtsg/core/portable_math.h>
+
 #include "flattener_impl.h"
 #include "mesh/triangle_distance.h"
 
@@ -69,7 +71,7 @@ double Flattener::Impl::levelNeeded(const Instance& instance, const Detail& deta
         allowed = std::min(allowed, options.error.pixels * pixelAcross(*sight, std::max(distance, 0.0)));
     }
     if (!std::isfinite(allowed)) allowed = error(TessellationOptions());  // of a layer that the picture does not show
-    return std::log2(error(Tessellator::levelOptions(0)) / allowed) / 2;
+    return portable::log2(error(Tessellator::levelOptions(0)) / allowed) / 2;
 }
 
 std::optional<int> Flattener::Impl::nextLevel(double needed, std::optional<int> now) const {

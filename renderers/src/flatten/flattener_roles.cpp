@@ -5,6 +5,8 @@
 #include <cmath>
 
 #include <rtsg/core/geospatial.h>
+#include <rtsg/core/portable_math.h>
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 
 namespace rtsg::flatten {
@@ -57,14 +59,8 @@ void takeRole(const NodeType& type, TypeRole& role) {
 /// Rotates by the axis and angle; false if it is none.
 bool rotationMatrix(const Rotation& r, glm::dmat3& out) {
     const Vec3d axis(r.x, r.y, r.z);
-    const double length = glm::length(axis), angle = r.angle;
-    if (angle == 0 || length == 0) return false;
-    const Vec3d a = axis / length;
-    const double c = std::cos(angle), s = std::sin(angle);
-    const Vec3d b = a * (1 - c);
-    out[0] = {c + b.x * a.x, b.x * a.y + s * a.z, b.x * a.z - s * a.y};
-    out[1] = {b.y * a.x - s * a.z, c + b.y * a.y, b.y * a.z + s * a.x};
-    out[2] = {b.z * a.x + s * a.y, b.z * a.y - s * a.x, c + b.z * a.z};
+    if (r.angle == 0 || glm::length(axis) == 0) return false;
+    out = turnMatrix(axis, double{r.angle});
     return true;
 }
 
@@ -254,12 +250,9 @@ bool turnTowards(const Node& node, const TypeRole& role, const WorldFromLocal& w
         const Vec3d a = axis / axisLength;
         const Vec3d from = Vec3d(0, 0, 1) - a * a.z, to = towards - a * glm::dot(a, towards);
         if (!(glm::length(from) > 1e-9) || !(glm::length(to) > 1e-9 * distance)) return false;
-        const double angle = std::atan2(glm::dot(glm::cross(from, to), a), glm::dot(from, to));
-        const double c = std::cos(angle), s = std::sin(angle);
-        const auto turned = [&](const Vec3d& v) {
-            return v * c + glm::cross(a, v) * s + a * (glm::dot(a, v) * (1 - c));
-        };
-        x = turned({1, 0, 0}), y = turned({0, 1, 0}), z = turned({0, 0, 1});
+        const double angle = portable::atan2(glm::dot(glm::cross(from, to), a), glm::dot(from, to));
+        const glm::dmat3 turned = turnMatrix(a, angle);
+        x = turned[0], y = turned[1], z = turned[2];
     } else {
         // 23.4.1: towards the eye, its y axis as that of the picture, however the eye leans.
         z = towards / distance;

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 
 namespace rtsg::flatten {
@@ -183,7 +184,8 @@ LayerSight::Ray LayerSight::ray(double x, double y) const {
     const double u = edges[0] + (edges[1] - edges[0]) * x, v = edges[3] + (edges[2] - edges[3]) * y;
     if (kind == Kind::parallel) return {eye + u * right + v * up, forward};
     if (kind == Kind::around)
-        return {eye, std::cos(v) * (std::cos(u) * forward + std::sin(u) * right) + std::sin(v) * up};
+        return {eye,
+                portable::cos(v) * (portable::cos(u) * forward + portable::sin(u) * right) + portable::sin(v) * up};
     return {eye, glm::normalize(forward + u * right + v * up)};
 }
 

@@ -16,6 +16,8 @@
 #include <rtsg/renderers/mesh.h>
 #include <rtsg/renderers/tessellate.h>
 
+#include <rtsg/core/portable_math.h>
+
 namespace rtsg::detail {
 
 constexpr float kLargestCoordinate = 1e18f;  // Embree ignores triangles beyond 1.8e18
@@ -126,7 +128,9 @@ MeshAttribute generateNormals(const Mesh& mesh, float creaseAngle);
 class NormalGenerator {
   public:
     NormalGenerator(float creaseAngle, bool remember)
-        : creaseAngle_(creaseAngle), chord_(2.0f * std::sin(0.5f * creaseAngle)), remember_(remember) {}
+        : creaseAngle_(creaseAngle),
+          chord_(static_cast<float>(2 * portable::sin(.5 * double{creaseAngle}))),
+          remember_(remember) {}
     /// Precondition: the same triangles each time.
     MeshAttribute make(const Mesh& mesh);
 

@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 #include <glm/gtc/matrix_transform.hpp>
 
+#include <rtsg/core/rotation.h>
+
 #include "tessellate_detail.h"
 
 namespace rtsg {
@@ -110,7 +112,7 @@ Frame rotationOf(Rotation rotation) {
     const Vec3d axis(rotation.x, rotation.y, rotation.z);
     const double length = glm::length(axis);
     if (!(length > 0) || !std::isfinite(length) || !std::isfinite(rotation.angle)) return Frame(1);
-    return Frame(glm::rotate(glm::dmat4(1), double{rotation.angle}, axis / length));
+    return turnMatrix(axis, double{rotation.angle});
 }
 
 /// One value holds for all points; a list that is too short goes on with its last value.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <numbers>
 
+#include <rtsg/core/portable_math.h>
+
 #include "tessellate_detail.h"
 
 namespace rtsg {
@@ -14,7 +16,7 @@ using detail::warn;
 namespace {
 
 Vec2f onCircle(double angle) {
-    return {static_cast<float>(std::cos(angle)), static_cast<float>(std::sin(angle))};
+    return {static_cast<float>(portable::cos(angle)), static_cast<float>(portable::sin(angle))};
 }
 
 }  // namespace

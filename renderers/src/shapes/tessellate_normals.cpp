@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/portable_math.h>
+
 #include "mesh/simd8.h"
 #include "tessellate_detail.h"
 
@@ -41,8 +43,8 @@ TriangleFrame frameOfExtreme(const Mesh& mesh, std::uint32_t triangle) {
         if (!(lengths[i] > 0.0)) return {};
         e[i] /= lengths[i];
     }
-    frame.angle[0] = static_cast<float>(std::acos(std::clamp(-glm::dot(e[0], e[2]), -1.0, 1.0)));
-    frame.angle[1] = static_cast<float>(std::acos(std::clamp(-glm::dot(e[1], e[0]), -1.0, 1.0)));
+    frame.angle[0] = static_cast<float>(portable::acos(std::clamp(-glm::dot(e[0], e[2]), -1.0, 1.0)));
+    frame.angle[1] = static_cast<float>(portable::acos(std::clamp(-glm::dot(e[1], e[0]), -1.0, 1.0)));
     frame.angle[2] = std::max(0.0f, kPi - frame.angle[0] - frame.angle[1]);
     return frame;
 }

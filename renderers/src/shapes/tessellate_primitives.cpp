@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/portable_math.h>
+
 #include "tessellate_detail.h"
 
 namespace rtsg {
@@ -16,7 +18,7 @@ int TessellationOptions::segmentsAround() const {
     if (segments > 0) return std::clamp(segments, 4, 4096);
     // A chord is radius * (1 - cos(pi / n)) away from its arc.
     const double error = std::clamp(chordError > 0 ? double{chordError} : 0.0025, 1e-6, 0.25);
-    const double exact = std::numbers::pi / std::acos(1.0 - error);
+    const double exact = std::numbers::pi / portable::acos(1.0 - error);
     return std::clamp(static_cast<int>(std::ceil(exact / 8.0)) * 8, 8, 4096);
 }
 
@@ -31,7 +33,7 @@ std::vector<Turn> turns(int n) {
     std::vector<Turn> result(static_cast<std::size_t>(n) + 1);
     for (int k = 0; k <= n; ++k) {
         const int m = k % n;
-        double s = std::sin(2.0 * std::numbers::pi * m / n), c = std::cos(2.0 * std::numbers::pi * m / n);
+        double s = portable::sin(2.0 * std::numbers::pi * m / n), c = portable::cos(2.0 * std::numbers::pi * m / n);
         if (2 * m % n == 0) s = 0;
         if (4 * m % n == 0 && 2 * m % n != 0) c = 0;
         result[static_cast<std::size_t>(k)] = {static_cast<float>(-s), static_cast<float>(-c)};
@@ -115,8 +117,8 @@ Mesh tessellate(const SphereParams& params, const TessellationOptions& options) 
     addPoint({0, -1, 0});
     for (int j = 1; j < rings; ++j) {
         const double latitude = std::numbers::pi * (static_cast<double>(j) / rings - 0.5);
-        const float y = 2 * j == rings ? 0.0f : static_cast<float>(std::sin(latitude));
-        const float r = 2 * j == rings ? 1.0f : static_cast<float>(std::cos(latitude));
+        const float y = 2 * j == rings ? 0.0f : static_cast<float>(portable::sin(latitude));
+        const float r = 2 * j == rings ? 1.0f : static_cast<float>(portable::cos(latitude));
         for (int k = 0; k < n; ++k)
             addPoint({r * turn[static_cast<std::size_t>(k)].x, y, r * turn[static_cast<std::size_t>(k)].z});
     }
@@ -165,7 +167,7 @@ Mesh tessellate(const ConeParams& params, const TessellationOptions& options) {
     if (params.side) {
         const int apex = out.addPosition({0, y, 0});
         // The normal leans by the slope; at the apex it is that of the middle of the segment.
-        const double slant = std::hypot(double{params.height}, double{r});
+        const double slant = portable::hypot(double{params.height}, double{r});
         const auto across = static_cast<float>(params.height / slant), up = static_cast<float>(r / slant);
         for (const Turn t : between) out.addNormal({across * t.x, up, across * t.z});
         for (int k = 0; k <= n; ++k) out.addTexCoord({static_cast<float>(k) / static_cast<float>(n), 0.0f});

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <numbers>
 
+#include <rtsg/core/portable_math.h>
+
 #include "tessellate_detail.h"
 
 namespace rtsg {
@@ -166,7 +168,7 @@ Mesh tessellate(const Arc2DParams& p, const TessellationOptions& options) {
     Vec3f* out = line.coord.mutableData();
     for (int i = 0; i <= n; ++i) {
         const double a = p.startAngle + (sweep == turn && i == n ? 0 : sweep * i / n);
-        out[i] = p.radius * Vec3f(static_cast<float>(std::cos(a)), static_cast<float>(std::sin(a)), 0);
+        out[i] = p.radius * Vec3f(static_cast<float>(portable::cos(a)), static_cast<float>(portable::sin(a)), 0);
     }
     Mesh mesh = tessellate(line);
     mesh.curveSize = p.radius;

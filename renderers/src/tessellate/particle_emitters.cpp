@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 #include <rtsg/renderers/tessellate.h>
@@ -25,7 +26,7 @@ Vec3d directionInCone(const Vec3d& axis, double least, KeyedNumbers& numbers) {
     if (!any && least >= 1) return z;
     const Vec3d x = glm::normalize(glm::cross(std::abs(z.x) < .5 ? Vec3d(1, 0, 0) : Vec3d(0, 1, 0), z));
     const double across = std::sqrt(std::max(0.0, 1 - along * along));
-    return z * along + (x * std::cos(turn) + glm::cross(z, x) * std::sin(turn)) * across;
+    return z * along + (x * portable::cos(turn) + glm::cross(z, x) * portable::sin(turn)) * across;
 }
 
 ParticleEmitter::ParticleEmitter(const Scene& scene, const Node& emitter,
@@ -172,7 +173,8 @@ void ParticleEmitter::emit(const EmissionSpan& span, KeyedNumbers& numbers, Vec3
         direction = directionInCone(Vec3d(0), -1, numbers);
     else
         direction = directionInCone(
-            span.direction, kind_ == Kind::cone ? std::cos(std::clamp(span.angle, 0.0, std::numbers::pi)) : 1, numbers);
+            span.direction, kind_ == Kind::cone ? portable::cos(std::clamp(span.angle, 0.0, std::numbers::pi)) : 1,
+            numbers);
     velocity = direction * speed;
 }
 

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/scene.h>
 #include <rtsg/core/x3d.h>
 
@@ -120,7 +121,7 @@ class Physics {
         std::vector<Vec3d> blown(winds_.size());
         for (std::size_t i = 0; i < winds_.size(); ++i) {
             // 40.4.9: each is turned by the turbulence in its own way, for all its life.
-            const double widest = std::cos(std::numbers::pi * winds_[i].turbulence);
+            const double widest = portable::cos(std::numbers::pi * winds_[i].turbulence);
             blown[i] =
                 directionInCone(winds_[i].direction, widest, numbers) * (winds_[i].pressure * span.surfaceArea / mass);
         }

@@ -414,7 +414,7 @@ JSObject* newBridge(JSContext* cx) {
     if (!bridge || !JS_DefineFunctions(cx, bridge, functions)) return nullptr;
     JS::RootedString version(cx, JS_NewStringCopyZ(cx, RTSG_VERSION));
     if (!version || !JS_DefineProperty(cx, bridge, "version", version, 0)) return nullptr;
-    return addDocumentBridge(cx, bridge) ? bridge.get() : nullptr;
+    return addDocumentBridge(cx, bridge) && addMathBridge(cx, bridge) ? bridge.get() : nullptr;
 }
 
 }  // namespace rtsg::script

@@ -45,4 +45,7 @@ inline FieldIndex fieldCalled(const Scene& scene, const NodeType& type, std::str
 /// Adds the functions about the document as a whole (bridge_document.cpp). False when memory runs out.
 bool addDocumentBridge(JSContext* cx, JS::HandleObject bridge);
 
+/// Adds `math`, the elementary functions (bridge_math.cpp). False when memory runs out.
+bool addMathBridge(JSContext* cx, JS::HandleObject bridge);
+
 }  // namespace rtsg::script

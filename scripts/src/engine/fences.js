@@ -1,5 +1,5 @@
-// What a Script must not take from the machine: chance, the clock, the time zone, the locale, and more memory at once
-// than there is for scripts. Two runs of one document agree wherever they run. Source: ECMA-262, 21.4 (Date); ECMA-402.
+// What a Script must not take from the machine: chance, the clock, the time zone, the locale, the last bits of its
+// arithmetic, and more memory at once than there is for scripts. Two runs of one document agree wherever they run. Source: ECMA-262, 21.4 (Date); ECMA-402.
 //
 // Evaluated once a thread, in the realm of the prelude; each fence is put up in a program's realm when the program
 // first names what it is for (which costs nothing until then). Local time is UTC; the locale is en-US.
@@ -20,6 +20,17 @@
             seed ^= seed << 5; seed >>>= 0;
             return seed / 4294967296;
         });
+    }
+
+    // ---- elementary functions: the scene's, which have the same bits everywhere --------------------------------------
+    const elementary = Object.getOwnPropertyNames(native.math).map(name => [name, Object.freeze(native.math[name])]);
+    function arithmetic(global) {
+        for (const [name, f] of elementary) global.Math[name] = f;
+    }
+    arithmetic(globalThis);
+    function mathematics(global, self) {
+        arithmetic(global);
+        chance(global, self);
     }
 
     // ---- dates: the engine's own, without its clock and its local time ----------------------------------------------
@@ -212,7 +223,7 @@
 
     // By the name that a program uses first.
     const byName = Object.create(null);
-    byName.Math = chance;
+    byName.Math = mathematics;
     byName.Date = dates;
     byName.Intl = formats;
     byName.JSON = json;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <rtsg/core/portable_math.h>
+
 namespace rtsg {
 
 namespace {
@@ -19,8 +21,8 @@ struct Quaternion {
 Quaternion quaternionOf(const Rotation& r) {
     const double length = std::sqrt(double(r.x) * r.x + double(r.y) * r.y + double(r.z) * r.z);
     if (!(length > 0)) return {1, 0, 0, 0};
-    const double s = std::sin(double(r.angle) / 2) / length;
-    return {std::cos(double(r.angle) / 2), s * r.x, s * r.y, s * r.z};
+    const double s = portable::sin(double(r.angle) / 2) / length;
+    return {portable::cos(double(r.angle) / 2), s * r.x, s * r.y, s * r.z};
 }
 
 Rotation slerp(const Rotation& from, const Rotation& to, double t) {
@@ -31,13 +33,13 @@ Rotation slerp(const Rotation& from, const Rotation& to, double t) {
         b = {-b.w, -b.x, -b.y, -b.z};
         dot = -dot;
     }
-    const double angle = std::acos(std::min(1.0, dot)), sine = std::sin(angle);
-    const double u = sine > 1e-9 ? std::sin((1 - t) * angle) / sine : 1 - t;
-    const double v = sine > 1e-9 ? std::sin(t * angle) / sine : t;
+    const double angle = portable::acos(std::min(1.0, dot)), sine = portable::sin(angle);
+    const double u = sine > 1e-9 ? portable::sin((1 - t) * angle) / sine : 1 - t;
+    const double v = sine > 1e-9 ? portable::sin(t * angle) / sine : t;
     const Quaternion q{u * a.w + v * b.w, u * a.x + v * b.x, u * a.y + v * b.y, u * a.z + v * b.z};
     const double axis = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z);
     if (!(axis > 0)) return {to.x, to.y, to.z, 0};
-    return {float(q.x / axis), float(q.y / axis), float(q.z / axis), float(2 * std::atan2(axis, q.w))};
+    return {float(q.x / axis), float(q.y / axis), float(q.z / axis), float(2 * portable::atan2(axis, q.w))};
 }
 
 template <class T>

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <rtsg/core/portable_math.h>
+
 #include "columns/value_history.h"
 
 namespace rtsg {
@@ -21,9 +23,9 @@ double distance(FieldType type, const float* a, const float* b) {
     const auto read = [&](const float* floats, double* to) {
         double scale = 1;
         if (type == FieldType::SFRotation)
-            scale = static_cast<double>(floats[3]) / std::hypot(static_cast<double>(floats[0]),
-                                                                static_cast<double>(floats[1]),
-                                                                static_cast<double>(floats[2]));
+            scale = static_cast<double>(floats[3]) / portable::hypot(static_cast<double>(floats[0]),
+                                                                     static_cast<double>(floats[1]),
+                                                                     static_cast<double>(floats[2]));
         for (int l = 0; l < lanes; ++l) to[l] = static_cast<double>(floats[l]) * scale;
     };
     read(a, x);

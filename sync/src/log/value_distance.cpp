@@ -6,6 +6,8 @@
 
 #include <rtsg/sync/field_comparison.h>
 
+#include <rtsg/core/portable_math.h>
+
 namespace rtsg {
 
 namespace {
@@ -23,8 +25,8 @@ double apart(const Rotation& a, const Rotation& b) {
     if (a == b) return 0;
     const auto quaternion = [](const Rotation& r, double(&q)[4]) {
         const double length = std::sqrt(double(r.x) * r.x + double(r.y) * r.y + double(r.z) * r.z);
-        const double s = length > 0 ? std::sin(double(r.angle) / 2) / length : 0;
-        q[0] = length > 0 ? std::cos(double(r.angle) / 2) : 1;
+        const double s = length > 0 ? portable::sin(double(r.angle) / 2) / length : 0;
+        q[0] = length > 0 ? portable::cos(double(r.angle) / 2) : 1;
         q[1] = s * r.x, q[2] = s * r.y, q[3] = s * r.z;
     };
     double p[4], q[4];
@@ -33,7 +35,7 @@ double apart(const Rotation& a, const Rotation& b) {
     // Uses the chords p - q and p + q, which are exact for small angles; the arc cosine of the product is not.
     double near = 0, far = 0;
     for (int i = 0; i < 4; ++i) near += (p[i] - q[i]) * (p[i] - q[i]), far += (p[i] + q[i]) * (p[i] + q[i]);
-    const double angle = 4 * std::atan2(std::sqrt(std::min(near, far)), std::sqrt(std::max(near, far)));
+    const double angle = 4 * portable::atan2(std::sqrt(std::min(near, far)), std::sqrt(std::max(near, far)));
     return std::isnan(angle) ? kApart : angle;
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include <rtsg/core/placement.h>
+#include <rtsg/core/portable_math.h>
 #include <rtsg/core/x3d.h>
 
 namespace rtsg {
@@ -35,15 +36,15 @@ std::uint64_t cellKey(std::int64_t x, std::int64_t y, std::int64_t z) {
 }
 
 int levelFor(double size, int smallest) {
-    const int level = size > 0 ? static_cast<int>(std::ceil(std::log2(size))) : smallest;
+    const int level = size > 0 ? static_cast<int>(std::ceil(portable::log2(size))) : smallest;
     return std::clamp(level, smallest, kHighestLevel);
 }
 
 }  // namespace
 
 void ShapePlaces::coverRadius(double smallest) {
-    smallestLevel_ =
-        std::clamp(static_cast<int>(std::floor(std::log2(std::max(smallest, 1e-9)))) - 1, kLowestLevel, kHighestLevel);
+    smallestLevel_ = std::clamp(static_cast<int>(std::floor(portable::log2(std::max(smallest, 1e-9)))) - 1,
+                                kLowestLevel, kHighestLevel);
     root_ = kNone;
 }
 
@@ -263,7 +264,7 @@ void ShapePlaces::takeOutOfCell(PlaceId id) {
 void ShapePlaces::find(const Vec3d& center, double radius, std::vector<PlaceId>& out) const {
     for (const auto& [level, cells] : levels_) {
         // A box reaches at most half a cell beyond the cell of its centre.
-        const double edge = std::exp2(level), reach = radius + edge * .5;
+        const double edge = std::ldexp(1, level), reach = radius + edge * .5;
         std::array<std::int64_t, 3> low{}, high{};
         double number = 1;
         for (int i = 0; i < 3; ++i) {

@@ -10,6 +10,7 @@
 #include <rtsg/core/change_composer.h>
 #include <rtsg/core/geospatial.h>
 #include <rtsg/core/navigation.h>
+#include <rtsg/core/rotation.h>
 #include <rtsg/core/x3d.h>
 
 #include "columns/budget.h"
@@ -63,17 +64,12 @@ class Ranks {
         if (places_.size() < kMostPlaces) places_[id.value] = at;
         return at;
     }
-    static glm::dquat turn(const Rotation& r) {
-        const glm::dvec3 axis(r.x, r.y, r.z);
-        const double length = glm::length(axis);
-        return length > 0 ? glm::angleAxis(static_cast<double>(r.angle), axis / length) : glm::dquat(1, 0, 0, 0);
-    }
     static glm::dvec3 through(const Node& node, const glm::dvec3& point) {
         using T = x3d::Transform;
         const glm::dvec3 center(node.get(T::center));
-        const glm::dquat stretch = turn(node.get(T::scaleOrientation));
+        const glm::dquat stretch = toQuaternion(node.get(T::scaleOrientation));
         const glm::dvec3 scaled = glm::dvec3(node.get(T::scale)) * (glm::conjugate(stretch) * (point - center));
-        return glm::dvec3(node.get(T::translation)) + center + turn(node.get(T::rotation)) * (stretch * scaled);
+        return glm::dvec3(node.get(T::translation)) + center + toQuaternion(node.get(T::rotation)) * (stretch * scaled);
     }
 
     const Scene& scene_;

@@ -1,0 +1,25 @@
+// The module librtsg_fft.so: transforms by libavutil. Links nothing of ours, throws nothing.
+extern "C" {
+#include <libavutil/tx.h>
+}
+
+#include "signal/quick_fft.h"
+
+namespace rtsg {
+namespace {
+
+bool make(std::size_t size, bool isInverse, float scale, QuickTransform& made) {
+    return av_tx_init(&made.context, &made.run, AV_TX_FLOAT_RDFT, isInverse ? 1 : 0, static_cast<int>(size), &scale,
+                      AV_TX_UNALIGNED) >= 0;
+}
+void destroy(QuickTransform& made) {
+    av_tx_uninit(&made.context);
+}
+
+}  // namespace
+}  // namespace rtsg
+
+extern "C" [[gnu::visibility("default")]] const rtsg::QuickTransforms* RTSG_FFT_SYMBOL() {
+    static constexpr rtsg::QuickTransforms transforms{rtsg::make, rtsg::destroy};
+    return &transforms;
+}

@@ -1,0 +1,26 @@
+// Transforms of real signals by libavutil, as its module hands them out: the library drags in a dozen and a half of
+// others, which only sound needs.
+#pragma once
+
+#include <cstddef>
+
+struct AVTXContext;
+
+namespace rtsg {
+
+/// What transforms one size in one direction.
+struct QuickTransform {
+    AVTXContext* context = nullptr;
+    void (*run)(AVTXContext* context, void* to, void* from, std::ptrdiff_t stride) = nullptr;
+};
+
+struct QuickTransforms {
+    /// False where the library has none. Forward, `scale` is 1; backward the reciprocal of the size.
+    bool (*make)(std::size_t size, bool isInverse, float scale, QuickTransform& made);
+    void (*destroy)(QuickTransform& made);
+};
+
+// Goes up with every change of what stands above.
+#define RTSG_FFT_SYMBOL rtsg_quick_transforms_1
+
+}  // namespace rtsg
