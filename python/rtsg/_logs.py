@@ -5,15 +5,20 @@ import numpy as np
 
 from . import _rtsg
 
-_COMPONENTS = {2: "xy", 3: "xyz", 4: "xyzw"}
+_COMPONENTS = {"SFVec2f": "xy", "SFVec2d": "xy", "SFVec3f": "xyz", "SFVec3d": "xyz", "SFVec4f": "xyzw", "SFVec4d": "xyzw",
+               "SFColor": "rgb", "SFColorRGBA": "rgba", "SFRotation": ("x", "y", "z", "angle")}
 
 
 class Table(dict):
     """Columns by their names: "time" (n seconds since the log's start), and "NODE.field" (n rows) each.
 
     Numbers are arrays of n, n x 3 and so on; texts, nodes and MF fields arrays of objects. Rows of states in which the
-    node was not there are NaN, or None.
+    node was not there are NaN, or None. `types`: the type of each field.
     """
+
+    def __init__(self, columns, types):
+        super().__init__(columns)
+        self.types = types
 
     def flat(self):
         """The same with one number a row in each column: "TRAIN.rotation" becomes "TRAIN.rotation.x" and so on."""
@@ -23,7 +28,7 @@ class Table(dict):
                 columns[name] = column
                 continue
             rows = column.reshape(len(column), int(np.prod(column.shape[1:])))
-            words = _COMPONENTS.get(rows.shape[1])
+            words = _COMPONENTS.get(self.types[name])
             for i in range(rows.shape[1]):
                 columns[f"{name}.{words[i] if words else i}"] = rows[:, i]
         return columns
@@ -76,4 +81,4 @@ class Log(_rtsg.Log):
 
         Raises NoSuchName for a path that no state has. The log's scene stays in its state.
         """
-        return Table(self._table(list(paths), start, stop, every))
+        return Table(*self._table(list(paths), start, stop, every))

@@ -140,10 +140,26 @@ py::object numbersOf(const LogTable::Column& column, const std::vector<py::ssize
     return array;
 }
 
+/// A node by its name, or "#12".
+py::object labelOf(NodeId id, const Scene& scene) {
+    if (!id) return py::none();
+    const std::string_view name = scene.find(id) ? scene.name(id) : std::string_view();
+    return py::str(name.empty() ? "#" + std::to_string(id.value) : std::string(name));
+}
+
+py::object objectOf(const Value& value, const py::object& scene) {
+    const Scene& inside = py::cast<const SceneHandle&>(scene).scene();
+    if (value.type() == FieldType::SFNode) return labelOf(value.as<NodeId>(), inside);
+    if (value.type() != FieldType::MFNode) return python::toPython(value, scene);
+    py::list labels;
+    for (const NodeId id : value.as<Array<NodeId>>()) labels.append(labelOf(id, inside));
+    return py::tuple(labels);
+}
+
 py::object objectsOf(const LogTable::Column& column, const py::object& scene) {
     py::object array = py::module_::import("numpy").attr("empty")(column.rows.size(), py::arg("dtype") = "object");
     for (std::size_t i = 0; i < column.rows.size(); ++i)
-        if (column.rows[i]) array[py::int_(i)] = python::toPython(*column.rows[i], scene);
+        if (column.rows[i]) array[py::int_(i)] = objectOf(*column.rows[i], scene);
     return array;
 }
 
@@ -171,7 +187,8 @@ py::object arrayOf(const LogTable::Column& column, const py::object& scene) {
     return array;
 }
 
-py::dict table(const Log& log, const std::vector<std::string>& paths, double from, double to, std::uint64_t every) {
+/// The columns, and the types of their fields.
+py::tuple table(const Log& log, const std::vector<std::string>& paths, double from, double to, std::uint64_t every) {
     if (paths.empty()) throw py::value_error("table() takes at least one \"NODE.field\"");
     if (every == 0) throw py::value_error("every is 1 or more");
     LogTable made = take(LogTable::make(paths));
@@ -207,12 +224,14 @@ py::dict table(const Log& log, const std::vector<std::string>& paths, double fro
         lost->time -= log.start();
         warn(log.file().string() + ": " + lost->format());
     }
-    py::dict result;
+    py::dict result, types;
     const std::vector<double>& times = made.times();
     result["time"] = py::array_t<double>(static_cast<py::ssize_t>(times.size()), times.data());
-    for (const LogTable::Column* const column : made.columns())
+    for (const LogTable::Column* const column : made.columns()) {
         result[py::str(column->name)] = arrayOf(*column, log.scene());
-    return result;
+        types[py::str(column->name)] = std::string(info(column->type).name);
+    }
+    return py::make_tuple(result, types);
 }
 
 // ---- what a log tells ----------------------------------------------------------------------------------------------

@@ -37,6 +37,7 @@ PYBIND11_MODULE(_rtsg, module) {
     addMirrors(module);
     addLogs(module);
     addReplayTests(module);
+    module.def("_living", [] { return SceneHandle::all().size(); }, "How many scenes there are, closed ones included.");
     py::module_::import("atexit").attr("register")(py::cpp_function(&end));
     py::module_::import("os").attr("register_at_fork")(py::arg("after_in_child") = py::cpp_function(&afterFork));
 }

@@ -99,10 +99,17 @@ py::tuple fieldNames(const NodeObject& object) {
     return names;
 }
 
+py::dict fieldTypes(const NodeObject& object) {
+    py::dict types;
+    for (const FieldDef& def : object.node().type().fields)
+        if (!def.hidden) types[py::str(def.name)] = std::string(info(def.type).name);
+    return types;
+}
+
 py::list directory(const NodeObject& object) {
     py::list names(fieldNames(object));
-    for (const char* const own : {"def_name", "type_name", "node_id", "field_names", "is_alive", "parent_nodes",
-                                  "send_event", "add_child", "remove_child", "text_of"})
+    for (const char* const own : {"def_name", "type_name", "node_id", "field_names", "field_types", "is_alive",
+                                  "parent_nodes", "send_event", "add_child", "remove_child", "text_of"})
         names.append(own);
     return names;
 }
@@ -160,6 +167,8 @@ void addNodes(py::module_& module) {
             "node_id", [](const NodeObject& n) { return n.id.value; },
             "Its number, which no other node of the scene ever has; \"#12\" names node 12.")
         .def_property_readonly("field_names", fieldNames, "The names of its fields.")
+        .def_property_readonly("field_types", fieldTypes,
+                               "The type of each field: {\"translation\": \"SFVec3f\", ...}.")
         .def_property_readonly(
             "is_alive", [](const NodeObject& n) { return n.handle->scene().find(n.id) != nullptr; },
             "False once it was destroyed.")
