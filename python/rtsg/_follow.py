@@ -53,10 +53,13 @@ class Follower(_rtsg.Follower):
                 raise Error(f"no verdict on request {request} within {timeout:g} s", code="mirror")
             self.poll(min(_WAIT, end - time.monotonic()))
 
-    def wait(self, timeout=10.0):
-        """Waits until the replica is in the newest state of the origin; returns its scene. Raises Error after `timeout`."""
+    def wait(self, timeout=10.0, *, number=0):
+        """Waits until the replica is in the newest state that was heard of, or in that of this `number` or a later one.
+
+        Returns its scene. Raises Error after `timeout` seconds.
+        """
         end = time.monotonic() + timeout
-        while not (self.in_step and self.scene.number):
+        while not (self.in_step and self.scene.number >= max(number, 1)):
             if time.monotonic() >= end:
                 raise Error(f"not in step with the origin after {timeout:g} s", code="mirror")
             self.poll(min(_WAIT, max(0.0, end - time.monotonic())))

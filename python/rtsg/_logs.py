@@ -68,9 +68,8 @@ class Log(_rtsg.Log):
         """
         if every < 1:
             raise ValueError("every is 1 or more")
-        self.seek(start)
-        number, more = 0, self.time >= start or self.step()
-        while more and self.time <= stop:
+        number, more = 0, self._seek_first(start)
+        while more and self.time <= stop + 1e-6:
             if number % every == 0:
                 yield self.changes
             number += 1

@@ -82,6 +82,15 @@ class Log {
         check_ = std::make_unique<LogCheck>(inside);
         handle_->raisePending();
     }
+    /// To the first state that is not before this time. False: there is none.
+    bool seekFirst(double seconds) {
+        seek(seconds - kSame);
+        while (time() < seconds - kSame)
+            if (!step()) return false;
+        return true;
+    }
+    /// Times since 1970 are exact to a quarter of this.
+    static constexpr double kSame = 1e-6;
     py::object changes() const {
         return python::toPython(std::make_shared<const ChangeSet>(replayer().lastSet()), scene_);
     }
@@ -202,16 +211,16 @@ py::tuple table(const Log& log, const std::vector<std::string>& paths, double fr
         Replayer& inside = **replayer;
         const Attachment attachment = inside.scene().bus().attach(made);
         if (from > 0)
-            if (auto ok = inside.seek(log.start() + from); !ok) return ok;
+            if (auto ok = inside.seek(log.start() + from - Log::kSame); !ok) return ok;
         LogCheck check(inside);
-        if (from > 0 && inside.time() >= log.start() + from) made.addRow(inside.time() - log.start());
+        bool there = inside.frames() > 0;
         for (std::uint64_t state = 0; !(interrupted = interruption());) {
-            const auto more = check.step();
-            if (more && !*more) break;
-            if (!more) continue;  // it goes on with the next keyframe, and is noted
             const double time = inside.time() - log.start();
-            if (time > to) break;
-            if (state++ % every == 0) made.addRow(time);
+            if (there && time > to + Log::kSame) break;
+            if (there && time >= from - Log::kSame && state++ % every == 0) made.addRow(time);
+            const auto more = check.step();  // after a state that cannot be had it goes on with the next keyframe
+            if (more && !*more) break;
+            there = more.has_value();
         }
         lost = check.first();
         return {};
@@ -390,6 +399,7 @@ void addLogs(py::module_& module) {
             "at_end", [](const Log& l) { return l.replayer().atEnd(); }, "No state comes after it.")
         .def("step", &Log::step, "To the next state. False at the end.")
         .def("seek", &Log::seek, py::arg("seconds"), "To the last state at or before this time since the log's start.")
+        .def("_seek_first", &Log::seekFirst)
         .def("_table", table, py::arg("paths"), py::arg("start"), py::arg("stop"), py::arg("every"))
         .def_property_readonly("summary", summary, "States, bytes, seconds, damage and so on, as a dict.")
         .def("verify", verify,

@@ -24,7 +24,9 @@ namespace {
 /// Calls functions of Python with scenes that are the test's; what one raises ends the test, and is raised after it.
 class Calls {
   public:
-    ~Calls() {
+    /// While the scenes are still there.
+    void end() {
+        const py::gil_scoped_acquire lock;
         for (const auto& handle : handles_) handle->end();
     }
     /// The Scene object of a scene of the test, the same each time.
@@ -108,6 +110,10 @@ py::object runTest(const fs::path& log, const py::object& scene, const py::objec
     Scene* running = nullptr;
     test.attach = [&](Scene& made) -> Result<> {
         running = &made;
+        return {};
+    };
+    test.finish = [&]() -> Result<> {
+        calls.end();
         return {};
     };
     Interruption interruption;

@@ -31,7 +31,8 @@ bool carryOut(rtsg::Scene& scene, std::istringstream& line) {
         std::string value;
         std::getline(line, value);
         const std::string path = "#" + std::to_string(node) + "." + name;
-        return (what == "set" ? rtsg::setFieldText(scene, path, value) : rtsg::sendFieldText(scene, path, value)).has_value();
+        return (what == "set" ? rtsg::setFieldText(scene, path, value) : rtsg::sendFieldText(scene, path, value))
+            .has_value();
     }
     line >> name >> second >> other;
     const rtsg::FieldRef at = fieldOf(scene, node, name);

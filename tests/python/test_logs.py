@@ -1,0 +1,138 @@
+"""Logs: written, gone through, as columns, compared, and damaged."""
+import numpy as np
+import pytest
+
+import rtsg
+from conftest import MOVING
+
+
+@pytest.fixture
+def recorded(moving, tmp_path):
+    """Two seconds at 30 Hz; at the first second a lamp comes, at 1.5 it goes."""
+    path = tmp_path / "session.rlog"
+    with moving.record(path):
+        for k in range(61):
+            if k == 30:
+                lamp, = moving.add("DEF LAMP PointLight { on FALSE intensity .5 }")
+            if k == 45:
+                moving.remove(lamp)
+            if k == 20:
+                moving.send("BOX.rotation", (0, 1, 0, 1), author="anna")
+            moving.frame(k / 30)
+    return path
+
+
+def test_every_state_is_in_the_log(recorded, moving):
+    log = rtsg.Log(recorded)
+    report = log.verify()
+    assert report["states"] == report["verified"] == moving.number and report["first_divergence"] is None
+    assert log.summary["closed"] and log.damage == [] and log.summary["seconds"] == 2
+    log.seek(2)
+    assert log.at_end and log.scene.hash == moving.hash and log.time == 2
+
+
+def test_going_through_states(recorded):
+    log = rtsg.Log(recorded)
+    times = [log.time for changes in log.states(start=.5, stop=1)]
+    assert times == pytest.approx([k / 30 for k in range(15, 31)])
+    places = [log.scene["BOX"].translation[0] for _ in log.states(every=10)]
+    assert len(places) == 7 and places == sorted(places)
+    numbers = [changes.number for changes in log.states()]
+    assert numbers == list(range(1, 63))
+    log.seek(1.2)
+    assert "LAMP" in log.scene
+    log.seek(.2)
+    assert "LAMP" not in log.scene
+
+
+def test_columns(recorded):
+    table = rtsg.Log(recorded).table("BOX.translation", "LAMP.*", "CLOCK.isActive", "VIEW.description", "WAY.key", "BOX.children")
+    rows = len(table["time"])
+    assert rows == 62 and table["BOX.translation"].shape == (rows, 3) and table["BOX.translation"].dtype == np.float32
+    assert np.allclose(table["BOX.translation"][:, 0], 2 * table["time"], atol=1e-6)
+    there = (table["time"] >= 1) & (table["time"] < 1.5)
+    assert np.array_equal(np.isnan(table["LAMP.intensity"]), ~there) and np.array_equal(np.isnan(table["LAMP.on"]), ~there)
+    assert table["CLOCK.isActive"].dtype == bool and table["VIEW.description"].dtype == object
+    assert table["WAY.key"][-1].tolist() == [0, 1] and table["BOX.children"][0][0].startswith("#")
+    assert table.types["BOX.translation"] == "SFVec3f"
+
+
+def test_a_part_of_the_columns(recorded):
+    log = rtsg.Log(recorded)
+    table = log.table("*.translation", start=1, stop=1.5, every=5)
+    assert list(table) == ["time", "BOX.translation"]
+    assert table["time"] == pytest.approx(np.arange(30, 46, 5) / 30)
+    assert log.time == 0
+    for wrong in ("NOBODY.translation", "BOX.nothing"):
+        with pytest.raises(rtsg.NoSuchName, match=wrong.replace(".", r"\.")):
+            log.table(wrong)
+    with pytest.raises(rtsg.Error, match="NODE.field"):
+        log.table("BOX")
+    with pytest.raises(ValueError):
+        log.table()
+
+
+def test_one_number_a_column_and_csv(recorded, tmp_path):
+    table = rtsg.Log(recorded).table("BOX.rotation", "PAINT.diffuseColor", "CLOCK.isActive")
+    assert list(table.flat()) == ["time", "BOX.rotation.x", "BOX.rotation.y", "BOX.rotation.z", "BOX.rotation.angle",
+                                  "PAINT.diffuseColor.r", "PAINT.diffuseColor.g", "PAINT.diffuseColor.b", "CLOCK.isActive"]
+    table.write_csv(tmp_path / "a.csv")
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    assert lines[0].startswith("time,BOX.rotation.x") and len(lines) == 63
+    assert lines[-1] == "2.0,0.0,1.0,0.0,1.0,1.0,0.0,0.0,True"
+
+
+def test_a_data_frame(recorded):
+    pandas = pytest.importorskip("pandas")
+    frame = rtsg.Log(recorded).table("BOX.translation").frame()
+    assert isinstance(frame, pandas.DataFrame) and frame.index.name == "time" and len(frame) == 62
+
+
+def test_who_changed_what(recorded):
+    steps = rtsg.Log(recorded).blame("BOX.rotation")
+    assert [step.author for step in steps] == ["", "anna"] and steps[1].time == pytest.approx(20 / 30)
+    log = rtsg.Log(recorded)
+    authors = [change.author for changes in log.states(start=.6, stop=.7) for change in changes if change.field == "rotation"]
+    assert "anna" in authors
+
+
+def test_two_logs_are_compared(recorded, tmp_path):
+    assert rtsg.diff(recorded, recorded) is None
+    scene = rtsg.loads(MOVING)
+    with scene.record(tmp_path / "other.rlog"):
+        for k in range(61):
+            scene.frame(k / 30)
+    assert rtsg.diff(recorded, tmp_path / "other.rlog").frame > 1
+
+
+def test_damage_is_named_and_skipped(recorded):
+    data = bytearray(recorded.read_bytes())
+    middle = len(data) // 2
+    data[middle:middle + 40] = b"\xff" * 40
+    recorded.write_bytes(data)
+    log = rtsg.Log(recorded)
+    with pytest.warns(rtsg.DiagnosticWarning, match="session.rlog"):
+        while log.step():
+            pass
+    assert log.damage and log.damage[0].length > 0 and log.verify()["first_divergence"] is not None
+    with pytest.warns(rtsg.DiagnosticWarning):
+        log.table("BOX.translation")
+
+
+def test_what_cannot_be(moving, tmp_path):
+    with pytest.raises(rtsg.Error, match="missing.rlog"):
+        rtsg.Log(tmp_path / "missing.rlog")
+    (tmp_path / "text.rlog").write_text("no log")
+    with pytest.raises(rtsg.Error):
+        rtsg.Log(tmp_path / "text.rlog")
+    with pytest.raises(rtsg.Error, match="output|nowhere"):
+        moving.record(tmp_path / "nowhere" / "a.rlog")
+    recorder = moving.record(tmp_path / "a.rlog")
+    recorder.close()
+    recorder.close()
+    with pytest.raises(rtsg.Error, match="already|exists"):
+        moving.record(tmp_path / "a.rlog", replace=False)
+    log = rtsg.Log(tmp_path / "a.rlog")
+    log.close()
+    with pytest.raises(rtsg.Closed):
+        log.step()
