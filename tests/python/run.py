@@ -12,12 +12,10 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("file", nargs="?")
     parser.add_argument("--package", help="the folder that holds the package")
-    parser.add_argument("--missing", help="what the build lacked")
-    parser.add_argument("--sanitizer", default="", help="with which the package was built")
+    parser.add_argument("--missing", default="", help="what the build lacked")
     arguments = parser.parse_args()
     lacks = [name for name in ("numpy", "pytest") if importlib.util.find_spec(name) is None]
     reason = (f"the package was not built: it needs {arguments.missing}" if arguments.missing
-              else "Python itself has no sanitizer" if arguments.sanitizer
               else f"needs python3-{' and python3-'.join(lacks)}" if lacks else "")
     if reason:
         print(f"SKIPPED: {reason}")

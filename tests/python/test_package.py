@@ -1,7 +1,12 @@
 """The package itself: its stubs name what there is, everything has a docstring, and nothing leaks out of the extension."""
 import ast
 import inspect
+import os
+import pathlib
+import re
+import shutil
 import subprocess
+import sys
 
 import pytest
 
@@ -67,8 +72,31 @@ def test_the_extension_shows_only_itself():
 
 
 def test_the_stub_is_typed_python():
-    mypy = subprocess.run(["python3", "-m", "mypy", "--version"], capture_output=True, check=False)
+    mypy = subprocess.run([sys.executable, "-m", "mypy", "--version"], capture_output=True, check=False)
     if mypy.returncode:
         pytest.skip("no mypy")
-    checked = subprocess.run(["python3", "-m", "mypy", "--strict", STUB], capture_output=True, text=True, check=False)
+    checked = subprocess.run([sys.executable, "-m", "mypy", "--strict", STUB], capture_output=True, text=True, check=False)
     assert checked.returncode == 0, checked.stdout
+
+
+def test_what_pip_installs_stands_by_itself(tmp_path):
+    """The component that pyproject.toml asks for, with the package's own files, away from the build."""
+    build = pathlib.Path(rtsg._rtsg.__file__).parents[2]
+    if not shutil.which("cmake") or not (build / "cmake_install.cmake").exists():
+        pytest.skip("no cmake, or no build folder")
+    subprocess.run(["cmake", "--install", build, "--component", "python", "--prefix", tmp_path], check=True, capture_output=True)
+    for file in (ROOT / "python/rtsg").glob("*.py*"):
+        shutil.copy(file, tmp_path / "rtsg")
+    done = subprocess.run([sys.executable, "-c", """
+import rtsg
+scene = rtsg.loads("#X3D V4.0 utf8\\nPROFILE Immersive\\nShape { geometry Text { string \\"words\\" } }")
+assert scene.render(width=64, height=36).any()
+print(rtsg.__file__, *(line.split()[-1] for line in open("/proc/self/maps") if "librtsg" in line))
+"""], capture_output=True, text=True, check=False, env=dict(os.environ, PYTHONPATH=str(tmp_path)))
+    assert done.returncode == 0, done.stderr
+    assert "librtsg_fonts.so" in done.stdout and all(path.startswith(str(tmp_path)) for path in done.stdout.split())
+
+
+def test_the_versions_are_the_same():
+    version = re.search(r"project\(rtsg VERSION ([\d.]+)", (ROOT / "CMakeLists.txt").read_text())[1]
+    assert rtsg.__version__ == version and f'version = "{version}"' in (ROOT / "python/pyproject.toml").read_text()
