@@ -76,6 +76,8 @@ Names namesOf(OutputKind kind) {
             return {"pages", {".html", ".htm"}};
         case OutputKind::testResult:
             return {"JUnit's results", {".xml"}};
+        case OutputKind::table:
+            return {"tables", {".csv"}};
         case OutputKind::picture:
         case OutputKind::sound:
         case OutputKind::scene:
@@ -136,7 +138,7 @@ std::string beginOf(const std::string& file) {
 /// What is made again and again, and holds nothing that cannot be made again. A response as WAV is a sound.
 bool isReport(const OutputName& output) {
     return output.kind == OutputKind::report || output.kind == OutputKind::page ||
-           output.kind == OutputKind::testResult ||
+           output.kind == OutputKind::testResult || output.kind == OutputKind::table ||
            (output.kind == OutputKind::response && fs::path(output.file).extension() == ".sofa");
 }
 

@@ -21,7 +21,7 @@
 namespace rtsg::app {
 
 /// `capture`: an MCAP file; `page`: one that shows a test; `testResult`: JUnit's XML.
-enum class OutputKind : std::uint8_t { picture, sound, response, scene, log, capture, report, page, testResult };
+enum class OutputKind : std::uint8_t { picture, sound, response, scene, log, capture, report, page, testResult, table };
 
 struct OutputName {
     std::string option, file;  // "--save"; empty: not asked for

@@ -1,12 +1,5 @@
 """Logs: their states one by one, and their fields as columns."""
-import csv
-
-import numpy as np
-
 from . import _rtsg
-
-_COMPONENTS = {"SFVec2f": "xy", "SFVec2d": "xy", "SFVec3f": "xyz", "SFVec3d": "xyz", "SFVec4f": "xyzw", "SFVec4d": "xyzw",
-               "SFColor": "rgb", "SFColorRGBA": "rgba", "SFRotation": ("x", "y", "z", "angle")}
 
 
 class Table(dict):
@@ -16,21 +9,18 @@ class Table(dict):
     node was not there are NaN, or None. `types`: the type of each field.
     """
 
-    def __init__(self, columns, types):
+    def __init__(self, columns, types, parts):
         super().__init__(columns)
         self.types = types
+        self._parts = parts
 
     def flat(self):
         """The same with one number a row in each column: "TRAIN.rotation" becomes "TRAIN.rotation.x" and so on."""
         columns = {}
         for name, column in self.items():
-            if column.ndim == 1:
-                columns[name] = column
-                continue
-            rows = column.reshape(len(column), int(np.prod(column.shape[1:])))
-            words = _COMPONENTS.get(self.types[name])
-            for i in range(rows.shape[1]):
-                columns[f"{name}.{words[i] if words else i}"] = rows[:, i]
+            parts = self._parts.get(name)
+            rows = column.reshape(len(column), len(parts)) if parts else column
+            columns.update({f"{name}.{part}": rows[:, i] for i, part in enumerate(parts)} if parts else {name: rows})
         return columns
 
     def frame(self):
@@ -43,15 +33,6 @@ class Table(dict):
             return polars.DataFrame(columns)
         return pandas.DataFrame({name: column for name, column in columns.items() if name != "time"},
                                 index=pandas.Index(columns["time"], name="time"))
-
-    def write_csv(self, path):
-        """Writes flat() as CSV, numbers as the shortest text that reads back as the same."""
-        columns = self.flat()
-        with open(path, "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(columns)
-            writer.writerows(zip(*(column.tolist() if column.dtype.kind == "O" else map(str, column)
-                                   for column in columns.values())))
 
 
 class Log(_rtsg.Log):

@@ -15,12 +15,12 @@
 #include <rtsg/sync/log_check.h>
 #include <rtsg/sync/log_recorder.h>
 #include <rtsg/sync/log_summary.h>
+#include <rtsg/sync/log_table.h>
 #include <rtsg/sync/replay.h>
 
 #include "changes.h"
 #include "collected.h"
 #include "errors.h"
-#include "log_table.h"
 #include "module.h"
 #include "unlocked.h"
 #include "values.h"
@@ -196,51 +196,30 @@ py::object arrayOf(const LogTable::Column& column, const py::object& scene) {
     return array;
 }
 
-/// The columns, and the types of their fields.
+/// The columns, the types of their fields, and what the numbers in a row are called.
 py::tuple table(const Log& log, const std::vector<std::string>& paths, double from, double to, std::uint64_t every) {
     if (paths.empty()) throw py::value_error("table() takes at least one \"NODE.field\"");
     if (every == 0) throw py::value_error("every is 1 or more");
-    LogTable made = take(LogTable::make(paths));
+    TableOptions options{from, to, every, {}};
     Interruption interruption;
     bool interrupted = false;
-    std::optional<Divergence> lost;
+    options.progress = [&](std::uint64_t, std::uint64_t) { return !(interrupted = interruption()); };
+    std::optional<Divergence> lacks;
     // A replay of its own: the log's scene stays where it is.
-    const auto ended = unlocked([&]() -> Result<> {
-        auto replayer = Replayer::open(log.file());
-        if (!replayer) return std::unexpected(replayer.error());
-        Replayer& inside = **replayer;
-        const Attachment attachment = inside.scene().bus().attach(made);
-        if (from > 0)
-            if (auto ok = inside.seek(log.start() + from - Log::kSame); !ok) return ok;
-        LogCheck check(inside);
-        bool there = inside.frames() > 0;
-        for (std::uint64_t state = 0; !(interrupted = interruption());) {
-            const double time = inside.time() - log.start();
-            if (there && time > to + Log::kSame) break;
-            if (there && time >= from - Log::kSame && state++ % every == 0) made.addRow(time);
-            const auto more = check.step();  // after a state that cannot be had it goes on with the next keyframe
-            if (more && !*more) break;
-            there = more.has_value();
-        }
-        lost = check.first();
-        return {};
-    });
+    auto read = unlocked([&] { return readTable(log.file(), paths, options, &lacks); });
     if (interrupted) interruption.raise();
-    take(ended);
-    if (const std::string none = made.matchedNothing(); !none.empty())
-        raise(DiagnosticCode("no-such-field"), "no state has a field " + none, "NoSuchName");
-    if (lost) {
-        lost->time -= log.start();
-        warn(log.file().string() + ": " + lost->format());
-    }
-    py::dict result, types;
+    if (!read && read.error().code == DiagnosticCode("no-such-field")) raise(read.error(), "NoSuchName");
+    const LogTable made = take(std::move(read));
+    if (lacks) warn(log.file().string() + ": " + lacks->format());
+    py::dict result, types, parts;
     const std::vector<double>& times = made.times();
     result["time"] = py::array_t<double>(static_cast<py::ssize_t>(times.size()), times.data());
     for (const LogTable::Column* const column : made.columns()) {
         result[py::str(column->name)] = arrayOf(*column, log.scene());
         types[py::str(column->name)] = std::string(info(column->type).name);
+        parts[py::str(column->name)] = py::cast(componentNames(column->type));
     }
-    return py::make_tuple(result, types);
+    return py::make_tuple(result, types, parts);
 }
 
 // ---- what a log tells ----------------------------------------------------------------------------------------------

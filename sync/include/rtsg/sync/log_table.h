@@ -1,18 +1,30 @@
-// LogTable: fields over the states of a log, column by column.
+// LogTable: fields over the states of a log, column by column, and as CSV.
 //
 // Invariant: all columns have a row for each state that was noted; a row without a value is of a state in which the
 // node was not there. Work per state grows with what changed in it, and with the columns. Threading: the scene's.
+
+// Example:
+//     #include <rtsg/sync/log_table.h>
+//     rtsg::TableOptions options;
+//     options.every = 10;
+//     const auto table = rtsg::readTable("session.rlog", {"TRAIN.rotation", "DOOR.*"}, options);
+//     if (table) table->writeCsv([](std::string_view text) { std::cout << text; });
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <limits>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
-#include <rtsg/core/scene.h>
+#include <rtsg/sync/replay.h>
 
-namespace rtsg::python {
+namespace rtsg {
 
 class LogTable final : public Subscriber {
   public:
@@ -26,17 +38,22 @@ class LogTable final : public Subscriber {
     /// is no NODE.field.
     static Result<LogTable> make(const std::vector<std::string>& patterns);
 
-    /// To be attached to the bus of the scene that is replayed.
+    /// To be attached to the bus of a scene that is replayed, or that runs.
     Result<> apply(const Scene& scene, const ChangeSet& changes) override;
     std::string subscriberName() const override { return "table"; }
     /// The state that the scene is in becomes a row.
     void addRow(double time);
 
+    /// Seconds, a row each.
     const std::vector<double>& times() const { return times_; }
     /// In the order of the patterns, then of node numbers and fields.
     std::vector<const Column*> columns() const;
     /// The first pattern that has matched no field; empty: there is none.
     std::string matchedNothing() const;
+    /// A line of names, then a line a row (RFC 4180): "time", then one number a column ("DOOR.rotation.x" ...
+    /// ".angle"). Numbers are the shortest text that reads back as the same, booleans true and false; texts stand in
+    /// quotes, lists as ClassicVRML has them, nodes as numbers, and what there is not is empty.
+    void writeCsv(const std::function<void(std::string_view)>& sink) const;
 
   private:
     struct Pattern {
@@ -55,4 +72,19 @@ class LogTable final : public Subscriber {
     std::unordered_map<std::uint64_t, std::size_t> byField_;  // by node and field, to columns_
 };
 
-}  // namespace rtsg::python
+/// What the numbers of a value are called: x, y, z, angle of SFRotation; empty of a single one, and of lists.
+std::vector<std::string> componentNames(FieldType type);
+
+struct TableOptions {
+    /// Of the states, seconds since the log's start, to a microsecond.
+    double from = 0, to = std::numeric_limits<double>::infinity();
+    std::uint64_t every = 1;  // state of these
+    /// Told bytes read and all there are; false ends it with an error.
+    std::function<bool(std::uint64_t, std::uint64_t)> progress{};
+};
+/// Times count from the log's start. Errors: the log cannot be read; a pattern that no state has a field for;
+/// cancelled. `lacks`: where the log first was not whole, if it was not.
+Result<LogTable> readTable(const std::filesystem::path& log, const std::vector<std::string>& patterns,
+                           const TableOptions& options = {}, std::optional<Divergence>* lacks = nullptr);
+
+}  // namespace rtsg
