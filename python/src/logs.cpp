@@ -38,7 +38,7 @@ py::object typeNamed(const char* name) {
 
 py::object toPython(const std::optional<Divergence>& d, double start) {
     if (!d) return py::none();
-    return typeNamed("Divergence")(d->frame, d->time - start, d->node, d->field, d->text);
+    return typeNamed("Divergence")(d->frame, sinceStart(d->time, start), d->node, d->field, d->text);
 }
 
 /// A log, and the scene that it is replayed into.
@@ -94,7 +94,7 @@ class Log {
     py::object changes() const {
         return python::toPython(std::make_shared<const ChangeSet>(replayer().lastSet()), scene_);
     }
-    double time() const { return replayer().time() - start_; }
+    double time() const { return sinceStart(replayer().time(), start_); }
     double start() const { return start_; }
     const fs::path& file() const { return file_; }
     const py::object& scene() const { return scene_; }
@@ -118,7 +118,7 @@ class Log {
         if (told_ || !check_->first()) return;
         told_ = true;
         Divergence first = *check_->first();
-        first.time -= start_;
+        first.time = sinceStart(first.time, start_);
         warn(file_.string() + ": " + first.format());
     }
 
@@ -279,7 +279,8 @@ py::list blameOf(const Log& log, const std::string& path) {
     if (lacks) warn(log.file().string() + ": " + lacks->format());
     py::list all;
     for (const FieldStep& step : steps)
-        all.append(typeNamed("FieldStep")(step.state, step.time - log.start(), step.value, step.author, step.cause));
+        all.append(typeNamed("FieldStep")(step.state, sinceStart(step.time, log.start()), step.value, step.author,
+                                          step.cause));
     return all;
 }
 

@@ -1,4 +1,5 @@
 // Binds Node: a node of a scene with its fields by their names.
+#include <algorithm>
 #include <string>
 
 #include <fmt/format.h>

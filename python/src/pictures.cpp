@@ -1,4 +1,5 @@
 // Binds pictures, picking and measured light.
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <string>

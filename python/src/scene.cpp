@@ -1,4 +1,5 @@
 // Binds Scene, and what makes one: load(), loads().
+#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <string>

@@ -2,6 +2,7 @@
 #include <rtsg/sync/log_table.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -217,6 +218,11 @@ void LogTable::writeCsv(const std::function<void(std::string_view)>& sink) const
     }
 }
 
+double sinceStart(double time, double start) {
+    constexpr double kExact = 1e6;  // below, rounding would only lose
+    return start < kExact ? time - start : std::round((time - start) * 1e6) / 1e6;
+}
+
 Result<LogTable> readTable(const std::filesystem::path& log, const std::vector<std::string>& patterns,
                            const TableOptions& options, std::optional<Divergence>* lacks) {
     constexpr double kSame = 1e-6;  // times since 1970 are exact to a quarter of that
@@ -233,7 +239,7 @@ Result<LogTable> readTable(const std::filesystem::path& log, const std::vector<s
     LogCheck check(inside);
     bool there = inside.frames() > 0;
     for (std::uint64_t state = 0;;) {
-        const double time = inside.time() - start;
+        const double time = sinceStart(inside.time(), start);
         if (there && time > options.to + kSame) break;
         if (there && time >= options.from - kSame && state++ % options.every == 0) table.addRow(time);
         if (options.progress && !options.progress(inside.log().position(), inside.log().size()))
@@ -244,7 +250,7 @@ Result<LogTable> readTable(const std::filesystem::path& log, const std::vector<s
     }
     if (lacks) {
         *lacks = check.first();
-        if (*lacks) (*lacks)->time -= start;
+        if (*lacks) (*lacks)->time = sinceStart((*lacks)->time, start);
     }
     if (const std::string none = table.matchedNothing(); !none.empty())
         return fail(DiagnosticCode("no-such-field"), "no state has a field " + none, {}, log.string());

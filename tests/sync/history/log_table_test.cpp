@@ -34,7 +34,9 @@ class LogTables : public LogFolder {
                 ASSERT_TRUE(scene.setName(lamp, "LAMP"));
                 ASSERT_TRUE(scene.insertChild(scene.root(), x3d::RtsgScene::children, lamp));
             }
-            if (frame == 20) ASSERT_TRUE(scene.destroyNode(lamp));
+            if (frame == 20) {
+                ASSERT_TRUE(scene.destroyNode(lamp));
+            }
             const Vec3f to(static_cast<float>(frame) / 10, 0, 0);
             ASSERT_TRUE(scene.set(scene.findName("BOX"), x3d::Transform::translation, to));
             scene.newFrame(frame * .1);
@@ -123,6 +125,11 @@ TEST_F(LogTables, DamageIsToldAndSkipped) {
     EXPECT_GT(lacks->time, 0);
     EXPECT_GT(table->times().size(), 20u);
     EXPECT_LT(table->times().size(), 41u);
+}
+
+TEST_F(LogTables, TimesOfTheDayAreToldToAMicrosecond) {
+    EXPECT_EQ(sinceStart(1'700'000'000 + 1 / 30., 1'700'000'000), .033333);
+    EXPECT_EQ(sinceStart(1 / 30., 0), 1 / 30.);
 }
 
 TEST_F(LogTables, CanBeCancelled) {

@@ -75,6 +75,9 @@ class LogTable final : public Subscriber {
 /// What the numbers of a value are called: x, y, z, angle of SFRotation; empty of a single one, and of lists.
 std::vector<std::string> componentNames(FieldType type);
 
+/// Seconds since a log's start: of a scene whose time is that since 1970 to a microsecond, which is what it can tell.
+double sinceStart(double time, double start);
+
 struct TableOptions {
     /// Of the states, seconds since the log's start, to a microsecond.
     double from = 0, to = std::numeric_limits<double>::infinity();
