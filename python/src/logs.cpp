@@ -291,59 +291,54 @@ py::object diff(const fs::path& a, const fs::path& b) {
 
 // ---- writing -------------------------------------------------------------------------------------------------------
 
+/// The scene keeps it until it is closed.
 class Recorder final : public Dependent {
   public:
-    Recorder(py::object scene, const fs::path& file, bool inputs, bool replace, double keyframeSeconds)
-        : scene_(std::move(scene)), handle_(py::cast<SceneHandle*>(scene_)) {
-        Scene& inside = handle_->scene();
-        LogOptions options;
-        options.creator = "rtsg python";
-        options.existing = replace ? Existing::replace : Existing::keep;
-        options.keyframeSeconds = keyframeSeconds;
-        options.inputs = inputs && !handle_->isReadOnly();
-        if (options.inputs) inside.setInputRecording(true);
-        auto started =
-            unlocked([&] { return LogRecorder::start(inside, file, options, LogRecorder::WhenBehind::wait); });
-        handle_->raisePending();
-        recorder_ = take(std::move(started));
-        handle_->add(*this);
-    }
-    ~Recorder() override {
-        if (!recorder_) return;
-        handle_->remove(*this);
-        recorder_.reset();
-    }
-    Recorder(const Recorder&) = delete;
-    Recorder& operator=(const Recorder&) = delete;
+    Recorder(SceneHandle& handle, std::unique_ptr<LogRecorder> recorder)
+        : handle_(&handle), recorder_(std::move(recorder)) {}
 
-    void end() noexcept override { recorder_.reset(); }
-    void abandon() noexcept override { (void)recorder_.release(); }
-    void close() {
-        if (!recorder_) return;
-        (void)handle_->scene();
-        handle_->remove(*this);
-        const auto ok = unlocked([&] { return recorder_->stop(); });
+    void end() noexcept override {
+        if (const auto ok = recorder_->stop(); !ok) handle_->note(ok.error());
         recorder_.reset();
+    }
+    void abandon() noexcept override { (void)recorder_.release(); }
+    static void close(const std::shared_ptr<Recorder>& self) {
+        if (!self->recorder_) return;
+        (void)self->handle_->scene();
+        self->handle_->remove(*self);
+        const auto ok = unlocked([&] { return self->recorder_->stop(); });
+        self->recorder_.reset();
         take(ok);
     }
     LogRecorder& recorder() const {
         if (!recorder_) raise(DiagnosticCode("application"), "the log is closed", "Closed");
         return *recorder_;
     }
-    int visit(visitproc visit, void* arg) {
-        Py_VISIT(scene_.ptr());
-        return 0;
-    }
-    void clear() {}
 
   private:
-    py::object scene_;
-    SceneHandle* handle_;
+    SceneHandle* handle_;  // good while there is a recorder
     std::unique_ptr<LogRecorder> recorder_;
 };
 
+std::shared_ptr<Recorder> record(SceneHandle& handle, const fs::path& file, bool inputs, bool replace,
+                                 double keyframes) {
+    Scene& inside = handle.scene();
+    LogOptions options;
+    options.creator = "rtsg python";
+    options.existing = replace ? Existing::replace : Existing::keep;
+    options.keyframeSeconds = keyframes;
+    options.inputs = inputs && !handle.isReadOnly();
+    if (options.inputs) inside.setInputRecording(true);
+    auto started = unlocked([&] { return LogRecorder::start(inside, file, options, LogRecorder::WhenBehind::wait); });
+    handle.raisePending();
+    auto recorder = std::make_shared<Recorder>(handle, take(std::move(started)));
+    handle.own(recorder);
+    return recorder;
+}
+
 void addRecorder(py::module_& module) {
-    py::class_<Recorder>(module, "Recorder", collected<Recorder>(), "A log that is written; made by Scene.record().")
+    py::class_<Recorder, std::shared_ptr<Recorder>>(
+        module, "Recorder", "A log that is written until this or the scene is closed; made by Scene.record().")
         .def("close", &Recorder::close, "Writes what is left. Raises Error for whatever went wrong since the start.")
         .def_property_readonly(
             "bytes", [](const Recorder& r) { return r.recorder().bytes(); }, "Written so far.")
@@ -351,14 +346,10 @@ void addRecorder(py::module_& module) {
             "acknowledged", [](const Recorder& r) { return r.recorder().acknowledged(); },
             "The number of the last state that is in the file.")
         .def("__enter__", [](py::object self) { return self; })
-        .def("__exit__", [](Recorder& r, const py::args&) { r.close(); });
+        .def("__exit__", [](const std::shared_ptr<Recorder>& r, const py::args&) { Recorder::close(r); });
     auto scene = py::class_<SceneHandle, std::shared_ptr<SceneHandle>>(module.attr("Scene"));
     scene.def(
-        "record",
-        [](const py::object& self, const fs::path& file, bool inputs, bool replace, double keyframes) {
-            return std::make_unique<Recorder>(self, file, inputs, replace, keyframes);
-        },
-        py::arg("path"), py::kw_only(), py::arg("inputs") = true, py::arg("replace") = true,
+        "record", record, py::arg("path"), py::kw_only(), py::arg("inputs") = true, py::arg("replace") = true,
         py::arg("keyframe_seconds") = 10.,
         "Writes every state into a log from now on: a Recorder, which close() ends. `inputs`: with what came into each "
         "frame, for tests that run the scene again. `replace`: a file of that name is replaced once the log begins.");

@@ -44,30 +44,25 @@ void warnOf(const std::vector<Diagnostic>& all) {
 
 // ---- servers -------------------------------------------------------------------------------------------------------
 
+/// The scene keeps it until it is closed.
 class Server final : public Dependent {
   public:
-    Server(py::object scene, const std::string& endpoint, MirrorServerOptions options)
-        : scene_(std::move(scene)), handle_(py::cast<SceneHandle*>(scene_)) {
-        Scene& inside = handle_->scene();
-        auto started = unlocked([&] { return MirrorServer::start(inside, endpoint, std::move(options)); });
-        handle_->raisePending();
-        server_ = take(std::move(started));
-        handle_->add(*this);
-    }
-    ~Server() override { finish(); }
-    Server(const Server&) = delete;
-    Server& operator=(const Server&) = delete;
+    Server(SceneHandle& handle, std::unique_ptr<MirrorServer> server) : handle_(&handle), server_(std::move(server)) {}
 
     void end() noexcept override { server_.reset(); }
     void abandon() noexcept override { (void)server_.release(); }
     void beforeFrame() override {
         if (server_) server_->service();
     }
-    void close() {
-        if (!server_) return;
-        (void)handle_->scene();
-        handle_->remove(*this);
-        unlocked([&] { server_.reset(); });
+    static void close(const std::shared_ptr<Server>& self) {
+        if (!self->server_) return;
+        (void)self->handle_->scene();
+        self->handle_->remove(*self);
+        unlocked([&] { self->server_.reset(); });
+    }
+    SceneHandle& handle() const {
+        (void)server();
+        return *handle_;
     }
     MirrorServer& server() const {
         if (!server_) raise(DiagnosticCode("application"), "the server is closed", "Closed");
@@ -92,26 +87,13 @@ class Server final : public Dependent {
         if (PyErr_CheckSignals() != 0) throw py::error_already_set();
     }
     void tell() { warnOf(server().takeDiagnostics()); }
-    const py::object& scene() const { return scene_; }
-
-    int visit(visitproc visit, void* arg) {
-        Py_VISIT(scene_.ptr());
-        return 0;
-    }
-    void clear() {}
 
   private:
-    void finish() noexcept {
-        if (!server_) return;
-        handle_->remove(*this);
-        server_.reset();
-    }
-    py::object scene_;
-    SceneHandle* handle_;
+    SceneHandle* handle_;  // good while there is a server
     std::unique_ptr<MirrorServer> server_;
 };
 
-std::unique_ptr<Server> serve(const py::object& scene, const std::string& endpoint, const std::string& upstream,
+std::shared_ptr<Server> serve(SceneHandle& handle, const std::string& endpoint, const std::string& upstream,
                               const std::string& keys, bool insecure, std::size_t peers) {
     MirrorServerOptions options;
     options.creator = "rtsg python";
@@ -122,7 +104,12 @@ std::unique_ptr<Server> serve(const py::object& scene, const std::string& endpoi
     if (!may)
         throw py::value_error("upstream is \"none\", \"events\", \"edits\" or \"code\", not \"" + upstream + "\"");
     options.upstream = *may;
-    return std::make_unique<Server>(scene, endpoint, std::move(options));
+    Scene& inside = handle.scene();
+    auto started = unlocked([&] { return MirrorServer::start(inside, endpoint, std::move(options)); });
+    handle.raisePending();
+    auto server = std::make_shared<Server>(handle, take(std::move(started)));
+    handle.own(server);
+    return server;
 }
 
 py::dict serverStatistics(const Server& server) {
@@ -284,9 +271,10 @@ py::dict followerStatistics(const Follower& follower) {
 }
 
 void addServer(py::module_& module) {
-    py::class_<Server>(module, "Server", collected<Server>(), "A scene that is served; made by Scene.serve().")
+    py::class_<Server, std::shared_ptr<Server>>(
+        module, "Server", "A scene that is served, until this or the scene is closed; made by Scene.serve().")
         .def_property_readonly(
-            "scene", [](const Server& s) { return s.scene(); }, "The scene.")
+            "scene", [](const Server& s) { return objectOf(s.handle()); }, "The scene.")
         .def_property_readonly(
             "endpoint", [](const Server& s) { return s.server().endpoint(); }, "Where it listens, the port filled in.")
         .def_property_readonly("statistics", serverStatistics, "Peers, frames, bytes and so on, as a dict.")
@@ -295,7 +283,7 @@ void addServer(py::module_& module) {
             [](Server& s) {
                 MirrorServer& inside = s.server();
                 unlocked([&] { inside.service(); });
-                py::cast<SceneHandle&>(s.scene()).raisePending();
+                s.handle().raisePending();
                 s.tell();
             },
             "Carries out what peers have asked for; Scene.frame() does it before each frame.")
@@ -304,7 +292,7 @@ void addServer(py::module_& module) {
              "Waits until all peers have the scene's state; False if that takes more than `timeout` seconds.")
         .def("close", &Server::close, "Says goodbye to the peers.")
         .def("__enter__", [](py::object self) { return self; })
-        .def("__exit__", [](Server& s, const py::args&) { s.close(); });
+        .def("__exit__", [](const std::shared_ptr<Server>& s, const py::args&) { Server::close(s); });
     auto scene = py::class_<SceneHandle, std::shared_ptr<SceneHandle>>(module.attr("Scene"));
     scene.def(
         "serve", serve, py::arg("endpoint") = "tcp://127.0.0.1:*", py::kw_only(), py::arg("upstream") = "none",

@@ -13,8 +13,15 @@ namespace {
 /// Scenes that live are ended in order, as far as they are of this thread: their Scripts are told, logs closed.
 void end() {
     endWork();
-    for (const auto& handle : SceneHandle::all())
-        if (handle->isHere()) handle->end();
+    for (const auto& handle : SceneHandle::all()) {
+        if (!handle->isHere()) continue;
+        try {
+            handle->close();
+        } catch (py::error_already_set& error) {  // a warning that is an error, say
+            error.discard_as_unraisable("rtsg");
+            handle->end();
+        }
+    }
 }
 
 void afterFork() {

@@ -171,16 +171,37 @@ Scene& SceneHandle::edited() const {
 void SceneHandle::close() {
     if (!scene_) return;
     (void)scene();
+    // With the lock where it may not be given away any more: when the interpreter ends.
+    if (mayWork())
+        unlocked([&] { endDependents(); });
+    else
+        endDependents();
+    tell();
     end();
 }
 
-void SceneHandle::end() noexcept {
-    if (!scene_) return;
+void SceneHandle::own(std::shared_ptr<Dependent> dependent) {
+    add(*dependent);
+    owned_.push_back(std::move(dependent));
+}
+
+void SceneHandle::remove(Dependent& dependent) {
+    std::erase(dependents_, &dependent);
+    std::erase_if(owned_, [&](const auto& one) { return one.get() == &dependent; });
+}
+
+void SceneHandle::endDependents() noexcept {
     while (!dependents_.empty()) {
         Dependent* const last = dependents_.back();
         dependents_.pop_back();
         last->end();
     }
+    owned_.clear();
+}
+
+void SceneHandle::end() noexcept {
+    if (!scene_) return;
+    endDependents();
     clear();
     measured_.reset();
     light_.reset();
@@ -198,6 +219,7 @@ void SceneHandle::abandon() noexcept {
     if (!scene_) return;
     for (Dependent* const dependent : dependents_) dependent->abandon();
     dependents_.clear();
+    owned_.clear();
     (void)measured_.release();
     (void)light_.release();
     (void)queries_.release();
@@ -341,8 +363,9 @@ void SceneHandle::tell() {
         if (said_.all()[i].severity != Severity::note) warn(said_.all()[i].format());
 }
 
-void SceneHandle::skipTold() {
-    told_ = said_.all().size();
+void SceneHandle::note(const Diagnostic& failure) {
+    const std::scoped_lock lock(reports_->mutex);
+    reports_->failures.push_back(failure);
 }
 
 int SceneHandle::visit(visitproc visit, void* arg) {

@@ -86,7 +86,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     bool isReadOnly() const { return readOnly_; }
     /// It is not closed, and this is its thread.
     bool isHere() const { return scene_ && scene_->isOwnThread(); }
-    /// Ends all that hangs on it, then the scene. Raises WrongThread.
+    /// Ends all that hangs on it, then the scene; warns of what went wrong in that. Raises WrongThread.
     void close();
     /// Ends it from whatever thread, for one that nobody has any more; or forgets it, see Dependent::abandon().
     void end() noexcept;
@@ -124,17 +124,20 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     void tell();
     const Diagnostics& said() const { return said_; }
     void say(const Diagnostics& more) { said_.append(more); }
-    /// The application has been told of it in other ways.
-    void skipTold();
+    /// From any thread: told with the next frame, or at the end.
+    void note(const Diagnostic& failure);
 
     void add(Dependent& dependent) { dependents_.push_back(&dependent); }
-    void remove(Dependent& dependent) { std::erase(dependents_, &dependent); }
+    /// The scene keeps it, whoever else does, until it is removed or the scene ends.
+    void own(std::shared_ptr<Dependent> dependent);
+    void remove(Dependent& dependent);
 
     int visit(visitproc visit, void* arg);
     void clear();
 
   private:
     SceneHandle(Scene& scene, std::shared_ptr<void> keeper, Options options, bool readOnly);
+    void endDependents() noexcept;
     void report();
 
     Scene* scene_;
@@ -153,6 +156,7 @@ class SceneHandle : public std::enable_shared_from_this<SceneHandle> {
     std::vector<std::shared_ptr<Subscription>> subscriptions_;
     std::vector<pybind11::error_already_set> pending_;
     std::vector<Dependent*> dependents_;
+    std::vector<std::shared_ptr<Dependent>> owned_;  // of them
     /// Failures of other subscribers, from whatever thread.
     struct Reports {
         std::mutex mutex;

@@ -44,6 +44,10 @@ void Interruption::raise() const {
     if (ending) python::raise(DiagnosticCode("application"), "the interpreter ends", "Closed");
 }
 
+bool mayWork() {
+    return !ending;
+}
+
 void endWork() {
     ending = true;
     const py::gil_scoped_release without;

@@ -45,6 +45,8 @@ class Interruption {
     bool raised_ = false;
 };
 
+/// Unlocked does not throw yet.
+bool mayWork();
 /// From now on Unlocked throws; waits for work under way, five seconds at most.
 void endWork();
 

@@ -144,7 +144,7 @@ def test_no_lock_is_held_while_a_picture_is_made(hall):
     "rtsg.load(HALL).irradiance((0, 1, 0), (0, 1, 0), error=1e-5)",
     "list(rtsg.follow('tcp://127.0.0.1:1'))",
     "rtsg.serve(rtsg.load(HALL))",
-    "rtsg.loads(MOVING).serve().wait(3600)",
+    "s = rtsg.loads(MOVING); s.serve().wait(3600)",
 ])
 def test_ctrl_c_ends_work_that_takes_long(work):
     process = subprocess.Popen([sys.executable, "-c", f"import rtsg\nHALL, MOVING = {HALL!r}, {MOVING!r}\nprint('go', flush=True)\n{work}"],

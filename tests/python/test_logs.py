@@ -1,4 +1,6 @@
 """Logs: written, gone through, as columns, compared, and damaged."""
+import warnings
+
 import numpy as np
 import pytest
 
@@ -94,6 +96,16 @@ def test_who_changed_what(recorded):
     assert "anna" in authors
 
 
+def test_the_scene_keeps_its_log_and_its_server(moving, tmp_path):
+    moving.record(tmp_path / "a.rlog")
+    endpoint = moving.serve().endpoint
+    for k in range(3):
+        moving.frame(k)
+    assert rtsg.follow(endpoint).wait(number=moving.number).hash == moving.hash
+    moving.close()
+    assert rtsg.Log(tmp_path / "a.rlog").verify()["states"] == 4
+
+
 def test_two_logs_are_compared(recorded, tmp_path):
     assert rtsg.diff(recorded, recorded) is None
     scene = rtsg.loads(MOVING)
@@ -134,3 +146,21 @@ def test_what_cannot_be(moving, tmp_path):
     log.close()
     with pytest.raises(rtsg.Closed):
         log.step()
+
+
+def test_a_log_that_cannot_be_written_is_told(moving, tmp_path):
+    """Its file goes while it is written: the log ends, the scene goes on, and the end says so."""
+    recorder = moving.record(tmp_path / "a.rlog", keyframe_seconds=.1)
+    moving.frame(0)
+    (tmp_path / "a.rlog").unlink()
+    with pytest.raises(rtsg.Error, match="a.rlog"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for k in range(1, 200):
+            moving.frame(k / 10)
+        recorder.close()
+    moving.frame(100)
+    moving.record(tmp_path / "b.rlog")
+    moving.frame(101)
+    (tmp_path / "b.rlog").unlink()
+    with pytest.warns(rtsg.DiagnosticWarning, match="b.rlog"):
+        moving.close()

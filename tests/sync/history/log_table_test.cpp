@@ -95,7 +95,7 @@ TEST_F(LogTables, CsvHasOneNumberAColumn) {
     EXPECT_EQ(csvOf(*table),
               "time,BOX.translation.x,BOX.translation.y,BOX.translation.z,BOX.rotation.x,BOX.rotation.y,BOX.rotation.z,"
               "BOX.rotation.angle,BOX.visible,W.info,W.metadata,W.title,C.whichChoice\n"
-              "0.1,0.1,0,0,0,0,1,0,true,\"[ \"\"x\"\", \"\"y\"\" ]\",,\"a \"\"b\"\", c\",-1\n");
+              "0.1,0.1,0,0,0,0,1,0,true,\"[\"\"x\"\", \"\"y\"\"]\",,\"a \"\"b\"\", c\",-1\n");
 }
 
 TEST_F(LogTables, WhatIsNotThereIsNamed) {
@@ -115,8 +115,14 @@ TEST_F(LogTables, DamageIsToldAndSkipped) {
     LogOptions options;
     options.keyframeSeconds = 1;
     recordBox(options);
+    const std::size_t states = readTable(file(), {"BOX.translation"})->times().size();
+    const auto records = recordsOf(file());
+    const auto frame = std::find_if(records.begin() + 20, records.end(),
+                                    [](const auto& r) { return r.second.kind == RecordKind::frame; });
+    ASSERT_NE(frame, records.end());
     std::string bytes = readAll(file());
-    bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+    char& last = bytes[frame->first + frame->second.size() - 1];
+    last = static_cast<char>(last ^ 1);
     writeAll(file(), bytes);
     std::optional<Divergence> lacks;
     const auto table = readTable(file(), {"BOX.translation"}, {}, &lacks);
@@ -124,7 +130,7 @@ TEST_F(LogTables, DamageIsToldAndSkipped) {
     ASSERT_TRUE(lacks);
     EXPECT_GT(lacks->time, 0);
     EXPECT_GT(table->times().size(), 20u);
-    EXPECT_LT(table->times().size(), 41u);
+    EXPECT_LT(table->times().size(), states);
 }
 
 TEST_F(LogTables, TimesOfTheDayAreToldToAMicrosecond) {
