@@ -1,4 +1,9 @@
 """Logs: written, gone through, as columns, compared, and damaged."""
+import csv
+import io
+import json
+import os
+import subprocess
 import warnings
 
 import numpy as np
@@ -164,3 +169,29 @@ def test_a_log_that_cannot_be_written_is_told(moving, tmp_path):
     (tmp_path / "b.rlog").unlink()
     with pytest.warns(rtsg.DiagnosticWarning, match="b.rlog"):
         moving.close()
+
+
+def test_the_program_writes_the_same_table(recorded, tmp_path):
+    fields = ["BOX.translation", "LAMP.on", "PAINT.diffuseColor", "CLOCK.isActive"]
+    command = [os.environ["RTSG_PROGRAM"], "replay", recorded, "--table", ",".join(fields), "--seek", "0.5", "--for", "1.2", "--every", "3"]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    reported = subprocess.run([*command, "-o", tmp_path / "a.csv", "--json"], capture_output=True, text=True, check=True).stdout
+    assert (tmp_path / "a.csv").read_text() == printed
+    table = rtsg.Log(recorded).table(*fields, start=.5, stop=1.7, every=3)
+    assert json.loads(reported) == {"rows": len(table["time"]), "columns": 4, "complete": True}
+    names, *rows = csv.reader(io.StringIO(printed))
+    flat = table.flat()
+    assert names == list(flat) and len(rows) == 13
+    for name, column in zip(names, zip(*rows)):
+        as_numbers = [{"true": 1., "false": 0., "": np.nan}[cell] if cell in ("true", "false", "") else float(cell) for cell in column]
+        assert np.array_equal(np.array(as_numbers, dtype=flat[name].dtype), flat[name], equal_nan=flat[name].dtype.kind == "f"), name
+
+
+@pytest.mark.parametrize("options, status, words", [
+    (["--table", "BOX.nothing"], 1, "no state has a field BOX.nothing"), (["--table", "BOX"], 1, "expected NODE.field"),
+    (["--table", "BOX.*", "-o", "a.txt"], 2, ".csv"), (["-o", "a.csv"], 2, "--table"), (["--table", "BOX.*", "--json"], 2, "-o names a file"),
+    (["--table", "BOX.*", "--render", "a.png"], 2, "--table"),
+])
+def test_what_the_program_cannot_write(recorded, options, status, words):
+    done = subprocess.run([os.environ["RTSG_PROGRAM"], "replay", recorded, *options], capture_output=True, text=True, check=False)
+    assert done.returncode == status and words in done.stderr and done.stdout == ""
