@@ -66,11 +66,13 @@ def test_follow_mirror():
         with scene.serve() as server:
             served["endpoint"] = server.endpoint
             ready.set()
-            for k in range(600):
-                if left.is_set() or (server.statistics["peers"] and k > 400):
-                    break
+            k, end = 0, 10**9
+            while not left.is_set() and k < end:
+                if end == 10**9 and server.statistics["peers"]:
+                    end = k + 120  # from when it is followed
                 scene.frame(k / 60)
-                server.wait(1 / 120)
+                k += 1
+                server.wait(1 / 60)
 
     thread = threading.Thread(target=serve)
     thread.start()

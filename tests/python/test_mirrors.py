@@ -9,10 +9,11 @@ from conftest import MOVING
 
 
 class Origin:
-    """A scene that is served by a thread of its own, which runs it until it is left."""
+    """A scene that is served by a thread of its own: so many frames once so many peers are there, or until it is left."""
 
-    def __init__(self, frames=None, **options):
-        self.options, self.frames, self.stop, self.ready = options, frames, threading.Event(), threading.Event()
+    def __init__(self, frames=None, peers=0, **options):
+        self.options, self.frames, self.peers = options, frames, peers
+        self.stop, self.ready = threading.Event(), threading.Event()
         self.thread = threading.Thread(target=self.run)
 
     def run(self):
@@ -20,6 +21,9 @@ class Origin:
         with scene.serve(**self.options) as server:
             self.endpoint = server.endpoint
             self.ready.set()
+            while server.statistics["peers"] < self.peers and not self.stop.is_set():
+                server.wait(.01)
+                server.service()
             number = 0
             while not self.stop.is_set() and number != self.frames:
                 scene.frame(number / 60)
@@ -39,7 +43,7 @@ class Origin:
 
 
 def test_a_follower_gets_every_frame_and_the_origins_hash():
-    with Origin(frames=60) as origin:
+    with Origin(frames=60, peers=1) as origin:
         follower = rtsg.follow(origin.endpoint)
         numbers = [changes.number for changes in follower]  # ends when the server says goodbye
     assert numbers == list(range(numbers[0], numbers[-1] + 1))
@@ -57,7 +61,7 @@ def test_a_follower_is_an_asynchronous_iterator():
     async def both(endpoint):
         return await asyncio.gather(follow(endpoint), follow(endpoint))
 
-    with Origin(frames=40) as origin:
+    with Origin(frames=40, peers=2) as origin:
         counts = asyncio.run(both(origin.endpoint))
     assert min(counts) > 10
 
