@@ -20,9 +20,10 @@ def recorded(moving, tmp_path):
     with moving.record(path):
         for k in range(61):
             if k == 30:
-                lamp, = moving.add("DEF LAMP PointLight { on FALSE intensity .5 }")
+                added = moving.add("DEF LAMP PointLight { on FALSE intensity .5 } DEF CHOICE Switch { whichChoice 300 }")
             if k == 45:
-                moving.remove(lamp)
+                for node in added:
+                    moving.remove(node)
             if k == 20:
                 moving.send("BOX.rotation", (0, 1, 0, 1), author="anna")
             moving.frame(k / 30)
@@ -53,12 +54,14 @@ def test_going_through_states(recorded):
 
 
 def test_columns(recorded):
-    table = rtsg.Log(recorded).table("BOX.translation", "LAMP.*", "CLOCK.isActive", "VIEW.description", "WAY.key", "BOX.children")
+    table = rtsg.Log(recorded).table("BOX.translation", "LAMP.*", "CHOICE.whichChoice", "CLOCK.isActive", "VIEW.description", "WAY.key", "BOX.children")
     rows = len(table["time"])
     assert rows == 62 and table["BOX.translation"].shape == (rows, 3) and table["BOX.translation"].dtype == np.float32
     assert np.allclose(table["BOX.translation"][:, 0], 2 * table["time"], atol=1e-6)
     there = (table["time"] >= 1) & (table["time"] < 1.5)
     assert np.array_equal(np.isnan(table["LAMP.intensity"]), ~there) and np.array_equal(np.isnan(table["LAMP.on"]), ~there)
+    assert (table["CHOICE.whichChoice"][there] == 300).all() and np.isnan(table["CHOICE.whichChoice"][~there]).all()
+    assert not table["LAMP.on"][there].any()
     assert table["CLOCK.isActive"].dtype == bool and table["VIEW.description"].dtype == object
     assert table["WAY.key"][-1].tolist() == [0, 1] and table["BOX.children"][0][0].startswith("#")
     assert table.types["BOX.translation"] == "SFVec3f"

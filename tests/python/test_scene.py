@@ -36,6 +36,15 @@ def test_what_is_usable_of_a_faulty_file_is_there_when_asked_for():
     assert [d.severity for d in scene.diagnostics] == ["error"]
 
 
+def test_nothing_usable_is_an_error():
+    for text in ("", "\n", "no scene at all {"):
+        with pytest.raises(rtsg.Error) as raised:
+            rtsg.loads(text)
+        assert raised.value.file == "text"
+    with pytest.raises(rtsg.Error):
+        rtsg.loads("", partial=True)
+
+
 def test_names_that_are_not_there(moving):
     with pytest.raises(KeyError):
         moving["NOBODY"]
@@ -182,6 +191,14 @@ def test_a_script_that_fails_is_a_warning():
     with pytest.warns(rtsg.DiagnosticWarning, match="nobody"):
         scene.frame(0)
     assert any("nobody" in d.text and d.severity == "warning" for d in scene.diagnostics), scene.diagnostics
+
+
+def test_texts_are_measured_where_somebody_hears_of_it():
+    scene = rtsg.loads("#X3D V4.0 utf8\nPROFILE Full\nDEF T Text { string \"words\" } DEF S TextureTransform { }\n"
+                       "ROUTE T.textBounds TO S.scale")
+    scene.frame(0)
+    scene.frame(1)
+    assert scene["S"].scale[0] > 1 and scene["S"].scale[0] != scene["S"].scale[1]
 
 
 def test_what_is_said_of_a_scene_once_is_said_once(moving, recwarn):
