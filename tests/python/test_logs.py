@@ -198,3 +198,18 @@ def test_the_program_writes_the_same_table(recorded, tmp_path):
 def test_what_the_program_cannot_write(recorded, options, status, words):
     done = subprocess.run([os.environ["RTSG_PROGRAM"], "replay", recorded, *options], capture_output=True, text=True, check=False)
     assert done.returncode == status and words in done.stderr and done.stdout == ""
+
+
+def test_two_sessions_in_one_file(recorded, tmp_path):
+    """Logs that stand one behind the other: nodes of the first are not there in the second."""
+    other = rtsg.loads("#X3D V4.0 utf8\nPROFILE Immersive\nDEF FIRST Group { }\nDEF OTHER Transform { translation 7 7 7 }")
+    with other.record(tmp_path / "other.rlog"):
+        for k in range(5):
+            other["OTHER"].translation = 7, 7, k
+            other.frame(k)
+    both = tmp_path / "both.rlog"
+    both.write_bytes(recorded.read_bytes() + (tmp_path / "other.rlog").read_bytes())
+    table = rtsg.Log(both).table("BOX.translation", "OTHER.translation")
+    here = np.isnan(table["OTHER.translation"][:, 0])
+    assert here.sum() == 62 and len(here) > 66 and np.array_equal(np.isnan(table["BOX.translation"][:, 0]), ~here)
+    assert table["OTHER.translation"][-1].tolist() == [7, 7, 4]
