@@ -78,6 +78,8 @@ Names namesOf(OutputKind kind) {
             return {"pages", {".html", ".htm"}};
         case OutputKind::testResult:
             return {"JUnit's results", {".xml"}};
+        case OutputKind::table:
+            return {"tables", {".csv"}};
         case OutputKind::picture:
         case OutputKind::sound:
         case OutputKind::scene:
@@ -138,7 +140,7 @@ std::string beginOf(const std::string& file) {
 /// True for files that are made again and again and hold nothing of their own. A response as WAV counts as a sound.
 bool isReport(const OutputName& output) {
     return output.kind == OutputKind::report || output.kind == OutputKind::page ||
-           output.kind == OutputKind::testResult ||
+           output.kind == OutputKind::testResult || output.kind == OutputKind::table ||
            (output.kind == OutputKind::response && fs::path(output.file).extension() == ".sofa");
 }
 

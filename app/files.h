@@ -19,8 +19,21 @@
 
 namespace rtsg::app {
 
-/// `capture` is an MCAP file, `page` the page of a test, `testResult` JUnit XML, `ticks` the table of a touch.
-enum class OutputKind : std::uint8_t { picture, sound, response, scene, log, capture, report, page, testResult, ticks };
+/// `capture` is an MCAP file, `page` the page of a test, `testResult` JUnit XML, `ticks` the table of a
+/// touch, `table` one of fields by time.
+enum class OutputKind : std::uint8_t {
+    picture,
+    sound,
+    response,
+    scene,
+    log,
+    capture,
+    report,
+    page,
+    testResult,
+    ticks,
+    table
+};
 
 struct OutputName {
     std::string option, file;  // "--save", say; an empty file was not asked for

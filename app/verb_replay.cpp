@@ -24,13 +24,14 @@
 #include "export/mcap_export.h"
 #include "live_outputs.h"
 #include "replay_test.h"
+#include "table.h"
 
 namespace rtsg::app {
 
 namespace {
 
 struct ReplayArguments {
-    std::string log, seek, duration, diff, compact, exported, blamed, interval = "0s";
+    std::string log, seek, duration, diff, compact, exported, blamed, tabled, out, interval = "0s";
     std::uint64_t every = 1;
     bool exportPlain = false;
     OutputArguments outputs;
@@ -342,6 +343,7 @@ const std::vector<ReplayMode>& replayModes() {
         {{"--diff"}, {}},
         {{"--compact"}, {"--seek", "--for", "--every", "--interval"}},
         {{"--blame"}, {}},
+        {{"--table"}, {"-o", "--output", "--seek", "--for", "--every"}},
         {{"--rerun", "--update", "--expect-picture", "--expect-sound", "--field", "--ignore", "--tolerance", "--junit",
           "--page"},
          {"--verify", "--picture-tolerance", "--sound-tolerance", "--name"},
@@ -364,7 +366,8 @@ const ReplayMode& modeOf(const OptionNames& given) {
 
 /// Throws UsageError for an option that needs another one.
 void checkNeeded(const OptionNames& given) {
-    static const std::pair<std::string_view, OptionNames> needed[] = {{"--every", {"--compact"}},
+    static const std::pair<std::string_view, OptionNames> needed[] = {{"--every", {"--compact", "--table"}},
+                                                                      {"--output", {"--table"}},
                                                                       {"--interval", {"--compact"}},
                                                                       {"--export-plain", {"--export"}},
                                                                       {"--picture-tolerance", {"--expect-picture"}},
@@ -394,17 +397,29 @@ void checkTogether(const std::vector<std::string>& typed) {
     }
 }
 
+int makeTable(const ReplayArguments& options) {
+    TableArguments arguments{options.log, options.tabled, options.out, {}, options.json};
+    if (options.json && (options.out.empty() || options.out == "-"))
+        throw UsageError("--json", "the table itself is on standard output; -o names a file for it");
+    if (!options.seek.empty()) arguments.options.from = parseSeconds(options.seek);
+    if (!options.duration.empty()) arguments.options.to = arguments.options.from + parseSeconds(options.duration);
+    arguments.options.every = options.every;
+    return writeTable(arguments);
+}
+
 int replay(const Command& command, const ReplayArguments& options) {
     checkTogether(command.given());
-    if (auto ok = options.outputs.check(
-            {options.log, options.diff, options.test.rerun},
-            {{"--export", options.exported, OutputKind::capture}, {"--compact", options.compact, OutputKind::log}});
+    if (auto ok = options.outputs.check({options.log, options.diff, options.test.rerun},
+                                        {{"--export", options.exported, OutputKind::capture},
+                                         {"--compact", options.compact, OutputKind::log},
+                                         {"-o", options.out == "-" ? "" : options.out, OutputKind::table}});
         !ok)
         return printError(ok.error()), kBad;
     if (!options.diff.empty()) return diff(options);
     (void)interrupted();  // from here on an interruption ends the program in order and leaves no partial file
     if (!options.compact.empty()) return compact(options);
     if (!options.blamed.empty()) return blame(options.log, options.blamed, options.json);
+    if (!options.tabled.empty()) return makeTable(options);
     if (options.test.any()) {
         ReplayTestArguments test = options.test;
         test.closed = options.verify;
@@ -433,9 +448,16 @@ Verb addReplay(Command& program) {
         command->addOption("--diff", options->diff, "compare with another log, state by state");
         command->addOption("--blame", options->blamed,
                            "who changed NODE.field, when, and by which routes, as far as the log tells");
+        command->addOption(
+            "--table", options->tabled,
+            "fields by commas (TRAIN.rotation,DOOR.*) as CSV, a row for each state: from --seek on, --for so "
+            "long, one state of --every");
+        command->addOption("-o,--output", options->out, "with --table: .csv to write; - or none: standard output");
         command->addOption("--compact", options->compact,
                            "write it again, shorter: from --seek on, --for so long, with --every or --interval merged");
-        command->addOption("--every", options->every, "with --compact: so many frames become one")
+        command
+            ->addOption("--every", options->every,
+                        "with --compact: so many frames become one; with --table: one row for so many")
             ->preset()
             ->range(std::uint64_t{1}, UINT64_MAX);
         command->addOption("--interval", options->interval, "with --compact: frames closer than this become one")
@@ -453,6 +475,7 @@ Verb addReplay(Command& program) {
         "Example: rtsg replay hall.rlog --seek 2.5s --render then.png --base examples/demo\n"
         "Example: rtsg replay hall.rlog --export hall.mcap\n"
         "Example: rtsg replay hall.rlog --blame LAMP_SWING.rotation\n"
+        "Example: rtsg replay hall.rlog --table TRAIN.rotation -o train.csv\n"
         "Example: rtsg replay hall.rlog --compact short.rlog --seek 60s --for 10s --every 6\n"
         "Example: rtsg replay door.rlog --rerun door.x3dv --expect-picture door.png --size 160x120\n"
         "Exit status 1, naming frame, node and field, where a state is not the one recorded.\n"

@@ -59,6 +59,7 @@ constexpr FileCode kFileCodes[] = {
     {"/sync/src/log/mcap", DiagnosticCode("mcap")},
     {"/sync/src/log/replay", DiagnosticCode("replay")},
     {"/sync/src/log/", DiagnosticCode("log")},
+    {"/sync/src/history/", DiagnosticCode("log")},
     {"/sync/src/columns/", DiagnosticCode("record")},
     {"/sync/src/sockets/keys", DiagnosticCode("keys")},
     {"/sync/src/edits/upstream", DiagnosticCode("request-refused")},

@@ -34,7 +34,10 @@ class Run {
     Run& operator=(const Run&) = delete;
 
     Result<ReplayReport> run() {
-        if (auto ok = start(); !ok) return std::unexpected(ok.error());
+        if (auto ok = start(); !ok) {
+            if (test_.finish) (void)test_.finish();  // the first error is the one to tell
+            return std::unexpected(ok.error());
+        }
         while (!done()) {
             if (test_.frame && recorded_.nextTime() != recorded_.scene().now()) frameIsWhole();
             if (done() || !next()) break;

@@ -342,6 +342,26 @@ TEST_F(ReplayTests, WhatCannotBeRunIsAnError) {
 }
 
 /// A test program's main says by its status how the test went.
+TEST_F(ReplayTests, TheEndIsToldWhileTheSceneIsThereAlsoOfATestThatCannotBegin) {
+    recordDoor();
+    ReplayTest test;
+    test.log = file();
+    const Scene* scene = nullptr;
+    std::size_t nodes = 0;
+    test.build = [&](Scene& made) -> Result<> {
+        scene = &made;
+        return fail("no scene today");
+    };
+    test.finish = [&]() -> Result<> {
+        nodes = scene->nodeCount();
+        return fail("told after what went wrong first");
+    };
+    const Result<ReplayReport> report = runReplayTest(test);
+    ASSERT_FALSE(report);
+    EXPECT_EQ(report.error().text, "no scene today");
+    EXPECT_EQ(nodes, 1u);
+}
+
 TEST_F(ReplayTests, AProgramOfItsOwnEndsWithAStatus) {
     recordDoor();
     const auto status = [&](std::string_view text, std::vector<std::string> arguments) {

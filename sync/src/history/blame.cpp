@@ -12,7 +12,7 @@
 #include <rtsg/core/field_text.h>
 #include <rtsg/sync/log_check.h>
 
-#include "cause.h"
+#include "log/cause.h"
 
 namespace rtsg {
 

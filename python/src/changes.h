@@ -1,0 +1,35 @@
+// A set of changes as Python has it.
+//
+// Invariant: what a subscriber is handed is the scene's own set while the call lasts; it becomes a copy if Python keeps
+// it. Threading: with the interpreter's lock; a set that is kept may be read on any thread, but for what asks the
+// scene.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <memory>
+
+#include <rtsg/core/change.h>
+
+#include "scene_handle.h"
+
+namespace rtsg::python {
+
+struct ChangesObject {
+    pybind11::object scene;
+    const ChangeSet* set = nullptr;
+    std::shared_ptr<const ChangeSet> kept;
+
+    int visit(visitproc visit, void* arg) {
+        Py_VISIT(scene.ptr());
+        return 0;
+    }
+    void clear() {}
+};
+
+/// Null: None.
+pybind11::object toPython(std::shared_ptr<const ChangeSet> set, const pybind11::object& scene);
+/// Calls a function with the set; what the call leaves of it has a copy.
+void callWith(const pybind11::function& call, const pybind11::object& scene, const ChangeSet& changes);
+
+}  // namespace rtsg::python

@@ -1,0 +1,161 @@
+"""Mirrors: followers in loops and with asyncio, edits, locks and undo upstream, servers."""
+import asyncio
+import threading
+
+import pytest
+
+import rtsg
+from conftest import MOVING
+
+
+class Origin:
+    """A scene that is served by a thread of its own: so many frames once so many peers are there, or until it is left."""
+
+    def __init__(self, frames=None, peers=0, **options):
+        self.options, self.frames, self.peers = options, frames, peers
+        self.stop, self.ready = threading.Event(), threading.Event()
+        self.thread = threading.Thread(target=self.run)
+
+    def run(self):
+        scene = rtsg.loads(MOVING)
+        with scene.serve(**self.options) as server:
+            self.endpoint = server.endpoint
+            self.ready.set()
+            while server.statistics["peers"] < self.peers and not self.stop.is_set():
+                server.wait(.01)
+                server.service()
+            number = 0
+            while not self.stop.is_set() and number != self.frames:
+                scene.frame(number / 60)
+                number += 1
+                server.wait(1 / 60)
+            server.drain()
+            self.hash, self.statistics = scene.hash, server.statistics
+
+    def __enter__(self):
+        self.thread.start()
+        assert self.ready.wait(60)
+        return self
+
+    def __exit__(self, *_):
+        self.stop.set()
+        self.thread.join()
+
+
+def test_a_follower_gets_every_frame_and_the_origins_hash():
+    with Origin(frames=60, peers=1) as origin:
+        follower = rtsg.follow(origin.endpoint)
+        numbers = [changes.number for changes in follower]  # ends when the server says goodbye
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
+    assert follower.scene.hash == origin.hash and follower.statistics["divergences"] == 0
+    assert follower.scene["BOX"].translation[0] > 0 and follower.server_left
+
+
+def test_a_follower_is_an_asynchronous_iterator():
+    async def follow(endpoint):
+        count = 0
+        async for changes in rtsg.follow(endpoint):
+            count += len(changes) > 0
+        return count
+
+    async def both(endpoint):
+        return await asyncio.gather(follow(endpoint), follow(endpoint))
+
+    with Origin(frames=40, peers=2) as origin:
+        counts = asyncio.run(both(origin.endpoint))
+    assert min(counts) > 10
+
+
+def test_the_origin_and_its_follower_on_one_thread(moving):
+    with moving.serve() as server, rtsg.follow(server.endpoint) as follower:
+        moving.frame(0)
+        replica = follower.wait()
+        for k in range(1, 10):
+            moving.frame(k / 10)
+        assert follower.wait(number=moving.number).hash == moving.hash
+        assert replica["BOX"].translation.tolist() == moving["BOX"].translation.tolist()
+
+
+def test_edits_events_undo_and_locks_go_upstream():
+    with Origin(upstream="edits") as origin, rtsg.follow(origin.endpoint, name="anna") as anna, \
+            rtsg.follow(origin.endpoint, name="bert") as bert:
+        scene = anna.wait()
+        verdict = anna.wait_for(anna.edit("PAINT.diffuseColor", (0, 1, 0)))
+        assert verdict.refusal == "" and scene["PAINT"].diffuseColor.tolist() == [0, 1, 0]
+        anna.wait_for(anna.undo())
+        assert scene["PAINT"].diffuseColor.tolist() == [1, 0, 0]
+        anna.wait_for(anna.redo())
+        anna.wait_for(anna.send("CLOCK.enabled", False))
+        assert scene["CLOCK"].enabled is False
+        anna.wait_for(anna.lock(["PAINT"], 30))
+        bert.wait()
+        with pytest.raises(rtsg.Error, match="refused"):
+            bert.wait_for(bert.edit("PAINT.diffuseColor", (0, 0, 0)))
+        anna.wait_for(anna.lock(["PAINT"], 0))
+        bert.wait_for(bert.edit("PAINT.diffuseColor", (0, 0, 0)))
+
+
+def test_who_may_not_write_is_told():
+    with Origin() as origin, rtsg.follow(origin.endpoint) as follower:
+        scene = follower.wait()
+        with pytest.raises(rtsg.Error, match="refused"):
+            follower.wait_for(follower.edit("PAINT.diffuseColor", (0, 1, 0)))
+        with pytest.raises(rtsg.Error, match="Follower.edit"):
+            scene["PAINT"].diffuseColor = 0, 1, 0
+        with pytest.raises(rtsg.Error, match="follows"):
+            scene.frame(1)
+        with pytest.raises(TypeError):
+            follower.edit("PAINT.diffuseColor", "green")
+        with pytest.raises(rtsg.NoSuchName):
+            follower.edit("NOBODY.diffuseColor", (0, 0, 0))
+
+
+def test_a_replica_has_subscribers_and_pictures(moving):
+    with moving.serve() as server, rtsg.follow(server.endpoint) as follower:
+        seen = []
+        follower.scene.subscribe(lambda changes: seen.append(changes.number))
+        moving.frame(0)
+        follower.wait(number=moving.number)
+        picture = follower.scene.render(width=32, height=18)
+        assert (picture == moving.render(width=32, height=18)).all() and seen[-1] == follower.scene.number
+
+        def fails(changes):
+            raise LookupError("mine")
+
+        with pytest.raises(LookupError):
+            follower.scene.subscribe(fails)
+
+
+def test_what_cannot_be(moving):
+    with pytest.raises(rtsg.Error):
+        moving.serve("nonsense")
+    with pytest.raises(rtsg.Error, match="keys"):
+        moving.serve("tcp://0.0.0.0:*")
+    with pytest.raises(ValueError, match="upstream"):
+        moving.serve(upstream="all")
+    with pytest.raises(rtsg.Error):
+        rtsg.follow("nonsense")
+    with pytest.raises(rtsg.Error, match="not in step"):
+        rtsg.follow("tcp://127.0.0.1:1").wait(.2)
+    server = moving.serve()
+    server.close()
+    with pytest.raises(rtsg.Closed):
+        server.endpoint
+    server.close()
+
+
+def test_a_closed_scene_ends_its_server_and_a_closed_follower_its_loop(moving):
+    server = moving.serve()
+    follower = rtsg.follow(server.endpoint)
+    moving.close()
+    with pytest.raises(rtsg.Closed):
+        server.statistics
+    follower.close()
+    with pytest.raises(rtsg.Closed):
+        follower.poll()
+
+
+def test_a_scene_served_in_real_time(moving):
+    endpoints = []
+    rtsg.serve(moving, seconds=.3, fps=30, started=lambda server: endpoints.append(server.endpoint))
+    assert endpoints[0].startswith("tcp://127.0.0.1:") and moving.now == pytest.approx(.3)
