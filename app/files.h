@@ -20,8 +20,9 @@
 
 namespace rtsg::app {
 
-/// `capture`: an MCAP file; `page`: one that shows a test; `testResult`: JUnit's XML.
-enum class OutputKind : std::uint8_t { picture, sound, response, scene, log, capture, report, page, testResult };
+/// `map`: a picture or a table of a RoomMap; `capture`: an MCAP file; `page`: one that shows a test; `testResult`:
+/// JUnit's XML.
+enum class OutputKind : std::uint8_t { picture, sound, response, scene, log, capture, report, map, page, testResult };
 
 struct OutputName {
     std::string option, file;  // "--save"; empty: not asked for
