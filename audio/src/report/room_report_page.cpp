@@ -47,8 +47,13 @@ svg{display:block;max-width:100%;height:auto;margin:.3em 0}svg text{font-size:11
 svg text.mark{fill:#fff;text-anchor:middle;font-size:10px;font-weight:600}
 .times{fill:none;stroke-width:1.7}.times.sabine{stroke:#8a93a0}.times.eyring{stroke:#8a93a0;stroke-dasharray:4 3}
 section{break-inside:auto}table,svg,.card,h2,h3{break-inside:avoid}h2,h3{break-after:avoid}
-@page{size:A4 landscape;margin:12mm}
-@media print{body{margin:0;max-width:none;font-size:11px}*{-webkit-print-color-adjust:exact;print-color-adjust:exact}.pair{break-before:page}}
+p.key,h2+p{break-after:avoid}
+@page{size:A4;margin:11mm 12mm}
+@media print{body{margin:0;padding:0;max-width:none;font-size:10px}*{-webkit-print-color-adjust:exact;print-color-adjust:exact}
+h1{font-size:20px}h2{font-size:14px;margin-top:1.2em}h3{font-size:11px;margin-top:.8em}th,td{padding:1px 5px}td i{font-size:8px}
+.cards{gap:5px;margin:.6em 0}.card{padding:3px 8px;min-width:56px}.card b{font-size:15px}.card span{font-size:9px}
+.side{gap:14px}.plan svg{max-height:105mm;max-width:105mm}.pair{break-before:page}
+table{line-height:1.22}.key span{font-size:9px;padding:0 4px}.pair h2{border:0;margin:0;padding:0}h3{font-weight:600}}
 )";
 
 /// A class of a cell, and what else it has: nothing for what is usual.
@@ -139,7 +144,7 @@ std::string planKey(const RoomReport& report) {
 }
 
 std::string roomSection(const RoomReport& report) {
-    std::string text = "<h2>The room</h2>\n<div class=\"side\"><div>" + planChart(report);
+    std::string text = "<h2>The room</h2>\n<div class=\"side\"><div class=\"plan\">" + planChart(report);
     text += fmt::format(
         "<p class=\"soft\">Cut at a height of {:.2f} m, seen from above: x to the right, z down.{}</p></div>\n<div>",
         report.plan.height, report.plan.leftOut > 0 ? fmt::format(" {} lines are left out.", report.plan.leftOut) : "");
@@ -257,9 +262,9 @@ std::string pairSection(const RoomReport::Pair& pair) {
            "and dot" +
            std::string(pair.schroederHz > kBandHz[0] ? "; * below Schroeder's frequency" : "") + "</span></h3>\n" +
            decayChart(pair) +
-           "<h3>Reflectogram at 1 kHz, dB over ms from the first sound: <span class=\"soft\">red direct, orange, green "
-           "and blue "
-           "reflected once, twice, three times, grey more often; the area is what rays bring in each "
+           "<h3>Reflectogram at 1 kHz, dB over ms from the first sound: <span class=\"soft\">red direct; orange, "
+           "green, "
+           "blue reflected or bent once, twice, three times, grey more often; the area is what rays bring in each "
            "millisecond</span></h3>\n" +
            reflectogram(pair) +
            "<h3>Energogram, Hz over s: <span class=\"soft\">60 dB from dark to light</span></h3>\n" + energogram(pair) +
