@@ -37,6 +37,7 @@ RoomMap small() {
         for (int i = 0; i < 5; ++i) {
             RoomReport::Pair& pair = map.report.pairs.emplace_back();
             pair.source = source == 0 ? "A" : "the \"second\"";
+            pair.sourceAt = {1.5, 0, 2};
             pair.listenerAt = map.grid.place(map.grid.inside[static_cast<std::size_t>(i)]);
             pair.metrics.value.c80 = allBands(i + source);
             pair.speech.sti = .1 * i;
@@ -72,14 +73,18 @@ TEST(RoomMap, IsAPictureWhoseColoursGrowLighter) {
     const Picture picture = small().picture(*MapFigure::parse("STI"));
     ASSERT_GT(picture.width, 420);
     // The first row of squares of 96 pixels, below the title.
+    const auto color = [&](int column, int row) { return picture.at(40 + 96 * column + 10, 74 + 96 * row + 10); };
     const auto light = [&](int column, int row) {
-        const Vec4f color = picture.at(40 + 96 * column + 48, 74 + 96 * row + 48);
-        return color.x + color.y + color.z;
+        return color(column, row).x + color(column, row).y + color(column, row).z;
     };
     EXPECT_LT(light(0, 0), light(1, 0));
     EXPECT_LT(light(1, 0), light(2, 0));
     EXPECT_LT(light(0, 1), light(1, 1));
     EXPECT_EQ(light(2, 1), 3);  // paper
+    // The scale goes on a little beyond the lowest and the highest, which are at .0455 and .9545 of it.
+    EXPECT_NEAR(color(0, 0).z, (74 + .0455 * 4 * (142 - 74)) / 255, .01);
+    EXPECT_NEAR(color(1, 1).x, (86 + .818 * (250 - 86)) / 255, .01);
+    EXPECT_EQ(picture.at(40 + 96 + 48, 74 + 48), Vec4f(.8f, .1f, .1f, 1)) << "where the source is";
     // What has no value at all is grey, and there is no scale.
     const Picture none = small().picture(*MapFigure::parse("LF"));
     EXPECT_EQ(none.at(88, 122).x, .86f);
